@@ -1,7 +1,6 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """The spectral registration of two scans: rotations from all of SO(3), each verified and refined; on one screen."""
 
-from copy import copy
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Literal
@@ -18,11 +17,11 @@ from sonarmap.kernels.pomf.point_spectra import PointSpectra
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.memory import memory_plan, require_memory
-from sonarmap.spectral.prepare.prepared import Prepared, Preparer
+from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer
 from sonarmap.spectral.prepare.range_image import scan_view
 from sonarmap.spectral.prepare.signature import signature
 from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, CoarseVolume, SpectralScan
-from sonarmap.spectral.prepare.surface import SmoothSurface
+from sonarmap.spectral.prepare.surface import smooth_surface
 from sonarmap.spectral.prior import relative_prior
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
@@ -79,7 +78,7 @@ class SpectralConfig:
             raise InputError(f"`least_probability={self.least_probability}` is not between 0 and 1")
 
 
-class SpectralRegistrar:
+class SpectralRegistrar(GridRegistrar):
     """Spectral registration on one device and grid; any two scans it prepared can be registered."""
 
     def __init__(self, device: Device, grid: Grid, config: SpectralConfig | None = None) -> None:
@@ -101,17 +100,6 @@ class SpectralRegistrar:
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
         self._warm = False
 
-    def with_voxel(self, voxel: float) -> "SpectralRegistrar":
-        """The same for voxels of another size [m], on the same tables and memory: only one of the two may be at work.
-
-        Raises:
-            InputError: the voxel is no length above 0.
-        """
-        other = copy(self)
-        other.grid = replace(self.grid, voxel=voxel)
-        other._preparer = self._preparer.with_grid(other.grid)
-        return other
-
     def prepare(self, scan: Scan) -> SpectralScan:
         """What the scan contributes to every pair: its spectra, its layers' harmonics, its surface and its view.
 
@@ -126,14 +114,14 @@ class SpectralRegistrar:
         places = np.zeros(3) if scan.viewpoints is None else scan.viewpoints
         viewpoints = self.grid.to_voxels(places, volume.center)
         view = scan_view(self.device, points, volume.surface, viewpoints)
-        smooth = SmoothSurface(self.device, volume.cells, [image.viewpoint for image in view.images])
+        surface = smooth_surface(self.device, volume.cells, [image.viewpoint for image in view.images])
         layers = self.so3.equalize(analyzed)
         return SpectralScan(
             volume=volume,
             coarse=coarse,
             coefficients=layers.coefficients,
             signature=signature(layers.products),
-            surface=smooth.get(),
+            surface=surface.read(),
             view=view,
             prior=scan.prior,
         )

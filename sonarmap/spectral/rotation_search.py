@@ -39,7 +39,7 @@ def search_rotation(
 
     def peaks_under(turned: Rotation) -> list[Peak]:
         if stay:
-            return translation.find_at(target, source, turned, np.tile(peak.shift, (len(turned), 1))).highest()
+            return translation.find_at(target, source, turned, np.tile(peak.shift, (len(turned), 1))).read()
         free = [None] * len(turned)
         return [of[0][0] for of in translation.find_within(target, source, turned, free, 1, 3.0)]
 

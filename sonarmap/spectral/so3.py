@@ -145,7 +145,7 @@ class So3:
         Raises:
             InputError: the spectrum holds numbers that are not finite.
         """
-        products = analyzed.products.get()
+        products = analyzed.products.read()
         mixtures = np.zeros((len(products), sum(count for _, count in PARTS), _COUNT), np.float32)
         for (first, count), layers in zip(PARTS, (ALL, *BANDS), strict=True):
             among = products[:, layers, layers]

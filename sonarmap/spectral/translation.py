@@ -8,7 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.pomf.correlator import Correlator, NearShifts, Pose, at_once
+from sonarmap.kernels.device.readback import Pending
+from sonarmap.kernels.pomf.correlator import Correlator, Pose, at_once
 from sonarmap.kernels.pomf.peak_fit import Peak
 
 # Standard deviation of the Gaussian that the correlation is convolved with [voxels]. Noise of the scans and the
@@ -109,8 +110,10 @@ class Translation:
         """Whether a box is smaller than the grid."""
         return box is not None and bool((box.half < self.edge / 2).all())
 
-    def find_at(self, target: Volume, source: Volume, R_target_source: Rotation, shifts: np.ndarray) -> NearShifts:
-        """The highest places within a voxel of shifts, be they peaks or on the slope of another; nothing is read yet.
+    def find_at(
+        self, target: Volume, source: Volume, R_target_source: Rotation, shifts: np.ndarray
+    ) -> Pending[list[Peak]]:
+        """The highest places within a voxel of shifts, be they peaks or on the slope of another.
 
         Args:
             R_target_source: (m,) rotations.

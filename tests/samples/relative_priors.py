@@ -6,10 +6,13 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.spectral.prior import RelativePrior
 from sonarmap.spectral.scan import PosePrior
 
+Kinds = tuple[slice, ...]
 INF = np.inf
 ATTITUDE, HEADING, POSITION, DEPTH = slice(0, 2), slice(2, 3), slice(3, 5), slice(5, 6)
 ALL = (ATTITUDE, HEADING, POSITION, DEPTH)
 SIGMAS = np.array([0.01, 0.02, 0.05, 2.0, 3.0, 0.1])  # every one another
+# of the attitude and heading, levers of 15 m make as much as depth and position have themselves
+SURE = np.array([0.004, 0.008, 0.02, 0.1, 0.2, 0.03])
 T_TARGET = RigidTransform.from_components([4.0, -1.0, -2.5], Rotation.from_euler("ZYX", [0.7, -0.3, 0.2]))
 T_SOURCE = RigidTransform.from_components([16.0, 8.0, -7.0], Rotation.from_euler("ZYX", [-1.4, 0.25, -0.35]))
 T_TRUE = T_TARGET.inv() * T_SOURCE
@@ -29,6 +32,16 @@ def prior(T: RigidTransform, *kinds: slice, sigmas: np.ndarray = SIGMAS) -> Pose
 
 def pair(*kinds: slice, sigmas: np.ndarray = SIGMAS) -> RelativePrior:
     return RelativePrior(prior(T_TARGET, *kinds, sigmas=sigmas), prior(T_SOURCE, *kinds, sigmas=sigmas))
+
+
+def between(target: Kinds, source: Kinds, sigmas: np.ndarray = SURE) -> RelativePrior:
+    """Of scans that know different things."""
+    return RelativePrior(prior(T_TARGET, *target, sigmas=sigmas), prior(T_SOURCE, *source, sigmas=sigmas))
+
+
+def names_of(kinds: Kinds) -> str:
+    names = {0: "attitude", 2: "heading", 3: "position", 5: "depth"}
+    return "+".join(names[kind.start] for kind in kinds) or "nothing"
 
 
 def unexact(T: RigidTransform, rng: np.random.Generator, sigmas: np.ndarray = SIGMAS, most: float = INF) -> PosePrior:

@@ -7,7 +7,7 @@ import numpy as np
 
 from sonarmap.kernels.device.device import Device, choose_device
 from sonarmap.kernels.surface.cells import sort_into_cells
-from sonarmap.spectral.prepare.surface import SmoothSurface, Surface
+from sonarmap.spectral.prepare.surface import Surface, smooth_surface
 
 
 @cache
@@ -17,4 +17,4 @@ def chosen_device() -> Device:
 
 def surface_of(points: np.ndarray, viewpoints: Sequence[np.ndarray] = ()) -> Surface:
     device = chosen_device()
-    return SmoothSurface(device, sort_into_cells(device, points), viewpoints).get()
+    return smooth_surface(device, sort_into_cells(device, points), viewpoints).read()

@@ -62,9 +62,7 @@ ANY = [(2.5, -1.0, 0.7), (0.0, 3.1, 0.0), (0.0, 0.0, 0.01), (0.0, 0.0, -2.0), (-
 
 
 @pytest.mark.parametrize("rotvec", ANY)
-def test_the_true_rotation_is_the_highest_between_samples_too(
-    spectra: Spectra, target: Array, rotvec: tuple[float, ...]
-) -> None:
+def test_the_true_rotation_is_the_highest_between_samples_too(spectra, target, rotvec):
     true = Rotation.from_rotvec(rotvec)
     peaks = spectra.best(target, spectra.of(turned(true)), 4, everything)
     assert errors(peaks, true)[0] < 1.4  # samples are 1.9 and 2.8 degrees apart

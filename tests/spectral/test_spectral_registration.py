@@ -79,9 +79,7 @@ class TestLaws:
         assert_near(registration.T_target_source, HERE.inv() * turned)
 
     @pytest.mark.parametrize("rotvec", [(2.5, -1.0, 0.7), (0.0, 3.1, 0.0), (-1.6, 0.1, 0.2), (0.3, 1.5, -2.4)])
-    def test_any_rotation_is_found_where_none_is_excluded(
-        self, of_any_rotation: SpectralRegistrar, rotvec: tuple[float, ...]
-    ) -> None:
+    def test_any_rotation_is_found_where_none_is_excluded(self, of_any_rotation, rotvec):
         Q = RigidTransform.from_components([2, -3, 1], Rotation.from_rotvec(rotvec))
         registration = register(of_any_rotation, seen(relief(2), HERE), moved(seen(relief(2), THERE), Q))
         assert_near(registration.T_target_source, T_TRUE * Q.inv(), 1.0, 0.25)
@@ -122,9 +120,7 @@ class TestLaws:
 
 class TestViews:
     @pytest.mark.parametrize(("x", "y"), [(17.5, -1.0), (-1.0, 18.5), (-19.0, 2.0), (17.0, 17.5)])
-    def test_a_shift_beyond_half_the_grid_is_told_from_its_wrapped_twin(
-        self, registrar: SpectralRegistrar, x: float, y: float
-    ) -> None:
+    def test_a_shift_beyond_half_the_grid_is_told_from_its_wrapped_twin(self, registrar, x, y):
         """The grid is 32 m wide: 17.5 m look like -14.5 m to a periodic correlation."""
         here, there = above(-x / 2, -y / 2, 12), above(x / 2, y / 2, 13, 15, 3, -5)
         registration = register(registrar, seen(relief(1), here, 15.0), seen(relief(1), there, 15.0))
@@ -183,9 +179,7 @@ class TestPriors:
         sigmas = np.array([*np.deg2rad([1.0, 1.0, heading]), xy, xy, depth])
         return replace(scan, prior=PosePrior(T_world_sensor, sigmas))
 
-    def test_true_ones_change_nothing(
-        self, registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan
-    ) -> None:
+    def test_true_ones_change_nothing(self, registrar, target, source):
         plain = registrar.register(target, source)
         registration = registrar.register(
             self.with_prior(target, HERE, depth=0.1, xy=0.5), self.with_prior(source, THERE, depth=0.1, xy=0.5)
@@ -231,17 +225,13 @@ class TestPriors:
         assert not registration.accepted
         assert registration.probability < 0.1
 
-    def test_a_wrong_heading_keeps_the_right_rotation_out(
-        self, registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan
-    ) -> None:
+    def test_a_wrong_heading_keeps_the_right_rotation_out(self, registrar, target, source):
         wrong = above(3, -2, 13, 115, 4, -7)
         registration = registrar.register(self.with_prior(target, HERE), self.with_prior(source, wrong))
         assert not registration.accepted
         assert difference(registration.T_target_source, T_TRUE)[0] > 60
 
-    def test_one_scan_alone_bounds_nothing(
-        self, registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan
-    ) -> None:
+    def test_one_scan_alone_bounds_nothing(self, registrar, target, source):
         registration = registrar.register(
             target, self.with_prior(source, above(50, 50, 90, 115, 40, -7), depth=0.1, xy=0.1)
         )

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from scipy.ndimage import maximum_filter
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.points.voxelize import voxelize
 from sonarmap.kernels.pomf.spectrum import Pomf, whiten
 from sonarmap.spectral.translation import BLUR, Box, Translation
+from tests.samples.pomf_twin import correlation_of, highest_maxima, occupied
 
 EDGE = 32
 EXPONENTS = (1.0, 0.5)
@@ -47,33 +47,9 @@ def blocks(device: Device) -> Callable[[np.ndarray], Blocks]:
     return of
 
 
-def volume(points: np.ndarray) -> np.ndarray:
-    cells = np.floor(points + EDGE / 2 + 0.5).astype(int)
-    cells = cells[((cells >= 0) & (cells < EDGE)).all(axis=1)]
-    occupied = np.zeros((EDGE, EDGE, EDGE))
-    occupied[tuple(cells.T)] = 1
-    return occupied
-
-
 def twin(target: Blocks, source: Blocks, exponent: float, offset: np.ndarray | None = None) -> np.ndarray:
-    """The correlation, in float64."""
     moved = R.apply(source.on_host) + (0 if offset is None else offset)
-    spectra = [np.fft.fftn(volume(points)) for points in (target.on_host, moved)]
-    first, second = (spectrum / np.abs(spectrum) ** exponent for spectrum in spectra)
-    gain = np.exp(-2 * (np.pi * BLUR * np.fft.fftfreq(EDGE)) ** 2)
-    gains = gain[:, None, None] * gain[:, None] * gain
-    return np.fft.ifftn(first * second.conj() * gains).real
-
-
-def twin_peaks(correlation: np.ndarray, count: int, separation: float) -> list[np.ndarray]:
-    """Voxels (3,) of the highest local maxima, each farther than this from the others along an axis."""
-    tops = np.argwhere(correlation == maximum_filter(correlation, 3, mode="wrap"))
-    kept: list[np.ndarray] = []
-    for place in tops[np.argsort(-correlation[tuple(tops.T)])]:
-        around = [np.abs((place - other + EDGE // 2) % EDGE - EDGE // 2).max() for other in kept]
-        if min(around, default=np.inf) > separation:
-            kept.append(place)
-    return kept[:count]
+    return correlation_of(occupied(target.on_host, EDGE), occupied(moved, EDGE), exponent, BLUR)
 
 
 def place(seed: int, low: list[float], high: list[float], density: float = 0.04) -> np.ndarray:
@@ -124,7 +100,7 @@ class TestAnywhere:
         assert len(found) == 2
         for exponent, peaks in zip(EXPONENTS, found, strict=True):
             correlation = twin(*near, exponent)
-            voxels = twin_peaks(correlation, 4, 2.0)
+            voxels = highest_maxima(correlation, 4, 2.0)
             np.testing.assert_array_equal([peak.index for peak in peaks], voxels)
             np.testing.assert_allclose([peak.value for peak in peaks], correlation[tuple(np.transpose(voxels))], 1e-4)
             np.testing.assert_allclose(peaks[0].shift, [5, -3, 2], atol=0.5)
@@ -145,16 +121,14 @@ class TestAnywhere:
         )
 
     def test_the_height_at_a_shift_is_that_of_the_first_exponent(self, translation: Translation, near: Pair) -> None:
-        (peak,) = translation.find_at(*near, ALONE, np.array([[5.2, -3.4, 1.9]])).highest()
+        (peak,) = translation.find_at(*near, ALONE, np.array([[5.2, -3.4, 1.9]])).read()
         np.testing.assert_array_equal(peak.index, [5, EDGE - 3, 2])
         assert peak.value == pytest.approx(twin(*near, EXPONENTS[0])[5, -3, 2], rel=1e-4)
 
 
 class TestOffset:
     @pytest.mark.parametrize("offset", [[2, -1, 1], [-3, 0, 2]])
-    def test_peaks_are_at_the_shift_less_the_offset(
-        self, translation: Translation, blocks: Callable[[np.ndarray], Blocks], offset: list[int]
-    ) -> None:
+    def test_peaks_are_at_the_shift_less_the_offset(self, translation, blocks, offset):
         """Nothing leaves the grid: all of the correlation moves."""
         points = place(3, [-8, -9, -7], [9, 8, 9])
         target, source = pair_of(blocks, points, [3, -2, 1])
@@ -174,9 +148,7 @@ class TestOffset:
 
 class TestBox:
     @pytest.mark.parametrize("center", [[20, 3, -4], [18, 5, -3], [22, 1, -5]])
-    def test_a_shift_beyond_half_the_grid_is_named_as_it_is(
-        self, translation: Translation, far: Pair, center: list[int]
-    ) -> None:
+    def test_a_shift_beyond_half_the_grid_is_named_as_it_is(self, translation, far, center):
         free = translation.find_within(*far, ALONE, [None], 1, 2.0)[0]
         np.testing.assert_allclose(free[0][0].shift, [FAR[0] - EDGE, *FAR[1:]], atol=0.5)
         boxed = translation.find_within(*far, ALONE, [Box(np.array(center, float), np.array([3.0, 2.5, 4.0]))], 1, 2.0)[
@@ -200,7 +172,7 @@ class TestBox:
         found = translation.find_within(*near, ALONE, [Box(center, half)], 3, 1.0)[0]
         for exponent, peaks in zip(EXPONENTS, found, strict=True):
             correlation = twin(*near, exponent, center)
-            voxels = np.array(twin_peaks(correlation, EDGE**3, 0.0))
+            voxels = np.array(highest_maxima(correlation, EDGE**3, 0.0))
             signed = (voxels + EDGE // 2) % EDGE - EDGE // 2
             inside = voxels[(np.abs(signed) <= half).all(axis=1)]
             np.testing.assert_array_equal(peaks[0].index, inside[0])

@@ -21,10 +21,10 @@ GROUPS: Mapping[str, tuple[Shape, Shape]] = MappingProxyType(
         "rows": ((1, 8, 1), (64, 4, 1)),  # a row or a number of it; then rows and planes
         "planes": ((1, 1, 1), (64, 4, 1)),  # the same where rows take long
         "sums": ((1,), (128,)),  # a group sums a row or an image
+        # a point each, in both flavors: a processor's compiler makes vectors of the group's loop; second: poses
+        "points": ((256, 1), (256, 1)),
     }
 )
-# of kernels whose items are a point each, in both flavors: a processor's compiler makes vectors of the group's loop
-POINTS = 256
 # of kernels that say nothing, along each dimension at most
 _PLAIN: tuple[Shape, ...] = ((), (256,), (64, 4), (64, 4, 1))
 

@@ -1,7 +1,9 @@
 # pyright: strict, reportUnknownMemberType=false
-"""Numbers on their way to the host while it does other work: several are queued, then one wait brings all."""
+"""Results on their way to the host while it does other work: several are queued, then one wait brings all."""
 
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import pyopencl as cl
@@ -9,6 +11,19 @@ import pyopencl.array as cla
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import memory_of
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Pending(Generic[T]):
+    """What a kernel that is queued will say.
+
+    Attributes:
+        read: waits for it, if it is not there yet.
+    """
+
+    read: Callable[[], T]
 
 
 class Readback:
@@ -30,7 +45,7 @@ class Readback:
                 )
                 device.queue.flush()
 
-    def get(self) -> np.ndarray[Any, Any]:
+    def read(self) -> np.ndarray[Any, Any]:
         """The array; waits only where it is not there yet, so that who reads the last one first waits once."""
         if self._copied is not None:
             if self._copied.command_execution_status != cl.command_execution_status.COMPLETE:

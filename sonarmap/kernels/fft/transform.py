@@ -76,12 +76,7 @@ class RealFFT:
             rest of each row padding.
     """
 
-    def __init__(
-        self,
-        device: Device,
-        shape: tuple[int, int, int],
-        batched: bool = False,
-    ) -> None:
+    def __init__(self, device: Device, shape: tuple[int, int, int], batched: bool = False) -> None:
         """Plan the transforms; their kernels are built when they are used first.
 
         Args:

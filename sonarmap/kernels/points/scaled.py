@@ -6,8 +6,6 @@ import pyopencl.array as cla
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array
 
-_GROUP = 256
-
 
 def scaled(device: Device, points: cla.Array, factor: float) -> cla.Array:
     """The points on a grid whose voxels are 1 / factor times as large.
@@ -24,8 +22,6 @@ def scaled(device: Device, points: cla.Array, factor: float) -> cla.Array:
     count, _ = require_array(points, "points", (None, 4))
     result = device.empty((count, 4))
     if count:
-        size, group = (-(-count // _GROUP) * _GROUP,), (_GROUP,)
-        launch(
-            device, "points/scaled", "scaled", size, points, result, np.int32(count), np.float32(factor), group=group
-        )
+        arguments = points, result, np.int32(count), np.float32(factor)
+        launch(device, "points/scaled", "scaled", (count, 1), *arguments, group="points")
     return result

@@ -11,7 +11,7 @@ from pyopencl import cltypes
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array
-from sonarmap.kernels.device.readback import Readback
+from sonarmap.kernels.device.readback import Pending, Readback
 from sonarmap.kernels.errors import InputError
 
 _LANES = 8
@@ -84,22 +84,9 @@ class Way:
     points: tuple[cla.Array, int]
 
 
-class Agreement:
-    """How points agree with what sensors saw, on its way to the host."""
-
-    def __init__(self, counts: Readback, images: Sequence[int]) -> None:
-        """What `agreement` has queued: the counts of all jobs, and how many images each way has."""
-        self._counts, self._images = counts, images
-
-    def read(self) -> list[np.ndarray]:
-        """Of each way (k, n, tolerances, 3) int64: points that agree, that contradict, and that fall into cells where
-        something was seen."""
-        return np.split(self._counts.get().astype(np.int64), np.cumsum(self._images)[:-1])
-
-
 def agreement(
     device: Device, ways: Sequence[Way], poses: cla.Array, tolerances: Sequence[tuple[float, float]]
-) -> Agreement:
+) -> Pending[list[np.ndarray]]:
     """Queue how points, moved by each pose, agree with what sensors saw; one launch for all.
 
     Args:
@@ -108,6 +95,10 @@ def agreement(
             the second way's are brought by the inverse.
         tolerances: one or two of (reach, slope): a range within reach + slope * range of the cell's agrees; nearer
             contradicts, and farther is hidden. Not negative.
+
+    Returns:
+        Of each way (k, n, tolerances, 3) int64: points that agree, that contradict, and that fall into cells where
+        something was seen.
 
     Raises:
         InputError: a shape is another, or a tolerance is no such number.
@@ -120,7 +111,8 @@ def agreement(
     counts = device.empty((sum(images), n, len(tolerances), 3), np.int32)
     if counts.size:
         _launch(device, ways, images, edge, poses, tolerances, counts)
-    return Agreement(Readback(device, counts), images)
+    copy = Readback(device, counts)
+    return Pending(lambda: np.split(copy.read().astype(np.int64), np.cumsum(images)[:-1]))
 
 
 def _launch(

@@ -5,11 +5,8 @@ import numpy as np
 import pyopencl.array as cla
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.device.groups import POINTS
 from sonarmap.kernels.device.launch import affine, launch, output, require_array, zero
 from sonarmap.kernels.errors import InputError
-
-_GROUP = POINTS
 
 
 def voxelize(
@@ -46,19 +43,13 @@ def voxelize(
     volume = output(device, out, "out", (edge, edge, edge))
     zero(device, volume)
     if count:
-        size, group = (-(-count // _GROUP) * _GROUP,), (_GROUP,)
         arguments = points, volume, np.int32(count), pose
-        launch(device, "points/voxelize", "voxelize", size, *arguments, group=group, EDGE=edge)
+        launch(device, "points/voxelize", "voxelize", (count, 1), *arguments, group="points", EDGE=edge)
     return volume
 
 
 def voxelize_poses(
-    device: Device,
-    points: cla.Array,
-    volumes: cla.Array,
-    marks: cla.Array,
-    poses: cla.Array,
-    first: int = 0,
+    device: Device, points: cla.Array, volumes: cla.Array, marks: cla.Array, poses: cla.Array, first: int = 0
 ) -> None:
     """Voxelize the points under several poses at once, as `voxelize` does, into volumes that are empty.
 
@@ -77,6 +68,7 @@ def voxelize_poses(
     require_array(marks, "marks", (count, -(-(edge**2) // 8)), np.int32)
     require_array(poses, "poses", (None, 20))
     if points_count:
-        size = -(-points_count // _GROUP) * _GROUP, count
         arguments = points, volumes, marks, poses, np.int32(points_count), np.int32(first)
-        launch(device, "points/voxelize", "voxelize_poses", size, *arguments, group=(_GROUP, 1), EDGE=edge)
+        launch(
+            device, "points/voxelize", "voxelize_poses", (points_count, count), *arguments, group="points", EDGE=edge
+        )

@@ -9,12 +9,12 @@ import pyopencl.array as cla
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import affine_rows, require_array, zero
-from sonarmap.kernels.device.readback import Readback
+from sonarmap.kernels.device.readback import Pending, Readback
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.points.voxelize import voxelize_poses
 from sonarmap.kernels.pomf.choose import Chooser
-from sonarmap.kernels.pomf.near import SUMS, NearShifts
+from sonarmap.kernels.pomf.near import SUMS, highest_near
 from sonarmap.kernels.pomf.passes import make_passes
 from sonarmap.kernels.pomf.peak import find_peaks
 from sonarmap.kernels.pomf.peak_fit import Peak
@@ -51,12 +51,7 @@ class Correlator:
     """
 
     def __init__(
-        self,
-        device: Device,
-        edge: int,
-        blur: float,
-        exponents: tuple[float, ...] = (1.0,),
-        most: int = 1,
+        self, device: Device, edge: int, blur: float, exponents: tuple[float, ...] = (1.0,), most: int = 1
     ) -> None:
         """Plan the transforms and take the memory: (4 + 8 exponents) bytes for a voxel and pose, about.
 
@@ -115,8 +110,8 @@ class Correlator:
 
     def near(
         self, points: cla.Array, poses: Sequence[Pose], targets: Sequence[cla.Array], shifts: np.ndarray
-    ) -> NearShifts:
-        """What each pose's correlation with the first exponent holds near a shift; nothing is read yet.
+    ) -> Pending[list[Peak]]:
+        """The highest of the 27 voxels about a shift in each pose's correlation with the first exponent.
 
         Args:
             points, targets: as in `find`; the poses' limits do not count.
@@ -134,7 +129,8 @@ class Correlator:
             self._voxelize(points, rows, first, now)
             for n in range(now):
                 self._passes.near(self._spectra, n, targets[0], places[first + n], self._sums, out, first + n)
-        return NearShifts(self.edge, places, Readback(self.device, out))
+        copy = Readback(self.device, out)
+        return Pending(lambda: highest_near(self.edge, places, copy.read()))
 
     def correlations(self, points: cla.Array, pose: Pose, targets: Sequence[cla.Array]) -> list[cla.Array]:
         """For each exponent the correlation (edge, edge, edge) float32; the arrays are used again by the next call."""

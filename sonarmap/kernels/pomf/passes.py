@@ -7,7 +7,6 @@ correlations likewise.
 """
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 import pyopencl as cl
@@ -25,52 +24,6 @@ from sonarmap.kernels.pomf.spectrum import full_gain, half_gain, half_weights
 _WIDTH = 64
 
 
-class Passes(Protocol):
-    """What a `Correlator` launches.
-
-    Attributes:
-        parts: numbers whose sum is a correlation's power; energies are (exponents, count, parts + 1).
-        clears: whether `forward` leaves the volumes and the marks empty.
-    """
-
-    parts: int
-    clears: bool
-
-    def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
-        """Transform the volumes; where the passes are fused, their first axis is left to the next one."""
-        ...
-
-    def correlate(self, spectra: cla.Array, targets: Sequence[cla.Array], energies: cla.Array, count: int) -> None:
-        """Whiten, multiply by the targets and the gains; where the passes are fused, transform the first axis back."""
-        ...
-
-    def inverse(
-        self, correlations: cla.Array, spectra: cla.Array, tops: cla.Array, poses: cla.Array, count: int, first: int
-    ) -> None:
-        """Transform back what the poses' reaches need, and note the rows' maxima."""
-        ...
-
-    def near(
-        self,
-        spectra: cla.Array,
-        number: int,
-        target: cla.Array,
-        place: np.ndarray,
-        sums: cla.Array,
-        out: cla.Array,
-        index: int,
-    ) -> None:
-        """Of one spectrum from `forward`, the sums near a voxel (3,) of the correlation, to out[index]; see near.cl."""
-        ...
-
-
-def make_passes(device: Device, edge: int, blur: float, exponents: tuple[float, ...], most: int) -> "Passes":
-    """The passes that suit the device, for `most` volumes at once; fused ones take whole blocks of 8 rows only."""
-    if device.is_cpu and edge % 8 == 0:
-        return FusedPasses(device, edge, blur, exponents, most)
-    return SinglePasses(device, edge, blur, exponents)
-
-
 class _Tables:
     """Gains, weights and roots on the device."""
 
@@ -84,7 +37,12 @@ class _Tables:
 
 
 class FusedPasses:
-    """For processors: a work-item per plane or sheet; see `kernels.fft.fused`."""
+    """For processors: a work-item per plane or sheet; see `kernels.fft.fused`.
+
+    Attributes:
+        parts: numbers whose sum is a correlation's power; energies are (exponents, count, parts + 1).
+        clears: whether `forward` leaves the volumes and the marks empty.
+    """
 
     clears = True
 
@@ -103,11 +61,11 @@ class FusedPasses:
         self._back = cl.Kernel(back, "planes")
 
     def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
-        """As `Passes` says."""
+        """Transform the volumes; where the passes are fused, their first axis is left to the next one."""
         self._launch(self._planes, count * self._edge, volumes, marks, self._filled, spectra)
 
     def correlate(self, spectra: cla.Array, targets: Sequence[cla.Array], energies: cla.Array, count: int) -> None:
-        """As `Passes` says."""
+        """Whiten, multiply by the targets and the gains; where the passes are fused, transform the first axis back."""
         tables = self._tables.across, self._tables.along
         arrays = spectra, self._filled, *targets, *tables, energies
         self._launch(self._correlate, count * self.parts, *arrays, np.int32(count))
@@ -115,7 +73,7 @@ class FusedPasses:
     def inverse(
         self, correlations: cla.Array, spectra: cla.Array, tops: cla.Array, poses: cla.Array, count: int, first: int
     ) -> None:
-        """As `Passes` says."""
+        """Transform back what the poses' reaches need, and note the rows' maxima."""
         planes = count * self._edge * self._exponents
         self._launch(self._back, planes, correlations, spectra, tops, poses, np.int32(count), np.int32(first))
 
@@ -129,7 +87,7 @@ class FusedPasses:
         out: cla.Array,
         index: int,
     ) -> None:
-        """As `Passes` says."""
+        """Of one spectrum from `forward`, the sums near a voxel (3,) of the correlation, to out[index]; see near.cl."""
         tables = self._tables.across, self._tables.along, self._tables.roots
         arrays = spectra, self._filled, target, *tables
         self._launch(self._near, self.parts, *arrays, np.int32(place[0]), np.int32(number), sums)
@@ -156,12 +114,12 @@ class SinglePasses:
         self._fft = RealFFT(device, (edge, edge, edge))
 
     def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
-        """As `Passes` says."""
+        """As `FusedPasses` does."""
         for n in range(count):
             self._fft.forward(volumes[n], out=spectra[n])
 
     def correlate(self, spectra: cla.Array, targets: Sequence[cla.Array], energies: cla.Array, count: int) -> None:
-        """As `Passes` says."""
+        """As `FusedPasses` does."""
         tables = self._tables.across, self._tables.along
         # the source's spectrum is overwritten by the first exponent's product
         for e in reversed(range(len(self._exponents))):
@@ -176,7 +134,7 @@ class SinglePasses:
     def inverse(
         self, correlations: cla.Array, spectra: cla.Array, tops: cla.Array, poses: cla.Array, count: int, first: int
     ) -> None:
-        """As `Passes` says."""
+        """As `FusedPasses` does."""
         cubes, edge = len(self._exponents) * count, self._edge
         for c in range(cubes):
             self._fft.inverse(spectra[c], out=correlations[c])
@@ -196,7 +154,7 @@ class SinglePasses:
         out: cla.Array,
         index: int,
     ) -> None:
-        """As `Passes` says."""
+        """As `FusedPasses` does."""
         tables, edge, columns = self._tables, np.int32(self._edge), self._edge * self._pitch
         groups = -(-columns // _WIDTH)
         launch(
@@ -209,3 +167,13 @@ class SinglePasses:
         launch(
             self._device, "pomf/near", "sum_rows", size, sums, tables.roots, out, *numbers, group=(_WIDTH, 1), LANES=1
         )  # fmt: skip
+
+
+Passes = FusedPasses | SinglePasses
+
+
+def make_passes(device: Device, edge: int, blur: float, exponents: tuple[float, ...], most: int) -> Passes:
+    """The passes that suit the device, for `most` volumes at once; fused ones take whole blocks of 8 rows only."""
+    if device.is_cpu and edge % 8 == 0:
+        return FusedPasses(device, edge, blur, exponents, most)
+    return SinglePasses(device, edge, blur, exponents)

@@ -47,11 +47,7 @@ class PointSpectra:
         self._fft = RealFFT(device, (edge, edge, edge)) if self._sparse is None else None
 
     def transform(
-        self,
-        points: cla.Array,
-        out: Sequence[cla.Array],
-        magnitudes: cla.Array | None = None,
-        farthest: float = np.inf,
+        self, points: cla.Array, out: Sequence[cla.Array], magnitudes: cla.Array | None = None, farthest: float = np.inf
     ) -> None:
         """Queue the transform of the points' volume.
 

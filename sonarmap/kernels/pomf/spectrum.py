@@ -171,13 +171,7 @@ class Pomf:
     target(x) = source(x - s): the source has to move by +s.
     """
 
-    def __init__(
-        self,
-        device: Device,
-        shape: tuple[int, int, int],
-        blur: float = 0.0,
-        batched: bool = False,
-    ) -> None:
+    def __init__(self, device: Device, shape: tuple[int, int, int], blur: float = 0.0, batched: bool = False) -> None:
         """Plan the transforms.
 
         Args:

@@ -19,8 +19,7 @@ from sonarmap.kernels.pomf.peak import Peak, find_peaks
 from sonarmap.kernels.pomf.point_spectra import PointSpectra
 from sonarmap.kernels.so3.correlation import RotationCorrelation
 from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
-from sonarmap.kernels.surface.cells import sort_into_cells
-from sonarmap.kernels.surface.elements import Elements
+from sonarmap.kernels.surface.cells import Elements, sort_into_cells
 from sonarmap.kernels.surface.nearest import find_nearest, upload_places
 from sonarmap.kernels.surface.planes import fit_planes
 from sonarmap.kernels.surface.refinement import Refinement, Weighting
@@ -122,7 +121,7 @@ def _registration(device: Device) -> Iterator[Measured]:
         spectra.transform(device.to_device(points), [whitened], magnitudes)
         layers = harmonics.analyze(magnitudes, np.linspace(3, 12, 10))
         products = Readback(device, harmonics.products(layers))
-        return harmonics.mix(layers, equalizers(products.get(), 0.4)), whitened
+        return harmonics.mix(layers, equalizers(products.read(), 0.4)), whitened
 
     search = RotationCorrelation(device, _BANDWIDTH, np.deg2rad(60))
     (coefficients, whitened), (others, _) = prepared(target), prepared(source)
@@ -136,7 +135,7 @@ def _registration(device: Device) -> Iterator[Measured]:
     on_device = device.to_device(source)
     (((peak,),),) = correlator.find(on_device, [pose], [whitened], 1, 3.0)
     yield Measured("the shift of a registration", float(np.abs(peak.shift - _SHIFT).max()), 0.25, "voxels")
-    (again,) = correlator.near(on_device, [pose], [whitened], np.array([peak.index])).highest()
+    (again,) = correlator.near(on_device, [pose], [whitened], np.array([peak.index])).read()
     yield Measured("the height of a peak near a known shift", float(abs(again.value / peak.value - 1)), 1e-3)
 
 
@@ -170,13 +169,7 @@ def _surfaces(device: Device) -> Iterator[Measured]:
 
 
 # Each is given the device; a kernel that a registration needs belongs into one of them.
-CHECKS: tuple[Callable[[Device], Iterator[Measured]], ...] = (
-    _transforms,
-    _voxels,
-    _peaks,
-    _registration,
-    _surfaces,
-)
+CHECKS: tuple[Callable[[Device], Iterator[Measured]], ...] = (_transforms, _voxels, _peaks, _registration, _surfaces)
 
 
 def _cloud(count: int, seed: int = 7) -> np.ndarray:

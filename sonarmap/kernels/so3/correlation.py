@@ -12,6 +12,7 @@ A. Birk, "Scale-free registrations in 3D", Int. J. Comput. Vis. 126 (2018), DOI 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pyopencl.array as cla
@@ -99,6 +100,8 @@ class RotationCorrelation:
             tabulated = tabulated.transpose(0, 1, 3, 2, 4)
         self._wigner = device.to_device(tabulated)
         self._plans: dict[int, _Plan] = {}
+        self._group = None if device.is_cpu else (_GROUP, 1, 1)
+        self._launch = partial(launch, device, EDGE=self.edge, CPU=int(device.is_cpu))
 
     def correlate(
         self, target: cla.Array, source: cla.Array, parts: Sequence[tuple[int, int]] | None = None
@@ -130,11 +133,12 @@ class RotationCorrelation:
         # times what the inverse transform divides by
         numbers = np.int32(layers), np.float32(self.edge**2)
         size = (orders, degrees, len(ranges)) if cpu else (_padded(self.bandwidth), orders, degrees * len(ranges))
-        self._launch("correlation", "multiply", size, *arrays, *numbers, PARTS=len(ranges))
+        shared = {"group": self._group, "PARTS": len(ranges), "BANDWIDTH": self.bandwidth}
+        self._launch("so3/correlation", "multiply", size, *arrays, *numbers, **shared)
         images = len(self.betas) + 1
         size = (images, self.edge) if cpu else (_padded(row_pitch(self.edge)), self.edge, images)
         arrays = self._wigner, plan.products, plan.spectrum
-        self._launch("correlation", "synthesize", size, *arrays, np.int32(len(self.betas)), PARTS=len(ranges))
+        self._launch("so3/correlation", "synthesize", size, *arrays, np.int32(len(self.betas)), **shared)
         correlation = plan.fft.inverse(plan.spectrum, out=plan.correlation)
         return correlation.reshape(len(ranges), images, self.edge, self.edge)
 
@@ -153,7 +157,7 @@ class RotationCorrelation:
         cpu = self.device.is_cpu
         size = (images - 1, parts) if cpu else (self.edge**2, images - 1, parts)
         group = None if cpu else (self.edge // 4, 1, 1)
-        self._launch("peaks", "local_maxima", size, correlation, plan.peaks, np.int32(images), group=group)
+        self._launch("so3/peaks", "local_maxima", size, correlation, plan.peaks, np.int32(images), group=group)
         rows = plan.peaks[: 1 + _FIRST_PEAKS].get()
         counts = rows[0, :, 0].view(np.int32)
         if counts.max() > _FIRST_PEAKS:
@@ -164,22 +168,6 @@ class RotationCorrelation:
         if parts not in self._plans:
             self._plans[parts] = _Plan(self.device, self.bandwidth, (parts, len(self.betas) + 1, self.edge))
         return self._plans[parts]
-
-    def _launch(
-        self,
-        program: str,
-        kernel: str,
-        size: tuple[int, ...],
-        *arguments: cla.Array | np.generic,
-        group: tuple[int, ...] | None = None,
-        **defines: int,
-    ) -> None:
-        if group is None and not self.device.is_cpu:
-            group = (_GROUP, 1, 1)
-        cpu = int(self.device.is_cpu)
-        if program == "correlation":
-            defines["BANDWIDTH"] = self.bandwidth
-        launch(self.device, f"so3/{program}", kernel, size, *arguments, group=group, EDGE=self.edge, CPU=cpu, **defines)
 
     def rotations(self, index: np.ndarray) -> Rotation:
         """The rotations at places (..., 3) of the correlation, between samples too."""

@@ -5,6 +5,9 @@ phase (scipy.special.sph_harm_y). Latitudes are the Gauss-Legendre nodes of the 
 same at the opposite places.
 """
 
+from functools import partial
+from typing import Any
+
 import numpy as np
 import pyopencl.array as cla
 from scipy.special import sph_harm_y
@@ -48,6 +51,7 @@ class Harmonics:
             )
         self.device, self.bandwidth = device, bandwidth
         self._shape = latitudes, longitudes
+        self._launch = partial(launch, device, BANDWIDTH=bandwidth, CPU=int(device.is_cpu))
         nodes, weights = np.polynomial.legendre.leggauss(2 * latitudes)
         height, weights = nodes[latitudes:], weights[latitudes:]
         across = np.sqrt(1 - height**2)
@@ -109,9 +113,11 @@ class Harmonics:
         cpu = device.is_cpu
         size = (latitudes // _RINGS_AT_ONCE if cpu else _GROUP * latitudes, layers)
         group = None if cpu else (_GROUP, 1)
-        self._launch("harmonics", "waves", size, magnitude, *tables, waves, moments, group=group, edge=edge)
+        sizes: dict[str, Any] = {"EDGE": edge, "LATITUDES": latitudes, "LONGITUDES": self._shape[1]}
+        self._launch("so3/harmonics", "waves", size, magnitude, *tables, waves, moments, group=group, **sizes)
         size = (self.bandwidth, layers) if cpu else (self.bandwidth, layers, self.bandwidth // 2)
-        self._launch("harmonics", "project", size, waves, moments, self._weights, self._legendre, result, edge=edge)
+        arrays = waves, moments, self._weights, self._legendre, result
+        self._launch("so3/harmonics", "project", size, *arrays, **sizes)
         return result
 
     def products(self, coefficients: cla.Array) -> cla.Array:
@@ -131,7 +137,7 @@ class Harmonics:
         result = self.device.empty((self.bandwidth // 2, layers, layers))
         across = layers if self.device.is_cpu else -(-layers // 32) * 32
         size, group = (across, layers, self.bandwidth // 2), (across if self.device.is_cpu else 32, 1, 1)
-        self._launch("mixtures", "products", size, coefficients, result, np.int32(layers), group=group)
+        self._launch("so3/mixtures", "products", size, coefficients, result, np.int32(layers), group=group)
         return result
 
     def mix(self, coefficients: cla.Array, mixtures: np.ndarray) -> cla.Array:
@@ -156,26 +162,12 @@ class Harmonics:
         size = (-(-numbers // 16) if cpu else -(-numbers // 32) * 32, sums, degrees)
         arrays = coefficients, self.device.to_device(mixtures.astype(np.float32)), result
         group = (size[0] if cpu else 32, 1, 1)
-        self._launch("mixtures", "mix_layers", size, *arrays, np.int32(layers), group=group)
+        self._launch("so3/mixtures", "mix_layers", size, *arrays, np.int32(layers), group=group)
         return result
 
     def _layers(self, coefficients: cla.Array) -> int:
         shape = self.bandwidth // 2, None, 2 * self.bandwidth - 1
         return require_array(coefficients, "coefficients", shape, np.complex64)[1]
-
-    def _launch(
-        self,
-        program: str,
-        kernel: str,
-        size: tuple[int, ...],
-        *arguments: cla.Array | np.generic,
-        group: tuple[int, ...] | None = None,
-        edge: int | None = None,
-    ) -> None:
-        sizes = {"BANDWIDTH": self.bandwidth, "CPU": int(self.device.is_cpu)}
-        if edge is not None:
-            sizes |= {"EDGE": edge, "LATITUDES": self._shape[0], "LONGITUDES": self._shape[1]}
-        launch(self.device, f"so3/{program}", kernel, size, *arguments, group=group, **sizes)
 
 
 def equalizers(products: np.ndarray, power: float) -> np.ndarray:

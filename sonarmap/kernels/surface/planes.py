@@ -16,13 +16,7 @@ NEIGHBORS = 16
 
 
 def fit_planes(
-    device: Device,
-    cells: Cells,
-    directions: np.ndarray,
-    viewpoints: np.ndarray,
-    *,
-    farthest: float,
-    aside: float,
+    device: Device, cells: Cells, directions: np.ndarray, viewpoints: np.ndarray, *, farthest: float, aside: float
 ) -> cla.Array:
     """The points of the cells moved along the normal onto the plane of their neighbors, by total least squares.
 

@@ -6,6 +6,7 @@ poses are is known on the device before.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pyopencl.array as cla
@@ -13,7 +14,7 @@ import pyopencl.array as cla
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch
 from sonarmap.kernels.device.readback import Readback
-from sonarmap.kernels.surface.elements import Elements
+from sonarmap.kernels.surface.cells import Elements
 from sonarmap.kernels.surface.nearest import GROUP, padded
 from sonarmap.kernels.surface.record import SUMS_COUNT, Record, state_rows
 
@@ -53,20 +54,21 @@ class Stretching:
     narrowest: float
 
 
+@dataclass(frozen=True, slots=True)
 class LastStep:
-    """What the last step of a refinement says, on its way to the host.
+    """What the last step of a refinement says.
 
     Attributes:
         poses: device (k, 16) float32, where it leads if the pairs alone decide, as `upload_poses` has them.
+        rows: a `Record` of the poses, on its way to the host.
     """
 
-    def __init__(self, poses: cla.Array, rows: Readback) -> None:
-        """What `Refinement.end` has queued."""
-        self.poses, self._rows = poses, rows
+    poses: cla.Array
+    rows: Readback
 
     def read(self) -> Record:
         """Where the poses are, and the sums of the step."""
-        return Record.of(self._rows.get())
+        return Record.of(self.rows.read())
 
 
 class Refinement:
@@ -91,6 +93,7 @@ class Refinement:
         """
         self.device, self._scale, self._weighting, self._stretching = device, scale, weighting, stretching
         self._real = np.float64 if "cl_khr_fp64" in device.cl_device.extensions else np.float32
+        self._launch = partial(launch, device, FP64=int(self._real is np.float64))
         self._surfaces: list[cla.Array | np.generic] = []
         for surface in (target, source):
             count, step = surface.thinned(most)
@@ -131,12 +134,12 @@ class Refinement:
         group = (1 if cpu else 256, 1)
         size = (self._parts * group[0], poses)
         arguments = self._rows, self._records, self._sums, count, np.float32(self._scale), stretches
-        self._launch("equations", "add_up", size, *arguments, group=group, LANES=group[0], PART=_PART)
+        self._launch("surface/equations", "add_up", size, *arguments, group=group, LANES=group[0], PART=_PART)
         known = self._stretching or Stretching(0.0, 0.0, 1.0)
         numbers = [self._real(value) for value in (known.known, known.power, known.narrowest)]
         lanes = 1 if cpu else 64
         arguments = self._sums, self._records, self._poses, np.int32(self._parts), np.int32(alone), stretches, *numbers
-        self._launch("solve", "solve", (lanes, poses), *arguments, group=(lanes, 1), LANES=lanes)
+        self._launch("surface/solve", "solve", (lanes, poses), *arguments, group=(lanes, 1), LANES=lanes)
 
     def end(self) -> "LastStep":
         """What the last step says, which did not move the poses; nothing is read yet."""
@@ -145,9 +148,9 @@ class Refinement:
         # the sums are folded by now: their memory is free for the doubts
         arguments = self._rows, self._records, self._sums, count, np.float32(self._scale), stretches
         lanes = 1 if self.device.is_cpu else 256
-        self._launch("equations", "add_doubts", (8 * self._parts, poses), *arguments, LANES=lanes, PART=_PART)
+        self._launch("surface/equations", "add_doubts", (8 * self._parts, poses), *arguments, LANES=lanes, PART=_PART)
         lanes = 1 if self.device.is_cpu else 64
-        self._launch("solve", "add_parts", (8, poses), self._sums, self._records, parts, LANES=lanes)
+        self._launch("surface/solve", "add_parts", (8, poses), self._sums, self._records, parts, LANES=lanes)
         return LastStep(self._poses, Readback(self.device, self._records))
 
     def _pair(self, reach: float) -> None:
@@ -162,19 +165,7 @@ class Refinement:
             "BELLS": float(weighting.bells),
         }
         arguments = *self._surfaces, self._records, self._rows, np.float32(reach), np.int32(near)
-        self._launch("pairs", "pairs", (padded(self._count), poses), *arguments, group=(GROUP, 1), **defines)
+        self._launch("surface/pairs", "pairs", (padded(self._count), poses), *arguments, group=(GROUP, 1), **defines)
         if not near:
             arguments = self._rows, self._records, np.int32(self._count)
-            self._launch("pairs", "widths", (lanes, poses), *arguments, group=(lanes, 1), **defines)
-
-    def _launch(
-        self,
-        program: str,
-        kernel: str,
-        size: tuple[int, ...],
-        *arguments: cla.Array | np.generic,
-        group: tuple[int, ...] | None = None,
-        **defines: int | float,
-    ) -> None:
-        defines["FP64"] = int(self._real is np.float64)
-        launch(self.device, f"surface/{program}", kernel, size, *arguments, group=group, **defines)
+            self._launch("surface/pairs", "widths", (lanes, poses), *arguments, group=(lanes, 1), **defines)

@@ -6,30 +6,11 @@ import pyopencl.array as cla
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array
-from sonarmap.kernels.device.readback import Readback
-from sonarmap.kernels.surface.elements import Elements
+from sonarmap.kernels.device.readback import Pending, Readback
+from sonarmap.kernels.surface.cells import Elements
 
 # Points that a work-item of a processor adds up; items of a group elsewhere, a point each.
 _ITEM, _LANES = 32, 64
-
-
-class SharedSums:
-    """What surfaces have near each other, on its way to the host."""
-
-    def __init__(self, sums: Readback, counts: tuple[int, int]) -> None:
-        """What `shared_sums` has queued: the parts' sums, and how many points of the source and of the target."""
-        self._sums, self._counts = sums, counts
-
-    def read(self) -> np.ndarray:
-        """What the points of each surface have near them on the other's.
-
-        Returns:
-            (k, 2, 4) float64: of the source's points, then of the target's, the weights of those that agree, of those
-            that are covered and of all, and the share of those that lie on the other surface.
-        """
-        sums = self._sums.get().sum(axis=2, dtype=np.float64)
-        sums[:, :, 3] /= self._counts
-        return sums
 
 
 def shared_sums(
@@ -43,7 +24,7 @@ def shared_sums(
     reach: float,
     covered: float,
     alike: float,
-) -> SharedSums:
+) -> Pending[np.ndarray]:
     """Queue what the points of each surface have near them on the other's.
 
     Args:
@@ -52,6 +33,10 @@ def shared_sums(
         most: how many points of each are looked at, evenly.
         reach, covered: within which distances a point lies on the other surface, and is covered by it.
         alike: least cosine of the normals of points that agree.
+
+    Returns:
+        (k, 2, 4) float64: of the source's points, then of the target's, the weights of those that agree, of those that
+        are covered and of all, and the share of those that lie on the other surface.
 
     Raises:
         InputError: the poses have another shape.
@@ -69,4 +54,11 @@ def shared_sums(
     defines = {"ITEM": item, "LANES": lanes, "REACH": float(reach), "COVERED": float(covered), "ALIKE": float(alike)}
     if count:
         launch(device, "surface/shared", "shared", size, *ours, *theirs, poses, out, group=group, **defines)
-    return SharedSums(Readback(device, out), (thinned[1][0], thinned[0][0]))
+    copy, counts = Readback(device, out), (thinned[1][0], thinned[0][0])
+
+    def read() -> np.ndarray:
+        sums = copy.read().sum(axis=2, dtype=np.float64)
+        sums[:, :, 3] /= counts
+        return sums
+
+    return Pending(read)

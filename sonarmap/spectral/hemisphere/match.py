@@ -1,4 +1,4 @@
-"""One pose that the paper's chain ends at, and whether two of them are the same."""
+"""One pose that the paper's chain ends at: whether two of them are the same, and whether to believe it."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.pomf.peak import Peak
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.tilt import tilt_refusal
 from sonarmap.spectral.translation import SAME_SHIFT
 
 # Rotations nearer than this to each other are the same answer [rad].
@@ -38,3 +40,51 @@ def differ(a: Match, b: Match, edge: int) -> bool:
 def by_peak(match: Match) -> float:
     """Sorts the highest peak to the front."""
     return -match.peak.psr
+
+
+@dataclass(frozen=True, slots=True)
+class Acceptance:
+    """What makes a registration believed; docs/method.md says on which pairs the thresholds were measured.
+
+    Attributes:
+        psr: the least peak-to-sidelobe ratio of the translation, on a grid of up to 128 voxels per edge. On larger
+            ones false peaks are higher, and it grows with (edge / 128)^0.75.
+        distinction: the least ratio between it and that of any other answer.
+        overlap: the least share of points in common.
+    """
+
+    psr: float = 30.0
+    distinction: float = 1.7
+    overlap: float = 0.05
+
+
+def assess(
+    best: Match, rival: float, overlap: float, least: Acceptance, max_tilt: float, grid: Grid
+) -> tuple[bool, str]:
+    """Whether to believe a match, and the reason in words.
+
+    Args:
+        best: what won.
+        rival: the peak-to-sidelobe ratio of the next best answer.
+        overlap: the share of points in common under it, 0..1.
+        least: the thresholds.
+        max_tilt: largest roll and pitch [rad]; 3 degrees more are let through.
+        grid: that both scans share.
+    """
+    psr, least_psr = best.peak.psr, least.psr * max(1.0, grid.edge / 128) ** 0.75
+    if refusal := tilt_refusal(best.R, max_tilt):
+        return False, refusal
+    if psr < least_psr:
+        words = f"no shift stands out: the translation's peak is {psr:.1f} standard deviations high"
+        return False, f"{words}; believed from {least_psr:.0f} on"
+    if psr < least.distinction * rival:
+        return False, (
+            f"two answers fit alike: the translation's peak is {psr:.1f} standard deviations high and another answer's "
+            f"{rival:.1f}; believed from {least.distinction:g} times as high on"
+        )
+    if overlap < least.overlap:
+        return False, f"the scans share too little, {overlap:.1%} of their points; believed from {least.overlap:.0%} on"
+    return True, (
+        f"the scans match: the translation's peak is {psr:.1f} standard deviations high, the next answer's "
+        f"{rival:.1f}; {overlap:.0%} of the points are shared"
+    )

@@ -1,7 +1,6 @@
 # pyright: strict, reportMissingTypeStubs=false, reportConstantRedefinition=false
 """The paper's registration of two scans: the seven steps of Sect. 2.11, in order, on one screen."""
 
-from copy import copy
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 
@@ -11,13 +10,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.hemisphere.acceptance import Acceptance, assess
 from sonarmap.spectral.hemisphere.covariance import peak_covariance
 from sonarmap.spectral.hemisphere.layers import Hemisphere, LayerSpectra
-from sonarmap.spectral.hemisphere.match import Match, by_peak, differ
+from sonarmap.spectral.hemisphere.match import Acceptance, Match, assess, by_peak, differ
 from sonarmap.spectral.memory import memory_plan, require_memory
 from sonarmap.spectral.overlap import overlap, unwrap
-from sonarmap.spectral.prepare.prepared import Prepared, Preparer
+from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.rotation_search import search_rotation
 from sonarmap.spectral.scan import Scan
@@ -86,7 +84,7 @@ class LayeredScan:
     layers: LayerSpectra
 
 
-class HemisphereRegistrar:
+class HemisphereRegistrar(GridRegistrar):
     """The paper's registration on one device and grid; any two scans it prepared can be registered."""
 
     # Once the first round is through, what is left is small; the second looks no farther than this [rad].
@@ -112,17 +110,6 @@ class HemisphereRegistrar:
         self._translation = Translation(device, grid.edge)
         self._preparer = Preparer(device, grid, self.config.use_strength, self.config.centered)
         self._warm = False
-
-    def with_voxel(self, voxel: float) -> "HemisphereRegistrar":
-        """The same for voxels of another size [m], on the same tables and memory: only one of the two may be at work.
-
-        Raises:
-            InputError: the voxel is no length above 0.
-        """
-        other = copy(self)
-        other.grid = replace(self.grid, voxel=voxel)
-        other._preparer = self._preparer.with_grid(other.grid)
-        return other
 
     def prepare(self, scan: Scan) -> LayeredScan:
         """What the scan contributes to every pair: its spectra and, for the steps 1 and 4, its layers.
@@ -222,10 +209,5 @@ class HemisphereRegistrar:
             accepted=accepted,
             seconds=perf_counter() - start,
             reason=reason,
-            step_psr=(
-                ("yaw", best.yaw_psr),
-                ("tilt", best.tilt_psr),
-                ("translation", best.peak.psr),
-                ("rival", rival),
-            ),
+            step_psr=(("yaw", best.yaw_psr), ("tilt", best.tilt_psr), ("translation", best.peak.psr), ("rival", rival)),
         )

@@ -1,7 +1,8 @@
 """A scan on the grid: its voxels and its spectra, computed once for all its pairs."""
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -64,12 +65,6 @@ class Preparer:
         self.device, self.grid = device, grid
         self.use_strength, self.centered, self._farthest = use_strength, centered, farthest
         self._spectra = PointSpectra(device, grid.edge, magnitudes=True)
-
-    def with_grid(self, grid: Grid) -> "Preparer":
-        """The same for a grid of the same edge, on the same volume: only one of the two may be at work."""
-        other = copy(self)
-        other.grid = grid
-        return other
 
     def prepare(self, scan: Scan) -> tuple[Prepared, Array]:
         """Voxelize and transform one scan; the device may still be at work on it.
@@ -136,6 +131,25 @@ class Preparer:
                 f"on a {size}): a shift along it cannot be seen. Give a scan with more structure, a smaller `voxel`, "
                 "in which a low relief shows, or a prior with attitude, heading, depth and position."
             )
+
+
+class GridRegistrar:
+    """A registrar that prepares scans on the grid that they share."""
+
+    grid: Grid
+    _preparer: Preparer
+
+    def with_voxel(self, voxel: float) -> Self:
+        """The same for voxels of another size [m], on the same tables and memory: only one of the two may be at work.
+
+        Raises:
+            InputError: the voxel is no length above 0.
+        """
+        other = copy(self)
+        other.grid = replace(self.grid, voxel=voxel)
+        other._preparer = copy(self._preparer)
+        other._preparer.grid = other.grid
+        return other
 
 
 def _one_per_voxel(points: np.ndarray, cells: np.ndarray) -> np.ndarray:

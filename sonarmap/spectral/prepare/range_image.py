@@ -6,14 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.points.visibility import (
-    Agreement,
-    Way,
-    agreement,
-    octahedral_cells,
-    upload_points,
-    upload_viewpoints,
-)
+from sonarmap.kernels.device.readback import Pending
+from sonarmap.kernels.points.visibility import Way, agreement, octahedral_cells, upload_points, upload_viewpoints
 
 # Cells along an edge of the map: 1.6 degrees, a voxel at 36 voxels' distance. Finer cells stay empty between beams.
 _EDGE = 128
@@ -164,32 +158,18 @@ class Visibility:
     seen: np.ndarray
 
 
-class Views:
-    """What two scans' views say about poses between them, on its way to the host."""
-
-    def __init__(self, counts: Agreement, scales: Sequence[float | None]) -> None:
-        """What `visibility` has queued, and what each way's counts are divided by; None where there is no view."""
-        self._counts, self._scales = counts, scales
-
-    def read(self) -> list[Visibility]:
-        """For each tolerance how far the poses agree with both views; a scan that has no view is left out."""
-        counts = self._counts.read()
-        shares = [
-            count.sum(axis=0) / scale for count, scale in zip(counts, self._scales, strict=True) if scale is not None
-        ]
-        mean = np.mean(shares, axis=0) if shares else np.full(counts[0].shape[1:], np.nan)
-        return [Visibility(*of_one.T) for of_one in np.moveaxis(mean, 1, 0)]
-
-
 def visibility(
     device: Device, target: View, source: View, poses: Array, tolerances: Sequence[tuple[float, float]]
-) -> Views:
+) -> Pending[list[Visibility]]:
     """Queue how far poses agree with both views.
 
     Args:
         poses: device (n, 16) float32 as `upload_poses` has them, p_target = R p_source + t about the scans' grid
             centers [voxels].
         tolerances: one or two of (reach, slope): a range within reach [voxels] + slope * range of the surface agrees.
+
+    Returns:
+        For each tolerance how far the poses agree with both views; a scan that has no view is left out.
     """
     ways = [
         Way(view.ranges, view.viewpoints, other.sample) if view.images else Way(None, None, other.sample)
@@ -198,4 +178,12 @@ def visibility(
     scales = [
         other.count * view.repeats if view.images else None for view, other in ((target, source), (source, target))
     ]
-    return Views(agreement(device, ways, poses, tolerances), scales)
+    queued = agreement(device, ways, poses, tolerances)
+
+    def read() -> list[Visibility]:
+        counts = queued.read()
+        shares = [count.sum(axis=0) / scale for count, scale in zip(counts, scales, strict=True) if scale is not None]
+        mean = np.mean(shares, axis=0) if shares else np.full(counts[0].shape[1:], np.nan)
+        return [Visibility(*of_one.T) for of_one in np.moveaxis(mean, 1, 0)]
+
+    return Pending(read)

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.device.readback import Readback
-from sonarmap.kernels.surface.cells import Cells, sort_into_cells
-from sonarmap.kernels.surface.elements import Elements
+from sonarmap.kernels.device.readback import Pending, Readback
+from sonarmap.kernels.surface.cells import Cells, Elements, sort_into_cells
 from sonarmap.kernels.surface.planes import fit_planes
 
 # A point farther than this from its neighbors' plane is no point of it, and stays [voxels].
@@ -69,27 +68,19 @@ class Surface:
         return self.rows[:, 8:11]
 
 
-class SmoothSurface:
-    """A scan's points, one a voxel, moved along the normal onto the plane of their neighbors, while the device does it.
+def smooth_surface(device: Device, cells: Cells, viewpoints: Sequence[np.ndarray] = ()) -> Pending[Surface]:
+    """Queue a scan's points, one a voxel, to be moved along the normal onto the plane of their neighbors.
 
     Noise along the beams stands out of the surface; registered as it is, it draws the scans together or apart.
+
+    Args:
+        cells: of at least 3 points [voxels].
+        viewpoints: (3,) each, where the sensor was [voxels]: it saw a point from the nearest of them.
     """
-
-    def __init__(self, device: Device, cells: Cells, viewpoints: Sequence[np.ndarray] = ()) -> None:
-        """Queue the work.
-
-        Args:
-            cells: of at least 3 points [voxels].
-            viewpoints: (3,) each, where the sensor was [voxels]: it saw a point from the nearest of them.
-        """
-        places = np.array(viewpoints, np.float64).reshape(-1, 3)
-        self._device = device
-        self._smooth = fit_planes(device, cells, _DIRECTIONS, places, farthest=_FARTHEST, aside=_ASIDE)
-        self._rows = Readback(device, self._smooth)
-
-    def get(self) -> Surface:
-        """The surface; waits for the device."""
-        return _surface(self._device, self._smooth, self._rows.get())
+    places = np.array(viewpoints, np.float64).reshape(-1, 3)
+    smooth = fit_planes(device, cells, _DIRECTIONS, places, farthest=_FARTHEST, aside=_ASIDE)
+    rows = Readback(device, smooth)
+    return Pending(lambda: _surface(device, smooth, rows.read()))
 
 
 def _surface(device: Device, smooth: Array, rows: np.ndarray) -> Surface:

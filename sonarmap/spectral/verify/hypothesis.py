@@ -1,5 +1,6 @@
 """One pose that two scans may have to each other, and the evidence for it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isnan, log, nan
 
@@ -48,7 +49,7 @@ class Evidence:
         return self.surface if isnan(self.view) else self.view
 
     @property
-    def looks(self) -> float:
+    def agreement(self) -> float:
         """The logarithm of how well the scans agree, before they are correlated at the pose."""
         if isnan(self.view):
             seen = RANKING.alone * _log(self.surface) + RANKING.overlap * _log(self.overlap)
@@ -66,7 +67,7 @@ class Evidence:
         Where beams lie farther apart than voxels, the lines that they draw on a floor or a wall correlate on the whole
         grid, whatever stands there; on the coarse one less.
         """
-        return self.looks + RANKING.psr * _peak(self.psr) + RANKING.coarse_psr * _peak(self.coarse_psr)
+        return self.agreement + RANKING.psr * _peak(self.psr) + RANKING.coarse_psr * _peak(self.coarse_psr)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ class Ranking:
     Attributes:
         view, coarse_view, surface, residual, width, firmness, psr, coarse_psr: of `Evidence`; of the inverse of the
             residual and of the width.
-        measured: of the likelihood of what instruments measured; scans that lean follow it less than its full weight.
+        measured: of the likelihood of what instruments measured; distorted scans follow it less than in full.
         alone, overlap: of the surfaces and of the overlap, where there is no view.
     """
 
@@ -115,7 +116,7 @@ class Hypothesis:
     @property
     def candidate_score(self) -> float:
         """The logarithm of what decides which hypotheses are compared on the whole grid."""
-        return self.evidence.looks + _peak(self.candidate_psr)
+        return self.evidence.agreement + _peak(self.candidate_psr)
 
     @property
     def score(self) -> float:
@@ -135,3 +136,12 @@ def alike(a: Fit, b: Fit) -> bool:
     """Whether two refined poses are the same: within 3 degrees and 2 voxels of each other."""
     near = bool(np.linalg.norm(a.shift - b.shift) <= SAME_REFINED_SHIFT)
     return near and float((a.R.inv() * b.R).magnitude()) <= _SAME_ROTATION
+
+
+def ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Hypotheses by what the scans saw, best first; of those at the same pose the best alone."""
+    distinct: list[Hypothesis] = []
+    for hypothesis in sorted(hypotheses, key=lambda hypothesis: -hypothesis.candidate_score):
+        if not any(alike(hypothesis.fit, kept.fit) for kept in distinct):
+            distinct.append(hypothesis)
+    return distinct

@@ -15,9 +15,8 @@ from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.verify.bounds import Bounds
 from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.fit import Fit
-from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Hypothesis, alike
+from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Hypothesis, alike, ranked
 from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
-from sonarmap.spectral.verify.look import ranked
 from sonarmap.spectral.verify.pair_frames import PairFrames
 from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Verifier
 
@@ -34,7 +33,7 @@ _FINAL = Stage((1.5,) * 3, 3000)
 _PROMISING = 0.4
 # So many of the candidates are left after the first steps, and after the next.
 _LEFT, _SURVIVORS = 16, 6
-# Hypotheses whose looks are less than the best's by more than this are out: no peak makes up for it.
+# Hypotheses whose agreement is less than the best's by more than this are out: no peak makes up for it.
 _HOPELESS = 3.5
 # Refined rotations nearer than this have the same correlation on the whole grid [rad].
 _SAME_ROTATION = float(np.deg2rad(1.0))
@@ -154,14 +153,12 @@ class HypothesisTest:
             return replace(measurement.read()[0], fit=fit)
         translation, target, source = self.verifier.translation, self.target.volume, self.source.volume
         begin = Rotation.concatenate([best.fit.R])
-        peak = translation.find_at(target, source, begin, best.fit.shift[None]).highest()[0]
+        peak = translation.find_at(target, source, begin, best.fit.shift[None]).read()[0]
         R, peak = search_rotation(translation, target, source, best.fit.R, peak, stay=True)
         near = peak.shift + self.grid.edge * np.rint((best.fit.shift - peak.shift) / self.grid.edge)
         best = replace(best, fit=replace(best.fit, R=R, shift=near))
-        look = self.verifier.look(
-            self.target, self.source, upload_poses(self.verifier.device, R.as_matrix()[None], near[None])
-        )
-        (evidence,) = look.read().of([best.fit])
+        pose = upload_poses(self.verifier.device, R.as_matrix()[None], near[None])
+        (evidence,) = self.verifier.observe(self.target, self.source, pose).read().evidence([best.fit])
         return self._measured([replace(best, evidence=evidence)])[0]
 
     def _left_to_scans(self, best: Hypothesis) -> Hypothesis:
@@ -192,7 +189,7 @@ class HypothesisTest:
     def _refine_candidates(
         self, candidates: Candidates, chosen: np.ndarray, stages: Sequence[Stage], points: int = SURFACE_POINTS
     ) -> list[Hypothesis]:
-        """The chosen candidates, refined and looked at, best first."""
+        """The chosen candidates, refined and observed, best first."""
         R, shifts = candidates.R[chosen], candidates.shifts[chosen]  # pyright: ignore[reportArgumentType]
         scores, psr = candidates.rotation_scores[chosen].tolist(), candidates.psr[chosen].tolist()
         start = Start(R, shifts, np.zeros(len(shifts)))
@@ -201,23 +198,23 @@ class HypothesisTest:
     def _refine(
         self, hypotheses: Sequence[Hypothesis], stages: Sequence[Stage], points: int = SURFACE_POINTS
     ) -> list[Hypothesis]:
-        """The hypotheses, refined further and looked at, best first."""
+        """The hypotheses, refined further and observed, best first."""
         origins = [(hypothesis.rotation_score, hypothesis.candidate_psr) for hypothesis in hypotheses]
         return self._round(_start([hypothesis.fit for hypothesis in hypotheses]), origins, stages, points)
 
     def _round(
         self, start: Start, origins: Sequence[tuple[float, float]], stages: Sequence[Stage], points: int
     ) -> list[Hypothesis]:
-        """Refined, and looked at by so many points, best first; one wait unless instruments take part.
+        """Refined, and observed by so many points, best first; one wait unless instruments take part.
 
         Args:
             origins: scores of the rotations and peaks of the candidates, as `Hypothesis` has them.
         """
         refined = self._steps(start, stages)
-        seen = self.verifier.look(self.target, self.source, refined.poses, points).read()
+        seen = self.verifier.observe(self.target, self.source, refined.poses, points).read()
         fits = refined.read()
-        looks = zip(fits, origins, seen.of(fits), strict=True)
-        return ranked([Hypothesis(fit, *origin, evidence) for fit, origin, evidence in looks])
+        rows = zip(fits, origins, seen.evidence(fits), strict=True)
+        return ranked([Hypothesis(fit, *origin, evidence) for fit, origin, evidence in rows])
 
     def _steps(self, start: Start, stages: Sequence[Stage], stretches: bool = False) -> Refined:
         """Queue the refinement from each of the places."""
@@ -240,6 +237,6 @@ def _start(fits: Sequence[Fit]) -> Start:
 
 
 def _hopeful(hypotheses: Sequence[Hypothesis], margin: float) -> list[Hypothesis]:
-    """Those whose looks are not less than the best's by more than the margin."""
-    least = max(hypothesis.evidence.looks for hypothesis in hypotheses) - margin
-    return [hypothesis for hypothesis in hypotheses if hypothesis.evidence.looks >= least]
+    """Those whose agreement is not less than the best's by more than the margin."""
+    least = max(hypothesis.evidence.agreement for hypothesis in hypotheses) - margin
+    return [hypothesis for hypothesis in hypotheses if hypothesis.evidence.agreement >= least]

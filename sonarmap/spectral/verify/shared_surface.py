@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.surface.shared import SharedSums, shared_sums
+from sonarmap.kernels.device.readback import Pending
+from sonarmap.kernels.surface.shared import shared_sums
 from sonarmap.spectral.prepare.surface import Surface
 
 # A point has a counterpart this near, if the normals there are within 37 degrees of each other [voxels; cosine].
@@ -37,22 +38,9 @@ class SharedSurface:
         return self.agree / (self.covered + _LEAST)
 
 
-class SharedSurfaces:
-    """What two scans share under several poses, on its way to the host."""
-
-    def __init__(self, sums: SharedSums) -> None:
-        """What `shared_surfaces` has queued."""
-        self._sums = sums
-
-    def read(self) -> list[SharedSurface]:
-        """Of each pose."""
-        sums = self._sums.read()
-        agree, covered = (sums[:, :, :2] / sums[:, :, 2:3]).mean(axis=1).T
-        overlap = sums[:, :, 3].min(axis=1)
-        return [SharedSurface(*shares) for shares in np.column_stack([agree, covered, overlap]).tolist()]
-
-
-def shared_surfaces(device: Device, target: Surface, source: Surface, poses: Array, most: int) -> SharedSurfaces:
+def shared_surfaces(
+    device: Device, target: Surface, source: Surface, poses: Array, most: int
+) -> Pending[list[SharedSurface]]:
     """Queue what the scans share under each of k poses.
 
     Args:
@@ -60,15 +48,13 @@ def shared_surfaces(device: Device, target: Surface, source: Surface, poses: Arr
             centers [voxels].
         most: how many points of each scan are looked at.
     """
-    sums = shared_sums(
-        device,
-        target.elements,
-        source.elements,
-        (target.direction_weights, source.direction_weights),
-        poses,
-        most,
-        reach=_REACH,
-        covered=_COVERED,
-        alike=_ALIKE,
-    )
-    return SharedSurfaces(sums)
+    surfaces, weights = (target.elements, source.elements), (target.direction_weights, source.direction_weights)
+    queued = shared_sums(device, *surfaces, weights, poses, most, reach=_REACH, covered=_COVERED, alike=_ALIKE)
+
+    def read() -> list[SharedSurface]:
+        sums = queued.read()
+        agree, covered = (sums[:, :, :2] / sums[:, :, 2:3]).mean(axis=1).T
+        overlap = sums[:, :, 3].min(axis=1)
+        return [SharedSurface(*shares) for shares in np.column_stack([agree, covered, overlap]).tolist()]
+
+    return Pending(read)

@@ -6,24 +6,27 @@ contradict. The best few distinct ones are refined and compared on the whole gri
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Array, Device
+from sonarmap.kernels.device.readback import Pending
 from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.kernels.pomf.peak_fit import Peak
 from sonarmap.spectral.grid import coarse_edge
-from sonarmap.spectral.prepare.range_image import COARSE, FINE, visibility
+from sonarmap.spectral.prepare.range_image import COARSE, FINE, Visibility, visibility
 from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, SpectralScan
 from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.translation import SAME_SHIFT, Box, Translation, Volume
 from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.hypothesis import Hypothesis
-from sonarmap.spectral.verify.look import Look, Measurement, consistency
-from sonarmap.spectral.verify.shared_surface import shared_surfaces
+from sonarmap.spectral.verify.observation import Observation, consistency
+from sonarmap.spectral.verify.shared_surface import SharedSurface, shared_surfaces
 
-# Peaks of a rotation's translation that are looked at, and how far apart they are [coarse voxels].
+# Peaks of a rotation's translation that are followed, and how far apart they are [coarse voxels].
 _PEAKS, _SEPARATION = 8, 2.0
 # A shift longer than this along an axis leaves the scans nothing in common [share of the grid's edge].
 _FARTHEST = 0.92
@@ -137,22 +140,31 @@ class Verifier:
                 break
         return np.array(kept, dtype=np.int64)
 
-    def look(self, target: SpectralScan, source: SpectralScan, poses: Array, points: int = SURFACE_POINTS) -> Look:
+    def observe(
+        self, target: SpectralScan, source: SpectralScan, poses: Array, points: int = SURFACE_POINTS
+    ) -> Pending[Observation]:
         """Queue what the scans' views and so many points of their surfaces say of poses.
 
         Args:
             poses: device (k, 16) float32, as `upload_poses` has them, between the grids' centers [voxels].
         """
         views = visibility(self.device, target.view, source.view, poses, (FINE, COARSE))
-        return Look(views, shared_surfaces(self.device, target.surface, source.surface, poses, points))
+        surfaces = shared_surfaces(self.device, target.surface, source.surface, poses, points)
+        return Pending(lambda: _observation(views, surfaces))
 
-    def measure(self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis]) -> Measurement:
-        """Queue the translation's correlation at the hypotheses' poses, at least one, on both grids."""
+    def measure(
+        self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis]
+    ) -> Pending[list[Hypothesis]]:
+        """Queue the translation's correlation at the hypotheses' poses, at least one, on both grids.
+
+        Returns:
+            The hypotheses with the peaks at their poses.
+        """
         R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
         shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
         fine = self.translation.find_at(target.volume, source.volume, R, shifts)
         coarse = self._coarse.find_at(target.coarse, source.coarse, R, shifts * (self.coarse_edge / self.edge))
-        return Measurement(hypotheses, fine, coarse)
+        return Pending(lambda: _measured(hypotheses, fine, coarse))
 
     def _scores(
         self, target: SpectralScan, source: SpectralScan, candidates: Candidates, tolerance: tuple[float, float]
@@ -181,3 +193,18 @@ def _gathered(rotations: RotationPeaks, rotation: np.ndarray, shifts: np.ndarray
         psr=psr,
         rotation_scores=rotations.scores[rotation],
     )
+
+
+def _observation(views: Pending[list[Visibility]], surfaces: Pending[list[SharedSurface]]) -> Observation:
+    shared = surfaces.read()  # queued last: it waits for all
+    return Observation.of(views.read(), shared)
+
+
+def _measured(
+    hypotheses: Sequence[Hypothesis], fine: Pending[list[Peak]], coarse: Pending[list[Peak]]
+) -> list[Hypothesis]:
+    coarse_peaks = coarse.read()  # queued last: it waits for all
+    return [
+        replace(each, evidence=replace(each.evidence, psr=peak.psr, coarse_psr=coarse_peak.psr))
+        for each, peak, coarse_peak in zip(hypotheses, fine.read(), coarse_peaks, strict=True)
+    ]

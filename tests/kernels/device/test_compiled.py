@@ -56,9 +56,7 @@ def test_the_first_time_is_said_once(device: Device, said: list[str]) -> None:
     assert said == [f"compiling kernels for {device.name}, once: this takes some seconds"]
 
 
-def test_in_another_process_it_is_not_said_again(
-    device: Device, said: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_in_another_process_it_is_not_said_again(device, said, monkeypatch):
     Device(device.cl_device).build(MISSPELLED, ("-DSEED=3",), "wrong")
     assert len(said) == 2
     begin_process(monkeypatch)

@@ -127,9 +127,7 @@ class TestChoice:
         )
         return infos
 
-    def test_tells_identical_devices_apart(
-        self, twice: list[DeviceInfo], device: Device, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_tells_identical_devices_apart(self, twice, device, monkeypatch):
         chosen = choose_device("0:1")
         assert (chosen.selector, chosen.notes, chosen.cl_device) == ("0:1", (), device.cl_device)
         assert choose_device(device.name).selector == "0:0"
@@ -158,9 +156,7 @@ class TestChoice:
         with pytest.raises(DeviceError, match="has loaded the OpenCL driver"):
             load_devices(Driver("card.icd", "libcard.so"))
 
-    def test_which_driver_is_used_is_told_where_there_is_a_choice(
-        self, twice: list[DeviceInfo], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-    ) -> None:
+    def test_which_driver_is_used_is_told_where_there_is_a_choice(self, twice, monkeypatch, caplog):
         caplog.set_level(logging.INFO, "sonarmap")
         monkeypatch.setattr("sonarmap.kernels.device.device.loaded_driver", lambda: None)
         choose_device("0:0")
@@ -222,10 +218,8 @@ class TestPrograms:
             "print(sonarmap.kernels.device.device.__file__)"
         )
         ended = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True)
-        assert (ended.returncode, ended.stdout.strip()) == (
-            0,
-            str(folder / "sonarmap" / "kernels" / "device" / "device.py"),
-        ), ended.stderr
+        place = folder / "sonarmap" / "kernels" / "device" / "device.py"
+        assert (ended.returncode, ended.stdout.strip()) == (0, str(place)), ended.stderr
 
     def test_are_built_once_per_process(self, device: Device) -> None:
         assert device.program("points/voxelize", EDGE=16) is device.program("points/voxelize", EDGE=16)

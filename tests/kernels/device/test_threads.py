@@ -49,9 +49,7 @@ def test_what_is_no_number_is_told(cores: int, monkeypatch: pytest.MonkeyPatch, 
     ("quota", "share"),
     [("max 100000", 12), ("250000 100000", 3), ("50000 100000", 1), ("9900000 100000", 12), ("", 12)],
 )
-def test_a_container_leaves_a_share(
-    cores: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, quota: str, share: int
-) -> None:
+def test_a_container_leaves_a_share(cores, monkeypatch, tmp_path, quota, share):
     (tmp_path / "cpu.max").write_text(quota)
     monkeypatch.setattr(threads, "_QUOTA", tmp_path / "cpu.max")
     assert thread_count() == share

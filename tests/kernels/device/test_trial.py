@@ -200,18 +200,14 @@ class TestMemory:
             trial.known_devices()
         return count
 
-    def test_a_trial_is_remembered_until_something_changes(
-        self, drivers: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_trial_is_remembered_until_something_changes(self, drivers, monkeypatch):
         assert [self.trials(monkeypatch) for _ in range(2)] == [1, 0]
         os.utime(drivers / "good.icd", ns=(1, 1))
         assert [self.trials(monkeypatch) for _ in range(2)] == [1, 0]
         monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1")
         assert [self.trials(monkeypatch) for _ in range(2)] == [1, 0]
 
-    def test_what_another_process_found_is_tried_again_where_nothing_works(
-        self, drivers: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_what_another_process_found_is_tried_again_where_nothing_works(self, drivers, monkeypatch):
         trial.known_devices()
         (name,) = [path.stem for path in cache_folder().glob("driver-*.json")]
         broken = [asdict(known()[0]) | {"fault": "it was broken then"}]
@@ -230,9 +226,7 @@ class TestMemory:
             assert self.trials(monkeypatch) == 1
         assert recall(path.stem)
 
-    def test_without_a_folder_to_write_to_it_goes_on(
-        self, drivers: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-    ) -> None:
+    def test_without_a_folder_to_write_to_it_goes_on(self, drivers, monkeypatch, caplog):
         monkeypatch.setattr("sonarmap.kernels.device.cache.require_caches", lambda: None)
         monkeypatch.setattr(trial, "require_caches", lambda: None)
         monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/nowhere")

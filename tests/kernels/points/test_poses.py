@@ -1,12 +1,11 @@
 """Poses as kernels take them."""
 
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.points.poses import upload_poses
+from tests.samples.refusals import refuses
 
 
 def test_rows_of_the_matrix_move_points(device: Device) -> None:
@@ -21,7 +20,5 @@ def test_rows_of_the_matrix_move_points(device: Device) -> None:
 
 
 def test_refuses_what_is_no_pose(device: Device) -> None:
-    with pytest.raises(InputError, match="finite"):
-        upload_poses(device, np.eye(3)[None], np.array([[0, np.inf, 0]]))
-    with pytest.raises(InputError, match="`R` and `t` have shapes"):
-        upload_poses(device, np.eye(3)[None], np.zeros((2, 3)))
+    refuses("finite", upload_poses, device, np.eye(3)[None], np.array([[0, np.inf, 0]]))
+    refuses("`R` and `t` have shapes", upload_poses, device, np.eye(3)[None], np.zeros((2, 3)))

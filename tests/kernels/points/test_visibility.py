@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.points.poses import upload_poses
 from sonarmap.kernels.points.visibility import Way, agreement, octahedral_cells, upload_points, upload_viewpoints
+from tests.samples.refusals import refuses
 
 
 def unfold(cells, edge):
@@ -67,10 +68,8 @@ class TestCells:
 
     def test_refuses_what_it_cannot_use(self):
         for bad in (np.zeros(3), np.zeros((2, 4)), np.array([[0, np.nan, 1.0]])):
-            with pytest.raises(InputError, match="`directions` have shape"):
-                octahedral_cells(bad, 16)
-        with pytest.raises(InputError, match="`edge=0` cells"):
-            octahedral_cells(np.ones((1, 3)), 0)
+            refuses("`directions` have shape", octahedral_cells, bad, 16)
+        refuses("`edge=0` cells", octahedral_cells, np.ones((1, 3)), 0)
 
 
 def twin(view, points, R, t, reach, slope):
@@ -213,26 +212,21 @@ class TestAgreement:
         view, points = device.to_device(random_view(16, 13)), upload_points(device, on_the_sphere(9, 14))
         R, t = random_poses(2, 15)
         way = Way(view.reshape(1, 16, 16, 2), upload_viewpoints(device, np.zeros((1, 3))), points)
-        with pytest.raises(InputError, match="`poses` is"):
-            agreement(device, [way], device.empty((2, 12)), [(1, 0)])
+        refuses("`poses` is", agreement, device, [way], device.empty((2, 12)), [(1, 0)])
         with pytest.raises(InputError, match="no `viewpoints`"):
             agreement(device, [replace(way, viewpoints=None)], upload_poses(device, R, t), [(1, 0)])
-        with pytest.raises(InputError, match="`viewpoints` is"):
-            agreement(
-                device,
-                [replace(way, viewpoints=upload_viewpoints(device, t))],
-                upload_poses(device, R, t),
-                [(1, 0)],
-            )
+        refuses(
+            "`viewpoints` is",
+            agreement,
+            device,
+            [replace(way, viewpoints=upload_viewpoints(device, t))],
+            upload_poses(device, R, t),
+            [(1, 0)],
+        )
         for bad in ((-1, 0), (0, np.inf), (np.nan, 0)):
-            with pytest.raises(InputError, match="wanted one or two of each, 0 or more"):
-                alone(device, view, points, R, t, *bad)
-        with pytest.raises(InputError, match="`views` is"):
-            alone(device, device.to_device(np.zeros((16, 8, 2), np.float32)), points, R, t, 1, 0)
-        with pytest.raises(InputError, match="99 of 16"):
-            alone(device, view, (points[0], 99), R, t, 1, 0)
-        with pytest.raises(InputError, match="wanted one or two of each"):
-            agreement(device, [way] * 3, upload_poses(device, R, t), [(1, 0)])
+            refuses("wanted one or two of each, 0 or more", alone, device, view, points, R, t, *bad)
+        refuses("`views` is", alone, device, device.to_device(np.zeros((16, 8, 2), np.float32)), points, R, t, 1, 0)
+        refuses("99 of 16", alone, device, view, (points[0], 99), R, t, 1, 0)
+        refuses("wanted one or two of each", agreement, device, [way] * 3, upload_poses(device, R, t), [(1, 0)])
         for bad in (np.zeros((3, 2)), np.array([[1, 2, np.inf]])):
-            with pytest.raises(InputError, match="`points` have shape"):
-                upload_points(device, bad)
+            refuses("`points` have shape", upload_points, device, bad)

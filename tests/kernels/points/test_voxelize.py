@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from sonarmap.kernels.device.launch import affine_rows
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.points.voxelize import voxelize, voxelize_poses
+from tests.samples.refusals import refuses
 
 
 def _twin(points, edge, R, offset):
@@ -64,14 +65,10 @@ def test_no_points_give_an_empty_volume(device):
 
 def test_refuses_what_it_cannot_use(device):
     points = device.empty((5, 4))
-    with pytest.raises(InputError, match="`points` is float32 of shape"):
-        voxelize(device, device.empty((5, 3)), 16)
-    with pytest.raises(InputError, match="rotation"):
-        voxelize(device, points, 16, R=np.ones((3, 3)))
-    with pytest.raises(InputError, match="even"):
-        voxelize(device, points, 15)
-    with pytest.raises(InputError, match="`out` is float32"):
-        voxelize(device, points, 16, out=device.empty((16, 16, 8)))
+    refuses("`points` is float32 of shape", voxelize, device, device.empty((5, 3)), 16)
+    refuses("rotation", voxelize, device, points, 16, R=np.ones((3, 3)))
+    refuses("even", voxelize, device, points, 15)
+    refuses("`out` is float32", voxelize, device, points, 16, out=device.empty((16, 16, 8)))
 
 
 def test_several_poses_at_once_are_those_one_by_one(device):

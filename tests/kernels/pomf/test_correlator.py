@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.ndimage import maximum_filter
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Device
@@ -12,6 +11,8 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.points.voxelize import voxelize
 from sonarmap.kernels.pomf.correlator import Correlator, Pose, at_once
 from sonarmap.kernels.pomf.spectrum import Pomf, whiten
+from tests.samples.pomf_twin import correlation_of, highest_maxima, occupied
+from tests.samples.refusals import refuses
 
 BLUR = 0.7
 EXPONENTS = (1.0, 0.5)
@@ -35,35 +36,9 @@ def surface(edge: int, count: int = 900) -> np.ndarray:
     return np.column_stack([edge * at, edge * height, rng.uniform(0.5, 2, count)]).astype(np.float32)
 
 
-def occupied(points: np.ndarray, edge: int, pose: Pose) -> np.ndarray:
-    offset = 0 if pose.offset is None else pose.offset
-    cells = np.floor(points[:, :3] @ pose.R.T + offset + edge / 2 + 0.5).astype(int)
-    inside = ((cells >= 0) & (cells < edge)).all(axis=1)
-    volume = np.zeros((edge, edge, edge))
-    np.maximum.at(volume, tuple(cells[inside].T), points[inside, 3])
-    return volume
-
-
-def twin(target: np.ndarray, source: np.ndarray, exponent: float) -> np.ndarray:
-    """The correlation of two volumes in float64."""
-    spectra = [np.fft.fftn(volume) for volume in (target, source)]
-    first, second = (np.where(np.abs(f) > 1e-9, f / np.maximum(np.abs(f), 1e-9) ** exponent, 0) for f in spectra)
-    gain = np.exp(-2 * (np.pi * BLUR * np.fft.fftfreq(len(target))) ** 2)
-    return np.fft.ifftn(first * second.conj() * gain[:, None, None] * gain[:, None] * gain).real
-
-
-def twin_peaks(correlation: np.ndarray, count: int, separation: float, limits: np.ndarray | None) -> list[list[int]]:
-    n = len(correlation)
-    tops = np.argwhere(correlation == maximum_filter(correlation, 3, mode="wrap"))
-    if limits is not None:
-        tops = tops[(np.minimum(tops, n - tops) <= limits).all(axis=1)]
-    kept: list[np.ndarray] = []
-    for place in tops[np.argsort(-correlation[tuple(tops.T)])]:
-        if all(np.abs((place - other + n // 2) % n - n // 2).max() > separation for other in kept):
-            kept.append(place)
-        if len(kept) == count:
-            break
-    return [place.tolist() for place in kept]
+def volume_of(points: np.ndarray, edge: int, pose: Pose) -> np.ndarray:
+    moved = points[:, :3] @ pose.R.T + (0 if pose.offset is None else pose.offset)
+    return occupied(moved, edge, points[:, 3])
 
 
 def poses(count: int) -> list[Pose]:
@@ -90,8 +65,8 @@ class TestPeaks:
         assert len(found) == number
         for pose, by_exponent in zip(given, found, strict=True):
             for exponent, peaks in zip(EXPONENTS, by_exponent, strict=True):
-                want = twin(occupied(points, edge, STILL), occupied(points, edge, pose), exponent)
-                assert [peak.index.tolist() for peak in peaks] == twin_peaks(want, count, 2.0, pose.limits)
+                want = correlation_of(volume_of(points, edge, STILL), volume_of(points, edge, pose), exponent, BLUR)
+                assert [peak.index.tolist() for peak in peaks] == highest_maxima(want, count, 2.0, pose.limits)
                 for peak in peaks:
                     assert peak.value == pytest.approx(want[tuple(peak.index)], rel=TOLERANCE)
                     assert (peak.mean, peak.std) == pytest.approx((want.mean(), want.std()), rel=TOLERANCE)
@@ -140,14 +115,11 @@ class TestPeaks:
         points = surface(16)
         targets = [target.copy() for target in spectra(device, points, 16)]
         targets[1][3, 2] = np.nan
+        refuses("not finite", make(16).find, device.to_device(points), [STILL], targets, 1, 1.0)
         with pytest.raises(InputError, match="not finite"):
-            make(16).find(device.to_device(points), [STILL], targets, 1, 1.0)
-        with pytest.raises(InputError, match="not finite"):
-            make(16, (0.5,)).near(device.to_device(points), [STILL], targets[1:], np.zeros((1, 3), int)).highest()
-        with pytest.raises(InputError, match="1 targets for 2 exponents"):
-            make(16).find(device.to_device(points), [STILL], targets[:1], 1, 1.0)
-        with pytest.raises(InputError, match="count"):
-            make(16).find(device.to_device(points), [STILL], targets, 0, 1.0)
+            make(16, (0.5,)).near(device.to_device(points), [STILL], targets[1:], np.zeros((1, 3), int)).read()
+        refuses("1 targets for 2 exponents", make(16).find, device.to_device(points), [STILL], targets[:1], 1, 1.0)
+        refuses("count", make(16).find, device.to_device(points), [STILL], targets, 0, 1.0)
 
 
 class TestNear:
@@ -156,8 +128,8 @@ class TestNear:
         points, given = surface(edge), poses(4)
         shifts = np.array([[0, 0, 0], [2, -3, 1], [5, 1, -edge // 2], [-7, edge + 3, 4]])
         near = make(edge, (1.0,)).near(device.to_device(points), given, spectra(device, points, edge), shifts)
-        for pose, shift, peak in zip(given, shifts, near.highest(), strict=True):
-            want = twin(occupied(points, edge, STILL), occupied(points, edge, pose), 1.0)
+        for pose, shift, peak in zip(given, shifts, near.read(), strict=True):
+            want = correlation_of(volume_of(points, edge, STILL), volume_of(points, edge, pose), 1.0, BLUR)
             around = want[np.ix_(*((shift[:, None] + np.arange(-1, 2)) % edge))]
             assert peak.value == pytest.approx(around.max(), rel=TOLERANCE)
             assert want[tuple(peak.index)] == around.max()
@@ -172,8 +144,8 @@ class TestNear:
         shifts = np.tile(peaks[0].index, (3, 1))
         before = correlator.near(points, poses(3), targets, shifts)
         ((found, _),) = correlator.find(points, poses(1), targets, 1, 2.0)
-        after = correlator.near(points, poses(3), targets, shifts).highest()
-        assert [peak.psr for peak in before.highest()] == [peak.psr for peak in after]
+        after = correlator.near(points, poses(3), targets, shifts).read()
+        assert [peak.psr for peak in before.read()] == [peak.psr for peak in after]
         assert after[0].psr == pytest.approx(found[0].psr, rel=1e-5)
         assert found[0].psr == peaks[0].psr
 

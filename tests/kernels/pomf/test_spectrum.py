@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.pomf.spectrum import Pomf, cross_power, magnitude, sum_layers, whiten
+from tests.samples.refusals import refuses
 
 SHAPES = [(16, 16, 16), (32, 16, 64), (5, 32, 16), (18, 54, 90)]
 
@@ -135,18 +135,11 @@ def test_pomf_of_batches_and_their_sum(device):
 
 def test_refuses_what_it_cannot_use(device):
     spectrum = device.empty((16, 16, 16), np.complex64)
-    with pytest.raises(InputError, match="`spectrum` is complex64"):
-        magnitude(device, spectrum, 32)
-    with pytest.raises(InputError, match="wanted complex64"):
-        whiten(device, device.empty((16, 16, 16)))
-    with pytest.raises(InputError, match="multiple of 8"):
-        whiten(device, device.empty((16, 9), np.complex64))
+    refuses("`spectrum` is complex64", magnitude, device, spectrum, 32)
+    refuses("wanted complex64", whiten, device, device.empty((16, 16, 16)))
+    refuses("multiple of 8", whiten, device, device.empty((16, 9), np.complex64))
     for exponent in (-0.1, 1.5, float("nan")):
-        with pytest.raises(InputError, match=r"`exponent=.*give 0, plain correlation, to 1, phase only"):
-            whiten(device, spectrum, exponent)
-    with pytest.raises(InputError, match="`source` is"):
-        cross_power(device, spectrum, device.empty((8, 16, 16), np.complex64), (16, 16, 16))
-    with pytest.raises(InputError, match="blur"):
-        cross_power(device, spectrum, spectrum, (16, 16, 16), blur=-1)
-    with pytest.raises(InputError, match="batched=True"):
-        Pomf(device, (16, 16, 16)).correlate_layers(spectrum, spectrum)
+        refuses(r"`exponent=.*give 0, plain correlation, to 1, phase only", whiten, device, spectrum, exponent)
+    refuses("`source` is", cross_power, device, spectrum, device.empty((8, 16, 16), np.complex64), (16, 16, 16))
+    refuses("blur", cross_power, device, spectrum, spectrum, (16, 16, 16), blur=-1)
+    refuses("batched=True", Pomf(device, (16, 16, 16)).correlate_layers, spectrum, spectrum)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.resample.layers import normalize_layers
 from sonarmap.kernels.resample.sphere import rotational_unwrap, valid_pixels
+from tests.samples.refusals import refuses
 
 
 @pytest.mark.parametrize("shape", [(1, 8, 8), (5, 16, 32), (77, 9, 24)])
@@ -55,9 +55,6 @@ def test_in_place(device):
 
 def test_refuses_what_it_cannot_use(device):
     stack = device.empty((2, 8, 8))
-    with pytest.raises(InputError, match="multiple of 8"):
-        normalize_layers(device, device.empty((2, 8, 9)), None)
-    with pytest.raises(InputError, match="`window` is"):
-        normalize_layers(device, stack, device.empty((8, 16)))
-    with pytest.raises(InputError, match="`mask` is"):
-        normalize_layers(device, stack, None, device.empty((8, 8), np.int32))
+    refuses("multiple of 8", normalize_layers, device, device.empty((2, 8, 9)), None)
+    refuses("`window` is", normalize_layers, device, stack, device.empty((8, 16)))
+    refuses("`mask` is", normalize_layers, device, stack, None, device.empty((8, 8), np.int32))

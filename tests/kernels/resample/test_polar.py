@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.resample.polar import polar_magnitude
+from tests.samples.refusals import refuses
 
 
 def half_spectra(images):
@@ -54,9 +54,6 @@ def test_a_turned_image_is_a_shift(device):
 
 def test_refuses_what_it_cannot_use(device):
     spectrum, angles = device.empty((2, 16, 16), np.complex64), np.arange(8.0)
-    with pytest.raises(InputError, match="below 7 bins"):
-        polar_magnitude(device, spectrum, (16, 16), np.array([7.0]), angles)
-    with pytest.raises(InputError, match="multiple of 8"):
-        polar_magnitude(device, spectrum, (16, 16), np.array([3.0]), angles[:7])
-    with pytest.raises(InputError, match="`spectrum` is"):
-        polar_magnitude(device, spectrum, (16, 32), np.array([3.0]), angles)
+    refuses("below 7 bins", polar_magnitude, device, spectrum, (16, 16), np.array([7.0]), angles)
+    refuses("multiple of 8", polar_magnitude, device, spectrum, (16, 16), np.array([3.0]), angles[:7])
+    refuses("`spectrum` is", polar_magnitude, device, spectrum, (16, 32), np.array([3.0]), angles)

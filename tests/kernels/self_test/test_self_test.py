@@ -85,15 +85,13 @@ def test_both_flavors_pass(device: Device) -> None:
     [
         ("voxelize", with_a_wrong_voxel, "voxels of points: off by 1 voxels, allowed are 0 voxels"),
         ("find_peaks", lambda _: [], "it finds no peak in a correlation that has several"),
-        ("Readback", lambda readback: SimpleNamespace(get=lambda: readback.get() * np.nan), "not finite"),
+        ("Readback", lambda copy: SimpleNamespace(read=lambda: copy.read() * np.nan), "not finite"),
         ("equalizers", lambda mixtures: 0 * mixtures, "the rotation of a registration: off by"),
         ("find_nearest", lambda found: (2 * found[0], found[1]), "distances to a surface: off by"),
         ("fit_planes", lambda rows: 0 * rows, "the rotation of a refinement: off by"),
     ],
 )
-def test_a_failing_device_is_passed_over(
-    gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch, name: str, change: Damage, reason: str
-) -> None:
+def test_a_failing_device_is_passed_over(gpu, monkeypatch, name, change, reason):
     damage(monkeypatch, name, change)
     chosen = choose_device()
     assert chosen.selector == "0:1"
@@ -184,9 +182,7 @@ def test_damaged_memory_is_none() -> None:
         assert remembered_verdict(card).state in ("failed", "not tested")
 
 
-def test_without_a_folder_to_write_to_it_goes_on(
-    gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_without_a_folder_to_write_to_it_goes_on(gpu, monkeypatch, caplog):
     monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/nowhere")
     monkeypatch.setattr("sonarmap.kernels.device.cache._warned", set())
     assert choose_device().selector == "0:0"

@@ -56,9 +56,7 @@ def test_of_turns_about_z_alone(correlation: RotationCorrelation) -> None:
 
 
 @pytest.mark.parametrize("beta", [1e-9, 1e-5, 0.01, STEP / 2.5])
-def test_of_nearly_level_ones_nothing_is_farther_than_the_first_sample(
-    correlation: RotationCorrelation, beta: float
-) -> None:
+def test_of_nearly_level_ones_nothing_is_farther_than_the_first_sample(correlation, beta):
     R = from_beta(beta, 200, 3)
     places = correlation.places(R)
     np.testing.assert_array_equal(places[:, 0], 0)
@@ -66,9 +64,7 @@ def test_of_nearly_level_ones_nothing_is_farther_than_the_first_sample(
 
 
 @pytest.mark.parametrize("beta", [np.pi, np.pi - 1e-9, np.pi - 1e-4, np.pi - STEP / 3])
-def test_of_those_upside_down_nothing_is_farther_than_the_last_sample(
-    correlation: RotationCorrelation, beta: float
-) -> None:
+def test_of_those_upside_down_nothing_is_farther_than_the_last_sample(correlation, beta):
     R = from_beta(beta, 200, 4)
     places = correlation.places(R)
     np.testing.assert_array_equal(places[:, 0], len(correlation.betas) - 1)

@@ -3,8 +3,7 @@
 import numpy as np
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.surface.cells import sort_into_cells
-from sonarmap.kernels.surface.elements import Elements
+from sonarmap.kernels.surface.cells import Elements, sort_into_cells
 
 
 def bent_sheet(count: int, seed: int, extent: float = 25.0) -> np.ndarray:

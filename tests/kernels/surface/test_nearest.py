@@ -6,10 +6,10 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.surface.cells import sort_into_cells
 from sonarmap.kernels.surface.nearest import find_nearest, upload_places
 from tests.kernels.surface.scenes import bent_sheet
+from tests.samples.refusals import refuses
 
 # Coordinates of 100 voxels are rounded by 4e-6 each.
 ROUNDING = 3e-5
@@ -112,14 +112,9 @@ def test_nothing_to_look_for(device: Device) -> None:
 
 def test_refuses_what_it_cannot_use(device: Device) -> None:
     for bad in (np.zeros((0, 3)), np.zeros((4, 2)), np.array([[0, np.nan, 1]])):
-        with pytest.raises(InputError, match="`points` have shape"):
-            sort_into_cells(device, bad)
-    with pytest.raises(InputError, match="`size=0"):
-        sort_into_cells(device, np.ones((2, 3)), 0)
+        refuses("`points` have shape", sort_into_cells, device, bad)
+    refuses("`size=0", sort_into_cells, device, np.ones((2, 3)), 0)
     cells, places = sort_into_cells(device, np.ones((1, 3))), upload_places(device, np.zeros((4, 3)))
-    with pytest.raises(InputError, match="finite"):
-        find_nearest(device, cells, places, np.eye(3)[None], np.array([[0, 0, np.nan]]), 1.0)
-    with pytest.raises(InputError, match="`reach=-1"):
-        find_nearest(device, cells, places, np.eye(3)[None], np.zeros((1, 3)), -1.0)
-    with pytest.raises(InputError, match="`places` is"):
-        find_nearest(device, cells, device.empty((4, 3)), np.eye(3)[None], np.zeros((1, 3)), 1.0)
+    refuses("finite", find_nearest, device, cells, places, np.eye(3)[None], np.array([[0, 0, np.nan]]), 1.0)
+    refuses("`reach=-1", find_nearest, device, cells, places, np.eye(3)[None], np.zeros((1, 3)), -1.0)
+    refuses("`places` is", find_nearest, device, cells, device.empty((4, 3)), np.eye(3)[None], np.zeros((1, 3)), 1.0)

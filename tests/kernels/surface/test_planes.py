@@ -5,10 +5,10 @@ import pytest
 from scipy.spatial import KDTree
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.surface.cells import sort_into_cells
 from sonarmap.kernels.surface.planes import NEIGHBORS, fit_planes
 from tests.kernels.surface.scenes import bent_sheet
+from tests.samples.refusals import refuses
 
 DIRECTIONS = np.array([[0, 0, 1], [0, 0.6, 0.8], [1, 0, 0], [0.6, -0.8, 0]])
 VIEWS = np.array([[0, 0, 30.0], [20, -5, 10], [-9, 9, -20]])
@@ -97,9 +97,6 @@ def test_what_shows_no_surface_is_finite(device: Device, kind: str) -> None:
 
 def test_refuses_what_it_cannot_use(device: Device) -> None:
     few, cells = sort_into_cells(device, np.eye(3)[:2]), sort_into_cells(device, np.eye(3))
-    with pytest.raises(InputError, match="2 points show no plane"):
-        fit_planes(device, few, DIRECTIONS, VIEWS, farthest=3, aside=0.4)
-    with pytest.raises(InputError, match="`viewpoints` have shape"):
-        fit_planes(device, cells, DIRECTIONS, VIEWS * np.nan, farthest=3, aside=0.4)
-    with pytest.raises(InputError, match="`directions` have shape"):
-        fit_planes(device, cells, DIRECTIONS[:, :2], VIEWS, farthest=3, aside=0.4)
+    refuses("2 points show no plane", fit_planes, device, few, DIRECTIONS, VIEWS, farthest=3, aside=0.4)
+    refuses("`viewpoints` have shape", fit_planes, device, cells, DIRECTIONS, VIEWS * np.nan, farthest=3, aside=0.4)
+    refuses("`directions` have shape", fit_planes, device, cells, DIRECTIONS[:, :2], VIEWS, farthest=3, aside=0.4)

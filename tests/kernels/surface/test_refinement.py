@@ -56,9 +56,7 @@ def rows() -> list[np.ndarray]:
 
 @pytest.mark.parametrize("stretching", [None, STRETCHING])
 @pytest.mark.parametrize(("reach", "most", "poses"), [(8.0, 100, 24), (3.0, 333, 3), (1.5, 5000, 2)])
-def test_sums_equal_the_twin(
-    device: Device, rows: list[np.ndarray], reach: float, most: int, poses: int, stretching: Stretching | None
-) -> None:
+def test_sums_equal_the_twin(device, rows, reach, most, poses, stretching):
     start = begin(poses, most)
     if stretching is None:
         start = [Pose(pose.turn, pose.shift, pose.width, np.zeros(2)) for pose in start]
@@ -78,9 +76,7 @@ def test_sums_equal_the_twin(
 
 
 @pytest.mark.parametrize("stretching", [None, STRETCHING])
-def test_steps_without_a_read_lead_where_the_twins_do(
-    device: Device, rows: list[np.ndarray], stretching: Stretching | None
-) -> None:
+def test_steps_without_a_read_lead_where_the_twins_do(device, rows, stretching):
     poses = begin(3, 4)
     if stretching is None:
         poses = [Pose(pose.turn, pose.shift, pose.width, np.zeros(2)) for pose in poses]

@@ -38,9 +38,7 @@ def test_a_shift_is_exact(registrar: HemisphereRegistrar, points: np.ndarray, sh
 
 
 @pytest.mark.parametrize("yaw", [-70.0, 24.0, 64.0])
-def test_yaw_under_tilt_keeps_to_what_the_paper_shows(
-    registrar: HemisphereRegistrar, points: np.ndarray, yaw: float
-) -> None:
+def test_yaw_under_tilt_keeps_to_what_the_paper_shows(registrar, points, yaw):
     """Figs. 16 and 17: 10 degrees of roll and of pitch."""
     R = Rotation.from_euler("ZYX", [yaw, 10, 10], degrees=True)
     off = register(registrar, points, RigidTransform.from_rotation(R)).rotation.as_euler("ZYX", degrees=True)

@@ -36,12 +36,7 @@ def test_translation_is_turned_into_the_frame_of_the_source() -> None:
 
 def test_covariance_is_about_the_sensor_and_holds_for_the_right_tangent() -> None:
     """Against Monte Carlo: errors drawn about the grid's center, seen at the sensor."""
-    R, center, voxel, bin_angle = (
-        Rotation.from_euler("ZYX", [0.5, -0.2, 0.1]),
-        np.array([7.0, -3.0, 2.0]),
-        0.5,
-        0.03,
-    )
+    R, center, voxel, bin_angle = (Rotation.from_euler("ZYX", [0.5, -0.2, 0.1]), np.array([7.0, -3.0, 2.0]), 0.5, 0.03)
     peak = gaussian_peak(np.diag([2.0, 1.0, 1.5]))
     stated = peak_covariance(peak, R, center, Grid(128, voxel), bin_angle)
     np.testing.assert_allclose(stated, stated.T)

@@ -61,9 +61,7 @@ def assert_not_larger(small: np.ndarray, large: np.ndarray) -> None:
 
 
 class TestRelief:
-    def test_errors_of_instruments_are_not_in_what_the_scans_say(
-        self, registrar: SpectralRegistrar, scans: tuple[SpectralScan, SpectralScan]
-    ) -> None:
+    def test_errors_of_instruments_are_not_in_what_the_scans_say(self, registrar, scans):
         """A graph that holds the measurements beside the registration would count the errors twice."""
         plain = registrar.register(*(replace(scan, prior=None) for scan in scans)).T_target_source
         precise = knowing(*ALL, sigmas=SIGMAS / 5)
@@ -79,9 +77,7 @@ class TestRelief:
         assert alone[1] < 0.015
 
     @pytest.mark.parametrize("seed", [1, 2])
-    def test_found_and_surer_than_by_the_scans_alone(
-        self, registrar: SpectralRegistrar, scans: tuple[SpectralScan, SpectralScan], seed: int
-    ) -> None:
+    def test_found_and_surer_than_by_the_scans_alone(self, registrar, scans, seed):
         rng = np.random.default_rng(seed)
         measured = (unexact(T, rng, SIGMAS, most=1.5).T_world_sensor for T in (HERE, THERE))
         pair = [replace(scan, prior=PosePrior(T, LEVEL)) for scan, T in zip(scans, measured, strict=True)]
@@ -98,9 +94,7 @@ class TestRelief:
         assert (sigmas(registration.covariance)[:2] < RELATIVE[:2] / 2).all()
         assert (np.abs(off(registration.T_target_source)) < 4 * sigmas(registration.covariance)).all()
 
-    def test_without_instruments_there_is_nothing_else_by_the_scans(
-        self, registrar: SpectralRegistrar, scans: tuple[SpectralScan, SpectralScan]
-    ) -> None:
+    def test_without_instruments_there_is_nothing_else_by_the_scans(self, registrar, scans):
         target, source = scans
         registration = registrar.register(target, replace(source, prior=None))
         assert registration.T_by_scans is None
@@ -111,9 +105,7 @@ class TestRelief:
         assert difference_by_scans[0] < 0.1
         assert difference_by_scans[1] < 0.1 * VOXEL
 
-    def test_the_rotations_that_are_followed_are_at_the_measured_tilt(
-        self, registrar: SpectralRegistrar, scans: tuple[SpectralScan, SpectralScan]
-    ) -> None:
+    def test_the_rotations_that_are_followed_are_at_the_measured_tilt(self, registrar, scans):
         rotations = registrar.rotations(*scans)
         assert len(rotations.scores) <= 4 * registrar.config.hypotheses
         assert (np.diff(rotations.scores) <= 0).all()
@@ -175,40 +167,25 @@ class TestFlatBed:
         assert (sigma[:2] < RELATIVE[:2]).all()
 
     @pytest.mark.parametrize("missing", [*ALL, None], ids=["attitude", "heading", "position", "depth", "all"])
-    def test_without_one_of_the_instruments_it_is_refused(
-        self, registrar: SpectralRegistrar, missing: slice | None
-    ) -> None:
+    def test_without_one_of_the_instruments_it_is_refused(self, registrar, missing):
         known = knowing(*(kind for kind in ALL if kind != missing), sigmas=SIGMAS)
         prior = None if missing is None else PosePrior(HERE, known)
         with pytest.raises(InputError, match=r"all its points lie in one plane .* a prior with attitude, heading"):
             registrar.prepare(Scan(seen(bed(1), HERE), prior=prior))
 
-    def test_without_the_others_prior_it_is_not_believed(
-        self, registrar: SpectralRegistrar, flat: tuple[SpectralScan, SpectralScan]
-    ) -> None:
+    def test_without_the_others_prior_it_is_not_believed(self, registrar, flat):
         target, source = flat
         registration = registrar.register(target, replace(source, prior=None))
         assert not registration.accepted
         assert np.linalg.eigvalsh(registration.covariance)[-1] > 20.0**2
 
-    def test_a_rich_place_is_not_taken_for_it(
-        self,
-        registrar: SpectralRegistrar,
-        flat: tuple[SpectralScan, SpectralScan],
-        scans: tuple[SpectralScan, SpectralScan],
-    ) -> None:
+    def test_a_rich_place_is_not_taken_for_it(self, registrar, flat, scans):
         for prior in (None, PosePrior(THERE, SIGMAS)):
             assert not registrar.register(flat[0], replace(scans[1], prior=prior)).accepted
 
 
 @pytest.mark.parametrize(("degrees", "about"), [(9.0, 0.6), (9.0, 2.0), (7.5, 2.0)])
-def test_scans_that_lean_stay_level_and_are_believed_less(
-    registrar: SpectralRegistrar,
-    scans: tuple[SpectralScan, SpectralScan],
-    upright: Registration,
-    degrees: float,
-    about: float,
-) -> None:
+def test_scans_that_lean_stay_level_and_are_believed_less(registrar, scans, upright, degrees, about):
     """A sonar that guesses elevations shows all that stands leaning; both attitudes are measured within a degree.
 
     Without instruments the scans fit best as they lean.

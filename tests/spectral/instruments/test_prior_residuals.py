@@ -14,26 +14,22 @@ from tests.samples.relative_priors import (
     DEPTH,
     HEADING,
     POSITION,
+    SURE,
     T_SOURCE,
     T_TARGET,
     T_TRUE,
+    Kinds,
     about_vertical,
+    between,
     knowing,
+    names_of,
     pair,
-    prior,
     unexact,
 )
 
-Kinds = tuple[slice, ...]
 EVERY: list[Kinds] = [
     tuple(kind for kind, known in zip(ALL, knows, strict=True) if known) for knows in product([True, False], repeat=4)
 ]
-# of the attitude and heading, levers of 15 m make as much as depth and position have themselves
-SURE = np.array([0.004, 0.008, 0.02, 0.1, 0.2, 0.03])
-
-
-def of(target: Kinds, source: Kinds, sigmas: np.ndarray = SURE) -> RelativePrior:
-    return RelativePrior(prior(T_TARGET, *target, sigmas=sigmas), prior(T_SOURCE, *source, sigmas=sigmas))
 
 
 def known(target: Kinds, source: Kinds) -> list[bool]:
@@ -43,11 +39,6 @@ def known(target: Kinds, source: Kinds) -> list[bool]:
     leveled = ATTITUDE in target or ATTITUDE in source
     headed = any(ATTITUDE in kinds and HEADING in kinds for kinds in (target, source))
     return [attitude, attitude, attitude and heading, position and headed, position and headed, depth and leveled]
-
-
-def name(kinds: Kinds) -> str:
-    names = {0: "attitude", 2: "heading", 3: "position", 5: "depth"}
-    return "+".join(names[kind.start] for kind in kinds) or "nothing"
 
 
 def stack(T: RigidTransform) -> RigidTransform:
@@ -73,17 +64,17 @@ def tilted(tilt: tuple[float, float], turn: float) -> RigidTransform:
     return RigidTransform.from_components(T_TRUE.translation + np.array([0.7, -0.4, 0.3]), R)
 
 
-@pytest.mark.parametrize("target", EVERY, ids=name)
+@pytest.mark.parametrize("target", EVERY, ids=names_of)
 class TestWhateverIsKnown:
     def test_the_measured_pose_has_no_residuals(self, target: Kinds) -> None:
         for source in EVERY:
-            residuals = of(target, source).residuals(stack(T_TRUE))
+            residuals = between(target, source).residuals(stack(T_TRUE))
             assert residuals.shape == (1, sum(known(target, source)))
             np.testing.assert_allclose(residuals, 0, atol=1e-12)
 
     def test_the_jacobian_is_exact_where_no_tilt_is_left(self, target: Kinds) -> None:
         for source in EVERY:
-            relative, T = of(target, source), tilted((0.0, 0.0), 0.3)
+            relative, T = between(target, source), tilted((0.0, 0.0), 0.3)
             np.testing.assert_allclose(relative.residual_jacobian(stack(T))[0], differences(relative, T), atol=1e-6)
 
     def test_and_nearly_where_a_little_is(self, target: Kinds) -> None:
@@ -91,7 +82,7 @@ class TestWhateverIsKnown:
         far = float(np.linalg.norm(T_TRUE.translation))
         units = np.repeat([1.0, 1 / far], 3)
         for source in EVERY:
-            relative, T = of(target, source), tilted((0.02, -0.015), -0.4)
+            relative, T = between(target, source), tilted((0.02, -0.015), -0.4)
             rows = units[known(target, source), None]
             off = rows * (relative.residual_jacobian(stack(T))[0] - differences(relative, T)) / units
             assert np.abs(off).max(initial=0) < 0.02 * np.sqrt(2)
@@ -99,7 +90,7 @@ class TestWhateverIsKnown:
     def test_the_covariance_is_of_the_residuals(self, target: Kinds) -> None:
         for source in EVERY:
             count = sum(known(target, source))
-            covariance = of(target, source).residual_covariance(stack(T_TRUE))[0]
+            covariance = between(target, source).residual_covariance(stack(T_TRUE))[0]
             assert covariance.shape == (count, count)
             np.testing.assert_allclose(covariance, covariance.T, atol=1e-15)
             assert (np.linalg.eigvalsh(covariance) > 0).all()
@@ -115,16 +106,16 @@ class TestResiduals:
 
     def test_of_the_sources_reference_they_are_those_of_the_inverse(self) -> None:
         """The source alone knows its heading: the world's axes are by its instruments."""
-        relative = of((ATTITUDE, POSITION, DEPTH), ALL)
+        relative = between((ATTITUDE, POSITION, DEPTH), ALL)
         shift = np.array([1.0, 2.0, -3.0])
         moved = RigidTransform.from_components(T_SOURCE.translation - shift, T_SOURCE.rotation)
         residuals = relative.residuals(stack(T_TARGET.inv() * moved))
         np.testing.assert_allclose(residuals, [[0, 0, *shift]], atol=1e-12)
 
-    @pytest.mark.parametrize("source", [ALL, (ATTITUDE, DEPTH), (HEADING, POSITION)], ids=name)
-    @pytest.mark.parametrize("target", [ALL, (ATTITUDE, POSITION, DEPTH)], ids=name)
+    @pytest.mark.parametrize("source", [ALL, (ATTITUDE, DEPTH), (HEADING, POSITION)], ids=names_of)
+    @pytest.mark.parametrize("target", [ALL, (ATTITUDE, POSITION, DEPTH)], ids=names_of)
     def test_a_stack_is_its_poses_one_by_one(self, target: Kinds, source: Kinds) -> None:
-        relative = of(target, source)
+        relative = between(target, source)
         poses = perturbed(T_TRUE, np.random.default_rng(1).normal(scale=0.3, size=(7, 6)))
         residuals = relative.residuals(poses)
         assert residuals.shape == (7, sum(known(target, source)))
@@ -164,12 +155,10 @@ def redrawn(draw: tuple[PosePrior, PosePrior], target: Kinds, source: Kinds) -> 
         ((ATTITUDE, POSITION, DEPTH), ALL),
         ((HEADING, DEPTH), (ATTITUDE, DEPTH)),
     ],
-    ids=name,
+    ids=names_of,
 )
 @pytest.mark.slow
-def test_the_covariance_is_that_of_the_instruments_errors(
-    draws: list[tuple[PosePrior, PosePrior]], target: Kinds, source: Kinds
-) -> None:
+def test_the_covariance_is_that_of_the_instruments_errors(draws, target, source):
     """Of 800 draws a whitened variance is within 4 standard deviations of 1, 20 %, and the means are 0."""
     true = stack(T_TRUE)
     residuals = np.array([redrawn(draw, target, source).residuals(true)[0] for draw in draws])

@@ -12,28 +12,19 @@ from tests.samples.relative_priors import (
     DEPTH,
     HEADING,
     POSITION,
+    SURE,
     T_SOURCE,
     T_TARGET,
     T_TRUE,
+    Kinds,
     about_vertical,
+    between,
+    names_of,
     pair,
-    prior,
     unexact,
 )
 
-Kinds = tuple[slice, ...]
-# of the attitude and heading, levers of 15 m make as much as depth and position have themselves
-SURE = np.array([0.004, 0.008, 0.02, 0.1, 0.2, 0.03])
 DRAWS = 500
-
-
-def of(target: Kinds, source: Kinds, sigmas: np.ndarray = SURE) -> RelativePrior:
-    return RelativePrior(prior(T_TARGET, *target, sigmas=sigmas), prior(T_SOURCE, *source, sigmas=sigmas))
-
-
-def name(kinds: Kinds) -> str:
-    names = {0: "attitude", 2: "heading", 3: "position", 5: "depth"}
-    return "+".join(names[kind.start] for kind in kinds) or "nothing"
 
 
 class TestTurned:
@@ -73,16 +64,16 @@ class TestReaches:
         assert relative.tilt_sigma == pytest.approx(0.05)
 
     @pytest.mark.parametrize(
-        ("target", "source"), [((HEADING,), ALL), (ALL, (HEADING,)), ((DEPTH,), (DEPTH,))], ids=name
+        ("target", "source"), [((HEADING,), ALL), (ALL, (HEADING,)), ((DEPTH,), (DEPTH,))], ids=names_of
     )
     def test_it_is_infinite_without_both_attitudes(self, target: Kinds, source: Kinds) -> None:
-        assert of(target, source).tilt_sigma == np.inf
+        assert between(target, source).tilt_sigma == np.inf
 
     def test_the_turns_reach_is_four_sigmas_and_half_a_turn_at_most(self) -> None:
-        assert of(ALL, ALL).turn_reach == pytest.approx(4 * np.sqrt(2) * SURE[2])
+        assert between(ALL, ALL).turn_reach == pytest.approx(4 * np.sqrt(2) * SURE[2])
         unsure = np.array([0.1, 0.1, 0.8, 1, 1, 1])
-        assert of(ALL, ALL, unsure).turn_reach == pytest.approx(np.pi)
-        assert of((ATTITUDE, HEADING), (ATTITUDE,)).turn_reach == np.pi
+        assert between(ALL, ALL, unsure).turn_reach == pytest.approx(np.pi)
+        assert between((ATTITUDE, HEADING), (ATTITUDE,)).turn_reach == np.pi
 
 
 class TestShiftBox:
@@ -96,19 +87,19 @@ class TestShiftBox:
             ((HEADING, POSITION, DEPTH), (HEADING, POSITION, DEPTH)),
             ((), ()),
         ],
-        ids=name,
+        ids=names_of,
     )
     def test_none_where_something_is_not_measured(self, target: Kinds, source: Kinds) -> None:
-        assert of(target, source).shift_box(T_TRUE.rotation) is None
+        assert between(target, source).shift_box(T_TRUE.rotation) is None
 
     def test_the_sources_attitude_does_not_matter(self) -> None:
-        box, same = (of(ALL, source).shift_box(T_TRUE.rotation) for source in (ALL, (POSITION, DEPTH)))
+        box, same = (between(ALL, source).shift_box(T_TRUE.rotation) for source in (ALL, (POSITION, DEPTH)))
         assert box is not None
         assert same is not None
         np.testing.assert_allclose(box, same, atol=1e-12)
 
     def test_exact_instruments_leave_a_point(self) -> None:
-        box = of(ALL, ALL, np.full(6, 1e-9)).shift_box(T_TRUE.rotation)
+        box = between(ALL, ALL, np.full(6, 1e-9)).shift_box(T_TRUE.rotation)
         assert box is not None
         np.testing.assert_allclose(box[0], T_TRUE.translation, atol=1e-12)
         np.testing.assert_allclose(box[1], 0, atol=1e-6)

@@ -48,8 +48,8 @@ def looked_at(pair_test: HypothesisTest, hypotheses: list[Hypothesis]) -> list[H
     fits = [hypothesis.fit for hypothesis in hypotheses]
     R = np.stack([fit.R.as_matrix() for fit in fits])
     poses = upload_poses(pair_test.verifier.device, R, np.stack([fit.shift for fit in fits]))
-    seen = pair_test.verifier.look(pair_test.target, pair_test.source, poses, 500).read()
-    return [replace(hypothesis, evidence=e) for hypothesis, e in zip(hypotheses, seen.of(fits), strict=True)]
+    seen = pair_test.verifier.observe(pair_test.target, pair_test.source, poses, 500).read()
+    return [replace(hypothesis, evidence=e) for hypothesis, e in zip(hypotheses, seen.evidence(fits), strict=True)]
 
 
 def off(pair_test: HypothesisTest, hypothesis: Hypothesis) -> float:

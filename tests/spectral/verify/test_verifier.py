@@ -16,8 +16,8 @@ from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.translation import Box
 from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.fit import Fit
-from sonarmap.spectral.verify.hypothesis import Hypothesis
-from sonarmap.spectral.verify.look import consistency, ranked
+from sonarmap.spectral.verify.hypothesis import Hypothesis, ranked
+from sonarmap.spectral.verify.observation import consistency
 from sonarmap.spectral.verify.verifier import Verifier
 from tests.samples.reliefs import above, relief, seen
 
@@ -48,8 +48,8 @@ def looked_at(
     fits = [hypothesis.fit for hypothesis in hypotheses]
     R = np.stack([fit.R.as_matrix() for fit in fits])
     poses = upload_poses(verifier.device, R, np.stack([fit.shift for fit in fits]))
-    seen = verifier.look(*pair, poses).read()
-    return ranked([replace(each, evidence=e) for each, e in zip(hypotheses, seen.of(fits), strict=True)])
+    seen = verifier.observe(*pair, poses).read()
+    return ranked([replace(each, evidence=e) for each, e in zip(hypotheses, seen.evidence(fits), strict=True)])
 
 
 def shift_of(pair: tuple[SpectralScan, SpectralScan], T: RigidTransform = TRUE) -> np.ndarray:

@@ -24,8 +24,8 @@ PAIR_STAGES: Mapping[str, str] = {
     "sonarmap.spectral.so3:So3.analyze": "prepare: sphere, harmonics",
     "sonarmap.spectral.so3:So3.equalize": "prepare: sphere, harmonics",
     "sonarmap.spectral.prepare.range_image:scan_view": "prepare: range image",
-    "sonarmap.spectral.prepare.surface:SmoothSurface.__init__": "prepare: surface",
-    "sonarmap.spectral.prepare.surface:SmoothSurface.get": "prepare: surface",
+    "sonarmap.spectral.prepare.surface:smooth_surface": "prepare: surface",
+    "sonarmap.spectral.prepare.surface:_surface": "prepare: surface",
     "sonarmap.spectral.registration:SpectralRegistrar._coarsen": "prepare: coarse grid",
     "sonarmap.spectral.registration:SpectralRegistrar._register": "register",
     "sonarmap.spectral.so3:So3.candidates": "rotations",
@@ -37,8 +37,8 @@ PAIR_STAGES: Mapping[str, str] = {
     "sonarmap.spectral.prepare.range_image:visibility": "views",
     "sonarmap.spectral.verify.shared_surface:shared_surfaces": "shared surfaces",
     "sonarmap.spectral.verify.icp:refine": "refinement",
-    "sonarmap.spectral.verify.look:Look.read": "refinement, views, shared surfaces: waiting",
-    "sonarmap.spectral.verify.look:Measurement.read": "measured: waiting",
+    "sonarmap.spectral.verify.verifier:_observation": "refinement, views, shared surfaces: waiting",
+    "sonarmap.spectral.verify.verifier:_measured": "measured: waiting",
     "sonarmap.spectral.registration:SpectralRegistrar._conclude": "covariance, probability",
 }
 

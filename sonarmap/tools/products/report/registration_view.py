@@ -155,6 +155,6 @@ def _shifts(
     origin = target.volume.center - R.apply(source.volume.center)
     shift = (T_target_source.translation - origin) / voxel
     turns = Rotation.concatenate([R])
-    (peak,) = translation.find_at(target.volume, source.volume, turns, shift[None]).highest()
+    (peak,) = translation.find_at(target.volume, source.volume, turns, shift[None]).read()
     correlation = translation.correlations(target.volume, source.volume, R)[0].get()
     return slice_translation(correlation, peak, shift, origin, voxel)
