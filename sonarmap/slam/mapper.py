@@ -15,8 +15,8 @@ from sonarmap.slam.execute.worker import prepared_limit
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.pose_covariance import pose_covariances
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.map.component_maps import component_maps
-from sonarmap.slam.map.doubt import MIN_SEEN
+from sonarmap.slam.map.component_maps import MIN_SEEN, ComponentMaps, component_maps
+from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.pair import Pair, require_any_registered
@@ -41,8 +41,8 @@ class MapperSettings:
         prepared: number of prepared scans kept at a time, each of which holds device memory; None for as many as are
             useful and fit.
         map_voxel: edge of the fused map's voxels [m]; None is the survey's voxel.
-        min_seen: points that fewer scans saw are left out of the map where others contradict them, see
-            `slam.map.doubt`; 1 leaves out none.
+        min_seen: points that fewer scans saw are left out of the map where others looked and saw otherwise, see
+            `slam.map.component_maps`; 1 leaves out none.
     """
 
     loops: LoopSettings = field(default_factory=LoopSettings)
@@ -207,19 +207,18 @@ class Mapper:
     def _fuse(self, scans: Sequence[Scan], survey: np.ndarray, decision: Decision) -> SurveyResult:
         solution, covariances = decision.solution, pose_covariances(decision.solution)
         trajectory, components = solution.trajectory, solution.graph.components
-        parts = tuple(
-            component_maps(
+        parts: list[ComponentMaps] = []
+        for component in components:
+            members = list(component)
+            placed = PlacedScans.of(
                 [scans[k] for k in members],
-                decision.chained.take(members),
-                trajectory.take(members),
-                covariances[list(members)],
+                trajectory.T_world_sensor[members],
                 self.settings.map_voxel or self.voxel,
                 members,
-                survey[list(members)].tolist(),
-                self.settings.min_seen,
+                covariances[members],
+                survey[members].tolist(),
             )
-            for members in components
-        )
+            parts.append(component_maps(placed, decision.chained.take(members), self.settings.min_seen))
         return SurveyResult(
             trajectory=trajectory,
             chained=decision.chained,
@@ -227,7 +226,7 @@ class Mapper:
             surveys=tuple(survey.tolist()),
             covariances=covariances,
             solution=solution,
-            parts=parts,
+            parts=tuple(parts),
             pairs=decision.pairs,
             gaps=tuple((pair.i, pair.j) for pair in decision.pairs if pair.role == "sequential" and not pair.kept),
             voxel=self.voxel,

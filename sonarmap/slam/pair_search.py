@@ -12,7 +12,7 @@ from sonarmap.slam.decide.hand import with_ties
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.loops.candidates import find_candidates, find_lookalikes
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.map.shared_cells import outline
+from sonarmap.slam.map.cell import outline
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.measured_motion import AnyMotion, MeasuredMotion
 from sonarmap.slam.motion.motion import Motion

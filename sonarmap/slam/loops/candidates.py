@@ -11,7 +11,7 @@ from sonarmap.slam.loops.forecast import certainties, displacement
 from sonarmap.slam.loops.places import PlaceIndex
 from sonarmap.slam.loops.separation import separations
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.map.shared_cells import overlapping
+from sonarmap.slam.map.cell import overlapping
 from sonarmap.slam.pair import Pair
 
 # The power of the overlap in a loop's worth: where scans share less, they see it from other sides, and err more.

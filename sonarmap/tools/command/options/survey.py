@@ -197,7 +197,7 @@ def survey_settings(
 ) -> "MapperSettings":
     """How the survey is put together, as the options say; None leaves the default."""
     from sonarmap.slam.loops.settings import LoopSettings
-    from sonarmap.slam.map.doubt import MIN_SEEN
+    from sonarmap.slam.map.component_maps import MIN_SEEN
     from sonarmap.slam.mapper import MapperSettings
     from sonarmap.slam.motion.limits import MotionLimits
     from sonarmap.slam.stream.keys import KeySettings
