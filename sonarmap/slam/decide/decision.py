@@ -14,8 +14,7 @@ from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.decide.twins import twin_odds, with_odds
 from sonarmap.slam.decide.verdict import with_verdicts
-from sonarmap.slam.decide.wrong_control import WrongControl, without_wrong_control
-from sonarmap.slam.decide.wrong_fixes import WrongFix, without_wrong_fixes
+from sonarmap.slam.decide.wrong_measurements import WrongControl, WrongFix, without_wrong_control, without_wrong_fixes
 from sonarmap.slam.graph.control import ControlPoint, MeasuredControl
 from sonarmap.slam.graph.control_place import place_by_control
 from sonarmap.slam.graph.edge import Edge, components, spanning_tree

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sonarmap.slam.decide.wrong_fixes import WrongFix, without_wrong_fixes
+from sonarmap.slam.decide.wrong_measurements import WrongFix, without_wrong_fixes
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge, components
 from sonarmap.slam.graph.pose_graph import PoseGraph

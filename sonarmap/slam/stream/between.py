@@ -11,8 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.decision import Decision
 from sonarmap.slam.decide.navigation import Navigation
-from sonarmap.slam.decide.wrong_control import WrongControl, without_wrong_control
-from sonarmap.slam.decide.wrong_fixes import without_wrong_fixes
+from sonarmap.slam.decide.wrong_measurements import WrongControl, without_wrong_control, without_wrong_fixes
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.control_place import place_by_control
 from sonarmap.slam.graph.edge import Edge

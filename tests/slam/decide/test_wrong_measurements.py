@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.decide.navigation import Navigation
-from sonarmap.slam.decide.wrong_fixes import without_wrong_fixes
+from sonarmap.slam.decide.wrong_measurements import without_wrong_fixes
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
