@@ -1,5 +1,4 @@
-"""Measurements that all others contradict: an acoustic outlier, a compass that jumped, a control point picked at a wrong
-place.
+"""Measurements that all others contradict: an acoustic outlier, a compass that jumped, a control point picked wrongly.
 
 They are found by reweighted least squares with heavy tails (Student's t): a measurement far off pulls less and less,
 until the others say where the pose is. One that nothing else bears on is never wrong.
