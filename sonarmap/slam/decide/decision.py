@@ -16,12 +16,11 @@ from sonarmap.slam.decide.twins import twin_odds, with_odds
 from sonarmap.slam.decide.verdict import with_verdicts
 from sonarmap.slam.decide.wrong_measurements import WrongControl, WrongFix, without_wrong_control, without_wrong_fixes
 from sonarmap.slam.graph.control import ControlPoint, MeasuredControl
-from sonarmap.slam.graph.control_place import place_by_control
 from sonarmap.slam.graph.edge import Edge, components, spanning_tree
+from sonarmap.slam.graph.place import place_by_control, place_in_world
 from sonarmap.slam.graph.pose_covariance import weighed
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory, chain
-from sonarmap.slam.graph.world import place_in_world
 from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.pair import Pair
 
@@ -58,7 +57,7 @@ class Decision:
     def points(self, control: Sequence[ControlPoint]) -> tuple[MeasuredControl, ...]:
         """Where the poses have control points, those to check with among them."""
         graph, wrong = self.solution.graph, {id(each.point): each.sigmas for each in self.wrong_control}
-        placed = {k for members in graph.components if graph.lies_in_world(members) for k in members}
+        placed = {k for members in graph.components if graph.gauge.lies_in_world(members) for k in members}
         T = graph.trajectory.T_world_sensor
         return tuple(
             MeasuredControl(

@@ -9,9 +9,9 @@ import numpy as np
 from sonarmap.slam.decide.wrong_measurements import WrongFix, without_wrong_fixes
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge, components
+from sonarmap.slam.graph.place import place_in_world
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import chain
-from sonarmap.slam.graph.world import place_in_world
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.spectral.scan import PosePrior, Scan
 

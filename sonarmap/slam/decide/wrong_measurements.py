@@ -130,7 +130,7 @@ def _reweighted(
     """
     solution, of_edges = None, np.ones(len(graph.edges))
     for _ in range(_REWEIGHTED):
-        solution = weighed(graph, weights).optimize(doubts=1 / of_edges)
+        solution = weighed(graph, weights).optimize(scale_factors=1 / of_edges)
         graph = graph.at(solution.trajectory.T_world_sensor)
         if edges_too:
             of_edges = np.minimum(1.0, (_TAILS + 6) / (_TAILS + solution.residuals**2 / of_edges))

@@ -13,11 +13,10 @@ from sonarmap.slam.decide.decision import Decision
 from sonarmap.slam.decide.navigation import Navigation
 from sonarmap.slam.decide.wrong_measurements import WrongControl, without_wrong_control, without_wrong_fixes
 from sonarmap.slam.graph.control import ControlPoint
-from sonarmap.slam.graph.control_place import place_by_control
 from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.place import place_by_control, place_in_world
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.graph.world import place_in_world
 from sonarmap.slam.motion.motion import scan_times
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.stream.unsteady import Unsteadiness
