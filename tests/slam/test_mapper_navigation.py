@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.slam.graph.edge import cut_edges
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration

@@ -13,7 +13,7 @@ from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, possible_e
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.tangent import adjoint, propagated
 from sonarmap.slam.graph.trajectory import chain
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import edge, random_covariance, random_transforms, registration, ring_poses
 
@@ -34,7 +34,7 @@ def support_of(chains: Chains, answers: list[PossibleEdge], floor: np.ndarray, b
 
 
 def answers_of(i: int, j: int, given: Registration) -> list[PossibleEdge]:
-    return possible_edges(Pair(i, j, "loop", registration=given))
+    return possible_edges(RegisteredPair(Candidate(i, j, "loop"), given))
 
 
 def answer(truth: RigidTransform, i: int, j: int, off: RigidTransform | None = None, **changes) -> PossibleEdge:
