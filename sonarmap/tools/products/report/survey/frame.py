@@ -103,6 +103,6 @@ def _unmeasured(result: SurveyResult, c: int) -> tuple[str, ...] | None:
     measured = {pose for pose, _ in graph.priors} | {known.pose for known in graph.known}
     if measured.isdisjoint(members):
         return None
-    loose = dict(graph.gauge.unconstrained)
-    free = next((loose[pose] for pose in members if pose in loose), np.zeros(len(MEASURED), dtype=bool))
+    unconstrained = dict(graph.gauge.unconstrained)
+    free = next((unconstrained[pose] for pose in members if pose in unconstrained), np.zeros(len(MEASURED), dtype=bool))
     return tuple(name for name, held in zip(MEASURED, free, strict=True) if held)
