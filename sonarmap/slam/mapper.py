@@ -41,7 +41,7 @@ class MapperSettings:
         prepared: number of prepared scans kept at a time, each of which holds device memory; None for as many as are
             useful and fit.
         map_voxel: edge of the fused map's voxels [m]; None is the survey's voxel.
-        min_seen: points that fewer scans saw are left out of the map where others looked and saw otherwise, see
+        min_seen: points that fewer scans saw are left out of the map where others contradict them, see
             `slam.map.component_maps`; 1 leaves out none.
     """
 

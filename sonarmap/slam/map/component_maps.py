@@ -116,7 +116,7 @@ def survey_layers(placed: PlacedScans, min_seen: int = MIN_SEEN) -> dict[int, Cl
 
 
 def part_doubtful(point_map: PointMap, vote: Votes, min_seen: int = MIN_SEEN) -> CleanMap:
-    """Take out what fewer than `min_seen` scans saw where others looked and saw otherwise; 1 takes out nothing.
+    """Take out what fewer than `min_seen` scans saw and others contradict; 1 takes out nothing.
 
     Args:
         point_map: what free space left.

@@ -22,8 +22,7 @@ from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.lab.simulate.paths.trajectories import lawnmower
 from tests.samples.places import DATA
-from tests.samples.surveys import edge, measurements_of
-from tests.samples.wrong_loops import aliased, scattered
+from tests.samples.surveys import aliased, edge, measurements_of, scattered
 
 SPHERE = DATA / "graphs" / "sphere2500.g2o"
 LAYERS, AROUND = 50, 50
