@@ -9,17 +9,17 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.decide.decision import Decision, decide
 from sonarmap.slam.decide.hand import displaced, with_contradictions
-from sonarmap.slam.decide.navigation import Navigation
+from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.execute.runner import Execution, PairRunner, Progress
 from sonarmap.slam.execute.worker import prepared_limit
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.pose_covariance import pose_covariances
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.map.component_maps import component_maps
-from sonarmap.slam.map.doubt import MIN_SEEN
+from sonarmap.slam.map.component_maps import MIN_SEEN, ComponentMaps, component_maps
+from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.odometry import Odometry
-from sonarmap.slam.pair import Pair, require_any_registered
+from sonarmap.slam.pair import RegisteredPair, require_any_registered
 from sonarmap.slam.pair_search import PairSearch
 from sonarmap.slam.stream.between import with_between
 from sonarmap.slam.stream.keys import KeySettings, choose_keys
@@ -42,7 +42,7 @@ class MapperSettings:
             useful and fit.
         map_voxel: edge of the fused map's voxels [m]; None is the survey's voxel.
         min_seen: points that fewer scans saw are left out of the map where others contradict them, see
-            `slam.map.doubt`; 1 leaves out none.
+            `slam.map.component_maps`; 1 leaves out none.
     """
 
     loops: LoopSettings = field(default_factory=LoopSettings)
@@ -122,104 +122,75 @@ class Mapper:
         if len(scans) < 2:
             raise InputError(f"{len(scans)} scan given; a map needs at least two that overlap")
         _require_scans(len(scans), ties, control)
-        survey = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
-        navigation = replace(Navigation.of(scans, survey, odometry), control=tuple(control))
-        runner = PairRunner(self.execution, navigation.scans, 2, progress)
+        number = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
+        by_hand = {tie.scans: tie for tie in ties}
+        measurements = replace(Measurements.of(scans, number, odometry), control=tuple(control), ties=by_hand)
+        runner = PairRunner(self.execution, measurements.scans, 2, progress)
         try:
-            keys, known = choose_keys(runner, survey, self.voxel, self.settings.keys)
+            keys, known = choose_keys(runner, number, self.voxel, self.settings.keys)
             if len(keys) == len(scans):
-                decision = self._decided(runner, navigation, survey, odometry, known, ties)
+                decision = self._decided(runner, measurements, known)
             else:
-                decision = self._decided_by_keys(runner, keys, known, navigation, survey, odometry, ties)
+                decision = self._decided_by_keys(runner, measurements, keys, known)
         finally:
             runner.release()
         runner.step_done("poses optimized")
-        result = replace(self._fuse(scans, survey, decision), ties=tuple(ties), control=decision.points(control))
+        result = replace(self._fuse(scans, number, decision), ties=tuple(ties), control=decision.points(control))
         runner.step_done("map fused")
         return result if len(keys) == len(scans) else replace(result, keys=tuple(keys))
 
     def _decided_by_keys(
-        self,
-        runner: PairRunner,
-        keys: Sequence[int],
-        known: Sequence[Pair],
-        navigation: Navigation,
-        survey: np.ndarray,
-        odometry: Odometry | None,
-        ties: Sequence[Tie],
+        self, runner: PairRunner, measurements: Measurements, keys: Sequence[int], known: Sequence[RegisteredPair]
     ) -> Decision:
         """About the key scans, and by them about all."""
-        number, own_survey = {k: n for n, k in enumerate(keys)}, survey[list(keys)]
-        own_ties = [tie.renumbered(number, [scan.name for scan in navigation.scans]) for tie in ties]
-        told = None if odometry is None else odometry.take(keys)
-        of_keys = navigation.of_some(keys, () if told is None else told.edges(own_survey))
-        between = [replace(pair, i=number[pair.i], j=number[pair.j]) for pair in known]
-        decision = self._decided(runner.of(keys), of_keys, own_survey, told, between, own_ties)
-        floor = self.settings.loops.floor(self.voxel) / 4
-        return with_between(decision, keys, navigation, survey, odometry, floor)
+        number = {k: n for n, k in enumerate(keys)}
+        of_keys, own = measurements.take(keys), [pair.renumbered(number) for pair in known]
+        decision = self._decided(runner.of(keys), of_keys, own)
+        return with_between(decision, keys, measurements, self.settings.loops.floor(self.voxel) / 4)
 
-    def _decided(
-        self,
-        runner: PairRunner,
-        navigation: Navigation,
-        survey: np.ndarray,
-        odometry: Odometry | None,
-        known: Sequence[Pair],
-        ties: Sequence[Tie],
-    ) -> Decision:
+    def _decided(self, runner: PairRunner, measurements: Measurements, known: Sequence[RegisteredPair]) -> Decision:
         """About all that can be registered of some scans; `known` pairs have been.
 
         The search knows neither ties nor control points, so that it registers the same pairs whatever these say.
         """
-        search = PairSearch(
-            runner,
-            navigation.scans,
-            survey,
-            self.registrar,
-            self.voxel,
-            self.settings.loops,
-            self.settings.limits,
-            odometry,
-        )
+        settings, alone = self.settings.loops, measurements.by_instruments
+        search = PairSearch(runner, measurements, self.registrar, self.voxel, settings, self.settings.limits)
         pairs = search.steps(known)
         pairs += search.bridges(pairs, self.settings.bridge)
         require_any_registered(pairs)
-        alone = navigation.without_control
         decision = self._decide(runner, alone, pairs)
-        settings = self.settings.loops
         for number in range(settings.most_rounds if settings.rounds else 0):
             loops = search.loops(decision, pairs, unsure=number >= settings.rounds)
             if not loops:
                 break
             pairs += loops
             decision = self._decide(runner, alone, pairs)
-        if not (ties or navigation.control):
+        if not (measurements.ties or measurements.control):
             return decision
-        by_hand = self._decide(runner, navigation, search.tied(pairs, ties))
+        by_hand = self._decide(runner, measurements, search.tied(pairs))
         sizes = with_contradictions(by_hand.pairs, by_hand.solution, decision.solution)
         return replace(by_hand, pairs=tuple(sizes), displaced=displaced(sizes, decision.pairs))
 
-    def _decide(self, runner: PairRunner, navigation: Navigation, pairs: Sequence[Pair]) -> Decision:
-        decision = decide(pairs, navigation, self.voxel, self.settings.loops)
+    def _decide(self, runner: PairRunner, measurements: Measurements, pairs: Sequence[RegisteredPair]) -> Decision:
+        decision = decide(pairs, measurements, self.voxel, self.settings.loops)
         runner.end_stage("poses optimized")
         return decision
 
     def _fuse(self, scans: Sequence[Scan], survey: np.ndarray, decision: Decision) -> SurveyResult:
         solution, covariances = decision.solution, pose_covariances(decision.solution)
         trajectory, components = solution.trajectory, solution.graph.components
-        parts = tuple(
-            component_maps(
+        parts: list[ComponentMaps] = []
+        for component in components:
+            members = list(component)
+            placed = PlacedScans.of(
                 [scans[k] for k in members],
-                decision.chained.take(members),
-                trajectory.take(members),
-                covariances[list(members)],
+                trajectory.T_world_sensor[members],
                 self.settings.map_voxel or self.voxel,
                 members,
-                survey[list(members)].tolist(),
-                self.settings.min_seen,
+                covariances[members],
+                survey[members].tolist(),
             )
-            for members in components
-        )
+            parts.append(component_maps(placed, decision.chained.take(members), self.settings.min_seen))
         return SurveyResult(
             trajectory=trajectory,
             chained=decision.chained,
@@ -227,7 +198,7 @@ class Mapper:
             surveys=tuple(survey.tolist()),
             covariances=covariances,
             solution=solution,
-            parts=parts,
+            parts=tuple(parts),
             pairs=decision.pairs,
             gaps=tuple((pair.i, pair.j) for pair in decision.pairs if pair.role == "sequential" and not pair.kept),
             voxel=self.voxel,

@@ -1,9 +1,9 @@
 # pyright: strict
-"""Two scans of a survey, from the candidate to the verdict."""
+"""Two scans of a survey, stage by stage: a candidate, a registered pair, and a pair with its verdict."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.edge import Edge
@@ -17,17 +17,96 @@ DEFECT = "an error of the method, not of the scans: "
 
 
 @dataclass(frozen=True, slots=True)
-class Pair:
-    """Two scans: first a candidate, then registered, then decided about; each step fills in more of it.
+class Candidate:
+    """Two scans that may be registered.
 
     Attributes:
         i, j: target and source, i < j.
         role: "sequential" (consecutive), "bridge" (over a gap) or "loop" (any others).
-        predicted_overlap: expected before it was registered, 0..1; NaN where no estimate exists.
-        expected: where the motion expects it, which bounds its registration; None where nothing does.
+        predicted_overlap: expected before it is registered, 0..1; NaN where no estimate exists.
         alike: distance of the scans' signatures, without a unit; NaN where these were not compared.
-        registration: the result; None before, and where the pair could not be registered.
+        expected: where the motion expects it, which bounds its registration; None where nothing does.
+    """
+
+    i: int
+    j: int
+    role: Role
+    predicted_overlap: float = float("nan")
+    alike: float = float("nan")
+    expected: ExpectedPose | None = None
+
+    @property
+    def scans(self) -> tuple[int, int]:
+        """(i, j)."""
+        return self.i, self.j
+
+
+class _Later(Protocol):
+    @property
+    def candidate(self) -> Candidate: ...
+
+
+class _OfCandidate:
+    """What a candidate says, of the pair that it has become."""
+
+    __slots__ = ()
+
+    @property
+    def i(self: _Later) -> int:
+        """Target."""
+        return self.candidate.i
+
+    @property
+    def j(self: _Later) -> int:
+        """Source."""
+        return self.candidate.j
+
+    @property
+    def scans(self: _Later) -> tuple[int, int]:
+        """(i, j)."""
+        return self.candidate.scans
+
+    @property
+    def role(self: _Later) -> Role:
+        """As of the candidate."""
+        return self.candidate.role
+
+
+@dataclass(frozen=True, slots=True)
+class RegisteredPair(_OfCandidate):
+    """A candidate with what came of its registration.
+
+    Attributes:
+        candidate: the two scans.
+        registration: the result; None where the pair could not be registered.
         failure: why it could not.
+    """
+
+    candidate: Candidate
+    registration: Registration | None = None
+    failure: str = ""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the registration accepts itself."""
+        return self.registration is not None and self.registration.accepted
+
+    @property
+    def placed(self) -> bool:
+        """Whether the registration has found the place, though it may leave a direction open there."""
+        return self.registration is not None and self.registration.placed
+
+    def renumbered(self, number: Mapping[int, int]) -> "RegisteredPair":
+        """The same with other numbers for its scans."""
+        return replace(self, candidate=replace(self.candidate, i=number[self.i], j=number[self.j]))
+
+
+@dataclass(frozen=True, slots=True)
+class Pair(_OfCandidate):
+    """A registered pair with the verdict of the whole survey.
+
+    Attributes:
+        registered: the pair.
         edge: what it contributes to the graph, of the registration or of one of its alternatives; None where it was
             not kept.
         reason: in words, why it was kept or not.
@@ -41,14 +120,7 @@ class Pair:
             the survey puts against it (`slam.decide.hand`); NaN of any other.
     """
 
-    i: int
-    j: int
-    role: Role
-    predicted_overlap: float = float("nan")
-    alike: float = float("nan")
-    expected: ExpectedPose | None = None
-    registration: Registration | None = None
-    failure: str = ""
+    registered: RegisteredPair
     edge: Edge | None = None
     reason: str = ""
     agreeing: int = 0
@@ -59,9 +131,34 @@ class Pair:
     contradicted: float = float("nan")
 
     @property
-    def scans(self) -> tuple[int, int]:
-        """(i, j)."""
-        return self.i, self.j
+    def candidate(self) -> Candidate:
+        """What it was before it was registered."""
+        return self.registered.candidate
+
+    @property
+    def expected(self) -> ExpectedPose | None:
+        """Where the motion expected it."""
+        return self.candidate.expected
+
+    @property
+    def predicted_overlap(self) -> float:
+        """As of the candidate."""
+        return self.candidate.predicted_overlap
+
+    @property
+    def alike(self) -> float:
+        """As of the candidate."""
+        return self.candidate.alike
+
+    @property
+    def registration(self) -> Registration | None:
+        """The result; None where the pair could not be registered."""
+        return self.registered.registration
+
+    @property
+    def failure(self) -> str:
+        """Why it could not."""
+        return self.registered.failure
 
     @property
     def is_defect(self) -> bool:
@@ -71,20 +168,19 @@ class Pair:
     @property
     def accepted(self) -> bool:
         """Whether the registration accepts itself."""
-        return self.registration is not None and self.registration.accepted
-
-    @property
-    def placed(self) -> bool:
-        """Whether the registration has found the place, though it may leave a direction open there."""
-        return self.registration is not None and self.registration.placed
+        return self.registered.accepted
 
     @property
     def kept(self) -> bool:
         """Whether it is an edge of the graph."""
         return self.edge is not None
 
+    def renumbered(self, number: Mapping[int, int]) -> "Pair":
+        """The same with other numbers for its scans."""
+        return replace(self, registered=self.registered.renumbered(number))
 
-def require_any_registered(pairs: Sequence[Pair]) -> None:
+
+def require_any_registered(pairs: Sequence[RegisteredPair]) -> None:
     """Refuse a survey of which every pair failed: then the set-up is wrong, or all scans but one.
 
     Raises:

@@ -8,20 +8,17 @@ import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 
 from sonarmap.slam.decide.decision import Decision
-from sonarmap.slam.decide.hand import with_ties
+from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.loops.candidates import find_candidates, find_lookalikes
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.map.shared_cells import outline
+from sonarmap.slam.map.cell import outline
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.measured_motion import AnyMotion, MeasuredMotion
 from sonarmap.slam.motion.motion import Motion
-from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
-from sonarmap.slam.pair import Pair
-from sonarmap.slam.tie import Tie
+from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registrar
-from sonarmap.spectral.scan import Scan
 
 # All is decided anew after a round: of a large survey that is not worth a few loops that are left [of a scan].
 _WORTH_A_ROUND = 0.01
@@ -36,75 +33,72 @@ class PairSearch:
 
     Args:
         runner: of the scans.
-        scans: in their order.
-        survey: (N,) int, the number of each scan's survey.
+        measurements: with the scans; dead reckoning then says where a scan is expected.
         registrar: the method; only one with `register_expected` takes a second look.
         voxel: edge of the survey's voxels [m].
         loops: which extra pairs are tried.
         limits: what the vehicle's motion cannot exceed.
-        odometry: dead reckoning, which then says where a scan is expected; None without.
     """
 
     def __init__(
         self,
         runner: PairRunner,
-        scans: Sequence[Scan],
-        survey: np.ndarray,
+        measurements: Measurements,
         registrar: Registrar,
         voxel: float,
         loops: LoopSettings,
         limits: MotionLimits,
-        odometry: Odometry | None = None,
     ) -> None:
-        self._runner, self._scans, self._survey, self._registrar = runner, scans, survey, registrar
-        self._voxel, self._settings, self._limits, self._odometry = voxel, loops, limits, odometry
+        self._runner, self._measurements, self._registrar = runner, measurements, registrar
+        self._voxel, self._settings, self._limits = voxel, loops, limits
         self._floor = loops.floor(voxel)
         self._motion: AnyMotion | None = None
         self._outlines: list[np.ndarray] = []
 
-    def steps(self, known: Sequence[Pair] = ()) -> list[Pair]:
+    def steps(self, known: Sequence[RegisteredPair] = ()) -> list[RegisteredPair]:
         """Consecutive scans of each survey, from which the motion is learned.
 
         Args:
             known: those that have been registered already.
         """
-        survey, by_scans = self._survey, {pair.scans: pair for pair in known}
-        steps = [Pair(k, k + 1, "sequential") for k in range(len(survey) - 1) if survey[k] == survey[k + 1]]
+        survey, by_scans = self._measurements.surveys, {pair.scans: pair for pair in known}
+        steps = [Candidate(k, k + 1, "sequential") for k in range(len(survey) - 1) if survey[k] == survey[k + 1]]
         registered = {
             pair.scans: pair for pair in self._runner.register([step for step in steps if step.scans not in by_scans])
         }
         pairs = [(by_scans | registered)[step.scans] for step in steps]
-        stamps = np.array([scan.stamp for scan in self._scans], dtype=np.float64)
-        motion = Motion.learn(pairs, stamps, survey, self._floor, self._limits)
-        self._motion = motion if self._odometry is None else MeasuredMotion(self._odometry, motion, self._floor)
+        odometry = self._measurements.odometry
+        motion = Motion.learn(pairs, self._measurements.stamps, survey, self._floor, self._limits)
+        self._motion = motion if odometry is None else MeasuredMotion(odometry, motion, self._floor)
         pairs = self._looked_at_again(pairs)
         if self._motion is not None:
             self._motion = self._motion.following(pairs)
-        return self._held(pairs)
+        return self._with_motion(pairs)
 
-    def bridges(self, steps: Sequence[Pair], widest: int) -> list[Pair]:
+    def bridges(self, steps: Sequence[RegisteredPair], widest: int) -> list[RegisteredPair]:
         """Pairs over what gaps separate, the closest scans first, and no farther ones once a gap is bridged.
 
         Args:
             steps: as registered.
             widest: most scans that a pair is apart.
         """
-        joined = DisjointSet(range(len(self._survey)))
+        surveys = self._measurements.surveys
+        joined = DisjointSet(range(len(surveys)))
         for pair in steps:
             if pair.accepted:
                 joined.merge(*pair.scans)
         gaps = [pair.i for pair in steps if not pair.accepted]
-        bridges: list[Pair] = []
+        bridges: list[RegisteredPair] = []
         for span in range(2, widest + 1):
-            across = dict.fromkeys(scans for gap in gaps for scans in _across(gap, span, self._survey))
-            candidates = [Pair(*scans, "bridge") for scans in across if not joined.connected(*scans)]
-            for pair in self._held(self._looked_at_again(self._runner.register(candidates))):
+            across = dict.fromkeys(scans for gap in gaps for scans in _across(gap, span, surveys))
+            candidates = [Candidate(*scans, "bridge") for scans in across if not joined.connected(*scans)]
+            for pair in self._with_motion(self._looked_at_again(self._runner.register(candidates))):
                 bridges.append(pair)
                 if pair.accepted:
                     joined.merge(*pair.scans)
         return bridges
 
-    def loops(self, decision: Decision, tried: Sequence[Pair], unsure: bool = False) -> list[Pair]:
+    def loops(self, decision: Decision, tried: Sequence[RegisteredPair], unsure: bool = False) -> list[RegisteredPair]:
         """The next loops; none where no candidates are left.
 
         Args:
@@ -114,7 +108,7 @@ class PairSearch:
         """
         candidates = self._candidates(decision, {pair.scans for pair in tried}, unsure)
         self._runner.end_stage("candidates sought")
-        if not candidates or (unsure and len(candidates) < _WORTH_A_ROUND * len(self._scans)):
+        if not candidates or (unsure and len(candidates) < _WORTH_A_ROUND * len(self._measurements.scans)):
             return []
         pairs = self._runner.register(candidates)
         if self._motion is not None:
@@ -125,37 +119,38 @@ class PairSearch:
         part = {k: number for number, members in enumerate(solution.graph.components) for k in members}
         doubtful = [pair for pair in pairs if part[pair.i] == part[pair.j] and pair.registration and not pair.accepted]
         expected = expected_by(solution, doubtful, self._floor)
-        looks = [replace(_unregistered(pair), expected=where) for pair, where in zip(doubtful, expected, strict=True)]
+        looks = [replace(pair.candidate, expected=where) for pair, where in zip(doubtful, expected, strict=True)]
         again = {pair.scans: pair for pair in self._runner.register(looks)}
         return [with_both(pair, again[pair.scans]) if pair.scans in again else pair for pair in pairs]
 
-    def tied(self, tried: Sequence[Pair], ties: Sequence[Tie]) -> list[Pair]:
-        """The pairs, marked with what a person said of them; and those that a person added, registered.
+    def tied(self, tried: Sequence[RegisteredPair]) -> list[RegisteredPair]:
+        """The pairs and those that a person added; what the person measured in place of a registration.
 
         Nothing else is registered: what a person says of pairs changes what is believed, not what is searched for.
-
-        Args:
-            tried: the pairs of all stages before.
-            ties: at most one of each two scans.
         """
         known = {pair.scans for pair in tried}
-        new = [tie for tie in ties if tie.verdict == "add" and tie.scans not in known]
-        added = [Pair(*tie.scans, "loop") for tie in new]
-        asked = [pair for pair, tie in zip(added, new, strict=True) if tie.given is None]
-        registered = {pair.scans: pair for pair in self._runner.register(asked)}
-        return with_ties([*tried, *(registered.get(pair.scans, pair) for pair in added)], ties)
+        ties = self._measurements.ties
+        new = [tie for tie in ties.values() if tie.verdict == "add" and tie.scans not in known]
+        asked = [Candidate(*tie.scans, "loop") for tie in new if tie.given is None]
+        given = [RegisteredPair(Candidate(*tie.scans, "loop")) for tie in new if tie.given is not None]
+        added = {pair.scans: pair for pair in (*self._runner.register(asked), *given)}
+        pairs = [*tried, *(added[tie.scans] for tie in new)]
+        return [
+            replace(pair, registration=tie.given, failure="") if (tie := ties.get(pair.scans)) and tie.given else pair
+            for pair in pairs
+        ]
 
-    def _looked_at_again(self, pairs: Sequence[Pair]) -> list[Pair]:
+    def _looked_at_again(self, pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
         """The pairs, those that are doubtful registered again about where the motion expects them."""
         motion = self._motion
         if motion is None or not hasattr(self._registrar, "register_expected"):
             return list(pairs)
         doubtful = [pair for pair in pairs if is_doubtful(pair, motion)]
-        looks = [replace(_unregistered(pair), expected=motion.expected(*pair.scans)) for pair in doubtful]
+        looks = [replace(pair.candidate, expected=motion.expected(*pair.scans)) for pair in doubtful]
         again = {pair.scans: pair for pair in self._runner.register(looks)}
         return [with_both(pair, again[pair.scans], motion) if pair.scans in again else pair for pair in pairs]
 
-    def _held(self, pairs: Sequence[Pair]) -> list[Pair]:
+    def _with_motion(self, pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
         """The pairs with what the learned motion says of them; dead reckoning is in the graph itself."""
         motion = self._motion
         if motion is None:
@@ -164,10 +159,12 @@ class PairSearch:
         held = {pair.scans: pair for pair in with_motion(free, motion)}
         return [held.get(pair.scans, pair) for pair in pairs]
 
-    def _candidates(self, decision: Decision, tried: set[tuple[int, int]], unsure: bool) -> list[Pair]:
+    def _candidates(self, decision: Decision, tried: set[tuple[int, int]], unsure: bool) -> list[Candidate]:
         """Pairs to try next, in the order of the scans: neighbors in that order share prepared scans."""
         if not self._outlines:
-            self._outlines = [outline(scan, self._settings.cell_voxels * self._voxel) for scan in self._scans]
+            self._outlines = [
+                outline(scan, self._settings.cell_voxels * self._voxel) for scan in self._measurements.scans
+            ]
         solution = decision.solution
         candidates = find_candidates(self._outlines, solution, self._voxel, self._settings, tried, unsure)
         components = solution.graph.components
@@ -176,12 +173,9 @@ class PairSearch:
             candidates += find_lookalikes(self._runner.signatures(), components, self._settings, tried)
         return sorted(candidates, key=lambda candidate: candidate.scans)
 
-    def _in_one_survey(self, pair: Pair) -> bool:
-        return bool(self._survey[pair.i] == self._survey[pair.j])
-
-
-def _unregistered(pair: Pair) -> Pair:
-    return replace(pair, registration=None)
+    def _in_one_survey(self, pair: RegisteredPair) -> bool:
+        surveys = self._measurements.surveys
+        return bool(surveys[pair.i] == surveys[pair.j])
 
 
 def _across(gap: int, span: int, survey: np.ndarray) -> list[tuple[int, int]]:

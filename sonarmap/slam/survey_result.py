@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sonarmap.slam.decide.wrong_fixes import WrongFix
+from sonarmap.slam.decide.wrong_measurements import WrongFix
 from sonarmap.slam.graph.control import MeasuredControl
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.decide.navigation import Navigation
+from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.graph.edge import Edge, Kind
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.spectral.result import Registration
@@ -58,9 +58,10 @@ def scans_of(T_world_sensor: RigidTransform, reach: float = 6.0, seed: int = 0) 
     return scans
 
 
-def navigation_of(count: int) -> Navigation:
+def measurements_of(count: int) -> Measurements:
     """Of scans that no instrument tells of, a second apart."""
-    return Navigation(tuple(Scan(np.zeros((1, 3), np.float32), stamp=float(k)) for k in range(count)))
+    scans = tuple(Scan(np.zeros((1, 3), np.float32), stamp=float(k)) for k in range(count))
+    return Measurements(scans, np.zeros(count, np.intp))
 
 
 class KnowingRegistrar:

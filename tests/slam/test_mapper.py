@@ -12,7 +12,7 @@ from sonarmap.slam.execute.worker import Worker
 from sonarmap.slam.graph.trajectory import chain
 from sonarmap.slam.loops.candidates import find_candidates
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.map.shared_cells import outline
+from sonarmap.slam.map.cell import outline
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult

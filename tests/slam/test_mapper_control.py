@@ -107,7 +107,7 @@ def test_parts_that_points_place_share_the_world() -> None:
     assert error(whole) < 0.3
     lacking = run(points([0, 4, 9, 17]))
     assert len(lacking.components) == 2
-    assert lacking.solution.graph.unmeasured.keys() == {12}
+    assert lacking.solution.graph.gauge.unmeasured.keys() == {12}
     first = lacking.trajectory.take(range(12)).T_world_sensor.translation
     assert np.linalg.norm(first - TRUTH[:12].translation, axis=1).max() < 0.4
     joined = run(points([0, 4, 9]), Tie(10, 13, "add"))

@@ -9,7 +9,7 @@ from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.gtsam_poses import to_values
 from sonarmap.slam.graph.measured_poses import MeasuredPoses
 from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.slam.graph.tangent import adjoint, carried
+from sonarmap.slam.graph.tangent import adjoint, propagated
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
@@ -128,7 +128,7 @@ class TestPoseGraph:
         left = Exp(adjoint(T_WORLD_I) @ (XI / 10)) * T_WORLD_I
         np.testing.assert_allclose((T_WORLD_I * Exp(XI / 10)).as_matrix(), left.as_matrix(), atol=1e-12)
         A = gtsam.Pose3(T_WORLD_I.as_matrix()).AdjointMap()
-        np.testing.assert_allclose(carried(T_WORLD_I, COVARIANCE), A @ COVARIANCE @ A.T, atol=1e-12)
+        np.testing.assert_allclose(propagated(T_WORLD_I, COVARIANCE), A @ COVARIANCE @ A.T, atol=1e-12)
 
     def test_a_prior_weighs_its_own_errors(self) -> None:
         """Of R_true = Exp(w) R_measured with w = Rz(h) (roll, pitch, heading error), as the page has it."""

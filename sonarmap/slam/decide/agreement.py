@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.chains import Chains
 from sonarmap.slam.graph.edge import Edge
-from sonarmap.slam.graph.tangent import carried, lengths
+from sonarmap.slam.graph.tangent import lengths, propagated
 
 NEAR = 5  # poses along the chain within which two loops are compared at either end
 
@@ -36,7 +36,7 @@ def agreeing_groups(chains: Chains, loops: Sequence[Edge], bound: float) -> np.n
     covariances = np.stack([edge.registration.covariance for edge in loops])
     backward = np.flatnonzero(~np.array(forward))
     if len(backward):
-        covariances[backward] = carried(measured[backward], covariances[backward])
+        covariances[backward] = propagated(measured[backward], covariances[backward])
         matrices = measured.as_matrix()
         matrices[backward] = measured[backward].inv().as_matrix()
         measured = RigidTransform.from_matrix(matrices)
@@ -49,11 +49,11 @@ def agreeing_groups(chains: Chains, loops: Sequence[Edge], bound: float) -> np.n
     error = (measured[a].inv() * cycle).as_exp_coords()
     part = chains.part[ends]
     connected = (part[a] == part[b]).all(axis=1)
-    total = covariances[a] + carried(T_jb_ja.inv(), covariances[b])
+    total = covariances[a] + propagated(T_jb_ja.inv(), covariances[b])
     i_a, j_a, i_b, j_b = ends[a[connected], 0], ends[a[connected], 1], ends[b[connected], 0], ends[b[connected], 1]
-    chain_i = carried(T[i_b].inv(), chains.between(i_a, i_b))
-    chain_j = carried(T[j_a].inv(), chains.between(j_b, j_a))
-    total[connected] += chain_j + carried((measured[b] * T_jb_ja).inv()[connected], chain_i)
+    chain_i = propagated(T[i_b].inv(), chains.between(i_a, i_b))
+    chain_j = propagated(T[j_a].inv(), chains.between(j_b, j_a))
+    total[connected] += chain_j + propagated((measured[b] * T_jb_ja).inv()[connected], chain_i)
     in_agreement = connected & (lengths(error, total) <= bound)
     links = sparse.coo_array(
         (np.ones(int(in_agreement.sum())), (a[in_agreement], b[in_agreement])), shape=(len(loops), len(loops))
@@ -70,5 +70,5 @@ def distances_from_chain(chains: Chains, loops: Sequence[Edge]) -> np.ndarray:
     error: np.ndarray = ((chains.T[i].inv() * chains.T[j]).inv() * measured).as_exp_coords()
     total = np.stack([edge.registration.covariance for edge in loops])
     joined = chains.part[i] == chains.part[j]
-    total[joined] += carried(chains.T[j[joined]].inv(), chains.between(i[joined], j[joined]))
+    total[joined] += propagated(chains.T[j[joined]].inv(), chains.between(i[joined], j[joined]))
     return np.where(joined, lengths(error, total), 0.0)

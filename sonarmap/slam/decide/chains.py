@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.edge import Edge, components, spanning_tree
-from sonarmap.slam.graph.tangent import carried
+from sonarmap.slam.graph.tangent import propagated
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ def _spread(
     # the noise is on the side of the measured pair's source
     sources = np.array([tree[n].j for n in along[behind].tolist()])
     covariances = np.stack([tree[n].registration.covariance for n in along[behind].tolist()])
-    spread[behind] = carried(poses[sources], covariances)
+    spread[behind] = propagated(poses[sources], covariances)
     for k in order:
         if reached_from[k] != k:
             spread[k] += spread[reached_from[k]]

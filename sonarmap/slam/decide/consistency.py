@@ -17,7 +17,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.chains import Chains
 from sonarmap.slam.decide.possible_edge import PossibleEdge, Support
-from sonarmap.slam.graph.tangent import carried, lengths
+from sonarmap.slam.graph.tangent import lengths, propagated
 
 _BLOCK = 20_000  # cycles that are looked at together
 # Each answer is compared with so many others, those nearest at both ends: a long way between two leaves so much open
@@ -165,11 +165,11 @@ class _Cycles:
         measured = RigidTransform.concatenate([registration.T_target_source for registration in registrations])
         covariance = np.stack([registration.covariance for registration in registrations]) + np.diag(floor**2)
         placed = chains.T[i] * measured
-        X, noise = placed * chains.T[j].inv(), carried(placed, covariance)
+        X, noise = placed * chains.T[j].inv(), propagated(placed, covariance)
         # scans are counted in their order, and parts that interleave may be measured from either
         back = chains.part[i] > chains.part[j]
         X = RigidTransform.concatenate([T.inv() if turned else T for T, turned in zip(X, back, strict=True)])
-        noise[back] = carried(X[back], noise[back])
+        noise[back] = propagated(X[back], noise[back])
         return cls(np.where(back, j, i), np.where(back, i, j), X, noise, chains)
 
     def from_chain(self, members: np.ndarray) -> np.ndarray:
@@ -189,5 +189,5 @@ class _Cycles:
         """(m,) of the cycles through possible edges a and b [sigmas]."""
         X, between = self.X[a], self.chains.between
         covariance = self.noise[a] + self.noise[b]
-        covariance += between(self.i[a], self.i[b]) + carried(X, between(self.j[a], self.j[b]))
+        covariance += between(self.i[a], self.i[b]) + propagated(X, between(self.j[a], self.j[b]))
         return lengths((X * self.X[b].inv()).as_exp_coords(), covariance)

@@ -9,22 +9,20 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.decide.chains import chain_parts
 from sonarmap.slam.decide.consistency import Comparison, compare
 from sonarmap.slam.decide.hand import hand_edges
-from sonarmap.slam.decide.navigation import Navigation
+from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.decide.twins import twin_odds, with_odds
 from sonarmap.slam.decide.verdict import with_verdicts
-from sonarmap.slam.decide.wrong_control import WrongControl, without_wrong_control
-from sonarmap.slam.decide.wrong_fixes import WrongFix, without_wrong_fixes
+from sonarmap.slam.decide.wrong_measurements import WrongControl, WrongFix, without_wrong_control, without_wrong_fixes
 from sonarmap.slam.graph.control import ControlPoint, MeasuredControl
-from sonarmap.slam.graph.control_place import place_by_control
 from sonarmap.slam.graph.edge import Edge, components, spanning_tree
+from sonarmap.slam.graph.place import place_by_control, place_in_world
 from sonarmap.slam.graph.pose_covariance import weighed
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory, chain
-from sonarmap.slam.graph.world import place_in_world
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Pair, RegisteredPair
 
 # Loops that a step of the chain outweighs: those that are given to the optimizer have been found consistent before.
 _CHAIN_WORTH = 2.0
@@ -59,7 +57,7 @@ class Decision:
     def points(self, control: Sequence[ControlPoint]) -> tuple[MeasuredControl, ...]:
         """Where the poses have control points, those to check with among them."""
         graph, wrong = self.solution.graph, {id(each.point): each.sigmas for each in self.wrong_control}
-        placed = {k for members in graph.components if graph.lies_in_world(members) for k in members}
+        placed = {k for members in graph.components if graph.gauge.lies_in_world(members) for k in members}
         T = graph.trajectory.T_world_sensor
         return tuple(
             MeasuredControl(
@@ -70,10 +68,7 @@ class Decision:
 
 
 def decide(
-    pairs: Sequence[Pair],
-    navigation: Navigation,
-    voxel: float,
-    settings: LoopSettings,
+    pairs: Sequence[RegisteredPair], measurements: Measurements, voxel: float, settings: LoopSettings
 ) -> Decision:
     """Decide about every answer of every pair, and optimize.
 
@@ -83,38 +78,38 @@ def decide(
     person accepted or added is an edge in any case, what a person rejected is none.
 
     Args:
-        pairs: every pair that was tried, those marked of which a person decided.
-        navigation: the scans, and what instruments say of their poses.
+        pairs: every pair that was tried.
+        measurements: the scans, what instruments say of their poses, and what a person says of pairs.
         voxel: edge of the survey's voxels [m].
         settings: how strictly answers are judged.
     """
     distrusted: set[tuple[int, int]] = set()
     while True:
-        decision, contradicted = _decide(pairs, navigation, settings.floor(voxel), settings.bound, distrusted)
+        decision, contradicted = _decide(pairs, measurements, settings.floor(voxel), settings.bound, distrusted)
         if not contradicted:
             return decision
         distrusted |= contradicted
 
 
 def _decide(
-    pairs: Sequence[Pair],
-    navigation: Navigation,
+    pairs: Sequence[RegisteredPair],
+    measurements: Measurements,
     floor: np.ndarray,
     bound: float,
     distrusted: Set[tuple[int, int]],
 ) -> tuple[Decision, set[tuple[int, int]]]:
     """As `decide` with `distrusted` pairs kept out of the chain; and which of the chain the graph contradicts."""
-    count, odometry = len(navigation.scans), list(navigation.odometry)
-    possible = _Possible.of(pairs, count, odometry, floor, bound, distrusted)
+    count, odometry, priors = len(measurements.scans), measurements.steps, measurements.priors
+    possible = _Possible.of(pairs, measurements, floor, bound, distrusted)
     edges = (*possible.trusted, *(answer.edge() for answer in possible.taken.values()), *odometry)
     sure = [*possible.trusted, *odometry, *possible.joins]
     parts = components(count, sure)
-    chained = place_in_world(chain(sure, navigation.stamps), parts, navigation.priors)
-    chained = place_by_control(chained, parts, navigation.control, navigation.priors)
+    chained = place_in_world(chain(sure, measurements.stamps), parts, priors)
+    chained = place_by_control(chained, parts, measurements.control, priors)
     fixes = _widened(PoseGraph(chained, tuple(sure)), _GRAPH_FLOOR * floor)
-    priors, wrong_fixes = without_wrong_fixes(fixes, navigation.priors)
+    priors, wrong_fixes = without_wrong_fixes(fixes, priors)
     measured = tuple(sorted(priors.items()))
-    holding = tuple(point for point in navigation.control if point.holds)
+    holding = tuple(point for point in measurements.control if point.holds)
     control, wrong_control = without_wrong_control(replace(fixes, priors=measured, control=holding))
     graph = PoseGraph(chained, edges, priors=measured, control=control)
     beyond_chain = len(edges) - len(odometry) - (count - len(parts))
@@ -127,8 +122,8 @@ def _decide(
     solution = _settled(kept_graph)
     solution = replace(solution, chi_squared_before=kept_graph.at(chained.T_world_sensor).chi_squared)
     kept = {(edge.i, edge.j) for edge in solution.graph.edges if edge.is_of_pair}
-    decided = with_verdicts(pairs, possible.supported, possible.taken, solution)
-    wrong = (*navigation.wrong_fixes, *wrong_fixes), (*wrong_control, *more_wrong)
+    decided = with_verdicts(pairs, measurements.ties, possible.supported, possible.taken, solution)
+    wrong = (*measurements.wrong_fixes, *wrong_fixes), (*wrong_control, *more_wrong)
     return Decision(chained, solution, tuple(decided), *wrong), possible.chain_scans - kept
 
 
@@ -161,19 +156,18 @@ class _Possible:
     @classmethod
     def of(
         cls,
-        pairs: Sequence[Pair],
-        count: int,
-        odometry: list[Edge],
+        pairs: Sequence[RegisteredPair],
+        measurements: Measurements,
         floor: np.ndarray,
         bound: float,
         distrusted: Set[tuple[int, int]],
     ) -> "_Possible":
-        """Of the pairs of `count` scans."""
+        count, odometry, ties = len(measurements.scans), measurements.steps, measurements.ties
 
         def compared_with(known: Sequence[Edge]) -> Comparison:
             return compare(chain_parts(count, [*known, *odometry]), answers, floor, bound)
 
-        asked = [pair for pair in pairs if pair.by_hand != "reject"]
+        asked = [p for p in pairs if p.scans not in ties or ties[p.scans].verdict != "reject"]
         trusted = [edge for pair in asked if pair.scans not in distrusted and (edge := _chain_edge(pair))]
         chain_scans = {(edge.i, edge.j) for edge in trusted}
         answers = [answer for pair in asked if pair.scans not in chain_scans for answer in _answers(pair)]
@@ -182,7 +176,8 @@ class _Possible:
         if (odds := twin_odds(supported)) > 1:
             answers = with_odds(answers, odds)
             supported = compared.support(answers)
-        by_hand = hand_edges(asked, {scans: answer.registration for scans, answer in _taken(supported).items()})
+        by_itself = {scans: answer.registration for scans, answer in _taken(supported).items()}
+        by_hand = hand_edges(asked, ties, by_itself)
         if by_hand:
             trusted = [*(edge for edge in trusted if (edge.i, edge.j) not in by_hand), *by_hand.values()]
             supported = compared_with(trusted).support(answers)
@@ -207,7 +202,7 @@ def _widened(graph: PoseGraph, floor: np.ndarray) -> PoseGraph:
     return replace(graph, edges=tuple(edges))
 
 
-def _chain_edge(pair: Pair) -> Edge | None:
+def _chain_edge(pair: RegisteredPair) -> Edge | None:
     """The pair's edge of the chain: of consecutive scans whose registration is accepted."""
     if pair.role != "sequential" or pair.registration is None or not pair.accepted:
         return None
@@ -217,7 +212,7 @@ def _chain_edge(pair: Pair) -> Edge | None:
         return None
 
 
-def _answers(pair: Pair) -> list[PossibleEdge]:
+def _answers(pair: RegisteredPair) -> list[PossibleEdge]:
     """The pair's answers that can be edges."""
     return [possible for possible in possible_edges(pair) if not possible.fault]
 

@@ -13,7 +13,7 @@ from sonarmap.slam.decide.contradiction import chi_squared
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.graph.tangent import lengths
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Pair, RegisteredPair
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
 
@@ -23,38 +23,27 @@ CONTRADICTED = chi_squared(0.999, 6)
 _LEAST_SHARE = 1e-3
 
 
-def with_ties(pairs: Sequence[Pair], ties: Sequence[Tie]) -> list[Pair]:
-    """The pairs, marked with what a person said of them; a transform that a person gave replaces the registration.
-
-    Args:
-        pairs: that were tried.
-        ties: at most one of each two scans; those of pairs that were not tried are not used.
-    """
-    tie_of = {tie.scans: tie for tie in ties}
-    return [_marked(pair, tie_of[pair.scans]) if pair.scans in tie_of else pair for pair in pairs]
-
-
-def _marked(pair: Pair, tie: Tie) -> Pair:
-    marked = replace(pair, by_hand=tie.by_hand, note=tie.note)
-    return marked if tie.given is None else replace(marked, registration=tie.given, failure="")
-
-
-def hand_edges(pairs: Sequence[Pair], taken: Mapping[tuple[int, int], Registration]) -> dict[tuple[int, int], Edge]:
+def hand_edges(
+    pairs: Sequence[RegisteredPair],
+    ties: Mapping[tuple[int, int], Tie],
+    taken: Mapping[tuple[int, int], Registration],
+) -> dict[tuple[int, int], Edge]:
     """The edges of the pairs that a person accepted or added, by their scans, whatever the others say of them.
 
     Of a registration with alternatives it is the answer that the survey would take by itself; else the most probable.
 
     Args:
         pairs: that were tried; those without a registration, or with one that cannot be an edge, have none.
+        ties: what the person said, by their scans.
         taken: the answers that the survey would take by itself beside its chain, by their scans.
     """
     edges: dict[tuple[int, int], Edge] = {}
     for pair in pairs:
-        if pair.by_hand in ("", "reject") or pair.registration is None:
+        tie = ties.get(pair.scans)
+        if tie is None or tie.verdict == "reject" or pair.registration is None:
             continue
-        given = pair.by_hand == "given"
-        answer = pair.registration if given else taken.get(pair.scans, pair.registration)
-        kind = "tie" if given else "sequential" if pair.role == "sequential" else "loop"
+        answer = taken.get(pair.scans, pair.registration) if tie.given is None else pair.registration
+        kind = "tie" if tie.given is not None else "sequential" if pair.role == "sequential" else "loop"
         with suppress(InputError):  # its covariance is none; `fault` tells
             edges[pair.scans] = Edge(pair.i, pair.j, answer, kind, by_hand=True)
     return edges

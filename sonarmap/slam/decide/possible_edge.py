@@ -8,7 +8,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.edge import Edge
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.result import Registration
 
 # An answer less probable than this is not followed.
@@ -148,7 +148,7 @@ class PossibleEdge:
         return self.accepted and self.support.pairs >= 2 and self.j - self.i <= _NEAR_IN_CHAIN
 
 
-def possible_edges(pair: Pair) -> list[PossibleEdge]:
+def possible_edges(pair: RegisteredPair) -> list[PossibleEdge]:
     """The registration of a pair, where it is accepted or possible, and its possible alternatives."""
     if pair.registration is None:
         return []

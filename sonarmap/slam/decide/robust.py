@@ -18,9 +18,8 @@ from sonarmap.slam.decide.agreement import agreeing_groups, distances_from_chain
 from sonarmap.slam.decide.chains import chain_parts
 from sonarmap.slam.decide.contradiction import GATE, chi_squared, contradicted_edges, plausible
 from sonarmap.slam.decide.region import regions_about
-from sonarmap.slam.graph.edge import spanning_tree
+from sonarmap.slam.graph.edge import cut_edges, spanning_tree
 from sonarmap.slam.graph.gtsam_poses import to_values
-from sonarmap.slam.graph.path import bridges
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution, factors_of
 from sonarmap.slam.graph.trajectory import chain
 
@@ -73,7 +72,7 @@ def robust_optimize(
     """
     edges, bound = graph.edges, chi_squared(probability, 6)
     fixed = _fixed_inliers(graph, trusted)
-    graph = graph.held(chain(edges, graph.trajectory.stamps).T_world_sensor)
+    graph = graph.placed_at(chain(edges, graph.trajectory.stamps).T_world_sensor)
     active = _first(graph, fixed)
     tried = active.astype(int)
     accepted, solution = _inliers(graph, active, fixed, bound, chain_worth)
@@ -95,7 +94,7 @@ def _fixed_inliers(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
     """(E,) bool: inliers in any case: what instruments or a person say, trusted edges, and what alone joins two
     parts."""
     fixed = np.array([edge.by_hand or not edge.is_registered for edge in graph.edges], bool)
-    fixed[[*trusted, *bridges(len(graph.trajectory), graph.edges, graph.in_world)]] = True
+    fixed[[*trusted, *cut_edges(len(graph.trajectory), graph.edges, graph.gauge.in_world)]] = True
     return fixed
 
 
@@ -140,7 +139,7 @@ def _inliers(
     if chain_worth is None:
         return _graduated(graph, active, fixed | sequential, bound)
     most = bound * np.where(sequential, chain_worth, 1)
-    measured = sum(known.rank for known in graph.all_known)
+    measured = sum(known.rank for known in graph.gauge.all_known)
     best: tuple[float, np.ndarray, Solution] | None = None
     for trusted in (fixed | sequential, fixed):
         accepted, solution = _graduated(graph, active, trusted, bound)
@@ -195,7 +194,7 @@ def _weights(graph: PoseGraph, fixed: np.ndarray, bound: float) -> np.ndarray:
 def _rejoined(graph: PoseGraph, active: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(E,) bool: the inliers, and the best of the other active edges where the graph has fallen apart."""
     joined = DisjointSet(range(len(graph.trajectory)))
-    for one, other in pairwise(graph.in_world):
+    for one, other in pairwise(graph.gauge.in_world):
         joined.merge(one, other)
     accepted = weights > _HALF
     for k in np.flatnonzero(accepted):

@@ -1,20 +1,21 @@
 """What became of every pair of a survey: in sigmas, and in words."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from sonarmap.slam.decide.possible_edge import PossibleEdge
 from sonarmap.slam.graph.pose_graph import Solution
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Pair, RegisteredPair
+from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
 
 _BY_HAND = {"accept": "accepted", "add": "added", "given": "measured"}
 
 
 def with_verdicts(
-    pairs: Sequence[Pair],
+    pairs: Sequence[RegisteredPair],
+    ties: Mapping[tuple[int, int], Tie],
     supported: Sequence[PossibleEdge],
     taken: Mapping[tuple[int, int], PossibleEdge],
     solution: Solution,
@@ -23,6 +24,7 @@ def with_verdicts(
 
     Args:
         pairs: those that were tried.
+        ties: what a person said of them, by their scans.
         supported: all their answers but those of the chain, with their support.
         taken: the answers that were given to the optimizer, by their scans.
         solution: the optimized graph; its edges are what was kept.
@@ -30,26 +32,28 @@ def with_verdicts(
     kept = {(edge.i, edge.j): n for n, edge in enumerate(solution.graph.edges) if edge.is_of_pair}
     best = {possible.scans: possible for possible in reversed(supported)} | dict(taken)
     distances = _distances(pairs, best, kept, solution)
-    decided = []
+    decided: list[Pair] = []
     for pair in pairs:
-        possible, n = best.get(pair.scans), kept.get(pair.scans)
+        possible, n, tie = best.get(pair.scans), kept.get(pair.scans), ties.get(pair.scans)
         edge = None if n is None else solution.graph.edges[n]
         residual = distances.get(pair.scans, float("nan")) if n is None else float(solution.residuals[n])
         decided.append(
-            replace(
+            Pair(
                 pair,
                 edge=edge,
-                reason=_reason(pair, possible, pair.scans in taken, edge is not None, residual),
+                reason=_reason(pair, tie, possible, pair.scans in taken, edge is not None, residual),
                 agreeing=possible.support.pairs - 1 if possible else 0,
                 sigmas_from_estimate=possible.support.sigmas if possible else float("nan"),
                 residual=residual,
+                by_hand=tie.by_hand if tie else "",
+                note=tie.note if tie else "",
             )
         )
     return decided
 
 
 def _distances(
-    pairs: Sequence[Pair],
+    pairs: Sequence[RegisteredPair],
     best: Mapping[tuple[int, int], PossibleEdge],
     kept: Mapping[tuple[int, int], int],
     solution: Solution,
@@ -68,14 +72,16 @@ def _distances(
     return dict(zip(asked, apart.tolist(), strict=True))
 
 
-def _reason(pair: Pair, possible: PossibleEdge | None, taken: bool, kept: bool, residual: float) -> str:
+def _reason(
+    pair: RegisteredPair, tie: Tie | None, possible: PossibleEdge | None, taken: bool, kept: bool, residual: float
+) -> str:
     registration = pair.registration
-    if pair.by_hand == "reject":
+    if tie and tie.verdict == "reject":
         return "rejected by hand"
     if registration is None:
         return f"failed: {pair.failure}"
-    if pair.by_hand and kept:
-        return f"kept: {_BY_HAND[pair.by_hand]} by hand, {residual:.1f} sigmas from the final poses"
+    if tie and kept:
+        return f"kept: {_BY_HAND[tie.by_hand]} by hand, {residual:.1f} sigmas from the final poses"
     if possible is None:
         if fault := PossibleEdge(pair.i, pair.j, registration).fault:
             return f"failed: {fault}"

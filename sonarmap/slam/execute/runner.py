@@ -1,10 +1,10 @@
 """A survey's pairs registered by whoever works, with a journal of those that are done."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -14,13 +14,11 @@ from sonarmap.slam.execute.pair_text import from_text, signature_from_text
 from sonarmap.slam.execute.scan_key import ScanKey, joined_key, scan_key
 from sonarmap.slam.execute.timings import PairTime, Timings
 from sonarmap.slam.execute.worker import PairJob, PairWorker, TimedText, Worker
-from sonarmap.slam.pair import Pair
-from sonarmap.spectral.result import Registrar, Registration
+from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
 
 Progress = Callable[[int, int, str], None]
-_Job = TypeVar("_Job")
-_Parsed = TypeVar("_Parsed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +47,84 @@ class Execution:
 
 @dataclass(slots=True)
 class _Steps:
-    """Of the progress."""
+    """The progress."""
 
     planned: int
+    report: Progress | None
     done: int = 0
+
+    def step(self, text: str) -> None:
+        self.done += 1
+        if self.report is not None:
+            self.report(self.done, self.planned, text)
+
+
+@dataclass(frozen=True, slots=True)
+class _Work:
+    """A piece of work, as the journal knows it.
+
+    Attributes:
+        kind: what is computed; it decides the result, as what is expected of a pair does.
+        scans: of these.
+        parse: raises a ValueError, LookupError or TypeError where a text is no result.
+    """
+
+    kind: str
+    scans: tuple[ScanKey, ...]
+    parse: Callable[[str], Any]
+
+    @property
+    def label(self) -> str:
+        return " - ".join(scan.name for scan in self.scans)
+
+    @classmethod
+    def of(cls, job: PairJob | ScanKey) -> "_Work":
+        """A pair to register, or a scan whose signature is wanted."""
+        if isinstance(job, ScanKey):
+            return cls("signature", (job,), signature_from_text)
+        kind, expected = "pair", job.expected
+        if expected is not None:
+            numbers = np.concatenate([expected.rotation, expected.translation, expected.sigmas])
+            kind = f"pair expected at {numbers.tolist()}"
+        return cls(kind, (job.target, job.source), from_text)
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """Results that earlier runs computed.
+
+    Attributes:
+        journal: None for none.
+        method: a key of all that decides a result beside the scans.
+    """
+
+    journal: Journal | None
+    method: str
+
+    def text(self, work: _Work) -> TimedText | None:
+        """The result of a piece of work; what cannot be read is the journal's fault.
+
+        A failure is taken over only where the scans have the same names, as these are in its words.
+        """
+        entry = None if self.journal is None else self.journal.entry(self._key(work))
+        if self.journal is None or entry is None:
+            return None
+        try:
+            parsed = work.parse(entry.content)
+        except (ValueError, LookupError, TypeError) as error:
+            raise self.journal.unusable(str(error)) from error
+        failed = work.parse is from_text and parsed[0] is None
+        return None if failed and entry.label != storable(work.label) else TimedText(entry.content, entry.seconds)
+
+    def add(self, works: Sequence[_Work], texts: Sequence[TimedText]) -> None:
+        if self.journal is not None:
+            done = zip(works, texts, strict=True)
+            self.journal.add(
+                [JournalEntry(self._key(work), work.label, text.content, text.seconds) for work, text in done]
+            )
+
+    def _key(self, work: _Work) -> str:
+        return joined_key(work.kind, self.method, *(scan.content for scan in work.scans))
 
 
 class PairRunner:
@@ -66,13 +138,12 @@ class PairRunner:
     """
 
     def __init__(self, execution: Execution, scans: Sequence[Scan], planned: int, progress: Progress | None) -> None:
-        self._execution = execution
-        self._all_scans = scans
+        self._execution, self._all_scans = execution, scans
+        self._kept = _Kept(execution.journal, execution.method)
         self._scans = [scan_key(scan) for scan in scans]
         self._number = {scan: k for k, scan in enumerate(self._scans)}
         self._numbers = list(range(len(scans)))  # of `_scans`, among all
-        self._progress = progress
-        self._steps = _Steps(planned)
+        self._steps = _Steps(planned, progress)
 
     def of(self, chosen: Sequence[int]) -> "PairRunner":
         """The same for some of the scans, which are then numbered 0, 1, ...; their progress goes on."""
@@ -89,7 +160,7 @@ class PairRunner:
     def step_done(self, stage: str) -> None:
         """End a stage that is one step of the progress."""
         self.end_stage(stage)
-        self._step(stage)
+        self._steps.step(stage)
 
     def end_stage(self, stage: str) -> None:
         """Count the time since the last stage ended to this stage."""
@@ -99,8 +170,8 @@ class PairRunner:
         """Free the prepared scans."""
         self._execution.worker.release()
 
-    def register(self, candidates: Sequence[Pair]) -> list[Pair]:
-        """Register scan j to scan i for every candidate: the same pairs, in their order, with their registrations.
+    def register(self, candidates: Sequence[Candidate]) -> list[RegisteredPair]:
+        """Register scan j to scan i for every candidate, in their order.
 
         A pair that cannot be registered has a failure instead. What the journal holds is not registered again.
 
@@ -108,20 +179,15 @@ class PairRunner:
             InputError, DeviceError: the machine or the workers failed, or the journal cannot be used.
         """
         self._steps.planned += len(candidates)
-        all_jobs = [PairJob(self._scans[pair.i], self._scans[pair.j], pair.expected) for pair in candidates]
-        texts = [self._pair_in_journal(job) for job in all_jobs]
-        pairs = list(candidates)
-        for n, text in enumerate(texts):
-            if text is not None:
-                pairs[n] = self._registered(candidates[n], text, from_journal=True)
-        missing = [n for n, text in enumerate(texts) if text is None]
-        jobs = [all_jobs[n] for n in missing]
-        for indices, results in self._run(self._execution.worker.register, jobs, _scans_of_pairs):
-            self._keep([self._pair_entry(jobs[k], text) for k, text in zip(indices, results, strict=True)])
-            for k, text in zip(indices, results, strict=True):
-                pairs[missing[k]] = self._registered(candidates[missing[k]], text, from_journal=False)
+        jobs = [PairJob(self._scans[pair.i], self._scans[pair.j], pair.expected) for pair in candidates]
+        pairs: dict[int, RegisteredPair] = {}
+        for n, text, from_journal in self._results(self._execution.worker.register, jobs):
+            pairs[n] = RegisteredPair(candidates[n], *from_text(text.content))
+            i, j = (self._numbers[k] for k in candidates[n].scans)
+            self._execution.timings.pairs.append(PairTime(i, j, text.seconds, from_journal))
+            self._steps.step(f"{_Work.of(jobs[n]).label}: {_result_in_words(pairs[n])}")
         self.end_stage("pairs registered")
-        return pairs
+        return [pairs[n] for n in range(len(candidates))]
 
     def signatures(self) -> list[np.ndarray | None]:
         """Every scan's signature, (K,) float32; None for a scan that cannot be prepared.
@@ -129,112 +195,36 @@ class PairRunner:
         Raises:
             InputError, DeviceError: the machine or the workers failed, or the journal cannot be used.
         """
-        texts = [self._signature_in_journal(scan) for scan in self._scans]
-        missing = [k for k, text in enumerate(texts) if text is None]
-        jobs = [self._scans[k] for k in missing]
-        for indices, results in self._run(self._execution.worker.signatures, jobs, iter):
-            self._keep([self._signature_entry(jobs[k], text) for k, text in zip(indices, results, strict=True)])
-            for k, text in zip(indices, results, strict=True):
-                texts[missing[k]] = text.content
+        results = self._results(self._execution.worker.signatures, self._scans)
+        signatures = {n: signature_from_text(text.content) for n, text, _ in results}
         self.end_stage("signatures computed")
-        return [signature_from_text(text) for text in texts if text is not None]
+        return [signatures[n] for n in range(len(self._scans))]
 
-    def _run(
-        self,
-        task: Callable[..., list[TimedText]],
-        jobs: Sequence[_Job],
-        scans_of: Callable[[Sequence[_Job]], Iterable[ScanKey]],
-    ) -> Iterator[tuple[range, list[TimedText]]]:
-        """The results of all jobs, piece by piece; `scans_of` says which scans a piece needs."""
+    def _results(
+        self, task: Callable[..., list[TimedText]], jobs: Sequence[PairJob] | Sequence[ScanKey]
+    ) -> Iterator[tuple[int, TimedText, bool]]:
+        """Every job's number and result, and whether it is the journal's; these come first, the others once done."""
+        works = [_Work.of(job) for job in jobs]
+        kept = [self._kept.text(work) for work in works]
+        yield from ((n, text, True) for n, text in enumerate(kept) if text is not None)
+        missing = [n for n, text in enumerate(kept) if text is None]
         executor = self._execution.executor
 
-        def sources(piece: Sequence[_Job]) -> tuple[dict[ScanKey, Any]]:
-            scans = dict.fromkeys(scans_of(piece))
+        def sources(piece: Sequence[PairJob | ScanKey]) -> tuple[dict[ScanKey, Any]]:
+            scans = dict.fromkeys(scan for job in piece for scan in _Work.of(job).scans)
             return ({scan: executor.transport.source(scan, partial(self._load, scan)) for scan in scans},)
 
-        return executor.run(task, jobs, more=sources)
+        for indices, texts in executor.run(task, [jobs[n] for n in missing], more=sources):
+            done = [missing[k] for k in indices]
+            self._kept.add([works[n] for n in done], texts)
+            yield from ((n, text, False) for n, text in zip(done, texts, strict=True))
 
     def _load(self, scan: ScanKey) -> Scan:
         return self._all_scans[self._number[scan]]
 
-    def _registered(self, candidate: Pair, text: TimedText, from_journal: bool) -> Pair:
-        """The pair with its result, counted as done."""
-        registration, failure = from_text(text.content)
-        i, j = candidate.i, candidate.j
-        time = PairTime(self._numbers[i], self._numbers[j], text.seconds, from_journal)
-        self._execution.timings.pairs.append(time)
-        self._step(f"{_label(self._scans[i], self._scans[j])}: {_result_in_words(registration, failure)}")
-        return replace(candidate, registration=registration, failure=failure)
 
-    def _step(self, text: str) -> None:
-        self._steps.done += 1
-        if self._progress is not None:
-            self._progress(self._steps.done, self._steps.planned, text)
-
-    def _keep(self, entries: Sequence[JournalEntry]) -> None:
-        if self._execution.journal is not None:
-            self._execution.journal.add(entries)
-
-    def _entry(self, kind: str, scans: Sequence[ScanKey]) -> JournalEntry | None:
-        journal = self._execution.journal
-        return None if journal is None else journal.entry(self._key(kind, scans))
-
-    def _key(self, kind: str, scans: Sequence[ScanKey]) -> str:
-        return joined_key(kind, self._execution.method, *(scan.content for scan in scans))
-
-    def _pair_entry(self, job: PairJob, text: TimedText) -> JournalEntry:
-        scans = job.target, job.source
-        return JournalEntry(self._key(_kind(job), scans), _label(*scans), text.content, text.seconds)
-
-    def _signature_entry(self, scan: ScanKey, text: TimedText) -> JournalEntry:
-        return JournalEntry(self._key("signature", (scan,)), _label(scan), text.content, text.seconds)
-
-    def _pair_in_journal(self, job: PairJob) -> TimedText | None:
-        """A failure is taken over only where the scans have the same names, as these are in its words."""
-        scans = job.target, job.source
-        entry = self._entry(_kind(job), scans)
-        if entry is None:
-            return None
-        registration, _ = self._parsed(entry, from_text)
-        if registration is None and entry.label != storable(_label(*scans)):
-            return None
-        return TimedText(entry.content, entry.seconds)
-
-    def _signature_in_journal(self, scan: ScanKey) -> str | None:
-        entry = self._entry("signature", (scan,))
-        if entry is None:
-            return None
-        self._parsed(entry, signature_from_text)
-        return entry.content
-
-    def _parsed(self, entry: JournalEntry, parse: Callable[[str], _Parsed]) -> _Parsed:
-        """An entry's content; what cannot be read is the journal's fault."""
-        try:
-            return parse(entry.content)
-        except (ValueError, LookupError, TypeError) as error:
-            assert self._execution.journal is not None
-            raise self._execution.journal.unusable(str(error)) from error
-
-
-def _scans_of_pairs(jobs: Sequence[PairJob]) -> list[ScanKey]:
-    return [scan for job in jobs for scan in (job.target, job.source)]
-
-
-def _kind(job: PairJob) -> str:
-    """Of the journal's entry: what is expected of a pair decides its result."""
-    expected = job.expected
-    if expected is None:
-        return "pair"
-    numbers = np.concatenate([expected.rotation, expected.translation, expected.sigmas])
-    return f"pair expected at {numbers.tolist()}"
-
-
-def _label(*scans: ScanKey) -> str:
-    return " - ".join(scan.name for scan in scans)
-
-
-def _result_in_words(registration: Registration | None, failure: str) -> str:
-    if registration is None:
-        return f"failed: {failure}"
-    verdict = "accepted" if registration.accepted else "refused by the registration"
-    return f"{verdict}: {registration.reason or 'no reason given'}"
+def _result_in_words(pair: RegisteredPair) -> str:
+    if pair.registration is None:
+        return f"failed: {pair.failure}"
+    verdict = "accepted" if pair.accepted else "refused by the registration"
+    return f"{verdict}: {pair.registration.reason or 'no reason given'}"

@@ -2,7 +2,6 @@
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Control points: places in scans whose coordinates in the world are known."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral
 from typing import Any, Literal, get_args
@@ -13,7 +12,6 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.known_pose import KnownPose
-from sonarmap.slam.graph.tangent import adjoint
 from sonarmap.spectral.covariance import cross_matrices
 
 Use = Literal["control", "check"]
@@ -118,74 +116,3 @@ class MeasuredControl:
 def jacobian(T_world_scan: RigidTransform, point: np.ndarray) -> np.ndarray:
     """(3, 6) of T Exp(xi) p by the body tangent xi, rotation first: R (-[p]x, I)."""
     return T_world_scan.rotation.as_matrix() @ np.hstack([-cross_matrices(point[None])[0], np.eye(3)])
-
-
-# What leaves a turn open by more than this tells no turn [rad], however small a step it is.
-_TURNED = 0.3
-# A direction in which a component is less sure than this is open [m].
-_UNSURE = 1e3
-# Shares of an open motion below this are rounding.
-_SHARE = 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class OpenMotion:
-    """In which motions of a whole component nothing holds it.
-
-    Attributes:
-        middle: T_world_middle, level, about which the motions are: the control points' mean.
-        axes: (6, k) orthonormal columns of (turn, shift) along the world's axes; k is 0 where all is held.
-        lever: what a turn counts [m], as columns hold turns times it.
-    """
-
-    middle: RigidTransform
-    axes: np.ndarray
-    lever: float
-
-    @property
-    def names(self) -> np.ndarray:
-        """(6,) bool: which of tilt, tilt, heading, East, North and Up are open (`slam.graph.measured_poses`)."""
-        return np.linalg.norm(self.axes, axis=1) > _SHARE
-
-    def at(self, T_world_pose: RigidTransform) -> np.ndarray:
-        """(6, k) orthonormal columns of the body tangent of a pose that the open motions move it along."""
-        units = np.repeat([self.lever, 1.0], 3)
-        columns, _ = np.linalg.qr(adjoint(T_world_pose.inv() * self.middle) @ (self.axes / units[:, None]))
-        return columns
-
-
-def control_of(control: Sequence[ControlPoint], members: Sequence[int]) -> list[ControlPoint]:
-    """The points of a component's scans that hold it."""
-    inside = set(members)
-    return [point for point in control if point.holds and point.scan in inside]
-
-
-def open_motion(
-    control: Sequence[ControlPoint], known: Sequence[KnownPose], members: Sequence[int], T_world: RigidTransform
-) -> OpenMotion:
-    """What control points, and what else is known of poses, leave open of where a component lies.
-
-    Args:
-        control: at least one, of the component's poses.
-        known: what else is known of poses; those of others do not count.
-        members: the component's poses.
-        T_world: of all poses, about where they are.
-    """
-    scans = [each.scan for each in control]
-    places: np.ndarray = T_world[scans].apply(np.stack([each.point for each in control]))
-    middle = RigidTransform.from_translation(places.mean(axis=0))
-    lever = max(float(np.sqrt(((places - places.mean(axis=0)) ** 2).sum(axis=1).mean())), 1.0)
-    units = np.repeat([lever, 1.0], 3)
-    # a motion of all poses about the middle, as that of each point and of each pose
-    moved = np.tile(np.eye(3, 6, 3), (len(places), 1, 1))
-    moved[:, :, :3] = cross_matrices(places.mean(axis=0) - places) / lever
-    weighed = moved / np.stack([each.sigmas for each in control])[:, :, None]
-    inside, total = set(members), np.einsum("nij,nik->jk", weighed, weighed)
-    for each in known:
-        if each.pose in inside:
-            A = adjoint(T_world[each.pose].inv() * middle) / units
-            total += A.T @ each.information @ A
-    values, axes = np.linalg.eigh(total)
-    sigmas = 1 / np.sqrt(np.maximum(values, 1e-30))
-    turns = sigmas * np.linalg.norm(axes[:3], axis=0) / lever
-    return OpenMotion(middle, axes[:, (sigmas > _UNSURE) | (turns > _TURNED)], lever)

@@ -1,8 +1,9 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""One measurement between two poses, and which poses a set of them joins."""
+"""One measurement between two poses, which poses a set of them joins, and which of them no path can avoid."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal, get_args
 
 import numpy as np
@@ -62,15 +63,15 @@ class Edge:
         """Whether it is what became of a pair of scans: registered, or measured by a person."""
         return self.is_registered or self.kind == "tie"
 
-    def doubted(self, factor: float) -> "Edge":
+    def with_scale_factor(self, factor: float) -> "Edge":
         """The edge with its covariance multiplied, whatever took part in it: it contradicts others as it is."""
         measured, alone = self.registration, self.registration.covariance_by_scans
-        doubted = replace(
+        scaled = replace(
             measured,
             covariance=factor * measured.covariance,
             covariance_by_scans=None if alone is None else factor * alone,
         )
-        return replace(self, registration=doubted)
+        return replace(self, registration=scaled)
 
     @property
     def name(self) -> str:
@@ -146,3 +147,43 @@ def components(count: int, edges: Sequence[Edge]) -> tuple[tuple[int, ...], ...]
     for edge in edges:
         joined.merge(edge.i, edge.j)
     return tuple(sorted(tuple(sorted(subset)) for subset in joined.subsets()))
+
+
+def cut_edges(count: int, edges: Sequence[Edge], in_world: Sequence[int] = ()) -> set[int]:
+    """The edges, by index, without which a component of `count` poses would fall apart (its bridges; Tarjan, IPL 1974).
+
+    Poses `in_world` hold together without edges.
+    """
+    neighbors: list[list[tuple[int, int]]] = [[] for _ in range(count)]
+    for number, (one, other) in enumerate(pairwise(in_world), len(edges)):
+        # twice, so that neither is necessary
+        for index in (number, number + count):
+            neighbors[one].append((other, index))
+            neighbors[other].append((one, index))
+    for index, edge in enumerate(edges):
+        if edge.kind != "prior":
+            neighbors[edge.i].append((edge.j, index))
+            neighbors[edge.j].append((edge.i, index))
+    order, low, necessary = [-1] * count, [0] * count, set[int]()
+    reached = 0
+    for root in range(count):
+        if order[root] >= 0:
+            continue
+        order[root] = low[root] = reached = reached + 1
+        path = [(root, -1, iter(neighbors[root]))]
+        while path:
+            pose, by, rest = path[-1]
+            step = next(((other, index) for other, index in rest if index != by), None)
+            if step is None:
+                path.pop()
+                if path:
+                    before = path[-1][0]
+                    low[before] = min(low[before], low[pose])
+                    if low[pose] == order[pose]:
+                        necessary.add(by)
+            elif order[step[0]] >= 0:
+                low[pose] = min(low[pose], order[step[0]])
+            else:
+                order[step[0]] = low[step[0]] = reached = reached + 1
+                path.append((*step, iter(neighbors[step[0]])))
+    return necessary

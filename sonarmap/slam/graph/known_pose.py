@@ -1,7 +1,6 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """What is known of single poses beside the edges, whoever measured it, as factors of a graph."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -9,15 +8,12 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.tangent import adjoint
 
 # Of a pose that ties a component to the world [rad, m]: far below any registration's.
 GAUGE_SIGMA = 1e-6
 # Of what is held of a pose beside what is measured of it [rad, m]: GTSAM takes a pivot 4096 times below its neighbor
 # for none.
 _HELD = 1e-4
-# A direction in which a whole component is less sure than this is held [m; turns by what they move it].
-_UNSURE = 1e3
 # Eigenvalues of an information matrix down to this share of the largest below 0 are rounded.
 _ROUNDED = 1e-9
 
@@ -72,32 +68,6 @@ class KnownPose:
 def held_pose(pose: int, T_world_pose: RigidTransform, free: np.ndarray) -> KnownPose:
     """One pose held where it is along what is `free`, (6, k) orthonormal columns of (w, v) as `KnownPose` has them."""
     return KnownPose(pose, T_world_pose, free @ free.T / _HELD**2)
-
-
-def undetermined(members: Sequence[int], known: Sequence[KnownPose], T_world: RigidTransform) -> KnownPose | None:
-    """What holds a component in directions in which nothing known of its poses does; None where there is none.
-
-    Args:
-        members: the component's poses.
-        known: of these poses.
-        T_world: of all poses, about where they are.
-    """
-    places = T_world[list(members)].translation
-    middle = RigidTransform.from_translation(places.mean(axis=0))
-    lever = max(float(np.sqrt(((places - middle.translation) ** 2).sum(axis=1).mean())), 1.0)
-    units = np.repeat([lever, 1.0], 3)
-    total = np.zeros((6, 6))
-    for each in known:
-        # a motion of all poses about the middle, as the motion of this one
-        A = adjoint(T_world[each.pose].inv() * middle) / units
-        total += A.T @ each.information @ A
-    values, axes = np.linalg.eigh(total)
-    loose = values < _UNSURE**-2
-    if not loose.any():
-        return None
-    first = members[0]
-    columns, _ = np.linalg.qr(adjoint(T_world[first].inv() * middle) @ (axes[:, loose] / units[:, None]))
-    return held_pose(first, T_world[first], columns)
 
 
 def _noise(information: np.ndarray) -> gtsam.noiseModel.Base:

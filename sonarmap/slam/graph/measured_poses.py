@@ -1,13 +1,13 @@
 """What instruments measured of poses: attitude, heading, depth and position, each with its own noise."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import gtsam
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.slam.graph.known_pose import KnownPose, blocks, held_pose
+from sonarmap.slam.graph.known_pose import KnownPose, blocks
 from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior
 
@@ -42,11 +42,14 @@ class MeasuredPoses:
         known = [priors[k] for k in poses.tolist()]
         precisions = 1 / np.stack([prior.sigmas for prior in known]) ** 2  # 0 where not measured
         T = RigidTransform.concatenate([prior.T_world_sensor for prior in known])
-        R = _chosen(precisions[:, 0] > 0, T.rotation, Rotation.from_euler("Z", _angles(twist(T.rotation))))
-        turned = Rotation.from_euler("Z", _angles(twist(T_world_sensor[poses].rotation * R.inv()))) * R
+        R = _chosen(precisions[:, 0] > 0, T.rotation, Rotation.from_euler("Z", twist(T.rotation)[:, None]))
+        turned = Rotation.from_euler("Z", twist(T_world_sensor[poses].rotation * R.inv())[:, None]) * R
         R = _chosen(precisions[:, 2] > 0, R, turned)
         return cls(
-            poses, RigidTransform.from_components(T.translation, R), _turns(R, precisions[:, :3]), precisions[:, 3:]
+            poses,
+            RigidTransform.from_components(T.translation, R),
+            turn_information(R, precisions[:, :3]),
+            precisions[:, 3:],
         )
 
     def known(self) -> list[KnownPose]:
@@ -74,8 +77,8 @@ class MeasuredPoses:
         return factors
 
 
-def told_about(priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> list[KnownPose]:
-    """What instruments tell of poses as if they had measured an estimate: exactly nothing of what they do not measure.
+def known_at(priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> list[KnownPose]:
+    """What instruments tell of poses, as if they had measured an estimate: nothing at all of what they do not measure.
 
     Args:
         priors: by pose.
@@ -86,49 +89,9 @@ def told_about(priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) 
     poses = sorted(priors)
     T, precisions = T_world_sensor[poses], 1 / np.stack([priors[k].sigmas for k in poses]) ** 2
     R: np.ndarray = T.rotation.as_matrix()
-    turns = _turns(T.rotation, precisions[:, :3])
+    turns = turn_information(T.rotation, precisions[:, :3])
     shifts = R.swapaxes(1, 2) @ (precisions[:, 3:, None] * R)
     return [KnownPose(k, T[n], blocks(turns[n], shifts[n])) for n, k in enumerate(poses)]
-
-
-# How far a vehicle's roll and pitch usually are from 0, standard deviation [rad].
-_LEVEL = float(np.deg2rad(15.0))
-# What instruments may measure of a pose, in the order of `unmeasured`.
-MEASURED = ("tilt_x", "tilt_y", "heading", "east", "north", "up")
-
-
-def unmeasured(members: Sequence[int], priors: Mapping[int, PosePrior]) -> np.ndarray:
-    """(6,) bool: which of tilt, tilt, heading, East, North and Up no instrument tells of any of a component's poses.
-
-    Positions of two poses tell the heading, of three and their depths the tilt too.
-    """
-    known = [priors[k] for k in members if k in priors]
-    positions, depths = sum(p.knows_position for p in known), sum(p.knows_depth for p in known)
-    tilted = any(p.knows_attitude for p in known) or min(positions, depths) >= 3
-    headed = any(p.knows_heading for p in known) or positions >= 2
-    return np.array([not tilted, not tilted, not headed, not positions, not positions, not depths])
-
-
-def level(members: Sequence[int], priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> KnownPose | None:
-    """A vehicle floats about level: what is known of a component whose tilt positions alone would tell.
-
-    Over a few meters these may tell any tilt, and turn the map on its side. None where attitudes are measured, or where
-    not even positions tell the tilt, which is held then.
-    """
-    known = [k for k in members if k in priors]
-    if not known or any(priors[k].knows_attitude for k in known) or unmeasured(members, priors)[:2].any():
-        return None
-    upright = Rotation.from_euler("Z", _angles(twist(T_world_sensor[known[:1]].rotation)))
-    information = _turns(upright, np.array([[_LEVEL**-2, _LEVEL**-2, 0.0]]))[0]
-    T = RigidTransform.from_components(T_world_sensor[known[0]].translation, upright[0])
-    return KnownPose(known[0], T, blocks(information, np.zeros((3, 3))))
-
-
-def gauge(pose: int, free: np.ndarray, T_world_sensor: RigidTransform) -> KnownPose:
-    """What holds one pose where it is along what is `free`, (6,) bool as `unmeasured` gives it."""
-    R = T_world_sensor.rotation
-    of_world = blocks(Rotation.from_euler("Z", twist(R)).as_matrix(), np.eye(3))[:, free]
-    return held_pose(pose, T_world_sensor, blocks(R.as_matrix().T, R.as_matrix().T) @ of_world)
 
 
 def _chosen(which: np.ndarray, R: Rotation, other: Rotation) -> Rotation:
@@ -136,13 +99,8 @@ def _chosen(which: np.ndarray, R: Rotation, other: Rotation) -> Rotation:
     return Rotation.from_quat(np.where(which[:, None], R.as_quat(), other.as_quat()))
 
 
-def _angles(turns: np.ndarray) -> np.ndarray:
-    """(n, 1): one angle a rotation."""
-    return turns[:, None]
-
-
-def _turns(R: Rotation, precisions: np.ndarray) -> np.ndarray:
+def turn_information(R: Rotation, precisions: np.ndarray) -> np.ndarray:
     """(n, 3, 3) about e, of R_true = R Exp(e) = Exp(w) R with w = Rz(h) v, h the twist of R and v of these precisions
     (n, 3)."""
-    M: np.ndarray = (Rotation.from_euler("Z", _angles(twist(R))).inv() * R).as_matrix()
+    M: np.ndarray = (Rotation.from_euler("Z", twist(R)[:, None]).inv() * R).as_matrix()
     return M.swapaxes(1, 2) @ (precisions[:, :, None] * M)

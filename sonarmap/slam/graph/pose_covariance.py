@@ -46,15 +46,15 @@ def weighed(graph: PoseGraph) -> PoseGraph:
     alone = graph.registered_alone
     weights, quotient = np.ones(len(alone.edges)), _EXPECTED
     for _ in range(_REWEIGHTED if weights.size else 0):
-        solution = alone.optimize(covariances=False, doubts=1 / weights)
+        solution = alone.optimize(covariances=False, scale_factors=1 / weights)
         alone = alone.at(solution.trajectory.T_world_sensor)
         squared = solution.residuals**2  # weighted
         quotient = (squared.sum() + _WORTH * _EXPECTED) / (solution.degrees_of_freedom + _WORTH)
         weights = np.minimum(1.0, (_TAILS + 6) / (_TAILS + squared / weights / quotient))
-    doubts = np.ones(len(graph.edges))
-    doubts[[edge.is_registered for edge in graph.edges]] = 1 / weights
-    doubts[[edge.by_hand for edge in graph.edges]] = 1.0
-    return graph.scaled(_OF_EDGES * quotient).doubted(doubts)
+    scale_factors = np.ones(len(graph.edges))
+    scale_factors[[edge.is_registered for edge in graph.edges]] = 1 / weights
+    scale_factors[[edge.by_hand for edge in graph.edges]] = 1.0
+    return graph.scaled(_OF_EDGES * quotient).with_scale_factors(scale_factors)
 
 
 def pose_covariances(solution: Solution) -> np.ndarray:
@@ -66,9 +66,9 @@ def pose_covariances(solution: Solution) -> np.ndarray:
     marginals, T = solution.covariances(), solution.trajectory.T_world_sensor
     graph, lean = solution.graph, _lean(solution)
     measured = np.zeros_like(marginals)
-    for known in graph.all_known:
+    for known in graph.gauge.all_known:
         measured[known.pose] += _in_body(known, T[known.pose])
-    holding = {*graph.anchors, *(pose for pose, _ in graph.loose)}
+    holding = {*graph.anchors, *(pose for pose, _ in graph.gauge.unconstrained)}
     result = np.empty_like(marginals)
     for component in graph.components:
         held = [k for k in component if k in holding]

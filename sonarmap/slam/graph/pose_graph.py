@@ -14,15 +14,14 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.control import ControlPoint, OpenMotion, control_of, open_motion
+from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge, components, scaled
-from sonarmap.slam.graph.edge_factors import edge_factors, residuals_of
-from sonarmap.slam.graph.graph_factors import anchor_factors, holds, levels, pose_factors
+from sonarmap.slam.graph.factors import edge_factors, gauge_factors, residuals_of
+from sonarmap.slam.graph.gauge import Gauge
 from sonarmap.slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_transforms, to_values
-from sonarmap.slam.graph.known_pose import GAUGE_SIGMA, KnownPose, held_pose, undetermined
+from sonarmap.slam.graph.known_pose import GAUGE_SIGMA, KnownPose
 from sonarmap.slam.graph.marginals import Marginals, marginals
-from sonarmap.slam.graph.measured_poses import MeasuredPoses, gauge, told_about, unmeasured
-from sonarmap.slam.graph.tangent import adjoint, carried, lengths
+from sonarmap.slam.graph.tangent import adjoint, lengths, propagated
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
@@ -40,8 +39,7 @@ class PoseGraph:
         known: what else is known of single poses, as a file says it.
         control: points of poses, held to their places in the world; the trajectory is in it (`place_by_control`).
 
-    Every connected component needs a tie to the world: its fixed poses or its priors are that tie, and where it has
-    neither, its first pose is held (`anchors`). What no instrument measures of any of its poses is held there too.
+    What ties it to the world, and what is held where nothing does, is its `gauge`.
 
     Raises:
         InputError: an edge or a fixed pose that names a pose which is not there.
@@ -61,120 +59,24 @@ class PoseGraph:
                 raise InputError(f"{edge.name} names a pose which is not among the {count} of the trajectory")
         if any(not 0 <= pose < count for pose in self.fixed):
             raise InputError(f"fixed poses {self.fixed}: wanted indices below {count}, the number of poses")
-        if any(not 0 <= pose < count for pose in self._measured):
+        if any(not 0 <= pose < count for pose in self.gauge.measured):
             raise InputError(f"a prior or control point names a pose which is not among the {count} of the trajectory")
 
     @cached_property
-    def components(self) -> tuple[tuple[int, ...], ...]:
-        """The sets of poses that share a frame, in the order of their first poses.
-
-        They are those that edges join; what instruments place wholly in the world shares the world.
-        """
-        parts = components(len(self.trajectory), self.edges)
-        priors = dict(self.priors)
-        placed = [self._is_placed(part, priors) for part in parts] if self._measured else []
-        if sum(placed) < 2:
-            return parts
-        world = tuple(sorted(pose for part, known in zip(parts, placed, strict=True) if known for pose in part))
-        return tuple(sorted([world, *(part for part, known in zip(parts, placed, strict=True) if not known)]))
+    def gauge(self) -> Gauge:
+        """What fixes it."""
+        T = self.trajectory.T_world_sensor
+        return Gauge(T, self.edges, self.fixed, dict(self.priors), self.known, self.control)
 
     @property
-    def in_world(self) -> list[int]:
-        """Poses of which instruments tell all six numbers, each by itself."""
-        complete = {pose for pose, prior in self.priors if prior.is_complete}
-        return sorted(complete.union(known.pose for known in self.known if known.rank == 6))
+    def components(self) -> tuple[tuple[int, ...], ...]:
+        """The sets of poses that share a frame, in the order of their first poses."""
+        return self.gauge.components
 
-    def lies_in_world(self, members: Sequence[int]) -> bool:
-        """Whether instruments or control points tell all of where one of the components lies."""
-        return members[0] not in self.unmeasured and set(self.anchors).isdisjoint(members)
-
-    @cached_property
+    @property
     def anchors(self) -> tuple[int, ...]:
         """The poses held where they are: the fixed, and the first of a component that nothing else holds."""
-        held = {edge.i for edge in self.edges if edge.kind == "prior"}.union(self.fixed, self._measured)
-        first = (members[0] for members in self.components if held.isdisjoint(members))
-        return tuple(sorted({*self.fixed, *first}))
-
-    @property
-    def loose(self) -> list[tuple[int, np.ndarray]]:
-        """The first pose of each component whose priors do not tell all, and (6,) bool what they do not tell."""
-        priors, beside = dict(self.priors), {*self.anchors, *(point.scan for point in self.control)}
-        measured = (members for members in self.components if not beside.intersection(members))
-        unheld = [
-            (members[0], unmeasured(members, priors)) for members in measured if set(priors).intersection(members)
-        ]
-        return [(pose, free) for pose, free in unheld if free.any()]
-
-    @cached_property
-    def open_motions(self) -> list[tuple[int, OpenMotion]]:
-        """The first pose of each component that control points hold, and the motions that nothing holds it in."""
-        free = [m for m in self.components if self.control and not set(self.anchors).intersection(m)]
-        T, known = self.trajectory.T_world_sensor, self._measured_known
-        return [(m[0], open_motion(control, known, m, T)) for m in free if (control := control_of(self.control, m))]
-
-    @property
-    def unmeasured(self) -> dict[int, np.ndarray]:
-        """By the first pose of each component that does not wholly lie in the world: (6,) bool what nobody measured."""
-        return dict(self.loose) | {pose: free.names for pose, free in self.open_motions if free.names.any()}
-
-    @property
-    def all_known(self) -> list[KnownPose]:
-        """All that is known of single poses but the anchors': `known`, the priors, and what is held beside these."""
-        measured, T = self.by_priors, self.trajectory.T_world_sensor
-        control = [point.known_pose(T[point.scan]) for point in self.control]
-        return [*self.beside_priors, *control, *([] if measured is None else measured.known())]
-
-    @property
-    def by_priors(self) -> MeasuredPoses | None:
-        """What instruments measured; None where nothing."""
-        return MeasuredPoses.of(dict(self.priors), self.trajectory.T_world_sensor) if self.priors else None
-
-    @property
-    def beside_priors(self) -> list[KnownPose]:
-        """What else is known, and what is held where neither tells."""
-        T = self.trajectory.T_world_sensor
-        held = [gauge(pose, free, T[pose]) for pose, free in self.loose]
-        held += [held_pose(pose, T[pose], free.at(T[pose])) for pose, free in self.open_motions if free.axes.size]
-        return [*self.known, *self._level, *held, *self._undetermined]
-
-    @property
-    def degrees_of_freedom(self) -> int:
-        """Measured numbers less free ones."""
-        free = 6 * (len(self.trajectory) - len(self.anchors)) - sum(int(free.sum()) for _, free in self.loose)
-        free -= sum(motion.axes.shape[1] for _, motion in self.open_motions)
-        measured = 6 * len(self.edges) + 3 * len(self.control)
-        measured += sum(int(np.isfinite(prior.sigmas).sum()) for _, prior in self.priors)
-        return measured + sum(known.rank for known in (*self.known, *self._level, *self._undetermined)) - free
-
-    def _is_placed(self, part: tuple[int, ...], priors: dict[int, PosePrior]) -> bool:
-        """Whether instruments tell all of where the poses lie that edges join."""
-        inside, T = set(part), self.trajectory.T_world_sensor
-        if not inside.isdisjoint(priors) and not unmeasured(part, priors).any():
-            return True
-        if control := control_of(self.control, part):
-            return not open_motion(control, self._measured_known, part, T).axes.size
-        known = [known for known in self.known if known.pose in inside]
-        return bool(known) and undetermined(part, known, T) is None
-
-    @cached_property
-    def _measured(self) -> set[int]:
-        """The poses of which something is measured."""
-        single = *(known.pose for known in self.known), *(point.scan for point in self.control)
-        return {*dict(self.priors), *single}
-
-    @cached_property
-    def _measured_known(self) -> list[KnownPose]:
-        """What is known of single poses beside control points, where the trajectory has them."""
-        return [*self.known, *told_about(dict(self.priors), self.trajectory.T_world_sensor)]
-
-    @property
-    def _level(self) -> list[KnownPose]:
-        return levels(self.components, set(self.anchors), dict(self.priors), self.trajectory.T_world_sensor)
-
-    @property
-    def _undetermined(self) -> list[KnownPose]:
-        elsewhere = {*self.anchors, *dict(self.priors), *(point.scan for point in self.control)}
-        return holds(self.components, elsewhere, self.known, self.trajectory.T_world_sensor)
+        return self.gauge.anchors
 
     @property
     def chi_squared(self) -> float:
@@ -202,9 +104,9 @@ class PoseGraph:
         registered = iter(scaled([edge for edge in self.edges if edge.is_registered], factor))
         return replace(self, edges=tuple(next(registered) if edge.is_registered else edge for edge in self.edges))
 
-    def doubted(self, factors: np.ndarray) -> "PoseGraph":
-        """The graph with the covariances of its E edges multiplied by (E,) factors (`Edge.doubted`)."""
-        edges = [edge.doubted(factor) for edge, factor in zip(self.edges, factors.tolist(), strict=True)]
+    def with_scale_factors(self, factors: np.ndarray) -> "PoseGraph":
+        """The graph with the covariances of its E edges multiplied by (E,) factors (`Edge.with_scale_factor`)."""
+        edges = [edge.with_scale_factor(factor) for edge, factor in zip(self.edges, factors.tolist(), strict=True)]
         return replace(self, edges=tuple(edges))
 
     def residuals(self) -> np.ndarray:
@@ -222,15 +124,15 @@ class PoseGraph:
             started = chordal_start(factors_of(without, START_SIGMA), len(self.trajectory))
         except RuntimeError as error:
             raise self.unsolvable(error) from error
-        return self.held(started)
+        return self.placed_at(started)
 
-    def held(self, T_world_sensor: RigidTransform) -> "PoseGraph":
+    def placed_at(self, T_world_sensor: RigidTransform) -> "PoseGraph":
         """The same edges with these N poses, what edges join moved as a whole, so that its anchors are where they were.
 
         A part whose place is measured is moved so that its first measured pose is where it was.
         """
         initial, matrices = self.trajectory.T_world_sensor, T_world_sensor.as_matrix()
-        anchors, measured = self.anchors, self._measured
+        anchors, measured = self.anchors, self.gauge.measured
         for members in components(len(self.trajectory), self.edges):
             inside = sorted(set(anchors).intersection(members)) or sorted(measured.intersection(members))[:1]
             if inside:
@@ -250,19 +152,19 @@ class PoseGraph:
         )
 
     def optimize(
-        self, max_iterations: int = 100, covariances: bool = True, doubts: np.ndarray | None = None
+        self, max_iterations: int = 100, covariances: bool = True, scale_factors: np.ndarray | None = None
     ) -> "Solution":
         """The poses of least squared residual, by Levenberg-Marquardt from the initial estimate.
 
         Args:
             max_iterations: of the optimizer.
             covariances: whether the solution has these, which takes a unique one; poses and residuals take none.
-            doubts: (E,) by which the edges' covariances are multiplied; 1 by default.
+            scale_factors: (E,) by which the edges' covariances are multiplied; 1 by default.
 
         Raises:
             InputError: the equations have no unique or no finite solution.
         """
-        factors, initial = factors_of(self, doubts=doubts), to_values(self.trajectory.T_world_sensor)
+        factors, initial = factors_of(self, scale_factors=scale_factors), to_values(self.trajectory.T_world_sensor)
         options = gtsam.LevenbergMarquardtParams()
         options.setMaxIterations(max_iterations)
         if len({pose for edge in self.edges if edge.i != edge.j for pose in (edge.i, edge.j)}) == len(self.trajectory):
@@ -282,7 +184,7 @@ class PoseGraph:
             graph=self.at(to_transforms(optimum, len(self.trajectory))),
             chi_squared_before=2 * factors.error(initial),
             chi_squared_after=2 * factors.error(optimum),
-            degrees_of_freedom=self.degrees_of_freedom,
+            degrees_of_freedom=self.gauge.degrees_of_freedom,
             iterations=optimizer.iterations(),
             converged=optimizer.iterations() < max_iterations,
             residuals=np.array([np.sqrt(2 * factors.at(k).error(optimum)) for k in range(len(self.edges))]),
@@ -366,7 +268,7 @@ class Solution:
         if np.isfinite(most):
             # however two errors depend on each other, the covariance of their sum is at most twice that of both
             single = self.covariances()
-            near = lengths(xi, stated + 2 * (single[j] + carried(T_i_j.inv(), single[i]))) <= most
+            near = lengths(xi, stated + 2 * (single[j] + propagated(T_i_j.inv(), single[i]))) <= most
         sigmas[near] = lengths(xi[near], stated[near] + self.relatives(pairs[near])[1])
         return sigmas
 
@@ -379,21 +281,16 @@ class Solution:
 
 
 def factors_of(
-    graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA, doubts: np.ndarray | None = None
+    graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA, scale_factors: np.ndarray | None = None
 ) -> gtsam.NonlinearFactorGraph:
     """The graph as GTSAM's factors: one for each edge, in their order, then those of the anchors and known poses.
 
     Args:
         graph: its poses are keys 0..N-1.
         gauge_sigma: standard deviation with which anchors are held [rad, m].
-        doubts: (E,) by which the edges' covariances are multiplied; 1 by default.
+        scale_factors: (E,) by which the edges' covariances are multiplied; 1 by default.
     """
-    factors, measured = gtsam.NonlinearFactorGraph(), graph.by_priors
-    for factor in (
-        *edge_factors(graph.edges, doubts),
-        *anchor_factors(graph.anchors, graph.trajectory.T_world_sensor, gauge_sigma),
-        *(() if measured is None else measured.factors()),
-        *pose_factors(graph.control, graph.beside_priors),
-    ):
+    factors = gtsam.NonlinearFactorGraph()
+    for factor in (*edge_factors(graph.edges, scale_factors), *gauge_factors(graph.gauge, gauge_sigma)):
         factors.add(factor)
     return factors

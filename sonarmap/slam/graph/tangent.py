@@ -1,4 +1,4 @@
-"""Tangents and their covariances: carried from one frame to another, and their lengths; many at a time."""
+"""Tangents and their covariances: propagated from one frame to another, and their lengths; many at a time."""
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -15,7 +15,7 @@ def adjoint(T: RigidTransform) -> np.ndarray:
     return result
 
 
-def carried(T: RigidTransform, covariance: np.ndarray) -> np.ndarray:
+def propagated(T: RigidTransform, covariance: np.ndarray) -> np.ndarray:
     """(..., 6, 6) covariances of adjoint(T) xi, from those of xi."""
     A = adjoint(T)
     return A @ covariance @ A.swapaxes(-1, -2)
@@ -24,3 +24,15 @@ def carried(T: RigidTransform, covariance: np.ndarray) -> np.ndarray:
 def lengths(xi: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """(m,) Mahalanobis lengths of tangents (m, 6) under their covariances (m, 6, 6) [sigmas]."""
     return np.sqrt(np.einsum("na,na->n", xi, np.linalg.solve(covariance, xi[:, :, None])[:, :, 0]))
+
+
+def worst_sigmas(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The standard deviations of covariances (..., 6, 6), rotation first, along their worst directions.
+
+    Returns:
+        of the rotation [rad] and of the translation [m], (...) each: the roots of the largest eigenvalues of the two
+        diagonal blocks, which no choice of axes changes.
+    """
+    blocks = covariance[..., :3, :3], covariance[..., 3:, 3:]
+    rotation, translation = (np.sqrt(np.linalg.eigvalsh(block)[..., -1]) for block in blocks)
+    return rotation, translation

@@ -11,8 +11,8 @@ from sonarmap.slam.loops.forecast import certainties, displacement
 from sonarmap.slam.loops.places import PlaceIndex
 from sonarmap.slam.loops.separation import separations
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.map.shared_cells import overlapping
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.map.cell import overlapping
+from sonarmap.slam.pair import Candidate
 
 # The power of the overlap in a loop's worth: where scans share less, they see it from other sides, and err more.
 _OVERLAP = 2
@@ -27,7 +27,7 @@ def find_candidates(
     settings: LoopSettings,
     tried: Set[tuple[int, int]] = frozenset(),
     unsure: bool = False,
-) -> list[Pair]:
+) -> list[Candidate]:
     """Candidates for loops that the estimate and its uncertainty expect to overlap, best first within the limits.
 
     What counts is the expected overlap: that at the estimate, less what the joint marginal of both poses leaves open;
@@ -57,7 +57,7 @@ def find_candidates(
     overlap = overlap * certainties(outlines, scans, T[tells], covariances[tells], cell)
     kept = np.flatnonzero(overlap >= settings.min_overlap)
     best = kept[_best(scans[kept], overlap[kept], solution, settings.per_scan, settings.spread)]
-    return [Pair(int(scans[k, 0]), int(scans[k, 1]), "loop", float(overlap[k])) for k in best]
+    return [Candidate(int(scans[k, 0]), int(scans[k, 1]), "loop", float(overlap[k])) for k in best]
 
 
 def _usual(outlines: Sequence[np.ndarray], solution: Solution) -> float:
@@ -92,7 +92,7 @@ def find_lookalikes(
     parts: Sequence[Sequence[int]],
     settings: LoopSettings,
     tried: Set[tuple[int, int]] = frozenset(),
-) -> list[Pair]:
+) -> list[Candidate]:
     """Candidates for loops between parts, of scans that look alike: where no estimate exists, their looks may tell.
 
     Args:
@@ -109,7 +109,7 @@ def find_lookalikes(
     index = PlaceIndex(np.stack([known[k] for k in scans]), np.array([part[k] for k in scans]))
     alike = index.candidates(_LOOKALIKES * settings.per_scan, gap=0, elsewhere=True)
     ranked = sorted((look.distance, *sorted((scans[look.i], scans[look.j]))) for look in alike)
-    new = [Pair(i, j, "loop", alike=distance) for distance, i, j in ranked if (i, j) not in tried]
+    new = [Candidate(i, j, "loop", alike=distance) for distance, i, j in ranked if (i, j) not in tried]
     return [new[k] for k in within_limits([pair.scans for pair in new], settings.per_scan, settings.spread)]
 
 

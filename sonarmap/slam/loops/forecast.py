@@ -19,7 +19,7 @@ def certainties(
     The mean number of cells in common over draws from the estimate's uncertainty, over that at the estimate.
 
     Args:
-        outlines: of N scans (`slam.map.shared_cells.outline`).
+        outlines: of N scans (`slam.map.cell.outline`).
         pairs: (m, 2) int, scans i and j.
         T: T_i_j, m of them, as estimated.
         covariances: (m, 6, 6) of them, from the joint marginals of both poses.

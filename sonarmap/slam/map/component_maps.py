@@ -1,18 +1,49 @@
-"""All maps of one component: of its optimized poses, of each survey alone, and of its chained poses to compare with."""
+"""All maps of one component: of its optimized poses, of each survey alone, and of its chained poses to compare with.
 
-from collections.abc import Mapping, Sequence
+Points that too few scans saw where others looked, false echoes most of them, are apart from the map. That a scan saw a
+point alone speaks against it only where others looked. These are the three ways in which what they saw, or what the
+scan itself saw around, then contradicts it:
+
+- passed: at least as many scans saw something farther off in its direction as something there;
+- behind: its own scan saw something nearer all around it. Sound does not come from behind what reflects it: the
+  echo took a detour over a mirror, or is a wild one. About an edge or a slope there are farther echoes;
+- beside: a surface that twice as many scans saw passes by, and none of its points is near: the fringe of noise.
+
+Distances are in voxels, and nothing else is compared with a constant: in sparse scans, at a survey's rim and in a
+single pass all points are seen as seldom as those around them.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial import KDTree
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.map.beams import Beams, beams_of
+from sonarmap.slam.map.cell import cell_keys, lattice_origin
 from sonarmap.slam.map.crossing import CrossingError, crossing_error
-from sonarmap.slam.map.doubt import MIN_SEEN, CleanMap, of_the_same_echoes, part_doubtful
-from sonarmap.slam.map.free_space import uncontradicted, votes
+from sonarmap.slam.map.free_space import Votes, uncontradicted, votes
+from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import PointMap, fuse
-from sonarmap.spectral.scan import Scan
+
+MIN_SEEN = 2  # scans that have to see a point where others looked, unless the user says how many
+_AROUND, _NEIGHBORS = 2.0, 12  # the surface about a point: so far [voxels], and so many of its points at most
+_OFTEN = 2  # a surface was seen well if it was seen so many times as often as the point beside it
+_NEAR = 0.75  # a point this near to what was seen well is part of it [voxels]
+_AT_A_TIME = 100_000  # points that are looked at together, so that memory stays small
+
+
+@dataclass(frozen=True, slots=True)
+class CleanMap:
+    """A map in two layers.
+
+    Attributes:
+        clean: the map.
+        doubtful: the points that were left out of it.
+    """
+
+    clean: PointMap
+    doubtful: PointMap
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,98 +70,108 @@ class ComponentMaps:
     crossings: CrossingError
 
 
-def component_maps(
-    scans: Sequence[Scan],
-    chained: Trajectory,
-    optimized: Trajectory,
-    covariances: np.ndarray,
-    voxel: float,
-    indices: Sequence[int],
-    surveys: Sequence[int],
-    min_seen: int = MIN_SEEN,
-) -> ComponentMaps:
+def component_maps(placed: PlacedScans, chained: Trajectory, min_seen: int = MIN_SEEN) -> ComponentMaps:
     """Fuse one component.
 
     Args:
-        scans: n scans.
-        chained, optimized: their n poses before and after the loops, in one frame.
-        covariances: (n, 6, 6) of the optimized poses, rotation first [rad, m], body tangent.
-        voxel: edge of a voxel [m].
-        indices: what to call the scans, ascending.
-        surveys: the survey that each belongs to.
+        placed: n scans at their optimized poses, their indices ascending.
+        chained: their n poses before the loops, in the same frame.
         min_seen: scans that have to see a point where others looked; 1 leaves nothing out.
 
     Raises:
         InputError: a voxel so small that no point is within reach.
     """
-    T_before, T_after = chained.T_world_sensor, optimized.T_world_sensor
-    beams = [beams_of(scan.points, voxel) for scan in scans]
-    parted = clean_map(scans, T_after, voxel, indices, covariances, surveys, beams, min_seen)
-    before = fuse(scans, T_before, voxel, indices, surveys=surveys, beams=beams)
-    asked = min_seen > 1
-    if asked:
-        before = of_the_same_echoes(before, parted.clean, T_before, T_after, indices)
+    parted, before = clean_map(placed, min_seen), placed.certain_at(chained.T_world_sensor)
+    asked, drifted = min_seen > 1, fuse(before)
     return ComponentMaps(
         optimized=parted.clean,
         doubtful=parted.doubtful if asked else None,
-        layers=survey_layers(scans, T_after, voxel, indices, covariances, surveys, beams, min_seen),
-        chained=before,
+        layers=survey_layers(placed, min_seen),
+        chained=of_the_same_echoes(drifted, before, parted.clean, placed) if asked else drifted,
         chained_poses=chained,
-        crossings=crossing_error(scans, T_before, T_after, voxel, indices, surveys),
+        crossings=crossing_error(placed, chained.T_world_sensor),
     )
 
 
-def clean_map(
-    scans: Sequence[Scan],
-    T_world_sensor: RigidTransform,
-    voxel: float,
-    indices: Sequence[int] | None = None,
-    covariances: np.ndarray | None = None,
-    surveys: Sequence[int] | None = None,
-    beams: Sequence[Beams] | None = None,
-    min_seen: int = MIN_SEEN,
-) -> CleanMap:
-    """Fuse scans, take out what free space contradicts, and part what too few scans saw where others looked.
-
-    The arguments are those of `slam.map.point_map.fuse`, and of `slam.map.doubt.part_doubtful`.
-    """
-    beams = [beams_of(scan.points, voxel) for scan in scans] if beams is None else beams
-    fused = fuse(scans, T_world_sensor, voxel, indices, covariances=covariances, surveys=surveys, beams=beams)
-    vote = votes(fused, scans, T_world_sensor, covariances, beams, indices)
+def clean_map(placed: PlacedScans, min_seen: int = MIN_SEEN) -> CleanMap:
+    """Fuse scans, take out what free space contradicts, and part what too few scans saw where others looked."""
+    fused = fuse(placed)
+    vote = votes(fused, placed)
     kept = uncontradicted(fused, vote)
     cleared = replace(fused.take(kept), removed=int(np.count_nonzero(~kept)))
     return part_doubtful(cleared, vote.take(kept), min_seen)
 
 
-def survey_layers(
-    scans: Sequence[Scan],
-    T_world_sensor: RigidTransform,
-    voxel: float,
-    indices: Sequence[int],
-    covariances: np.ndarray,
-    surveys: Sequence[int],
-    beams: Sequence[Beams] | None = None,
-    min_seen: int = MIN_SEEN,
-) -> dict[int, CleanMap]:
+def survey_layers(placed: PlacedScans, min_seen: int = MIN_SEEN) -> dict[int, CleanMap]:
     """One map for each survey, of its own scans alone, by its number; none where there is only one survey.
 
     In the map of all, a survey may contradict what an earlier one saw and what has changed since: a layer is the
     place as that survey found it.
     """
-    numbers = sorted(set(surveys))
+    surveys = np.array(placed.surveys)
+    numbers = np.unique(surveys).tolist()
     if len(numbers) < 2:
         return {}
-    layers = {}
-    for number in numbers:
-        chosen = [k for k, survey in enumerate(surveys) if survey == number]
-        layers[number] = clean_map(
-            [scans[k] for k in chosen],
-            T_world_sensor[chosen],
-            voxel,
-            [indices[k] for k in chosen],
-            covariances[chosen],
-            [number] * len(chosen),
-            None if beams is None else [beams[k] for k in chosen],
-            min_seen,
-        )
-    return layers
+    return {k: clean_map(placed.take(np.flatnonzero(surveys == k).tolist()), min_seen) for k in numbers}
+
+
+def part_doubtful(point_map: PointMap, vote: Votes, min_seen: int = MIN_SEEN) -> CleanMap:
+    """Take out what fewer than `min_seen` scans saw and others contradict; 1 takes out nothing.
+
+    Args:
+        point_map: what free space left.
+        vote: about its points.
+        min_seen: points that as many scans saw all stay.
+    """
+    asked = replace(point_map, looked=vote.looked)
+    few = (point_map.seen < min_seen) & (vote.looked > point_map.seen)
+    doubtful = few & (vote.behind | (vote.contradict > 0) & (vote.contradict >= vote.agree))
+    rest = np.flatnonzero(few & ~doubtful)
+    doubtful[rest] = _beside(point_map, rest)
+    if doubtful.all():  # nothing is left that could contradict it
+        doubtful[:] = False
+    count = int(np.count_nonzero(doubtful))
+    return CleanMap(replace(asked.take(~doubtful), doubted=count), asked.take(doubtful))
+
+
+def _beside(point_map: PointMap, chosen: np.ndarray) -> np.ndarray:
+    """Which of the `chosen` points (n,) lie beside a surface that was seen well, (n,) bool."""
+    beside = np.zeros(len(chosen), bool)
+    if not len(chosen):
+        return beside
+    # one query of few points: what balancing costs it does not save
+    tree = KDTree(point_map.points, leafsize=32, compact_nodes=False, balanced_tree=False)
+    seen = np.append(point_map.seen, 0)  # the last stands for neighbors that there are not
+    for first in range(0, len(chosen), _AT_A_TIME):
+        some = slice(first, first + _AT_A_TIME)
+        places = point_map.points[chosen[some]]
+        distance, near = tree.query(
+            places, _NEIGHBORS + 1, distance_upper_bound=_AROUND * point_map.voxel
+        )  # the first is the point itself
+        around, count = seen[np.asarray(near)[:, 1:]], np.isfinite(distance[:, 1:]).sum(axis=1)
+        well = _OFTEN * point_map.seen[chosen[some]]
+        part_of = ((around >= well[:, None]) & (distance[:, 1:] <= _NEAR * point_map.voxel)).any(axis=1)
+        beside[some] = (around.sum(axis=1) >= well * count) & (count > 0) & ~part_of
+    return beside
+
+
+def of_the_same_echoes(drifted: PointMap, before: PlacedScans, clean: PointMap, placed: PlacedScans) -> PointMap:
+    """A map of the same scans by other poses, with the points that a clean map has: for pictures of both.
+
+    A point of several scans stays. One that a scan alone saw is moved with its scan to where it lies in the clean
+    map, and stays if it meets a point there.
+
+    Args:
+        drifted: the map to clean, of the scans as they were placed `before`.
+        clean: what is left of the map of the `placed` scans, whose indices ascend.
+    """
+    alone = np.flatnonzero(drifted.seen == 1)
+    scan = np.searchsorted(np.asarray(placed.indices), drifted.scan[alone])
+    moved = (placed.T_world_sensor * before.T_world_sensor.inv())[scan].apply(drifted.points[alone])
+    origin = lattice_origin(clean.points, clean.voxel)
+    keys, near = cell_keys(moved, clean.voxel, origin)
+    met = np.zeros(len(alone), bool)
+    met[near] = np.isin(keys, cell_keys(clean.points, clean.voxel, origin)[0])
+    kept = np.ones(len(drifted.points), bool)
+    kept[alone[~met]] = False
+    return drifted.take(kept)

@@ -9,9 +9,8 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map.cell import cell_means
-from sonarmap.slam.map.shared_cells import outline, overlapping
-from sonarmap.spectral.scan import Scan
+from sonarmap.slam.map.cell import cell_means, outline, overlapping
+from sonarmap.slam.map.placed import PlacedScans
 
 APART = 10  # scans of one pass follow each other more closely than this
 PER_SCAN = 2  # crossings that a scan takes part in
@@ -81,14 +80,7 @@ def _typical(spreads: Sequence[Spread]) -> Spread | None:
     )
 
 
-def crossing_error(
-    scans: Sequence[Scan],
-    before: RigidTransform,
-    after: RigidTransform,
-    voxel: float,
-    indices: Sequence[int] | None = None,
-    surveys: Sequence[int] | None = None,
-) -> CrossingError:
+def crossing_error(placed: PlacedScans, before: RigidTransform) -> CrossingError:
     """Distances between overlapping passes, under the poses before and after their optimization.
 
     Two scans cross if they overlap under the poses after and lie `APART` scans apart or in different surveys; each
@@ -98,27 +90,17 @@ def crossing_error(
     either estimate. The ranges' noise is part of it: it is not 0 under the true poses.
 
     Args:
-        scans: S scans of one component.
-        before, after: their S poses, chained and optimized.
-        voxel: edge of the survey's voxels [m].
-        indices: what to call the scans, ascending in the order in which they were taken; 0..S-1 by default.
-        surveys: S numbers, the survey that each belongs to; all the same by default.
+        placed: S scans of one component at their optimized poses, their indices ascending as they were taken.
+        before: their S chained poses.
 
     Raises:
-        InputError: another number of poses, indices or surveys than of scans.
+        InputError: another number of poses.
     """
-    names = list(range(len(scans)) if indices is None else indices)
-    group = [0] * len(scans) if surveys is None else list(surveys)
-    counts = {len(scans), len(before), len(after), len(names), len(group)}
-    if len(counts) != 1:
-        raise InputError(
-            f"{len(scans)} scans, {len(before)} and {len(after)} poses, {len(names)} indices and {len(group)} surveys: "
-            "wanted as many of each"
-        )
-    outlines = [outline(scan, _CELL * voxel) for scan in scans]
-    crossings = []
-    for a, b in _pairs(outlines, after, voxel, names, group):
-        target, source = (cell_means(scans[k].points, voxel) for k in (a, b))
+    if len(before) != len(placed.scans):
+        raise InputError(f"{len(placed.scans)} scans and {len(before)} poses before: wanted as many of each")
+    voxel, after, crossings = placed.voxel, placed.T_world_sensor, list[Crossing]()
+    for a, b in _pairs(placed):
+        target, source = (cell_means(placed.scans[k].points, voxel) for k in (a, b))
         tree = KDTree(target)
         T_before, T_after = (T[a].inv() * T[b] for T in (before, after))
         distance, _ = tree.query(T_after.apply(source), distance_upper_bound=_SHARED * voxel)
@@ -126,22 +108,17 @@ def crossing_error(
         shared = shared[:: max(1, len(shared) // _SAMPLE)]
         if len(shared) >= _LEAST and len(target) >= _NEIGHBORS:
             spreads = [_spread(target, tree, T.apply(shared)) for T in (T_before, T_after)]
-            crossings.append(Crossing(names[a], names[b], *spreads))
+            crossings.append(Crossing(placed.indices[a], placed.indices[b], *spreads))
     return CrossingError(tuple(crossings))
 
 
-def _pairs(
-    outlines: Sequence[np.ndarray],
-    T_world_sensor: RigidTransform,
-    voxel: float,
-    names: Sequence[int],
-    surveys: Sequence[int],
-) -> list[tuple[int, int]]:
+def _pairs(placed: PlacedScans) -> list[tuple[int, int]]:
     """The crossings to look at, as places in the sequence, ascending."""
-    if len(outlines) < 2:
+    if len(placed.scans) < 2:
         return []
-    pairs, overlap = overlapping(outlines, T_world_sensor, _CELL * voxel, _OVERLAP)
-    called, group = np.asarray(names)[pairs], np.asarray(surveys)[pairs]
+    outlines = [outline(scan, _CELL * placed.voxel) for scan in placed.scans]
+    pairs, overlap = overlapping(outlines, placed.T_world_sensor, _CELL * placed.voxel, _OVERLAP)
+    called, group = np.array(placed.indices)[pairs], np.array(placed.surveys)[pairs]
     apart = (np.abs(called[:, 0] - called[:, 1]) >= APART) | (group[:, 0] != group[:, 1])
     taken: Counter[int] = Counter()
     kept = []

@@ -1,23 +1,29 @@
-"""What every scan says of every point of a map, and which points free space contradicts: beams passed them."""
+"""What every scan saw over directions, what it thereby says of every point of a map, and which points go: beams passed
+them."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.points.visibility import octahedral_cells
-from sonarmap.slam.map.beams import Beams, beams_of
-from sonarmap.slam.map.fused_cells import pose_variance
+from sonarmap.slam.map.cell import cell_keys, lattice_origin
+from sonarmap.slam.map.placed import Beams, PlacedScans, pose_variance
 from sonarmap.slam.map.point_map import PointMap
-from sonarmap.slam.map.tiles import Tiles
-from sonarmap.slam.map.view import View, view_of
 from sonarmap.spectral.scan import Scan
 
 # A point contradicts a view if it lies nearer than everything about its direction by more than this: so many voxels,
 # this share of the range, and so many standard deviations.
 _REACH, _SLOPE, _SIGMAS = 1.0, 0.03, 2.0
 _LEAST = 2  # scans that have to contradict a point
+_BEAMS_PER_CELL = 2.0  # along a side: a finer view has holes between the beams
+_EDGES = (16, 256)  # of a view, coarsest and finest [cells]
+_LEVELS = 3  # of each view, every next one half as fine, for points whose direction is less sure
+_FILLED, _CLOSED = 5, 9  # of the nine cells about a direction, so many have to hold an echo, and hold one each
+_ROUNDING = 1 + 1e-6  # the farthest point of a scan is within its own reach
+_CROWD = 3  # of so many echoes in a cell the nearest is left out: it may be a wild one
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +43,7 @@ class Votes:
     looked: np.ndarray
     behind: np.ndarray
 
-    def take(self, chosen: np.ndarray) -> "Votes":
+    def take(self, chosen: np.ndarray) -> Votes:
         """These points' alone."""
         return Votes(self.agree[chosen], self.contradict[chosen], self.looked[chosen], self.behind[chosen])
 
@@ -52,53 +58,33 @@ def uncontradicted(point_map: PointMap, vote: Votes) -> np.ndarray:
     return (vote.contradict < _LEAST) | (vote.contradict <= support)
 
 
-def votes(
-    point_map: PointMap,
-    scans: Sequence[Scan],
-    T_world_sensor: RigidTransform,
-    covariances: np.ndarray | None = None,
-    beams: Sequence[Beams] | None = None,
-    indices: Sequence[int] | None = None,
-) -> Votes:
-    """Ask every scan that was seen from one viewpoint about every point of the map that its view takes in.
-
-    Args:
-        point_map: fused from the scans.
-        scans: S of them.
-        T_world_sensor: their S poses, in the map's frame.
-        covariances: (S, 6, 6) of the poses, rotation first [rad, m], body tangent; certain without.
-        beams: of the scans, where they are known already.
-        indices: what `PointMap.scan` calls the scans; 0..S-1 by default.
-    """
+def votes(point_map: PointMap, placed: PlacedScans) -> Votes:
+    """Ask every scan that was seen from one viewpoint about every point of the map that its view takes in."""
     agree, contradict, looked = np.zeros((3, len(point_map.points)), np.int32)
     behind = np.zeros(len(point_map.points), bool)
     tiles: Tiles | None = None
-    for k, scan in enumerate(scans):
-        scan_beams = beams_of(scan.points, point_map.voxel) if beams is None else beams[k]
-        if not scan_beams.single:
+    for k, (scan, beams) in enumerate(zip(placed.scans, placed.beams, strict=True)):
+        if not beams.single:
             continue
-        view = view_of(scan, scan_beams)
+        view, T = _view_of(scan, beams), placed.T_world_sensor[k]
         tiles = tiles or Tiles.of(point_map.points, view.reach)
-        T = T_world_sensor[k]
         near = tiles.within(T.translation, view.reach)
         local = T.inv().apply(point_map.points[near])
         directions = view.R_view_sensor.apply(local)
-        unsure = point_map.sigma[near].astype(np.float64) ** 2
-        if covariances is not None:
-            unsure += pose_variance(local, covariances[k])
+        unsure = point_map.sigma[near].astype(np.float64) ** 2 + pose_variance(local, placed.covariances[k])
         seen, passed, asked = _ask(view, local, directions, np.sqrt(unsure), point_map.voxel)
         agree[near] += seen
         contradict[near] += passed
         looked[near] += asked
-        own = np.flatnonzero(point_map.scan[near] == (k if indices is None else indices[k]))
+        own = np.flatnonzero(point_map.scan[near] == placed.indices[k])
         ranges = np.linalg.norm(local[own], axis=1)  # in its own view a point errs by its range alone
-        ranges -= _tolerance(ranges, scan_beams.sigma(ranges), point_map.voxel)
+        ranges -= _tolerance(ranges, beams.sigma(ranges), point_map.voxel)
         behind[near[own]] = view.behind(directions[own], ranges)
     return Votes(agree, contradict, looked, behind)
 
 
 def _ask(
-    view: View, points: np.ndarray, directions: np.ndarray, sigma: np.ndarray, voxel: float
+    view: _View, points: np.ndarray, directions: np.ndarray, sigma: np.ndarray, voxel: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which points (n, 3) [m, sensor frame] a view agrees with, which it contradicts, and which it looked toward.
 
@@ -119,3 +105,121 @@ def _ask(
 def _tolerance(ranges: np.ndarray, sigma: np.ndarray, voxel: float) -> np.ndarray:
     """How far a point may be before or behind a surface and still be taken for it (n,) [m]."""
     return _REACH * voxel + _SLOPE * ranges + _SIGMAS * sigma
+
+
+@dataclass(frozen=True, slots=True)
+class _View:
+    """What one scan saw, over directions.
+
+    Attributes:
+        R_view_sensor: turns the middle of the beams to the octahedral map's, so that its seams lie behind.
+        levels: of every fineness, (edge, edge) float64: the nearest range [m] of each cell and the eight around it;
+            NaN where too few of these hold an echo to tell anything.
+        closed: of the two finest, (edge, edge) float64: what the nine cells' nearest ranges do not exceed [m]; NaN
+            where a beam may have passed between them.
+        reach: the farthest range [m].
+    """
+
+    R_view_sensor: Rotation
+    levels: tuple[np.ndarray, ...]
+    closed: tuple[np.ndarray, ...]
+    reach: float
+
+    def behind(self, directions: np.ndarray, ranges: np.ndarray) -> np.ndarray:
+        """Whether places lie farther than all that was seen about their directions, (n,) bool.
+
+        The second image sees past clumps of false echoes, which beams have in common with their neighbors: of each of
+        its cells, four beams wide, the nearest counts, and every one has to hold an echo.
+
+        Args:
+            directions: (n, 3), of any length, as `R_view_sensor` turns them.
+            ranges: (n,) [m], less what they may err.
+        """
+        hidden = np.zeros(len(ranges), bool)
+        for image in self.closed:
+            hidden |= ranges > image.ravel()[octahedral_cells(directions, len(image))]
+        return hidden
+
+
+def _view_of(scan: Scan, beams: Beams) -> _View:
+    """The view of a scan that was seen from one viewpoint."""
+    points = scan.points.astype(np.float64)
+    ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
+    middle = (points / ranges[:, None]).mean(axis=0)
+    all_around = np.linalg.norm(middle) < 1e-6
+    R_view_sensor = Rotation.identity() if all_around else Rotation.align_vectors([[0.0, 0.0, 1.0]], [middle])[0]
+    wanted = np.sqrt(4 * np.pi) / (_BEAMS_PER_CELL * max(beams.spacing, 1e-6))
+    edge = int(2 ** np.clip(np.round(np.log2(wanted)), *np.log2(_EDGES)))
+    cells = octahedral_cells(R_view_sensor.apply(points), edge)
+    order = np.argsort(cells + ranges / (2 * ranges.max()))  # by cell, then by range
+    filled, first, count = np.unique(cells[order], return_index=True, return_counts=True)
+    near = np.full(edge * edge, np.inf)
+    near[filled] = ranges[order[first + (count >= _CROWD)]]
+    near = near.reshape(edge, edge)
+    levels, closed = [], []
+    for fineness in range(_LEVELS):
+        levels.append(_nine(near, np.minimum, _FILLED))
+        if fineness < 2:
+            closed.append(_nine(near, np.maximum, _CLOSED if fineness else _FILLED))
+        near = np.minimum(near[::2], near[1::2])  # several times faster than the minimum along two axes
+        near = np.minimum(near[:, ::2], near[:, 1::2])
+    return _View(R_view_sensor, tuple(levels), tuple(closed), _ROUNDING * float(ranges.max()))
+
+
+def _nine(near: np.ndarray, pick: np.ufunc, least: int) -> np.ndarray:
+    """(edge, edge) np.minimum or np.maximum of each cell's nine, NaN where fewer than `least` hold an echo.
+
+    Nothing is known along the rim, where the map's seams are.
+    """
+    image = np.full(near.shape, np.nan)
+    filled = np.isfinite(near)
+    picked = near if pick is np.minimum else np.where(filled, near, -np.inf)
+    filled = filled.astype(np.int8)
+    for _ in range(2):  # along one side, then along the other
+        picked = pick(pick(picked[:-2], picked[1:-1]), picked[2:]).T
+        filled = (filled[:-2] + filled[1:-1] + filled[2:]).T
+    image[1:-1, 1:-1] = np.where(filled >= least, picked, np.nan)
+    return image
+
+
+@dataclass(frozen=True, slots=True)
+class Tiles:
+    """Points by the tile that they lie in.
+
+    Attributes:
+        points: (M, 3) float64 [m].
+        size: edge of a tile [m].
+        origin: (3,) [m], a corner of the tiles' lattice.
+        names: (K,) int64, the numbers of the tiles that hold points, ascending.
+        first: (K + 1,) where each tile's points begin in `order`.
+        order: (M,) int, the points by tile, and within a tile as they were.
+    """
+
+    points: np.ndarray
+    size: float
+    origin: np.ndarray
+    names: np.ndarray
+    first: np.ndarray
+    order: np.ndarray
+
+    @classmethod
+    def of(cls, points: np.ndarray, size: float) -> Tiles:
+        """Of (M, 3) points, in tiles of an edge of `size` [m]; points a million tiles away are in none."""
+        origin = lattice_origin(points, size)
+        keys, near = cell_keys(points, size, origin)
+        order = np.argsort(keys, kind="stable")
+        names, first = np.unique(keys[order], return_index=True)
+        return cls(points, size, origin, names, np.append(first, len(keys)), np.flatnonzero(near)[order])
+
+    def within(self, center: np.ndarray, radius: float) -> np.ndarray:
+        """(m,) the points nearer to a center (3,) than this [m], ascending."""
+        low, high = (np.floor((center - self.origin + side) / self.size) for side in (-radius, radius))
+        axes = [np.arange(a, b + 1) for a, b in zip(low, high, strict=True)]
+        corners = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        keys, _ = cell_keys((corners + 0.5) * self.size, self.size, np.zeros(3))
+        place = np.searchsorted(self.names, keys)
+        place = place[self.names[np.minimum(place, len(self.names) - 1)] == keys]
+        inside = [self.order[self.first[k] : self.first[k + 1]] for k in place.tolist()]
+        chosen = np.sort(np.concatenate(inside)) if inside else np.zeros(0, np.intp)
+        away = self.points[chosen] - center
+        return chosen[np.einsum("ij,ij->i", away, away) < radius**2]

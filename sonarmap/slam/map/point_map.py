@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """The points of all scans in one frame, one per voxel, each with its uncertainty.
 
 In a voxel the points of each scan are averaged, and these means by the inverse of their variances. A mean's variance
@@ -11,17 +10,21 @@ averaged as they are. Were the poses independent, sigma would be up to sqrt(seen
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Sized
-from dataclasses import dataclass, replace
+from collections import defaultdict
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map.beams import Beams, beams_of
-from sonarmap.slam.map.cell import lattice_origin
-from sonarmap.slam.map.fused_cells import FusedCells, thin
-from sonarmap.spectral.scan import Scan
+from sonarmap.slam.map.cell import BITS, cell_keys, lattice_origin
+from sonarmap.slam.map.placed import PlacedScans, pose_variance
+
+# Rows of a tile that wait at least before they are merged, so that merging stays cheap.
+MERGE_ROWS = 50_000
+# The bits of a cell's number that tell its tile, of 128 cells along each axis.
+_TILE = ~sum(0x7F << (BITS * axis) for axis in range(3))
+# A map's columns that come of its cells alone.
+_COLUMNS = ("points", "sigma", "strength", "scan", "seen", "count")
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,53 +68,28 @@ class PointMap:
         return replace(self, **{name: None if column is None else column[chosen] for name, column in columns.items()})
 
 
-def fuse(
-    scans: Sequence[Scan],
-    T_world_sensor: RigidTransform,
-    voxel: float,
-    indices: Sequence[int] | None = None,
-    *,
-    covariances: np.ndarray | None = None,
-    surveys: Sequence[int] | None = None,
-    beams: Sequence[Beams] | None = None,
-) -> PointMap:
+def fuse(placed: PlacedScans) -> PointMap:
     """Bring every scan's points into the world and keep one per voxel.
 
     The same input gives the same bytes. Scans are thinned one by one before they are merged, tile by tile, so that
     memory grows with the map, not with the number of points. Points more than a million voxels from the middle of
     the first scan are left out and counted.
 
-    Args:
-        scans: S scans.
-        T_world_sensor: their S poses.
-        voxel: edge of a voxel [m].
-        indices: what to call the scans in `PointMap.scan`; 0..S-1 by default.
-        covariances: (S, 6, 6) of the poses, rotation first [rad, m], body tangent; certain without.
-        surveys: S numbers, the survey that each scan belongs to; all 0 by default.
-        beams: of the scans, where they are known already.
-
     Raises:
-        InputError: no scan, another number of poses, covariances, surveys or beams, a voxel that is not positive, or
-            one so small that no point is within reach.
+        InputError: a voxel so small that no point is within reach.
     """
-    _check(scans, T_world_sensor, voxel, {"covariances": covariances, "surveys": surveys, "beams": beams})
-    origin = lattice_origin(T_world_sensor[0].apply(scans[0].points.astype(np.float64)), voxel)
-    names = list(range(len(scans)) if indices is None else indices)
-    fused = FusedCells()
-    for k, seen_by in enumerate(scans):
-        covariance = np.zeros((6, 6)) if covariances is None else covariances[k]
-        scan_beams = beams_of(seen_by.points, voxel) if beams is None else beams[k]
-        fused.add(thin(seen_by, T_world_sensor[k], covariance, scan_beams, names[k], voxel, origin))
-    survey_of = dict(zip(names, surveys if surveys is not None else [0] * len(names), strict=True))
+    voxel = placed.voxel
+    origin = lattice_origin(placed.T_world_sensor[0].apply(placed.scans[0].points.astype(np.float64)), voxel)
+    fused = _FusedCells()
+    for k in range(len(placed.scans)):
+        fused.add(_thinned(placed, k, origin))
     columns = fused.columns()
     if not columns:
         raise InputError(f"the map's voxel is {voxel} m, too small for points this far apart; give a larger one")
     order = np.argsort(columns.pop("key"))
-    points = columns.pop("points")[order]
+    points, sigma, strength, scan, seen, count = (columns.pop(name)[order] for name in _COLUMNS)
     points += origin
-    sigma, strength, scan, seen, count = (
-        columns.pop(name)[order] for name in ("sigma", "strength", "scan", "seen", "count")
-    )
+    survey_of = dict(zip(placed.indices, placed.surveys, strict=True))
     called, which = np.unique(scan, return_inverse=True)
     return PointMap(
         points=points,
@@ -122,16 +100,123 @@ def fuse(
         count=count,
         survey=np.array([survey_of[index] for index in called.tolist()], np.int32)[which],
         voxel=voxel,
-        left_out=sum(len(each.points) for each in scans) - int(count.sum()),
+        left_out=sum(len(each.points) for each in placed.scans) - int(count.sum()),
     )
 
 
-def _check(
-    scans: Sequence[Scan], T_world_sensor: RigidTransform, voxel: float, per_scan: Mapping[str, Sized | None]
-) -> None:
-    for name, values in {"poses": T_world_sensor, **per_scan}.items():
-        if not scans or (values is not None and len(values) != len(scans)):
-            count = 0 if values is None else len(values)
-            raise InputError(f"{len(scans)} scans and {count} {name}: wanted scans, and one for every scan")
-    if not (np.isfinite(voxel) and voxel > 0):
-        raise InputError(f"the map's voxel is {voxel} m; wanted a positive length")
+@dataclass(frozen=True, slots=True)
+class _Cells:
+    """Sums over the points of each cell; rows of one cell can be merged in any grouping.
+
+    Attributes:
+        key: (K,) int64, the cell.
+        weight: (K,) float64 [1/m^2], sum over scans of the inverse variance of their mean.
+        total: (K, 3) float64 [1/m], sum of weight times mean, from the lattice's origin.
+        scatter: (K,) float64 [1/m^2], sum of weight^2 times the variance that is the mean's own.
+        drift: (K,) float64 [1/m], sum of weight times the standard deviation that the pose brings.
+        count, echoes: (K,) int32, number of points, and of points with an echo strength.
+        echo: (K,) float64, sum of the strengths.
+        most: (K,) int32, the largest number of points from one scan, and `scan`: (K,) int32, which one.
+        seen: (K,) int32, number of scans.
+    """
+
+    key: np.ndarray
+    weight: np.ndarray
+    total: np.ndarray
+    scatter: np.ndarray
+    drift: np.ndarray
+    count: np.ndarray
+    echo: np.ndarray
+    echoes: np.ndarray
+    most: np.ndarray
+    scan: np.ndarray
+    seen: np.ndarray
+
+    def take(self, chosen: np.ndarray) -> _Cells:
+        """These rows alone."""
+        return _Cells(**{field.name: getattr(self, field.name)[chosen] for field in fields(_Cells)})
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """A map's columns, with the cells' keys; points from the lattice's origin, strength NaN where there is none."""
+        with np.errstate(invalid="ignore"):  # 0 / 0: a cell without any echo strength
+            strength = (self.echo / self.echoes).astype(np.float32)
+        sigma = (np.sqrt(self.scatter + self.drift**2) / self.weight).astype(np.float32)
+        values = (self.total / self.weight[:, None], sigma, strength, self.scan, self.seen, self.count)
+        return {"key": self.key} | dict(zip(_COLUMNS, values, strict=True))
+
+
+class _FusedCells:
+    """Cells of all scans so far, by tiles, which are small enough to be merged in little memory."""
+
+    def __init__(self) -> None:
+        self._merged: dict[int, _Cells] = {}
+        self._waiting: dict[int, list[_Cells]] = defaultdict(list)
+        self._rows: dict[int, int] = defaultdict(int)
+
+    def add(self, cells: _Cells) -> None:
+        """Add the cells of one scan."""
+        if not len(cells.key):
+            return
+        tile = cells.key & _TILE
+        order = np.argsort(tile, kind="stable")
+        numbers, first = np.unique(tile[order], return_index=True)
+        for number, chosen in zip(numbers.tolist(), np.split(order, first[1:]), strict=True):
+            self._waiting[number].append(cells.take(chosen))
+            self._rows[number] += len(chosen)
+            merged = self._merged.get(number)
+            if self._rows[number] > max(MERGE_ROWS, len(merged.key) if merged else 0):
+                self._merge(number)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The columns of a map, with the cells' keys, in no order; nothing is left."""
+        parts: dict[str, list[np.ndarray]] = defaultdict(list)
+        for number in sorted(self._waiting):
+            self._merge(number)
+            for name, column in self._merged.pop(number).columns().items():
+                parts[name].append(column)
+        return {name: np.concatenate(parts.pop(name)) for name in list(parts)}
+
+    def _merge(self, number: int) -> None:
+        merged = self._merged.get(number)
+        waiting = self._waiting[number]
+        if waiting:
+            self._merged[number] = _merge([merged, *waiting] if merged else waiting)
+        self._waiting[number], self._rows[number] = [], 0
+
+
+def _thinned(placed: PlacedScans, k: int, origin: np.ndarray) -> _Cells:
+    """One scan's points as one row per cell."""
+    scan, T = placed.scans[k], placed.T_world_sensor[k]
+    local = scan.points.astype(np.float64)
+    keys, near = cell_keys(T.apply(local), placed.voxel, origin)
+    key, cell, count = np.unique(keys, return_inverse=True, return_counts=True)
+    local, size, count = local[near], len(key), count.astype(np.int32)
+    mean = np.stack([np.bincount(cell, local[:, axis], size) for axis in range(3)], axis=1) / count[:, None]
+    by_pose = pose_variance(mean, placed.covariances[k])
+    # along the beam: one coordinate of three
+    own = placed.beams[k].sigma(np.linalg.norm(mean, axis=1)) ** 2 / (3 * count)
+    weight = 1 / (by_pose + own)
+    return _Cells(
+        key=key,
+        weight=weight,
+        total=weight[:, None] * (T.apply(mean) - origin),
+        scatter=weight**2 * own,
+        drift=weight * np.sqrt(by_pose),
+        count=count,
+        echo=np.zeros(size) if scan.strength is None else np.bincount(cell, scan.strength[near], size),
+        echoes=np.zeros(size, np.int32) if scan.strength is None else count,
+        most=count,
+        scan=np.full(size, placed.indices[k], np.int32),
+        seen=np.ones(size, np.int32),
+    )
+
+
+def _merge(tables: list[_Cells]) -> _Cells:
+    """Rows of the same cell become one."""
+    rows = {field.name: np.concatenate([getattr(t, field.name) for t in tables]) for field in fields(_Cells)}
+    order = np.lexsort((rows["scan"], -rows["most"], rows["key"]))
+    rows = {name: column[order] for name, column in rows.items()}
+    starts = np.flatnonzero(np.diff(rows["key"], prepend=-1))
+    first = {name: rows[name][starts] for name in ("key", "most", "scan")}
+    sums = {name: np.add.reduceat(column, starts, axis=0) for name, column in rows.items() if name not in first}
+    return _Cells(**first, **sums)

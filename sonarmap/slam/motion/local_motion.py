@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import RegisteredPair
 
 # That steps in a row have nothing in common is assumed before any is seen, as firmly as so many of them would tell it.
 _ASSUMED = 4.0
@@ -32,7 +32,7 @@ class Step:
     covariance: np.ndarray
 
     @classmethod
-    def of(cls, pair: Pair, times: np.ndarray) -> "Step":
+    def of(cls, pair: RegisteredPair, times: np.ndarray) -> "Step":
         """Of a pair that has been registered; `times` (N,) are the scans'."""
         assert pair.registration is not None
         span, T = float(times[pair.j] - times[pair.i]), pair.registration.T_target_source

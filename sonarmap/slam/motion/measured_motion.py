@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.motion.motion import Motion
 from sonarmap.slam.motion.odometry import Odometry
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.expected import ExpectedPose
 
 # Where nothing is known of the motion, a scan may be anywhere [rad, m].
@@ -28,7 +28,7 @@ class AnyMotion(Protocol):
         """Mean and standard deviation of the way from i to j [m]; None where nothing tells."""
         ...
 
-    def following(self, pairs: Sequence[Pair]) -> "AnyMotion":
+    def following(self, pairs: Sequence[RegisteredPair]) -> "AnyMotion":
         """With what registered steps tell of the motion at their time."""
         ...
 
@@ -71,7 +71,7 @@ class MeasuredMotion:
         """As learned, where dead reckoning does not tell it better."""
         return None if self.learned is None or self.is_measured(i, j) else self.learned.way(i, j)
 
-    def following(self, pairs: Sequence[Pair]) -> "MeasuredMotion":
+    def following(self, pairs: Sequence[RegisteredPair]) -> "MeasuredMotion":
         """The learned part follows them."""
         return self if self.learned is None else replace(self, learned=self.learned.following(pairs))
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.motion.limits import NO_LIMITS, MotionLimits
 from sonarmap.slam.motion.local_motion import Step, likeness, rate_of, rates_by_others
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.expected import ExpectedPose
 
 # Steps from which a motion can be learned.
@@ -69,7 +69,7 @@ class Motion:
     @classmethod
     def learn(
         cls,
-        pairs: Sequence[Pair],
+        pairs: Sequence[RegisteredPair],
         stamps: np.ndarray,
         surveys: np.ndarray,
         floor: np.ndarray,
@@ -144,13 +144,13 @@ class Motion:
             limits=limits,
         )
 
-    def following(self, pairs: Sequence[Pair]) -> "Motion":
+    def following(self, pairs: Sequence[RegisteredPair]) -> "Motion":
         """With the rates that registered steps tell, all that are probable; of each as the others tell."""
         steps = [Step.of(pair, self.times) for pair in pairs if self._tells(pair)]
         rates, variances = rates_by_others(steps, self.usual, self.varied, self.alike, self.times, self.surveys)
         return replace(self, rates=rates, variances=variances + np.diag(self.covariance) - self.varied)
 
-    def _tells(self, pair: Pair) -> bool:
+    def _tells(self, pair: RegisteredPair) -> bool:
         registration = pair.registration
         if pair.role != "sequential" or registration is None:
             return False
@@ -204,7 +204,7 @@ def scan_times(stamps: np.ndarray, surveys: np.ndarray) -> np.ndarray:
     return stamps.astype(np.float64) if told else np.arange(len(stamps), dtype=np.float64)
 
 
-def _within(limits: MotionLimits, times: np.ndarray, pair: Pair) -> bool:
+def _within(limits: MotionLimits, times: np.ndarray, pair: RegisteredPair) -> bool:
     """Whether a registered step is within the limits."""
     assert pair.registration is not None
     span, T = float(times[pair.j] - times[pair.i]), pair.registration.T_target_source

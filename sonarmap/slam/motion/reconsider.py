@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.motion.measured_motion import AnyMotion
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registration
 
@@ -23,7 +23,7 @@ _UNDER_WAY = 2.0
 _ROUNDS = 5
 
 
-def is_doubtful(pair: Pair, motion: AnyMotion) -> bool:
+def is_doubtful(pair: RegisteredPair, motion: AnyMotion) -> bool:
     """Whether a pair is worth another look: it was not accepted, or the motion contradicts what was."""
     registration = pair.registration
     if registration is None:
@@ -31,7 +31,7 @@ def is_doubtful(pair: Pair, motion: AnyMotion) -> bool:
     return not registration.accepted or motion.contradicts(pair.i, pair.j, registration.T_target_source)
 
 
-def with_both(first: Pair, second: Pair, motion: AnyMotion | None = None) -> Pair:
+def with_both(first: RegisteredPair, second: RegisteredPair, motion: AnyMotion | None = None) -> RegisteredPair:
     """The pair with its second registration, and the first one's answers beside it.
 
     Args:
@@ -45,13 +45,12 @@ def with_both(first: Pair, second: Pair, motion: AnyMotion | None = None) -> Pai
     answers = (first.registration, *first.registration.alternatives)
     earlier = tuple(_less(answer, left, first, motion) for answer in answers)
     return replace(
-        first,
-        expected=second.expected,
+        second,
         registration=replace(second.registration, alternatives=(*second.registration.alternatives, *earlier)),
     )
 
 
-def without_leaps(pair: Pair, motion: AnyMotion) -> Pair:
+def without_leaps(pair: RegisteredPair, motion: AnyMotion) -> RegisteredPair:
     """The pair of one survey without answers that the vehicle cannot have reached meanwhile."""
     registration = pair.registration
     if registration is None:
@@ -67,7 +66,7 @@ def without_leaps(pair: Pair, motion: AnyMotion) -> Pair:
     return replace(pair, registration=replace(registration, alternatives=alternatives))
 
 
-def expected_by(solution: Solution, pairs: Sequence[Pair], floor: np.ndarray) -> list[ExpectedPose]:
+def expected_by(solution: Solution, pairs: Sequence[RegisteredPair], floor: np.ndarray) -> list[ExpectedPose]:
     """Where an estimate of the poses expects pairs of one component each; `floor` is (6,) granted beside [rad, m]."""
     T, covariances = solution.relatives(np.array([pair.scans for pair in pairs], np.intp).reshape(-1, 2))
     R = T.rotation.as_matrix()
@@ -77,7 +76,7 @@ def expected_by(solution: Solution, pairs: Sequence[Pair], floor: np.ndarray) ->
     return [ExpectedPose.of(T_i_j, each) for T_i_j, each in zip(T, sigmas, strict=True)]
 
 
-def with_motion(pairs: Sequence[Pair], motion: AnyMotion) -> list[Pair]:
+def with_motion(pairs: Sequence[RegisteredPair], motion: AnyMotion) -> list[RegisteredPair]:
     """The pairs with what the motion says of their answers: where the scans leave a direction open, it holds the pose.
 
     Answers that the motion contradicts stay as they are.
@@ -177,7 +176,7 @@ def _go_as_far(
         steps[rows] = np.einsum("nab,nb->na", covariances[rows], pull)
 
 
-def _less(answer: Registration, left: float, pair: Pair, motion: AnyMotion | None) -> Registration:
+def _less(answer: Registration, left: float, pair: RegisteredPair, motion: AnyMotion | None) -> Registration:
     """An answer beside a better one: less probable by what the other leaves, and where the motion contradicts it."""
     if motion is not None and motion.contradicts(pair.i, pair.j, answer.T_target_source):
         left *= _CONTRADICTED

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.edge import Edge
-from sonarmap.slam.graph.edge_factors import edge_factors
+from sonarmap.slam.graph.factors import edge_factors
 from sonarmap.slam.graph.gtsam_poses import to_pose3, to_transforms
 from sonarmap.slam.graph.known_pose import GAUGE_SIGMA
 from sonarmap.slam.graph.pose_graph import PoseGraph

@@ -81,7 +81,7 @@ class Optimized:
     @property
     def degrees_of_freedom(self) -> int:
         """Measured numbers less free ones."""
-        return self.graph.degrees_of_freedom
+        return self.graph.gauge.degrees_of_freedom
 
     def to_json(self) -> dict[str, Any]:
         """The same as JSON's types."""
@@ -174,7 +174,7 @@ _Solved = tuple[PoseGraph, float, float, int, bool]
 
 
 def _full(graph: PoseGraph, start: Start) -> _Solved:
-    solution = (graph.from_edges() if start == "chordal" else graph.held(_start(graph, start))).optimize()
+    solution = (graph.from_edges() if start == "chordal" else graph.placed_at(_start(graph, start))).optimize()
     before = graph.chi_squared / 2
     return solution.graph, before, solution.chi_squared_after / 2, solution.iterations, solution.converged
 

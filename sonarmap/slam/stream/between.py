@@ -10,17 +10,14 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.decision import Decision
-from sonarmap.slam.decide.navigation import Navigation
-from sonarmap.slam.decide.wrong_control import WrongControl, without_wrong_control
-from sonarmap.slam.decide.wrong_fixes import without_wrong_fixes
+from sonarmap.slam.decide.measurements import Measurements
+from sonarmap.slam.decide.wrong_measurements import WrongControl, without_wrong_control, without_wrong_fixes
 from sonarmap.slam.graph.control import ControlPoint
-from sonarmap.slam.graph.control_place import place_by_control
 from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.place import place_by_control, place_in_world
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.graph.world import place_in_world
 from sonarmap.slam.motion.motion import scan_times
-from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.stream.unsteady import Unsteadiness
 from sonarmap.spectral.result import Registration
 
@@ -28,9 +25,7 @@ from sonarmap.spectral.result import Registration
 def with_between(
     decision: Decision,
     keys: Sequence[int],
-    navigation: Navigation,
-    surveys: np.ndarray,
-    odometry: Odometry | None,
+    measurements: Measurements,
     floor: np.ndarray,
 ) -> Decision:
     """What was decided about key scans, for all scans.
@@ -41,31 +36,29 @@ def with_between(
     Args:
         decision: about the key scans, numbered 0, 1, ...
         keys: their indices among all scans, ascending.
-        navigation: of all scans.
-        surveys: (N,) the number of each scan's survey.
-        odometry: None without.
+        measurements: of all scans.
         floor: (6,) standard deviations of a place that is interpolated [rad, m].
     """
-    count, graph = len(navigation.scans), decision.solution.graph
-    steps = _steps(keys, decision, count, scan_times(navigation.stamps, surveys), surveys, odometry, floor)
+    count, graph = len(measurements.scans), decision.solution.graph
+    steps = _steps(keys, decision, measurements, floor)
     at_keys = {k: number for number, k in enumerate(keys)}
 
     def expanded(T_keys: RigidTransform) -> Trajectory:
         poses = {k: T_keys[number] for k, number in at_keys.items()}
         for edge in steps:
             poses[edge.j] = poses[edge.i] * edge.registration.T_target_source
-        return Trajectory(navigation.stamps, RigidTransform.concatenate([poses[k] for k in range(count)]))
+        return Trajectory(measurements.stamps, RigidTransform.concatenate([poses[k] for k in range(count)]))
 
     kept = [replace(edge, i=keys[edge.i], j=keys[edge.j]) for edge in graph.edges]
     whole = PoseGraph(expanded(graph.trajectory.T_world_sensor), (*kept, *steps))
-    if set(navigation.priors) - set(keys):
+    if set(measurements.priors) - set(keys):
         # fixes of scans between may be all that ties the map to the world
-        whole = replace(whole, trajectory=place_in_world(whole.trajectory, whole.components, navigation.priors))
-        left, wrong = without_wrong_fixes(whole, navigation.priors)
+        whole = replace(whole, trajectory=place_in_world(whole.trajectory, whole.components, measurements.priors))
+        left, wrong = without_wrong_fixes(whole, measurements.priors)
     else:
         left, wrong = {keys[pose]: prior for pose, prior in graph.priors}, ()
     measured = tuple(sorted(left.items()))
-    control, wrong_control = _control(decision, keys, navigation)
+    control, wrong_control = _control(decision, keys, measurements)
     if control:
         # points of scans between may be all that ties the map to the world
         placed = place_by_control(whole.trajectory, whole.components, control, left)
@@ -78,8 +71,8 @@ def with_between(
         chi_squared_before=decision.solution.chi_squared_before,
         degrees_of_freedom=decision.solution.degrees_of_freedom,
     )
-    pairs = tuple(replace(pair, i=keys[pair.i], j=keys[pair.j]) for pair in decision.pairs)
-    told = {(fix.scan, fix.kind): fix for fix in (*navigation.wrong_fixes, *wrong)}
+    pairs = tuple(pair.renumbered(dict(enumerate(keys))) for pair in decision.pairs)
+    told = {(fix.scan, fix.kind): fix for fix in (*measurements.wrong_fixes, *wrong)}
     told |= {(keys[fix.scan], fix.kind): replace(fix, scan=keys[fix.scan]) for fix in decision.wrong_fixes}
     chained = expanded(decision.chained.T_world_sensor)
     wrong_fixes = tuple(told[key] for key in sorted(told))
@@ -88,28 +81,27 @@ def with_between(
 
 
 def _control(
-    decision: Decision, keys: Sequence[int], navigation: Navigation
+    decision: Decision, keys: Sequence[int], measurements: Measurements
 ) -> tuple[tuple[ControlPoint, ...], tuple[WrongControl, ...]]:
     """The control points of all scans without those that are wrong by the key scans, and these, as they were given."""
     number = {k: n for n, k in enumerate(keys)}
-    of_keys = [point for point in navigation.control if point.scan in number]
+    of_keys = [point for point in measurements.control if point.scan in number]
     # a decision about key scans has the same points with their own numbers
     same = {(each.point.name, keys[each.point.scan]): each.sigmas for each in decision.wrong_control}
     wrong = [point for point in of_keys if (point.name, point.scan) in same]
-    kept = [point for point in navigation.control if point.holds and not any(point is each for each in wrong)]
+    kept = [point for point in measurements.control if point.holds and not any(point is each for each in wrong)]
     return tuple(kept), tuple(WrongControl(point, same[point.name, point.scan]) for point in wrong)
 
 
 def _steps(
     keys: Sequence[int],
     decision: Decision,
-    count: int,
-    times: np.ndarray,
-    surveys: np.ndarray,
-    odometry: Odometry | None,
+    measurements: Measurements,
     floor: np.ndarray,
 ) -> list[Edge]:
     """For every scan that is no key scan, how it lies to the key scan before it."""
+    surveys, odometry = measurements.surveys, measurements.odometry
+    times = scan_times(measurements.stamps, surveys)
     T_keys = decision.solution.trajectory.T_world_sensor
     parts = {pose: part for part, members in enumerate(decision.solution.graph.components) for pose in members}
     registered = {pair.scans: pair.registration for pair in decision.pairs if pair.registration is not None}
@@ -117,7 +109,7 @@ def _steps(
     run = np.cumsum(np.concatenate([[0], np.any(np.diff(runs, axis=0) != 0, axis=1)]))
     unsteady = Unsteadiness.of(T_keys, times[list(keys)], run)
     known, steps = set(keys), list[Edge]()
-    for k in range(count):
+    for k in range(len(times)):
         if k in known:
             continue
         a = bisect_right(keys, k) - 1

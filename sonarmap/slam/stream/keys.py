@@ -8,7 +8,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.runner import PairRunner
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registration
 
 # A survey of fewer scans is registered scan by scan.
@@ -46,7 +46,7 @@ class KeySettings:
 
 def choose_keys(
     runner: PairRunner, surveys: np.ndarray, voxel: float, settings: KeySettings
-) -> tuple[list[int], list[Pair]]:
+) -> tuple[list[int], list[RegisteredPair]]:
     """The key scans, ascending, and pairs of consecutive ones that were registered; all scans if none can be spared.
 
     From each key scan a scan further on is registered to it. How far the vehicle went, how much it turned and how much
@@ -61,7 +61,7 @@ def choose_keys(
         settings: how far apart.
     """
     keys: list[int] = []
-    pairs: list[Pair] = []
+    pairs: list[RegisteredPair] = []
     for number in np.unique(surveys).tolist():
         own: list[int] = np.flatnonzero(surveys == number).tolist()
         probes = [] if settings.step is not None else _probes(runner, own)
@@ -72,15 +72,15 @@ def choose_keys(
     return keys, pairs
 
 
-def _probes(runner: PairRunner, scans: Sequence[int]) -> list[Pair]:
+def _probes(runner: PairRunner, scans: Sequence[int]) -> list[RegisteredPair]:
     """Some consecutive scans, registered; none of a survey that is short anyway."""
     if len(scans) < _FEWEST:
         return []
     places: list[int] = np.unique(np.linspace(0, len(scans) - 2, _PROBES).astype(int)).tolist()
-    return runner.register([Pair(scans[k], scans[k + 1], "sequential") for k in places])
+    return runner.register([Candidate(scans[k], scans[k + 1], "sequential") for k in places])
 
 
-def _is_dense(probes: Sequence[Pair], voxel: float) -> bool:
+def _is_dense(probes: Sequence[RegisteredPair], voxel: float) -> bool:
     """Whether most of the vehicle's steps are too small to tell much."""
     near = [
         _motion(pair.registration, voxel) <= 1 for pair in probes if pair.accepted and pair.registration is not None
@@ -97,9 +97,9 @@ def _motion(registration: Registration, voxel: float) -> float:
 
 def _gallop(
     runner: PairRunner, scans: Sequence[int], voxel: float, settings: KeySettings
-) -> tuple[list[int], list[Pair]]:
-    keys, pairs, at, stride, usual = [scans[0]], list[Pair](), 0, 1, 1
-    registered: dict[tuple[int, int], Pair] = {}
+) -> tuple[list[int], list[RegisteredPair]]:
+    keys, pairs, at, stride, usual = [scans[0]], list[RegisteredPair](), 0, 1, 1
+    registered: dict[tuple[int, int], RegisteredPair] = {}
     while at < len(scans) - 1:
         stride = min(stride, len(scans) - 1 - at)
         if (scans[at], scans[at + stride]) not in registered:
@@ -121,12 +121,12 @@ def _gallop(
     return keys, pairs
 
 
-def _even_strides(scans: Sequence[int], at: int, stride: int, count: int) -> list[Pair]:
+def _even_strides(scans: Sequence[int], at: int, stride: int, count: int) -> list[Candidate]:
     """The next pair and what `count` - 1 would follow it if the strides stayed as they are: work for other workers,
     which changes no result, as the search takes only what it asks for."""
     last = len(scans) - 1
     starts = range(at, last, stride)[:count]
-    return [Pair(scans[k], scans[min(k + stride, last)], "sequential") for k in starts]
+    return [Candidate(scans[k], scans[min(k + stride, last)], "sequential") for k in starts]
 
 
 def _share(registration: Registration, voxel: float, settings: KeySettings) -> float:

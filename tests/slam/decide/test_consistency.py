@@ -11,9 +11,9 @@ from sonarmap.slam.decide.chains import Chains, chain_parts
 from sonarmap.slam.decide.consistency import compare
 from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, possible_edges
 from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.slam.graph.tangent import adjoint, carried
+from sonarmap.slam.graph.tangent import adjoint, propagated
 from sonarmap.slam.graph.trajectory import chain
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import edge, random_covariance, random_transforms, registration, ring_poses
 
@@ -34,7 +34,7 @@ def support_of(chains: Chains, answers: list[PossibleEdge], floor: np.ndarray, b
 
 
 def answers_of(i: int, j: int, given: Registration) -> list[PossibleEdge]:
-    return possible_edges(Pair(i, j, "loop", registration=given))
+    return possible_edges(RegisteredPair(Candidate(i, j, "loop"), given))
 
 
 def answer(truth: RigidTransform, i: int, j: int, off: RigidTransform | None = None, **changes) -> PossibleEdge:
@@ -52,8 +52,8 @@ def test_the_adjoint_carries_a_tangent_across():
         (RigidTransform.from_exp_coords(there) * T).as_matrix(),
         atol=1e-12,
     )
-    both = carried(T[0] * T[1], COVARIANCE)
-    np.testing.assert_allclose(both, carried(T[0], carried(T[1], COVARIANCE)), rtol=1e-9, atol=1e-12)
+    both = propagated(T[0] * T[1], COVARIANCE)
+    np.testing.assert_allclose(both, propagated(T[0], propagated(T[1], COVARIANCE)), rtol=1e-9, atol=1e-12)
 
 
 def test_what_gathers_along_a_chain_is_the_graphs_own_marginal():
@@ -62,7 +62,7 @@ def test_what_gathers_along_a_chain_is_the_graphs_own_marginal():
     chains = chain_parts(9, edges)
     solution = PoseGraph(chain(edges, np.zeros(9)), tuple(edges)).optimize()
     for i, j in ((0, 8), (2, 5), (6, 3)):
-        gathered = carried(chains.T[j].inv(), chains.between(np.array([i]), np.array([j]))[0])
+        gathered = propagated(chains.T[j].inv(), chains.between(np.array([i]), np.array([j]))[0])
         np.testing.assert_allclose(gathered, solution.relative(i, j)[1], rtol=1e-3, atol=1e-9)
 
 
@@ -74,14 +74,14 @@ def test_a_tree_with_a_branch_gathers_only_what_lies_between():
     chains = chain_parts(5, edges)
     assert chains.ways.meeting(np.array([2, 1, 4, 3]), np.array([4, 2, 0, 3])).tolist() == [0, 1, 0, 3]
     solution = PoseGraph(chain(edges, np.zeros(5)), tuple(edges)).optimize()
-    gathered = carried(chains.T[4].inv(), chains.between(np.array([2]), np.array([4]))[0])
+    gathered = propagated(chains.T[4].inv(), chains.between(np.array([2]), np.array([4]))[0])
     np.testing.assert_allclose(gathered, solution.relative(2, 4)[1], rtol=1e-3, atol=1e-9)
 
 
 def test_the_distance_from_the_chain_is_in_joint_sigmas():
     truth = ring_poses(6)
     chains = chained(truth)
-    gathered = carried(truth[4].inv(), chains.between(np.array([1]), np.array([4]))[0])
+    gathered = propagated(truth[4].inv(), chains.between(np.array([1]), np.array([4]))[0])
     root = np.linalg.cholesky(gathered + COVARIANCE)
     for sigmas in (3.0, 6.0):
         off = RigidTransform.from_exp_coords(sigmas * root[:, 2])
@@ -107,7 +107,7 @@ def test_two_parts_are_joined_by_those_that_agree_wherever_their_frames_lie():
     again = Chains(
         moved.part, RigidTransform.concatenate([moved.T[:6], T * moved.T[6:]]), moved.spread.copy(), moved.ways
     )
-    again.spread[6:] = carried(T, again.spread[6:])
+    again.spread[6:] = propagated(T, again.spread[6:])
     assert [(one.pairs, one.leading) for one in support_of(again, answers, NO_FLOOR, BOUND)] == [
         (one.pairs, one.leading) for one in found
     ]
@@ -150,7 +150,7 @@ def test_a_covariance_that_is_none_is_a_fault_in_words():
 
 def _inverse(given: Registration) -> Registration:
     T = given.T_target_source
-    return replace(given, T_target_source=T.inv(), covariance=carried(T, given.covariance))
+    return replace(given, T_target_source=T.inv(), covariance=propagated(T, given.covariance))
 
 
 def test_answers_are_compared_with_those_nearest_to_them_alone(monkeypatch: pytest.MonkeyPatch):

@@ -8,32 +8,34 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.decision import Decision, decide
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.pair import Pair, Role
+from sonarmap.slam.pair import Candidate, RegisteredPair, Role
 from sonarmap.spectral.result import Registration
-from tests.samples.surveys import navigation_of, random_covariance, registration, ring_poses
+from tests.samples.surveys import measurements_of, random_covariance, registration, ring_poses
 
 COVARIANCE = random_covariance(np.random.default_rng(1), 0.002, 0.02)
 VOXEL = 0.1
 WRONG = RigidTransform.from_exp_coords([0, 0, 0.6, 4, -1, 0])
 
 
-def pair(truth: RigidTransform, i: int, j: int, role: Role, off: RigidTransform | None = None, **changes) -> Pair:
+def pair(
+    truth: RigidTransform, i: int, j: int, role: Role, off: RigidTransform | None = None, **changes
+) -> RegisteredPair:
     noise = RigidTransform.from_exp_coords(np.random.default_rng([i, j]).multivariate_normal(np.zeros(6), COVARIANCE))
     T = truth[i].inv() * truth[j] * noise * (RigidTransform.identity() if off is None else off)
-    return Pair(i, j, role, registration=replace(registration(T, COVARIANCE), **changes))
+    return RegisteredPair(Candidate(i, j, role), replace(registration(T, COVARIANCE), **changes))
 
 
 def unsure(probability: float, *alternatives: Registration) -> dict:
     return {"accepted": False, "probability": probability, "reason": "not sure", "alternatives": alternatives}
 
 
-def chain_of(truth: RigidTransform, **changed: dict) -> list[Pair]:
+def chain_of(truth: RigidTransform, **changed: dict) -> list[RegisteredPair]:
     """Consecutive scans; changed["k3"] holds what is different about (3, 4)."""
     return [pair(truth, k, k + 1, "sequential", **changed.get(f"k{k}", {})) for k in range(len(truth) - 1)]
 
 
-def decided(truth: RigidTransform, pairs: list[Pair]) -> Decision:
-    return decide(pairs, navigation_of(len(truth)), VOXEL, LoopSettings())
+def decided(truth: RigidTransform, pairs: list[RegisteredPair]) -> Decision:
+    return decide(pairs, measurements_of(len(truth)), VOXEL, LoopSettings())
 
 
 def worst(result: Decision, truth: RigidTransform) -> float:
@@ -64,7 +66,7 @@ def test_an_alternative_is_taken_where_the_others_agree_with_it():
     right = pair(truth, 2, 9, "loop", **unsure(0.4)).registration
     assert right is not None
     wrong = replace(right, T_target_source=right.T_target_source * WRONG, probability=0.55, alternatives=(right,))
-    pairs = [*chain_of(truth), Pair(2, 9, "loop", registration=wrong), pair(truth, 1, 10, "loop")]
+    pairs = [*chain_of(truth), RegisteredPair(Candidate(2, 9, "loop"), wrong), pair(truth, 1, 10, "loop")]
     doubtful = decided(truth, pairs).pairs[11]
     assert doubtful.edge is not None
     np.testing.assert_array_equal(
@@ -85,7 +87,9 @@ def test_two_parts_far_apart_in_time_want_two_pairs():
     assert len(bridge.solution.graph.components) == 1
 
 
-def open_along(truth: RigidTransform, i: int, j: int, place: float, off: RigidTransform | None = None) -> Pair:
+def open_along(
+    truth: RigidTransform, i: int, j: int, place: float, off: RigidTransform | None = None
+) -> RegisteredPair:
     """A loop along a wall: 3 m off along it, by a covariance that says so; refused for that."""
     slid = RigidTransform.from_translation([3.0, 0, 0])
     off = slid if off is None else off * slid

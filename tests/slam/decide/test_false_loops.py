@@ -18,11 +18,11 @@ from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import chain
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.lab.simulate.paths.trajectories import lawnmower
 from tests.samples.places import DATA
-from tests.samples.surveys import aliased, edge, navigation_of, scattered
+from tests.samples.surveys import aliased, edge, measurements_of, scattered
 
 SPHERE = DATA / "graphs" / "sphere2500.g2o"
 LAYERS, AROUND = 50, 50
@@ -120,10 +120,10 @@ def test_a_decided_survey_suffers_little(kind: str, share: float) -> None:
     right = {(one.i, one.j): one for one in graph.edges}
     wrong = {(one.i, one.j): one for one in drawn if (one.i, one.j) not in right and one.j > one.i + 1}
     begun = time.perf_counter()
-    plain = decide(pairs_of(right.values()), navigation_of(len(graph.trajectory)), VOXEL, LoopSettings())
+    plain = decide(pairs_of(right.values()), measurements_of(len(graph.trajectory)), VOXEL, LoopSettings())
     seconds = time.perf_counter() - begun
     result = decide(
-        pairs_of([*right.values(), *wrong.values()]), navigation_of(len(graph.trajectory)), VOXEL, LoopSettings()
+        pairs_of([*right.values(), *wrong.values()]), measurements_of(len(graph.trajectory)), VOXEL, LoopSettings()
     )
     rejected = {(pair.i, pair.j) for pair in result.pairs if not pair.kept}
     found = len(rejected & wrong.keys())
@@ -139,8 +139,9 @@ def test_a_decided_survey_suffers_little(kind: str, share: float) -> None:
     assert error <= 1.2 * without
 
 
-def pairs_of(edges: Iterable[Edge]) -> list[Pair]:
+def pairs_of(edges: Iterable[Edge]) -> list[RegisteredPair]:
     """Pairs whose registration was accepted."""
     return [
-        Pair(e.i, e.j, "sequential" if e.kind == "sequential" else "loop", registration=e.registration) for e in edges
+        RegisteredPair(Candidate(e.i, e.j, "sequential" if e.kind == "sequential" else "loop"), e.registration)
+        for e in edges
     ]

@@ -10,9 +10,8 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.decide.robust import robust_optimize
-from sonarmap.slam.graph.edge import Edge, components
+from sonarmap.slam.graph.edge import Edge, components, cut_edges
 from sonarmap.slam.graph.gtsam_poses import to_pose3
-from sonarmap.slam.graph.path import bridges
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.tangent import adjoint
 from sonarmap.slam.graph.trajectory import Trajectory, chain
@@ -138,7 +137,7 @@ def test_bridges_are_what_takes_a_component_apart() -> None:
         edges = [edge(i, j, RigidTransform.identity(), np.eye(6), "loop") for i, j in pairs]
         parts = len(components(count, edges))
         want = {k for k in range(len(edges)) if len(components(count, edges[:k] + edges[k + 1 :])) > parts}
-        assert bridges(count, edges) == want
+        assert cut_edges(count, edges) == want
 
 
 def test_adjoints_are_those_of_gtsam() -> None:

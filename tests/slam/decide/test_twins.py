@@ -6,7 +6,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.possible_edge import PossibleEdge, Support
 from sonarmap.slam.decide.twins import twin_odds, with_odds
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import RegisteredPair
 from tests.samples.surveys import registration, ring_poses
 from tests.slam.decide.test_decision import COVARIANCE, chain_of, decided, pair, unsure, worst
 
@@ -43,7 +43,7 @@ def test_among_twins_two_parts_want_more_that_agree() -> None:
     truth = ring_poses(24)
     gap = chain_of(truth, k15=unsure(0.0))
     rng = np.random.default_rng(6)
-    twins: list[Pair] = []
+    twins: list[RegisteredPair] = []
     for k in range(8):
         off = RigidTransform.from_exp_coords(np.concatenate([0.5 * rng.standard_normal(3), 4 * rng.standard_normal(3)]))
         twins.append(pair(truth, k % 6, 9 + k // 2, "loop", off))
@@ -51,7 +51,7 @@ def test_among_twins_two_parts_want_more_that_agree() -> None:
     ties = [pair(truth, 2 + k, 20 - k, "loop") for k in range(4)]
     bridge = pair(truth, 14, 17, "bridge")
 
-    def parts(*more: Pair) -> int:
+    def parts(*more: RegisteredPair) -> int:
         return len(decided(truth, [*gap, *more]).solution.graph.components)
 
     assert parts(*right, *ties[:2]) == 1

@@ -17,7 +17,7 @@ from sonarmap.slam.execute.cluster import cluster
 from sonarmap.slam.execute.executor import Executor
 from sonarmap.slam.execute.pair_text import to_text
 from sonarmap.slam.execute.runner import Execution, PairRunner
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Candidate
 from sonarmap.spectral.scan import Scan
 from tests.samples.clusters.counting_proxy import counting_proxy
 from tests.samples.clusters.dask_clusters import certificate, local_cluster, port_of, threads_cluster
@@ -31,7 +31,7 @@ PAIRS = [(i, i + step) for i in range(COUNT) for step in (1, 2, 5) if i + step <
 
 def register(executor: Executor, notes: Path, ending: str = "", scans: Any = SCANS) -> list[str]:
     execution = Execution(worker_spec(COUNT, notes, ending), executor)
-    pairs = PairRunner(execution, scans, 0, None).register([Pair(i, j, "loop") for i, j in PAIRS])
+    pairs = PairRunner(execution, scans, 0, None).register([Candidate(i, j, "loop") for i, j in PAIRS])
     return [to_text(pair.registration, pair.failure) for pair in pairs]
 
 

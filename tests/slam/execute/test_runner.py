@@ -18,7 +18,7 @@ from sonarmap.slam.execute.executor import JOBS_TOGETHER, processes
 from sonarmap.slam.execute.journal import Journal, JournalEntry
 from sonarmap.slam.execute.pair_text import to_text
 from sonarmap.slam.execute.runner import Execution, PairRunner
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Candidate
 from tests.samples.clusters.dask_clusters import local_cluster
 from tests.samples.clusters.survey_worker import Knowing, worker_spec
 from tests.samples.surveys import ring_poses, scans_of
@@ -62,8 +62,8 @@ class Work:
         return sorted((int(i), int(j)) for i, j in (line.split() for line in lines))
 
 
-def candidates(pairs: list[tuple[int, int]]) -> list[Pair]:
-    return [Pair(i, j, "loop") for i, j in pairs]
+def candidates(pairs: list[tuple[int, int]]) -> list[Candidate]:
+    return [Candidate(i, j, "loop") for i, j in pairs]
 
 
 ASKED = sorted(pair for pair in PAIRS if 2 not in pair)

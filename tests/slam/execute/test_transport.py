@@ -17,14 +17,14 @@ from sonarmap.slam.execute.executor import processes
 from sonarmap.slam.execute.runner import Execution, PairRunner
 from sonarmap.slam.execute.scan_key import scan_key
 from sonarmap.slam.execute.transport import spooled
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Candidate
 from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.clusters.survey_worker import worker_spec
 from tests.samples.surveys import ring_poses, scans_of
 
 COUNT = 8
 SCANS = scans_of(ring_poses(COUNT))
-PAIRS = [Pair(i, i + step, "loop") for step in (1, 2, 3) for i in range(COUNT - step)]
+PAIRS = [Candidate(i, i + step, "loop") for step in (1, 2, 3) for i in range(COUNT - step)]
 
 
 class Counted(Sequence[Scan]):

@@ -8,14 +8,13 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.decide.wrong_control import without_wrong_control
+from sonarmap.slam.decide.wrong_measurements import without_wrong_control
 from sonarmap.slam.graph.control import ControlPoint, jacobian
-from sonarmap.slam.graph.control_place import place_by_control, robust_fit
 from sonarmap.slam.graph.gtsam_poses import to_values
+from sonarmap.slam.graph.place import place_by_control, place_in_world, robust_fit
 from sonarmap.slam.graph.pose_covariance import pose_covariances
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory, chain
-from sonarmap.slam.graph.world import place_in_world
 from sonarmap.spectral.scan import PosePrior
 from tests.samples.surveys import edge, random_covariance, ring_poses
 
@@ -68,7 +67,7 @@ def test_the_jacobian_is_that_of_finite_differences():
 def test_three_points_put_a_chain_into_the_world():
     solution = graph([point(0), point(4), point(8)], noisy=False).optimize()
     assert distance(solution) < 1e-4
-    assert solution.graph.unmeasured == {}
+    assert solution.graph.gauge.unmeasured == {}
     assert solution.graph.anchors == ()
     assert solution.degrees_of_freedom == 6 * (COUNT - 1) + 9 - 6 * COUNT
     noisy = graph([point(0), point(4), point(8), point(10)]).optimize()
@@ -101,7 +100,7 @@ def test_the_order_of_points_does_not_matter():
 def test_what_few_points_leave_open_is_told_and_held(scans, open_):
     held = graph([point(k) for k in scans], noisy=False)
     names = np.array(["tilt_x", "tilt_y", "heading", "east", "north", "up"])
-    flags = held.unmeasured.get(0, np.zeros(6, bool))
+    flags = held.gauge.unmeasured.get(0, np.zeros(6, bool))
     if open_ is not None:
         assert set(names[flags]) == open_
     else:
@@ -120,9 +119,9 @@ def test_points_on_a_line_leave_the_turn_about_it_open():
         ControlPoint(f"L{k}", k, TRUTH[k].inv().apply(place), place, np.full(3, 0.05))
         for k, place in zip((0, 4, 8), line, strict=True)
     ]
-    assert graph(control).unmeasured[0][:3].any()
+    assert graph(control).gauge.unmeasured[0][:3].any()
     aside = replace(control[1], known=control[1].known + np.array([0.01, 0.0, 0.0]))
-    assert graph([control[0], aside, control[2]]).unmeasured[0][:3].any()
+    assert graph([control[0], aside, control[2]]).gauge.unmeasured[0][:3].any()
 
 
 def test_attitudes_and_two_points_are_enough():
@@ -133,10 +132,10 @@ def test_attitudes_and_two_points_are_enough():
     control = (point(0), point(4))
     placed = place_by_control(level, [range(COUNT)], control, priors)
     solution = PoseGraph(placed, upright.edges, priors=tuple(priors.items()), control=control).optimize()
-    assert solution.graph.unmeasured == {}
+    assert solution.graph.gauge.unmeasured == {}
     assert distance(solution) < 0.4
     alone = PoseGraph(placed, upright.edges, priors=tuple(priors.items()), control=control[:1])
-    assert alone.unmeasured[0].tolist() == [False, False, True, False, False, False]
+    assert alone.gauge.unmeasured[0].tolist() == [False, False, True, False, False, False]
 
 
 @pytest.mark.parametrize("upright", [False, True])

@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.gauge import undetermined
 from sonarmap.slam.graph.gtsam_poses import to_values
-from sonarmap.slam.graph.known_pose import KnownPose, blocks, undetermined
+from sonarmap.slam.graph.known_pose import KnownPose, blocks
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.optimize.solve import optimize
 from sonarmap.tools.files.readers.poses.g2o import read_g2o

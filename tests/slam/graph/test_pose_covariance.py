@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.slam.graph.edge import scaled
 from sonarmap.slam.graph.pose_covariance import pose_covariances, weighed
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
-from sonarmap.slam.graph.tangent import carried
+from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.graph.trajectory import chain
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
@@ -204,6 +204,6 @@ def test_steps_over_a_bed_that_leaves_three_directions_open_are_weighed():
     edges = []
     for k in range(39):
         to_sensor = RigidTransform.from_components(rng.normal([20, 5, -30], 3.0), Rotation.random(rng=rng))
-        edges.append(edge(k, k + 1, truth[k].inv() * truth[k + 1], carried(to_sensor, at_bed)))
+        edges.append(edge(k, k + 1, truth[k].inv() * truth[k + 1], propagated(to_sensor, at_bed)))
     graph = PoseGraph(chain(edges, np.zeros(40)), tuple(edges))
     np.testing.assert_allclose(edge_variances(graph), 13 * 0.15, rtol=1e-6)

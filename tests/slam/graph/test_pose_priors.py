@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.place import place_in_world
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory, chain
-from sonarmap.slam.graph.world import place_in_world
 from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior
 from tests.samples.surveys import edge, random_covariance, ring_poses
@@ -83,7 +83,7 @@ def test_what_no_instrument_tells_is_held(known, free, level):
     truth, edges = ring(6)
     priors = {k: told(truth[k], *known) for k in (0, 2, 3, 5)}
     one = graph(edges, priors, 6)
-    assert sum(int(held.sum()) for _, held in one.loose) == free
+    assert sum(int(held.sum()) for _, held in one.gauge.unconstrained) == free
     assert one.anchors == ()
     solution = one.optimize()
     measured = 30 + 4 * sum({"attitude": 2, "heading": 1, "position": 2, "depth": 1}[name] for name in known)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import chain
 from sonarmap.slam.loops.forecast import certainties, displacement
-from sonarmap.slam.map.shared_cells import outline
+from sonarmap.slam.map.cell import outline
 from sonarmap.spectral.scan import Scan
 from tests.samples.surveys import edge, random_covariance, ring_poses, scans_of
 

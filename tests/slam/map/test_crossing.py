@@ -6,6 +6,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.crossing import APART, PER_SCAN, CrossingError, crossing_error
+from sonarmap.slam.map.placed import PlacedScans
 from tests.samples.room_scans import look, room_poses
 
 COUNT, VOXEL = 14, 0.3
@@ -29,20 +30,20 @@ def test_a_shifted_pass_is_told_and_a_true_one_is_not(scans) -> None:
     shift = RigidTransform.from_translation([0.4, 0.4, 0.4])
     drifted = RigidTransform.concatenate([truth[:7], shift * truth[7:]])
     surveys = [0] * 7 + [1] * 7
-    found = crossing_error(scans, drifted, truth, VOXEL, surveys=surveys)
+    found = crossing_error(PlacedScans.of(scans, truth, VOXEL, surveys=surveys), drifted)
     assert found.before is not None
     assert found.after is not None
     assert found.after.median < 0.02  # ranges err by 0.02 m, and means of a voxel less
     np.testing.assert_allclose(found.before.median, 0.4, atol=0.03)
     assert found.before.most >= found.before.median
     assert all(surveys[one.i] != surveys[one.j] for one in found.crossings)
-    turned = crossing_error(scans, shift * drifted, shift * truth, VOXEL, surveys=surveys)
+    turned = crossing_error(PlacedScans.of(scans, shift * truth, VOXEL, surveys=surveys), shift * drifted)
     np.testing.assert_allclose(turned.before.median, found.before.median, atol=0.01)  # pyright: ignore[reportOptionalMemberAccess]
 
 
 def test_only_scans_far_apart_cross_and_each_a_few_times(scans) -> None:
     names = [2 * k for k in range(COUNT)]
-    found = crossing_error(scans, poses(), poses(), VOXEL, names)
+    found = crossing_error(PlacedScans.of(scans, poses(), VOXEL, names), poses())
     assert found.crossings
     taken = [end for one in found.crossings for end in (one.i, one.j)]
     assert max(taken.count(end) for end in taken) <= PER_SCAN
@@ -51,17 +52,17 @@ def test_only_scans_far_apart_cross_and_each_a_few_times(scans) -> None:
 
 
 def test_a_single_pass_crosses_nothing(scans) -> None:
-    found = crossing_error(scans[:7], poses()[:7], poses()[:7], VOXEL)
+    found = crossing_error(PlacedScans.of(scans[:7], poses()[:7], VOXEL), poses()[:7])
     assert found == CrossingError(())
     assert (found.before, found.after) == (None, None)
-    assert crossing_error(scans[:1], poses()[:1], poses()[:1], VOXEL) == CrossingError(())
+    assert crossing_error(PlacedScans.of(scans[:1], poses()[:1], VOXEL), poses()[:1]) == CrossingError(())
 
 
 def test_components_are_counted_together(scans) -> None:
-    one = crossing_error(scans, poses(), poses(), VOXEL, [2 * k for k in range(COUNT)])
+    one = crossing_error(PlacedScans.of(scans, poses(), VOXEL, [2 * k for k in range(COUNT)]), poses())
     assert CrossingError.of([one, one]).crossings == one.crossings * 2
 
 
 def test_refuses_another_number_of_poses(scans) -> None:
-    with pytest.raises(InputError, match="14 scans, 13 and 14 poses"):
-        crossing_error(scans, poses()[:13], poses(), VOXEL)
+    with pytest.raises(InputError, match="14 scans and 13 poses"):
+        crossing_error(PlacedScans.of(scans, poses(), VOXEL), poses()[:13])

@@ -6,9 +6,9 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map.component_maps import clean_map
-from sonarmap.slam.map.doubt import CleanMap, of_the_same_echoes, part_doubtful
+from sonarmap.slam.map.component_maps import CleanMap, clean_map, of_the_same_echoes, part_doubtful
 from sonarmap.slam.map.free_space import Votes
+from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import PointMap, fuse
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.spectral.scan import Scan
@@ -33,7 +33,7 @@ def wall(place: tuple[float, float, float], x: float = 10.0, extra: tuple = (), 
 
 
 def mapped(places: list, scans: list[Scan], min_seen: int = 2, voxel: float = 0.5) -> CleanMap:
-    return clean_map(scans, RigidTransform.from_translation(np.array(places)), voxel, min_seen=min_seen)
+    return clean_map(PlacedScans.of(scans, RigidTransform.from_translation(np.array(places)), voxel), min_seen=min_seen)
 
 
 def has(point_map: PointMap, place: tuple) -> bool:
@@ -145,7 +145,7 @@ def scans() -> list[Scan]:
 
 @pytest.fixture(scope="module")
 def parted(scans: list[Scan]) -> CleanMap:
-    return clean_map(scans, T, VOXEL)
+    return clean_map(PlacedScans.of(scans, T, VOXEL))
 
 
 def test_outliers_go_and_the_surface_stays(parted: CleanMap) -> None:
@@ -156,7 +156,7 @@ def test_outliers_go_and_the_surface_stays(parted: CleanMap) -> None:
 
 
 def test_together_they_are_the_map_without_the_rule(scans: list[Scan], parted: CleanMap) -> None:
-    whole = clean_map(scans, T, VOXEL, min_seen=1)
+    whole = clean_map(PlacedScans.of(scans, T, VOXEL), min_seen=1)
     assert not len(whole.doubtful.points)
     both = np.vstack([parted.clean.points, parted.doubtful.points])
     np.testing.assert_array_equal(both[np.lexsort(both.T)], whole.clean.points[np.lexsort(whole.clean.points.T)])
@@ -168,7 +168,7 @@ def test_together_they_are_the_map_without_the_rule(scans: list[Scan], parted: C
 
 def test_neither_the_scans_order_nor_their_names_matter(scans: list[Scan], parted: CleanMap) -> None:
     order = np.random.default_rng(2).permutation(COUNT)
-    again = clean_map([scans[k] for k in order], T[order], VOXEL, [100 + int(k) for k in order])
+    again = clean_map(PlacedScans.of([scans[k] for k in order], T[order], VOXEL, [100 + int(k) for k in order]))
     for one, other in ((parted.clean, again.clean), (parted.doubtful, again.doubtful)):
         distance, _ = KDTree(one.points).query(other.points)
         assert (distance > 1e-9).sum() <= 2  # rounding may move a point over a cell's rim
@@ -176,22 +176,23 @@ def test_neither_the_scans_order_nor_their_names_matter(scans: list[Scan], parte
 
 
 def test_more_are_asked_for_and_more_go(scans: list[Scan], parted: CleanMap) -> None:
-    of_three = clean_map(scans, T, VOXEL, min_seen=3)
+    of_three = clean_map(PlacedScans.of(scans, T, VOXEL), min_seen=3)
     assert of_three.clean.doubted >= parted.clean.doubted
     assert of_three.doubtful.seen.max() == 2
 
 
 def test_moved_with_the_world(scans: list[Scan], parted: CleanMap) -> None:
     shift = RigidTransform.from_translation(VOXEL * np.array([40.0, -7.0, 11.0]))
-    moved = clean_map(scans, shift * T, VOXEL)
+    moved = clean_map(PlacedScans.of(scans, shift * T, VOXEL))
     assert abs(moved.clean.doubted - parted.clean.doubted) <= 5  # rounding may move a point over a cell's rim
 
 
 def test_the_other_map_shows_the_same_echoes(scans: list[Scan], parted: CleanMap) -> None:
     """Turned by an eighth, where no voxel is what it was."""
     turn = RigidTransform.from_exp_coords([0.0, 0.0, 0.78, 3.0, -1.0, 2.0])
-    before = fuse(scans, turn * T, VOXEL)
-    same = of_the_same_echoes(before, parted.clean, turn * T, T, range(COUNT))
+    turned = PlacedScans.of(scans, turn * T, VOXEL)
+    before = fuse(turned)
+    same = of_the_same_echoes(before, turned, parted.clean, PlacedScans.of(scans, T, VOXEL))
     wrong = [(np.abs(room_distance(turn.inv().apply(m.points))) > 0.75).sum() for m in (before, same)]
     right = [(np.abs(room_distance(turn.inv().apply(m.points))) < 0.1).sum() for m in (before, same)]
     assert wrong[1] < 0.3 * wrong[0]

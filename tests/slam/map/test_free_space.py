@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.map.beams import beams_of
 from sonarmap.slam.map.component_maps import clean_map, survey_layers
-from sonarmap.slam.map.free_space import uncontradicted, votes
+from sonarmap.slam.map.free_space import Tiles, uncontradicted, votes
+from sonarmap.slam.map.placed import PlacedScans, beams_of
 from sonarmap.slam.map.point_map import PointMap, fuse
 from sonarmap.spectral.scan import Scan
 from tests.samples.room_scans import RADIUS, look, pole_distance, room_distance, room_poses
@@ -15,9 +15,9 @@ VOXEL, COUNT = 0.25, 16
 SIGMAS = np.repeat([0.003, 0.03], 3)  # of the poses [rad, m]
 
 
-def clear(point_map: PointMap, scans: list[Scan], T: RigidTransform, covariances: np.ndarray | None = None) -> PointMap:
+def clear(point_map: PointMap, placed: PlacedScans) -> PointMap:
     """What free space leaves."""
-    return point_map.take(uncontradicted(point_map, votes(point_map, scans, T, covariances)))
+    return point_map.take(uncontradicted(point_map, votes(point_map, placed)))
 
 
 def scans_at(T: RigidTransform, wild: float) -> list[Scan]:
@@ -32,11 +32,10 @@ def test_wild_echoes_go_and_surfaces_stay(wild: float, moved: bool) -> None:
     errors = np.random.default_rng(4).normal(size=(COUNT, 6)) * SIGMAS
     T = truth * RigidTransform.from_exp_coords(errors) if moved else truth
     covariances = np.tile(np.diag(SIGMAS**2), (COUNT, 1, 1)) if moved else np.zeros((COUNT, 6, 6))
-    before = fuse(scans, T, VOXEL, covariances=covariances)
-    after = clear(before, scans, T, covariances)
-    assert clean_map(scans, T, VOXEL, covariances=covariances, min_seen=1).clean.removed == len(before.points) - len(
-        after.points
-    )
+    placed = PlacedScans.of(scans, T, VOXEL, covariances=covariances)
+    before = fuse(placed)
+    after = clear(before, placed)
+    assert clean_map(placed, min_seen=1).clean.removed == len(before.points) - len(after.points)
 
     far = 3 * VOXEL
     wrong, right = (np.array([(d > far).sum(), (np.abs(d) < VOXEL).sum()]) for d in map(distance, (before, after)))
@@ -54,11 +53,13 @@ def distance(point_map: PointMap) -> np.ndarray:
 def test_one_view_contradicts_nothing_and_no_view_neither() -> None:
     T = room_poses(6)
     scans = scans_at(T, 0.05)
-    alone = fuse(scans[:1], T[:1], VOXEL)
-    assert len(clear(alone, scans[:1], T[:1]).points) == len(alone.points)
+    one = PlacedScans.of(scans[:1], T[:1], VOXEL)
+    alone = fuse(one)
+    assert len(clear(alone, one).points) == len(alone.points)
     both = Scan(np.vstack([scans[0].points, 0.4 * scans[0].points]))  # as of two places put together
     assert not beams_of(both.points, VOXEL).single
-    found = votes(fuse([both], T[:1], VOXEL), [both], T[:1])
+    placed = PlacedScans.of([both], T[:1], VOXEL)
+    found = votes(fuse(placed), placed)
     assert not found.agree.any()
     assert not found.contradict.any()
 
@@ -67,12 +68,13 @@ def test_a_point_is_asked_about_in_every_view() -> None:
     """A point in the open before one wall: all that look that way contradict it; one on the wall is agreed with."""
     T = RigidTransform.from_translation([[0.0, 3.0, 0.0], [0.4, 3.5, 0.2], [-0.5, 4.0, -0.3]])
     scans = scans_at(T, 0.0)
-    probe = fuse([Scan(np.array([[6.0, 4.0, 0.5], [12.0, 4.0, 0.5]], np.float32))], RigidTransform.identity(1), VOXEL)
-    found = votes(probe, scans, T)
+    points = Scan(np.array([[6.0, 4.0, 0.5], [12.0, 4.0, 0.5]], np.float32))
+    probe = fuse(PlacedScans.of([points], RigidTransform.identity(1), VOXEL))
+    found = votes(probe, PlacedScans.of(scans, T, VOXEL))
     assert found.contradict.tolist() == [3, 0]
     assert found.agree.tolist() == [0, 3]
     unsure = np.tile(np.diag(np.repeat([0.5, 5.0], 3) ** 2), (3, 1, 1))
-    vague = votes(probe, scans, T, unsure)
+    vague = votes(probe, PlacedScans.of(scans, T, VOXEL, covariances=unsure))
     assert not vague.contradict.any()
 
 
@@ -81,18 +83,18 @@ def test_an_unsure_point_close_by_is_left_alone() -> None:
     T = room_poses(COUNT)
     scans = scans_at(T, 0.02)
     vague = np.tile(np.diag(np.repeat([0.2, 2.0], 3) ** 2), (COUNT, 1, 1))
-    assert clean_map(scans, T, VOXEL, covariances=vague).clean.removed == 0
+    assert clean_map(PlacedScans.of(scans, T, VOXEL, covariances=vague)).clean.removed == 0
 
 
 def test_the_same_to_the_byte_and_moved_with_the_world() -> None:
     T = room_poses(COUNT)
     scans = scans_at(T, 0.02)
-    first, second = clean_map(scans, T, VOXEL).clean, clean_map(scans, T, VOXEL).clean
+    first, second = clean_map(PlacedScans.of(scans, T, VOXEL)).clean, clean_map(PlacedScans.of(scans, T, VOXEL)).clean
     assert first.removed > 100
     for name in ("points", "sigma", "scan", "seen", "count", "survey"):
         assert getattr(first, name).tobytes() == getattr(second, name).tobytes()
     shift = RigidTransform.from_translation(VOXEL * np.array([40.0, -7.0, 11.0]))
-    moved = clean_map(scans, shift * T, VOXEL).clean
+    moved = clean_map(PlacedScans.of(scans, shift * T, VOXEL)).clean
     assert abs(moved.removed - first.removed) <= 2  # rounding may move a point over a cell's rim
     assert abs(len(moved.points) - len(first.points)) <= 5
 
@@ -108,17 +110,33 @@ def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
         Scan(np.vstack([s.points, T[k].inv().apply(block)]).astype(np.float32)) if k == 0 else s
         for k, s in enumerate(scans)
     ]
-    none = np.zeros((COUNT, 6, 6))
-    parted = survey_layers(changed, T, VOXEL, list(range(COUNT)), none, surveys)
+    parted = survey_layers(PlacedScans.of(changed, T, VOXEL, surveys=surveys))
     layers = {number: layer.clean for number, layer in parted.items()}
     assert list(layers) == [0, 1]
     assert {tuple(np.unique(layer.survey)) for layer in layers.values()} == {(0,), (1,)}
     assert set(layers[0].scan.tolist()) == {0, 1, 2, 3}
-    assert survey_layers(scans, T, VOXEL, list(range(COUNT)), none, [0] * COUNT) == {}
+    assert survey_layers(PlacedScans.of(scans, T, VOXEL)) == {}
 
     def blocks(point_map: PointMap) -> int:
         return int((np.abs(point_map.points - place) < 0.4).all(axis=1).sum())
 
-    together = clean_map(changed, T, VOXEL, surveys=surveys, min_seen=1).clean
+    together = clean_map(PlacedScans.of(changed, T, VOXEL, surveys=surveys), min_seen=1).clean
     assert blocks(layers[0]) > 2 * blocks(together)
     assert blocks(layers[1]) == 0
+
+
+@pytest.mark.parametrize("size", [0.7, 3.0, 50.0])
+def test_it_finds_the_points_that_all_distances_find(size: float) -> None:
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(2000, 3)) * [20, 5, 1] + [1e6, -3e5, 40]
+    tiles = Tiles.of(points, size)
+    for _ in range(20):
+        center, radius = points[rng.integers(2000)] + rng.normal(size=3), float(rng.uniform(0.1, 9))
+        wanted = np.flatnonzero(((points - center) ** 2).sum(axis=1) < radius**2)
+        np.testing.assert_array_equal(tiles.within(center, radius), wanted)
+    assert not len(tiles.within(points[0] + 1e5, 5.0))
+
+
+def test_a_point_far_away_is_in_no_tile() -> None:
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [1e9, 0, 0]])
+    assert Tiles.of(points, 1.0).within(np.zeros(3), 2.0).tolist() == [0, 1]

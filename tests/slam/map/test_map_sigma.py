@@ -1,13 +1,14 @@
 """How sure a map's points are: what poses and ranges leave open, against drawn errors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map import fused_cells
-from sonarmap.slam.map.beams import Beams, beams_of
-from sonarmap.slam.map.fused_cells import pose_variance
+from sonarmap.slam.map import point_map as point_maps
+from sonarmap.slam.map.placed import Beams, PlacedScans, beams_of, pose_variance
 from sonarmap.slam.map.point_map import PointMap, fuse
 from sonarmap.spectral.scan import Scan
 from tests.samples.room_scans import look, room_poses
@@ -16,8 +17,10 @@ from tests.samples.surveys import random_covariance, random_transforms
 VOXEL, SPOTS, HITS, DRAWS = 2.0, 40, 6, 400
 
 
-def steady(sigma: float) -> Beams:
-    return Beams(np.array([0.0]), np.array([sigma]), 0.01, single=True)
+def with_noise(placed: PlacedScans, sigma: float) -> PlacedScans:
+    """With ranges that err so much."""
+    beams = Beams(np.array([0.0]), np.array([sigma]), 0.01, single=True)
+    return replace(placed, beams=(beams,) * len(placed.scans))
 
 
 def spots(rng: np.random.Generator) -> np.ndarray:
@@ -51,7 +54,11 @@ def test_one_scan_scatters_as_its_pose_and_its_ranges_do(noise: float) -> None:
     for _ in range(DRAWS):
         drawn = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance)[None])
         scans = scans_of_spots(truth, noise, rng)
-        maps.append(fuse(scans, truth * drawn, VOXEL, covariances=covariance[None], beams=[steady(max(noise, 1e-6))]))
+        maps.append(
+            fuse(
+                with_noise(PlacedScans.of(scans, truth * drawn, VOXEL, covariances=covariance[None]), max(noise, 1e-6))
+            )
+        )
     np.testing.assert_allclose(scatter(maps) / maps[0].sigma, 1.0, atol=0.12)
     assert maps[0].sigma.max() > 1.5 * maps[0].sigma.min()  # the lever arm tells
 
@@ -64,7 +71,7 @@ def test_scans_that_err_together_gain_nothing_from_their_number() -> None:
         together = RigidTransform.from_translation(rng.normal(0, 0.04, 3))
         scans = scans_of_spots(truth, 0.05, rng)
         covariances = np.tile(covariance, (5, 1, 1))
-        maps.append(fuse(scans, together * truth, VOXEL, covariances=covariances, beams=[steady(0.05)] * 5))
+        maps.append(fuse(with_noise(PlacedScans.of(scans, together * truth, VOXEL, covariances=covariances), 0.05)))
     np.testing.assert_allclose(scatter(maps) / maps[0].sigma, 1.0, atol=0.12)
 
 
@@ -78,7 +85,7 @@ def test_scans_that_err_apart_are_surer_than_sigma_by_no_more_than_their_number_
         drawn = np.stack([rng.multivariate_normal(np.zeros(6), covariance) for covariance in covariances])
         scans = scans_of_spots(truth, 0.05, rng)
         T = truth * RigidTransform.from_exp_coords(drawn)
-        maps.append(fuse(scans, T, VOXEL, covariances=covariances, beams=[steady(0.05)] * count))
+        maps.append(fuse(with_noise(PlacedScans.of(scans, T, VOXEL, covariances=covariances), 0.05)))
     ratio = scatter(maps) / maps[0].sigma
     assert (ratio < 1.05).all()
     assert (ratio > 0.9 / np.sqrt(count)).all()
@@ -96,28 +103,30 @@ def test_pose_variance_is_a_third_of_the_trace() -> None:
 def test_the_surer_scan_counts_for_more() -> None:
     scans = [Scan(np.array([[5.5, 0.4 + 0.2 * k, 0.5]], np.float32)) for k in range(2)]
     sure, vague = (np.diag(np.repeat([1e-9, sigma], 3) ** 2) for sigma in (0.1, 0.3))
-    covariances, beams = np.stack([sure, vague]), [steady(1e-6)] * 2
-    fused = fuse(scans, RigidTransform.identity(2), VOXEL, covariances=covariances, beams=beams)
+    placed = PlacedScans.of(scans, RigidTransform.identity(2), VOXEL, covariances=np.stack([sure, vague]))
+    fused = fuse(with_noise(placed, 1e-6))
     np.testing.assert_allclose(fused.points, [[5.5, 0.42, 0.5]], atol=1e-6)
     np.testing.assert_allclose(fused.sigma, 0.9 * 0.1 + 0.1 * 0.3, rtol=1e-4)
 
 
 @pytest.mark.parametrize("merge_rows", [1, 1_000_000])
 def test_the_order_of_the_scans_and_the_grouping_do_not_matter(merge_rows: int, monkeypatch) -> None:
-    monkeypatch.setattr(fused_cells, "MERGE_ROWS", merge_rows)
+    monkeypatch.setattr(point_maps, "MERGE_ROWS", merge_rows)
     rng = np.random.default_rng(8)
     truth = room_poses(5)
     scans = [look(pose, rng, sigma=0.05, wild=0.02) for pose in truth]
     covariances = np.stack([random_covariance(rng, 0.002, 0.02) for _ in range(5)])
     surveys, order = [7, 7, 3, 3, 3], [3, 0, 4, 2, 1]
-    first = fuse(scans, truth, 0.5, covariances=covariances, surveys=surveys)
+    first = fuse(PlacedScans.of(scans, truth, 0.5, covariances=covariances, surveys=surveys))
     other = fuse(
-        [scans[k] for k in order],
-        truth[order],
-        0.5,
-        order,
-        covariances=covariances[order],
-        surveys=[surveys[k] for k in order],
+        PlacedScans.of(
+            [scans[k] for k in order],
+            truth[order],
+            0.5,
+            order,
+            covariances=covariances[order],
+            surveys=[surveys[k] for k in order],
+        )
     )
     np.testing.assert_allclose(other.points, first.points, atol=1e-9)
     np.testing.assert_allclose(other.sigma, first.sigma, rtol=1e-6)
@@ -133,8 +142,8 @@ def test_moving_the_world_moves_the_map() -> None:
     covariances = np.stack([random_covariance(rng, 0.002, 0.02) for _ in range(3)])
     # a quarter turn and whole voxels keep the lattice
     motion = RigidTransform.from_matrix([[0, -1, 0, 20.0], [1, 0, 0, -12.0], [0, 0, 1, 3.0], [0, 0, 0, 1]])
-    here = fuse(scans, truth, 0.5, covariances=covariances)
-    there = fuse(scans, motion * truth, 0.5, covariances=covariances)
+    here = fuse(PlacedScans.of(scans, truth, 0.5, covariances=covariances))
+    there = fuse(PlacedScans.of(scans, motion * truth, 0.5, covariances=covariances))
     moved = motion.apply(here.points)
     order = [np.lexsort(np.round(points, 4).T) for points in (moved, there.points)]
     np.testing.assert_allclose(there.points[order[1]], moved[order[0]], atol=1e-6)
@@ -160,7 +169,8 @@ def test_a_scan_of_few_points_is_taken_for_no_view() -> None:
     np.testing.assert_allclose(found.sigma(np.array([3.7])), VOXEL / np.sqrt(12))
 
 
-@pytest.mark.parametrize("told", [{"covariances": np.zeros((2, 6, 6))}, {"surveys": [1, 2]}, {"beams": []}])
-def test_refuses_another_number_of_anything(told: dict) -> None:
-    with pytest.raises(InputError, match=f"1 scans and .* {next(iter(told))}"):
-        fuse([Scan(np.ones((1, 3), np.float32))], RigidTransform.identity(1), 1.0, **told)
+@pytest.mark.parametrize("given", [{"covariances": np.zeros((2, 6, 6))}, {"surveys": (1, 2)}, {"beams": ()}])
+def test_refuses_another_number_of_anything(given: dict) -> None:
+    placed = PlacedScans.of([Scan(np.ones((1, 3), np.float32))], RigidTransform.identity(1), 1.0)
+    with pytest.raises(InputError, match=f"1 scans and .* {next(iter(given))}"):
+        replace(placed, **given)

@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map import fused_cells
-from sonarmap.slam.map.cell import cell_keys
+from sonarmap.slam.map import point_map as point_maps
+from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import fuse
 from sonarmap.spectral.scan import Scan
 from tests.samples.surveys import random_transforms, ring_poses, scans_of
@@ -27,12 +27,12 @@ def random_scans(rng: np.random.Generator, count: int) -> list[Scan]:
 
 @pytest.mark.parametrize("merge_rows", [1, 1_000_000])
 def test_agrees_with_a_dictionary_of_voxels(merge_rows, monkeypatch):
-    monkeypatch.setattr(fused_cells, "MERGE_ROWS", merge_rows)
+    monkeypatch.setattr(point_maps, "MERGE_ROWS", merge_rows)
     rng = np.random.default_rng(0)
     scans, voxel = random_scans(rng, 7), 0.4
     T = random_transforms(rng, 7, angle=0.5, length=1.0)
     indices = [3, 4, 8, 9, 11, 12, 20]
-    fused = fuse(scans, T, voxel, indices)
+    fused = fuse(PlacedScans.of(scans, T, voxel, indices))
 
     origin = np.floor(T.translation[0] / voxel) * voxel
     voxels = defaultdict(list)
@@ -57,7 +57,7 @@ def test_agrees_with_a_dictionary_of_voxels(merge_rows, monkeypatch):
 def test_is_the_same_to_the_byte_and_needs_no_strength():
     T = ring_poses(6)
     scans = scans_of(T)
-    first, second = fuse(scans, T, 0.5), fuse(scans, T, 0.5)
+    first, second = fuse(PlacedScans.of(scans, T, 0.5)), fuse(PlacedScans.of(scans, T, 0.5))
     assert first.strength is None
     for name in ("points", "scan", "seen", "count", "sigma"):
         assert getattr(first, name).tobytes() == getattr(second, name).tobytes()
@@ -69,27 +69,21 @@ def test_far_from_the_world_s_origin_as_near():
     """UTM coordinates: millions of meters with centimeters in them."""
     scan = random_scans(np.random.default_rng(1), 1)
     far = RigidTransform.from_translation([[500_000.0, 4_600_000.0, -20.0]])
-    near = fuse(scan, RigidTransform.identity(1), 0.05)
-    np.testing.assert_allclose(fuse(scan, far, 0.05).points - far.translation[0], near.points, atol=1e-8)
-
-
-def test_cells_are_half_open_and_ordered():
-    points = np.array([[0.0, 0, 0], [0.999, 0, 0], [1.0, 0, 0], [-1e-9, 0, 0], [0, 1, 0], [0, 0, 1]])
-    keys, near = cell_keys(points, 1.0, np.zeros(3))
-    assert near.all()
-    assert keys[0] == keys[1]
-    assert keys[3] < keys[0] < keys[5] < keys[4] < keys[2]
+    near = fuse(PlacedScans.of(scan, RigidTransform.identity(1), 0.05))
+    np.testing.assert_allclose(
+        fuse(PlacedScans.of(scan, far, 0.05)).points - far.translation[0], near.points, atol=1e-8
+    )
 
 
 @pytest.mark.parametrize(("poses", "voxel"), [(2, 0.5), (1, 0.0), (1, float("nan")), (1, 1e-7)])
 def test_refuses_what_cannot_be_fused(poses, voxel):
     with pytest.raises(InputError):
-        fuse(random_scans(np.random.default_rng(2), 1), RigidTransform.identity(poses), voxel)
+        fuse(PlacedScans.of(random_scans(np.random.default_rng(2), 1), RigidTransform.identity(poses), voxel))
 
 
 def test_refuses_no_scans():
     with pytest.raises(InputError):
-        fuse([], RigidTransform.identity(1), 1.0)
+        fuse(PlacedScans.of([], RigidTransform.identity(1), 1.0))
 
 
 @pytest.mark.parametrize("where", ["first", "last"])
@@ -98,17 +92,17 @@ def test_a_stray_point_is_left_out_and_counted(where):
     stray = np.array([[99_000, 0, 0]], np.float32)
     k = 0 if where == "first" else -1
     scans[k] = replace(scans[k], points=np.vstack([stray, scans[k].points]), strength=None)
-    fused = fuse(scans, RigidTransform.identity(2), 0.02)
+    fused = fuse(PlacedScans.of(scans, RigidTransform.identity(2), 0.02))
     assert fused.left_out == 1
     assert fused.count.sum() == sum(len(scan.points) for scan in scans) - 1
     assert np.abs(fused.points).max() < 20
-    assert fuse(scans, RigidTransform.identity(2), 0.5).left_out == 0
+    assert fuse(PlacedScans.of(scans, RigidTransform.identity(2), 0.5)).left_out == 0
 
 
 def test_scans_far_from_their_sensor_are_mapped_whole():
     """100 km off, at a voxel of 2 cm: five million cells."""
     scan = random_scans(np.random.default_rng(4), 1)[0]
     moved = replace(scan, points=scan.points + np.array([9e4, -1e5, 0], np.float32))
-    fused = fuse([moved], RigidTransform.identity(1), 0.02)
+    fused = fuse(PlacedScans.of([moved], RigidTransform.identity(1), 0.02))
     assert fused.left_out == 0
     assert fused.count.sum() == len(scan.points)

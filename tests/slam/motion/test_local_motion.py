@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.slam.motion.local_motion import Step, likeness, rate_of, rates_by_others
 from sonarmap.slam.motion.motion import Motion
 from sonarmap.slam.motion.reconsider import with_motion
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Candidate, RegisteredPair
 from tests.samples.surveys import random_covariance, registration
 
 USUAL = np.array([0.01, -0.02, 0.15, 1.5, 0.2, -0.1])
@@ -96,7 +96,7 @@ def test_along_a_wall_a_vehicle_goes_on_as_it_did_and_as_far() -> None:
             in_source = T.rotation.inv().apply(along)
             open_along = SURE + np.pad(np.outer(in_source, in_source) * 50.0**2, (3, 0))
             given = registration(RigidTransform.from_translation(-1.5 * along) * T, open_along, accepted=False)
-        pairs.append(Pair(k, k + 1, "sequential", registration=given))
+        pairs.append(RegisteredPair(Candidate(k, k + 1, "sequential"), given))
     motion = Motion.learn(pairs, np.arange(41.0), np.zeros(41, int), FLOOR)
     assert motion is not None
     for k in bare:
@@ -112,7 +112,10 @@ def test_along_a_wall_a_vehicle_goes_on_as_it_did_and_as_far() -> None:
 def test_a_sonar_that_stands_still_is_expected_there() -> None:
     here = registration(RigidTransform.identity(), SURE)
     motion = Motion.learn(
-        [Pair(k, k + 1, "sequential", registration=here) for k in range(9)], np.arange(10.0), np.zeros(10, int), FLOOR
+        [RegisteredPair(Candidate(k, k + 1, "sequential"), here) for k in range(9)],
+        np.arange(10.0),
+        np.zeros(10, int),
+        FLOOR,
     )
     assert motion is not None
     expected = motion.expected(4, 5)
@@ -124,13 +127,13 @@ def test_a_vehicle_nearly_at_rest_has_no_way_to_go() -> None:
     """A hovering vehicle jitters anywhere: the length of its steps holds no direction."""
     rng = np.random.default_rng(4)
     pairs = [
-        Pair(k, k + 1, "sequential", registration=registration(RigidTransform.from_translation(shift), SURE))
+        RegisteredPair(Candidate(k, k + 1, "sequential"), registration(RigidTransform.from_translation(shift), SURE))
         for k, shift in enumerate(0.02 * rng.standard_normal((20, 3)))
     ]
     motion = Motion.learn(pairs, np.arange(21.0), np.zeros(21, int), FLOOR)
     assert motion is not None
     loose = SURE + np.diag([0, 0, 0, 9.0, 0, 0])
-    pair = Pair(4, 5, "sequential", registration=registration(RigidTransform.identity(), loose))
+    pair = RegisteredPair(Candidate(4, 5, "sequential"), registration(RigidTransform.identity(), loose))
     held = with_motion([pair], motion)[0].registration
     assert held is not None
     assert held.covariance[3, 3] == pytest.approx(motion.expected(4, 5).sigmas[3] ** 2, rel=0.05)

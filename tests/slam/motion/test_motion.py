@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.motion import Motion
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Candidate, RegisteredPair
 from tests.samples.surveys import registration
 
 COVARIANCE = np.diag(np.repeat([0.001, 0.01], 3) ** 2)
@@ -24,7 +24,7 @@ def moved(x: np.ndarray) -> RigidTransform:
 
 def steps(
     count: int, wrong: int = 0, seed: int = 3, spans: np.ndarray | None = None, spread: np.ndarray = SPREAD
-) -> list[Pair]:
+) -> list[RegisteredPair]:
     """Consecutive pairs, of which the first few are turned half around and far away."""
     rng = np.random.default_rng(seed)
     spans = np.ones(count) if spans is None else spans
@@ -32,11 +32,11 @@ def steps(
     for k in range(count):
         x = (USUAL + spread * rng.standard_normal(6)) * spans[k]
         T = moved(x) if k >= wrong else moved(np.array([0.1, 0, 3.0, -18.0, 11.0, 0.5]))
-        pairs.append(Pair(k, k + 1, "sequential", registration=registration(T, COVARIANCE)))
+        pairs.append(RegisteredPair(Candidate(k, k + 1, "sequential"), registration(T, COVARIANCE)))
     return pairs
 
 
-def learned(pairs: list[Pair], stamps: np.ndarray | None = None) -> Motion:
+def learned(pairs: list[RegisteredPair], stamps: np.ndarray | None = None) -> Motion:
     count = len(pairs) + 1
     stamps = np.arange(count, dtype=float) if stamps is None else stamps
     motion = Motion.learn(pairs, stamps, np.zeros(count, int), FLOOR)
@@ -59,7 +59,7 @@ def test_rare_turns_count() -> None:
     pairs = steps(40)
     for k in (9, 10, 19, 20, 29, 30):
         T = moved(USUAL * [1, 1, 5, 0.6, 1, 1])
-        pairs[k] = Pair(k, k + 1, "sequential", registration=registration(T, COVARIANCE))
+        pairs[k] = RegisteredPair(Candidate(k, k + 1, "sequential"), registration(T, COVARIANCE))
     motion = learned(pairs)
     assert not motion.contradicts(9, 10, moved(USUAL * [1, 1, 5, 0.6, 1, 1]))
     assert 4 * motion.expected(9, 10).sigmas[2] > 4 * USUAL[2]
@@ -94,13 +94,13 @@ def test_stamps_that_stand_still_tell_nothing() -> None:
 def test_few_steps_tell_nothing() -> None:
     assert Motion.learn(steps(3), np.arange(4.0), np.zeros(4, int), FLOOR) is None
     refused = [
-        Pair(*pair.scans, "sequential", registration=registration(moved(USUAL), COVARIANCE, accepted=False))
+        RegisteredPair(Candidate(*pair.scans, "sequential"), registration(moved(USUAL), COVARIANCE, accepted=False))
         for pair in steps(20)
     ]
     assert Motion.learn(refused, np.arange(21.0), np.zeros(21, int), FLOOR) is None
 
 
-def placed(pairs: list[Pair], opens: list[int], place: float = 0.95) -> list[Pair]:
+def placed(pairs: list[RegisteredPair], opens: list[int], place: float = 0.95) -> list[RegisteredPair]:
     """Refused registrations that leave one number open each, in turns, and have it anywhere; one is accepted."""
     rng = np.random.default_rng(8)
     result = []

@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.edge import Edge, scaled
 from sonarmap.slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import edge, random_covariance, registration, ring_poses
 from tests.slam.motion.test_motion import USUAL, learned, moved, steps
@@ -23,8 +23,8 @@ def answer(T: RigidTransform, probability: float, accepted: bool = False) -> Reg
     return replace(registration(T, TIGHT, accepted), probability=probability)
 
 
-def pair(given: Registration | None) -> Pair:
-    return Pair(5, 6, "sequential", registration=given)
+def pair(given: Registration | None) -> RegisteredPair:
+    return RegisteredPair(Candidate(5, 6, "sequential"), given)
 
 
 def test_what_is_refused_or_contradicted_is_doubtful() -> None:
@@ -36,11 +36,12 @@ def test_what_is_refused_or_contradicted_is_doubtful() -> None:
 
 def test_the_second_look_leads_and_the_first_stays_possible() -> None:
     first = pair(replace(answer(JUMP, 0.9, accepted=True), alternatives=(answer(moved(USUAL), 0.1),)))
-    second = replace(pair(answer(moved(1.1 * USUAL), 0.8)), expected=EXPECTED)
+    second = pair(answer(moved(1.1 * USUAL), 0.8))
+    second = replace(second, candidate=replace(second.candidate, expected=EXPECTED))
     both = with_both(first, second, MOTION)
     assert both.registration is not None
     assert both.registration.probability == 0.8
-    assert both.expected is EXPECTED
+    assert both.candidate.expected is EXPECTED
     jump, usual = both.registration.alternatives
     assert jump.probability == pytest.approx(0.9 * 0.2 * 0.1)
     assert usual.probability == pytest.approx(0.1 * 0.2)
@@ -129,7 +130,7 @@ def test_the_estimate_expects_a_pair_where_it_has_it() -> None:
     edges = [edge(k, k + 1, poses[k].inv() * poses[k + 1], TIGHT) for k in range(5)]
     solution = PoseGraph(chain(edges, np.arange(6.0)), tuple(edges)).optimize()
     floor = np.repeat([0.01, 0.05], 3)
-    (expected,) = expected_by(solution, [Pair(1, 4, "loop")], floor)
+    (expected,) = expected_by(solution, [RegisteredPair(Candidate(1, 4, "loop"))], floor)
     T = expected.T_target_source.inv() * poses[1].inv() * poses[4]
     np.testing.assert_allclose(T.as_matrix(), np.eye(4), atol=1e-4)
     covariance = solution.relative(1, 4)[1]

@@ -12,7 +12,7 @@ from sonarmap.slam.execute.runner import Execution, PairRunner
 from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.motion.odometry import Odometry
-from sonarmap.slam.pair import Pair
+from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.slam.stream.keys import KeySettings, choose_keys
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
@@ -123,7 +123,7 @@ def test_idle_workers_register_ahead_and_the_key_scans_are_the_same(widest: floa
         runner, at_a_time = PairRunner(replace(here, executor=executor), SCANS, 2, None), list[int]()
         register = runner.register
 
-        def counted(candidates: Sequence[Pair]) -> list[Pair]:
+        def counted(candidates: Sequence[Candidate]) -> list[RegisteredPair]:
             at_a_time.append(len(candidates))
             return register(candidates)
 

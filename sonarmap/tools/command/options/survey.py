@@ -59,7 +59,7 @@ class SurveyOptions:
     def mapper_settings(self) -> "MapperSettings":
         """The same as the mapper takes it; None leaves the default."""
         from sonarmap.slam.loops.settings import LoopSettings
-        from sonarmap.slam.map.doubt import MIN_SEEN
+        from sonarmap.slam.map.component_maps import MIN_SEEN
         from sonarmap.slam.mapper import MapperSettings
         from sonarmap.slam.motion.limits import MotionLimits
         from sonarmap.slam.stream.keys import KeySettings

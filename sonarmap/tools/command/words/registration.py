@@ -75,7 +75,7 @@ def _verdict(registration: "Registration") -> str:
 
 def _rows(registration: "Registration", method: ConfiguredMethod) -> dict[str, str]:
     """What speaks for the transform and against it, by name."""
-    from sonarmap.slam.graph.sigma import worst_sigmas
+    from sonarmap.slam.graph.tangent import worst_sigmas
 
     rotation, translation = worst_sigmas(registration.covariance)
     cube = f"{method.edge} x {method.edge} x {method.edge} " if method.edge else ""

@@ -34,7 +34,7 @@ class MapPart:
     trajectory: Trajectory  # their poses, T_world_sensor, and stamps [s]
     covariances: np.ndarray  # (n, 6, 6) of these, rotation first [rad, m], body tangent
     in_world: bool  # whether instruments measured any of the frame, which is East-North-Up then
-    unmeasured: tuple[str, ...] = ()  # names of `slam.graph.measured_poses.MEASURED` that they did not
+    unmeasured: tuple[str, ...] = ()  # names of `slam.graph.gauge.MEASURED` that they did not
 
     @property
     def point_stamps(self) -> np.ndarray:

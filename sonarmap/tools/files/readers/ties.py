@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.tangent import carried
+from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.tie import VERDICTS, Tie, Verdict
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
@@ -89,7 +89,7 @@ def _tie(row: CsvRow, columns: Mapping[str, int], scans: Sequence[Scan], where: 
             "write add; fix that line"
         )
     # T_true = T Exp(xi) has the inverse T^-1 Exp(-Ad(T) xi)
-    T_i_j, covariance = (given[0].inv(), carried(*given)) if target > source else given
+    T_i_j, covariance = (given[0].inv(), propagated(*given)) if target > source else given
     measured = Registration(T_i_j, covariance, np.nan, np.nan, True, 0.0, "measured by hand")
     return Tie(min(target, source), max(target, source), verdict, measured, cells.get(NOTE, ""))
 

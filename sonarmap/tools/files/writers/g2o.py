@@ -38,7 +38,7 @@ def write_g2o(path: Path, graph: PoseGraph, left_out: Container[int] = ()) -> No
     poses = pose_numbers(graph.trajectory.T_world_sensor).tolist()
     lines = [_line(f"{VERTEX} {k}", pose) for k, pose in enumerate(poses) if k not in left_out]
     lines += [f"{FIX} {pose}\n" for pose in graph.fixed]
-    lines += _known_lines([known for known in graph.all_known if known.pose not in left_out])
+    lines += _known_lines([known for known in graph.gauge.all_known if known.pose not in left_out])
     if graph.edges:
         stacked = RigidTransform.concatenate([edge.registration.T_target_source for edge in graph.edges])
         for edge, pose in zip(graph.edges, pose_numbers(stacked).tolist(), strict=True):

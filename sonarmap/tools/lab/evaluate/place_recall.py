@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.map.shared_cells import outline, overlapping
+from sonarmap.slam.map.cell import outline, overlapping
 from sonarmap.spectral.scan import Scan
 
 # A revisit shares this much with the scan, by the true poses, and was not taken within so many scans of it.

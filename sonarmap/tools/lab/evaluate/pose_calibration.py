@@ -66,7 +66,7 @@ def calibrate_poses(
         truth: their N true poses.
         covariances: (N, 6, 6), rotation first [rad, m], body tangent: T_true = T_estimate Exp(xi), relative to the
             anchor, whose own covariance is then close to zero.
-        unmeasured: what instruments left open of the poses in the world (`slam.graph.measured_poses.MEASURED`).
+        unmeasured: what instruments left open of the poses in the world (`slam.graph.gauge.MEASURED`).
 
     The tangent is the full one of SE(3), as GTSAM's.
 

@@ -24,7 +24,7 @@ class SurveySummary:
         stamps: (N,) float64 [s], of its scans.
         components: indices of each component's scans, ascending.
         unmeasured: of each component that instruments place in the world, what none of them tells
-            (`slam.graph.measured_poses.MEASURED`); empty for the others.
+            (`slam.graph.gauge.MEASURED`); empty for the others.
         covariances: (N, 6, 6) of the poses relative to the first pose of their component, rotation first [rad, m], body
             tangent; None where a scan has none.
         pairs: all pairs that were tried.

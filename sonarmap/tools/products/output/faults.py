@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from statistics import median
 
 from sonarmap.slam.graph.edge import components
-from sonarmap.slam.graph.measured_poses import MEASURED
+from sonarmap.slam.graph.gauge import MEASURED
 from sonarmap.slam.pair import DEFECT, Pair
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
@@ -207,12 +207,14 @@ def _open_parts(result: SurveyResult, constrained: set[int]) -> Iterator[str]:
     for rank, c in enumerate(placed(result.components), 1):
         members = result.components[c]
         part = "the map" if len(result.components) == 1 else f"map_{rank}.ply" if rank > 1 else "map.ply"
-        if graph.lies_in_world(members):
+        if graph.gauge.lies_in_world(members):
             continue
         if constrained.isdisjoint(members):
             yield f"no control point is in a scan of {part}, so nothing fixes its place in the world"
         else:
-            free = [_OPEN[name] for name, open_ in zip(MEASURED, graph.unmeasured[members[0]], strict=True) if open_]
+            free = [
+                _OPEN[name] for name, open_ in zip(MEASURED, graph.gauge.unmeasured[members[0]], strict=True) if open_
+            ]
             yield (
                 f"the control points of {part} leave open {', '.join(free)}; at least three that are not on a line "
                 "fix all"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.graph.sigma import worst_sigmas
+from sonarmap.slam.graph.tangent import worst_sigmas
 from sonarmap.slam.pair import Pair
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.map_folder.pairs import ANSWERS, POSE_COLUMNS

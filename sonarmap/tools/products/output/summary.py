@@ -7,8 +7,8 @@ from typing import Any, get_args
 
 import numpy as np
 
-from sonarmap.slam.graph.measured_poses import MEASURED
-from sonarmap.slam.graph.sigma import worst_sigmas
+from sonarmap.slam.graph.gauge import MEASURED
+from sonarmap.slam.graph.tangent import worst_sigmas
 from sonarmap.slam.map.crossing import CrossingError
 from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.pair import Pair, Role
@@ -29,7 +29,7 @@ def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
     it (null if there is none); "gaps" lists these after the pairs that failed.
     """
     solution, graph, names = result.solution, result.solution.graph, list(run.names)
-    unmeasured = graph.unmeasured
+    unmeasured = graph.gauge.unmeasured
     gaps = [_gap(scan.before, len(names)) for scan in run.unread]
     return {
         "versions": package_versions(),

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.map.crossing import crossing_error
+from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.grid import choose_grid
@@ -81,7 +82,7 @@ def print_pairs(result: SurveyResult) -> None:
 def crossings(survey: Mapped) -> tuple[float, float]:
     """The median crossing error before the loops and after [m], every scan taken for a pass of its own; printed."""
     before, scans = survey.result.chained.T_world_sensor, survey.scans
-    error = crossing_error(scans, before, survey.poses, survey.voxel, surveys=range(len(scans)))
+    error = crossing_error(PlacedScans.of(scans, survey.poses, survey.voxel, surveys=range(len(scans))), before)
     assert error.before is not None
     assert error.after is not None
     print(

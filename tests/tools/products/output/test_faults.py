@@ -31,8 +31,10 @@ def survey(overlap: float, by_motion: bool) -> SurveyResult:
     result = Mapper(KnowingRegistrar(truth, 1e-6 * np.eye(6), spoil), 0.5).run(scans_of(truth))
     if not by_motion:
         return result
-    expected = ExpectedPose.of(RigidTransform.identity(), np.ones(6))
-    pairs = [replace(pair, expected=expected) if pair.scans == (4, 5) else pair for pair in result.pairs]
+    pairs = list(result.pairs)
+    (step,) = (n for n, pair in enumerate(pairs) if pair.scans == (4, 5))
+    candidate = replace(pairs[step].candidate, expected=ExpectedPose.of(RigidTransform.identity(), np.ones(6)))
+    pairs[step] = replace(pairs[step], registered=replace(pairs[step].registered, candidate=candidate))
     return replace(result, pairs=tuple(pairs))
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map.component_maps import component_maps
-from sonarmap.slam.map.doubt import CleanMap
+from sonarmap.slam.map.component_maps import CleanMap, component_maps
+from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
@@ -42,16 +42,10 @@ def as_surveys(mapped: tuple[list[Scan], SurveyResult], several: bool) -> Survey
     """The result, the second round another survey where there are `several`."""
     scans, result = mapped
     (part,) = result.parts
-    again = component_maps(
-        scans,
-        part.chained_poses,
-        result.trajectory,
-        result.covariances,
-        0.5,
-        range(COUNT),
-        [int(several and k >= COUNT // 2) for k in range(COUNT)],
-    )
-    return replace(result, parts=(again,))
+    surveys = [int(several and k >= COUNT // 2) for k in range(COUNT)]
+    T, covariances = result.trajectory.T_world_sensor, result.covariances
+    placed_scans = PlacedScans.of(scans, T, 0.5, covariances=covariances, surveys=surveys)
+    return replace(result, parts=(component_maps(placed_scans, part.chained_poses),))
 
 
 @pytest.fixture(scope="module")

@@ -213,12 +213,14 @@ def _signatures(registrar: "SpectralRegistrar", scans: Sequence[Scan]) -> dict[i
 def _peer(system: str, scans: Sequence[Scan], grid: "Grid") -> MappedSurvey:
     """Another system's poses, and the map that this project's fusing makes with them."""
     from sonarmap.slam.map.component_maps import clean_map
+    from sonarmap.slam.map.placed import PlacedScans
     from sonarmap.tools.files.memory import peak_memory
 
     run = _run_peer(system, scans, grid.voxel)
     time = MappingTime(run.seconds, peak_memory())
     placed = run.trajectory.stamps.astype(int).tolist()
-    fused = clean_map([scans[k] for k in placed], run.trajectory.T_world_sensor, grid.voxel, placed).clean
+    chosen = [scans[k] for k in placed]
+    fused = clean_map(PlacedScans.of(chosen, run.trajectory.T_world_sensor, grid.voxel, placed)).clean
     return MappedSurvey(
         placed=tuple(placed),
         components=1,

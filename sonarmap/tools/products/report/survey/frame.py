@@ -97,12 +97,12 @@ def _level(missing: tuple[str, ...] | None, here: Georeference | None, *, given:
 
 def _unmeasured(result: SurveyResult, c: int) -> tuple[str, ...] | None:
     """Names of MEASURED that no instrument measured of a component; None where it is not in the world at all."""
-    from sonarmap.slam.graph.measured_poses import MEASURED
+    from sonarmap.slam.graph.gauge import MEASURED
 
     graph, members = result.solution.graph, result.components[c]
     measured = {pose for pose, _ in graph.priors} | {known.pose for known in graph.known}
     if measured.isdisjoint(members):
         return None
-    loose = dict(graph.loose)
-    free = next((loose[pose] for pose in members if pose in loose), np.zeros(len(MEASURED), dtype=bool))
+    unconstrained = dict(graph.gauge.unconstrained)
+    free = next((unconstrained[pose] for pose in members if pose in unconstrained), np.zeros(len(MEASURED), dtype=bool))
     return tuple(name for name, held in zip(MEASURED, free, strict=True) if held)

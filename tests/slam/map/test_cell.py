@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sonarmap.slam.map import shared_cells
-from sonarmap.slam.map.shared_cells import outline, overlapping
+from sonarmap.slam.map import cell
+from sonarmap.slam.map.cell import cell_keys, outline, overlapping
 from tests.samples.surveys import random_transforms, ring_poses, scans_of
 
 
@@ -37,7 +37,7 @@ def test_the_shares_are_those_of_sets_of_cells_however_many_scans_there_are(monk
         if cells[i] & cells[j]
     }
     for together in (4, 500):
-        monkeypatch.setattr(shared_cells, "_TOGETHER", together)
+        monkeypatch.setattr(cell, "_TOGETHER", together)
         pairs, share = overlapping(outlines, truth, 1.0, 1e-6)
         assert [tuple(pair) for pair in pairs.tolist()] == sorted(wanted)
         np.testing.assert_allclose(share, [wanted[i, j] for i, j in pairs.tolist()], rtol=1e-12)
@@ -50,3 +50,11 @@ def test_a_stray_point_does_not_disturb_the_predicted_overlap():
     struck = [replace(scan, points=np.vstack([stray, scan.points])) for scan in scans]
     clean, other = (overlapping([outline(one, 0.05) for one in of], truth[:2], 0.05, 1e-6)[1] for of in (scans, struck))
     np.testing.assert_allclose(other, clean, atol=2e-3)
+
+
+def test_cells_are_half_open_and_ordered():
+    points = np.array([[0.0, 0, 0], [0.999, 0, 0], [1.0, 0, 0], [-1e-9, 0, 0], [0, 1, 0], [0, 0, 1]])
+    keys, near = cell_keys(points, 1.0, np.zeros(3))
+    assert near.all()
+    assert keys[0] == keys[1]
+    assert keys[3] < keys[0] < keys[5] < keys[4] < keys[2]

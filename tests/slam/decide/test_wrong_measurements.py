@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.slam.decide.navigation import Navigation
-from sonarmap.slam.decide.wrong_fixes import without_wrong_fixes
+from sonarmap.slam.decide.measurements import Measurements
+from sonarmap.slam.decide.wrong_measurements import without_wrong_fixes
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -100,12 +100,12 @@ def test_dead_reckoning_shows_them_before_a_scan_is_registered() -> None:
     points = np.zeros((1, 3), np.float32)
     scans = [Scan(points, stamp=float(k), prior=priors[k], name=f"scan{k}") for k in range(COUNT)]
     odometry = Odometry(np.arange(COUNT), TRUTH, np.arange(float(COUNT)))
-    navigation = Navigation.of(scans, np.zeros(COUNT, int), odometry)
-    assert [(fix.scan, fix.kind) for fix in navigation.wrong_fixes] == [(20, "position")]
-    assert navigation.scans[20].prior is not None
-    assert not navigation.scans[20].prior.knows_position
-    kept = navigation.scans[19].prior
+    given = Measurements.of(scans, np.zeros(COUNT, int), odometry)
+    assert [(fix.scan, fix.kind) for fix in given.wrong_fixes] == [(20, "position")]
+    assert given.scans[20].prior is not None
+    assert not given.scans[20].prior.knows_position
+    kept = given.scans[19].prior
     assert kept is not None
     np.testing.assert_array_equal(kept.sigmas, priors[19].sigmas)
-    assert len(navigation.odometry) == COUNT - 1
-    assert Navigation.of(scans, np.zeros(COUNT, int), None).scans == tuple(scans)
+    assert len(given.steps) == COUNT - 1
+    assert Measurements.of(scans, np.zeros(COUNT, int), None).scans == tuple(scans)

@@ -1,0 +1,86 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""What is known of a survey beside registrations: fixes, dead reckoning, control points, and ties of a person."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from sonarmap.slam.decide.wrong_measurements import WrongFix, without_wrong_fixes
+from sonarmap.slam.graph.control import ControlPoint
+from sonarmap.slam.graph.edge import Edge, components
+from sonarmap.slam.graph.place import place_in_world
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.slam.tie import Tie
+from sonarmap.spectral.scan import PosePrior, Scan
+
+
+@dataclass(frozen=True, slots=True)
+class Measurements:
+    """Scans, instruments without fixes that they themselves contradict, and what a person adds.
+
+    Attributes:
+        scans: N, with the priors that are left; what is wrong must not bound a registration.
+        surveys: (N,) the number of each scan's survey.
+        odometry: dead reckoning; None without.
+        wrong_fixes: what dead reckoning and the other fixes contradict.
+        control: points of scans with known coordinates; those to check with are not used.
+        ties: what a person said of pairs, by their scans.
+    """
+
+    scans: tuple[Scan, ...]
+    surveys: np.ndarray
+    odometry: Odometry | None = None
+    wrong_fixes: tuple[WrongFix, ...] = ()
+    control: tuple[ControlPoint, ...] = ()
+    ties: Mapping[tuple[int, int], Tie] = field(default_factory=dict[tuple[int, int], Tie])
+
+    @classmethod
+    def of(cls, scans: Sequence[Scan], surveys: np.ndarray, odometry: Odometry | None) -> "Measurements":
+        """Of scans with their priors, and their dead reckoning, which shows wrong fixes before a scan is registered."""
+        given = cls(tuple(scans), surveys, odometry)
+        if odometry is None:
+            return given
+        steps = given.steps
+        placed = place_in_world(chain(steps, given.stamps), components(len(scans), steps), given.priors)
+        left, wrong = without_wrong_fixes(PoseGraph(placed, tuple(steps)), given.priors)
+        cleaned = tuple(replace(scan, prior=left.get(k)) for k, scan in enumerate(scans))
+        return replace(given, scans=cleaned, wrong_fixes=wrong)
+
+    def take(self, chosen: Sequence[int]) -> "Measurements":
+        """Of these scans, ascending, which are then numbered 0, 1, ...; what is wrong has been left out.
+
+        Raises:
+            InputError: a tie of another scan.
+        """
+        number, names = {k: n for n, k in enumerate(chosen)}, [scan.name for scan in self.scans]
+        ties = [tie.renumbered(number, names) for tie in self.ties.values()]
+        return Measurements(
+            tuple(self.scans[k] for k in chosen),
+            self.surveys[list(chosen)],
+            None if self.odometry is None else self.odometry.take(chosen),
+            control=tuple(replace(point, scan=number[point.scan]) for point in self.control if point.scan in number),
+            ties={tie.scans: tie for tie in ties},
+        )
+
+    @property
+    def by_instruments(self) -> "Measurements":
+        """The same without control points and ties."""
+        return replace(self, control=(), ties={})
+
+    @property
+    def steps(self) -> list[Edge]:
+        """Of dead reckoning, within each survey."""
+        return [] if self.odometry is None else self.odometry.edges(self.surveys)
+
+    @property
+    def stamps(self) -> np.ndarray:
+        """(N,) [s]."""
+        return np.array([scan.stamp for scan in self.scans], dtype=np.float64)
+
+    @property
+    def priors(self) -> dict[int, PosePrior]:
+        """By scan."""
+        return {k: scan.prior for k, scan in enumerate(self.scans) if scan.prior is not None}

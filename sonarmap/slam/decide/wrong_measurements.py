@@ -1,0 +1,253 @@
+"""Measurements that all others contradict: an acoustic outlier, a compass that jumped, a control point picked wrongly.
+
+They are found by reweighted least squares with heavy tails (Student's t): a measurement far off pulls less and less,
+until the others say where the pose is. One that nothing else bears on is never wrong.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.special import chdtri
+
+from sonarmap.slam.graph.control import ControlPoint, jacobian
+from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
+from sonarmap.spectral.measured import measured_rotation, twist
+from sonarmap.spectral.scan import PosePrior
+
+# What an instrument tells, and its numbers among a prior's sigmas.
+KINDS = {"attitude": slice(0, 2), "heading": slice(2, 3), "position": slice(3, 5), "depth": slice(5, 6)}
+# Degrees of freedom of the errors' tails, how often measurements are weighed anew, and a change that is none.
+_TAILS, _REWEIGHTED, _SETTLED = 2.0, 8, 1e-2
+# A measurement is wrong where one of so many right ones is as far off.
+_RARE = 1e-5
+# Where more than this share of the measurements of a kind seem wrong, it is not they that are.
+_MOST = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class WrongFix:
+    """A measurement that was left out.
+
+    Attributes:
+        scan: its index.
+        kind: of KINDS.
+        sigmas: how far it is from what all others say, in standard deviations of one number that is as rare.
+    """
+
+    scan: int
+    kind: str
+    sigmas: float
+
+
+@dataclass(frozen=True, slots=True)
+class WrongControl:
+    """A control point that was left out.
+
+    Attributes:
+        point: as it was given.
+        sigmas: how far it is from what all others say, in its own standard deviations and the map's together.
+    """
+
+    point: ControlPoint
+    sigmas: float
+
+
+def without_wrong_fixes(
+    graph: PoseGraph, priors: Mapping[int, PosePrior]
+) -> tuple[dict[int, PosePrior], tuple[WrongFix, ...]]:
+    """The priors without those that the edges and the other priors contradict, and which these are.
+
+    Args:
+        graph: edges between the poses, these about where they are in the world; its own priors do not count.
+        priors: what instruments measured, by pose.
+    """
+    if not priors:
+        return {}, ()
+    fixes = _Fixes.of(priors)
+
+    def weighed(graph: PoseGraph, weights: np.ndarray) -> PoseGraph:
+        return replace(graph, priors=tuple(zip(fixes.poses.tolist(), fixes.weighed(weights), strict=True)))
+
+    def weights_at(graph: PoseGraph) -> np.ndarray:
+        return np.where(fixes.known, fixes.weights_at(graph.trajectory.T_world_sensor), 1.0)
+
+    # edges may be wrong as well as fixes
+    solution, weights = _reweighted(graph, np.ones(fixes.known.shape), weighed, weights_at, edges_too=True)
+    wrong = _wrong_fixes(solution, fixes, weights)
+    if not wrong or _too_many(wrong, fixes):
+        return dict(priors), ()
+    left_out = {(fix.scan, fix.kind) for fix in wrong}
+    cleaned = {k: _without(prior, {kind for kind in KINDS if (k, kind) in left_out}) for k, prior in priors.items()}
+    return {k: prior for k, prior in cleaned.items() if prior is not None}, wrong
+
+
+def without_wrong_control(graph: PoseGraph) -> tuple[tuple[ControlPoint, ...], tuple[WrongControl, ...]]:
+    """The control points of a graph without those that its edges, priors and other points contradict; and which.
+
+    Args:
+        graph: its poses about where they are in the world.
+    """
+    if not graph.control:
+        return (), ()
+
+    def weighed(graph: PoseGraph, weights: np.ndarray) -> PoseGraph:
+        sigmas = zip(graph.control, weights.tolist(), strict=True)
+        return replace(
+            graph, control=tuple(replace(point, sigmas=point.sigmas / np.sqrt(weight)) for point, weight in sigmas)
+        )
+
+    def weights_at(at: PoseGraph) -> np.ndarray:
+        squared = np.array([(_apart(at, point) / point.sigmas) ** 2 for point in graph.control]).sum(axis=1)
+        return np.minimum(1.0, (_TAILS + 3) / (_TAILS + squared))
+
+    # a point far off counts little from the beginning: at full weight it would bend a chain for good
+    solution, weights = _reweighted(graph, weights_at(graph), weighed, weights_at)
+    wrong = _wrong_control(solution, graph.control, weights)
+    if len(wrong) > _MOST * len(graph.control):
+        return graph.control, ()
+    left_out = {id(each.point) for each in wrong}
+    return tuple(point for point in graph.control if id(point) not in left_out), wrong
+
+
+def _reweighted(
+    graph: PoseGraph,
+    weights: np.ndarray,
+    weighed: Callable[[PoseGraph, np.ndarray], PoseGraph],
+    weights_at: Callable[[PoseGraph], np.ndarray],
+    edges_too: bool = False,
+) -> tuple[Solution, np.ndarray]:
+    """The optimum, and the measurements' weights there.
+
+    Args:
+        graph: about where to begin.
+        weights: of the measurements, to begin with.
+        weighed: gives a graph with measurements that count as much as their weights.
+        weights_at: the weights, by how far a graph's poses are from what was measured.
+        edges_too: whether edges are weighed anew, too.
+    """
+    solution, of_edges = None, np.ones(len(graph.edges))
+    for _ in range(_REWEIGHTED):
+        solution = weighed(graph, weights).optimize(scale_factors=1 / of_edges)
+        graph = graph.at(solution.trajectory.T_world_sensor)
+        if edges_too:
+            of_edges = np.minimum(1.0, (_TAILS + 6) / (_TAILS + solution.residuals**2 / of_edges))
+        before, weights = weights, weights_at(graph)
+        if np.abs(weights - before).max() < _SETTLED:
+            break
+    assert solution is not None
+    return solution, weights
+
+
+def _sigmas_if_wrong(apart: np.ndarray, covariance: np.ndarray) -> float | None:
+    """How far a measurement is from the estimate [sigmas], where that is farther than both are unsure."""
+    squared = float(apart @ np.linalg.solve(covariance, apart))
+    return float(np.sqrt(squared)) if squared > chdtri(len(apart), _RARE) else None
+
+
+def _apart(graph: PoseGraph, point: ControlPoint) -> np.ndarray:
+    """(3,) from where a control point is known to be to where the poses have it [m]."""
+    return graph.trajectory.T_world_sensor[point.scan].apply(point.point) - point.known
+
+
+def _wrong_control(
+    solution: Solution, control: Sequence[ControlPoint], weights: np.ndarray
+) -> tuple[WrongControl, ...]:
+    suspects = [point for point, weight in zip(control, weights.tolist(), strict=True) if weight < 1]
+    covariances, wrong = solution.covariances() if suspects else np.empty(0), list[WrongControl]()
+    for point in suspects:
+        J = jacobian(solution.trajectory.T_world_sensor[point.scan], point.point)
+        both = J @ covariances[point.scan] @ J.T + np.diag(point.sigmas**2)
+        if (sigmas := _sigmas_if_wrong(_apart(solution.graph, point), both)) is not None:
+            wrong.append(WrongControl(point, sigmas))
+    return tuple(wrong)
+
+
+@dataclass(frozen=True, slots=True)
+class _Fixes:
+    """What was measured of n poses, by the K kinds of KINDS.
+
+    Attributes:
+        poses: (n,) int.
+        priors: n.
+        R: n measured rotations, level where the attitude is not measured.
+        places: (n, 3) measured translations [m].
+        sigmas: (n, 6) as of a `PosePrior`.
+        known: (n, K) bool, what was measured.
+    """
+
+    poses: np.ndarray
+    priors: tuple[PosePrior, ...]
+    R: Rotation
+    places: np.ndarray
+    sigmas: np.ndarray
+    known: np.ndarray
+
+    @classmethod
+    def of(cls, priors: Mapping[int, PosePrior]) -> "_Fixes":
+        poses = sorted(priors)
+        those = tuple(priors[k] for k in poses)
+        sigmas = np.stack([prior.sigmas for prior in those])
+        return cls(
+            np.array(poses, np.intp),
+            those,
+            Rotation.concatenate([measured_rotation(prior) for prior in those]),
+            np.stack([prior.T_world_sensor.translation for prior in those]),
+            sigmas,
+            np.column_stack([np.isfinite(sigmas[:, numbers]).all(axis=1) for numbers in KINDS.values()]),
+        )
+
+    def weighed(self, weights: np.ndarray) -> list[PosePrior]:
+        """The priors with what weighs less, (n, K), less sure."""
+        sigmas = self.sigmas.copy()
+        for kind, numbers in enumerate(KINDS.values()):
+            sigmas[:, numbers] /= np.sqrt(weights[:, kind, None])
+        return [replace(prior, sigmas=own) for prior, own in zip(self.priors, sigmas, strict=True)]
+
+    def weights_at(self, T_world_sensor: RigidTransform) -> np.ndarray:
+        """(n, K) weights by how far the poses are from what was measured."""
+        squared = (self.residuals(T_world_sensor) / self.sigmas) ** 2
+        sums = np.column_stack([squared[:, numbers].sum(axis=1) for numbers in KINDS.values()])
+        sizes = np.array([numbers.stop - numbers.start for numbers in KINDS.values()])
+        return np.minimum(1.0, (_TAILS + sizes) / (_TAILS + sums))
+
+    def residuals(self, T_world_sensor: RigidTransform) -> np.ndarray:
+        """(n, 6) how far poses are from what was measured, in the world's axes [rad, m]."""
+        T = T_world_sensor[self.poses]
+        up, there = (R.inv().apply([0.0, 0.0, 1.0]) for R in (self.R, T.rotation))
+        turned = T.rotation.apply(np.cross(there, up))
+        turned[:, 2] = twist(T.rotation * self.R.inv())
+        return np.hstack([turned, T.translation - self.places])
+
+
+def _wrong_fixes(solution: Solution, fixes: _Fixes, weights: np.ndarray) -> tuple[WrongFix, ...]:
+    suspects = np.argwhere(fixes.known & (weights < 1.0))
+    if not len(suspects):
+        return ()
+    T, covariances, wrong = solution.trajectory.T_world_sensor, solution.covariances(), list[WrongFix]()
+    residuals, names = fixes.residuals(T), list(KINDS)
+    for n, kind in suspects.tolist():
+        numbers, k = KINDS[names[kind]], int(fixes.poses[n])
+        R = T[k].rotation.as_matrix()
+        in_world = block_diag(R, R)[numbers]  # by the pose's body tangent
+        together = in_world @ covariances[k] @ in_world.T + np.diag(fixes.sigmas[n, numbers] ** 2)
+        if (sigmas := _sigmas_if_wrong(residuals[n, numbers], together)) is not None:
+            wrong.append(WrongFix(k, names[kind], sigmas))
+    return tuple(sorted(wrong, key=lambda fix: (fix.scan, fix.kind)))
+
+
+def _too_many(wrong: Sequence[WrongFix], fixes: _Fixes) -> bool:
+    """Whether so many fixes of a kind seem wrong that rather the edges are."""
+    return any(
+        sum(fix.kind == name for fix in wrong) > _MOST * fixes.known[:, kind].sum() for kind, name in enumerate(KINDS)
+    )
+
+
+def _without(prior: PosePrior, kinds: set[str]) -> PosePrior | None:
+    """The prior without these kinds; None where nothing is left."""
+    sigmas = prior.sigmas.copy()
+    for kind in kinds:
+        sigmas[KINDS[kind]] = np.inf
+    return replace(prior, sigmas=sigmas) if np.isfinite(sigmas).any() else None

@@ -1,0 +1,183 @@
+"""Scans with their poses, and the beams that each of them was seen by: what every map is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Sized
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import KDTree
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
+
+# So many beams of a scan are looked at, each with its nearest by direction; and in so many groups by range.
+_SAMPLE, _NEIGHBORS, _GROUPS = 750, 11, 8
+# A scan was seen from one viewpoint if so many beams are about as long as those around them: within so many voxels and
+# this share of the range. The same as of `spectral.prepare.range_image`.
+_SINGLE, _SPREAD, _SLOPE = 0.8, 2.0, 0.03
+_MAD = 1.4826  # standard deviation of a Gaussian whose median absolute deviation is 1
+_FLOOR = 0.02  # least scatter of a range [voxels]: no fit is better than the surface is flat
+
+
+@dataclass(frozen=True, slots=True)
+class Beams:
+    """The beams of one scan.
+
+    Attributes:
+        ranges: (K,) float64, ascending [m], at which `sigmas` are given.
+        sigmas: (K,) float64, standard deviations of a range about the surface of its neighbors [m].
+        spacing: usual angle between neighboring beams [rad].
+        single: whether the points were seen from the origin; false for a map, or a sweep put together from several
+            viewpoints.
+    """
+
+    ranges: np.ndarray
+    sigmas: np.ndarray
+    spacing: float
+    single: bool
+
+    def sigma(self, ranges: np.ndarray) -> np.ndarray:
+        """(N,) float64 standard deviations of ranges (N,) [m]."""
+        return np.interp(ranges, self.ranges, self.sigmas)
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedScans:
+    """S scans where an estimate has them, and the voxel of the map that they are to be fused into.
+
+    Attributes:
+        scans: S of them, at least one.
+        T_world_sensor: their S poses.
+        voxel: edge of the map's voxels [m].
+        beams: S, as measured from the scans.
+        indices: what to call the scans.
+        surveys: the number of each scan's survey.
+        covariances: (S, 6, 6) of the poses, rotation first [rad, m], body tangent; 0 where they are certain.
+
+    Raises:
+        InputError: no scan, another number of anything, or a voxel that is not positive.
+    """
+
+    scans: tuple[Scan, ...]
+    T_world_sensor: RigidTransform
+    voxel: float
+    beams: tuple[Beams, ...]
+    indices: tuple[int, ...]
+    surveys: tuple[int, ...]
+    covariances: np.ndarray
+
+    def __post_init__(self) -> None:
+        per_scan: dict[str, Sized] = {"poses": self.T_world_sensor}
+        per_scan |= {name: getattr(self, name) for name in ("beams", "indices", "surveys", "covariances")}
+        for name, values in per_scan.items():
+            if not self.scans or len(values) != len(self.scans):
+                raise InputError(f"{len(self.scans)} scans and {len(values)} {name}: wanted scans, and one for each")
+        if not (np.isfinite(self.voxel) and self.voxel > 0):
+            raise InputError(f"the map's voxel is {self.voxel} m; wanted a positive length")
+
+    @classmethod
+    def of(
+        cls,
+        scans: Sequence[Scan],
+        T_world_sensor: RigidTransform,
+        voxel: float,
+        indices: Sequence[int] | None = None,
+        covariances: np.ndarray | None = None,
+        surveys: Sequence[int] | None = None,
+    ) -> PlacedScans:
+        """With their beams measured; by default called 0..S-1, of one survey, and where they are for certain."""
+        return cls(
+            tuple(scans),
+            T_world_sensor,
+            voxel,
+            tuple(beams_of(scan.points, voxel) for scan in scans),
+            tuple(range(len(scans)) if indices is None else indices),
+            (0,) * len(scans) if surveys is None else tuple(surveys),
+            np.zeros((len(scans), 6, 6)) if covariances is None else covariances,
+        )
+
+    def take(self, chosen: Sequence[int]) -> PlacedScans:
+        """Those at these places, in their order."""
+        return replace(
+            self,
+            scans=tuple(self.scans[k] for k in chosen),
+            T_world_sensor=self.T_world_sensor[list(chosen)],
+            beams=tuple(self.beams[k] for k in chosen),
+            indices=tuple(self.indices[k] for k in chosen),
+            surveys=tuple(self.surveys[k] for k in chosen),
+            covariances=self.covariances[list(chosen)],
+        )
+
+    def certain_at(self, T_world_sensor: RigidTransform) -> PlacedScans:
+        """The same scans at other S poses, which are certain."""
+        return replace(self, T_world_sensor=T_world_sensor, covariances=np.zeros_like(self.covariances))
+
+
+def beams_of(points: np.ndarray, voxel: float) -> Beams:
+    """Measure a scan's beams by a sample of them.
+
+    Over a plane the inverse of the range is linear in the beam's direction, so a fit of that to the nearest beams
+    leaves the scatter of the ranges, however steep the plane. Wild echoes are left out of the fits, which use neither
+    the shortest nor the longest of the beams around, and edges and what is wild itself do not move the median.
+
+    Args:
+        points: (N, 3) float [m, sensor frame].
+        voxel: of the map [m].
+    """
+    points = points.astype(np.float64)
+    ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
+    floor = _FLOOR * voxel
+    if len(points) <= _NEIGHBORS or not ranges.min() > 0:
+        return Beams(np.array([0.0]), np.array([max(floor, voxel / np.sqrt(12))]), 0.0, single=False)
+    directions = points / ranges[:, None]
+    sample = np.arange(0, len(points), -(-len(points) // _SAMPLE))
+    # one query a tree: what balancing costs it does not save
+    tree = KDTree(directions, leafsize=32, compact_nodes=False, balanced_tree=False)
+    angles, near = tree.query(directions[sample], _NEIGHBORS)
+    around = ranges[near]
+    off = np.abs(ranges[sample] - np.median(around, axis=1))
+    single = bool((off <= _SPREAD * voxel + _SLOPE * ranges[sample]).mean() >= _SINGLE)
+    if not single:  # a point may lie anywhere in its voxel
+        return Beams(np.array([0.0]), np.array([voxel / np.sqrt(12)]), 0.0, single=False)
+    residual = np.abs(_residuals(directions[near], around))
+    groups = np.array_split(np.argsort(ranges[sample], kind="stable"), _GROUPS)
+    return Beams(
+        ranges=np.array([np.median(ranges[sample][group]) for group in groups]),
+        sigmas=np.maximum([_MAD * np.median(residual[group]) for group in groups], floor),
+        spacing=float(np.median(angles[:, 1])),
+        single=True,
+    )
+
+
+def _residuals(directions: np.ndarray, ranges: np.ndarray) -> np.ndarray:
+    """(m,) how far the first of each (m, k) ranges is from the plane fitted to the others, and as much more as the fit
+    itself errs [m]; directions (m, k, 3)."""
+    kept = 1 + np.argsort(ranges[:, 1:], axis=1, kind="stable")[:, 1:-1]
+    around = np.take_along_axis(directions, kept[:, :, None], axis=1)
+    inverse = 1 / np.take_along_axis(ranges, kept, axis=1)
+    # beams of a row lie in a plane with the sensor: the third component is then anything, and no matter
+    solver = np.linalg.pinv(np.einsum("mki,mkj->mij", around, around), hermitian=True)
+    first = directions[:, 0]
+    misfit = 1 / ranges[:, 0] - np.einsum("mi,mij,mkj,mk->m", first, solver, around, inverse, optimize=True)
+    leverage = np.einsum("mi,mij,mj->m", first, solver, first)
+    return ranges[:, 0] ** 2 * misfit / np.sqrt(1 + leverage)
+
+
+def pose_variance(points: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """(N,) float64 [m^2]: mean square, over the three coordinates, of the error that a pose's error brings to points.
+
+    With T_true = T Exp((w, v)) a point p moves by R (w x p + v): a third of the trace of that vector's covariance,
+    which no rotation R changes.
+
+    Args:
+        points: (N, 3) float64 [m, sensor frame].
+        covariance: (6, 6) of (w, v), rotation first [rad, m].
+    """
+    turn, cross, shift = covariance[:3, :3], covariance[:3, 3:], covariance[3:, 3:]
+    twisted = np.trace(turn) * np.eye(3) - turn  # |w x p|^2 is p' (w'w I - w w') p
+    # (w x p) . v is p . (v x w)
+    lever = np.array([cross[2, 1] - cross[1, 2], cross[0, 2] - cross[2, 0], cross[1, 0] - cross[0, 1]])
+    squares = np.einsum("ni,ni->n", points @ twisted, points) + 2 * points @ lever + np.trace(shift)
+    return np.maximum(squares, 0.0) / 3
