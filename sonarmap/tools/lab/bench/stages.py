@@ -49,7 +49,7 @@ SURVEY_STAGES: Mapping[str, str] = {
     "sonarmap.tools.files.readers.scans:read_survey": "reading",
     "sonarmap.spectral.registration:SpectralRegistrar.prepare": "preparing scans",
     "sonarmap.spectral.registration:SpectralRegistrar._register": "registering pairs",
-    "sonarmap.slam.execute.runner:PairRunner._keep": "keeping the journal",
+    "sonarmap.slam.execute.journal:Journal.add": "keeping the journal",
     "sonarmap.slam.pair_search:PairSearch.loops": "choosing loops",
     "sonarmap.slam.decide.decision:decide": "deciding, optimizing",
     "sonarmap.slam.map.component_maps:component_maps": "fusing maps",

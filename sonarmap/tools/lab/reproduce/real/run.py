@@ -37,7 +37,7 @@ class Real(ByMethod):
     sources: ClassVar[tuple[str, ...]] = (
         *(f"tools/{folder}" for folder in ("files/readers", "lab/evaluate", "lab/reproduce/answer.py")),
         *(f"tools/lab/reproduce/real/{name}.py" for name in ("real_set", "settings")),
-        *("tools/lab/simulate/sensing/priors.py", "spectral/grid.py"),
+        *("tools/lab/simulate/sensing/navigation.py", "spectral/grid.py"),
     )
     # the digest of a set and the drawn priors are part of a job's key: another set makes no job run again
     deciding: ClassVar[tuple[str, ...]] = ("edge", "voxel", "max_tilt")
