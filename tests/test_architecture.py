@@ -132,6 +132,8 @@ def test_the_command_line_starts_without_the_slow_libraries() -> None:
 
 def test_the_rooms_are_there() -> None:
     assert {room_of(path) for path in FILES} == set(ROOMS)
+    links = {room: (ROOT / room).readlink().as_posix() for room in ROOMS}  # so that the top level shows them, too
+    assert links == {room: f"sonarmap/{room}" for room in ROOMS}
 
 
 FOLDERS = sorted({path.parent for path in FILES})

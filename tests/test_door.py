@@ -66,6 +66,14 @@ class TestNames:
         exec("from sonarmap import *", names)
         assert set(NAMES) <= set(names)
 
+    def test_it_is_imported_beside_packages_of_the_names_that_its_own_have(self, tmp_path: Path) -> None:
+        for room in ("kernels", "spectral", "slam", "tools"):
+            (tmp_path / room).mkdir()
+            (tmp_path / room / "__init__.py").write_text(f"raise SystemExit('the {room} of another project')\n")
+        program = "import sonarmap; print(sonarmap.Scan.__module__, callable(sonarmap.register))"
+        shown = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
+        assert (shown.stdout, shown.stderr) == ("sonarmap.spectral.scan True\n", "")
+
     def test_importing_it_loads_no_library(self) -> None:
         program = (
             "import sys, sonarmap; print([m for m in ('numpy', 'scipy', 'gtsam', 'pyopencl') if m in sys.modules])"
