@@ -3,6 +3,7 @@
 import io
 import struct
 from collections.abc import Sequence
+from pathlib import Path
 
 import laspy
 import lzf
@@ -68,6 +69,12 @@ def pcd(encoding: str) -> bytes:
 def text(separator: str = " ", header: str = "", columns: Sequence[int] = (0, 1, 2, 3), end: str = "\n") -> bytes:
     rows = [separator.join(str(row[column]) for column in columns) for row in TABLE.tolist()]
     return (header + end.join([*rows, ""])).encode()
+
+
+def put(path: Path, content: bytes) -> Path:
+    """The file with this content."""
+    path.write_bytes(content)
+    return path
 
 
 def npy(array: np.ndarray) -> bytes:

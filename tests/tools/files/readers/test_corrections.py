@@ -1,5 +1,6 @@
 """Points corrected as they are read: ranges by the speed of sound or a factor, axes and units worked by hand."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,7 @@ def test_points_are_scaled_from_where_the_sensor_was() -> None:
     np.testing.assert_allclose(cloud.points, [[1.75, -3.375, 0.875], [11.125, -0.3125, -5.25]])
     np.testing.assert_array_equal(Corrections(scale=2.0).corrected(Cloud(POINTS)).points, 2 * POINTS)
     assert Corrections().corrected(cloud) is cloud
+    assert PointFrame().turned(cloud) is cloud
 
 
 def test_any_format_can_be_scaled(tmp_path: Path) -> None:
@@ -71,16 +73,17 @@ def test_a_shot_without_one_is_a_gap(tmp_path: Path) -> None:
     assert "dive.sonar#1: it does not say with which speed of sound" in read.unread[0].reason
 
 
-@pytest.mark.parametrize("speed", [0.0, 343.0, 15000.0, float("nan")])
-def test_a_speed_that_is_not_waters_is_refused(speed: float) -> None:
-    with pytest.raises(InputError, match="not a speed of sound in water; wanted 1000 to 2000 m/s"):
-        Corrections(speed)
-
-
-@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_factor_that_is_none_is_refused(scale: float) -> None:
-    with pytest.raises(InputError, match="is not a factor"):
-        Corrections(scale=scale)
+@pytest.mark.parametrize(
+    ("made", "given", "words"),
+    [
+        *((Corrections, (v,), "not a speed of sound in water; wanted 1000 to 2000") for v in (0, 343, 15000, np.nan)),
+        *((Corrections, (None, factor), "is not a factor") for factor in (0, -1, np.nan, np.inf)),
+        *((PointFrame, names, "choose one of") for names in (("enu", "m"), ("flu", "inch"), ("", "m"))),
+    ],
+)
+def test_refuses_other_numbers_and_names(made: Callable[..., object], given: tuple, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        made(*given)
 
 
 def test_axes_and_units_come_before_ranges(tmp_path: Path) -> None:
@@ -124,14 +127,3 @@ def test_integers_and_what_is_not_finite() -> None:
     np.testing.assert_allclose(turned.points, [[1.5, -0.25, 0.75]])
     points = PointFrame("ned").turned(Cloud(np.array([[np.nan, 1.0, 2.0], [1, np.inf, 3]]))).points
     np.testing.assert_array_equal(np.isfinite(points), [[True, False, True], [False, True, True]])
-
-
-def test_the_default_changes_nothing() -> None:
-    cloud = Cloud(np.array([[1, 2, 3]], np.int16))
-    assert PointFrame().turned(cloud) is cloud
-
-
-@pytest.mark.parametrize("given", [("enu", "m"), ("flu", "inch"), ("", "m")])
-def test_refuses_other_names(given: tuple[str, str]) -> None:
-    with pytest.raises(InputError, match="choose one of"):
-        PointFrame(*given)

@@ -1,6 +1,5 @@
 """Files of ties and of control points: what they say, and what is refused."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,9 @@ from sonarmap.tools.files.readers.ties import read_ties
 
 SCANS = [Scan(np.ones((1, 3), np.float32), stamp=float(k), name=f"dive{k}") for k in range(12)]
 TRANSFORM = "target,source,verdict,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg,sigma_m,sigma_deg,note\n"
-POINT = "name,scan,x_m,y_m,z_m,east_m,north_m,"
+TIE, CONTROL = "target,source,verdict", "name,scan,x_m,y_m,z_m,"
+POINT = f"{CONTROL}east_m,north_m,"
+LOCAL, EARTH, GRID = f"{POINT}up_m", f"{CONTROL}lat_deg,lon_deg,up_m", f"{CONTROL}easting_m,northing_m,up_m\n"
 
 
 def written(tmp_path: Path, text: str) -> Path:
@@ -86,7 +87,7 @@ def test_control_points_on_the_earth(tmp_path: Path) -> None:
 def test_control_points_of_a_grid(tmp_path: Path) -> None:
     """Of the 32nd zone, whose middle is 9 East, where grid North is true North and the scale 0.9996."""
     rows = "A,0,1,2,3,500000,6650000,-3\nB,1,1,2,3,500099.96,6650049.98,-2\n"
-    text = f"name,scan,x_m,y_m,z_m,easting_m,northing_m,up_m\n{rows}"
+    text = GRID + rows
     read = read_control(written(tmp_path, text), SCANS, crs="EPSG:32632")
     assert read.georeference is not None
     assert read.georeference.longitude == pytest.approx(9.0)
@@ -95,91 +96,59 @@ def test_control_points_of_a_grid(tmp_path: Path) -> None:
 
 def test_a_grid_is_asked_where_the_points_are(tmp_path: Path) -> None:
     """The example of the option's help holds in Europe, and neither at 0 N 0 E nor with its columns swapped."""
-    heading, row = "name,scan,x_m,y_m,z_m,easting_m,northing_m,up_m\n", "A,0,1,2,3,500000,6650000,-3\n"
-    ours, world = (read_control(written(tmp_path, heading + row), SCANS, crs=f"EPSG:{code}") for code in (25832, 32632))
+    row = "A,0,1,2,3,500000,6650000,-3\n"
+    ours, world = (read_control(written(tmp_path, GRID + row), SCANS, crs=f"EPSG:{code}") for code in (25832, 32632))
     assert ours.georeference is not None
     assert ours.georeference == world.georeference
     np.testing.assert_allclose(ours.points[0].known, world.points[0].known, atol=1e-3)
-    swapped = written(tmp_path, heading + "A,0,1,2,3,6650000,500000,-3\n")
+    swapped = written(tmp_path, GRID + "A,0,1,2,3,6650000,500000,-3\n")
     with pytest.raises(InputError, match=r"by_hand.csv: --control-crs EPSG:25832 .*; check the coordinates, or choose"):
         read_control(swapped, SCANS, crs="EPSG:25832")
 
 
 @pytest.mark.parametrize(
-    ("read", "text", "words"),
+    ("text", "words"),
     [
-        (read_ties, "target,source,verdict\n1,1,reject\n", "line 2: it ties dive1 to itself"),
-        (read_ties, "target,source,verdict\n1,dive99,reject\n", "line 2: source: no scan is called 'dive99'"),
-        (read_ties, "target,source,verdict\n1,12,reject\n", "a number from 0 to 11"),
-        (
-            read_ties,
-            "target,source,verdict\n1,2,maybe\n",
-            "line 2: verdict is 'maybe'; wanted one of accept, reject, add",
-        ),
-        (
-            read_ties,
-            "target,source,verdict\n1,2,add\n# other\n2,1,reject\n",
-            "lines 2 and 4 both have a verdict on dive1",
-        ),
-        (read_ties, "target,source\n1,2\n", "no column verdict"),
-        (read_ties, "target,source,verdict,kept\n1,2,add,yes\n", "line 1: there is a column 'kept'"),
-        (read_ties, "target,source,verdict,x_m\n1,2,add,3\n", "a transform wants a column y_m too"),
-        (read_ties, "target,source,verdict,verdict\n1,2,add,add\n", "two columns verdict"),
-        (read_ties, "target,source,verdict\n1,2\n", "line 2: it has 2 cells where the heading has 3"),
-        (read_ties, TRANSFORM + "1,2,accept,1,2,3,0,0,0,0.1,1,\n", "only add takes one"),
-        (read_ties, TRANSFORM + "1,2,add,1,2,3,0,0,nan,0.1,1,\n", "yaw_deg is 'nan'"),
-        (read_ties, TRANSFORM + "1,2,add,1,2,3,0,0,,0.1,1,\n", "yaw_deg is ''"),
-        (read_ties, TRANSFORM + "1,2,add,1,2,3,0,0,4,0,1,\n", "sigma_m is '0'; wanted a number from 0.0001"),
-        (read_ties, TRANSFORM + "1,2,add,1e300,2,3,0,0,4,0.1,1,\n", "x_m is '1e300'"),
-        (read_control, POINT + "up_m\nA,0,1,2,3,1,2,\n", "line 2: up_m is ''; wanted meters within 20000"),
-        (
-            read_control,
-            POINT + "up_m\nA,0,1,2,3,432100.5,2,3\n",
-            "go into easting_m and northing_m, with --control-crs",
-        ),
-        (read_control, POINT + "up_m\n,0,1,2,3,1,2,3\n", "line 2: the point has no name"),
-        (read_control, POINT + "up_m\nA,0,1,2,inf,1,2,3\n", "z_m is 'inf'"),
-        (read_control, POINT + "up_m\nA,pier,1,2,3,1,2,3\n", "scan: no scan is called 'pier'"),
-        (read_control, POINT + "up_m\nA,0,1,2,3,1,2,3\nA,0,1,2,4,1,2,3\n", "lines 2 and 3 have A in the same scan"),
-        (
-            read_control,
-            POINT + "up_m\nA,0,1,2,3,1,2,3\nA,1,1,2,4,1,2,4\n",
-            "lines 2 and 3 give the point A other coordinates",
-        ),
-        (
-            read_control,
-            POINT + "up_m,depth_m\nA,0,1,2,3,1,2,3,4\n",
-            "one of the columns up_m, height_m, depth_m, and there are 2",
-        ),
-        (read_control, POINT + "up_m,use\nA,0,1,2,3,1,2,3,look\n", "use is 'look'; wanted control or check"),
-        (read_control, POINT + "up_m,sigma_m\nA,0,1,2,3,1,2,3,-0.1\n", "sigma_m is '-0.1'"),
-        (read_control, POINT + "up_m,sigma_h_m,sigma_v_m\nA,0,1,2,3,1,2,3,0.1,\n", "can only be used together"),
-        (read_control, POINT + "up_m,sigma_h_m,sigma_m\nA,0,1,2,3,1,2,3,0.1,0.2\n", "wanted one way"),
-        (read_control, POINT + "up_m,kind\nA,0,1,2,3,1,2,3,x\n", "there is a column 'kind'"),
-        (read_control, POINT + "up_m\n", "has no row below its heading"),
-        (read_control, POINT + "up_m\n" + "A,0,1,2,3,1,2,3\n" * 1001, "has 1,001 control points; wanted at most 1,000"),
-        (read_control, POINT + "lat_deg,lon_deg,up_m\nA,0,1,2,3,1,2,60,5,3\n", "and none of the others"),
-        (
-            read_control,
-            "name,scan,x_m,y_m,z_m,lat_deg,lon_deg,up_m\nA,0,1,2,3,95,5,3\n",
-            "lat_deg is '95'; wanted degrees within 90",
-        ),
-        (
-            read_control,
-            "name,scan,x_m,y_m,z_m,lat_deg,lon_deg,up_m\nA,0,1,2,3,60,5,3\nB,1,1,2,3,10,5,3\n",
-            "within 200 km",
-        ),
-        (
-            read_control,
-            "name,scan,x_m,y_m,z_m,easting_m,northing_m,up_m\nA,0,1,2,3,500000,6650000,3\n",
-            "give --control-crs",
-        ),
+        (f"{TIE}\n1,1,reject\n", "line 2: it ties dive1 to itself"),
+        (f"{TIE}\n1,dive99,reject\n", "line 2: source: no scan is called 'dive99'"),
+        (f"{TIE}\n1,12,reject\n", "a number from 0 to 11"),
+        (f"{TIE}\n1,2,maybe\n", "line 2: verdict is 'maybe'; wanted one of accept, reject, add"),
+        (f"{TIE}\n1,2,add\n# other\n2,1,reject\n", "lines 2 and 4 both have a verdict on dive1"),
+        ("target,source\n1,2\n", "no column verdict"),
+        (f"{TIE},kept\n1,2,add,yes\n", "line 1: there is a column 'kept'"),
+        (f"{TIE},x_m\n1,2,add,3\n", "a transform wants a column y_m too"),
+        (f"{TIE},verdict\n1,2,add,add\n", "two columns verdict"),
+        (f"{TIE}\n1,2\n", "line 2: it has 2 cells where the heading has 3"),
+        (f"{TRANSFORM}1,2,accept,1,2,3,0,0,0,0.1,1,\n", "only add takes one"),
+        (f"{TRANSFORM}1,2,add,1,2,3,0,0,nan,0.1,1,\n", "yaw_deg is 'nan'"),
+        (f"{TRANSFORM}1,2,add,1,2,3,0,0,,0.1,1,\n", "yaw_deg is ''"),
+        (f"{TRANSFORM}1,2,add,1,2,3,0,0,4,0,1,\n", "sigma_m is '0'; wanted a number from 0.0001"),
+        (f"{TRANSFORM}1,2,add,1e300,2,3,0,0,4,0.1,1,\n", "x_m is '1e300'"),
+        (f"{LOCAL}\nA,0,1,2,3,1,2,\n", "line 2: up_m is ''; wanted meters within 20000"),
+        (f"{LOCAL}\nA,0,1,2,3,432100.5,2,3\n", "go into easting_m and northing_m, with --control-crs"),
+        (f"{LOCAL}\n,0,1,2,3,1,2,3\n", "line 2: the point has no name"),
+        (f"{LOCAL}\nA,0,1,2,inf,1,2,3\n", "z_m is 'inf'"),
+        (f"{LOCAL}\nA,pier,1,2,3,1,2,3\n", "scan: no scan is called 'pier'"),
+        (f"{LOCAL}\nA,0,1,2,3,1,2,3\nA,0,1,2,4,1,2,3\n", "lines 2 and 3 have A in the same scan"),
+        (f"{LOCAL}\nA,0,1,2,3,1,2,3\nA,1,1,2,4,1,2,4\n", "lines 2 and 3 give the point A other coordinates"),
+        (f"{LOCAL},depth_m\nA,0,1,2,3,1,2,3,4\n", "one of the columns up_m, height_m, depth_m, and there are 2"),
+        (f"{LOCAL},use\nA,0,1,2,3,1,2,3,look\n", "use is 'look'; wanted control or check"),
+        (f"{LOCAL},sigma_m\nA,0,1,2,3,1,2,3,-0.1\n", "sigma_m is '-0.1'"),
+        (f"{LOCAL},sigma_h_m,sigma_v_m\nA,0,1,2,3,1,2,3,0.1,\n", "can only be used together"),
+        (f"{LOCAL},sigma_h_m,sigma_m\nA,0,1,2,3,1,2,3,0.1,0.2\n", "wanted one way"),
+        (f"{LOCAL},kind\nA,0,1,2,3,1,2,3,x\n", "there is a column 'kind'"),
+        (f"{LOCAL}\n", "has no row below its heading"),
+        (f"{LOCAL}\n" + "A,0,1,2,3,1,2,3\n" * 1001, "has 1,001 control points; wanted at most 1,000"),
+        (POINT + "lat_deg,lon_deg,up_m\nA,0,1,2,3,1,2,60,5,3\n", "and none of the others"),
+        (f"{EARTH}\nA,0,1,2,3,95,5,3\n", "lat_deg is '95'; wanted degrees within 90"),
+        (f"{EARTH}\nA,0,1,2,3,60,5,3\nB,1,1,2,3,10,5,3\n", "within 200 km"),
+        (f"{GRID}A,0,1,2,3,500000,6650000,3\n", "give --control-crs"),
     ],
 )
-def test_what_cannot_be_used_is_refused(tmp_path: Path, read: Callable, text: str, words: str) -> None:
+def test_what_cannot_be_used_is_refused(tmp_path: Path, text: str, words: str) -> None:
     path = written(tmp_path, text)
     with pytest.raises(InputError) as refused:
-        read(path, SCANS)
+        (read_ties if text.startswith("target") else read_control)(path, SCANS)
     assert words in str(refused.value)
     assert str(path) in str(refused.value)
 
@@ -190,6 +159,6 @@ def test_options_that_contradict_the_points_are_refused(tmp_path: Path) -> None:
         read_control(path, SCANS, crs="EPSG:25832")
     with pytest.raises(InputError, match="--origin-heading has no effect"):
         read_control(path, SCANS, Georeference(60.0, 5.0, heading=30.0))
-    grid = written(tmp_path, "name,scan,x_m,y_m,z_m,easting_m,northing_m,up_m\nA,0,1,2,3,500000,6650000,3\n")
+    grid = written(tmp_path, f"{GRID}A,0,1,2,3,500000,6650000,3\n")
     with pytest.raises(InputError, match="--control-crs is 'EPSG:0'"):
         read_control(grid, SCANS, crs="EPSG:0")

@@ -15,7 +15,7 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.memory import available_memory, require_memory
 from sonarmap.tools.files.readers.scans import read_scan, read_survey
-from tests.samples.cloud_files import POINTS, npz, range_image
+from tests.samples.cloud_files import npz, range_image
 from tests.samples.clutter_scans import plane, write
 from tests.samples.processor_time import thrifty
 
@@ -52,14 +52,26 @@ def npz_of_zeros(megabytes: int, header: bytes) -> bytes:
     return file.getvalue()
 
 
-def pcd_of_zeros(points: int) -> bytes:
-    """Of a byte for each coordinate."""
-    packed = lzf.compress(bytes(3 * points), 3 * points)
-    header = pcd(width=str(points), encoding="binary_compressed", more=0).replace(
-        f"HEIGHT {points}".encode(), b"HEIGHT 1"
-    )
-    header = header.replace(b"SIZE 4 4 4", b"SIZE 1 1 1").replace(b"TYPE F F F", b"TYPE U U U")
-    return header + struct.pack("<II", len(packed), 3 * points) + packed
+def compressed_pcd(packed: bytes, claimed: int, width: str, more: int = 1) -> bytes:
+    """A single row of points, packed; `claimed` bytes when unpacked."""
+    header = pcd(width=width, encoding="binary_compressed", more=more)
+    return header.replace(f"HEIGHT {width}".encode(), b"HEIGHT 1") + struct.pack("<II", len(packed), claimed) + packed
+
+
+def bytes_pcd(points: int) -> bytes:
+    """Zeros, a byte for each coordinate."""
+    content = compressed_pcd(lzf.compress(bytes(3 * points), 3 * points), 3 * points, str(points), more=0)
+    return content.replace(b"SIZE 4 4 4", b"SIZE 1 1 1", 1).replace(b"TYPE F F F", b"TYPE U U U", 1)
+
+
+@pytest.fixture
+def same(tmp_path: Path) -> np.ndarray:
+    """Points that are all the same, also in a.pcd and b.npz."""
+    points = np.full((200_000, 3), 7.5, np.float32)
+    packed = lzf.compress(points.tobytes(), 2 * points.nbytes)
+    (tmp_path / "a.pcd").write_bytes(compressed_pcd(packed, points.nbytes, str(len(points)), more=0))
+    (tmp_path / "b.npz").write_bytes(npz(compressed=True, points=points))
+    return points
 
 
 LARGEST = "9" * 18
@@ -71,25 +83,18 @@ HOSTILE = {
     "pcd width x height": (".pcd", pcd(width=LARGEST), "header promises 999,999"),
     "pcd width x height, text": (".pcd", pcd(width=LARGEST, encoding="ascii"), "header promises 999,999"),
     "pcd 100,000 fields": (".pcd", pcd(more=100_000), "no points"),
-    "pcd LZF 264 times": (
-        ".pcd",
-        pcd(width="4").replace(b"binary\n", b"binary_compressed\n") + struct.pack("<II", 1, 256) + b"\0",
-        "1 bytes that claim to hold 256",
-    ),
+    "pcd LZF 264 times": (".pcd", compressed_pcd(b"\0", 256, "4"), "1 bytes that claim to hold 256"),
     "npy 2^62 rows": (".npy", npy(f"({2**62}, 3)"), "wanted (N, 3)"),
-    "npy 10^17 rows": (".npy", npy(f"({10**17}, 3)"), "1,200,000,000,000,000,000 bytes"),
     "npy no columns": (".npy", npy(f"({10**17}, 0)"), "wanted (N, 3)"),
     "npy three axes": (".npy", npy(f"({10**17}, 0, {10**17})"), "wanted (N, 3)"),
     "npy 70 axes": (".npy", npy("(" + "1, " * 70 + ")") + bytes(4), "wanted (N, 3)"),
-    "ply 10^12": (".ply", ply(str(10**12)), "promises 1,000,000,000,000"),
-    "ply 10^12, text": (".ply", ply(str(10**12), "ascii"), "promises 1,000,000,000,000 lines"),
     "ply 10^12 faces": (".ply", ply("0", more=f"element face {10**12}\nproperty list uchar int i\n"), "promises"),
     "ply 10^12 of nothing": (".ply", ply("0", more=f"element face {10**12}\n"), "no points"),
     "sonar claims 4 GB": (".sonar", packet(b"\xff\xff\xff\xff\x0f" + bytes(99)), "claim to unpack to 4,294,967,295"),
     "sonar packet of 1 MB": (".sonar", packet(bytes(1 << 20)), "packet 1 at byte 0 claims 1,048,588 bytes"),
     "npz of zeros": (".npz", npz_of_zeros(500, npy("(1, 3)")), "not believable"),
     "npz of bytes": (".npz", npz_of_zeros(48, npy(f"({16 << 20}, 3)", "|u1")), "a cloud of 16,777,216 points"),
-    "pcd of bytes": (".pcd", pcd_of_zeros(16 << 20), "a cloud of 16,777,216 points would make 402,653,184 bytes of 5"),
+    "pcd of bytes": (".pcd", bytes_pcd(16 << 20), "a cloud of 16,777,216 points would make 402,653,184 bytes of 5"),
     "csv unit after blanks": (".csv", b"x" + b" " * 100_000 + b"q,y,z\n1,2,3\n", "no column x"),
     "csv unit after brackets": (".csv", b"q" + b"[" * 100_000 + b",y,z\n1,2,3\n", "no column x"),
     "csv comment of blanks": (".csv", b"#" + b" " * 100_000 + b"q,y,z\n1,2,3\n", "no column x"),
@@ -116,35 +121,20 @@ def test_it_is_a_gap_with_a_reason(tmp_path: Path, case: str) -> None:
     assert [scan.name for scan in read.scans] == ["a", "c"]
 
 
-def compressed_pcd(points: np.ndarray) -> bytes:
-    plain = points.T.astype("<f4").tobytes()
-    packed = lzf.compress(plain, 2 * len(plain))
-    header = pcd(width=str(len(points)), encoding="binary_compressed", more=0).replace(
-        f"HEIGHT {len(points)}".encode(), b"HEIGHT 1"
-    )
-    return header + struct.pack("<II", len(packed), len(plain)) + packed
-
-
-def test_what_compresses_best_is_still_read(tmp_path: Path) -> None:
-    """Points that are all the same: no limit is below what the formats can do."""
-    same = np.full((200_000, 3), 7.5, np.float32)
-    (tmp_path / "a.pcd").write_bytes(compressed_pcd(same))
-    (tmp_path / "b.npz").write_bytes(npz(compressed=True, points=same))
+def test_what_compresses_best_is_still_read(tmp_path: Path, same: np.ndarray) -> None:
+    """No limit is below what the formats can do."""
     flat = range_image(1, np.full((256, 64), 100))
     (tmp_path / "c.sonar").write_bytes(rip.packb(flat))
     raw = flat.SerializeToString()
     assert len(raw) > 20 * len(snappy.compress(raw))
     counts = [len(scan.points) for scan in read_survey([tmp_path]).scans]
-    assert counts == [200_000, 200_000, 256 * 64]
+    assert counts == [len(same), len(same), 256 * 64]
 
 
 @pytest.mark.parametrize("name", ["a.pcd", "b.npz", "c.ply"])
 def test_what_memory_cannot_hold_is_refused_before_it_is_unpacked(
-    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, same: np.ndarray, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    same = np.full((200_000, 3), 7.5, np.float32)
-    (tmp_path / "a.pcd").write_bytes(compressed_pcd(same))
-    (tmp_path / "b.npz").write_bytes(npz(compressed=True, points=same))
     write(tmp_path, c=same)
     assert len(read_scan(tmp_path / name).points) == len(same)
     monkeypatch.setattr("sonarmap.tools.files.memory.available_memory", lambda: 1 << 20)
@@ -168,9 +158,3 @@ class TestMemory:
         assert available_memory() > 2**27
         monkeypatch.setattr("sonarmap.tools.files.memory.os.sysconf", missing)
         assert available_memory() == 4 << 30
-
-
-def test_points_are_told_as_before(tmp_path: Path) -> None:
-    """A unit in brackets after a name, and before a separator, is none of the name."""
-    (tmp_path / "a.csv").write_text('X [m];Y(m) ;"z [m]"\n1.5;-2.25;0.75\n', encoding="utf-8")
-    np.testing.assert_array_equal(read_scan(tmp_path / "a.csv").points, POINTS[:1])

@@ -60,9 +60,8 @@ class TestTimes:
         (tmp_path / "a.tum").write_text("415000000 0 0 0 0 0 0 1\n415000005 10 0 -5 0 0 0 1\n")
         scan = read_scan(put(tmp_path, las(gps=GPS)))
         after = GPS - 415_000_000
-        np.testing.assert_allclose(
-            np.asarray(scan.viewpoints), np.column_stack([2 * after, 0 * after, -after]), atol=1e-6
-        )
+        expected = np.column_stack([2 * after, 0 * after, -after])
+        np.testing.assert_allclose(np.asarray(scan.viewpoints), expected, atol=1e-6)
 
 
 def test_viewpoints_as_extra_dimensions(tmp_path: Path) -> None:
@@ -74,9 +73,7 @@ def test_viewpoints_as_extra_dimensions(tmp_path: Path) -> None:
 def test_map_coordinates_are_refused_with_their_system(tmp_path: Path) -> None:
     tile = TABLE.astype(np.float64) + np.array([500_000, 6_651_000, 0, 0])
     content = las(tile, offset=(500_000.0, 6_651_000.0, 0.0), crs=CRS.from_epsg(32632))
-    with pytest.raises(
-        InputError, match=r"a\.laz: its points are map coordinates in WGS 84 / UTM zone 32N: x 500001\.5 to"
-    ):
+    with pytest.raises(InputError, match=r"a\.laz: its points are map coordinates in WGS 84 / UTM zone 32N: x 5000"):
         read_scan(put(tmp_path, content))
     with pytest.raises(InputError, match=r"in an unnamed system: .* subtract the sensor's place"):
         read_scan(put(tmp_path, las(tile, offset=(500_000.0, 6_651_000.0, 0.0))))
@@ -86,34 +83,27 @@ COUNT, LEGACY_COUNT, START, RECORDS = 247, 107, 96, 100  # places in a header
 
 
 class TestHostileHeaders:
+    def refused(self, folder: Path, words: str, form: str, place: int, number: int, compressed: bool = True) -> None:
+        """With this number at this place."""
+        content = bytearray(las(compressed=compressed))
+        struct.pack_into(form, content, place, number)
+        with thrifty(), pytest.raises(InputError, match=words):
+            read_scan(put(folder, bytes(content)))
+
     @pytest.mark.parametrize("compressed", [False, True])
     @pytest.mark.parametrize("count", [6, 10**9, 10**12, 2**63])
     def test_more_points_than_there_are(self, tmp_path: Path, compressed: bool, count: int) -> None:
-        content = bytearray(las(compressed=compressed))
-        struct.pack_into("<Q", content, COUNT, count)
-        with thrifty(), pytest.raises(InputError):
-            read_scan(put(tmp_path, bytes(content)))
+        self.refused(tmp_path, "a.laz", "<Q", COUNT, count, compressed)
 
     @pytest.mark.parametrize("place", [START, RECORDS])
     @pytest.mark.parametrize("number", [0, 9, 2**31, 2**32 - 1])
     def test_records_and_offsets_without_end(self, tmp_path: Path, place: int, number: int) -> None:
-        content = bytearray(las())
-        struct.pack_into("<I", content, place, number)
-        with thrifty(), pytest.raises(InputError):
-            read_scan(put(tmp_path, bytes(content)))
+        self.refused(tmp_path, "a.laz", "<I", place, number)
 
-    @pytest.mark.parametrize("layer", range(9))
-    def test_layers_of_4_gb(self, tmp_path: Path, layer: int) -> None:
-        content = bytearray(las())
-        (start,) = struct.unpack_from("<I", content, START)
-        struct.pack_into("<I", content, start + 8 + 30 + 4 + 4 * layer, 2**32 - 16)
-        with thrifty(), pytest.raises(InputError, match=r"the layers of chunk 0 claim 4,29\d,\d{3},\d{3} bytes"):
-            read_scan(put(tmp_path, bytes(content)))
-
-    def test_chunks_without_end(self, tmp_path: Path) -> None:
-        content = bytearray(las())
-        (start,) = struct.unpack_from("<I", content, START)
-        (table,) = struct.unpack_from("<q", content, start)
-        struct.pack_into("<I", content, table + 4, 2**32 - 1)
-        with thrifty(), pytest.raises(InputError, match="it claims 4,294,967,295 chunks of 5 points"):
-            read_scan(put(tmp_path, bytes(content)))
+    def test_layers_and_chunks_without_end(self, tmp_path: Path) -> None:
+        (start,) = struct.unpack_from("<I", las(), START)
+        (table,) = struct.unpack_from("<q", las(), start)
+        layers = r"the layers of chunk 0 claim 4,29\d,\d{3},\d{3} bytes"
+        for layer in range(9):
+            self.refused(tmp_path, layers, "<I", start + 8 + 30 + 4 + 4 * layer, 2**32 - 16)
+        self.refused(tmp_path, "it claims 4,294,967,295 chunks of 5 points", "<I", table + 4, 2**32 - 1)

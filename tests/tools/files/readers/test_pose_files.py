@@ -12,6 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.map_folder.names import EXPORTS
+from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.readers.poses.gt_log import read_gt_log
 from sonarmap.tools.files.readers.poses.trajectory import read_kitti
 from sonarmap.tools.files.readers.poses.tum import read_tum
@@ -42,9 +43,8 @@ def test_round_trip(tmp_path, suffix, read, stamps):
 
 
 def test_tum_stamps_stay_readable(tmp_path):
-    path = tmp_path / "a.tum"
-    write_tum(path, Trajectory(np.array([1763700000.123456]), RigidTransform.identity(1)))
-    assert path.read_text().splitlines()[1] == "1763700000.123456 0 0 0 0 0 0 1"
+    write_tum(tmp_path / "a.tum", Trajectory(np.array([1763700000.123456]), RigidTransform.identity(1)))
+    assert (tmp_path / "a.tum").read_text().splitlines()[1] == "1763700000.123456 0 0 0 0 0 0 1"
 
 
 def test_kitti_takes_rotations_of_six_digits(tmp_path):
@@ -99,11 +99,12 @@ def test_faults_name_their_line(tmp_path, read, text, words):
         read(tmp_path / "bad.txt")
 
 
-@pytest.mark.parametrize("read", [read_tum, read_kitti])
+@pytest.mark.parametrize("read", [read_tum, read_kitti, read_g2o])
 def test_empty_cut_and_missing_files(read, tmp_path):
     (tmp_path / "empty").write_text("")
     (tmp_path / "cut").write_text("0 1 2 3 0 0 0 1")
-    for name in ("empty", "cut", "missing"):
+    (tmp_path / "binary").write_bytes(bytes(range(256)) + b"\n")
+    for name in ("empty", "cut", "missing", "binary"):
         with pytest.raises(InputError, match=name):
             read(tmp_path / name)
 
@@ -114,22 +115,15 @@ def test_json_has_no_nan_and_no_numpy():
         x: float
         name: str
 
-    value = {
-        1: np.float32(0.5),
-        "nan": [float("nan"), np.inf, np.array([1.0, np.nan])],
-        "int": (np.int64(3), True, np.bool_(False)),
-        "path": Path("a") / "b",
-        "point": Point(float("-inf"), "p"),
-        "set": {3, 1},
-    }
-    assert to_json(value) == {
-        "1": 0.5,
-        "nan": [None, None, [1.0, None]],
-        "int": [3, True, False],
-        "path": str(Path("a") / "b"),
-        "point": {"x": None, "name": "p"},
-        "set": [1, 3],
-    }
+    for value, wanted in (
+        ({1: np.float32(0.5)}, {"1": 0.5}),
+        ([float("nan"), np.inf, np.array([1.0, np.nan])], [None, None, [1.0, None]]),
+        ((np.int64(3), True, np.bool_(False)), [3, True, False]),
+        (Path("a") / "b", str(Path("a") / "b")),
+        (Point(float("-inf"), "p"), {"x": None, "name": "p"}),
+        ({3, 1}, [1, 3]),
+    ):
+        assert to_json(value) == wanted
     with pytest.raises(TypeError, match="object"):
         to_json(object())
 

@@ -1,20 +1,11 @@
 """Every format gives the same scan, and what is dropped from it is told."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from sonarmap.tools.files.readers.scans import read_scan, read_scans
-from tests.samples.cloud_files import POINTS, SAMPLES, STRENGTH, TABLE, npy, npz, pcd, ply, text
+from tests.samples.cloud_files import POINTS, SAMPLES, STRENGTH, TABLE, npy, npz, pcd, ply, put, text
 from tests.samples.places import DATA
-
-REAL = DATA
-
-
-def put(path: Path, content: bytes) -> Path:
-    path.write_bytes(content)
-    return path
 
 
 @pytest.mark.parametrize("sample", [name for name in SAMPLES if name != "sonar"])
@@ -52,6 +43,7 @@ def test_strength_goes_by_many_names(tmp_path, name):
         "# a survey in the Weser, März\n\n".encode() + text(),
         text(",", "x,y,z,intensity\n"),
         text(",", '"X [m]","Y [m]","Z [m]","Intensity"\n'),
+        text(";", 'X [m];Y(m) ;"z [m]";I\n'),
         text(" ", "x y z scalar_intensity\n"),
         text("\t", "X [m]\tY [m]\tZ [m]\tI\n"),
         text(",", "//X,Y,Z,Intensity\n"),
@@ -83,8 +75,7 @@ def test_integers_and_other_floats_are_coordinates_too(tmp_path, kind):
 
 
 def test_integer_columns_of_a_ply_are_coordinates_too(tmp_path):
-    header = "ply\nformat {} 1.0\nelement vertex 2\nproperty int x\nproperty uchar y\nproperty short z\n"
-    header += "end_header\n"
+    header = "ply\nformat {} 1.0\nelement vertex 2\nproperty int x\nproperty uchar y\nproperty short z\nend_header\n"
     words = np.array([(-70000, 200, -300), (5, 6, 7)], [("x", "<i4"), ("y", "u1"), ("z", "<i2")])
     binary = header.format("binary_little_endian").encode() + words.tobytes()
     plain = header.format("ascii").encode() + b"-70000 200 -300\n5 6 7\n"
@@ -93,18 +84,10 @@ def test_integer_columns_of_a_ply_are_coordinates_too(tmp_path):
         np.testing.assert_array_equal(scan.points, [[-70000, 200, -300], [5, 6, 7]])
 
 
-def test_one_point_is_a_scan(tmp_path):
-    scan = read_scan(put(tmp_path / "scan.xyz", b"1 2 3\n"))
-    np.testing.assert_array_equal(scan.points, [[1, 2, 3]])
-
-
 def test_bytes_after_the_last_point_are_told(tmp_path):
     for name, content in {"a.ply": ply(), "b.pcd": pcd("binary"), "c.pcd": pcd("binary_compressed")}.items():
         (note,) = read_scans([put(tmp_path / name, content + b"\n\n")]).notes
         assert note.startswith(f"{name}: ignored 2 bytes")
-
-
-# ---- which points are left
 
 
 def test_points_that_are_not_finite_are_dropped_counted_and_told(tmp_path):
@@ -127,19 +110,13 @@ def test_strengths_that_mean_nothing_become_zero_and_are_told(tmp_path):
 
 
 def test_real_rgbd_fragments_are_read_whole():
-    files = sorted((REAL / "redkitchen").glob("*.ply"))
+    files = sorted((DATA / "redkitchen").glob("*.ply"))
     if not files:
-        pytest.skip(f"no real fragments in {REAL / 'redkitchen'}")
+        pytest.skip(f"no real fragments in {DATA / 'redkitchen'}")
     read = read_scans(files)
     assert [len(scan.points) for scan in read.scans] == [258342, 268977, 291605]
     assert [scan.name for scan in read.scans] == ["cloud_bin_0", "cloud_bin_1", "cloud_bin_2"]
     assert read.notes == ()
-
-
-def test_open3d_reads_what_we_read():
     o3d = pytest.importorskip("open3d")
-    path = REAL / "redkitchen" / "cloud_bin_0.ply"
-    if not path.exists():
-        pytest.skip(f"no real fragment at {path}")
-    witness = np.asarray(o3d.io.read_point_cloud(str(path)).points)
-    np.testing.assert_array_equal(read_scan(path).points, witness.astype(np.float32))
+    witness = np.asarray(o3d.io.read_point_cloud(str(files[0])).points)
+    np.testing.assert_array_equal(read.scans[0].points, witness.astype(np.float32))

@@ -8,12 +8,7 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
-from tests.samples.cloud_files import POINTS, npz
-
-
-def put(path: Path, content: bytes) -> Path:
-    path.write_bytes(content)
-    return path
+from tests.samples.cloud_files import POINTS, npz, put
 
 
 def test_a_folder_is_read_in_natural_order_and_strangers_are_passed_over(tmp_path):
@@ -34,6 +29,7 @@ def test_scans_of_one_folder_are_of_one_survey(tmp_path):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         put(tmp_path / name, b"1 2 3\n")
     put(tmp_path / "a" / "scan2.xyz", b"no numbers\n")
+    assert len(read_scans([str(tmp_path / "**" / "scan[13].xyz")]).scans) == 3
     read = read_survey([tmp_path / "b", tmp_path / "a"])
     assert read.surveys == (0, 0, 1, 1)
     assert len(read.unread) == 1
@@ -53,12 +49,6 @@ def test_a_text_beside_scans_of_another_format_is_no_gap(tmp_path, name, content
     assert f"{tmp_path / name} holds no points" in read.notes[0]
 
 
-def test_a_text_among_texts_that_cannot_be_read_is_a_gap(tmp_path):
-    put(tmp_path / "scan_1.txt", b"1 2 3\n")
-    put(tmp_path / "scan_2.txt", b"1 2 x\n")
-    assert len(read_survey([tmp_path]).unread) == 1
-
-
 def test_a_file_named_by_two_paths_is_read_once(tmp_path, monkeypatch):
     path = put(tmp_path / "scan.xyz", b"1 2 3\n")
     put(tmp_path / "other.xyz", b"4 5 6\n")
@@ -76,27 +66,16 @@ def test_a_name_with_the_signs_of_a_pattern_is_a_name_first(tmp_path):
     assert read_scan(put(tmp_path / "scan#4.xyz", b"1 2 3\n")).name == "scan#4"
 
 
-def test_patterns_reach_into_folders(tmp_path):
-    (tmp_path / "deep" / "er").mkdir(parents=True)
-    put(tmp_path / "deep" / "er" / "scan.xyz", b"1 2 3\n")
-    assert len(read_scans([str(tmp_path / "**" / "*.xyz")]).scans) == 1
-
-
 def test_stamps_are_the_files_own_where_all_have_one(tmp_path):
     put(tmp_path / "a.npz", npz(points=POINTS, stamp=np.array(1.7e9)))
     put(tmp_path / "b.npz", npz(points=POINTS, stamp=np.array([1.7e9 + 0.25])))
     assert [scan.stamp for scan in read_scans([tmp_path]).scans] == [1.7e9, 1.7e9 + 0.25]
+    with pytest.raises(InputError, match="holds 2 scans"):
+        read_scan(tmp_path)
     put(tmp_path / "c.npz", npz(points=POINTS))
     read = read_scans([tmp_path])
     assert [scan.stamp for scan in read.scans] == [0, 1, 2]
     assert read.notes == ("1 of 3 scans have no time: all are stamped 0, 1, 2, ...",)
-
-
-def test_read_scan_wants_one(tmp_path):
-    for name in ("a.xyz", "b.xyz"):
-        put(tmp_path / name, b"1 2 3\n")
-    with pytest.raises(InputError, match="holds 2 scans"):
-        read_scan(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -113,12 +92,13 @@ def test_read_scan_wants_one(tmp_path):
         ("missing.sonar#1", "no such file"),
         ("null\0byte.ply", "null"),
         ("x" * 5000 + ".ply", "cannot read|no such file"),
+        ("pipe.ply", "not a regular file"),
     ],
 )
 def test_paths_that_lead_nowhere(tmp_path, name, said):
-    (tmp_path / "cloud.e57").write_bytes(b"ASTM-E57")
-    (tmp_path / "nosuffix").write_bytes(b"1 2 3\n")
-    (tmp_path / "good.xyz").write_bytes(b"1 2 3\n")
+    os.mkfifo(tmp_path / "pipe.ply")
+    for kind in ("cloud.e57", "nosuffix", "good.xyz"):
+        put(tmp_path / kind, b"1 2 3\n")
     (tmp_path / "hollow").mkdir()
     (tmp_path / "hollow.ply").mkdir()
     with pytest.raises(InputError, match=said):
@@ -130,31 +110,15 @@ def test_no_path_at_all_is_refused():
         read_scans([])
 
 
-def test_what_is_no_regular_file_is_refused(tmp_path):
-    os.mkfifo(tmp_path / "pipe.ply")
-    with pytest.raises(InputError, match="not a regular file"):
-        read_scans([tmp_path / "pipe.ply"])
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [(PermissionError(13, "Permission denied"), "Permission denied.*permissions"), (MemoryError(), "memory")],
+)
+def test_a_file_that_cannot_be_read_is_refused(tmp_path, monkeypatch, error, words):
+    def fail(_):
+        raise error
 
-
-def test_a_file_that_may_not_be_read_is_refused(tmp_path, monkeypatch):
-    path = tmp_path / "scan.xyz"
-    path.write_bytes(b"1 2 3\n")
-
-    def denied(_):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(Path, "read_bytes", denied)
-    with pytest.raises(InputError, match=r"scan\.xyz.*Permission denied.*permissions"):
-        read_scan(path)
-
-
-def test_a_file_larger_than_memory_is_refused(tmp_path, monkeypatch):
-    path = tmp_path / "scan.xyz"
-    path.write_bytes(b"1 2 3\n")
-
-    def full(_):
-        raise MemoryError
-
-    monkeypatch.setattr(Path, "read_bytes", full)
-    with pytest.raises(InputError, match="memory"):
+    path = put(tmp_path / "scan.xyz", b"1 2 3\n")
+    monkeypatch.setattr(Path, "read_bytes", fail)
+    with pytest.raises(InputError, match=rf"scan\.xyz.*{words}"):
         read_scan(path)

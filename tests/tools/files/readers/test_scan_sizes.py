@@ -17,17 +17,15 @@ def scans(*sizes: float) -> list[Scan]:
     return [Scan((rng.normal(size=(5000, 3)) * size).astype(np.float32)) for size in sizes]
 
 
-def test_names_the_unit() -> None:
-    named = strange_sizes(scans(5, 7, 6000, 4))
-    assert list(named) == [2]
-    assert "it was in millimeters" in named[2]
-    assert "--units" in named[2]
-
-
-def test_a_small_one_too() -> None:
-    named = strange_sizes(scans(0.006, 7, 6, 4))
-    assert list(named) == [0]
-    assert "the others were in millimeters" in named[0]
+@pytest.mark.parametrize(
+    ("sizes", "strange", "words"),
+    [((5, 7, 6000, 4), 2, "it was in millimeters"), ((0.006, 7, 6, 4), 0, "the others were in millimeters")],
+)
+def test_names_the_unit(sizes: tuple[float, ...], strange: int, words: str) -> None:
+    named = strange_sizes(scans(*sizes))
+    assert list(named) == [strange]
+    assert words in named[strange]
+    assert "--units" in named[strange]
 
 
 @pytest.mark.parametrize("sizes", [(5, 5000), (1, 40, 9), (3,), (2, 2, 2), (0.0, 0.0, 0.0)])

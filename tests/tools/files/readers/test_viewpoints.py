@@ -14,7 +14,7 @@ from sonarmap.tools.files.writers.points import write_points
 from sonarmap.tools.lab.simulate.folder import write_simulation
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
-from tests.samples.cloud_files import POINTS, STRENGTH, TABLE, npz, pcd, ply
+from tests.samples.cloud_files import POINTS, STRENGTH, TABLE, npz, pcd, ply, put
 
 VIEWPOINTS = np.array([[0, 0, 0], [0.5, 0, -1], [1, 2, 3], [4, 5, 6], [-7, 8, 9.5]], np.float32)
 SCAN = Scan(POINTS, STRENGTH, name="scan", viewpoints=VIEWPOINTS)
@@ -53,7 +53,7 @@ class TestFields:
             (tmp_path / name).write_bytes(content)
             assert read_scan(tmp_path / name).viewpoints is None
 
-    def test_a_point_that_is_dropped_takes_its_viewpoint_along(self, tmp_path: Path) -> None:
+    def test_a_dropped_point_takes_its_viewpoint_along(self, tmp_path: Path) -> None:
         points, viewpoints = POINTS.copy(), VIEWPOINTS.copy()
         points[1, 2] = np.nan
         viewpoints[1, 0] = np.inf
@@ -91,12 +91,10 @@ class TestFields:
 class TestTrajectoryBeside:
     @pytest.mark.parametrize("name", ["time", "t", "timestamp", "gps_time", "scalar_GpsTime"])
     def test_positions_between_poses(self, tmp_path: Path, name: str) -> None:
-        scan = read_scan(timed(tmp_path / "a.ply", name))
-        np.testing.assert_array_equal(scan.viewpoints, SEEN_FROM)
-        np.testing.assert_array_equal(scan.points, POINTS)
-
-    def test_beside_pcd_and_npz(self, tmp_path: Path) -> None:
-        np.testing.assert_array_equal(read_scan(timed(tmp_path / "a.pcd")).viewpoints, SEEN_FROM)
+        for path in (timed(tmp_path / "a.ply", name), timed(tmp_path / "b.pcd", name)):
+            scan = read_scan(path)
+            np.testing.assert_array_equal(scan.viewpoints, SEEN_FROM)
+            np.testing.assert_array_equal(scan.points, POINTS)
         (tmp_path / "a.npz").write_bytes(npz(points=POINTS, times=TIMES))
         np.testing.assert_array_equal(read_scan(tmp_path / "a.npz").viewpoints, SEEN_FROM)
 
@@ -148,18 +146,18 @@ class TestViewpointOfPcd:
 
     NOTE = "the line VIEWPOINT is taken as the sensor's place in the frame of the points; where the points are in the "
 
+    def put(self, path: Path, line: str, encoding: str = "binary") -> Path:
+        return put(path, pcd(encoding).replace(b"VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {line}".encode()))
+
     @pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
     def test_it_is_where_the_sensor_was(self, tmp_path: Path, encoding: str) -> None:
-        content = pcd(encoding).replace(b"VIEWPOINT 0 0 0 1 0 0 0", b"VIEWPOINT 5 -2.5 1e-1 0.6 0 0 0.8")
-        (tmp_path / "a.pcd").write_bytes(content)
-        scan = read_scan(tmp_path / "a.pcd")
+        scan = read_scan(self.put(tmp_path / "a.pcd", "5 -2.5 1e-1 0.6 0 0 0.8", encoding))
         np.testing.assert_array_equal(scan.points, POINTS)
         np.testing.assert_array_equal(scan.viewpoints, np.tile(np.array([5, -2.5, 0.1], np.float32), (5, 1)))
 
     def test_a_line_for_all_files_says_so(self, tmp_path: Path) -> None:
         for k in range(12):
-            content = pcd("binary").replace(b"VIEWPOINT 0", f"VIEWPOINT {k}".encode())
-            (tmp_path / f"scan{k}.pcd").write_bytes(content)
+            self.put(tmp_path / f"scan{k}.pcd", f"{k} 0 0 1 0 0 0")
         (note,) = read_scans([tmp_path]).notes
         assert note.startswith(f"scan1.pcd and 10 more: {self.NOTE}")
 
@@ -173,16 +171,13 @@ class TestViewpointOfPcd:
 
     @pytest.mark.parametrize("line", ["0.0 0.0 -0.0 1.0 0 0 0.00", "0 0 0 0.6 0 0 0.8"])
     def test_a_sensor_at_the_origin_needs_no_viewpoints(self, tmp_path: Path, line: str) -> None:
-        content = pcd("binary").replace(b"VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {line}".encode())
-        (tmp_path / "a.pcd").write_bytes(content)
-        read = read_scans([tmp_path])
+        read = read_scans([self.put(tmp_path / "a.pcd", line)])
         assert (read.scans[0].viewpoints, read.notes) == (None, ())
 
     @pytest.mark.parametrize("line", ["1 2 3", "1 2 3 1 0 0 x", "1 2 nan 1 0 0 0", "1 2 3 1 0 0 0 0"])
     def test_lines_that_are_none(self, tmp_path: Path, line: str) -> None:
-        content = pcd("binary").replace(b"VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {line}".encode())
-        (tmp_path / "a.pcd").write_bytes(content)
+        path = self.put(tmp_path / "a.pcd", line)
         with pytest.raises(
-            InputError, match=r"a\.pcd: its PCD header says VIEWPOINT '.*'; wanted a place and a quater"
+            InputError, match=r"a\.pcd: its PCD header says VIEWPOINT '.*'; wanted a place and a qua"
         ):
-            read_scan(tmp_path / "a.pcd")
+            read_scan(path)

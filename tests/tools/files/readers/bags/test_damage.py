@@ -55,9 +55,7 @@ def test_a_ros_1_bag_that_was_cut_has_no_index(tmp_path: Path, kind: str) -> Non
     path = tmp_path / f"dive{suffix}"
     for kept in range(0, len(content), 211):
         path.write_bytes(content[:kept])
-        with pytest.raises(
-            InputError, match=r"dive\.bag: (its index cannot be read; `rosbag reindex`|the file is empty|it is)"
-        ):
+        with pytest.raises(InputError, match=r"dive\.bag: (its index cannot be read; `rosbag|the file is empty|it is)"):
             read_scans([path])
 
 
@@ -200,10 +198,7 @@ def test_a_column_of_sqlite_that_is_computed(tmp_path: Path, table: str) -> None
         database.execute(f"ALTER TABLE {table} RENAME COLUMN {column} TO other")
         database.execute(f"ALTER TABLE {table} ADD COLUMN {column} AS (zeroblob(900000000))")
         database.commit()
-    with (
-        thrifty(),
-        pytest.raises(InputError, match=f"its table {table} has a column that is computed, as no recorder does"),
-    ):
+    with thrifty(), pytest.raises(InputError, match=f"its table {table} has a column that is computed, as no rec"):
         read_scans([path])
 
 
@@ -212,11 +207,11 @@ def test_a_column_of_sqlite_that_is_computed(tmp_path: Path, table: str) -> None
 def test_records_of_mcap_without_end(tmp_path: Path, opcode: int, length: int) -> None:
     """At the first record, and at the first chunk's content."""
     content = recordings()["mcap plain"][1]
-    path = tmp_path / "a.mcap"
-    path.write_bytes(content[:8] + struct.pack("<BQ", opcode, length) + content[17:])
-    with thrifty(), pytest.raises(InputError):
-        read_scans([path])
-    chunk = content.index(b"\x06", 8 + 9)
-    path.write_bytes(content[: chunk + 9 + 32] + struct.pack("<Q", length) + content[chunk + 9 + 40 :])
-    with thrifty(), pytest.raises(InputError):
-        read_scans([path])
+    path, chunk = tmp_path / "a.mcap", content.index(b"\x06", 8 + 9)
+    for damaged in (
+        content[:8] + struct.pack("<BQ", opcode, length) + content[17:],
+        content[: chunk + 9 + 32] + struct.pack("<Q", length) + content[chunk + 9 + 40 :],
+    ):
+        path.write_bytes(damaged)
+        with thrifty(), pytest.raises(InputError):
+            read_scans([path])

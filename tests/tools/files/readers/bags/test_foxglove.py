@@ -59,7 +59,5 @@ def test_clouds_as_json_are_refused(tmp_path: Path) -> None:
         channel = writer.register_channel("/points", "json", schema)
         writer.add_message(channel, 0, b"{}", 0)
         writer.finish()
-    with pytest.raises(
-        InputError, match=r"its foxglove\.PointCloud is encoded as 'json'; wanted cdr, ros1 or protobuf"
-    ):
+    with pytest.raises(InputError, match=r"its foxglove\.PointCloud is encoded as 'json'; wanted cdr, ros1 or proto"):
         read_scan(tmp_path / "a.mcap")

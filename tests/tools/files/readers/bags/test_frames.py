@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.scans import read_scan, read_scans
 from tests.samples.bags.messages import CLOUD, TF, cloud, transforms
-from tests.samples.bags.writers import Record, write_mcap, write_ros1, write_ros2
+from tests.samples.bags.writers import WRITERS, Record, write_mcap
 from tests.samples.cloud_files import POINTS, STRENGTH
 
 HALF = np.sqrt(0.5)
@@ -24,11 +24,11 @@ def mounted(*links: tuple, frame: str = "sonar_link") -> list[Record]:
     ]
 
 
-@pytest.mark.parametrize("write", [write_ros1, write_mcap, write_ros2])
-def test_points_are_in_base_link_and_seen_from_the_sensors_place(tmp_path: Path, write) -> None:
+@pytest.mark.parametrize("writer", ["ros1", "mcap", "sqlite"])
+def test_points_are_in_base_link_and_seen_from_the_sensors_place(tmp_path: Path, writer: str) -> None:
     """A sonar a quarter turn to port, 3 m ahead, 0.5 m to starboard and 0.25 m below."""
-    path = tmp_path / {write_ros1: "a.bag", write_mcap: "a.mcap", write_ros2: "a"}[write]
-    read = read_scans([write(path, mounted(("base_link", "sonar_link", (3, -0.5, -0.25), LEFT)))])
+    path = WRITERS[writer](tmp_path, mounted(("base_link", "sonar_link", (3, -0.5, -0.25), LEFT)))
+    read = read_scans([path])
     x, y, z = POINTS.T
     np.testing.assert_allclose(read.scans[0].points, np.column_stack([3 - y, -0.5 + x, -0.25 + z]), atol=1e-6)
     np.testing.assert_allclose(np.asarray(read.scans[0].viewpoints), np.tile([3, -0.5, -0.25], (5, 1)), atol=1e-6)

@@ -130,10 +130,7 @@ def test_what_cannot_be_told_apart_is_named_together() -> None:
     values = MISTAKES["heading_deg with its sign turned"](measured(truth, rng, np.array([1, 1, 1, 0, 0, 1], bool)))
     verdict = contradiction(priors(values), registered(truth, rng))
     assert verdict is not None
-    assert set(verdict.instead) == {
-        "heading_deg with its sign turned",
-        "heading_deg as a yaw, counterclockwise from East",
-    }
+    assert set(verdict.instead) == {"heading_deg with its sign turned", "heading_deg as a yaw, counterclockwise from East"}
 
 
 def test_right_navigation_is_not_doubted() -> None:

@@ -50,20 +50,6 @@ def test_times(cell: str, tmp_path: Path) -> None:
         read_navigation(tmp_path / "log.csv", AS_IT_SAYS, None, np.zeros(1), [])
 
 
-def test_what_the_headings_say_is_as_before() -> None:
-    for heading, quantity, unit in (
-        ("Depth (m)", "depth_m", "m"),
-        ("  Depth [ M ] ", "depth_m", "m"),
-        ("Depth_(below) (ft)", None, None),
-        ("Time ( UTC+2 )", "stamp", "utc+2"),
-        ("vehicle_depth.cm", "depth_m", "cm"),
-        ("Heading (true)", "heading_deg", "true"),
-        ("depth_m)", None, None),
-    ):
-        column = column_of(0, heading)
-        assert (column and column.quantity, column and column.unit) == (quantity, unit), heading
-
-
 def test_tables_of_many_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each might be a misspelled one of ours; only those that may be are compared letter by letter."""
     compared: list[float] = []

@@ -6,7 +6,7 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import prior_of, sigmas_of, values_of
-from sonarmap.tools.files.readers.navigation.settings import Mount, NavFrame, parse_mount
+from sonarmap.tools.files.readers.navigation.settings import NavFrame, parse_mount
 
 SIGMAS = np.array([1.0, 2.0, 3.0, 0.5, 0.5, 0.1])
 
@@ -21,28 +21,28 @@ def seen(mount: str, *values: float, frame: NavFrame | None = None) -> np.ndarra
 
 
 class TestByHand:
-    def test_a_lever_arm_turns_with_the_heading(self) -> None:
-        """Heading East: forward is East, starboard South."""
-        np.testing.assert_allclose(seen("0,0,0,2,0.5,0.25", 0, 0, 90, 10, 20, 7), [0, 0, 90, 12, 19.5, 7.25], atol=1e-9)
-
-    def test_a_lever_arm_tilts_with_the_vehicle(self) -> None:
-        """Heading North, nose up 30: 2 m forward are 2 cos 30 North and 1 m up; starboard down 30 lowers starboard."""
-        np.testing.assert_allclose(seen("0,0,0,2,0,0", 0, 30, 0, 0, 0, 7)[3:], [0, 3**0.5, 6], atol=1e-9)
-        np.testing.assert_allclose(seen("0,0,0,0,2,0", 30, 0, 0, 0, 0, 7)[3:], [3**0.5, 0, 8], atol=1e-9)
-
-    def test_a_sonar_that_looks_down(self) -> None:
-        """Mounted nose down 40 on a vehicle with its nose up 10, heading 200."""
-        np.testing.assert_allclose(seen("0,-40,0", 0, 10, 200, 1, 2, 3), [0, -30, 200, 1, 2, 3], atol=1e-9)
-
-    def test_a_sonar_that_looks_to_starboard(self) -> None:
-        """The vehicle's nose up 10 is the sonar's starboard down 10: its right side is the vehicle's stern."""
-        np.testing.assert_allclose(seen("0,0,90", 0, 10, 200, 0, 0, 0)[:3], [10, 0, 290], atol=1e-9)
-        np.testing.assert_allclose(seen("0,0,90", 10, 0, 200, 0, 0, 0)[:3], [0, -10, 290], atol=1e-9)
-
-    def test_a_sonar_upside_down(self) -> None:
-        """Rolled over, its starboard side is the vehicle's port side."""
-        np.testing.assert_allclose(seen("180,0,0,1,2,3", 0, 0, 0, 0, 0, 0)[3:], [2, 1, 3], atol=1e-9)
-        np.testing.assert_allclose(np.abs(seen("180,0,0", 0, 20, 50, 0, 0, 0)[:3]), [180, 20, 50], atol=1e-9)
+    @pytest.mark.parametrize(
+        ("mount", "pose", "wanted"),
+        [
+            # heading East: forward is East, starboard South
+            ("0,0,0,2,0.5,0.25", (0, 0, 90, 10, 20, 7), (0, 0, 90, 12, 19.5, 7.25)),
+            # heading North, nose up 30: 2 m forward are 2 cos 30 North and 1 m up
+            ("0,0,0,2,0,0", (0, 30, 0, 0, 0, 7), (0, 30, 0, 0, 3**0.5, 6)),
+            # starboard down 30 lowers starboard
+            ("0,0,0,0,2,0", (30, 0, 0, 0, 0, 7), (30, 0, 0, 3**0.5, 0, 8)),
+            # mounted nose down 40 on a vehicle with its nose up 10
+            ("0,-40,0", (0, 10, 200, 1, 2, 3), (0, -30, 200, 1, 2, 3)),
+            # looking to starboard: its right side is the vehicle's stern
+            ("0,0,90", (0, 10, 200, 0, 0, 0), (10, 0, 290, 0, 0, 0)),
+            ("0,0,90", (10, 0, 200, 0, 0, 0), (0, -10, 290, 0, 0, 0)),
+            # upside down: its starboard side is the vehicle's port side
+            ("180,0,0,1,2,3", (0, 0, 0, 0, 0, 0), (180, 0, 0, 2, 1, 3)),
+            ("180,0,0", (0, 20, 50, 0, 0, 0), (180, 20, 50, 0, 0, 0)),
+        ],
+    )
+    def test_arms_and_directions(self, mount: str, pose: tuple[float, ...], wanted: tuple[float, ...]) -> None:
+        values = seen(mount, *pose)
+        np.testing.assert_allclose([abs(values[0]), *values[1:]], [abs(wanted[0]), *wanted[1:]], atol=1e-9)
 
     def test_all_axes_at_once_against_the_textbooks_matrices(self) -> None:
         """T_world_sensor = T_world_vehicle * T_vehicle_sensor with forward-right-down matrices, written out."""
@@ -103,7 +103,3 @@ class TestUncertainty:
 def test_what_is_no_mount(text: str) -> None:
     with pytest.raises(InputError, match=r"--mount is .* as in --mount 0,-30,0,0\.4,0,0\.2"):
         parse_mount(text)
-
-
-def test_its_tilt() -> None:
-    assert np.degrees(Mount.of(np.array([0.0, -35.0, 120.0]), np.zeros(3), up=False).tilt) == pytest.approx(35)

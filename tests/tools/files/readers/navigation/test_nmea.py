@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.files.readers.instruments import COLUMNS
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns
 from sonarmap.tools.files.writers.trajectory import write_tum
@@ -128,14 +129,10 @@ def test_options_of_tables_have_no_effect(path: Path) -> None:
 
 def test_a_trajectory_is_navigation(path: Path) -> None:
     times = START + np.arange(0.0, 12.0)
-    R = Rotation.from_euler(
-        "ZYX", np.column_stack([3 * np.arange(12), np.full(12, 10.0), np.full(12, -20.0)]), degrees=True
-    )
-    poses = RigidTransform.from_components(
-        np.column_stack([times - START, 2 * (times - START), -0.5 * (times - START)]), R
-    )
+    R = Rotation.from_euler("ZYX", [[3 * k, 10, -20] for k in range(12)], degrees=True)
+    poses = RigidTransform.from_components(np.outer(times - START, [1, 2, -0.5]), R)
     write_tum(path, Trajectory(times, poses))
-    sigmas = {"roll_deg": 0.5, "pitch_deg": 0.5, "heading_deg": 3.0, "x_m": 2.0, "y_m": 2.0, "depth_m": 0.1}
+    sigmas = dict(zip(COLUMNS, (0.5, 0.5, 3.0, 2.0, 2.0, 0.1), strict=True))
     scans = scans_at(START + 3, START + 6.5)
     notes: list[str] = []
     first, second = (scan.prior for scan in navigate(scans, path, sigmas=sigmas, notes=notes).scans)

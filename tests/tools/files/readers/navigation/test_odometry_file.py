@@ -50,15 +50,15 @@ def test_csv_has_the_columns_of_a_priors_file(tmp_path: Path) -> None:
     assert np.degrees(T.rotation.as_rotvec()[2]) == pytest.approx(10.0)
 
 
+HEADING = "stamp,roll_deg,pitch_deg,heading_deg,x_m,y_m,depth_m\n"
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("stamp,x_m,y_m\n0,1,1\n", "roll_deg, pitch_deg, heading_deg, depth_m not found"),
-        (
-            "stamp,roll_deg,pitch_deg,heading_deg,x_m,y_m,depth_m\n0,0,0,,1,1,1\n1,0,0,5,1,1,1\n",
-            "line 2: heading_deg is empty",
-        ),
-        ("stamp,roll_deg,pitch_deg,heading_deg,x_m,y_m,depth_m\n", "no row below its heading"),
+        (HEADING + "0,0,0,,1,1,1\n1,0,0,5,1,1,1\n", "line 2: heading_deg is empty"),
+        (HEADING, "no row below its heading"),
     ],
 )
 def test_csv_that_cannot_be_used_is_refused(tmp_path: Path, text: str, words: str) -> None:

@@ -71,16 +71,15 @@ def test_scales(path: Path) -> None:
     """2026-07-01 09:30:00 UTC is 09:30:18 in GPS time, second 293,418 of its week 2425, and 09:30:37 TAI."""
     seconds = 2425 * 604_800 + 293_418
     assert datetime(1980, 1, 6, tzinfo=UTC) + timedelta(seconds=seconds - 18) == datetime.fromtimestamp(START, UTC)
-    gps = [f"{seconds + k}" for k in range(8)]
-    np.testing.assert_allclose(depths(path, "Time", gps, time_scale="gps"), [0, 5], atol=1e-3)
-    calendar = moments("%Y-%m-%d %H:%M:%S", ahead=18)
-    np.testing.assert_allclose(depths(path, "Time", calendar, time_scale="gps"), [0, 5], atol=1e-3)
-    tai = moments("%Y-%m-%d %H:%M:%S", ahead=37)
-    np.testing.assert_allclose(depths(path, "Time", tai, time_scale="tai"), [0, 5], atol=1e-3)
-    ptp = [f"{START + 37 + k:.0f}" for k in range(8)]
-    np.testing.assert_allclose(depths(path, "Time", ptp, time_scale="tai"), [0, 5], atol=1e-3)
-    late = [f"{START + 37 + k:.0f}" for k in range(8)]
-    np.testing.assert_allclose(depths(path, "Time", late, offset=-37.0), [0, 5], atol=1e-3)
+    late = [f"{START + 37 + k:.0f}" for k in range(8)]  # as PTP has it
+    for times, settings in (
+        ([f"{seconds + k}" for k in range(8)], {"time_scale": "gps"}),
+        (moments("%Y-%m-%d %H:%M:%S", ahead=18), {"time_scale": "gps"}),
+        (moments("%Y-%m-%d %H:%M:%S", ahead=37), {"time_scale": "tai"}),
+        (late, {"time_scale": "tai"}),
+        (late, {"offset": -37.0}),
+    ):
+        np.testing.assert_allclose(depths(path, "Time", times, **settings), [0, 5], atol=1e-3)
 
 
 @pytest.mark.parametrize(

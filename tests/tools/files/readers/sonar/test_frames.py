@@ -138,11 +138,6 @@ def test_damage_under_a_right_checksum_is_refused_or_harmless(tmp_path, compress
         assert np.isfinite(scan.points).all()
 
 
-def test_a_packet_that_claims_to_unpack_to_gigabytes_is_refused():
-    with pytest.raises(InputError, match=r"packet 1 at byte 0 is damaged.*claim to unpack to"):
-        read_sonar(packet(b"\xff\xff\xff\xff\x0f" + bytes(40)))
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -171,11 +166,6 @@ def test_a_strength_image_of_another_size_is_left_out(first):
     assert "1 damaged packet left out" in note
     assert "bytes: packet 2 at byte" in note
     assert "is a strength image of 3 x 4 with 12 pixels beside a range image of 4 x 3" in note
-
-
-def test_a_recording_without_range_images_is_refused():
-    with pytest.raises(InputError, match="no range image"):
-        read_sonar(sonar_packets()[1])
 
 
 def test_a_frame_without_time_takes_the_counter(tmp_path):
