@@ -54,14 +54,10 @@ def test_a_pipe_that_the_command_was_given_is_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="it is a pipe"):
         read_g2o(Path(f"/dev/fd/{read}"))
     os.close(read)
-    settings = subprocess.run(
-        [*SONARMAP, "--config", "/dev/stdin", "config", "map", "--json"],
-        input=b"[map]\ngrid = 96\n",
-        capture_output=True,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        check=True,
-    )
-    assert b'"value": 96' in settings.stdout
+    command = [*SONARMAP, "--config", "/dev/stdin", "config", "map", "--json"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    settings = subprocess.check_output(command, input=b"[map]\ngrid = 96\n", env=environment)
+    assert b'"value": 96' in settings
     assert read_content(Path(os.devnull), pipe=True) == b""
 
 

@@ -136,15 +136,11 @@ def test_a_script_needs_no_guard_and_leaves_no_process(tmp_path: Path) -> None:
         "import sonarmap\nprint(len(sonarmap.read_scans('a.laz')[0].points))\n"
         "from sonarmap.tools.files.readers.clouds.apart import _kept\nprint(_kept[1].pid)\n"
     )
-    told = subprocess.run(
-        [sys.executable, "script.py"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=True,
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    ended = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
     )
-    points, kept = told.stdout.split()
-    assert (points, told.stderr) == ("5", "")
+    points, kept = ended.stdout.split()
+    assert (points, ended.stderr) == ("5", "")
     with pytest.raises(ProcessLookupError):
         os.kill(int(kept), 0)

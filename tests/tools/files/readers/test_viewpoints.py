@@ -177,7 +177,5 @@ class TestViewpointOfPcd:
     @pytest.mark.parametrize("line", ["1 2 3", "1 2 3 1 0 0 x", "1 2 nan 1 0 0 0", "1 2 3 1 0 0 0 0"])
     def test_lines_that_are_none(self, tmp_path: Path, line: str) -> None:
         path = self.put(tmp_path / "a.pcd", line)
-        with pytest.raises(
-            InputError, match=r"a\.pcd: its PCD header says VIEWPOINT '.*'; wanted a place and a qua"
-        ):
+        with pytest.raises(InputError, match=r"a\.pcd: its PCD header says VIEWPOINT '.*'; wanted a place and a qua"):
             read_scan(path)

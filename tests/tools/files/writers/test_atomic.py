@@ -26,14 +26,10 @@ def test_a_block_inside_another_is_a_part_of_it(tmp_path: Path) -> None:
 
 
 def test_what_an_inner_block_wrote_goes_with_the_outer(tmp_path: Path) -> None:
-    def stopped() -> None:
+    with pytest.raises(KeyboardInterrupt), all_or_none():  # noqa: PT012
         with all_or_none():
-            with all_or_none():
-                put(tmp_path / "a", "1")
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        stopped()
+            put(tmp_path / "a", "1")
+        raise KeyboardInterrupt
     assert not list(tmp_path.iterdir())
 
 

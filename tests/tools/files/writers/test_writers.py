@@ -62,15 +62,8 @@ def test_columns_take_a_type_that_both_formats_have(tmp_path, suffix):
         "seen": np.array([7, 8, 65535], ">u2"),
     }
     write_points(tmp_path / f"map{suffix}", points.astype(np.float64), columns)
-    layout = [
-        *((axis, "<f4" if suffix == ".pcd" else "<f8") for axis in "xyz"),  # Open3D reads no PCD of 8 bytes
-        ("wide", "<i4"),
-        ("huge", "<f8"),
-        ("flag", "u1"),
-        ("half", "<f4"),
-    ]
-    layout += [("big", "<f8"), ("seen", "<u2")]
-    packed = np.dtype(layout)
+    axes = [(axis, "<f4" if suffix == ".pcd" else "<f8") for axis in "xyz"]  # Open3D reads no PCD of 8 bytes
+    packed = np.dtype([*axes, *zip(columns, ("<i4", "<f8", "u1", "<f4", "<f8", "<u2"), strict=True)])
     body = (tmp_path / f"map{suffix}").read_bytes()[-3 * packed.itemsize :]
     records = np.frombuffer(body, packed)
     np.testing.assert_array_equal(records["y"], points[:, 1].astype(np.float64))

@@ -56,9 +56,10 @@ def signed(column: int) -> Callable[[np.ndarray], np.ndarray]:
     return lambda values: values * np.where(np.arange(6) == column, -1, 1)
 
 
+SIGN, YAW = "heading_deg with its sign turned", "heading_deg as a yaw, counterclockwise from East"
 MISTAKES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-    "heading_deg with its sign turned": signed(2),
-    "heading_deg as a yaw, counterclockwise from East": lambda v: np.column_stack([v[:, :2], 90 - v[:, 2], v[:, 3:]]),
+    SIGN: signed(2),
+    YAW: lambda v: np.column_stack([v[:, :2], 90 - v[:, 2], v[:, 3:]]),
     "heading_deg turned by 90 degrees": lambda v: v - np.array([0, 0, 90, 0, 0, 0]),
     "heading_deg turned by 180 degrees": lambda v: v - np.array([0, 0, 180, 0, 0, 0]),
     "roll_deg with its sign turned": signed(0),
@@ -127,10 +128,10 @@ def test_what_cannot_be_told_apart_is_named_together() -> None:
     """Without places a heading of the other sign is a yaw as well."""
     rng = np.random.default_rng(5)
     truth = path(rng)
-    values = MISTAKES["heading_deg with its sign turned"](measured(truth, rng, np.array([1, 1, 1, 0, 0, 1], bool)))
+    values = MISTAKES[SIGN](measured(truth, rng, np.array([1, 1, 1, 0, 0, 1], bool)))
     verdict = contradiction(priors(values), registered(truth, rng))
     assert verdict is not None
-    assert set(verdict.instead) == {"heading_deg with its sign turned", "heading_deg as a yaw, counterclockwise from East"}
+    assert set(verdict.instead) == {SIGN, YAW}
 
 
 def test_right_navigation_is_not_doubted() -> None:

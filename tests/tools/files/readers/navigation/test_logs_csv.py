@@ -59,8 +59,18 @@ class TestHeadings:
         assert column.factor == pytest.approx(factor)
 
     def test_others_are_not_guessed(self) -> None:
-        others = ["Altitude", "COG", "Course", "Speed", "Height", "Status", "", "Temp (C)", "Depth_(below) (ft)", "depth_m)"]
-        assert [column_of(0, heading) for heading in others] == [None] * len(others)
+        for heading in (
+            "Altitude",
+            "COG",
+            "Speed",
+            "Height",
+            "Status",
+            "",
+            "Temp (C)",
+            "Depth_(below) (ft)",
+            "depth_m)",
+        ):
+            assert column_of(0, heading) is None
 
     @pytest.mark.parametrize(
         ("heading", "words"), [("Depth (fathoms)", "fathoms"), ("Roll (m)", "'m'"), ("Easting (ft)", "two kinds")]
@@ -97,11 +107,13 @@ class TestLogs:
 
     def test_columns_are_mapped(self, path: Path) -> None:
         text = 'Time,KP_DEPTH,Gyro [rad],Depth,"a, b",Roll (rad),Pitch\n' + rows("3.5", "1.5", "99", "4", "0.1", "-2")
-        columns = parse_columns('height_m=KP_DEPTH,heading_deg=gyro [rad],"depth_sigma_m=a, b"')
+        columns = parse_columns('depth_m=KP_DEPTH,heading_deg=gyro [rad],"depth_sigma_m=a, b"')
         values, navigated = read(path, text, NavigationSettings(columns=columns))
-        np.testing.assert_allclose(values[:, [0, 1, 2, 5]], [[np.degrees(0.1), -2, np.degrees(1.5), -3.5]] * 3)
+        np.testing.assert_allclose(values[:, [0, 1, 2, 5]], [[np.degrees(0.1), -2, np.degrees(1.5), 3.5]] * 3)
         assert navigated.scans[0].prior is not None
         assert navigated.scans[0].prior.sigmas[5] == 4
+        values, _ = read(path, "Time,Alt\n" + rows("-7"), NavigationSettings(columns=parse_columns("height_m=Alt")))
+        np.testing.assert_allclose(values[:, 5], 7)
 
     def test_columns_of_our_own_and_others(self, path: Path) -> None:
         """With a log's heading among them others are left out, and a misspelled one is not."""

@@ -28,14 +28,7 @@ from tests.tools.files.readers.sonar.test_large import MOST_MEMORY, run
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """A dive as it was, and as it was recorded.
-
-    Attributes:
-        shots: of the dive.
-        whole, disturbed: the two recordings.
-        lost: shots whose range image is missing or damaged in the second.
-        events: what else was done to it.
-    """
+    """Recordings of a dive, whole and disturbed, shots without a range image in the second, and what else was done."""
 
     shots: int
     whole: Path
@@ -85,51 +78,31 @@ class Mapped:
         return cls(part["map"]["voxel_m"], read_tum(out / "trajectory.tum"), points)
 
 
-@dataclass(frozen=True, slots=True)
-class Apart:
-    """How far two maps of a dive are apart, both in the frame of its first shot: nothing is aligned.
+def check_same(dive: Dive, whole: Mapped, other: Mapped) -> None:
+    """That two maps of a dive, both in the frame of its first shot and with one voxel, are the same within a voxel.
 
-    Attributes:
-        places: (n,) distances of the poses at common stamps [voxels].
-        turns: (n,) angles between them [rad].
-        points: the smaller of two shares: of the points of each map that have a point of the other within a voxel.
-        surface: the same share of those points that lie within a voxel of the true surface; the rest are false echoes,
-            and whether such a point stays may hang on a single shot.
+    A point off the true surface is a false echo, and whether it stays may hang on a single shot.
     """
-
-    places: np.ndarray
-    turns: np.ndarray
-    points: float
-    surface: float
-
-    @classmethod
-    def of(cls, dive: Dive, whole: Mapped, other: Mapped) -> "Apart":
-        """Of two maps of the dive with voxels of one size; every stamp of the second is one of the first."""
-        voxel = whole.voxel
-        assert voxel == other.voxel
-        stamps, others = (np.round(each.trajectory.stamps, 3) for each in (whole, other))
-        _, first, second = np.intersect1d(stamps, others, return_indices=True)
-        assert len(first) == len(other.trajectory)
-        T, T_other = whole.trajectory.T_world_sensor[first], other.trajectory.T_world_sensor[second]
-        points, surface = [], []
-        for a, b in ((whole, other), (other, whole)):
-            near = KDTree(b.points).query(a.points)[0] <= voxel
-            placed = a.trajectory.T_world_sensor[0].inv().apply(a.points)
-            points.append(near.mean())
-            surface.append(near[dive.surface_distances(placed) <= voxel].mean())
-        places = np.linalg.norm(T.translation - T_other.translation, axis=1) / voxel
-        return cls(places, (T.inv() * T_other).rotation.magnitude(), float(min(points)), float(min(surface)))
-
-    def check(self) -> None:
-        """That both are the same within a voxel."""
-        print(
-            f"poses apart: median {np.median(self.places):.2f}, at most {self.places.max():.2f} voxels and "
-            f"{np.degrees(self.turns.max()):.2f} degrees; within a voxel: {100 * self.points:.2f} % of all points, "
-            f"{100 * self.surface:.2f} % of those on the surface"
-        )
-        assert self.places.max() < 1
-        assert self.surface > 0.99
-        assert self.points > 0.95
+    voxel = whole.voxel
+    assert voxel == other.voxel
+    stamps, others = (np.round(each.trajectory.stamps, 3) for each in (whole, other))
+    _, first, second = np.intersect1d(stamps, others, return_indices=True)
+    assert len(first) == len(other.trajectory)
+    T, T_other = whole.trajectory.T_world_sensor[first], other.trajectory.T_world_sensor[second]
+    shares, of_surface = [], []  # of the points of each map that have a point of the other within a voxel
+    for a, b in ((whole, other), (other, whole)):
+        near = KDTree(b.points).query(a.points)[0] <= voxel
+        placed = a.trajectory.T_world_sensor[0].inv().apply(a.points)
+        shares.append(near.mean())
+        of_surface.append(near[dive.surface_distances(placed) <= voxel].mean())
+    places = np.linalg.norm(T.translation - T_other.translation, axis=1) / voxel
+    turns = np.degrees((T.inv() * T_other).rotation.magnitude())
+    print(
+        f"at most {places.max():.2f} voxels and {turns.max():.2f} degrees apart; within a voxel: {shares}, {of_surface}"
+    )
+    assert places.max() < 1
+    assert min(of_surface) > 0.99
+    assert min(shares) > 0.95
 
 
 @pytest.mark.slow
@@ -146,18 +119,14 @@ def test_a_disturbed_dive_gives_the_same_map(tmp_path: Path) -> None:
         assert len(result.components) == 1
         maps.append(Mapped(result.voxel, result.trajectory, result.maps[0].points))
     check_notes(notes, recorded)
-    Apart.of(dive, *maps).check()
+    check_same(dive, *maps)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_18_000_disturbed_shots_give_the_same_map(tmp_path: Path) -> None:
-    """A quarter of an hour at 20 Hz; it takes about ten minutes on two cores."""
-    check_dive(tmp_path, 18_000)
-
-
-def check_dive(tmp_path: Path, shots: int) -> None:
-    """Of so many shots. The two maps are made side by side, each by a process of its own."""
+    """A quarter of an hour at 20 Hz; the maps are made side by side, in about ten minutes on two cores."""
+    shots = 18_000
     dive = Dive("rubble", shots, first=2**32 - shots // 2)
     recorded = record(tmp_path, dive)
     assert 0 not in recorded.lost
@@ -171,13 +140,12 @@ def check_dive(tmp_path: Path, shots: int) -> None:
     mapped = "from tests.tools.files.readers.sonar.test_dive_map import main; main()"
     folders = {path: tmp_path / path.stem for path in (recorded.whole, recorded.disturbed)}
     with ThreadPoolExecutor() as pool:
-        ended = list(
-            pool.map(lambda path: json.loads(run(mapped, str(path), "-o", str(folders[path]), "--grid", "64")), folders)
-        )
+        said = pool.map(lambda path: run(mapped, str(path), "-o", str(folders[path]), "--grid", "64"), folders)
+        ended = list(map(json.loads, said))
     for seconds, memory, _ in ended:
         print(f"mapped in {seconds:.0f} s, {memory / 2**20:.0f} MiB")
     check_notes(ended[1][2], recorded)
-    Apart.of(dive, *(Mapped.of_folder(out) for out in folders.values())).check()
+    check_same(dive, *map(Mapped.of_folder, folders.values()))
 
 
 def main() -> None:

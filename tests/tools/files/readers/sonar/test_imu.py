@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.clouds.cloud import Cloud
+from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import values_of
 from sonarmap.tools.files.readers.sonar.imu import turn_rates
 from tests.samples.cloud_files import range_image
@@ -34,9 +34,22 @@ def shot(seconds: float, number: int = 0) -> bytes:
     return rip.packb(image)
 
 
-def only(packets: list[bytes]) -> Cloud:
+def unknown(*packets: bytes) -> bool:
+    """Whether the only shot has no attitude."""
     (cloud,) = read_sonar(b"".join(packets))
-    return cloud
+    return cloud.prior is None
+
+
+def prior_of(*packets: bytes) -> PosePrior:
+    """Of the only shot."""
+    (cloud,) = read_sonar(b"".join(packets))
+    assert cloud.prior is not None
+    return cloud.prior
+
+
+def angles_of(prior: PosePrior) -> np.ndarray:
+    """Roll and pitch [deg]."""
+    return values_of(prior.T_world_sensor)[:2]
 
 
 class TestAttitude:
@@ -48,9 +61,8 @@ class TestAttitude:
     @pytest.mark.parametrize(("roll", "pitch"), [(0, 0), (ROLL, PITCH), (-30, 20), (170, 10), (5, 80)])
     def test_roll_and_pitch_of_a_sonar_at_rest(self, roll: float, pitch: float) -> None:
         packets = imu_packets(2.0, lambda _: at_rest(roll, pitch), np.zeros(3))
-        prior = only([*packets[:10], shot(1.0), *packets[10:]]).prior
-        assert prior is not None
-        np.testing.assert_allclose(values_of(prior.T_world_sensor)[:2], [roll, pitch], atol=1e-4)
+        prior = prior_of(*packets[:10], shot(1.0), *packets[10:])
+        np.testing.assert_allclose(angles_of(prior), [roll, pitch], atol=1e-4)
         assert prior.knows_attitude
         np.testing.assert_array_equal(prior.sigmas[2:], np.inf)
         assert 1.5 <= np.rad2deg(prior.sigmas[0]) < 1.6
@@ -65,18 +77,16 @@ class TestAttitude:
 
         rates = np.array([rate, 0.0, 0.0])
         for seconds, batches in ((0.7, 20), (0.7, 7)):
-            prior = only([*imu_packets(batches / 10, force, rates), shot(seconds)]).prior
-            assert prior is not None
-            np.testing.assert_allclose(values_of(prior.T_world_sensor)[:2], [28.0, 3.0], atol=0.3)
+            prior = prior_of(*imu_packets(batches / 10, force, rates), shot(seconds))
+            np.testing.assert_allclose(angles_of(prior), [28.0, 3.0], atol=0.3)
 
     def test_noise_is_averaged(self) -> None:
         rng = np.random.default_rng(1)
         errors, sigmas = [], []
         for _ in range(40):
             packets = imu_packets(1.0, lambda _: at_rest(ROLL, PITCH) + rng.normal(0, 0.5, 3), np.zeros(3))
-            prior = only([*packets, shot(0.5)]).prior
-            assert prior is not None
-            errors.append(values_of(prior.T_world_sensor)[:2] - [ROLL, PITCH])
+            prior = prior_of(*packets, shot(0.5))
+            errors.append(angles_of(prior) - [ROLL, PITCH])
             sigmas.append(np.rad2deg(prior.sigmas[0]))
         assert np.sqrt(np.mean(np.square(errors))) < np.mean(sigmas) < 2.0
 
@@ -88,8 +98,7 @@ class TestAttitude:
             def force(t: float, phase: float = phase) -> np.ndarray:
                 return LEVEL + np.array([0.3 * np.sin(2 * np.pi * t / 3 + phase), 0, 0])
 
-            prior = only([*imu_packets(1.0, force, np.zeros(3)), shot(0.5)]).prior
-            assert prior is not None
+            prior = prior_of(*imu_packets(1.0, force, np.zeros(3)), shot(0.5))
             sigmas.append(np.rad2deg(prior.sigmas[0]))
             pulls.append(values_of(prior.T_world_sensor)[1] / sigmas[-1])
         assert max(sigmas) > 1.6
@@ -101,13 +110,13 @@ class TestAttitude:
         ids=["heaves", "surges", "falls"],
     )
     def test_of_a_vehicle_that_accelerates_it_is_not_known(self, force) -> None:
-        assert only([*imu_packets(1.0, force, np.zeros(3)), shot(0.5)]).prior is None
+        assert unknown(*imu_packets(1.0, force, np.zeros(3)), shot(0.5))
 
     def test_without_samples_near_the_shot_it_is_not_known(self) -> None:
         packets = imu_packets(1.0, lambda _: LEVEL, np.zeros(3))
         for seconds in (1.2, 5.0):
-            assert only([*packets, shot(seconds)]).prior is None
-        assert only([shot(0.5)]).prior is None
+            assert unknown(*packets, shot(seconds))
+        assert unknown(shot(0.5))
 
     def test_batches_that_contradict_themselves_are_damage(self) -> None:
         wrong = [imu_batch(k, [0.1, 0.2], np.ones((2, 3)), np.ones((2, 3))) for k in range(3)]

@@ -20,6 +20,12 @@ def content(packets: list[PacketOf]) -> bytes:
     return b"".join(packet.content for packet in packets)
 
 
+def noted(recorded: bytes) -> tuple[list[Cloud], list[str]]:
+    """The clouds of a recording, and the notes on it."""
+    notes: list[str] = []
+    return read_sonar(recorded, notes), notes
+
+
 def numbers_in(notes: list[str], words: str) -> list[int]:
     """The numbers of the only note with these words, none if there is no such note."""
     chosen = [note.removeprefix("dive.sonar: ") for note in notes if words in note]
@@ -82,9 +88,8 @@ class TestLossesOfEveryKind:
         assert not any("again" in note or "clock" in note or "stamps" in note for note in notes)
 
     def test_a_whole_recording_has_no_notes(self, clean: list[PacketOf]) -> None:
-        notes: list[str] = []
-        assert len(read_sonar(content(clean[:150]), notes)) == 75
-        assert notes == []
+        clouds, notes = noted(content(clean[:150]))
+        assert (len(clouds), notes) == (75, [])
 
 
 class TestDamage:
@@ -97,8 +102,7 @@ class TestDamage:
                 with pytest.raises(InputError, match=r"no range image can be read; packet 1 at byte 0 "):
                     read_sonar(b"".join(packets)[:kept])
                 continue
-            notes: list[str] = []
-            clouds = read_sonar(b"".join(packets)[:kept], notes)
+            clouds, notes = noted(b"".join(packets)[:kept])
             assert len(clouds) == (complete + 1) // 2
             for cloud, clean in zip(clouds, whole, strict=False):
                 assert_same(cloud, clean)
@@ -114,8 +118,7 @@ class TestDamage:
             changed = bytearray(b"".join(packets))
             changed[place] ^= 0x10
             hit = int(np.searchsorted(starts, place, side="right")) - 1
-            notes: list[str] = []
-            clouds = read_sonar(bytes(changed), notes)
+            clouds, notes = noted(bytes(changed))
             left = [shot for shot in range(3) if hit != 2 * shot]
             assert len(clouds) == len(left)
             for cloud, shot in zip(clouds, left, strict=True):
@@ -129,10 +132,8 @@ class TestDamage:
         packets = sonar_packets()
         false = b"RIP2\x40\0\0\0 and no packet RIP1RIPRIP2\x0c\0\0\0"
         for place in range(7):
-            notes: list[str] = []
-            changed = b"".join([*packets[:place], false, *packets[place:]])
-            assert len(read_sonar(changed, notes)) == 3
-            (note,) = notes
+            clouds, (note,) = noted(b"".join([*packets[:place], false, *packets[place:]]))
+            assert len(clouds) == 3
             end = f"the recording is cut: of its last packet there are only {len(false)} bytes"
             assert (end if place == 6 else f"1 damaged packet left out, {len(false)} bytes") in note
 
@@ -153,8 +154,7 @@ class TestNumbers:
         rng = np.random.default_rng(2)
         shots = [(shot, 5000 + shot if shot < 40 else shot - 40) for shot in range(80) if shot not in (7, 50, 51)]
         packets = [packet for shot, number in shots for packet in shot_packets(shot, number, rng)]
-        notes: list[str] = []
-        clouds = read_sonar(content(packets), notes)
+        clouds, notes = noted(content(packets))
         assert np.all(np.diff([cloud.stamp or 0 for cloud in clouds]) > 0)
         assert numbers_in(notes, "are missing") == [3, 80]
         assert any("start again once" in note for note in notes)
@@ -165,8 +165,7 @@ class TestNumbers:
         """Their numbers are the same, their times are not."""
         rng = np.random.default_rng(3)
         packets = [packet for shot in range(12) for packet in shot_packets(shot, shot % 6, rng)]
-        notes: list[str] = []
-        clouds = read_sonar(content(packets), notes)
+        clouds, notes = noted(content(packets))
         assert np.all(np.diff([cloud.stamp or 0 for cloud in clouds]) > 0)
         assert all(cloud.strength is not None for cloud in clouds)
         assert [note.partition(": ")[2] for note in notes] == [
@@ -175,8 +174,8 @@ class TestNumbers:
 
     def test_a_recording_twice_in_a_file_is_read_once(self) -> None:
         packets = content(list(recording(50)))
-        notes: list[str] = []
-        assert len(read_sonar(packets + packets, notes)) == 50
+        clouds, notes = noted(packets + packets)
+        assert len(clouds) == 50
         assert numbers_in(notes, "doubled") == [100]
 
     def test_numbers_that_stand_still(self) -> None:
@@ -192,8 +191,7 @@ class TestNumbers:
         for k, image in enumerate(images):
             image.fov_horizontal, image.fov_vertical = 90.0, 40.0
             image.image_pixel_data.extend([10 + k] * 12)
-        notes: list[str] = []
-        clouds = read_sonar(b"".join(rip.packb(image) for image in [*images, images[7]]), notes)
+        clouds, notes = noted(b"".join(rip.packb(image) for image in [*images, images[7]]))
         assert [cloud.points[0, 0] for cloud in clouds] == sorted(cloud.points[0, 0] for cloud in clouds)
         assert len(clouds) == 20
         assert numbers_in(notes, "doubled") == [1]
@@ -202,8 +200,7 @@ class TestNumbers:
         clean = list(recording(60))
         for late in (1, 5, 16):
             packets = [*clean[:20], *clean[22 : 22 + 2 * late], *clean[20:22], *clean[22 + 2 * late :]]
-            notes: list[str] = []
-            clouds = read_sonar(content(packets), notes)
+            clouds, notes = noted(content(packets))
             assert np.all(np.diff([cloud.stamp or 0 for cloud in clouds]) > 0)
             assert numbers_in(notes, "late")[:1] == [1]
             assert len(notes) == 1
@@ -228,32 +225,31 @@ class TestClock:
             image.header.timestamp.seconds, image.header.timestamp.nanos = int(stamp), round(stamp % 1 * 1e9)
             image.speed_of_sound = speeds[shot] if speeds else 1480.0
             packets.append(rip.packb(image))
-        notes: list[str] = []
-        read_sonar(b"".join(packets), notes)
+        _, notes = noted(b"".join(packets))
         return [note.removeprefix("dive.sonar: ") for note in notes]
 
-    def test_that_was_never_set(self) -> None:
-        assert self.notes_of([5.25, 5.5, 5.75]) == ["the clock was not set: it ends at 1970-01-01 00:00:05 UTC"]
+    JUMP = "the clock jumps once against the numbers of the shots, by up to 37.0 s: it was set, or the sonar paused"
 
-    def test_that_stands_still(self) -> None:
-        assert self.notes_of([1.7e9] * 5) == ["the clock stands still: 4 of 4 stamps are those of the shot before"]
-
-    def test_that_goes_back_or_on(self) -> None:
-        stamps = [1.7e9 + 0.25 * k + (37.0 if k >= 30 else 0.0) for k in range(60)]
-        (jump,) = self.notes_of(stamps)
-        assert (
-            jump
-            == "the clock jumps once against the numbers of the shots, by up to 37.0 s: it was set, or the sonar paused"
-        )
-        back, jump = self.notes_of([1.7e9 + 0.25 * k - (37.0 if k >= 30 else 0.0) for k in range(60)])
-        assert back == "1 of 59 stamps are not later than that of the shot before"
-        assert "by up to 37.0 s" in jump
-
-    def test_that_is_ahead_of_the_file(self) -> None:
-        (note,) = self.notes_of([4.0e9, 4.0e9 + 0.5])
-        assert note.startswith(
-            "the clock is ahead: it ends at 2096-10-02 07:06:40 UTC, and the file was last changed at"
-        )
+    @pytest.mark.parametrize(
+        ("stamps", "wanted"),
+        [
+            ([5.25, 5.5, 5.75], ["the clock was not set: it ends at 1970-01-01 00:00:05 UTC"]),
+            ([1.7e9] * 5, ["the clock stands still: 4 of 4 stamps are those of the shot before"]),
+            ([1.7e9 + k / 4 + 37.0 * (k >= 30) for k in range(60)], [JUMP]),
+            (
+                [1.7e9 + k / 4 - 37.0 * (k >= 30) for k in range(60)],
+                ["1 of 59 stamps are not later than that of the shot before", JUMP],
+            ),
+            (
+                [4.0e9, 4.0e9 + 0.5],
+                ["the clock is ahead: it ends at 2096-10-02 07:06:40 UTC, and the file was last"],
+            ),
+        ],
+        ids=["never set", "stands still", "goes on", "goes back", "ahead of the file"],
+    )
+    def test_that_is_wrong(self, stamps: list[float], wanted: list[str]) -> None:
+        notes = self.notes_of(stamps)
+        assert [note[: len(words)] for note, words in zip(notes, wanted, strict=True)] == wanted
 
     def test_the_speed_of_sound_changes(self) -> None:
         stamps = [1.7e9 + k for k in range(5)]
