@@ -70,15 +70,6 @@ def test_gtsam_reads_the_same_noise(tmp_path):
         np.testing.assert_allclose(values.atPose3(k).matrix(), matrix, atol=1e-9)
 
 
-def test_order_of_the_information(tmp_path):
-    """Diagonal 1..6 in the file: 1, 2, 3 weigh the translation."""
-    upper = " ".join(str(i + 1) if i == j else "0" for i in range(6) for j in range(i, 6))
-    path = tmp_path / "a.g2o"
-    path.write_text(f"{V0}\n{V1}\nEDGE_SE3:QUAT 0 1 1 2 3 0 0 0 1 {upper}\n")
-    (e,) = read_g2o(path).edges
-    np.testing.assert_allclose(1 / np.diag(e.registration.covariance), [4, 5, 6, 1, 2, 3], rtol=1e-14)
-
-
 @pytest.mark.parametrize("name", sorted(KNOWN))
 @pytest.mark.skipif(not GRAPHS.is_dir(), reason=f"the benchmark graphs are not at {GRAPHS}")
 def test_public_graphs(name, tmp_path):

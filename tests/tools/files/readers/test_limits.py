@@ -9,7 +9,6 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.navigation import parse_prior_sigmas
 from sonarmap.tools.files.readers.json_file import read_json
-from sonarmap.tools.files.readers.navigation.odometry import parse_drift
 from tests.samples.cloud_files import put
 from tests.samples.clutter_scans import refused_with_reason, said, sonarmap
 from tests.samples.damage.pose_files import POSE_FILES, numbers_in
@@ -101,8 +100,6 @@ def test_a_covariance_of_nothing_is_an_error(tmp_path: Path) -> None:
 def test_options_have_the_same_limits(text: str) -> None:
     with pytest.raises(InputError):
         parse_prior_sigmas(text)
-    with pytest.raises(InputError):
-        parse_drift(text.rsplit(",", 2)[0].replace("1,1e-200", "0,1e-200").replace("1,1", "inf,1"))
 
 
 class TestNesting:

@@ -57,6 +57,10 @@ def test_a_file_named_by_two_paths_is_read_once(tmp_path, monkeypatch):
     read = read_scans([path, "scan.xyz", "./scan.xyz", "link/scan.xyz"])
     assert [scan.name for scan in read.scans] == ["scan"]
     assert read.files == (path,)
+    assert read.repeated == (f"given more than once, and used once: {path}",)
+    assert read_survey([path, tmp_path / "other.xyz"]).repeated == ()
+    (tmp_path / "again.xyz").symlink_to(path)
+    assert read_survey([tmp_path]).repeated != ()  # the link and its file
     assert len(read_scans([path, tmp_path / "scan.xyz", str(tmp_path / "scan*.xyz")]).scans) == 1
 
 

@@ -9,7 +9,6 @@ import pytest
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.scan_sizes import repeated_in_words, same_points, strange_sizes
 from sonarmap.tools.files.readers.scans import read_survey
-from tests.samples.clutter_scans import scan, write
 
 
 def scans(*sizes: float) -> list[Scan]:
@@ -63,13 +62,3 @@ def test_in_words() -> None:
     assert files == "given more than once, and used once: a.ply, b.ply"
     assert copies.startswith("the same points twice: copy_0 of scan_1, copy_1 of scan_1, ")
     assert "copy_4 of scan_1 and 2 more; leave the copies out" in copies
-
-
-def test_a_file_that_several_paths_name_is_read_once(tmp_path: Path) -> None:
-    (first, second) = write(tmp_path, a=scan(0), b=scan(1))
-    (tmp_path / "link.ply").symlink_to(second)
-    read = read_survey([tmp_path / "a.ply", first, tmp_path / "b.ply", tmp_path / "*.ply"])
-    assert [each.name for each in read.scans] == ["a", "b"]
-    assert read.repeated == (f"given more than once, and used once: {first}, {second}",)
-    assert read_survey([tmp_path]).repeated != ()  # the link and its file
-    assert read_survey([first, second]).repeated == ()

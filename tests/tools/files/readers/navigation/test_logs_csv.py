@@ -1,14 +1,20 @@
-"""CSV logs: headings, units, what is not measured, what is ambiguous."""
+"""CSV logs: headings, units, what is not measured, what is ambiguous; texts of any length take a time in proportion."""
 
+from collections.abc import Callable
+from difflib import SequenceMatcher
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.navigation.headings import column_of
+from sonarmap.tools.files.readers.navigation.cells import degrees
+from sonarmap.tools.files.readers.navigation.clocks.times import time_of_day
+from sonarmap.tools.files.readers.navigation.headings import column_of, zone_of
 from sonarmap.tools.files.readers.navigation.priors import navigate
-from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns
+from sonarmap.tools.files.readers.navigation.read import read_navigation
+from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings, parse_columns
+from tests.samples.processor_time import quick
 from tests.tools.files.readers.navigation.logs import SCANS, SIGMAS, START, read, require_words
 
 
@@ -47,6 +53,9 @@ USUAL = {
 }
 
 
+UNUSED = ("Altitude", "COG", "Course", "Speed", "Height", "Status", "", "Temp (C)", "Depth_(below) (ft)", "depth_m)")
+
+
 class TestHeadings:
     @pytest.mark.parametrize(
         ("heading", "quantity", "factor"),
@@ -59,18 +68,7 @@ class TestHeadings:
         assert column.factor == pytest.approx(factor)
 
     def test_others_are_not_guessed(self) -> None:
-        for heading in (
-            "Altitude",
-            "COG",
-            "Speed",
-            "Height",
-            "Status",
-            "",
-            "Temp (C)",
-            "Depth_(below) (ft)",
-            "depth_m)",
-        ):
-            assert column_of(0, heading) is None
+        assert [column_of(0, heading) for heading in UNUSED] == [None] * len(UNUSED)
 
     @pytest.mark.parametrize(
         ("heading", "words"), [("Depth (fathoms)", "fathoms"), ("Roll (m)", "'m'"), ("Easting (ft)", "two kinds")]
@@ -221,3 +219,50 @@ class TestAmbiguous:
         with pytest.raises(InputError, match=r"depth_m \('Depth'\) has no standard deviation; .* --prior-sigmas"):
             navigate(SCANS, path)
         assert navigate(SCANS, path, sigmas=SIGMAS).scans[0].prior is not None
+
+
+LONG = 100_000
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda: column_of(0, "a" + " " * LONG + "(" + " " * LONG + "x"),
+        lambda: column_of(0, " " * LONG + "[" * LONG),
+        lambda: column_of(0, "a" + "_" * LONG + "." * LONG + "b "),
+        lambda: column_of(0, "a_" * LONG),
+        lambda: column_of(0, "depth" + " " * LONG + "(m)"),
+        lambda: zone_of("utc" + " " * LONG + "x"),
+        lambda: degrees("1" + " " * LONG + "x", "lat_deg"),
+        lambda: degrees("1" + " -:" * LONG + "x", "lat_deg"),
+        lambda: degrees("1." + "1" * LONG + "x", "lat_deg"),
+        lambda: time_of_day("9:30" + " " * LONG + "x"),
+    ],
+)
+def test_headings_and_cells(read: Callable[[], object]) -> None:
+    with quick():  # what takes a tenth of a second would take minutes, were it growing by squares
+        read()
+
+
+@pytest.mark.parametrize(
+    "cell", ["2026" + " " * LONG + "x", "T" * LONG, "2" + "T " * (LONG // 2) + "9", "a" + " " * LONG + "UT"]
+)
+def test_times(cell: str, tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(f"time,depth_m,depth_sigma_m\n{cell},2,3\n")
+    with (
+        quick(),
+        pytest.raises(InputError, match=r"line 2: the time is '.{1,45}'; wanted finite seconds, or a time as"),
+    ):
+        read_navigation(tmp_path / "log.csv", AS_IT_SAYS, None, np.zeros(1), [])
+
+
+def test_tables_of_many_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each might be a misspelled one of ours; only those that may be are compared letter by letter."""
+    compared: list[float] = []
+    ratio = SequenceMatcher.ratio
+    monkeypatch.setattr(SequenceMatcher, "ratio", lambda self: compared.append(ratio(self)) or compared[-1])
+    headings = ",".join(f"a{k}_m" for k in range(1000))
+    (tmp_path / "log.csv").write_text(f"time,depth,{headings},heding_deg\n1,2\n")
+    with pytest.raises(InputError, match="'heding_deg' is nearly called heading_deg"):
+        read_navigation(tmp_path / "log.csv", AS_IT_SAYS, None, np.zeros(1), [])
+    assert len(compared) < 20

@@ -79,6 +79,6 @@ def test_other_clocks_and_orders_are_refused(tmp_path: Path) -> None:
 
 def test_drift_is_percent_and_degrees_per_hour() -> None:
     assert parse_drift("1,10") == pytest.approx((0.01, np.radians(10) / 3600))
-    for text in ("1", "1,x", "-1,5", "0,0", "1,2,3"):
+    for text in ("1", "1,x", "-1,5", "0,0", "1,2,3", "1e308,1", "0,1e-200", "inf,1"):
         with pytest.raises(InputError, match="as in --odometry-drift 1,10"):
             parse_drift(text)

@@ -10,7 +10,7 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.navigation.clocks.time_offset import why_apart
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
-from sonarmap.tools.files.time_scales import tai_minus_utc, utc_of_gps, utc_of_tai
+from sonarmap.tools.files.time_scales import tai_minus_utc, utc_of_tai
 from tests.tools.files.readers.navigation.logs import START, read, require_words, scans_at
 
 NTP = 2_208_988_800  # 1970 since 1900 [s]
@@ -110,11 +110,6 @@ def test_leap_seconds_are_those_of_iana() -> None:
     np.testing.assert_array_equal(tai_minus_utc(starts[1:] - 0.5), offsets[:-1])
     np.testing.assert_array_equal(utc_of_tai(starts + offsets), starts)
     np.testing.assert_array_equal(utc_of_tai(starts + offsets + 12.5), starts + 12.5)
-
-
-def test_gps_begins_with_utc() -> None:
-    epoch = datetime(1980, 1, 6, tzinfo=UTC).timestamp()
-    np.testing.assert_array_equal(utc_of_gps(np.array([0.0, 1e6])), [epoch, epoch + 1e6])
 
 
 @pytest.mark.parametrize(
