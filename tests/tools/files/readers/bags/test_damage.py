@@ -1,4 +1,4 @@
-"""Recordings and metadata that are cut, or claim what no recorder writes; random damage of recordings is in test_readers_damage.py."""
+"""Recordings that are cut, or claim what no recorder writes, and damaged metadata of bags."""
 
 import bz2
 import shutil

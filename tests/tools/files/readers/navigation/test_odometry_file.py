@@ -1,4 +1,4 @@
-"""Dead reckoning from TUM and CSV files, at the scans' times."""
+"""Dead reckoning from TUM and CSV files and recordings, at the scans' times."""
 
 from pathlib import Path
 
@@ -10,6 +10,8 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.navigation.odometry import parse_drift, read_odometry
 from sonarmap.tools.files.writers.trajectory import write_tum
+from tests.samples.bags.messages import ODOMETRY, TF, odometry, transforms
+from tests.samples.bags.writers import WRITERS, Record, write_mcap, write_ros1
 from tests.tools.files.readers.navigation.logs import scans_at
 
 TIMES = np.arange(0.0, 20.0, 0.5)
@@ -82,3 +84,89 @@ def test_drift_is_percent_and_degrees_per_hour() -> None:
     for text in ("1", "1,x", "-1,5", "0,0", "1,2,3", "1e308,1", "0,1e-200", "inf,1"):
         with pytest.raises(InputError, match="as in --odometry-drift 1,10"):
             parse_drift(text)
+
+
+TURN = Rotation.from_euler("ZYX", [30, -10, 5], degrees=True)
+ALONE, LEFT = (0, 0, 0, 1), (0, 0, np.sqrt(0.5), np.sqrt(0.5))
+
+
+def poses_of(path: Path, *stamps: float) -> RigidTransform:
+    return read_odometry(path, scans_at(*stamps), 0.01, 0.001).T_odom_sensor
+
+
+def driven(topic: str = "/odom", **frames: str) -> list[Record]:
+    """2 m a second along x and -0.5 m along y, with one attitude; the second pose comes last and twice."""
+    times = [100.0, 102.0, 103.0, 101.0, 101.0]
+    turn = TURN.as_quat().tolist()
+    poses = [odometry(t, (2 * (t - 100), -0.5 * (t - 100), 7), turn, **frames) for t in times]
+    return [(topic, ODOMETRY, 110.0 + k, pose) for k, pose in enumerate(poses)]
+
+
+@pytest.mark.parametrize("writer", ["ros1", "mcap", "sqlite"])
+def test_messages_are_interpolated_to_the_scans(tmp_path: Path, writer: str) -> None:
+    poses = poses_of(WRITERS[writer](tmp_path, driven()), 100.0, 101.5, 103.0)
+    np.testing.assert_allclose(poses.translation, [[0, 0, 7], [3, -0.75, 7], [6, -1.5, 7]], atol=1e-9)
+    np.testing.assert_allclose(poses.rotation.as_matrix(), np.tile(TURN.as_matrix(), (3, 1, 1)), atol=1e-9)
+
+
+def test_of_several_topics_one_is_named(tmp_path: Path) -> None:
+    path = write_ros1(tmp_path / "a.bag", driven("/odom") + driven("/dvl/odom"))
+    with pytest.raises(InputError, match=r"it has 2 topics of nav_msgs/msg/Odometry: .*a\.bag::/dvl/odom"):
+        poses_of(path, 100.0, 101.0)
+    assert len(poses_of(Path(f"{path}::/odom"), 100.0, 101.0)) == 2
+
+
+def test_it_is_that_of_base_link(tmp_path: Path) -> None:
+    """Odometry of a DVL that looks to port, 1 m ahead and 2 m to port of base_link."""
+    static = ("/tf_static", TF, 99.0, transforms((0.0, "base_link", "dvl_link", (1, 2, 0.5), LEFT)))
+    path = write_mcap(tmp_path / "a.mcap", [static, *driven(child="dvl_link")])
+    T_odom_dvl = RigidTransform.from_components([0, 0, 7], TURN)
+    T_base_dvl = RigidTransform.from_components([1, 2, 0.5], Rotation.from_euler("Z", 90, degrees=True))
+    expected = T_odom_dvl * T_base_dvl.inv()
+    np.testing.assert_allclose(poses_of(path, 100.0, 101.0)[0].as_matrix(), expected.as_matrix(), atol=1e-9)
+
+
+def test_frames_that_point_down(tmp_path: Path) -> None:
+    """North-East-down to East-North-up, forward-right-down to forward-left-up: a heading of 30 is a yaw of 60."""
+    turn = Rotation.from_euler("ZYX", [30, 10, -5], degrees=True).as_quat().tolist()
+    records = [
+        ("/odom", ODOMETRY, 1.0 + t, odometry(t, (1, 2, 3 + t), turn, "odom_ned", "base_link_frd")) for t in (5.0, 6.0)
+    ]
+    pose = poses_of(write_mcap(tmp_path / "a.mcap", records), 5.0, 6.0)[0]
+    np.testing.assert_allclose(pose.translation, [2, 1, -8], atol=1e-9)
+    np.testing.assert_allclose(pose.rotation.as_euler("ZYX", degrees=True), [60, -10, -5], atol=1e-9)
+
+
+class TestTransforms:
+    def test_the_chain_from_odom_to_base_link(self, tmp_path: Path) -> None:
+        """A footprint that goes along x and turns to port, and base_link 0.5 m above it and 0.25 m behind."""
+        turns = Rotation.from_euler("Z", [[0], [90]], degrees=True).as_quat().tolist()
+        records = [
+            ("/tf_static", TF, 9.0, transforms((0.0, "footprint", "base_link", (-0.25, 0, 0.5), ALONE))),
+            ("/tf", TF, 10.0, transforms((10.0, "odom", "footprint", (0, 0, 0), turns[0]))),
+            ("/tf", TF, 10.5, transforms((10.5, "base_link", "pan", (0, 0, 0), turns[1]))),
+            ("/tf", TF, 10.5, transforms((10.5, "map", "odom", (9, 9, 9), ALONE))),
+            ("/tf", TF, 12.0, transforms((12.0, "odom", "footprint", (4, 0, 0), turns[1]))),
+        ]
+        poses = poses_of(write_mcap(tmp_path / "a.mcap", records), 10.0, 11.0, 12.0)
+        expected = [[-0.25, 0, 0.5], [1.875, -0.125, 0.5], [4, -0.25, 0.5]]  # the second lies on the chord
+        np.testing.assert_allclose(poses.translation, expected, atol=1e-9)
+        np.testing.assert_allclose(poses.rotation.as_euler("ZYX", degrees=True)[:, 0], [0, 45, 90], atol=1e-9)
+
+    def test_recordings_that_do_not_tell(self, tmp_path: Path) -> None:
+        for topic, parent, words in (
+            ("/tf", "map", "no odometry in it: no message of nav_msgs/msg/Odometry, and no transform"),
+            ("/tf_static", "odom", "base_link does not move in odom"),
+        ):
+            still = (topic, TF, 1.0, transforms((1.0, parent, "base_link", (0, 0, 0), ALONE)))
+            with pytest.raises(InputError, match=words):
+                poses_of(write_mcap(tmp_path / "a.mcap", [still]), 1.0, 2.0)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("turn", "shown"), [(0.0, "0 0 0 0"), (1e308, "1e\\+308 1e\\+308 1e\\+308 1e\\+308")])
+def test_poses_that_are_none(tmp_path: Path, turn: float, shown: str) -> None:
+    records = driven()
+    records[2][3]["pose"]["pose"]["orientation"] = dict.fromkeys("xyzw", turn)
+    with pytest.raises(InputError, match=rf"the pose of /odom \(number 2\) is 6 -1\.5 7 {shown}; wanted meters"):
+        poses_of(write_ros1(tmp_path / "a.bag", records), 100.0, 101.0)
