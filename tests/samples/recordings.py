@@ -3,7 +3,7 @@
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +94,13 @@ def disturbed(packets: Sequence[PacketOf], seed: int, share: float = 0.01) -> tu
             kept.append(packet)
             events.doubled += 1
     return kept, events
+
+
+def damage_a_shot(packets: list[PacketOf], events: Events, after: int) -> set[int]:
+    """Change a range image that is there once, of a shot after this one; the shots that have no range image now."""
+    hit = next(k for k, p in enumerate(packets) if p.shot > after and p.kind == "range" and packets.count(p) == 1)
+    packets[hit] = replace(packets[hit], content=packets[hit].content[:-1] + b"?")
+    return {packet.shot for packet in (*events.lost, packets[hit]) if packet.kind == "range"}
 
 
 def written(path: Path, packets: Sequence[PacketOf] | Iterator[PacketOf]) -> Path:

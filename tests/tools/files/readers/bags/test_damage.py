@@ -22,6 +22,7 @@ from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.bags.messages import CLOUD, cloud
 from tests.samples.bags.samples import recordings
 from tests.samples.bags.writers import write_mcap, write_ros1, write_ros2
+from tests.samples.cloud_files import put
 from tests.samples.damage.bag_metadata import METADATA, damage_metadata, two_files
 from tests.samples.processor_time import quick, thrifty
 
@@ -130,8 +131,7 @@ EMPTY_RECORD = b"\x08" + bytes(8)
     ids=["zeros", "records"],
 )
 def test_a_chunk_of_next_to_nothing_takes_next_to_nothing(tmp_path: Path, piece: bytes, count: int, words: str) -> None:
-    path = tmp_path / "a.mcap"
-    path.write_bytes(recordings()["mcap plain"][1][:8] + packed_chunk(piece, count))
+    path = put(tmp_path / "a.mcap", recordings()["mcap plain"][1][:8] + packed_chunk(piece, count))
     assert path.stat().st_size < 20_000
     with thrifty(), pytest.raises(InputError, match=words):
         read_scans([path])
@@ -139,8 +139,7 @@ def test_a_chunk_of_next_to_nothing_takes_next_to_nothing(tmp_path: Path, piece:
 
 def test_many_chunks_of_next_to_nothing(tmp_path: Path) -> None:
     """Each of them believable, and together a minute of work in 80 KB."""
-    path = tmp_path / "a.mcap"
-    path.write_bytes(recordings()["mcap plain"][1][:8] + 450 * packed_chunk(EMPTY_RECORD, 131_000))
+    path = put(tmp_path / "a.mcap", recordings()["mcap plain"][1][:8] + 450 * packed_chunk(EMPTY_RECORD, 131_000))
     with quick(), pytest.raises(InputError, match="it holds more than the 72 records that may still come"):
         read_scans([path])
 
@@ -192,8 +191,7 @@ def packed_chunk(piece: bytes, count: int) -> bytes:
 @pytest.mark.parametrize("table", ["messages", "topics"])
 def test_a_column_of_sqlite_that_is_computed(tmp_path: Path, table: str) -> None:
     """Of 900 MB in each row, which the file need not hold."""
-    path = tmp_path / "a.db3"
-    path.write_bytes(recordings()["db3"][1])
+    path = put(tmp_path / "a.db3", recordings()["db3"][1])
     with closing(sqlite3.connect(path)) as database:
         column = "data" if table == "messages" else "type"
         database.execute(f"ALTER TABLE {table} RENAME COLUMN {column} TO other")

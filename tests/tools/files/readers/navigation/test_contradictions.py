@@ -25,6 +25,12 @@ def path(rng: np.random.Generator, count: int = 14) -> np.ndarray:
     return np.column_stack([rng.normal(2, 6, count), rng.normal(-3, 6, count), heading % 360, way + 5, depth])
 
 
+def drawn(seed: int | list[int]) -> tuple[np.random.Generator, np.ndarray]:
+    """What draws, and the path that it drew first."""
+    rng = np.random.default_rng(seed)
+    return rng, path(rng)
+
+
 def registered(truth: np.ndarray, rng: np.random.Generator, wrong: int = 0) -> Registered:
     """Consecutive scans and some loops, within their covariance of the truth; `wrong` of them anything."""
     T = poses_of(truth)
@@ -75,8 +81,7 @@ MISTAKES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 @pytest.mark.parametrize("name", list(MISTAKES))
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6))])
 def test_mistakes_are_named(name: str, seed: int) -> None:
-    rng = np.random.default_rng([3, seed])
-    truth = path(rng)
+    rng, truth = drawn([3, seed])
     verdict = contradiction(priors(MISTAKES[name](measured(truth, rng))), registered(truth, rng, wrong=seed % 3))
     assert verdict is not None
     assert verdict.instead == (name,), verdict
@@ -94,8 +99,7 @@ def test_mistakes_are_named(name: str, seed: int) -> None:
 )
 def test_scans_that_are_not_as_they_were_taken(axes: np.ndarray, scale: float, name: str) -> None:
     """Points p of every scan became scale axes p, so a pair's p_i = R p_j + t holds for the changed R and t."""
-    rng = np.random.default_rng(4)
-    truth = path(rng)
+    rng, truth = drawn(4)
     pairs, values = registered(truth, rng), measured(truth, rng)
     R, t = pairs.T_i_j.rotation.as_matrix(), pairs.T_i_j.translation
     changed = RigidTransform.from_components(
@@ -109,8 +113,7 @@ def test_scans_that_are_not_as_they_were_taken(axes: np.ndarray, scale: float, n
 @pytest.mark.parametrize("known", [ALL, np.array([1, 1, 0, 0, 0, 1], bool), np.array([1, 1, 1, 0, 0, 1], bool)])
 def test_costs_are_those_of_pairs_of_priors(known: np.ndarray) -> None:
     """PriorPair works a pair at a time, and halves the lever arm where both measure the shift; that is second order."""
-    rng = np.random.default_rng(9)
-    truth = path(rng)
+    rng, truth = drawn(9)
     values, exact = measured(truth, rng, known), registered(truth, rng)
     exact = Registered(exact.i, exact.j, exact.T_i_j, np.zeros((len(exact.i), 6, 6)))
     of_scans = priors(values)
@@ -126,8 +129,7 @@ def test_costs_are_those_of_pairs_of_priors(known: np.ndarray) -> None:
 
 def test_what_cannot_be_told_apart_is_named_together() -> None:
     """Without places a heading of the other sign is a yaw as well."""
-    rng = np.random.default_rng(5)
-    truth = path(rng)
+    rng, truth = drawn(5)
     values = MISTAKES[SIGN](measured(truth, rng, np.array([1, 1, 1, 0, 0, 1], bool)))
     verdict = contradiction(priors(values), registered(truth, rng))
     assert verdict is not None
@@ -136,8 +138,7 @@ def test_what_cannot_be_told_apart_is_named_together() -> None:
 
 def test_right_navigation_is_not_doubted() -> None:
     for seed in range(25):
-        rng = np.random.default_rng([6, seed])
-        truth = path(rng)
+        rng, truth = drawn([6, seed])
         known = ALL if seed % 2 else np.array([1, 1, seed % 3 == 0, 0, 0, 1], bool)
         assert contradiction(priors(measured(truth, rng, known)), registered(truth, rng, wrong=seed % 4)) is None
 
@@ -145,8 +146,7 @@ def test_right_navigation_is_not_doubted() -> None:
 def test_other_mistakes_have_no_name() -> None:
     """A compass that is off by 40 degrees, noise, and another dive's navigation."""
     for seed in range(10):
-        rng = np.random.default_rng([7, seed])
-        truth = path(rng)
+        rng, truth = drawn([7, seed])
         pairs, values = registered(truth, rng), measured(truth, rng)
         assert contradiction(priors(values + np.array([0, 0, 40, 0, 0, 0])), pairs) is None
         assert contradiction(priors(measured(path(rng), rng)), pairs) is None
@@ -154,8 +154,7 @@ def test_other_mistakes_have_no_name() -> None:
 
 
 def test_too_little_says_nothing() -> None:
-    rng = np.random.default_rng(8)
-    truth = path(rng)
+    rng, truth = drawn(8)
     values, pairs = signed(2)(measured(truth, rng)), registered(truth, rng)
     few, none = (Registered(pairs.i[:n], pairs.j[:n], pairs.T_i_j[:n], pairs.covariances[:n]) for n in (5, 0))
     assert contradiction(priors(values), few) is None

@@ -4,7 +4,7 @@ import json
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,7 @@ from sonarmap.tools.files.readers.clouds.ply import read_ply
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.readers.scans import read_survey
 from tests.samples.dives import Dive
-from tests.samples.recordings import Events, disturbed, written
+from tests.samples.recordings import Events, damage_a_shot, disturbed, written
 from tests.tools.files.readers.sonar.test_large import MOST_MEMORY, run
 
 
@@ -41,10 +41,7 @@ def record(folder: Path, dive: Dive) -> Recorded:
     """Of a dive, 1 % of the packets lost, 1 % doubled, 1 % exchanged with the next, and a damaged one."""
     clean = list(dive.packets())
     packets, events = disturbed(clean, seed=1)
-    third = dive.shots // 3
-    hit = next(k for k, p in enumerate(packets) if p.shot > third and p.kind == "range" and packets.count(p) == 1)
-    packets[hit] = replace(packets[hit], content=packets[hit].content[:-1] + b"?")
-    lost = {packet.shot for packet in (*events.lost, packets[hit]) if packet.kind == "range"}
+    lost = damage_a_shot(packets, events, dive.shots // 3)
     whole, other = written(folder / "whole.sonar", clean), written(folder / "dive.sonar", packets)
     return Recorded(dive.shots, whole, other, lost, events)
 

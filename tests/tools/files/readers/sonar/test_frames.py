@@ -13,7 +13,7 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
 from sonarmap.tools.files.readers.sonar.messages import pixels_of, range_image_type
-from tests.samples.cloud_files import SAMPLES, range_image, sonar_packets, strength_image
+from tests.samples.cloud_files import SAMPLES, put, range_image, sonar_packets, strength_image
 from tests.samples.places import DATA
 from tests.samples.recordings import read_sonar, with_checksum
 
@@ -64,8 +64,7 @@ def test_strengths_are_linear_and_belong_to_their_pixels():
 
 
 def test_one_scan_per_frame_with_stamp_and_name(tmp_path):
-    path = tmp_path / "dive.sonar"
-    path.write_bytes(SAMPLES["sonar"][1])
+    path = put(tmp_path / "dive.sonar", SAMPLES["sonar"][1])
     read = read_scans([path])
     assert [scan.name for scan in read.scans] == ["dive#0", "dive#1", "dive#2"]
     assert [scan.stamp for scan in read.scans] == [1_700_000_000.25, 1_700_000_001.25, 1_700_000_002.25]
@@ -101,8 +100,7 @@ def test_packets_of_the_first_version_are_read():
 def test_a_frame_without_strength_or_echo_is_told(tmp_path):
     packets = sonar_packets()
     empty = rip.packb(range_image(1, np.zeros((3, 4), int)))
-    (tmp_path / "dive.sonar").write_bytes(b"".join([packets[0], packets[1], empty, packets[4]]))
-    read = read_scans([tmp_path / "dive.sonar"])
+    read = read_scans([put(tmp_path / "dive.sonar", b"".join([packets[0], packets[1], empty, packets[4]]))])
     assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
     assert read.notes == (
         "dive.sonar: 2 of 3 shots have no strength image",
@@ -165,8 +163,7 @@ def test_a_strength_image_of_another_size_is_left_out(first):
 def test_a_frame_without_time_takes_the_counter(tmp_path):
     image = range_image(0, np.arange(12).reshape(3, 4))
     image.header.ClearField("timestamp")
-    (tmp_path / "dive.sonar").write_bytes(rip.packb(image))
-    assert read_scan(tmp_path / "dive.sonar").stamp == 0.0
+    assert read_scan(put(tmp_path / "dive.sonar", rip.packb(image))).stamp == 0.0
 
 
 def test_a_real_recording_of_a_ship():
@@ -191,8 +188,7 @@ def test_a_real_recording_of_a_ship():
 def test_a_frame_of_nothing_but_nan_leaves_a_place(tmp_path):
     frames = [range_image(frame, np.full((3, 4), 80)) for frame in range(3)]
     frames[1].image_pixel_scale = float("nan")
-    path = tmp_path / "dive.sonar"
-    path.write_bytes(b"".join(rip.packb(frame) for frame in frames))
+    path = put(tmp_path / "dive.sonar", b"".join(rip.packb(frame) for frame in frames))
     with pytest.raises(InputError, match=r"dive\.sonar#1: all of its 12 points are NaN"):
         read_scans([path])
     read = read_survey([path])

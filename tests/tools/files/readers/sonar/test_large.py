@@ -4,7 +4,6 @@ import json
 import subprocess
 import sys
 import zlib
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,7 @@ from sonarmap.tools.files.readers.sonar.recording import stream_sonar
 from tests.samples.damage.recordings import damage_recordings
 from tests.samples.places import ROOT
 from tests.samples.processor_time import processor_time
-from tests.samples.recordings import disturbed, recording, written
+from tests.samples.recordings import damage_a_shot, disturbed, recording, written
 
 MOST_MEMORY, MOST_SECONDS = 1 << 30, 120.0  # of the processor
 LONGEST = 5.0  # seconds of the processor for a damaged recording
@@ -32,9 +31,7 @@ def test_an_hour_at_5_hz_streams_below_a_gibibyte(tmp_path: Path) -> None:
     """18,000 shots with losses of every kind; the counts are those of what was done to it, the rest is unchanged."""
     clean = list(recording(18_000, first=2**32 - 9_000))
     packets, events = disturbed(clean, seed=1)
-    hit = next(k for k, packet in enumerate(packets) if packet.shot > 5_000 and packets.count(packet) == 1)
-    packets[hit] = replace(packets[hit], content=packets[hit].content[:-1] + b"?")
-    lost = {packet.shot for packet in (*events.lost, packets[hit]) if packet.kind == "range"}
+    lost = damage_a_shot(packets, events, 5_000)
     path = written(tmp_path / "dive.sonar", packets)
     code = "from tests.tools.files.readers.sonar.test_large import main; main()"
     digests, seconds, memory, notes = json.loads(run(code, str(path)))
