@@ -1,8 +1,5 @@
 """Places on the Earth against PROJ's geodesics, UTM's own definition, and laws."""
 
-import shutil
-import subprocess
-
 import numpy as np
 import pytest
 from pyproj import Geod
@@ -136,16 +133,3 @@ def test_headings_turn_with_the_meridians() -> None:
         bearing, _, _ = GEOD.inv(here_now[1], here_now[0], there[1], there[0])
         x = earth.rotations[k].apply([1.0, 0, 0])
         assert np.degrees(np.arctan2(x[0], x[1])) == pytest.approx(bearing, abs=1e-4)
-
-
-@pytest.mark.skipif(shutil.which("cs2cs") is None, reason="cs2cs is not installed (Debian: proj-bin)")
-@pytest.mark.parametrize("place", PLACES[:5])
-def test_cs2cs_has_the_same_eastings(place: tuple[float, float]) -> None:
-    here = Georeference(*place, height=-4.0)
-    projection = Projection.of(here)
-    geodetic = here.geodetic(random_points(5)[:20])
-    lines = "\n".join(f"{latitude!r} {longitude!r}" for latitude, longitude, _ in geodetic.tolist())
-    asked = ["cs2cs", "-f", "%.6f", "EPSG:4326", projection.name]
-    said = subprocess.run(asked, input=lines, capture_output=True, text=True, check=True).stdout
-    theirs = np.array([line.split()[:2] for line in said.splitlines()], float)
-    np.testing.assert_allclose(projection.project(geodetic)[:, :2], theirs, rtol=0, atol=1e-3)
