@@ -21,6 +21,7 @@ from sonarmap.tools.files.readers.selection import BAG_METADATA, is_bag_folder
 from sonarmap.tools.files.user_file import read_content
 from sonarmap.tools.lab.bench.output.as_json import read_result
 from tests.samples.command_line import ROOT, SONARMAP
+from tests.samples.refusals import refuses
 
 READERS: dict[str, Callable[[Path], object]] = {
     "navigation": lambda path: read_navigation(path, AS_IT_SAYS, None, np.zeros(1), []),
@@ -51,8 +52,7 @@ def test_a_pipe_that_the_command_was_given_is_read(tmp_path: Path) -> None:
     os.write(write, b"target,source\n1,2\n")
     os.close(write)
     assert read_csv_table(Path(f"/dev/fd/{read}")).rows[0].cells == ["1", "2"]
-    with pytest.raises(InputError, match="it is a pipe"):
-        read_g2o(Path(f"/dev/fd/{read}"))
+    refuses("it is a pipe", read_g2o, Path(f"/dev/fd/{read}"))
     os.close(read)
     command = [*SONARMAP, "--config", "/dev/stdin", "config", "map", "--json"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
@@ -64,8 +64,7 @@ def test_a_pipe_that_the_command_was_given_is_read(tmp_path: Path) -> None:
 def test_a_file_larger_than_memory_is_refused(tmp_path: Path) -> None:
     with (tmp_path / "large.csv").open("wb") as file:
         file.truncate(1 << 43)
-    with pytest.raises(InputError, match=r"large.csv takes 8,192 GiB of memory"):
-        read_csv_table(tmp_path / "large.csv")
+    refuses(r"large.csv takes 8,192 GiB of memory", read_csv_table, tmp_path / "large.csv")
 
 
 def test_a_folder_with_a_pipe_is_looked_at_all_the_same(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection, utm_epsg
+from tests.samples.refusals import refuses
 from tests.tools.products.export.folders import georeferenced
 
 GEOD = Geod(ellps="WGS84")
@@ -97,21 +98,18 @@ def test_a_map_across_a_border_of_zones_stays_in_one() -> None:
 
 @pytest.mark.parametrize("wrong", ["EPSG:4326", "EPSG:999999", "EPSG:2263", "EPSG:5773", "nonsense"])
 def test_refuses_a_crs_that_is_not_projected_in_meters(wrong: str) -> None:
-    with pytest.raises(InputError, match=r"--crs .*wanted"):
-        Projection.of(Georeference(40.7, -74.0), wrong)
+    refuses(r"--crs .*wanted", Projection.of, Georeference(40.7, -74.0), wrong)
 
 
 @pytest.mark.parametrize("wrong", [(91.0, 5.0), (5.0, 181.0), (np.nan, 0.0), (1.0, 2.0, np.inf), (1, 2, 3, "geoid")])
 def test_refuses_an_origin_that_is_no_place(wrong: tuple) -> None:
-    with pytest.raises(InputError, match="wanted"):
-        Georeference(*wrong)
+    refuses("wanted", Georeference, *wrong)
 
 
 def test_refuses_points_that_are_not_near() -> None:
     here = Georeference(10.0, 10.0)
     for convert, point in ((here.geodetic, [3e5, 0, 0]), (here.local, [20, 10, 0]), (here.geodetic, [np.nan, 0, 0])):
-        with pytest.raises(InputError, match="200 km"):
-            convert(np.array([point], float))
+        refuses("200 km", convert, np.array([point], float))
 
 
 def test_json_keeps_it() -> None:

@@ -16,6 +16,7 @@ from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.cloud_files import POINTS, las
 from tests.samples.places import ROOT
+from tests.samples.refusals import refuses
 
 
 def whole(content: bytes) -> list[Cloud]:
@@ -63,26 +64,21 @@ def test_what_comes_is_what_was_read() -> None:
 
 def test_the_process_is_kept_until_it_ends() -> None:
     first = process()
-    with pytest.raises(InputError, match="3 bytes are not to its taste"):
-        read_apart(refuse, b"abc")
+    refuses("3 bytes are not to its taste", read_apart, refuse, b"abc")
     assert process() == first
-    with pytest.raises(InputError, match="its library ended with SIGSEGV: the file is cut or damaged; copy it again"):
-        read_apart(crash, b"")
+    refuses("its library ended with SIGSEGV: the file is cut or damaged; copy it again", read_apart, crash, b"")
     second = process()
     assert second != first
-    with pytest.raises(InputError, match="ended with exit code 7"):
-        read_apart(leave, bytes(1 << 24))
+    refuses("ended with exit code 7", read_apart, leave, bytes(1 << 24))
     assert process() != second
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not bound a process")
 def test_time_and_memory_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(InputError, match="it takes more memory than"):
-        read_apart(gorge, b"")
+    refuses("it takes more memory than", read_apart, gorge, b"")
     first = process()
     monkeypatch.setattr(apart, "_SECONDS", 1)
-    with pytest.raises(InputError, match="ended with SIGXCPU"):
-        read_apart(loop, b"")
+    refuses("ended with SIGXCPU", read_apart, loop, b"")
     assert process() != first
 
 
@@ -94,8 +90,7 @@ def test_an_interrupted_answer_is_not_the_next_files(monkeypatch: pytest.MonkeyP
         patch.setattr(apart, "_receive", interrupted)
         with pytest.raises(KeyboardInterrupt):
             process()
-    with pytest.raises(InputError, match="2 bytes are not"):
-        read_apart(refuse, b"ab")
+    refuses("2 bytes are not", read_apart, refuse, b"ab")
 
 
 def hostile() -> bytes:
@@ -126,8 +121,7 @@ def test_plain_points_need_no_process(tmp_path: Path, monkeypatch: pytest.Monkey
     for name in ("a.las", "a.laz"):
         (tmp_path / name).write_bytes(las(compressed=name == "a.laz"))
     np.testing.assert_array_equal(read_scans([tmp_path / "a.las"]).scans[0].points, POINTS)
-    with pytest.raises(InputError, match=r"a\.laz: no process can be started to read it \(Resource temporarily"):
-        read_scans([tmp_path / "a.laz"])
+    refuses(r"a\.laz: no process can be started to read it \(Resource temporarily", read_scans, [tmp_path / "a.laz"])
 
 
 def test_a_script_needs_no_guard_and_leaves_no_process(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.control import read_control
 from sonarmap.tools.files.readers.ties import read_ties
+from tests.samples.refusals import refuses
 
 SCANS = [Scan(np.ones((1, 3), np.float32), stamp=float(k), name=f"dive{k}") for k in range(12)]
 TRANSFORM = "target,source,verdict,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg,sigma_m,sigma_deg,note\n"
@@ -155,10 +156,7 @@ def test_what_cannot_be_used_is_refused(tmp_path: Path, text: str, words: str) -
 
 def test_options_that_contradict_the_points_are_refused(tmp_path: Path) -> None:
     path = written(tmp_path, POINT + "up_m\nA,0,1,2,3,1,2,3\n")
-    with pytest.raises(InputError, match="--control-crs has no effect"):
-        read_control(path, SCANS, crs="EPSG:25832")
-    with pytest.raises(InputError, match="--origin-heading has no effect"):
-        read_control(path, SCANS, Georeference(60.0, 5.0, heading=30.0))
+    refuses("--control-crs has no effect", read_control, path, SCANS, crs="EPSG:25832")
+    refuses("--origin-heading has no effect", read_control, path, SCANS, Georeference(60.0, 5.0, heading=30.0))
     grid = written(tmp_path, f"{GRID}A,0,1,2,3,500000,6650000,3\n")
-    with pytest.raises(InputError, match="--control-crs is 'EPSG:0'"):
-        read_control(grid, SCANS, crs="EPSG:0")
+    refuses("--control-crs is 'EPSG:0'", read_control, grid, SCANS, crs="EPSG:0")

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.scan_sizes import repeated_in_words, same_points, strange_sizes
 from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
 from tests.samples.cloud_files import POINTS, npz, put
+from tests.samples.refusals import refuses
 
 
 def test_a_folder_is_read_in_natural_order_and_strangers_are_passed_over(tmp_path):
@@ -77,8 +77,7 @@ def test_stamps_are_the_files_own_where_all_have_one(tmp_path):
     put(tmp_path / "a.npz", npz(points=POINTS, stamp=np.array(1.7e9)))
     put(tmp_path / "b.npz", npz(points=POINTS, stamp=np.array([1.7e9 + 0.25])))
     assert [scan.stamp for scan in read_scans([tmp_path]).scans] == [1.7e9, 1.7e9 + 0.25]
-    with pytest.raises(InputError, match="holds 2 scans"):
-        read_scan(tmp_path)
+    refuses("holds 2 scans", read_scan, tmp_path)
     put(tmp_path / "c.npz", npz(points=POINTS))
     read = read_scans([tmp_path])
     assert [scan.stamp for scan in read.scans] == [0, 1, 2]
@@ -108,13 +107,11 @@ def test_paths_that_lead_nowhere(tmp_path, name, said):
         put(tmp_path / kind, b"1 2 3\n")
     (tmp_path / "hollow").mkdir()
     (tmp_path / "hollow.ply").mkdir()
-    with pytest.raises(InputError, match=said):
-        read_scans([f"{tmp_path}/{name}"])
+    refuses(said, read_scans, [f"{tmp_path}/{name}"])
 
 
 def test_no_path_at_all_is_refused():
-    with pytest.raises(InputError, match="no scans given"):
-        read_scans([])
+    refuses("no scans given", read_scans, [])
 
 
 @pytest.mark.parametrize(
@@ -127,8 +124,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path, monkeypatch, error, wor
 
     path = put(tmp_path / "scan.xyz", b"1 2 3\n")
     monkeypatch.setattr(Path, "read_bytes", fail)
-    with pytest.raises(InputError, match=rf"scan\.xyz.*{words}"):
-        read_scan(path)
+    refuses(rf"scan\.xyz.*{words}", read_scan, path)
 
 
 def scans(*sizes: float) -> list[Scan]:

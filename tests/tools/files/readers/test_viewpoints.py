@@ -15,6 +15,7 @@ from sonarmap.tools.lab.simulate.folder import write_simulation
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
 from tests.samples.cloud_files import POINTS, STRENGTH, TABLE, npz, pcd, ply, put
+from tests.samples.refusals import refuses
 
 VIEWPOINTS = np.array([[0, 0, 0], [0.5, 0, -1], [1, 2, 3], [4, 5, 6], [-7, 8, 9.5]], np.float32)
 SCAN = Scan(POINTS, STRENGTH, name="scan", viewpoints=VIEWPOINTS)
@@ -71,13 +72,11 @@ class TestFields:
     )
     def test_those_that_cannot_be_used(self, tmp_path: Path, arrays: dict, message: str) -> None:
         (tmp_path / "a.npz").write_bytes(npz(points=POINTS, **arrays))
-        with pytest.raises(InputError, match=message):
-            read_scan(tmp_path / "a.npz")
+        refuses(message, read_scan, tmp_path / "a.npz")
 
     def test_two_coordinates_of_three(self, tmp_path: Path) -> None:
         write_points(tmp_path / "a.ply", POINTS, {"vp_x": TIMES, "vp_z": TIMES})
-        with pytest.raises(InputError, match="only vp_x and vp_z; a viewpoint needs all three"):
-            read_scan(tmp_path / "a.ply")
+        refuses("only vp_x and vp_z; a viewpoint needs all three", read_scan, tmp_path / "a.ply")
 
     def test_a_simulation_with_viewpoints_comes_back_from_its_folder(self, tmp_path: Path) -> None:
         sensor = replace(SENSORS["sonar3d15"], max_range=80.0)
@@ -137,8 +136,7 @@ class TestTrajectoryBeside:
         ],
     )
     def test_a_trajectory_that_cannot_be_used(self, tmp_path: Path, trajectory: str, message: str) -> None:
-        with pytest.raises(InputError, match=message):
-            read_scan(timed(tmp_path / "a.ply", trajectory=trajectory))
+        refuses(message, read_scan, timed(tmp_path / "a.ply", trajectory=trajectory))
 
 
 class TestViewpointOfPcd:
@@ -177,5 +175,4 @@ class TestViewpointOfPcd:
     @pytest.mark.parametrize("line", ["1 2 3", "1 2 3 1 0 0 x", "1 2 nan 1 0 0 0", "1 2 3 1 0 0 0 0"])
     def test_lines_that_are_none(self, tmp_path: Path, line: str) -> None:
         path = self.put(tmp_path / "a.pcd", line)
-        with pytest.raises(InputError, match=r"a\.pcd: its PCD header says VIEWPOINT '.*'; wanted a place and a qua"):
-            read_scan(path)
+        refuses(r"a\.pcd: its PCD header says VIEWPOINT '.*'; wanted a place and a qua", read_scan, path)

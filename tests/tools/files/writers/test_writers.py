@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.csv_cell import plain_text
 from sonarmap.tools.files.readers.csv_table import read_csv_table
@@ -20,6 +19,7 @@ from sonarmap.tools.files.writers.points import WRITERS, write_points
 from sonarmap.tools.files.writers.priors import write_template
 from sonarmap.tools.files.writers.table import write_table
 from tests.samples.command_line import ROOT
+from tests.samples.refusals import refuses
 
 SUFFIXES = sorted(WRITERS)
 
@@ -97,14 +97,12 @@ def test_columns_take_a_type_that_both_formats_have(tmp_path, suffix):
     ],
 )
 def test_columns_that_no_header_can_hold_are_refused(tmp_path, columns, said):
-    with pytest.raises(InputError, match=said):
-        write_points(tmp_path / "map.ply", cloud(5)[0], columns)
+    refuses(said, write_points, tmp_path / "map.ply", cloud(5)[0], columns)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_unknown_suffix_lists_the_known(tmp_path):
-    with pytest.raises(InputError, match=r"\.pcd.*\.ply|\.ply.*\.pcd"):
-        write_points(tmp_path / "map.laz", cloud(5)[0])
+    refuses(r"\.pcd.*\.ply|\.ply.*\.pcd", write_points, tmp_path / "map.laz", cloud(5)[0])
 
 
 def test_a_failed_write_keeps_what_was_there(tmp_path, monkeypatch):
@@ -116,8 +114,7 @@ def test_a_failed_write_keeps_what_was_there(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(InputError, match="No space left"):
-        write_points(path, cloud(50)[0])
+    refuses("No space left", write_points, path, cloud(50)[0])
     assert path.read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 1
 

@@ -15,6 +15,7 @@ from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.read import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings, parse_columns
 from tests.samples.processor_time import quick
+from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import SCANS, SIGMAS, START, read, require_words
 
 
@@ -74,8 +75,7 @@ class TestHeadings:
         ("heading", "words"), [("Depth (fathoms)", "fathoms"), ("Roll (m)", "'m'"), ("Easting (ft)", "two kinds")]
     )
     def test_units_that_cannot_be(self, heading: str, words: str) -> None:
-        with pytest.raises(InputError, match=words):
-            column_of(0, heading)
+        refuses(words, column_of, 0, heading)
 
 
 class TestLogs:
@@ -158,8 +158,7 @@ class TestFrames:
         values, _ = read(path, text, NavigationSettings(declination=3.5))
         np.testing.assert_allclose(values[:, 2], 2)
         refused(path, text, "holds magnetic headings", "--magnetic-declination")
-        with pytest.raises(InputError, match="--magnetic-declination"):
-            NavigationSettings(heading_reference="magnetic")
+        refuses("--magnetic-declination", NavigationSettings, heading_reference="magnetic")
 
 
 class TestAmbiguous:
@@ -208,16 +207,14 @@ class TestAmbiguous:
         [("depth_m", "not a mapping"), ("depht_m=a", "'depht_m' is not known"), ("depth_m=a,depth_m=b", "twice")],
     )
     def test_mappings_that_are_none(self, text: str, words: str) -> None:
-        with pytest.raises(InputError, match=words):
-            parse_columns(text)
+        refuses(words, parse_columns, text)
 
     def test_mappings_of_what_is_not_there(self, path: Path) -> None:
         refused(path, "Time,Depth\n" + rows("5"), "0 columns are called 'Deep'", columns=parse_columns("depth_m=Deep"))
 
     def test_no_standard_deviation(self, path: Path) -> None:
         path.write_text("Time,Depth\n" + rows("5"))
-        with pytest.raises(InputError, match=r"depth_m \('Depth'\) has no standard deviation; .* --prior-sigmas"):
-            navigate(SCANS, path)
+        refuses(r"depth_m \('Depth'\) has no standard deviation; .* --prior-sigmas", navigate, SCANS, path)
         assert navigate(SCANS, path, sigmas=SIGMAS).scans[0].prior is not None
 
 

@@ -9,12 +9,12 @@ import pytest
 from pyproj import Geod
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.instruments import COLUMNS
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns
 from sonarmap.tools.files.writers.trajectory import write_tum
+from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import START, read, scans_at
 
 # The examples of the protocol's usual descriptions, whose checksums others worked out
@@ -95,8 +95,7 @@ def test_dates_come_from_rmc_zda_or_the_scans(path: Path) -> None:
     assert any("the first is taken to be of 2026-07-01" in note for note in notes)
     values, _ = read(path, dive(dated=False) + sentence("GPZDA,093011.00,01,07,2026,00,00") + "\n", scans=scans)
     np.testing.assert_allclose(values[:, 3:5], wanted[:, 3:5], atol=1e-6)
-    with pytest.raises(InputError, match="no date, and neither have the scans"):
-        read(path, dive(dated=False), scans=scans_at(1, 2))
+    refuses("no date, and neither have the scans", read, path, dive(dated=False), scans=scans_at(1, 2))
 
 
 @pytest.mark.parametrize("dated", [True, False])
@@ -117,14 +116,12 @@ def test_midnight(path: Path, dated: bool) -> None:
     ],
 )
 def test_sentences_without_a_place(path: Path, text: str) -> None:
-    with pytest.raises(InputError, match=r"log\.csv has no sentence with a fix or a heading and a time"):
-        read(path, text, scans=scans_at(T_1994))
+    refuses(r"log\.csv has no sentence with a fix or a heading and a time", read, path, text, scans=scans_at(T_1994))
 
 
 def test_options_of_tables_have_no_effect(path: Path) -> None:
     for settings in (NavigationSettings(columns=parse_columns("depth_m=a")), NavigationSettings(time_scale="gps")):
-        with pytest.raises(InputError, match="has no effect"):
-            read(path, dive(), settings)
+        refuses("has no effect", read, path, dive(), settings)
 
 
 def test_a_trajectory_is_navigation(path: Path) -> None:
@@ -141,5 +138,4 @@ def test_a_trajectory_is_navigation(path: Path) -> None:
     np.testing.assert_allclose(first.T_world_sensor.as_matrix(), poses[3].as_matrix(), atol=1e-6)
     np.testing.assert_allclose(second.T_world_sensor.translation, [6.5, 13, -3.25], atol=1e-6)
     np.testing.assert_allclose(first.sigmas, [*np.radians([0.5, 0.5, 3]), 2, 2, 0.1])
-    with pytest.raises(InputError, match="no standard deviations; give --prior-sigmas"):
-        navigate(scans, path)
+    refuses("no standard deviations; give --prior-sigmas", navigate, scans, path)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, pose_of, prior_of, sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.priors import with_priors
 from sonarmap.tools.files.writers.priors import write_priors
+from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import require_words, scans_at
 
 POINTS = np.ones((1, 3), np.float32)
@@ -171,8 +171,7 @@ class TestRefusals:
     def test_two_scans_for_one_row(self, path: Path) -> None:
         path.write_text("stamp,depth_m,depth_sigma_m\n0,1,1\n")
         scans = (Scan(POINTS, name="a"), Scan(POINTS, name="b"))
-        with pytest.raises(InputError, match="line 2: the stamp '0' fits 2 scans, among them a and b"):
-            with_priors(scans, path)
+        refuses("line 2: the stamp '0' fits 2 scans, among them a and b", with_priors, scans, path)
 
     @pytest.mark.parametrize(
         ("stamp", "words"),
@@ -186,13 +185,11 @@ class TestRefusals:
         refused(path, f"stamp,depth_m,depth_sigma_m\n{stamp},1,1\n", *words)
 
     def test_files(self, path: Path, tmp_path: Path) -> None:
-        with pytest.raises(InputError, match="cannot read"):
-            with_priors(SCANS, tmp_path / "missing.csv")
+        refuses("cannot read", with_priors, SCANS, tmp_path / "missing.csv")
         refused(path, FIRST, "no row below its heading")
         refused(path, FIRST + "rec#3,1,1,1,1\nfirst,1,1", "line 3", "3 cells", "may have been cut")
         path.write_bytes(FIRST.encode() + b"f\xffrst,1,1,1,1\n")
-        with pytest.raises(InputError, match=r"line 2 .* UTF-8"):
-            with_priors(SCANS, path)
+        refuses(r"line 2 .* UTF-8", with_priors, SCANS, path)
 
 
 class TestOffices:

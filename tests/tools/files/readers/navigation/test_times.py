@@ -12,6 +12,7 @@ from sonarmap.tools.files.readers.navigation.clocks.time_offset import estimate_
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 from sonarmap.tools.files.time_scales import tai_minus_utc, utc_of_tai
+from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import START, read, require_words, scans_at
 
 NTP = 2_208_988_800  # 1970 since 1900 [s]
@@ -64,8 +65,7 @@ def test_dates_with_slashes_are_told_by_a_day_beyond_12(path: Path) -> None:
     for form in ("%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S"):
         text = "Time,Depth\n" + "".join(f"{time},3\n" for time in moments(form, ahead=14 * day))
         assert (read(path, text, scans=scans)[0][:, 5] == 3).all()
-    with pytest.raises(InputError, match="may be day/month or month/day"):
-        depths(path, "Time", moments("%d/%m/%Y %H:%M:%S"))
+    refuses("may be day/month or month/day", depths, path, "Time", moments("%d/%m/%Y %H:%M:%S"))
 
 
 def test_scales(path: Path) -> None:
@@ -196,16 +196,14 @@ def test_rates_that_say_nothing_are_refused() -> None:
         ((np.array([0.0, 0.1, 0.2, 1e12]), still[:4]), truth, "span 11574074 days, or have a jump"),
         ((np.array([0.0, 1.0, 2.0, 26 * 86_400.0]), still[:4]), truth, "span 26 days, or have a jump"),
     ):
-        with pytest.raises(InputError, match=f"offset cannot be estimated: .*{words}.*--nav-offset"):
-            estimate_offset(a_times, a, b_times, b)
+        refuses(f"offset cannot be estimated: .*{words}.*--nav-offset", estimate_offset, a_times, a, b_times, b)
 
 
 def test_offsets_beyond_the_limit_are_refused() -> None:
     rng = np.random.default_rng(8)
     times, rates = turning(rng)
     a, b = sampled(times, rates, 0.1, 0.005, rng), sampled(times, rates, 0.1, 0.005, rng)
-    with pytest.raises(InputError, match="cannot be estimated"):
-        estimate_offset(a[0] - 90, a[1], *b)
+    refuses("cannot be estimated", estimate_offset, a[0] - 90, a[1], *b)
     assert estimate_offset(a[0] - 90, a[1], *b, most=120).seconds == pytest.approx(90, abs=0.1)
 
 

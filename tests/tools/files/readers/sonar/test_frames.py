@@ -16,6 +16,7 @@ from sonarmap.tools.files.readers.sonar.messages import pixels_of, range_image_t
 from tests.samples.cloud_files import SAMPLES, put, range_image, sonar_packets, strength_image
 from tests.samples.places import DATA
 from tests.samples.recordings import read_sonar, with_checksum
+from tests.samples.refusals import refuses
 
 pytestmark = pytest.mark.filterwarnings("error")
 REAL = DATA / "sonar3d15" / "ship_short.sonar"
@@ -74,10 +75,8 @@ def test_one_scan_per_frame_with_stamp_and_name(tmp_path):
     assert chosen.name == "dive#1"
     np.testing.assert_array_equal(chosen.points, read.scans[1].points)
     assert [scan.name for scan in read_scans([f"{path}#2", f"{path}#0"]).scans] == ["dive#0", "dive#2"]
-    with pytest.raises(InputError, match=r"holds 3 scans.*file\.sonar#3.*sonarmap map"):
-        read_scan(path)
-    with pytest.raises(InputError, match="holds scans #0 to #2"):
-        read_scan(f"{path}#3")
+    refuses(r"holds 3 scans.*file\.sonar#3.*sonarmap map", read_scan, path)
+    refuses("holds scans #0 to #2", read_scan, f"{path}#3")
 
 
 def test_other_messages_are_passed_over():
@@ -107,10 +106,8 @@ def test_a_frame_without_strength_or_echo_is_told(tmp_path):
         "dive.sonar: 1 of 3 scans were skipped, as they have no points: #1",
     )
     (tmp_path / "void.sonar").write_bytes(empty)
-    with pytest.raises(InputError, match=r"void\.sonar: no points"):
-        read_scans([tmp_path / "void.sonar"])
-    with pytest.raises(InputError, match=r"dive\.sonar#1: no points"):
-        read_scan(tmp_path / "dive.sonar#1")
+    refuses(r"void\.sonar: no points", read_scans, [tmp_path / "void.sonar"])
+    refuses(r"dive\.sonar#1: no points", read_scan, tmp_path / "dive.sonar#1")
 
 
 @pytest.mark.parametrize("compressed", [True, False])
@@ -145,8 +142,7 @@ def test_range_images_that_contradict_themselves_are_refused(change, said):
     image = range_image(0, np.arange(12).reshape(3, 4))
     for name, value in change.items():
         setattr(image, name, value)
-    with pytest.raises(InputError, match=f"packet 1 at byte 0 is a range image .*{said}"):
-        read_sonar(rip.packb(image))
+    refuses(f"packet 1 at byte 0 is a range image .*{said}", read_sonar, rip.packb(image))
 
 
 @pytest.mark.parametrize("first", [True, False])
@@ -189,8 +185,7 @@ def test_a_frame_of_nothing_but_nan_leaves_a_place(tmp_path):
     frames = [range_image(frame, np.full((3, 4), 80)) for frame in range(3)]
     frames[1].image_pixel_scale = float("nan")
     path = put(tmp_path / "dive.sonar", b"".join(rip.packb(frame) for frame in frames))
-    with pytest.raises(InputError, match=r"dive\.sonar#1: all of its 12 points are NaN"):
-        read_scans([path])
+    refuses(r"dive\.sonar#1: all of its 12 points are NaN", read_scans, [path])
     read = read_survey([path])
     assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
     assert [scan.stamp - read.scans[0].stamp for scan in read.scans] == [0, 2]
@@ -223,5 +218,4 @@ class TestPixels:
 
     def test_cut_in_a_number(self):
         content = rip.RangeImage(width=2, height=1).SerializeToString() + b"\x52\x02\x05\x80"
-        with pytest.raises(InputError, match="is damaged"):
-            self.ours(content)
+        refuses("is damaged", self.ours, content)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from wlsonar import range_image_protocol as rip
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.sonar.recording import stream_sonar
 from tests.samples.cloud_files import range_image, sonar_packets, strength_image
 from tests.samples.recordings import PacketOf, disturbed, read_sonar, recording, shot_packets, written
+from tests.samples.refusals import refuses
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -99,8 +99,7 @@ class TestDamage:
         for kept in sorted({*range(1, ends[-1], 3), *ends.tolist()}):
             complete = int((ends <= kept).sum())
             if complete == 0:
-                with pytest.raises(InputError, match=r"no range image can be read; packet 1 at byte 0 "):
-                    read_sonar(b"".join(packets)[:kept])
+                refuses(r"no range image can be read; packet 1 at byte 0 ", read_sonar, b"".join(packets)[:kept])
                 continue
             clouds, notes = noted(b"".join(packets)[:kept])
             assert len(clouds) == (complete + 1) // 2
@@ -210,8 +209,7 @@ class TestNumbers:
         shots = [shot_packets(shot, shot, np.random.default_rng(shot)) for shot in range(200)]
         strengths, ranges = ([packets[kind] for packets in shots] for kind in (1, 0))
         notes: list[str] = []
-        with pytest.raises(InputError, match="no range image among its 200 packets"):
-            read_sonar(content(strengths))
+        refuses("no range image among its 200 packets", read_sonar, content(strengths))
         clouds = read_sonar(content(strengths + ranges), notes)
         assert [cloud.strength is not None for cloud in clouds] == [False] * 168 + [True] * 32
         assert numbers_in(notes, "without a range image") == [168]
