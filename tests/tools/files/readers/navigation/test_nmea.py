@@ -129,7 +129,7 @@ def test_a_trajectory_is_navigation(path: Path) -> None:
     R = Rotation.from_euler("ZYX", [[3 * k, 10, -20] for k in range(12)], degrees=True)
     poses = RigidTransform.from_components(np.outer(times - START, [1, 2, -0.5]), R)
     write_tum(path, Trajectory(times, poses))
-    sigmas = dict(zip(COLUMNS, (0.5, 0.5, 3.0, 2.0, 2.0, 0.1), strict=True))
+    sigmas: dict[str, float] = dict(zip(COLUMNS, (0.5, 0.5, 3.0, 2.0, 2.0, 0.1), strict=True))
     scans = scans_at(START + 3, START + 6.5)
     notes: list[str] = []
     first, second = (scan.prior for scan in navigate(scans, path, sigmas=sigmas, notes=notes).scans)
