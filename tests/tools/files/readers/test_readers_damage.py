@@ -1,6 +1,7 @@
 """Files cut anywhere, damaged anywhere, or garbage: refused or harmless, without a warning."""
 
 import json
+import re
 import subprocess
 import sys
 import warnings
@@ -72,6 +73,21 @@ class TestDamageOfEveryKindOfFile:
         assert faults == []
         assert longest[0] < MOST_SECONDS
         assert largest[0] < MOST_MEMORY
+
+
+@pytest.mark.parametrize("sample", NAMES)
+@pytest.mark.slow
+def test_wild_numbers_in_headers_are_refused_or_harmless(tmp_path, sample):
+    """Every number of the first 400 bytes replaced in turn by ones that lie."""
+    suffix, content = SAMPLES[sample]
+    for number in re.finditer(rb"-?\d+", content[:400]):
+        for lie in (b"-1", b"0", b"1000000000000", b"9" * 30, b"1e9", b"nan", b"99999999999999999999999999999999999"):
+            changed = content[: number.start()] + lie + content[number.end() :]
+            try:
+                scan = read(tmp_path, suffix, changed)
+            except InputError:
+                continue
+            check_usable(scan)
 
 
 BEGINNINGS = [b"", *(content[:length] for _, content in SAMPLES.values() for length in (8, 60, 150))]

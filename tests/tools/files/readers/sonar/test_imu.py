@@ -68,6 +68,13 @@ class TestAttitude:
         assert 1.5 <= np.rad2deg(prior.sigmas[0]) < 1.6
         assert prior.sigmas[0] == prior.sigmas[1]
 
+    def test_up_is_up(self) -> None:
+        """The prior turns the force to the world's vertical."""
+        packets = imu_packets(1.0, lambda _: at_rest(ROLL, PITCH), np.zeros(3))
+        prior = prior_of(*packets, shot(0.5))
+        force = at_rest(ROLL, PITCH) * [1, -1, -1]
+        np.testing.assert_allclose(prior.T_world_sensor.apply(force), [0, 0, GRAVITY], atol=1e-4)
+
     def test_of_a_sonar_that_turns_it_is_that_at_the_shots_time(self) -> None:
         """A roll at 40 degrees per second, also where all samples are before the shot."""
         rate = np.deg2rad(40.0)
