@@ -12,7 +12,7 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.run import run
-from tests.samples.clutter_scans import files_in, refused_with_reason, said, scan, sonarmap, write
+from tests.samples.clutter_scans import files_in, refused, said, scan, sonarmap, write
 from tests.samples.damage.pose_files import POSE_FILES
 from tests.samples.experiments.fake_experiment import Fake, origin
 
@@ -76,8 +76,7 @@ def test_while_pairs_are_kept(
 ) -> None:
     when(monkeypatch, KEEP, lambda: remove(out), moment)
     result = sonarmap("map", *scans, "-o", out, *GRID, "--json")
-    refused_with_reason(result)
-    said(result, f"{out / 'journal.sqlite'} was removed or replaced while this run was using it", "again")
+    refused(result, f"{out / 'journal.sqlite'} was removed or replaced while this run was using it", "again")
     assert not out.is_dir() or files_in(out) == {}
 
 
@@ -99,9 +98,7 @@ def test_while_the_map_is_written(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     when(monkeypatch, function, lambda: remove(out), moment)
-    result = sonarmap("map", *scans[:2], "-o", out, *GRID, "--json")
-    refused_with_reason(result)
-    said(result, "error: ", str(out))
+    refused(sonarmap("map", *scans[:2], "-o", out, *GRID, "--json"), "error: ", str(out))
     assert not out.is_dir() or files_in(out) == {}
     assert remove is folder or out.read_text() == "mine"
 
@@ -119,9 +116,7 @@ def test_while_a_simulation_is_written(
     out: Path, remove: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     when(monkeypatch, "sonarmap.tools.lab.simulate.folder:write_ply", lambda: remove(out), AFTER)
-    result = sonarmap("simulate", "--scene", "pool", "--scans", "2", "-o", out)
-    refused_with_reason(result)
-    said(result, f"error: cannot write {out}")
+    refused(sonarmap("simulate", "--scene", "pool", "--scans", "2", "-o", out), f"error: cannot write {out}")
     assert not out.is_dir() or files_in(out) == {}
 
 

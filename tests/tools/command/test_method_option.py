@@ -15,16 +15,7 @@ from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.lab.evaluate.trajectory import evaluate, pair_error
 from sonarmap.tools.methods.registry import METHODS
-from tests.samples.clutter_scans import (
-    T_WORLD_SENSOR,
-    files_in,
-    refused_with_reason,
-    said,
-    scan,
-    sonarmap,
-    table_of,
-    write,
-)
+from tests.samples.clutter_scans import T_WORLD_SENSOR, done, files_in, refused, scan, sonarmap, table_of, write
 
 VOXEL = ("--voxel", "0.4")
 CONTRACT = {"T_target_source", "covariance", "accepted", "psr", "overlap", "seconds", "reason"}
@@ -121,9 +112,7 @@ def test_an_option_without_effect_is_refused(
     pair: list[str], tmp_path: Path, verb: str, arguments: str, words: list[str]
 ) -> None:
     out = ("-o", tmp_path / "out") if verb == "map" else ()
-    result = sonarmap(verb, *pair, *out, *arguments.split())
-    refused_with_reason(result)
-    said(result, *words)
+    refused(sonarmap(verb, *pair, *out, *arguments.split()), *words)
 
 
 @pytest.mark.parametrize(("method", "module"), [("kiss", "kiss_matcher"), ("gicp", "small_gicp")])
@@ -132,8 +121,7 @@ def test_a_missing_package_is_told_with_the_command(
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     result = sonarmap("register", *pair, "--method", method, *VOXEL, "--json")
-    refused_with_reason(result)
-    said(result, f"the method {method} needs the package {METHODS[method].package}", "pip install 'sonarmap[peers]'")
+    refused(result, f"the method {method} needs the package {METHODS[method].package}", "pip install 'sonarmap[peers]'")
 
 
 @pytest.mark.parametrize("method", [name for name, one in METHODS.items() if one.package])
@@ -160,8 +148,7 @@ def test_a_map(tmp_path: Path) -> None:
     truth = Trajectory(np.arange(3.0), T_WORLD_SENSOR[:3])
     found = evaluate(read_tum(out / "trajectory.tum"), truth, "first")
     assert found.translation_m.max() < 0.4
-    again = sonarmap("map", tmp_path, "-o", tmp_path / "again", "--method", "icp-plane", *VOXEL)
-    assert again.exit_code == 0
+    again = done(sonarmap("map", tmp_path, "-o", tmp_path / "again", "--method", "icp-plane", *VOXEL))
     assert "peak: how high" not in again.stdout
     assert "nan" not in again.stdout
     first, second = files_in(out), files_in(tmp_path / "again")

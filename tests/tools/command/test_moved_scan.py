@@ -11,7 +11,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.moved_scan import moved_scan, write_moved
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.files.writers.points import write_ply
-from tests.samples.clutter_scans import T_WORLD_SENSOR, files_in, said, scan, sonarmap, write
+from tests.samples.clutter_scans import T_WORLD_SENSOR, done, files_in, said, scan, sonarmap, write
 
 GRID = ("--grid", "64")
 T_TRUE = T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]
@@ -28,8 +28,7 @@ def pair(tmp_path: Path) -> list[str]:
 @pytest.mark.parametrize("suffix", [".ply", ".pcd", ".PLY"])
 def test_the_moved_scan_lies_on_the_target(pair: list[str], tmp_path: Path, suffix: str) -> None:
     moved = tmp_path / f"moved{suffix}"
-    result = sonarmap("register", *pair, *GRID, "--write", moved)
-    assert result.exit_code == 0
+    result = done(sonarmap("register", *pair, *GRID, "--write", moved))
     assert f"written to {moved}" in result.stdout
     read = read_scan(moved)
     # scan(0) and scan(1) are the same points, in the same order, in their own frames

@@ -6,7 +6,7 @@ from pathlib import Path
 import laspy
 import pytest
 
-from tests.samples.clutter_scans import said, scan, sonarmap, write
+from tests.samples.clutter_scans import done, printed, refused, scan, sonarmap, write
 from tests.tools.products.export.finished import finished_map
 
 ORIGIN = ("--origin", "60.3913,5.3221,-3")
@@ -18,8 +18,7 @@ def mapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_formats_are_repeated_or_separated_by_commas(mapped: Path, tmp_path: Path) -> None:
-    result = sonarmap("export", mapped, "--to", tmp_path, "--format", "laz,KMZ", "--format", "laz", *ORIGIN)
-    assert result.exit_code == 0, result.stderr
+    result = done(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz,KMZ", "--format", "laz", *ORIGIN))
     names = {"map.laz", "map.laz.json", "map.kmz", "map.kmz.json"}
     assert {path.name for path in tmp_path.iterdir()} == names
     assert all(name in result.stdout for name in names)
@@ -36,16 +35,14 @@ def test_what_no_option_says_stays_as_the_map_has_it(mapped: Path, tmp_path: Pat
     out = finished_map(tmp_path / "out")
     options = ("--origin-heading", "12.5", "--vertical", "EGM96")
     for extra in ((), ("--crs", "EPSG:25832")):
-        result = sonarmap("export", out, "--to", tmp_path / "gis", "--format", "laz", *ORIGIN, *options, *extra)
-        assert result.exit_code == 0, result.stderr
+        done(sonarmap("export", out, "--to", tmp_path / "gis", "--format", "laz", *ORIGIN, *options, *extra))
         said = json.loads((tmp_path / "gis" / "map.laz.json").read_text())
         assert (said["vertical_epsg"], said["origin"]["x_axis_true_heading_deg"]) == (5773, 12.5)
         assert said["crs"]["epsg"] == (25832 if extra else 32632)
 
 
 def test_an_origin_in_the_south_and_west(mapped: Path, tmp_path: Path) -> None:
-    result = sonarmap("export", mapped, "--to", tmp_path, "--format", "laz", "--origin", "-33.8568,-70.5")
-    assert result.exit_code == 0, result.stderr
+    done(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz", "--origin", "-33.8568,-70.5"))
     crs = laspy.read(tmp_path / "map.laz").header.parse_crs()
     assert crs is not None
     assert crs.to_epsg() == 32719
@@ -91,9 +88,7 @@ def test_map_exports_into_its_own_folder(tmp_path: Path) -> None:
     write(tmp_path / "scans", **{f"scan_{k}": scan(k) for k in range(2)})
     out = tmp_path / "out"
     run = ("map", tmp_path / "scans", "-o", out, "--grid", "64", *ORIGIN, "--vertical", "MSL", "--also", "pcd")
-    result = sonarmap(*run, "--export", "laz", "--export", "kml", "--crs", "EPSG:25832", "--json")
-    assert result.exit_code == 0, result.stderr
-    summary = json.loads(result.stdout)
+    summary = printed(sonarmap(*run, "--export", "laz", "--export", "kml", "--crs", "EPSG:25832", "--json"))
     exported = {"map.laz", "map.laz.json", "map.kml", "map.kml.json"}
     assert exported < set(summary["files"])
     assert "map.pcd" in summary["files"]
@@ -157,9 +152,7 @@ def test_map_refuses_files_that_its_exports_would_replace_before_it_maps(
     write(tmp_path / "scans", scan_0=scan(0), scan_1=scan(1))
     for file in there:
         (out / file).write_text("mine")
-    result = sonarmap("map", tmp_path / "scans", "-o", out, "--grid", "64", "--export", name, *options)
-    assert result.exit_code == 2
-    said(result, words)
+    refused(sonarmap("map", tmp_path / "scans", "-o", out, "--grid", "64", "--export", name, *options), words)
     assert {path.name for path in out.iterdir()} == {*there}  # not even a journal
     assert all((out / file).read_text() == "mine" for file in there)
 
@@ -172,8 +165,7 @@ def test_map_exports_over_what_it_or_an_export_wrote_before(tmp_path: Path) -> N
     assert sonarmap(*run, "--also", "kitti").exit_code == 0
     (out / "my_map.pcd").write_text("mine")
     for _ in range(2):
-        result = sonarmap(*run, "--export", "kitti,g2o,pcd")
-        assert result.exit_code == 0, result.stderr
+        done(sonarmap(*run, "--export", "kitti,g2o,pcd"))
         exported = {"trajectory.kitti", "trajectory.kitti.json", "graph.csv", "map.pcd"}
         assert exported <= {path.name for path in out.iterdir()}
     assert (out / "my_map.pcd").read_text() == "mine"

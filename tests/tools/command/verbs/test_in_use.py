@@ -9,7 +9,7 @@ from sonarmap.tools.files.writers.folder_lock import locked
 from sonarmap.tools.files.writers.trajectory import write_trajectory
 from sonarmap.tools.products.export import plain
 from tests.samples import command_line
-from tests.samples.clutter_scans import files_in, said, scan, sonarmap, write
+from tests.samples.clutter_scans import done, files_in, refused, scan, sonarmap, write
 from tests.tools.products.export.finished import finished_map
 
 KITTI = ("--format", "kitti", "--quiet")
@@ -37,8 +37,7 @@ def test_while_another_writes_to_it_all_are_refused(out: Path, verb: str) -> Non
     before = files_in(out)
     with locked(out, writing=True):
         result = sonarmap(*commands(out)[verb])
-    assert result.exit_code == 2
-    said(result, f"{out} is in use: another run of sonarmap is writing to it", "Wait until it has ended")
+    refused(result, f"{out} is in use: another run of sonarmap is writing to it", "Wait until it has ended")
     assert files_in(out) == before
     assert not (out.parent / "gis").exists()
 
@@ -68,8 +67,7 @@ def test_a_map_that_begins_meanwhile_leaves_an_export_its_files(out: Path, monke
         tried.append(command_line.sonarmap(*map(str, commands(out)["map"])))
 
     monkeypatch.setattr(plain, "write_trajectory", slow)
-    result = sonarmap(*commands(out)["export into it"])
-    assert result.exit_code == 0, result.stderr
+    done(sonarmap(*commands(out)["export into it"]))
     assert [mapping.returncode for mapping in tried] == [2]
     assert "in use" in tried[0].stderr
     listed = json.loads((out / "summary.json").read_text())["files"]
@@ -86,8 +84,7 @@ def test_a_map_has_its_folder_until_its_report_and_exports_are_there(
         write_trajectory(path, *arguments)  # pyright: ignore[reportArgumentType]
 
     monkeypatch.setattr(plain, "write_trajectory", slow)
-    result = sonarmap(*commands(out)["map"], "--export", "kitti")
-    assert result.exit_code == 0, result.stderr
+    done(sonarmap(*commands(out)["map"], "--export", "kitti"))
     assert [viewing.returncode for viewing in tried] == [2]
     listed = json.loads((out / "summary.json").read_text())["files"]
     assert {"report.html", "trajectory.kitti"} <= {*listed}

@@ -14,7 +14,7 @@ from sonarmap.tools.command.navigation import PriorsFile, scans_with_priors
 from sonarmap.tools.files.readers.clock import clock_faults, clock_of, utc
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
-from tests.samples.clutter_scans import refused_with_reason, said, scan, sonarmap, write
+from tests.samples.clutter_scans import done, refused, said, scan, sonarmap, write
 from tests.samples.places import DATA
 from tests.samples.recordings import imu_packets, recording, shot_packets, written
 
@@ -38,8 +38,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def as_json(*arguments: Any) -> dict[str, Any]:
-    shown = sonarmap("inspect", *arguments, "--json")
-    assert shown.exit_code == 0, shown.stderr
+    shown = done(sonarmap("inspect", *arguments, "--json"))
     return json.loads(shown.stdout)
 
 
@@ -65,8 +64,7 @@ class TestRecording:
         assert "names" not in found
 
     def test_in_words(self, dive: Path) -> None:
-        shown = sonarmap("inspect", dive)
-        assert shown.exit_code == 0
+        shown = done(sonarmap("inspect", dive))
         words = " ".join(shown.stdout.split())
         for said_so in (
             "57: dive#0 to dive#56",
@@ -103,11 +101,7 @@ class TestRecording:
         path = written(tmp_path / "long.sonar", recording(250))
         steps: list[tuple[int, int, str]] = []
         assert len(overview.overview_of([path], progress=lambda *step: steps.append(step)).names) == 250
-        assert steps == [
-            (0, 1, "long.sonar: 100 scans"),
-            (0, 1, "long.sonar: 200 scans"),
-            (1, 1, "long.sonar"),
-        ]
+        assert steps == [(0, 1, "long.sonar: 100 scans"), (0, 1, "long.sonar: 200 scans"), (1, 1, "long.sonar")]
 
 
 class TestOtherFormats:
@@ -133,9 +127,7 @@ class TestOtherFormats:
     def test_bad_input_is_said(self, tmp_path: Path, name: str) -> None:
         (tmp_path / "void.sonar").write_bytes(b"")
         (tmp_path / "noise.sonar").write_bytes(b"RIP2" + np.random.default_rng(1).bytes(3000))
-        shown = sonarmap("inspect", tmp_path / name)
-        refused_with_reason(shown)
-        said(shown, name)
+        refused(sonarmap("inspect", tmp_path / name), name)
 
     def test_one_scan_alone_makes_no_map(self, tmp_path: Path) -> None:
         write(tmp_path, a=scan(0))
@@ -146,8 +138,7 @@ class TestOtherFormats:
         write(tmp_path, a=scan(0))
         for verb in (["inspect"], ["map", "-o", tmp_path / "out"]):
             shown = sonarmap(*verb, tmp_path / "a.ply", "--sound-speed", "1490")
-            assert shown.exit_code == 2
-            said(shown, "--sound-speed 1490 cannot be used, as a PLY file does not say")
+            refused(shown, "--sound-speed 1490 cannot be used, as a PLY file does not say")
             said(shown, "give --range-scale instead")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sonarmap.tools.files.readers.poses.tum import read_tum
-from tests.samples.clutter_scans import said, sonarmap, table_of
+from tests.samples.clutter_scans import done, refused, said, sonarmap, table_of
 
 GRID = ("--grid", "64", "--no-report")
 SCANS = 8
@@ -45,8 +45,7 @@ def test_verdicts_register_nothing_again(dive: Path, out: Path, tmp_path: Path) 
     count = registered(out)[0]
     for verdict, kept in (("reject", "no"), ("accept", "yes"), ("add", "yes")):
         ties.write_text(f"# by hand\ntarget,source,verdict,note\n{pair},{verdict},because\n")
-        result = sonarmap("map", dive, "-o", out, *GRID, "--ties", ties)
-        assert result.exit_code == 0, result.stderr
+        done(sonarmap("map", dive, "-o", out, *GRID, "--ties", ties))
         assert registered(out) == (count, 0)
         rows = table_of(out / "pairs.csv")
         assert [row["target"] + row["source"] for row in rows] == [row["target"] + row["source"] for row in before]
@@ -66,8 +65,7 @@ def test_an_added_pair_is_registered_once(dive: Path, out: Path, tmp_path: Path)
     i, j = next((i, j) for i in range(SCANS) for j in range(i + 2, SCANS) if (i, j) not in tried)
     ties.write_text(f"target,source,verdict\nscan_{i:03},scan_{j:03}.ply,add\n")
     for new in (1, 0):
-        result = sonarmap("map", dive, "-o", out, *GRID, "--ties", ties)
-        assert result.exit_code == 0, result.stderr
+        result = done(sonarmap("map", dive, "-o", out, *GRID, "--ties", ties))
         assert registered(out)[1] == new
     assert "add" in result.stdout
     assert any(pair.get("by_hand") == "add" for pair in json.loads((out / "graph.json").read_text())["pairs"])
@@ -140,5 +138,4 @@ def test_what_one_point_leaves_open_is_said(dive: Path, out: Path, tmp_path: Pat
 
 def test_options_without_their_file_are_refused(dive: Path, out: Path) -> None:
     result = sonarmap("map", dive, "-o", out, *GRID, "--control-crs", "EPSG:32632")
-    assert result.exit_code == 2
-    said(result, "--control-crs has no effect without --control")
+    refused(result, "--control-crs has no effect without --control")

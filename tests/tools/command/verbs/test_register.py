@@ -18,7 +18,7 @@ from sonarmap.tools.command.verbs.register import _as_json
 from sonarmap.tools.command.words.registration import print_registration, transform_words
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.methods.registry import Setup
-from tests.samples.clutter_scans import T_WORLD_SENSOR, refused_with_reason, said, scan, sonarmap, write
+from tests.samples.clutter_scans import T_WORLD_SENSOR, done, refused, said, scan, sonarmap, write
 from tests.samples.surveys import KnowingRegistrar
 
 GRID, CUBE = ("--grid", "64"), Grid(64, 0.5)
@@ -76,11 +76,7 @@ def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     others = printed["alternatives"]
     assert isinstance(others, list)
     assert [(other["T_target_source"][0][3], other["probability"]) for other in others] == [(2, 0.05), (3, None)]
-    told = {
-        2: "2 transforms could not be excluded",
-        1: "1 transform could not",
-        0: "every other transform could be",
-    }
+    told = {2: "2 transforms could not be excluded", 1: "1 transform could not", 0: "every other transform could be"}
     for count, words in told.items():
         print_registration(replace(found, alternatives=found.alternatives[:count]), chosen)
         printed = " ".join(capsys.readouterr().out.split())
@@ -188,8 +184,7 @@ def test_points_that_are_not_finite_are_dropped_and_told_beside_the_json(tmp_pat
     source[3::50, 2] = -np.inf
     bad = int((~np.isfinite(source).all(axis=1)).sum())
     pair = write(tmp_path, target=scan(0), source=source)
-    result = sonarmap("register", *pair, *GRID, "--json")
-    assert result.exit_code == 0
+    result = done(sonarmap("register", *pair, *GRID, "--json"))
     check_transform(json.loads(result.stdout))
     said(result, "source.ply", f"dropped {bad:,} of 7,200 points that are NaN or infinite")
 
@@ -227,10 +222,7 @@ def test_echo_strengths_weigh_the_voxels_where_wanted(tmp_path: Path) -> None:
 
 
 def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) -> None:
-    refused = sonarmap("register", *pair, *GRID, "--strength")
-    refused_with_reason(refused)
-    said(refused, "no scan has echo strengths", "Leave it out")
+    refused(sonarmap("register", *pair, *GRID, "--strength"), "no scan has echo strengths", "Leave it out")
     write_ply(tmp_path / "strong.ply", scan(1), {"intensity": np.linspace(0, 1, 7200)})
-    mixed = sonarmap("register", pair[0], tmp_path / "strong.ply", *GRID, "--strength")
-    assert mixed.exit_code == 0
+    mixed = done(sonarmap("register", pair[0], tmp_path / "strong.ply", *GRID, "--strength"))
     said(mixed, "1 of 2 scans have no echo strength")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.samples.clutter_scans import files_in, refused_with_reason, said, sonarmap
+from tests.samples.clutter_scans import done, files_in, refused, sonarmap
 
 ONE = ("--scans", "1", "--quiet", "-o")
 SMALL = ("--scene", "harbor", "--scans", "1", "--seed", "9", "--sensor", "paper", "--spacing", "5")
@@ -20,23 +20,19 @@ SMALL = ("--scene", "harbor", "--scans", "1", "--seed", "9", "--sensor", "paper"
     ],
 )
 def test_like_refuses_what_it_would_not_heed(tmp_path: Path, options: list[str], dropped: str) -> None:
-    result = sonarmap("simulate", "--like", tmp_path / "description.json", *options, "-o", tmp_path / "out")
-    refused_with_reason(result)
-    said(result, dropped)
+    refused(sonarmap("simulate", "--like", tmp_path / "description.json", *options, "-o", tmp_path / "out"), dropped)
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(("name", "value"), [("--sensor", "sonar3d15"), ("--sensor", "eclipse"), ("--spacing", "3")])
 def test_table_1_refuses_what_it_would_not_heed(tmp_path: Path, name: str, value: str) -> None:
     result = sonarmap("simulate", "--trajectory", "table1", name, value, "-o", tmp_path / "out")
-    refused_with_reason(result)
-    said(result, f"{name} has no effect with --trajectory table1", "leave it out")
+    refused(result, f"{name} has no effect with --trajectory table1", "leave it out")
 
 
 def test_like_gives_the_same_files(tmp_path: Path) -> None:
     assert sonarmap("simulate", *SMALL, "-o", tmp_path / "a", "--quiet").exit_code == 0
-    again = sonarmap("simulate", "--like", tmp_path / "a" / "description.json", "-o", tmp_path / "b")
-    assert again.exit_code == 0
+    again = done(sonarmap("simulate", "--like", tmp_path / "a" / "description.json", "-o", tmp_path / "b"))
     assert "1 scans of harbor" in again.stdout
     assert files_in(tmp_path / "a") == files_in(tmp_path / "b")
 
@@ -66,9 +62,7 @@ def test_a_lower_threshold_leaves_more_points_of_the_same_scan(tmp_path: Path) -
 
 @pytest.mark.parametrize(("name", "value"), [("ghosts", "1"), ("speckle", "-0.5"), ("lobe", "9"), ("threshold", "-1")])
 def test_noise_that_cannot_be_is_refused(tmp_path: Path, name: str, value: str) -> None:
-    result = sonarmap("simulate", f"--{name}", value, *ONE, tmp_path / "out")
-    refused_with_reason(result)
-    said(result, f"{name} is")
+    refused(sonarmap("simulate", f"--{name}", value, *ONE, tmp_path / "out"), f"{name} is")
     assert not (tmp_path / "out").exists()
 
 
