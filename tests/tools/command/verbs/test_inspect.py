@@ -1,6 +1,5 @@
 """`sonarmap inspect`: what is in recordings and other files, in words and as JSON."""
 
-import json
 import os
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from sonarmap.tools.command.navigation import PriorsFile, scans_with_priors
 from sonarmap.tools.files.readers.clock import clock_faults, clock_of, utc
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
-from tests.samples.clutter_scans import done, refused, said, scan, sonarmap, write
+from tests.samples.clutter_scans import done, printed, refused, said, scan, sonarmap, write
 from tests.samples.places import DATA
 from tests.samples.recordings import imu_packets, recording, shot_packets, written
 
@@ -38,8 +37,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def as_json(*arguments: Any) -> dict[str, Any]:
-    shown = done(sonarmap("inspect", *arguments, "--json"))
-    return json.loads(shown.stdout)
+    return printed(sonarmap("inspect", *arguments, "--json"))
 
 
 class TestRecording:
@@ -80,9 +78,8 @@ class TestRecording:
         said(shown, "dive.sonar: 3 of 60 shots are missing by their numbers")
 
     def test_names_are_those_of_a_file_of_priors(self, dive: Path) -> None:
-        shown = sonarmap("inspect", dive, "--names")
-        assert shown.stdout.split() == [f"dive#{k}" for k in range(57)]
-        assert as_json(dive, "--names")["names"] == shown.stdout.split()
+        names = [f"dive#{k}" for k in range(57)]
+        assert as_json(dive, "--names")["names"] == sonarmap("inspect", dive, "--names").stdout.split() == names
 
     def test_the_grid_is_that_of_map(self, dive: Path) -> None:
         grid = survey_grid(read_survey([dive]).scans)
@@ -138,8 +135,9 @@ class TestOtherFormats:
         write(tmp_path, a=scan(0))
         for verb in (["inspect"], ["map", "-o", tmp_path / "out"]):
             shown = sonarmap(*verb, tmp_path / "a.ply", "--sound-speed", "1490")
-            refused(shown, "--sound-speed 1490 cannot be used, as a PLY file does not say")
-            said(shown, "give --range-scale instead")
+            refused(
+                shown, "--sound-speed 1490 cannot be used, as a PLY file does not say", "give --range-scale instead"
+            )
 
 
 class TestImuOption:

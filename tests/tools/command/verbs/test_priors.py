@@ -17,7 +17,7 @@ from sonarmap.tools.files.readers.navigation.priors import with_priors
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.readers.scans import read_scans
 from sonarmap.tools.lab.simulate.sensing.navigation import Instruments, instruments_for, measure_poses
-from tests.samples.clutter_scans import files_in, refused, said, scan, sonarmap, write
+from tests.samples.clutter_scans import files_in, refused, said, scan, sonarmap, table_of, write
 
 SMALL = ("--scene", "harbor", "--scans", "3", "--sensor", "paper", "--spacing", "5", "--quiet")
 NAV = "name,depth_m,heading_deg,heading_sigma_deg\n"
@@ -74,12 +74,10 @@ class TestSimulated:
 
     def test_only_what_was_asked_for_is_measured(self, simulated: Path, tmp_path: Path) -> None:
         assert sonarmap("simulate", *SMALL, "--seed", "9", "--priors", "depth", "-o", tmp_path).exit_code == 0
-        rows = [line.split(",") for line in (tmp_path / "priors.csv").read_text().splitlines()]
-        assert rows[0] == ["name", "depth_m", "depth_sigma_m"]
-        assert [row[0] for row in rows[1:]] == [f"scan_{k:03d}.ply" for k in range(3)]
-        of_all = [line.split(",") for line in (simulated / "priors.csv").read_text().splitlines()]
-        at = of_all[0].index("depth_m")
-        assert [row[1] for row in rows] == [row[at] for row in of_all]
+        rows, of_all = table_of(tmp_path / "priors.csv"), table_of(simulated / "priors.csv")
+        assert list(rows[0]) == ["name", "depth_m", "depth_sigma_m"]
+        assert [row["name"] for row in rows] == [f"scan_{k:03d}.ply" for k in range(3)]
+        assert [row["depth_m"] for row in rows] == [row["depth_m"] for row in of_all]
 
     @pytest.mark.parametrize(("kinds", "words"), [("heading,sonar", "'sonar'"), ("", "''")])
     def test_unknown_instruments_are_refused(self, tmp_path: Path, kinds: str, words: str) -> None:
@@ -169,13 +167,6 @@ class TestVerbs:
         (folder / "nav.csv").rename(folder / "priors.csv")
         for paths in ([folder], [str(folder / "*")]):
             assert [one.name for one in read_scans(paths).scans] == ["scan_0", "scan_1", "scan_2"]
-
-    def test_what_would_go_unheard_is_refused(self, folder: Path) -> None:
-        pair = (folder / "scan_0.ply", folder / "scan_1.ply")
-        result = sonarmap("register", *pair, "--priors", folder / "nav.csv", "--method", "icp")
-        refused(result, "--priors has no effect with --method icp", "--method spectral")
-        result = sonarmap("register", *pair, "--prior-sigmas", "1,1,1,1")
-        refused(result, "--prior-sigmas has no effect without --priors")
 
     @pytest.mark.parametrize("text", ["1,2,3", "1,2,3,4,5", "1,2,3,0", "1,2,3,nan", "1,2,3,inf", "a,2,3,4", ""])
     def test_default_sigmas_that_will_not_do(self, folder: Path, text: str) -> None:

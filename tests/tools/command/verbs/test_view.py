@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.samples.clutter_scans import done, refused, sonarmap
+from tests.samples.clutter_scans import done, refused, said, sonarmap
 from tests.tools.products.export.finished import finished_map
 
 
@@ -50,5 +50,7 @@ def test_what_is_no_map_is_refused(tmp_path: Path, asked: list[str], options: tu
 def test_without_a_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(webbrowser, "open", lambda address: False)
     out = finished_map(tmp_path / "out")
-    refused(sonarmap("view", out, "--write"), "no browser can be opened here", "report.html")
+    result = sonarmap("view", out, "--write")
+    assert result.exit_code == 2
+    said(result, "no browser can be opened here", "report.html")
     assert (out / "report.html").exists()
