@@ -66,6 +66,16 @@ def time_of(scan: int) -> datetime:
     return START + timedelta(seconds=STEP * scan)
 
 
+def moment(scan: int) -> str:
+    return f"{time_of(scan):%Y-%m-%dT%H:%M:%SZ}"
+
+
+def write_rows(path: Path, columns: list[str], rows: list[tuple[str | float, ...]], between: str = ",") -> None:
+    """A table of texts and of numbers to 0.1 mm."""
+    lines = [columns, *([cell if isinstance(cell, str) else f"{cell:.4f}" for cell in row] for row in rows)]
+    path.write_text("".join(between.join(line) + "\n" for line in lines))
+
+
 def place_of(row: dict[str, float]) -> tuple[float, float]:
     """Latitude and longitude [deg]."""
     latitude = LATITUDE + row["y_m"] / METERS
@@ -131,20 +141,16 @@ def bag(inputs: Inputs, path: Path) -> None:
 
 
 def vehicle_log(inputs: Inputs, path: Path) -> None:
-    lines = ["Time (UTC),Roll (deg),Pitch (deg),Heading (deg),Depth (m)"]
-    for k, row in enumerate(inputs.rows()):
-        cells = [row[name] for name in ("roll_deg", "pitch_deg", "heading_deg", "depth_m")]
-        lines.append(f"{time_of(k):%Y-%m-%dT%H:%M:%SZ}," + ",".join(f"{cell:.3f}" for cell in cells))
-    path.write_text("\n".join(lines) + "\n")
+    names = ("roll_deg", "pitch_deg", "heading_deg", "depth_m")
+    rows = [(moment(k), *(row[name] for name in names)) for k, row in enumerate(inputs.rows())]
+    write_rows(path, ["Time (UTC)", "Roll (deg)", "Pitch (deg)", "Heading (deg)", "Depth (m)"], rows)
 
 
 def named_log(inputs: Inputs, path: Path) -> None:
     """By the scans' names, without standard deviations."""
-    lines = ["name,roll_deg,pitch_deg,heading_deg,x_m,y_m,depth_m"]
-    columns = lines[0].split(",")[1:]
-    for k, row in enumerate(inputs.rows()):
-        lines.append(f"scan_{k:03d}," + ",".join(f"{row[name]:.3f}" for name in columns))
-    path.write_text("\n".join(lines) + "\n")
+    names = ("roll_deg", "pitch_deg", "heading_deg", "x_m", "y_m", "depth_m")
+    rows = [(f"scan_{k:03d}", *(row[name] for name in names)) for k, row in enumerate(inputs.rows())]
+    write_rows(path, ["name", *names], rows)
 
 
 def grid_log(inputs: Inputs, path: Path) -> None:
@@ -152,14 +158,13 @@ def grid_log(inputs: Inputs, path: Path) -> None:
     from pyproj import Proj, Transformer
 
     convert, grid = Transformer.from_crs("EPSG:4326", ZONE, always_xy=True), Proj(ZONE)
-    lines = ["Time (UTC)\tEasting\tNorthing\tDepth (m)\tHeading\tRoll\tPitch"]
+    rows = []
     for k, row in enumerate(inputs.rows()):
         latitude, longitude = place_of(row)
         easting, northing = convert.transform(longitude, latitude)
         heading = row["heading_deg"] - grid.get_factors(longitude, latitude).meridian_convergence
-        cells = (easting, northing, row["depth_m"], heading % 360, row["roll_deg"], row["pitch_deg"])
-        lines.append(f"{time_of(k):%Y-%m-%dT%H:%M:%SZ}\t" + "\t".join(f"{cell:.3f}" for cell in cells))
-    path.write_text("\n".join(lines) + "\n")
+        rows.append((moment(k), easting, northing, row["depth_m"], heading % 360, row["roll_deg"], row["pitch_deg"]))
+    write_rows(path, ["Time (UTC)", "Easting", "Northing", "Depth (m)", "Heading", "Roll", "Pitch"], rows, "\t")
 
 
 def nmea_log(inputs: Inputs, path: Path) -> None:
@@ -200,12 +205,10 @@ def ties(inputs: Inputs, path: Path) -> None:
 
 def control(inputs: Inputs, path: Path) -> None:
     """A point of every other scan, with its true place."""
-    lines = ["name,scan,x_m,y_m,z_m,east_m,north_m,up_m,sigma_m"]
     poses = read_tum(inputs.made("scans") / "truth.tum").T_world_sensor
-    for k in range(0, len(poses), 2):
-        point = inputs.points(k)[100 * k, :3]
-        lines.append(f"mark {k},scan_{k:03d}," + ",".join(f"{x:.4f}" for x in (*point, *poses[k].apply(point), 0.5)))
-    path.write_text("\n".join(lines) + "\n")
+    points = {k: inputs.points(k)[100 * k, :3] for k in range(0, len(poses), 2)}
+    rows = [(f"mark {k}", f"scan_{k:03d}", *p, *poses[k].apply(p), 0.5) for k, p in points.items()]
+    write_rows(path, ["name", "scan", "x_m", "y_m", "z_m", "east_m", "north_m", "up_m", "sigma_m"], rows)
 
 
 def graph(inputs: Inputs, path: Path) -> None:

@@ -32,22 +32,19 @@ _PLACEHOLDER = re.compile(r"\.\.\.|\b(VERB|OUT|SCANS|TARGET|SOURCE|IN\.g2o|DIR|F
 
 @dataclass(frozen=True, slots=True)
 class Example:
-    """A command, or a program in Python, of a page.
-
-    Attributes:
-        text: as a shell or Python takes it.
-        language: of it.
-        inline: whether it stands in a sentence or a table.
-        not_run: why it is not run; empty where it is.
-    """
+    """A command, or a program in Python, of a page, as a shell or Python takes it."""
 
     text: str
     language: Literal["sh", "python"]
-    inline: bool
-    not_run: str
+    inline: bool  # it stands in a sentence or a table
+    not_run: str  # why it is not; empty where it is run
 
 
 SHELL = ("|", "&&", ">", ">>")
+
+
+def named(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
 
 
 def starts(page: Path) -> list[str]:
@@ -132,11 +129,7 @@ def words_of(text: str) -> list[str]:
 
 
 def parse(text: str) -> None:
-    """Take the command apart as the real command line does; nothing is run.
-
-    Raises:
-        UsageError: there is no such verb or option, or something is missing.
-    """
+    """Take the command apart as the real command line does, with its UsageErrors; nothing is run."""
     verb, *arguments = words_of(text)
     if verb not in verbs():
         raise UsageError(f"there is no verb {verb!r}")
@@ -144,10 +137,8 @@ def parse(text: str) -> None:
 
 
 def is_complete(text: str) -> bool:
-    if _PLACEHOLDER.search(text):
-        return False
     try:
         parse(text)
     except UsageError:
         return False
-    return True
+    return not _PLACEHOLDER.search(text)

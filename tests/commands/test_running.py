@@ -15,14 +15,10 @@ from typer.testing import CliRunner
 
 from sonarmap.tools.command.main import app
 from tests.commands.inputs import Inputs
-from tests.commands.pages import PAGES, ROOT, Example, examples, starts, words_of
+from tests.commands.pages import PAGES, ROOT, Example, examples, named, starts, words_of
 from tests.samples.command_line import SONARMAP
 
 LIMIT = 900  # [s] for a command
-
-
-def named(page: Path) -> str:
-    return page.relative_to(ROOT).as_posix()
 
 
 @pytest.fixture(scope="module")

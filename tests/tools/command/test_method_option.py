@@ -41,11 +41,6 @@ def _no_device(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sonarmap.kernels.device.device.choose_device", never)
 
 
-@pytest.fixture
-def pair(tmp_path: Path) -> list[str]:
-    return write(tmp_path, target=scan(0), source=scan(1))
-
-
 @pytest.mark.parametrize("method", ["icp", "icp-plane"])
 def test_a_pair_as_json(pair: list[str], method: str) -> None:
     result = sonarmap("register", *pair, "--method", method, *VOXEL, "--json")

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import sonarmap.tools.products.output.folder
-from tests.samples.clutter_scans import done, files_in, refused, said, scan, sonarmap, write
+from tests.samples.clutter_scans import done, files_in, refused, said, sonarmap
 from tests.samples.places import ROOT
 
 GRID = ("--grid", "64")
@@ -23,11 +23,6 @@ PROGRAM = "from sonarmap.tools.command.main import run; run()"
 CHATTY = "import sonarmap.tools.command.progress; sonarmap.tools.command.progress.SECONDS_BETWEEN_LINES = 0; " + PROGRAM
 RESULTS = {"map.ply", "map_all.ply", "map.png", "profile.png", "trajectory.tum", "graph.g2o", "graph.json"}
 RESULTS |= {"pairs.csv", "summary.json", "times.json", "report.html"}
-
-
-@pytest.fixture(scope="module")
-def scans(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    return write(tmp_path_factory.mktemp("scans"), a=scan(0), b=scan(1), c=scan(2), d=scan(3))
 
 
 @pytest.fixture(scope="module")

@@ -103,10 +103,6 @@ class TestConfig:
 
 
 class TestInForce:
-    @pytest.fixture
-    def pair(self, folder: Path) -> list[str]:
-        return write(folder, target=scan(0), source=scan(1))
-
     def test_the_command_line_counts_for_more(self, pair: list[str]) -> None:
         sets('[common]\nmethod = "icp"\nvoxel = 0.4\njson = true\n')
         by_file = run("register", *pair)

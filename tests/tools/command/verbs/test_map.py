@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import gtsam
@@ -11,14 +10,11 @@ import pytest
 from typer.testing import Result
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.mapper import Mapper
-from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.readers.poses.trajectory import read_kitti
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.readers.scans import read_scan, read_survey
 from sonarmap.tools.files.writers.trajectory import write_tum
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
-from sonarmap.tools.products.output.faults import faults
 from tests.samples.clutter_scans import (
     T_WORLD_SENSOR,
     clutter,
@@ -33,7 +29,6 @@ from tests.samples.clutter_scans import (
     table_of,
     write,
 )
-from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 GRID = ("--grid", "64")
 RESULTS = {"map.ply", "map_all.ply", "map.png", "profile.png", "trajectory.tum", "graph.g2o", "graph.json"}
@@ -229,18 +224,6 @@ def test_a_map_is_not_taken_for_a_scan_of_the_next_run(tmp_path: Path) -> None:
     refused(again, "map.ply is among the scans", "choose another output folder")
     assert sonarmap("map", *paths, "-o", tmp_path, *GRID).exit_code == 0
     assert set(files_in(tmp_path)) == set(before)
-
-
-def test_a_gap_that_is_bridged_is_told() -> None:
-    truth = ring_poses(4, turns=0.2)
-
-    def spoil(i: int, j: int, given: Registration) -> Registration:
-        return replace(given, accepted=False, reason="too weak") if (i, j) == (1, 2) else given
-
-    survey = Mapper(KnowingRegistrar(truth, 1e-6 * np.eye(6), spoil), 0.5).run(scans_of(truth))
-    assert len(survey.components) == 1
-    told = faults(survey, ["a", "b", "c", "d"])
-    assert told == ["gap between b and c, bridged by other pairs: refused by the registration: too weak"]
 
 
 def test_an_order_that_is_not_the_given_one_is_told(tmp_path: Path) -> None:

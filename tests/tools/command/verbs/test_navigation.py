@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.kernels.errors import InputError
-from sonarmap.slam.mapper import Mapper
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.instruments import values_of
 from sonarmap.tools.files.readers.poses.tum import read_tum
@@ -34,19 +32,6 @@ def write_table(path: Path, rows: list[dict[str, str]]) -> None:
         writer.writerows(rows)
 
 
-@pytest.fixture
-def seen(monkeypatch: pytest.MonkeyPatch) -> list[Scan]:
-    """The scans that a mapper is given, which then ends."""
-    scans: list[Scan] = []
-
-    def run(_: Mapper, given: tuple[Scan, ...], *__: object) -> None:
-        scans.extend(given)
-        raise InputError("enough")
-
-    monkeypatch.setattr(Mapper, "run", run)
-    return scans
-
-
 def test_a_log_is_understood_by_the_options(folder: Path, seen: list[Scan]) -> None:
     options = ("--nav-columns", "depth_m=KP_DEPTH", "--nav-offset=-37", "--mount", "0,0,0,0,0,0.5", "--grid", "16")
     result = sonarmap("map", folder, "-o", folder / "out", "--priors", folder / "log.csv", *SIGMAS, *options)
@@ -66,6 +51,7 @@ def test_the_summary_says_how_it_was_understood(folder: Path) -> None:
     summary = json.loads((folder / "out" / "summary.json").read_text())
     settings, place = summary["settings"], summary["georeference"]
     assert (settings["heading_reference"], settings["priors"]) == ("grid", str(folder / "log.csv"))
+    assert settings["prior_sigmas"] == SIGMAS[1]  # so that the same command can be given again
     assert "mount" not in settings
     assert (place["latitude"], place["longitude"]) == (60.5, 5.25)
 
