@@ -42,9 +42,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 @pytest.mark.slow
 @pytest.mark.timeout(2 * LIMIT)
 @pytest.mark.parametrize("page", PAGES, ids=named)
-def test_the_page_runs_as_it_is_written(
-    page: Path, inputs: Inputs, environment: dict[str, str], tmp_path: Path
-) -> None:
+def test_the_page_runs(page: Path, inputs: Inputs, environment: dict[str, str], tmp_path: Path) -> None:
     if not examples(page):
         pytest.skip("no commands")
     for name in starts(page):

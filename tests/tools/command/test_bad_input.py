@@ -134,9 +134,7 @@ def test_a_bad_scan_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
     assert "gap between" not in result.stderr
 
 
-def test_a_pair_that_ends_by_an_error_of_the_method_leaves_the_map_incomplete(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_error_of_the_method_leaves_the_map_incomplete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     register = SpectralRegistrar.register
 
     def failing(self: SpectralRegistrar, target: SpectralScan, source: SpectralScan) -> Registration:
@@ -238,9 +236,7 @@ class SmallDevice:
 
 
 @pytest.mark.parametrize(("memory", "fitting"), [(2**31, "--grid 360"), (2**28, "--grid 160"), (2**10, "another")])
-def test_a_grid_that_the_device_cannot_hold(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, memory: int, fitting: str
-) -> None:
+def test_a_grid_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, memory: int, fitting: str) -> None:
     def choose_small(selector: str | None = None) -> Device:
         device = choose_device(selector)
         device.cl_device = SmallDevice(device.cl_device, memory)  # pyright: ignore[reportAttributeAccessIssue]

@@ -32,9 +32,7 @@ class TestExitCodes:
         assert exit_code_of(raiser(InputError("a.ply: it is [bold]empty[/bold]; give another"))) == 2
         assert capsys.readouterr() == ("", "error: a.ply: it is [bold]empty[/bold]; give another\n")
 
-    def test_a_defect_is_one_line_and_1(
-        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_defect_is_1(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv("SONARMAP_DEBUG", raising=False)
         assert exit_code_of(raiser(ZeroDivisionError("by\nzero"))) == 1
         (line,) = capsys.readouterr().err.splitlines()

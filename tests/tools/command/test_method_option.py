@@ -104,17 +104,13 @@ def test_the_voxel_is_chosen_as_for_the_spectral_method(pair: list[str]) -> None
     ],
 )
 @pytest.mark.parametrize("verb", ["register", "map"])
-def test_an_option_without_effect_is_refused(
-    pair: list[str], tmp_path: Path, verb: str, arguments: str, words: list[str]
-) -> None:
+def test_an_option_without_effect(pair: list[str], tmp_path: Path, verb: str, arguments: str, words: list[str]) -> None:
     out = ("-o", tmp_path / "out") if verb == "map" else ()
     refused(sonarmap(verb, *pair, *out, *arguments.split()), *words)
 
 
 @pytest.mark.parametrize(("method", "module"), [("kiss", "kiss_matcher"), ("gicp", "small_gicp")])
-def test_a_missing_package_is_told_with_the_command(
-    pair: list[str], method: str, module: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_package(pair: list[str], method: str, module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     result = sonarmap("register", *pair, "--method", method, *VOXEL, "--json")
     refused(result, f"the method {method} needs the package {METHODS[method].package}", "pip install 'sonarmap[peers]'")

@@ -115,9 +115,7 @@ def test_of_two_sonars_one_is_recorded(tmp_path: Path, wanted: str | None, kept:
     assert f"another sonar sends too ({(LOOPBACK, OTHER)[1 - kept]})" in " ".join(warnings)
 
 
-def test_a_sonar_that_comes_back_at_another_address_is_recorded_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_sonar_that_comes_back_at_another_address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sonarmap.tools.command.record.senders._GONE", 0.2)
     packets = [packet.content for packet in recording(10)]
 

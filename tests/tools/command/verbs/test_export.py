@@ -68,9 +68,7 @@ def test_an_origin_in_the_south_and_west(mapped: Path, tmp_path: Path) -> None:
         (("--format", "laz", *ORIGIN, "--origin-heading", "inf"), "heading"),
     ],
 )
-def test_options_that_cannot_be_used_end_with_2(
-    mapped: Path, tmp_path: Path, options: tuple[str, ...], words: str
-) -> None:
+def test_options_that_cannot_be_used(mapped: Path, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
     result = sonarmap("export", mapped, "--to", tmp_path / "gis", *options)
     refused(result, words)
     assert "Traceback" not in result.stderr

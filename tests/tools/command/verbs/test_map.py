@@ -167,9 +167,7 @@ def two_places(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], Pat
 
 
 @pytest.mark.slow
-def test_parts_of_an_earlier_run_go_and_other_files_stay(
-    two_places: tuple[list[str], Path, Result], tmp_path: Path
-) -> None:
+def test_only_parts_of_an_earlier_run_go(two_places: tuple[list[str], Path, Result], tmp_path: Path) -> None:
     paths, earlier, _ = two_places
     out = tmp_path / "out"
     shutil.copytree(earlier, out)  # its journal, too, so that nothing is registered again

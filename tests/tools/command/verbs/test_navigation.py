@@ -86,9 +86,7 @@ def test_options_that_cannot_be(folder: Path, options: tuple[str, ...], words: l
         ("simulate -o sim --scene harbor --fix-sigma 0 --priors position", "--fix-sigma 0; wanted meters above 0"),
     ],
 )
-def test_options_without_effect_are_refused(
-    tmp_path: Path, line: str, words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_options_without_effect(tmp_path: Path, line: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "scans", a=scan(0), b=scan(1))
     refused(sonarmap(*line.split()), *words.split("; "))

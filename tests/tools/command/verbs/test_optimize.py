@@ -23,11 +23,9 @@ GRAPHS = DATA / "graphs"
 BEST = {"tinyGrid3D": 18.5193664, "smallGrid3D": 1025.39806, "parking-garage": 1.26252443, "sphere2500": 1687.00581}
 needs_graphs = pytest.mark.skipif(not GRAPHS.is_dir(), reason=f"the benchmark graphs are not at {GRAPHS}")
 
-KEYS = {
-    "objective", "start", "poses", "edges", "components", "cost_before", "cost_after", "chi_squared_before",
-    "chi_squared_after", "degrees_of_freedom", "iterations", "converged", "certificate", "loops", "seconds", "distance",
-    "repaired",
-}  # fmt: skip
+KEYS = {"objective", "start", "poses", "edges", "components", "cost_before", "cost_after", "chi_squared_before"}
+KEYS |= {"chi_squared_after", "degrees_of_freedom", "iterations", "converged", "certificate", "loops", "seconds"}
+KEYS |= {"distance", "repaired"}
 
 
 def ring(seed: int = 0, loops: bool = True) -> PoseGraph:
@@ -72,9 +70,8 @@ def test_the_full_objective_tells_all(source: Path) -> None:
     assert summary["certificate"]["verdict"] == "none"
     assert "isotropic" in summary["certificate"]["reason"]
     assert {"read", "optimize", "compare", "total"} <= set(summary["seconds"])
-    assert [(one["i"], one["j"], one["verdict"]) for one in summary["loops"]] == [
-        (11, 0, "accepted"), (2, 8, "accepted"), (3, 9, "accepted"), (9, 4, "accepted"),
-    ]  # fmt: skip
+    assert [(one["i"], one["j"]) for one in summary["loops"]] == [(11, 0), (2, 8), (3, 9), (9, 4)]
+    assert {one["verdict"] for one in summary["loops"]} == {"accepted"}
     written = read_g2o(source.parent / "out.g2o")
     assert written.chi_squared == pytest.approx(summary["chi_squared_after"], rel=1e-6)
     assert written.chi_squared == pytest.approx(read_g2o(source).optimize().chi_squared_after, rel=1e-6)
@@ -234,9 +231,7 @@ def test_random_poses_do_not_matter_to_the_chordal_start(name: str, tmp_path: Pa
 @needs_graphs
 @pytest.mark.parametrize("name", ["tinyGrid3D", "smallGrid3D"])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_from_random_poses_themselves_the_certificate_tells_what_was_found(
-    name: str, seed: int, tmp_path: Path
-) -> None:
+def test_from_random_poses_the_certificate_tells_what_was_found(name: str, seed: int, tmp_path: Path) -> None:
     write_g2o(tmp_path / "in.g2o", scrambled(read_g2o(GRAPHS / f"{name}.g2o"), seed))
     options = ("--objective", "isotropic", "--start", "given", "--json")
     summary = json.loads(sonarmap("optimize", tmp_path / "in.g2o", "-o", tmp_path / "out.g2o", *options).stdout)
