@@ -36,7 +36,6 @@ class Inputs:
         self.kept = kept
 
     def give(self, name: str, folder: Path) -> None:
-        """The input of this name, in a folder."""
         made = self.made(name)
         if made.is_dir():
             shutil.copytree(made, folder / name, dirs_exist_ok=True)
@@ -82,24 +81,11 @@ def place_of(row: dict[str, float]) -> tuple[float, float]:
     return latitude, LONGITUDE + row["x_m"] / (METERS * np.cos(np.deg2rad(LATITUDE)))
 
 
-def simulate(path: Path, *options: str) -> None:
-    ended = sonarmap("simulate", "-o", str(path), *options)
-    assert ended.returncode == 0, ended.stderr
+def made_by(line: str, *names: str) -> Callable[[Inputs, Path], None]:
+    """What a command writes that is given the inputs of these names."""
 
-
-def scans(inputs: Inputs, path: Path) -> None:
-    simulate(path, "--scene", "floodgate", "--scans", "8", "--seed", "1")
-
-
-def measured(inputs: Inputs, path: Path) -> None:
-    """The same scans with what instruments measured of them."""
-    priors = ("--priors", "attitude,heading,depth,position", "--fix-sigma", "1")
-    simulate(path, "--scene", "floodgate", "--scans", "8", "--seed", "1", *priors)
-
-
-def map_of(*names: str) -> Callable[[Inputs, Path], None]:
     def make(inputs: Inputs, path: Path) -> None:
-        ended = sonarmap("map", *(str(inputs.made(name)) for name in names), "--grid", "64", "-o", str(path))
+        ended = sonarmap(*line.split(), *(str(inputs.made(name)) for name in names), "-o", str(path))
         assert ended.returncode == 0, ended.stderr
 
     return make
@@ -112,13 +98,6 @@ def dive_folder(inputs: Inputs, path: Path) -> None:
         table = inputs.points(k)
         stamp = time_of(k).timestamp()
         np.savez(path / f"scan_{k}.npz", points=table[:, :3].astype(np.float32), strength=table[:, 3], stamp=stamp)
-
-
-def one_dive(number: int) -> Callable[[Inputs, Path], None]:
-    def make(inputs: Inputs, path: Path) -> None:
-        simulate(path, "--scene", "harbor", "--scans", "4", "--dive", str(number))
-
-    return make
 
 
 def sonar_recording(inputs: Inputs, path: Path) -> None:
@@ -215,14 +194,16 @@ def graph(inputs: Inputs, path: Path) -> None:
     shutil.copy(inputs.made("map") / "graph.g2o", path)
 
 
+GATE, HARBOR = "simulate --scene floodgate --scans 8 --seed 1", "simulate --scene harbor --scans 4 --dive"
 INPUTS: dict[str, Callable[[Inputs, Path], None]] = {
-    "scans": scans,
-    "measured": measured,
-    "map": map_of("scans"),
+    "scans": made_by(GATE),
+    # the same scans with what instruments measured of them
+    "measured": made_by(f"{GATE} --priors attitude,heading,depth,position --fix-sigma 1"),
+    "map": made_by("map --grid 64", "scans"),
     "dive": dive_folder,
-    "A": one_dive(1),
-    "B": one_dive(2),
-    "both": map_of("A", "B"),
+    "A": made_by(f"{HARBOR} 1"),
+    "B": made_by(f"{HARBOR} 2"),
+    "both": made_by("map --grid 64", "A", "B"),
     "survey.sonar": sonar_recording,
     "dive.sonar": sonar_recording,
     "dive.bag": bag,

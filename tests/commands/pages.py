@@ -52,15 +52,10 @@ def starts(page: Path) -> list[str]:
     return [name for names in _STARTS.findall(page.read_text()) for name in names.split()]
 
 
-def not_run(page: Path) -> list[tuple[str, str]]:
-    """The start of commands that are not run, and why."""
-    return _NOT_RUN.findall(page.read_text())
-
-
 @cache
 def examples(page: Path) -> tuple[Example, ...]:
     """Every command of the page, in the page's order; of a sentence those alone that are complete."""
-    text, reasons = page.read_text(), not_run(page)
+    text, reasons = page.read_text(), _NOT_RUN.findall(page.read_text())
     found: list[tuple[int, Example]] = []
     for block in _BLOCK.finditer(text):
         if block[1] == "python":

@@ -37,13 +37,7 @@ def test_loops_that_change_nothing_are_told() -> None:
 
 
 def test_the_table_says_why_a_pair_was_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    truth = ring_poses(6, turns=0.3)
-
-    def spoil(i: int, j: int, given):
-        return replace(given, accepted=False, reason="too weak for this") if j - i > 1 else given
-
-    registrar = KnowingRegistrar(truth, 1e-6 * np.eye(6), spoil)
-    survey = Mapper(registrar, 0.5).run(scans_of(truth))
+    survey = refusing({(1, 2), (4, 5)})
     print_pairs(survey, NAMES)
     printed = capsys.readouterr().out
     legend = "sigmas: how far the pair is from the final poses"

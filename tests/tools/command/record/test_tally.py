@@ -133,7 +133,8 @@ def test_the_end_says_what_is_missing(status: Status) -> None:
 
 def test_each_warning_comes_once_and_silence_each_time(status: Status) -> None:
     watch, warned = Watch(), []
-    for status.silence in (0.05, 5.5, 9.5, 0.0, 5.1):
+    for silence in (0.05, 5.5, 9.5, 0.0, 5.1):
+        status.silence = silence
         warned.append(list(watch.warnings(status)))
     assert [len(words) for words in warned] == [0, 1, 0, 0, 1]
     assert warned[1][0].startswith("nothing has come for 6 s. Look at the sonar's power")
