@@ -19,7 +19,8 @@ from tests.samples.experiments.fake_experiment import Fake, origin
 from tests.tools.command.test_nothing_lost import RESULTS
 
 GRID = ("--grid", "64")
-Removal, Patch = Callable[[Path], None], pytest.MonkeyPatch
+Removal = Callable[[Path], None]
+Patch = pytest.MonkeyPatch
 
 
 @pytest.fixture
