@@ -133,11 +133,9 @@ class TestOtherFormats:
 
     def test_a_speed_of_sound_for_a_format_without_one(self, tmp_path: Path) -> None:
         write(tmp_path, a=scan(0))
+        words = ("--sound-speed 1490 cannot be used, as a PLY file does not say", "give --range-scale instead")
         for verb in (["inspect"], ["map", "-o", tmp_path / "out"]):
-            shown = sonarmap(*verb, tmp_path / "a.ply", "--sound-speed", "1490")
-            refused(
-                shown, "--sound-speed 1490 cannot be used, as a PLY file does not say", "give --range-scale instead"
-            )
+            refused(sonarmap(*verb, tmp_path / "a.ply", "--sound-speed", "1490"), *words)
 
 
 class TestImuOption:
