@@ -36,7 +36,6 @@ class Inputs:
         self.kept = kept
 
     def give(self, name: str, folder: Path) -> None:
-        """The input of this name, in a folder."""
         made = self.made(name)
         if made.is_dir():
             shutil.copytree(made, folder / name, dirs_exist_ok=True)
@@ -66,30 +65,27 @@ def time_of(scan: int) -> datetime:
     return START + timedelta(seconds=STEP * scan)
 
 
+def moment(scan: int) -> str:
+    return f"{time_of(scan):%Y-%m-%dT%H:%M:%SZ}"
+
+
+def write_rows(path: Path, columns: list[str], rows: list[tuple[str | float, ...]], between: str = ",") -> None:
+    """A table of texts and of numbers to 0.1 mm."""
+    lines = [columns, *([cell if isinstance(cell, str) else f"{cell:.4f}" for cell in row] for row in rows)]
+    path.write_text("".join(between.join(line) + "\n" for line in lines))
+
+
 def place_of(row: dict[str, float]) -> tuple[float, float]:
     """Latitude and longitude [deg]."""
     latitude = LATITUDE + row["y_m"] / METERS
     return latitude, LONGITUDE + row["x_m"] / (METERS * np.cos(np.deg2rad(LATITUDE)))
 
 
-def simulate(path: Path, *options: str) -> None:
-    ended = sonarmap("simulate", "-o", str(path), *options)
-    assert ended.returncode == 0, ended.stderr
+def made_by(line: str, *names: str) -> Callable[[Inputs, Path], None]:
+    """What a command writes that is given the inputs of these names."""
 
-
-def scans(inputs: Inputs, path: Path) -> None:
-    simulate(path, "--scene", "floodgate", "--scans", "8", "--seed", "1")
-
-
-def measured(inputs: Inputs, path: Path) -> None:
-    """The same scans with what instruments measured of them."""
-    priors = ("--priors", "attitude,heading,depth,position", "--fix-sigma", "1")
-    simulate(path, "--scene", "floodgate", "--scans", "8", "--seed", "1", *priors)
-
-
-def map_of(*names: str) -> Callable[[Inputs, Path], None]:
     def make(inputs: Inputs, path: Path) -> None:
-        ended = sonarmap("map", *(str(inputs.made(name)) for name in names), "--grid", "64", "-o", str(path))
+        ended = sonarmap(*line.split(), *(str(inputs.made(name)) for name in names), "-o", str(path))
         assert ended.returncode == 0, ended.stderr
 
     return make
@@ -102,13 +98,6 @@ def dive_folder(inputs: Inputs, path: Path) -> None:
         table = inputs.points(k)
         stamp = time_of(k).timestamp()
         np.savez(path / f"scan_{k}.npz", points=table[:, :3].astype(np.float32), strength=table[:, 3], stamp=stamp)
-
-
-def one_dive(number: int) -> Callable[[Inputs, Path], None]:
-    def make(inputs: Inputs, path: Path) -> None:
-        simulate(path, "--scene", "harbor", "--scans", "4", "--dive", str(number))
-
-    return make
 
 
 def sonar_recording(inputs: Inputs, path: Path) -> None:
@@ -131,20 +120,16 @@ def bag(inputs: Inputs, path: Path) -> None:
 
 
 def vehicle_log(inputs: Inputs, path: Path) -> None:
-    lines = ["Time (UTC),Roll (deg),Pitch (deg),Heading (deg),Depth (m)"]
-    for k, row in enumerate(inputs.rows()):
-        cells = [row[name] for name in ("roll_deg", "pitch_deg", "heading_deg", "depth_m")]
-        lines.append(f"{time_of(k):%Y-%m-%dT%H:%M:%SZ}," + ",".join(f"{cell:.3f}" for cell in cells))
-    path.write_text("\n".join(lines) + "\n")
+    names = ("roll_deg", "pitch_deg", "heading_deg", "depth_m")
+    rows = [(moment(k), *(row[name] for name in names)) for k, row in enumerate(inputs.rows())]
+    write_rows(path, ["Time (UTC)", "Roll (deg)", "Pitch (deg)", "Heading (deg)", "Depth (m)"], rows)
 
 
 def named_log(inputs: Inputs, path: Path) -> None:
     """By the scans' names, without standard deviations."""
-    lines = ["name,roll_deg,pitch_deg,heading_deg,x_m,y_m,depth_m"]
-    columns = lines[0].split(",")[1:]
-    for k, row in enumerate(inputs.rows()):
-        lines.append(f"scan_{k:03d}," + ",".join(f"{row[name]:.3f}" for name in columns))
-    path.write_text("\n".join(lines) + "\n")
+    names = ("roll_deg", "pitch_deg", "heading_deg", "x_m", "y_m", "depth_m")
+    rows = [(f"scan_{k:03d}", *(row[name] for name in names)) for k, row in enumerate(inputs.rows())]
+    write_rows(path, ["name", *names], rows)
 
 
 def grid_log(inputs: Inputs, path: Path) -> None:
@@ -152,14 +137,13 @@ def grid_log(inputs: Inputs, path: Path) -> None:
     from pyproj import Proj, Transformer
 
     convert, grid = Transformer.from_crs("EPSG:4326", ZONE, always_xy=True), Proj(ZONE)
-    lines = ["Time (UTC)\tEasting\tNorthing\tDepth (m)\tHeading\tRoll\tPitch"]
+    rows = []
     for k, row in enumerate(inputs.rows()):
         latitude, longitude = place_of(row)
         easting, northing = convert.transform(longitude, latitude)
         heading = row["heading_deg"] - grid.get_factors(longitude, latitude).meridian_convergence
-        cells = (easting, northing, row["depth_m"], heading % 360, row["roll_deg"], row["pitch_deg"])
-        lines.append(f"{time_of(k):%Y-%m-%dT%H:%M:%SZ}\t" + "\t".join(f"{cell:.3f}" for cell in cells))
-    path.write_text("\n".join(lines) + "\n")
+        rows.append((moment(k), easting, northing, row["depth_m"], heading % 360, row["roll_deg"], row["pitch_deg"]))
+    write_rows(path, ["Time (UTC)", "Easting", "Northing", "Depth (m)", "Heading", "Roll", "Pitch"], rows, "\t")
 
 
 def nmea_log(inputs: Inputs, path: Path) -> None:
@@ -200,26 +184,26 @@ def ties(inputs: Inputs, path: Path) -> None:
 
 def control(inputs: Inputs, path: Path) -> None:
     """A point of every other scan, with its true place."""
-    lines = ["name,scan,x_m,y_m,z_m,east_m,north_m,up_m,sigma_m"]
     poses = read_tum(inputs.made("scans") / "truth.tum").T_world_sensor
-    for k in range(0, len(poses), 2):
-        point = inputs.points(k)[100 * k, :3]
-        lines.append(f"mark {k},scan_{k:03d}," + ",".join(f"{x:.4f}" for x in (*point, *poses[k].apply(point), 0.5)))
-    path.write_text("\n".join(lines) + "\n")
+    points = {k: inputs.points(k)[100 * k, :3] for k in range(0, len(poses), 2)}
+    rows = [(f"mark {k}", f"scan_{k:03d}", *p, *poses[k].apply(p), 0.5) for k, p in points.items()]
+    write_rows(path, ["name", "scan", "x_m", "y_m", "z_m", "east_m", "north_m", "up_m", "sigma_m"], rows)
 
 
 def graph(inputs: Inputs, path: Path) -> None:
     shutil.copy(inputs.made("map") / "graph.g2o", path)
 
 
+GATE, HARBOR = "simulate --scene floodgate --scans 8 --seed 1", "simulate --scene harbor --scans 4 --dive"
 INPUTS: dict[str, Callable[[Inputs, Path], None]] = {
-    "scans": scans,
-    "measured": measured,
-    "map": map_of("scans"),
+    "scans": made_by(GATE),
+    # the same scans with what instruments measured of them
+    "measured": made_by(f"{GATE} --priors attitude,heading,depth,position --fix-sigma 1"),
+    "map": made_by("map --grid 64", "scans"),
     "dive": dive_folder,
-    "A": one_dive(1),
-    "B": one_dive(2),
-    "both": map_of("A", "B"),
+    "A": made_by(f"{HARBOR} 1"),
+    "B": made_by(f"{HARBOR} 2"),
+    "both": made_by("map --grid 64", "A", "B"),
     "survey.sonar": sonar_recording,
     "dive.sonar": sonar_recording,
     "dive.bag": bag,

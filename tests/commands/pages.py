@@ -32,22 +32,19 @@ _PLACEHOLDER = re.compile(r"\.\.\.|\b(VERB|OUT|SCANS|TARGET|SOURCE|IN\.g2o|DIR|F
 
 @dataclass(frozen=True, slots=True)
 class Example:
-    """A command, or a program in Python, of a page.
-
-    Attributes:
-        text: as a shell or Python takes it.
-        language: of it.
-        inline: whether it stands in a sentence or a table.
-        not_run: why it is not run; empty where it is.
-    """
+    """A command, or a program in Python, of a page, as a shell or Python takes it."""
 
     text: str
     language: Literal["sh", "python"]
-    inline: bool
-    not_run: str
+    inline: bool  # it stands in a sentence or a table
+    not_run: str  # why it is not; empty where it is run
 
 
 SHELL = ("|", "&&", ">", ">>")
+
+
+def named(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
 
 
 def starts(page: Path) -> list[str]:
@@ -55,15 +52,10 @@ def starts(page: Path) -> list[str]:
     return [name for names in _STARTS.findall(page.read_text()) for name in names.split()]
 
 
-def not_run(page: Path) -> list[tuple[str, str]]:
-    """The start of commands that are not run, and why."""
-    return _NOT_RUN.findall(page.read_text())
-
-
 @cache
 def examples(page: Path) -> tuple[Example, ...]:
     """Every command of the page, in the page's order; of a sentence those alone that are complete."""
-    text, reasons = page.read_text(), not_run(page)
+    text, reasons = page.read_text(), _NOT_RUN.findall(page.read_text())
     found: list[tuple[int, Example]] = []
     for block in _BLOCK.finditer(text):
         if block[1] == "python":
@@ -132,11 +124,7 @@ def words_of(text: str) -> list[str]:
 
 
 def parse(text: str) -> None:
-    """Take the command apart as the real command line does; nothing is run.
-
-    Raises:
-        UsageError: there is no such verb or option, or something is missing.
-    """
+    """Take the command apart as the real command line does, with its UsageErrors; nothing is run."""
     verb, *arguments = words_of(text)
     if verb not in verbs():
         raise UsageError(f"there is no verb {verb!r}")
@@ -144,10 +132,8 @@ def parse(text: str) -> None:
 
 
 def is_complete(text: str) -> bool:
-    if _PLACEHOLDER.search(text):
-        return False
     try:
         parse(text)
     except UsageError:
         return False
-    return True
+    return not _PLACEHOLDER.search(text)

@@ -8,10 +8,10 @@ import pytest
 from tests.commands.inputs import INPUTS
 from tests.commands.pages import (
     PAGES,
-    ROOT,
     all_options,
     examples,
     mentions,
+    named,
     options,
     options_of,
     parse,
@@ -22,10 +22,6 @@ from tests.commands.pages import (
 
 # Options of other programs that sentences name.
 FOREIGN = {"-m", "--no-deps", "--quiet"}
-
-
-def named(page: Path) -> str:
-    return page.relative_to(ROOT).as_posix()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)

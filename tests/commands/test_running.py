@@ -15,14 +15,10 @@ from typer.testing import CliRunner
 
 from sonarmap.tools.command.main import app
 from tests.commands.inputs import Inputs
-from tests.commands.pages import PAGES, ROOT, Example, examples, starts, words_of
+from tests.commands.pages import PAGES, ROOT, Example, examples, named, starts, words_of
 from tests.samples.command_line import SONARMAP
 
 LIMIT = 900  # [s] for a command
-
-
-def named(page: Path) -> str:
-    return page.relative_to(ROOT).as_posix()
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +42,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 @pytest.mark.slow
 @pytest.mark.timeout(2 * LIMIT)
 @pytest.mark.parametrize("page", PAGES, ids=named)
-def test_the_page_runs_as_it_is_written(
-    page: Path, inputs: Inputs, environment: dict[str, str], tmp_path: Path
-) -> None:
+def test_the_page_runs(page: Path, inputs: Inputs, environment: dict[str, str], tmp_path: Path) -> None:
     if not examples(page):
         pytest.skip("no commands")
     for name in starts(page):

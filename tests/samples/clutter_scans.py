@@ -4,6 +4,7 @@ import csv
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -80,6 +81,33 @@ def refused_with_reason(result: Result) -> None:
         failure = json.loads(result.stdout)
         assert failure == {"error": failure["error"], "exit_code": 2}
         assert " ".join(failure["error"].split()) in " ".join(result.stderr.split())
+
+
+def refused(result: Result, *words: str) -> None:
+    """Check that a command refused what it was given, in these words."""
+    refused_with_reason(result)
+    said(result, *words)
+
+
+def done(result: Result) -> Result:
+    """The result, of a command that ended well."""
+    assert result.exit_code == 0, result.stderr
+    return result
+
+
+def printed(result: Result, exit_code: int = 0) -> Any:
+    """What a command printed as strict JSON when it ended with this code."""
+    assert result.exit_code == exit_code, result.stderr
+    return strict_json(result.stdout)
+
+
+def strict_json(text: str) -> Any:
+    """Of JSON without NaN or infinity, which Python would read."""
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(f"{constant} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
 
 
 def said(result: Result, *words: str) -> None:

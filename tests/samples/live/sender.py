@@ -32,8 +32,8 @@ def sender(address: str = LOOPBACK) -> socket.socket:
     return sending
 
 
-def send(datagrams: Iterable[bytes], to: tuple[str, int], rate: float, address: str = LOOPBACK) -> None:
-    """Send them, so many per second."""
+def send(datagrams: Iterable[bytes], to: tuple[str, int], rate: float = np.inf, address: str = LOOPBACK) -> None:
+    """Send them, so many per second, or at once."""
     start = time.monotonic()
     with sender(address) as sending:
         for number, content in enumerate(datagrams):

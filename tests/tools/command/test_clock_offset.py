@@ -44,9 +44,7 @@ def dive(tmp_path: Path) -> tuple[tuple[Scan, ...], Path]:
     return read_scans([path]).scans, path
 
 
-def test_a_clock_that_is_37_seconds_ahead_is_found(
-    dive: tuple[tuple[Scan, ...], Path], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_clock_37_seconds_ahead(dive: tuple[tuple[Scan, ...], Path], capsys: pytest.CaptureFixture[str]) -> None:
     scans, path = dive
     nav = path.with_name("nav.csv")
     settings = NavigationReading(nav_offset="auto").settings(nav)

@@ -3,6 +3,7 @@
 import shutil
 from collections.abc import Callable
 from contextlib import nullcontext
+from functools import reduce
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,16 +13,14 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.run import run
-from tests.samples.clutter_scans import files_in, refused_with_reason, said, scan, sonarmap, write
+from tests.samples.clutter_scans import files_in, refused, said, sonarmap
 from tests.samples.damage.pose_files import POSE_FILES
 from tests.samples.experiments.fake_experiment import Fake, origin
+from tests.tools.command.test_nothing_lost import RESULTS
 
 GRID = ("--grid", "64")
-
-
-@pytest.fixture(scope="module")
-def scans(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    return write(tmp_path_factory.mktemp("scans"), a=scan(0), b=scan(1), c=scan(2))
+Removal = Callable[[Path], None]
+Patch = pytest.MonkeyPatch
 
 
 @pytest.fixture
@@ -42,13 +41,11 @@ def a_file_instead(out: Path) -> None:
     out.write_text("mine")
 
 
-def when(monkeypatch: pytest.MonkeyPatch, function: str, remove: Callable[[], None], after: bool = False) -> None:
+def when(patch: Patch, function: str, remove: Callable[[], None], after: bool = False) -> None:
     """Call `remove` at the first call of a function, given as module:name."""
     module, name = function.split(":")
-    place: Any = import_module(module)
     *parts, name = name.split(".")
-    for part in parts:
-        place = getattr(place, part)
+    place: Any = reduce(getattr, parts, import_module(module))
     original, calls = getattr(place, name), []
 
     def wrapped(*args: Any, **options: Any) -> Any:
@@ -60,73 +57,50 @@ def when(monkeypatch: pytest.MonkeyPatch, function: str, remove: Callable[[], No
             remove()
         return result
 
-    monkeypatch.setattr(place, name, wrapped)
+    patch.setattr(place, name, wrapped)
 
 
 BEFORE, AFTER = False, True
-WRITING = ("map.ply", "map_all.ply", "map.png", "profile.png", "trajectory.tum", "graph.g2o", "graph.json", "pairs.csv")
-WRITING += ("summary.json", "times.json")
 KEEP, WRITE = "sonarmap.slam.execute.journal:Journal.add", "sonarmap.tools.products.output.folder:write_points"
 
 
 @pytest.mark.parametrize("remove", [folder, journal, a_file_instead])
 @pytest.mark.parametrize("moment", [BEFORE, AFTER])
-def test_while_pairs_are_kept(
-    out: Path, scans: list[str], remove: Callable[[Path], None], moment: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_while_pairs_are_kept(out: Path, scans: list[str], remove: Removal, moment: bool, monkeypatch: Patch) -> None:
     when(monkeypatch, KEEP, lambda: remove(out), moment)
     result = sonarmap("map", *scans, "-o", out, *GRID, "--json")
-    refused_with_reason(result)
-    said(result, f"{out / 'journal.sqlite'} was removed or replaced while this run was using it", "again")
+    refused(result, f"{out / 'journal.sqlite'} was removed or replaced while this run was using it", "again")
     assert not out.is_dir() or files_in(out) == {}
 
 
 @pytest.mark.parametrize(
-    ("function", "moment"),
+    ("verb", "function", "moment"),
     [
-        (WRITE, AFTER),
-        ("sonarmap.tools.products.output.folder:write_json", BEFORE),
-        ("sonarmap.tools.products.output.folder:write_survey", AFTER),
+        ("map", WRITE, AFTER),
+        ("map", "sonarmap.tools.products.output.folder:write_json", BEFORE),
+        ("map", "sonarmap.tools.products.output.folder:write_survey", AFTER),
+        ("simulate", "sonarmap.tools.lab.simulate.folder:write_ply", AFTER),
     ],
 )
 @pytest.mark.parametrize("remove", [folder, a_file_instead])
-def test_while_the_map_is_written(
-    out: Path,
-    scans: list[str],
-    remove: Callable[[Path], None],
-    function: str,
-    moment: bool,
-    monkeypatch: pytest.MonkeyPatch,
+def test_while_results_are_written(
+    out: Path, scans: list[str], remove: Removal, verb: str, function: str, moment: bool, monkeypatch: Patch
 ) -> None:
     when(monkeypatch, function, lambda: remove(out), moment)
-    result = sonarmap("map", *scans[:2], "-o", out, *GRID, "--json")
-    refused_with_reason(result)
-    said(result, "error: ", str(out))
+    arguments = (*scans[:2], *GRID, "--json") if verb == "map" else ("--scene", "pool", "--scans", "2")
+    refused(sonarmap(verb, *arguments, "-o", out), "error: ", "" if verb == "map" else "cannot write ", str(out))
     assert not out.is_dir() or files_in(out) == {}
     assert remove is folder or out.read_text() == "mine"
 
 
-def test_before_the_map_is_written_it_is_made_again(
-    out: Path, scans: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_before_the_map_is_written_it_is_made_again(out: Path, scans: list[str], monkeypatch: Patch) -> None:
     when(monkeypatch, WRITE, lambda: folder(out))
     assert sonarmap("map", *scans[:2], "-o", out, *GRID).exit_code == 0
-    assert set(files_in(out)) == {*WRITING, "report.html"}
+    assert set(files_in(out)) == RESULTS
 
 
 @pytest.mark.parametrize("remove", [folder, a_file_instead])
-def test_while_a_simulation_is_written(
-    out: Path, remove: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    when(monkeypatch, "sonarmap.tools.lab.simulate.folder:write_ply", lambda: remove(out), AFTER)
-    result = sonarmap("simulate", "--scene", "pool", "--scans", "2", "-o", out)
-    refused_with_reason(result)
-    said(result, f"error: cannot write {out}")
-    assert not out.is_dir() or files_in(out) == {}
-
-
-@pytest.mark.parametrize("remove", [folder, a_file_instead])
-def test_while_a_graph_is_optimized(out: Path, remove: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_while_a_graph_is_optimized(out: Path, remove: Removal, monkeypatch: Patch) -> None:
     source = out.parents[1] / "in.g2o"
     source.write_bytes(POSE_FILES["g2o"].content)
     when(monkeypatch, "sonarmap.tools.files.writers.g2o:_line", lambda: remove(out))

@@ -28,6 +28,7 @@ def test_the_short_help_fits_a_screen(verb: str) -> None:
     lines = page(verb, "--help")
     assert len(lines) <= MOST_ROWS.get(verb, 33)
     assert max(map(len, lines)) <= 80
+    assert lines[0].startswith(f"Usage: sonarmap {verb}")
     assert f"sonarmap {verb} --help-all" in lines[-2 if not lines[-1] else -1]
 
 
@@ -89,4 +90,5 @@ def test_the_call_is_shown_with_what_it_needs() -> None:
 def test_the_help_of_the_command_fits_a_screen() -> None:
     lines = page("--help")
     assert len(lines) <= 36
+    assert all(any(line.startswith(f"  {verb} ") for line in lines) for verb in VERBS)
     assert any(line.startswith("  view       Open a finished map's report, OUT/report.html") for line in lines)

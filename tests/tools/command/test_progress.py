@@ -24,9 +24,7 @@ class TestProgress:
         assert printed.err.startswith("pairs: 100 of 100, ")
         assert printed.err.endswith("(a [note])\n")
 
-    def test_a_pipe_hears_of_the_time_left(
-        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_the_time_left(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
         clock = iter([0.0, 0.0, 0.0, 2.0, 6.0, 9.0])  # the start, the plan, three pieces
         monkeypatch.setattr("sonarmap.tools.command.progress.time.monotonic", lambda: next(clock))
         with progress("pairs", 3) as advance:

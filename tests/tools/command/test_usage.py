@@ -20,6 +20,8 @@ from tests.samples.clutter_scans import sonarmap
          "shows how it is called."),
         ("map a.ply", "error: --out is missing: Folder for the results. `sonarmap map --help` shows how it is called."),
         ("map a.ply -o", "error: -o needs a value after it; give one, or leave -o out."),
+        ("devices --device", "error: --device needs a value after it"),
+        ("devices --bogus", "error: sonarmap devices has no option --bogus"),
         ("register a b c", "error: c is too much; `sonarmap register --help` shows how it is called."),
         ("devices --json=3", "error: --json takes no value; leave out what stands after it."),
         ("map a.ply -o x --grid many", "error: --grid: 'many'; give a whole number"),

@@ -78,10 +78,5 @@ class TestWords:
         assert (worst([]), worst(["ok", "warning", "ok"])) == ("ok", "warning")
 
     def test_sizes(self) -> None:
-        assert [size(n) for n in (0, 1023, 65536, 1.5 * 2**20, 3 * 2**34)] == [
-            "0 bytes",
-            "1023 bytes",
-            "64 KiB",
-            "1.5 MiB",
-            "48 GiB",
-        ]
+        sizes = {0: "0 bytes", 1023: "1023 bytes", 65536: "64 KiB", 1.5 * 2**20: "1.5 MiB", 3 * 2**34: "48 GiB"}
+        assert {n: size(n) for n in sizes} == sizes

@@ -23,6 +23,11 @@ def examined(shown: subprocess.CompletedProcess[str]) -> dict[str, dict[str, Any
     return {check["check"]: check for check in json.loads(shown.stdout)["checks"]}
 
 
+def quick(**machine: Any) -> dict[str, dict[str, Any]]:
+    """The checks of `doctor --quick` on a machine, as broken.sonarmap takes it."""
+    return examined(sonarmap("doctor", "--json", "--quick", **machine))
+
+
 def commands_of(check: dict[str, Any]) -> list[str]:
     return [remedy["command"] for remedy in check["remedies"] if remedy["command"]]
 
@@ -69,7 +74,7 @@ class TestBrokenLibraries:
     @own_loader
     def test_the_loader_of_the_wheel_is_missing(self, tmp_path: Path) -> None:
         first = without_drivers(tmp_path, loader=False)
-        checks = examined(sonarmap("doctor", "--json", "--quick", first=first))
+        checks = quick(first=first)
         assert "cannot open shared object file" in checks["OpenCL"]["seen"]
         assert "--force-reinstall --no-deps pyopencl" in commands_of(checks["OpenCL"])[0]
         shown = sonarmap("devices", first=first)
@@ -90,11 +95,6 @@ class TestBrokenLibraries:
         shown = sonarmap("devices", first=first, variables=vendors)
         assert shown.returncode == 2
         assert "'sonarmap doctor' says where drivers were looked for" in " ".join(shown.stderr.split())
-
-    def test_a_device_that_is_not_there_is_named(self) -> None:
-        checks = examined(sonarmap("doctor", "--json", "--quick", variables={"PYOPENCL_CTX": "abacus"}))
-        assert "no OpenCL device matches 'abacus'" in checks["OpenCL"]["seen"]
-        assert commands_of(checks["OpenCL"]) == ["unset PYOPENCL_CTX"]
 
     @pytest.mark.slow
     def test_a_library_that_ends_the_process_is_blamed_and_the_others_are_tried(self, tmp_path: Path) -> None:
@@ -124,7 +124,7 @@ class TestBrokenLibraries:
         about = tmp_path / "gtsam-1.0.dist-info"
         about.mkdir()
         (about / "METADATA").write_text("Metadata-Version: 2.1\nName: gtsam\nVersion: 1.0\n")
-        checks = examined(sonarmap("doctor", "--json", "--quick", first=tmp_path))
+        checks = quick(first=tmp_path)
         assert checks["libraries"]["verdict"] == "wrong"
         assert "gtsam 1.0, wanted gtsam>=" in checks["libraries"]["seen"]
         assert re.search(r"-m pip install 'gtsam>=[\d.]+'$", commands_of(checks["libraries"])[0])

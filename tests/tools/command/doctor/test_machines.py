@@ -6,6 +6,7 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import pytest
 from sonarmap.tools.command.doctor.storage import look_at
 from sonarmap.tools.files.memory import available_memory, memory_limits
 from tests.tools.command.doctor.broken import sonarmap
-from tests.tools.command.doctor.test_doctor import commands_of, examined
+from tests.tools.command.doctor.test_doctor import commands_of, examined, quick
 
 GROUPS = Path("/sys/fs/cgroup/memory")
 
@@ -64,7 +65,7 @@ class TestDisks:
     def test_a_full_disk_of_temporary_files(self, tmp_path: Path) -> None:
         with mounted(tmp_path / "full", "size=64k") as full:
             (full / "rest").write_bytes(bytes(60 << 10))
-            checks = examined(sonarmap("doctor", "--json", "--quick", variables={"TMPDIR": str(full)}))
+            checks = quick(variables={"TMPDIR": str(full)})
             assert checks["temporary"]["verdict"] == "wrong"
             assert commands_of(checks["temporary"]) == ["export TMPDIR=/var/tmp"]
 
@@ -92,10 +93,6 @@ class TestDisks:
             assert "cannot be written (read-only file system)" in made.stderr
             assert "Traceback" not in made.stderr
             assert (tmp_path / "out" / "map.ply").exists()
-
-    def test_files_that_cannot_grow(self) -> None:
-        disk = examined(sonarmap("doctor", "--json", "--quick", limit="-f 20000"))["disk"]
-        assert (disk["verdict"], commands_of(disk)) == ("wrong", ["ulimit -f unlimited"])
 
     def test_a_file_in_place_of_the_folder(self, tmp_path: Path) -> None:
         (tmp_path / "out").touch()
@@ -134,10 +131,9 @@ class TestMemory:
             pytest.skip("this user cannot make a control group (of version 1)")
         try:
             inside = ["sh", "-c", f'echo $$ > {group}/cgroup.procs; exec "$@"', "sh"]
-            shown = sonarmap("doctor", "--json", "--quick", within=inside)
+            memory = quick(within=inside)["memory"]
         finally:
             group.rmdir()
-        memory = examined(shown)["memory"]
         assert memory["verdict"] == "wrong"
         assert "the control group allows 300 MiB" in memory["seen"]
 
@@ -158,21 +154,25 @@ class TestMemory:
         assert "the control group" not in memory_limits()
 
 
-def test_few_open_files() -> None:
-    checks = examined(sonarmap("doctor", "--json", "--quick", limit="-Sn 100"))
-    assert checks["open files"]["verdict"] == "warning"
-    assert commands_of(checks["open files"])[0].startswith("ulimit -n ")
+ASCII = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C", "PYTHONIOENCODING": "ascii"}
 
 
-def test_threads_that_are_no_number() -> None:
-    checks = examined(sonarmap("doctor", "--json", "--quick", variables={"SONARMAP_THREADS": "two"}))
-    assert checks["cores"]["verdict"] == "wrong"
-    assert commands_of(checks["cores"]) == ["unset SONARMAP_THREADS"]
-    assert checks["OpenCL"]["seen"].startswith("the environment's SONARMAP_THREADS is 'two'")
-
-
-def test_a_locale_that_is_not_utf8() -> None:
-    environment = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C", "PYTHONIOENCODING": "ascii"}
-    checks = examined(sonarmap("doctor", "--json", "--quick", variables=environment))
-    assert checks["text"]["verdict"] == "warning"
-    assert commands_of(checks["text"]) == ["export PYTHONUTF8=1"]
+@pytest.mark.parametrize(
+    ("machine", "check", "verdict", "command", "opencl"),
+    [
+        ({"limit": "-f 20000"}, "disk", "wrong", "ulimit -f unlimited$", ""),
+        ({"limit": "-Sn 100"}, "open files", "warning", "ulimit -n ", ""),
+        ({"variables": ASCII}, "text", "warning", "export PYTHONUTF8=1$", ""),
+        ({"variables": {"SONARMAP_THREADS": "two"}}, "cores", "wrong", "unset SONARMAP_THREADS$",
+         "the environment's SONARMAP_THREADS is 'two'"),
+        ({"variables": {"PYOPENCL_CTX": "abacus"}}, "OpenCL", "wrong", "unset PYOPENCL_CTX$",
+         "no OpenCL device matches 'abacus'"),
+    ],
+)  # fmt: skip
+def test_a_limit_or_a_variable(machine: dict[str, Any], check: str, verdict: str, command: str, opencl: str) -> None:
+    checks = quick(**machine)
+    commands = commands_of(checks[check])
+    assert checks[check]["verdict"] == verdict
+    assert re.match(command, commands[0])
+    assert len(commands) == 1 or check == "open files"
+    assert checks["OpenCL"]["seen"].startswith(opencl)

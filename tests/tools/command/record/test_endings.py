@@ -15,7 +15,7 @@ import pytest
 from sonarmap.tools.files.readers.sonar.recording import Recording
 from tests.samples.command_line import ROOT, SONARMAP
 from tests.samples.live.recorded import messages_by_wlsonar
-from tests.samples.live.sender import LOOPBACK, free_port, sender
+from tests.samples.live.sender import LOOPBACK, free_port, send
 from tests.samples.recordings import recording
 
 PACKETS = [packet.content for packet in recording(20)]
@@ -28,9 +28,8 @@ def running(
     """`sonarmap record`, once it listens, and where."""
     port, before = free_port(), set(out.parent.iterdir())
     command = [*SONARMAP, "record", "-o", str(out), "--unicast", f"{LOOPBACK}:{port}", *options]
-    started = subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=limit
-    )
+    pipe = subprocess.PIPE
+    started = subprocess.Popen(command, cwd=ROOT, stdout=pipe, stderr=pipe, text=True, preexec_fn=limit)
     with started:
         try:
             while started.poll() is None and set(out.parent.iterdir()) == before:  # the part is made once it listens
@@ -38,12 +37,6 @@ def running(
             yield started, (LOOPBACK, port)
         finally:
             started.kill()
-
-
-def send(datagrams: list[bytes], to: tuple[str, int]) -> None:
-    with sender() as sending:
-        for content in datagrams:
-            sending.sendto(content, to)
 
 
 def shots_in(path: Path) -> int:
@@ -69,9 +62,8 @@ def test_a_signal_ends_it_well(tmp_path: Path, number: int) -> None:
     assert lines[0].startswith(f"{tmp_path}/dive.sonar: 20 shots in 0:00:0")
     assert lines[1] == "missing by their numbers: 0 shots, 0 strength images, 0.00 % of the packets"
     assert lines[2] == "lost in this computer: 0; damaged: 0"
-    assert errors.startswith(
-        f"listening at {to[0]}:{to[1]}; until the end the recording is in {tmp_path}/dive.part.sonar"
-    )
+    part = f"{tmp_path}/dive.part.sonar"
+    assert errors.startswith(f"listening at {to[0]}:{to[1]}; until the end the recording is in {part}")
     assert lines[3].startswith("sonar 127.0.0.1; its clock is")
     assert "no IMU batches" in lines[3]
     assert lines[-1] == f"next: sonarmap inspect {tmp_path}/dive.sonar"

@@ -25,6 +25,11 @@ GROUP = "239.255.47.47"  # of those that no router hands on
 AT_ONCE = 20  # datagrams; Linux grants a receive buffer for five times as many, if not told otherwise
 
 
+def contents(count: int, first: int = 4448) -> list[bytes]:
+    """The datagrams of so many shots."""
+    return [packet.content for packet in recording(count, first=first)]
+
+
 def send_all(datagrams: list[bytes], to: tuple[str, int], address: str = LOOPBACK) -> None:
     with sender(address) as sending:
         for number, content in enumerate(datagrams):
@@ -41,11 +46,10 @@ def lost_between(kind: str, sent: list[PacketOf], lost: list[PacketOf]) -> int:
 
 def test_losses_are_counted_and_all_else_is_in_the_file(tmp_path: Path) -> None:
     packets, events = disturbed(list(recording(400)), seed=3, share=0.03)
-    status, warnings = record_while(
-        tmp_path / "dive.sonar", lambda to: send_all([packet.content for packet in packets], to)
-    )
+    datagrams = [packet.content for packet in packets]
+    status, warnings = record_while(tmp_path / "dive.sonar", lambda to: send_all(datagrams, to))
     assert status.path == tmp_path / "dive.sonar"
-    assert status.path.read_bytes() == b"".join(packet.content for packet in packets)
+    assert status.path.read_bytes() == b"".join(datagrams)
     ranges, strengths = status.tally.kinds[RANGES], status.tally.kinds[STRENGTHS]
     assert ranges.numbers.missing == lost_between("range", packets, events.lost) > 0
     assert strengths.numbers.missing == lost_between("strength", packets, events.lost) > 0
@@ -59,7 +63,7 @@ def test_losses_are_counted_and_all_else_is_in_the_file(tmp_path: Path) -> None:
 
 
 def test_the_file_is_read_by_our_reader_and_by_wlsonar(tmp_path: Path) -> None:
-    packets = [packet.content for packet in recording(30)]
+    packets = contents(30)
     imu = imu_packets(6.0, lambda _: np.array([0.0, 0.0, -9.81]), np.zeros(3))
     status, _ = record_while(tmp_path / "dive.sonar", lambda to: send_all([*packets, *imu], to))
     assert [type(message) for message in messages_by_wlsonar(status.path)] == [
@@ -73,7 +77,7 @@ def test_the_file_is_read_by_our_reader_and_by_wlsonar(tmp_path: Path) -> None:
 
 
 def test_what_is_not_the_sonars_is_counted_and_left_out(tmp_path: Path) -> None:
-    packets = [packet.content for packet in recording(20)]
+    packets = contents(20)
     flipped = packets[8][:-1] + bytes([packets[8][-1] ^ 1])
     datagrams = [*packets[:8], flipped, packets[9][:-5], b"noise from the sonar", b"", *packets[10:]]
 
@@ -93,7 +97,7 @@ def test_what_is_not_the_sonars_is_counted_and_left_out(tmp_path: Path) -> None:
 def test_packets_of_kinds_that_nobody_knows_are_kept(tmp_path: Path) -> None:
     unknown = rip.packb(rip.Header(sequence_id=7))
     unreadable = with_checksum(rip.packb(rip.RangeImage(width=1)).replace(b"RIP2", b"RIP1"))
-    packets = [packet.content for packet in recording(2)]
+    packets = contents(2)
     status, _ = record_while(tmp_path / "a.sonar", lambda to: send_all([packets[0], unknown, unreadable], to))
     assert status.path.read_bytes() == packets[0] + unknown + unreadable
     assert (status.tally.undocumented, status.tally.unreadable, status.tally.packets) == (1, 1, 3)
@@ -101,7 +105,7 @@ def test_packets_of_kinds_that_nobody_knows_are_kept(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("wanted", "kept"), [(None, 0), (OTHER, 1), (LOOPBACK, 0)])
 def test_of_two_sonars_one_is_recorded(tmp_path: Path, wanted: str | None, kept: int) -> None:
-    both = [[packet.content for packet in recording(15, first=first)] for first in (100, 7000)]
+    both = [contents(15, first) for first in (100, 7000)]
 
     def sends(to: tuple[str, int]) -> None:
         for pair in zip(*both, strict=True):
@@ -115,11 +119,9 @@ def test_of_two_sonars_one_is_recorded(tmp_path: Path, wanted: str | None, kept:
     assert f"another sonar sends too ({(LOOPBACK, OTHER)[1 - kept]})" in " ".join(warnings)
 
 
-def test_a_sonar_that_comes_back_at_another_address_is_recorded_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_sonar_that_comes_back_at_another_address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sonarmap.tools.command.record.senders._GONE", 0.2)
-    packets = [packet.content for packet in recording(10)]
+    packets = contents(10)
 
     def sends(to: tuple[str, int]) -> None:
         send_all(packets[:8], to)
@@ -153,14 +155,14 @@ def interface() -> str:
 
 @pytest.mark.parametrize("which", ["all", "name", "address"])
 def test_multicast(tmp_path: Path, interface: str, which: str) -> None:
-    packets = [packet.content for packet in recording(10)]
+    packets = contents(10)
     given = {"all": None, "name": interface, "address": LOOPBACK}[which]
     status, _ = record_while(tmp_path / "dive.sonar", lambda to: send_all(packets, to), GROUP, interface=given)
     assert status.path.read_bytes() == b"".join(packets)
 
 
 def test_a_group_takes_nothing_that_is_sent_to_an_address(tmp_path: Path, interface: str) -> None:
-    packets = [packet.content for packet in recording(10)]
+    packets = contents(10)
 
     def sends(to: tuple[str, int]) -> None:
         send_all(packets[:10], (LOOPBACK, to[1]))
@@ -187,18 +189,13 @@ def test_images_of_the_full_size_and_the_clock(tmp_path: Path) -> None:
 def test_the_map_of_the_recording_is_that_of_the_source(tmp_path: Path) -> None:
     dive = Dive("rubble", 8, rate=0.5, columns=64, rows=16)
     source = written(tmp_path / "source.sonar", dive.packets())
-    status, _ = record_while(
-        tmp_path / "dive.sonar", lambda to: send_all([packet.content for packet in dive.packets()], to)
-    )
-    results = [
-        sonarmap.map_scans(
-            [replace(scan, name=str(k)) for k, scan in enumerate(sonarmap.read_scans(path))],
-            edge=64,
-            settings=MapperSettings(LoopSettings(per_scan=0)),
-        )
-        for path in (source, status.path)
-    ]
-    (one, other), voxel = [result.maps[0].points for result in results], results[0].voxel
-    assert_array_equal(one, other)
-    assert len(one) > 300
-    assert voxel == results[1].voxel
+    datagrams = [packet.content for packet in dive.packets()]
+    status, _ = record_while(tmp_path / "dive.sonar", lambda to: send_all(datagrams, to))
+    results = []
+    for path in (source, status.path):
+        scans = [replace(scan, name=str(k)) for k, scan in enumerate(sonarmap.read_scans(path))]
+        results.append(sonarmap.map_scans(scans, edge=64, settings=MapperSettings(LoopSettings(per_scan=0))))
+    one, other = results
+    assert_array_equal(one.maps[0].points, other.maps[0].points)
+    assert len(one.maps[0].points) > 300
+    assert one.voxel == other.voxel

@@ -13,17 +13,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from sonarmap.tools.command.main import app
 from sonarmap.tools.command.settings.in_force import NAMED_ONLY
-from tests.samples.clutter_scans import scan, write
+from tests.samples.clutter_scans import refused, said, scan, write
+from tests.samples.clutter_scans import sonarmap as run
 from tests.samples.command_line import ROOT, SONARMAP
 from tests.tools.command.settings.test_setting import SETTINGS
 
 
-def run(*arguments: str) -> Result:
-    return CliRunner(env={"COLUMNS": "200", "TERMINAL_WIDTH": "200"}).invoke(app, list(arguments))
+def sets(text: str, name: str = "sonarmap.toml") -> None:
+    """Write a file of settings to the current folder."""
+    Path(name).write_text(text)
 
 
 def listed(*arguments: str) -> dict[tuple[str, str], dict[str, Any]]:
@@ -49,8 +49,8 @@ class TestConfig:
         table = run("config").stdout
         assert [entry.key for entry in SETTINGS if not re.search(rf"^ +{entry.key} ", table, re.MULTILINE)] == []
 
-    def test_the_table_fits_80_columns(self, folder: Path) -> None:
-        (folder / "sonarmap.toml").write_text("[common]\nmax-tilt = 20\nmagnetic-declination = 2.5\n")
+    def test_the_table_fits_80_columns(self) -> None:
+        sets("[common]\nmax-tilt = 20\nmagnetic-declination = 2.5\n")
         read, terminal = pty.openpty()
         fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 80, 0, 0))
         environment = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
@@ -62,8 +62,8 @@ class TestConfig:
         assert max(map(len, lines)) <= 80
         assert any(re.match(r"  magnetic-declination +deg +none +2\.5 +\[common\]", line) for line in lines)
 
-    def test_what_is_in_force_and_from_where(self, folder: Path) -> None:
-        (folder / "sonarmap.toml").write_text("[common]\ngrid = 96\nvoxel = 0.5\n[map]\ngrid = 64\nmax-speed = 2\n")
+    def test_what_is_in_force_and_from_where(self) -> None:
+        sets("[common]\ngrid = 96\nvoxel = 0.5\n[map]\ngrid = 64\nmax-speed = 2\n")
         rows = listed()
         assert (rows["map", "grid"]["value"], rows["map", "grid"]["source"]) == (64, "map")
         assert (rows["inspect", "grid"]["value"], rows["inspect", "grid"]["source"]) == (96, "common")
@@ -72,21 +72,19 @@ class TestConfig:
         assert rows["bench", "grid"]["source"] == "default"
         assert re.search(r"max-speed +m/s +learned +2 +\[map\]", run("config", "map").stdout)
 
-    def test_the_file_that_it_prints_is_one(self, folder: Path) -> None:
+    def test_the_file_that_it_prints_is_one(self) -> None:
         text = run("config", "--toml").stdout
         assert tomllib.loads(text) == {section: {} for section in re.findall(r"^\[(.+)\]$", text, re.MULTILINE)}
         lines = re.findall(r"^# ([\w-]+) = ", text, re.MULTILINE)
         assert set(lines) == {entry.key for entry in SETTINGS}
         assert max(map(len, text.splitlines())) <= 120
-        (folder / "sonarmap.toml").write_text(text)
+        sets(text)
         assert listed() == listed("--config", "/dev/null")
 
     def test_what_is_set_stays_set_in_the_file_that_it_prints(self, folder: Path) -> None:
-        settings = (
-            '[common]\ngrid = 96\nmount = "0,0,180"\n[map]\nreport = false\nalso = ["pcd", "kitti"]\nvoxel = 0.25\n'
-        )
-        (folder / "a.toml").write_text(settings)
-        (folder / "b.toml").write_text(run("--config", "a.toml", "config", "--toml").stdout)
+        common, own = 'grid = 96\nmount = "0,0,180"', 'report = false\nalso = ["pcd", "kitti"]\nvoxel = 0.25'
+        sets(f"[common]\n{common}\n[map]\n{own}\n", "a.toml")
+        sets(run("--config", "a.toml", "config", "--toml").stdout, "b.toml")
         first, again = listed("--config", "a.toml"), listed("--config", "b.toml")
         assert {key: row["value"] for key, row in first.items()} == {key: row["value"] for key, row in again.items()}
         assert again["map", "also"]["value"] == ["pcd", "kitti"]
@@ -99,17 +97,12 @@ class TestConfig:
     def test_refusals(self) -> None:
         assert "'mpa' is not a verb; choose one of register, map" in run("config", "mpa").stderr
         assert run("config", "--toml", "--json").exit_code == 2
-        gone = run("--config", "gone.toml", "config")
-        assert (gone.exit_code, "cannot read the settings gone.toml" in gone.stderr) == (2, True)
+        refused(run("--config", "gone.toml", "config"), "cannot read the settings gone.toml")
 
 
 class TestInForce:
-    @pytest.fixture
-    def pair(self, folder: Path) -> list[str]:
-        return write(folder, target=scan(0), source=scan(1))
-
-    def test_the_command_line_counts_for_more(self, folder: Path, pair: list[str]) -> None:
-        (folder / "sonarmap.toml").write_text('[common]\nmethod = "icp"\nvoxel = 0.4\njson = true\n')
+    def test_the_command_line_counts_for_more(self, pair: list[str]) -> None:
+        sets('[common]\nmethod = "icp"\nvoxel = 0.4\njson = true\n')
         by_file = run("register", *pair)
         assert "settings from sonarmap.toml: method icp, voxel 0.4, json true" in by_file.stderr
         assert (json.loads(by_file.stdout)["method"], json.loads(by_file.stdout)["voxel"]) == ("icp", 0.4)
@@ -118,16 +111,16 @@ class TestInForce:
         assert json.loads(given.stdout)["voxel"] == 0.5
 
     def test_another_file_takes_the_place_of_that_in_the_folder(self, folder: Path, pair: list[str]) -> None:
-        (folder / "sonarmap.toml").write_text("[common]\ngrid = 97\n")
-        (folder / "other.toml").write_text('[register]\nmethod = "icp"\nvoxel = 0.4\n')
+        sets("[common]\ngrid = 97\n")
+        sets('[register]\nmethod = "icp"\nvoxel = 0.4\n', "other.toml")
         assert "settings from other.toml" in run("--config", "other.toml", "register", *pair).stderr
         broken = run("register", *pair)
-        assert (broken.exit_code, broken.stdout) == (2, "")
-        assert "sonarmap.toml: [common] grid is 97: --grid 97 is not an even product" in broken.stderr
+        assert broken.stdout == ""
+        refused(broken, "sonarmap.toml: [common] grid is 97: --grid 97 is not an even product")
 
-    def test_what_has_no_effect_is_set_aside_and_named(self, folder: Path, pair: list[str]) -> None:
+    def test_what_has_no_effect_is_set_aside_and_named(self, pair: list[str]) -> None:
         """What is written once for all runs does not stop the one that has no use for it."""
-        (folder / "sonarmap.toml").write_text(
+        sets(
             "[common]\nvoxel = 0.4\ngrid = 64\nyaw_peaks = 4\nmax-tilt = 20\nmount = '0,0,5'\n"
             "prior-sigmas = '1,1,1,1'\npriors = 'gone.csv'\n"
         )
@@ -135,44 +128,37 @@ class TestInForce:
         assert "settings from sonarmap.toml: voxel 0.4; without effect here: grid, " in result.stderr
         assert all(key in result.stderr for key in ("yaw-peaks", "priors", "mount", "prior-sigmas"))
         assert result.exit_code in (0, 3)
-        refused = run("register", *pair, "--method", "icp", "--yaw-peaks", "4")
-        assert refused.exit_code == 2
-        assert "--yaw-peaks has no effect with --method icp" in refused.stderr
+        wanted = run("register", *pair, "--method", "icp", "--yaw-peaks", "4")
+        refused(wanted, "--yaw-peaks has no effect with --method icp")
 
-    def test_a_way_to_work_on_the_command_line_replaces_that_of_the_file(self, folder: Path) -> None:
-        (folder / "sonarmap.toml").write_text("[map]\nworkers = 2\nvoxel = 0.4\nmethod = 'icp'\n")
+    def test_a_way_to_work_on_the_command_line_replaces_that_of_the_file(self) -> None:
+        sets("[map]\nworkers = 2\nvoxel = 0.4\nmethod = 'icp'\n")
         result = run("map", "nowhere", "-o", "out", "--scheduler", "tcp://127.0.0.1:1")
         assert "--workers" not in result.stderr
         assert "nowhere" in result.stderr
 
-    def test_a_value_that_only_the_run_can_refuse_is_said_to_be_the_file_s(self, folder: Path) -> None:
-        (folder / "sonarmap.toml").write_text("[map]\nunits = 'yard'\nquiet = true\n")
-        result = run("map", "nowhere", "-o", "out")
-        assert (result.exit_code, "'yard' is not known" in result.stderr) == (2, True)
-        assert "settings from sonarmap.toml: units yard, quiet true" in result.stderr
+    def test_a_value_that_only_the_run_can_refuse_is_said_to_be_the_file_s(self) -> None:
+        sets("[map]\nunits = 'yard'\nquiet = true\n")
+        refused(run("map", "nowhere", "-o", "out"), "'yard' is not known", "sonarmap.toml: units yard, quiet true")
 
-    def test_an_earlier_simulation_replaces_the_scene_of_the_file(self, folder: Path) -> None:
-        (folder / "sonarmap.toml").write_text("[simulate]\nscene = 'harbor'\nseed = 5\n")
-        result = run("simulate", "--like", "gone.json", "-o", "out")
-        assert "without effect here: scene, seed" in result.stderr
-        assert "gone.json" in result.stderr
+    def test_an_earlier_simulation_replaces_the_scene_of_the_file(self) -> None:
+        sets("[simulate]\nscene = 'harbor'\nseed = 5\n")
+        said(run("simulate", "--like", "gone.json", "-o", "out"), "without effect here: scene, seed", "gone.json")
 
-    def test_nothing_is_said_where_nothing_is_set(self, folder: Path, pair: list[str]) -> None:
-        (folder / "sonarmap.toml").write_text("[simulate]\nscans = 4\n")
+    def test_nothing_is_said_where_nothing_is_set(self, pair: list[str]) -> None:
+        sets("[simulate]\nscans = 4\n")
         assert "settings" not in run("register", *pair, "--method", "icp", "--voxel", "0.4").stderr
 
     def test_a_file_that_nobody_named_says_not_where_to_write_or_connect(self, folder: Path, pair: list[str]) -> None:
         """It may have come with somebody's scans, and a scheduler runs what it is sent."""
         settings = "[common]\nlog-file = 'log.txt'\n[register]\nmethod = 'icp'\nvoxel = 0.4\nwrite = 'moved.ply'\n"
-        (folder / "sonarmap.toml").write_text(settings + "[map]\nscheduler = 'tcp://127.0.0.1:1'\nout = 'map'\n")
+        sets(settings + "[map]\nscheduler = 'tcp://127.0.0.1:1'\nout = 'map'\n")
         found = run("register", *pair)
         assert found.exit_code in (0, 3)
         assert "warning: sonarmap.toml sets log-file, write, which is left out" in found.stderr
         assert "settings from sonarmap.toml: method icp, voxel 0.4\n" in found.stderr
         assert sorted(path.name for path in folder.iterdir()) == ["sonarmap.toml", "source.ply", "target.ply"]
-        missing = run("map", *pair)
-        assert (missing.exit_code, "sets log-file, out, scheduler, which" in missing.stderr) == (2, True)
-        assert "--out is missing" in missing.stderr
+        refused(run("map", *pair), "sets log-file, out, scheduler, which", "--out is missing")
         listing = run("config")
         assert "sets log-file, out, scheduler, write, which" in listing.stderr
         assert "log.txt" not in listing.stdout
@@ -180,9 +166,9 @@ class TestInForce:
         assert "warning: sonarmap.toml sets" not in named.stderr
         assert {"log.txt", "moved.ply"} <= {path.name for path in folder.iterdir()}
 
-    def test_a_file_that_nobody_named_discards_nothing_and_says_not_whom_to_listen_to(self, folder: Path) -> None:
+    def test_a_file_that_nobody_named_discards_nothing_and_says_not_whom_to_listen_to(self) -> None:
         listening = "multicast = '239.1.1.1:5'\nunicast = '0.0.0.0:5'\ninterface = 'lo'\nsonar = '10.0.0.7'\n"
-        (folder / "sonarmap.toml").write_text(f"[record]\n{listening}overwrite = true\n[map]\nfresh = true\n")
+        sets(f"[record]\n{listening}overwrite = true\n[map]\nfresh = true\n")
         found = run("record", "-o", "a.txt")
         assert "sets interface, multicast, overwrite, sonar, unicast, which is left out" in found.stderr
         assert "settings from" not in found.stderr
@@ -190,11 +176,11 @@ class TestInForce:
         named = run("--config", "sonarmap.toml", "map", "nowhere", "-o", "out")
         assert "settings from sonarmap.toml: fresh true\n" in named.stderr
 
-    def test_long_values_are_shortened(self, folder: Path) -> None:
+    def test_long_values_are_shortened(self) -> None:
         values = [f"'{letter * 700}'" for letter in "abcde"]
         keys = ("priors", "mount", "nav-columns", "time-scale", "nav-crs")
         lines = [f"{key} = {value}\n" for key, value in zip(keys, values, strict=True)]
-        (folder / "sonarmap.toml").write_text("[map]\nunits = 'yard'\n" + "".join(lines))
+        sets("[map]\nunits = 'yard'\n" + "".join(lines))
         (said,) = [line for line in run("map", "nowhere", "-o", "out").stderr.splitlines() if "settings from" in line]
         assert all(
             f"{key} {letter * 40} [... 620 characters" in said for key, letter in zip(keys, "abcde", strict=True)
@@ -202,7 +188,7 @@ class TestInForce:
         assert "units yard" in said
 
     def test_a_file_cannot_keep_itself_quiet(self, folder: Path) -> None:
-        (folder / "sonarmap.toml").write_text("[optimize]\nquiet = true\nstart = 'given'\n")
+        sets("[optimize]\nquiet = true\nstart = 'given'\n")
         edge = "EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1"
         (folder / "a.g2o").write_text(f"VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 1 0 0 0 0 0 1\n{edge}\n")
         words = "settings from sonarmap.toml: start given"
@@ -220,9 +206,7 @@ class TestInForce:
     @pytest.mark.slow
     def test_a_map_has_the_settings_in_its_summary_and_goes_on(self, folder: Path) -> None:
         files = write(folder / "scans", **{f"s{k}": scan(k) for k in range(3)})
-        (folder / "sonarmap.toml").write_text(
-            '[map]\nmethod = "icp"\nvoxel = 0.4\nmax-step = 9\nframe = "flu"\nreport = false\n'
-        )
+        sets('[map]\nmethod = "icp"\nvoxel = 0.4\nmax-step = 9\nframe = "flu"\nreport = false\n')
         by_file = run("--config", "sonarmap.toml", "map", *files, "-o", "a", "--quiet")
         assert by_file.exit_code in (0, 3), by_file.output
         assert "settings from" not in by_file.stderr  # --quiet

@@ -11,6 +11,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.settings.file import read_settings
 from sonarmap.tools.command.settings.listing import _literal
 from sonarmap.tools.command.settings.setting import Setting
+from tests.samples.refusals import refuses
 from tests.tools.command.settings.test_setting import GROUP, SETTINGS
 
 OF_KIND: dict[type, Any] = {bool: True, int: 2, float: 0.25, str: "a", Path: "a.csv"}
@@ -159,13 +160,10 @@ def test_the_values_of_another_verb_wait_until_it_runs(tmp_path: Path) -> None:
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"cannot read the settings .*none\.toml: No such file"):
-        read_settings(tmp_path / "none.toml", GROUP.commands, None)
-    with pytest.raises(InputError, match="Is a directory"):
-        read_settings(tmp_path, GROUP.commands, None)
     (tmp_path / "large.toml").write_bytes(b"#\n" * ((1 << 15) + 1))
-    with pytest.raises(InputError, match="has more than 64 KiB"):
-        read_settings(tmp_path / "large.toml", GROUP.commands, None)
+    none = r"cannot read the settings .*none\.toml: No such file"
+    for name, words in {"none.toml": none, "": "Is a directory", "large.toml": "has more than 64 KiB"}.items():
+        refuses(words, read_settings, tmp_path / name, GROUP.commands, None)
     (tmp_path / "bom.toml").write_bytes(b"\xef\xbb\xbf[map]\r\ngrid = 96\r\n")
     assert read_settings(tmp_path / "bom.toml", GROUP.commands, None).values["map"] == {"grid": 96}
 
@@ -174,8 +172,7 @@ def test_files_that_are_none(tmp_path: Path) -> None:
 def test_a_long_line_is_refused_before_it_is_read(text: str, tmp_path: Path) -> None:
     """A key of 80 KB took a minute and 6 GB, and a number of 40,000 digits was a defect."""
     path = written(tmp_path, "# settings\n" + text.format(".".join("a" * 20_000)))
-    with pytest.raises(InputError, match=r"survey.toml: line [23] has more than 1000 characters"):
-        read_settings(path, GROUP.commands, None)
+    refuses(r"survey.toml: line [23] has more than 1000 characters", read_settings, path, GROUP.commands, None)
 
 
 @pytest.mark.parametrize(
@@ -199,9 +196,9 @@ def test_keys_of_many_parts_are_refused_soon(text: str, parts: int, tmp_path: Pa
     assert len(str(refused.value)) < 1000
 
 
-def mutate(count: int, folder: Path) -> None:
-    """Damage a file in many ways: it is refused, naming the file, or read."""
-    rng, path = random.Random(7), folder / "damaged.toml"
+@pytest.mark.parametrize("count", [150, pytest.param(3000, marks=pytest.mark.slow)])
+def test_damaged_files_are_refused_by_their_name_or_read(count: int, tmp_path: Path) -> None:
+    rng, path = random.Random(7), tmp_path / "damaged.toml"
     for _ in range(count):
         content = bytearray(EXAMPLE.encode())
         for _ in range(rng.randint(1, 4)):
@@ -215,12 +212,3 @@ def mutate(count: int, folder: Path) -> None:
             read_settings(path, GROUP.commands, None)
         except InputError as error:
             assert str(path) in str(error)  # noqa: PT017 - most are refused, some are not
-
-
-def test_damaged_files(tmp_path: Path) -> None:
-    mutate(150, tmp_path)
-
-
-@pytest.mark.slow
-def test_many_damaged_files(tmp_path: Path) -> None:
-    mutate(3000, tmp_path)

@@ -1,7 +1,7 @@
 """`sonarmap evaluate` end to end: its table, its limits, and the formats that it reads."""
 
-import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.writers.trajectory import write_kitti, write_tum
-from tests.samples.clutter_scans import printed_at, said, sonarmap
+from tests.samples.clutter_scans import printed, printed_at, refused, said, sonarmap
 
 STAMPS = 5.0 + np.arange(4)
 TRUTH = Trajectory(
@@ -21,8 +21,7 @@ TRUTH = Trajectory(
 # Pose 2 is 0.4 m off along its own x axis and turned by 3 degrees.
 SLIP = RigidTransform.from_components([0.4, 0, 0], Rotation.from_euler("z", 3, degrees=True))
 ESTIMATE = Trajectory(
-    STAMPS,
-    RigidTransform.concatenate([T * SLIP if k == 2 else T for k, T in enumerate(TRUTH.T_world_sensor)]),
+    STAMPS, RigidTransform.concatenate([T * SLIP if k == 2 else T for k, T in enumerate(TRUTH.T_world_sensor)])
 )
 
 
@@ -33,13 +32,15 @@ def pair(tmp_path: Path) -> list[Path]:
     return [tmp_path / "estimate.tum", tmp_path / "truth.tum"]
 
 
+def evaluated(*arguments: str | Path) -> dict[str, Any]:
+    return printed(sonarmap("evaluate", *arguments, "--json"))
+
+
 def test_a_straight_line_is_evaluated_without_an_option(pair: list[Path]) -> None:
     result = sonarmap("evaluate", *pair)
     assert (result.exit_code, result.stderr) == (0, "")
     assert "4 poses, aligned by all poses" in result.stdout
-    refused = sonarmap("evaluate", *pair, "--align", "positions")
-    assert refused.exit_code == 2
-    said(refused, "on one line")
+    refused(sonarmap("evaluate", *pair, "--align", "positions"), "on one line")
 
 
 def test_the_table_shows_estimated_beside_true_poses(pair: list[Path]) -> None:
@@ -49,8 +50,7 @@ def test_the_table_shows_estimated_beside_true_poses(pair: list[Path]) -> None:
     forward = TRUTH.T_world_sensor.rotation.as_matrix()[2, :, 0]
     estimated = [f"{value:.2f}" for value in TRUTH.T_world_sensor.translation[2] + 0.4 * forward]
     assert row == ["7", *estimated, "6.00", "-3.00", "0.50", "0.400", "+73.00°", "+70.00°", "3.00°"]
-    (third,) = [one for one in json.loads(sonarmap("evaluate", *pair, "--align", "first", "--json").stdout)["per_pose"]
-                if one["stamp"] == 7]  # fmt: skip
+    (third,) = [one for one in evaluated(*pair, "--align", "first")["per_pose"] if one["stamp"] == 7]
     assert third["true_m"] == pytest.approx([6, -3, 0.5])
     assert third["estimated_yaw_deg"] == pytest.approx(73, abs=0.01)
 
@@ -79,13 +79,10 @@ def test_kitti_files_are_compared_line_by_line(tmp_path: Path, pair: list[Path],
     files = [tmp_path / f"{name}{suffix}" for name in ("estimate", "truth")]
     for path, trajectory in zip(files, (ESTIMATE, TRUTH), strict=True):
         write_kitti(path, trajectory)
-    printed = json.loads(sonarmap("evaluate", *files, "--json").stdout)
-    by_stamp = json.loads(sonarmap("evaluate", *pair, "--json").stdout)
-    assert [one["stamp"] for one in printed["per_pose"]] == [0, 1, 2, 3]
-    assert printed["ate_m"]["rms"] == pytest.approx(by_stamp["ate_m"]["rms"], rel=1e-9)
-    mixed = sonarmap("evaluate", pair[0], files[1])
-    assert mixed.exit_code == 2
-    said(mixed, f"{files[1]} is a KITTI file", "Give two files of one format")
+    by_line = evaluated(*files)
+    assert [one["stamp"] for one in by_line["per_pose"]] == [0, 1, 2, 3]
+    assert by_line["ate_m"]["rms"] == pytest.approx(evaluated(*pair)["ate_m"]["rms"], rel=1e-9)
+    refused(sonarmap("evaluate", pair[0], files[1]), f"{files[1]} is a KITTI file", "Give two files of one format")
 
 
 def test_truths_of_several_dives_are_counted_on(tmp_path: Path) -> None:
@@ -95,18 +92,17 @@ def test_truths_of_several_dives_are_counted_on(tmp_path: Path) -> None:
     write_tum(tmp_path / "a.tum", Trajectory(np.arange(3.0), poses[:3]))
     write_tum(tmp_path / "b.tum", Trajectory(np.arange(1.0), poses[3:]))
     joined = [tmp_path / name for name in ("estimate.tum", "a.tum", "b.tum")]
-    told = json.loads(sonarmap("evaluate", *joined, "--align", "first", "--json").stdout)
-    assert [row["stamp"] for row in told["per_pose"]] == [0, 1, 2, 3]
-    assert [row["translation_m"] for row in told["per_pose"]] == pytest.approx([0, 0, 0.4, 0], abs=1e-9)
+    rows = evaluated(*joined, "--align", "first")["per_pose"]
+    assert [row["stamp"] for row in rows] == [0, 1, 2, 3]
+    assert [row["translation_m"] for row in rows] == pytest.approx([0, 0, 0.4, 0], abs=1e-9)
 
 
 def test_truths_with_times_keep_them(tmp_path: Path, pair: list[Path]) -> None:
     poses = TRUTH.T_world_sensor
     write_tum(tmp_path / "a.tum", Trajectory(STAMPS[2:], poses[2:]))
     write_tum(tmp_path / "b.tum", Trajectory(STAMPS[:2], poses[:2]))
-    told = json.loads(sonarmap("evaluate", pair[0], tmp_path / "a.tum", tmp_path / "b.tum", "--json").stdout)
-    once = json.loads(sonarmap("evaluate", *pair, "--json").stdout)
-    assert told["ate_m"]["rms"] == pytest.approx(once["ate_m"]["rms"], rel=1e-9)
+    parts, whole = evaluated(pair[0], tmp_path / "a.tum", tmp_path / "b.tum"), evaluated(*pair)
+    assert parts["ate_m"]["rms"] == pytest.approx(whole["ate_m"]["rms"], rel=1e-9)
 
 
 def test_no_number_is_cut_at_80_columns(tmp_path: Path) -> None:

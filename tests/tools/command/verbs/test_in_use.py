@@ -9,7 +9,7 @@ from sonarmap.tools.files.writers.folder_lock import locked
 from sonarmap.tools.files.writers.trajectory import write_trajectory
 from sonarmap.tools.products.export import plain
 from tests.samples import command_line
-from tests.samples.clutter_scans import files_in, said, scan, sonarmap, write
+from tests.samples.clutter_scans import done, files_in, refused, scan, sonarmap, write
 from tests.tools.products.export.finished import finished_map
 
 KITTI = ("--format", "kitti", "--quiet")
@@ -37,8 +37,7 @@ def test_while_another_writes_to_it_all_are_refused(out: Path, verb: str) -> Non
     before = files_in(out)
     with locked(out, writing=True):
         result = sonarmap(*commands(out)[verb])
-    assert result.exit_code == 2
-    said(result, f"{out} is in use: another run of sonarmap is writing to it", "Wait until it has ended")
+    refused(result, f"{out} is in use: another run of sonarmap is writing to it", "Wait until it has ended")
     assert files_in(out) == before
     assert not (out.parent / "gis").exists()
 
@@ -58,36 +57,26 @@ def test_a_report_is_opened_whoever_uses_the_folder(out: Path, monkeypatch: pyte
         assert sonarmap("view", out).exit_code == 0
 
 
-def test_a_map_that_begins_meanwhile_leaves_an_export_its_files(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It begins when the export has a file that is not yet under its name."""
+@pytest.mark.parametrize(
+    ("verb", "options", "other", "files"),
+    [
+        ("export into it", (), "map", {"trajectory.kitti", "trajectory.kitti.json"}),
+        ("map", ("--export", "kitti"), "view", {"report.html", "trajectory.kitti"}),
+    ],
+)
+def test_another_that_begins_meanwhile_is_refused(
+    out: Path, verb: str, options: tuple[str, ...], other: str, files: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It begins when the first has a file that is not yet under its name."""
     tried = []
 
     def slow(path: Path, *arguments: object) -> None:
         write_trajectory(path, *arguments)  # pyright: ignore[reportArgumentType]
         assert list(out.glob(".sonarmap.*"))
-        tried.append(command_line.sonarmap(*map(str, commands(out)["map"])))
+        tried.append(command_line.sonarmap(*map(str, commands(out)[other])))
 
     monkeypatch.setattr(plain, "write_trajectory", slow)
-    result = sonarmap(*commands(out)["export into it"])
-    assert result.exit_code == 0, result.stderr
-    assert [mapping.returncode for mapping in tried] == [2]
-    assert "in use" in tried[0].stderr
+    done(sonarmap(*commands(out)[verb], *options))
+    assert [(ended.returncode, "in use" in ended.stderr) for ended in tried] == [(2, True)]
     listed = json.loads((out / "summary.json").read_text())["files"]
-    assert {"trajectory.kitti", "trajectory.kitti.json"} <= {*listed} & {path.name for path in out.iterdir()}
-
-
-def test_a_map_has_its_folder_until_its_report_and_exports_are_there(
-    out: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tried = []
-
-    def slow(path: Path, *arguments: object) -> None:
-        tried.append(command_line.sonarmap(*map(str, commands(out)["view"])))
-        write_trajectory(path, *arguments)  # pyright: ignore[reportArgumentType]
-
-    monkeypatch.setattr(plain, "write_trajectory", slow)
-    result = sonarmap(*commands(out)["map"], "--export", "kitti")
-    assert result.exit_code == 0, result.stderr
-    assert [viewing.returncode for viewing in tried] == [2]
-    listed = json.loads((out / "summary.json").read_text())["files"]
-    assert {"report.html", "trajectory.kitti"} <= {*listed}
+    assert files <= {*listed} & {path.name for path in out.iterdir()}

@@ -1,6 +1,5 @@
 """`sonarmap inspect`: what is in recordings and other files, in words and as JSON."""
 
-import json
 import os
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from sonarmap.tools.command.navigation import PriorsFile, scans_with_priors
 from sonarmap.tools.files.readers.clock import clock_faults, clock_of, utc
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
-from tests.samples.clutter_scans import refused_with_reason, said, scan, sonarmap, write
+from tests.samples.clutter_scans import done, printed, refused, said, scan, sonarmap, write
 from tests.samples.places import DATA
 from tests.samples.recordings import imu_packets, recording, shot_packets, written
 
@@ -38,9 +37,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def as_json(*arguments: Any) -> dict[str, Any]:
-    shown = sonarmap("inspect", *arguments, "--json")
-    assert shown.exit_code == 0, shown.stderr
-    return json.loads(shown.stdout)
+    return printed(sonarmap("inspect", *arguments, "--json"))
 
 
 class TestRecording:
@@ -65,8 +62,7 @@ class TestRecording:
         assert "names" not in found
 
     def test_in_words(self, dive: Path) -> None:
-        shown = sonarmap("inspect", dive)
-        assert shown.exit_code == 0
+        shown = done(sonarmap("inspect", dive))
         words = " ".join(shown.stdout.split())
         for said_so in (
             "57: dive#0 to dive#56",
@@ -82,9 +78,8 @@ class TestRecording:
         said(shown, "dive.sonar: 3 of 60 shots are missing by their numbers")
 
     def test_names_are_those_of_a_file_of_priors(self, dive: Path) -> None:
-        shown = sonarmap("inspect", dive, "--names")
-        assert shown.stdout.split() == [f"dive#{k}" for k in range(57)]
-        assert as_json(dive, "--names")["names"] == shown.stdout.split()
+        names = [f"dive#{k}" for k in range(57)]
+        assert as_json(dive, "--names")["names"] == sonarmap("inspect", dive, "--names").stdout.split() == names
 
     def test_the_grid_is_that_of_map(self, dive: Path) -> None:
         grid = survey_grid(read_survey([dive]).scans)
@@ -103,11 +98,7 @@ class TestRecording:
         path = written(tmp_path / "long.sonar", recording(250))
         steps: list[tuple[int, int, str]] = []
         assert len(overview.overview_of([path], progress=lambda *step: steps.append(step)).names) == 250
-        assert steps == [
-            (0, 1, "long.sonar: 100 scans"),
-            (0, 1, "long.sonar: 200 scans"),
-            (1, 1, "long.sonar"),
-        ]
+        assert steps == [(0, 1, "long.sonar: 100 scans"), (0, 1, "long.sonar: 200 scans"), (1, 1, "long.sonar")]
 
 
 class TestOtherFormats:
@@ -133,9 +124,7 @@ class TestOtherFormats:
     def test_bad_input_is_said(self, tmp_path: Path, name: str) -> None:
         (tmp_path / "void.sonar").write_bytes(b"")
         (tmp_path / "noise.sonar").write_bytes(b"RIP2" + np.random.default_rng(1).bytes(3000))
-        shown = sonarmap("inspect", tmp_path / name)
-        refused_with_reason(shown)
-        said(shown, name)
+        refused(sonarmap("inspect", tmp_path / name), name)
 
     def test_one_scan_alone_makes_no_map(self, tmp_path: Path) -> None:
         write(tmp_path, a=scan(0))
@@ -144,11 +133,9 @@ class TestOtherFormats:
 
     def test_a_speed_of_sound_for_a_format_without_one(self, tmp_path: Path) -> None:
         write(tmp_path, a=scan(0))
+        words = ("--sound-speed 1490 cannot be used, as a PLY file does not say", "give --range-scale instead")
         for verb in (["inspect"], ["map", "-o", tmp_path / "out"]):
-            shown = sonarmap(*verb, tmp_path / "a.ply", "--sound-speed", "1490")
-            assert shown.exit_code == 2
-            said(shown, "--sound-speed 1490 cannot be used, as a PLY file does not say")
-            said(shown, "give --range-scale instead")
+            refused(sonarmap(*verb, tmp_path / "a.ply", "--sound-speed", "1490"), *words)
 
 
 class TestImuOption:

@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.kernels.errors import InputError
-from sonarmap.slam.mapper import Mapper
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.instruments import values_of
 from sonarmap.tools.files.readers.poses.tum import read_tum
-from tests.samples.clutter_scans import refused_with_reason, said, scan, sonarmap, write
+from tests.samples.clutter_scans import done, refused, said, scan, sonarmap, table_of, write
 
 SCANS, WRONG = 10, "scan_006.ply"
 SIGMAS = ("--prior-sigmas", "0.5,3,0.25,4")
@@ -27,24 +25,16 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.fixture
-def seen(monkeypatch: pytest.MonkeyPatch) -> list[Scan]:
-    """The scans that a mapper is given, which then ends."""
-    scans: list[Scan] = []
-
-    def run(_: Mapper, given: tuple[Scan, ...], *__: object) -> None:
-        scans.extend(given)
-        raise InputError("enough")
-
-    monkeypatch.setattr(Mapper, "run", run)
-    return scans
+def write_table(path: Path, rows: list[dict[str, str]]) -> None:
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def test_a_log_is_understood_by_the_options(folder: Path, seen: list[Scan]) -> None:
-    options = ("--nav-columns", "depth_m=KP_DEPTH", "--nav-offset=-37", "--mount", "0,0,0,0,0,0.5")
-    result = sonarmap(
-        "map", folder, "-o", folder / "out", "--priors", folder / "log.csv", *SIGMAS, *options, "--grid", "16"
-    )
+    options = ("--nav-columns", "depth_m=KP_DEPTH", "--nav-offset=-37", "--mount", "0,0,0,0,0,0.5", "--grid", "16")
+    result = sonarmap("map", folder, "-o", folder / "out", "--priors", folder / "log.csv", *SIGMAS, *options)
     said(result, "enough", "not used: the columns 'Note'", "origin is the first fix, rounded: 60.39130, 5.32210")
     values = [values_of(one.prior.T_world_sensor) for one in seen if one.prior]
     np.testing.assert_allclose(np.array(values)[:, 5], [0.5, 2.5, 4.5])
@@ -59,11 +49,10 @@ def test_the_summary_says_how_it_was_understood(folder: Path) -> None:
     said(result, "--nav-crs has no effect without columns of easting and northing")
     assert sonarmap("map", *pair, "-o", folder / "out", *options[:-2], "--grid", "64").exit_code in (0, 3)
     summary = json.loads((folder / "out" / "summary.json").read_text())
-    settings = summary["settings"]
-    assert settings["heading_reference"] == "grid"
-    assert settings["priors"] == str(folder / "log.csv")
+    settings, place = summary["settings"], summary["georeference"]
+    assert (settings["heading_reference"], settings["priors"]) == ("grid", str(folder / "log.csv"))
+    assert settings["prior_sigmas"] == SIGMAS[1]  # so that the same command can be given again
     assert "mount" not in settings
-    place = summary["georeference"]
     assert (place["latitude"], place["longitude"]) == (60.5, 5.25)
 
 
@@ -81,38 +70,41 @@ def test_the_summary_says_how_it_was_understood(folder: Path) -> None:
     ],
 )
 def test_options_that_cannot_be(folder: Path, options: tuple[str, ...], words: list[str]) -> None:
-    result = sonarmap("map", folder, "-o", folder / "out", "--priors", folder / "log.csv", *SIGMAS, *options)
-    refused_with_reason(result)
-    said(result, *words)
+    refused(sonarmap("map", folder, "-o", folder / "out", "--priors", folder / "log.csv", *SIGMAS, *options), *words)
     pair = (folder / "scan_0.ply", folder / "scan_1.ply")
     said(sonarmap("register", *pair, "--priors", folder / "log.csv", *SIGMAS, *options), words[0])
 
 
-def test_options_without_a_file_are_refused(folder: Path) -> None:
-    result = sonarmap("map", folder, "-o", folder / "out", "--nav-frame", "enu")
-    said(result, "--nav-frame has no effect without a file of navigation")
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("map scans -o out --nav-frame enu", "--nav-frame has no effect without a file of navigation"),
+        ("map scans -o out --odometry-drift 1,10", "--odometry-drift has no effect without --odometry"),
+        ("map scans -o out --control-crs EPSG:32632", "--control-crs has no effect without --control"),
+        ("register scans/a.ply scans/b.ply --prior-sigmas 1,1,1,1", "--prior-sigmas has no effect without --priors"),
+        ("simulate -o sim --fix-every 3", "no effect without --priors position"),
+        ("simulate -o sim --scene harbor --fix-sigma 0 --priors position", "--fix-sigma 0; wanted meters above 0"),
+    ],
+)
+def test_options_without_effect(tmp_path: Path, line: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "scans", a=scan(0), b=scan(1))
+    refused(sonarmap(*line.split()), *words.split("; "))
 
 
 def test_a_template_is_filled_in_and_used(folder: Path, seen: list[Scan]) -> None:
     (folder / "log.csv").unlink()
     template = folder / "priors.csv"
-    result = sonarmap("template", folder, "-o", template)
-    assert result.exit_code == 0
+    result = done(sonarmap("template", folder, "-o", template))
     assert result.stdout == f"3 scans; written to {template}\n"
-    with template.open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = table_of(template)
     assert [row["name"] for row in rows] == ["scan_0", "scan_1", "scan_2"]
     assert all(row["heading_deg"] == row["depth_sigma_m"] == "" for row in rows)
     rows[1]["depth_m"] = "7.5"
-    with template.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(template, rows)
     sonarmap("map", folder, "-o", folder / "out", "--priors", template, *SIGMAS, "--grid", "16")
     assert [one.prior and float(one.prior.T_world_sensor.translation[2]) for one in seen] == [None, -7.5, None]
-    result = sonarmap("template", folder, "-o", template)
-    assert result.exit_code == 2
-    said(result, "is there already")
+    refused(sonarmap("template", folder, "-o", template), "is there already")
 
 
 @pytest.fixture(scope="module")
@@ -121,25 +113,19 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("dive")
     words = f"simulate --scene harbor --scans {SCANS} --priors position,depth --fix-every 2 --odometry 1,10 --seed 3"
     assert sonarmap(*words.split(), "-o", str(folder), "--quiet").exit_code == 0
-    rows = list(csv.DictReader((folder / "priors.csv").open()))
+    rows = table_of(folder / "priors.csv")
     for row in rows:
         if row["name"] == WRONG:
             row["x_m"] = str(float(row["x_m"]) + 30.0)
-    with (folder / "priors.csv").open("w") as file:
-        writer = csv.DictWriter(file, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(folder / "priors.csv", rows)
     return folder
 
 
 @pytest.fixture(scope="module")
 def mapped(dive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("mapped")
-    result = sonarmap(
-        *("map", str(dive), "-o", str(out), "--grid", "64", "--loops", "1"),
-        *("--priors", str(dive / "priors.csv"), "--odometry", str(dive / "odometry.tum")),
-    )
-    assert result.exit_code == 0, result.stderr
+    navigation = ("--priors", dive / "priors.csv", "--odometry", dive / "odometry.tum")
+    result = done(sonarmap("map", dive, "-o", out, "--grid", "64", "--loops", "1", *navigation))
     said(result, "the position of scan_006 is")
     return out
 
@@ -156,8 +142,7 @@ def test_the_wrong_fix_is_named_and_left_out(mapped: Path, dive: Path) -> None:
 
 def test_the_graph_gives_the_maps_poses(mapped: Path, tmp_path: Path) -> None:
     again = tmp_path / "again.g2o"
-    result = sonarmap("optimize", str(mapped / "graph.g2o"), "-o", str(again), "--json")
-    assert result.exit_code == 0, result.stderr
+    done(sonarmap("optimize", str(mapped / "graph.g2o"), "-o", str(again), "--json"))
 
     def poses(path: Path) -> np.ndarray:
         lines = [line.split() for line in path.read_text().splitlines() if line.startswith("VERTEX")]
@@ -166,26 +151,13 @@ def test_the_graph_gives_the_maps_poses(mapped: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(poses(again), poses(mapped / "graph.g2o"), atol=1e-6)
 
 
-def test_options_without_effect_are_refused(dive: Path, tmp_path: Path) -> None:
-    result = sonarmap("map", str(dive), "-o", str(tmp_path / "out"), "--odometry-drift", "1,10")
-    assert result.exit_code == 2
-    said(result, "--odometry-drift has no effect without --odometry")
-    result = sonarmap("simulate", "-o", str(tmp_path / "sim"), "--fix-every", "3")
-    assert result.exit_code == 2
-    said(result, "no effect without --priors position")
-
-
 def test_how_sure_positions_are_is_chosen_and_checked(tmp_path: Path) -> None:
     words = "simulate --scene harbor --scans 2 --priors position --seed 3"
     for sigma, folder in (("1", "sure"), ("3", "usual")):
-        result = sonarmap(*words.split(), "--fix-sigma", sigma, "-o", str(tmp_path / folder))
-        assert result.exit_code == 0, result.output
+        done(sonarmap(*words.split(), "--fix-sigma", sigma, "-o", tmp_path / folder))
     truth = read_tum(tmp_path / "sure" / "truth.tum").T_world_sensor[1].translation
-    sure, usual = (list(csv.DictReader((tmp_path / folder / "priors.csv").open()))[1] for folder in ("sure", "usual"))
+    sure, usual = (table_of(tmp_path / folder / "priors.csv")[1] for folder in ("sure", "usual"))
     assert [float(row["x_sigma_m"]) for row in (sure, usual)] == [1.0, 3.0]
     # the same draw, a third as far off
     off = [np.array([float(row["x_m"]), float(row["y_m"])]) - truth[:2] for row in (sure, usual)]
     np.testing.assert_allclose(3 * off[0], off[1], atol=1e-5)
-    result = sonarmap(*words.split(), "--fix-sigma", "0", "-o", str(tmp_path / "none"))
-    assert result.exit_code == 2
-    said(result, "--fix-sigma 0", "wanted meters above 0")

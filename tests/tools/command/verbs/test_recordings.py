@@ -14,7 +14,7 @@ from sonarmap.tools.files.writers.points import write_ply
 from tests.samples.bags.messages import CLOUD, ODOMETRY, STAMP, cloud, odometry
 from tests.samples.bags.writers import Record, write_mcap, write_ros1, write_ros2
 from tests.samples.cloud_files import las
-from tests.samples.clutter_scans import T_WORLD_SENSOR, said, scan, sonarmap
+from tests.samples.clutter_scans import T_WORLD_SENSOR, done, printed, refused, scan, sonarmap
 from tests.samples.places import DATA
 
 REAL = DATA / "sonar3d15" / "ship_short.sonar"
@@ -42,27 +42,26 @@ def dive() -> list[Record]:
 def dives(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One dive in five formats."""
     folder = tmp_path_factory.mktemp("dives")
+    others = in_formats(folder, [table(k) for k in range(COUNT)], [STAMP + 2.0 * k for k in range(COUNT)], dive())
+    return others | {"ros1": write_ros1(folder / "dive.bag", dive(), "lz4")}
+
+
+def in_formats(folder: Path, tables: list[np.ndarray], stamps: list[float], records: list[Record]) -> dict[str, Path]:
+    """Scans of a dive as folders of files, and its records as bags."""
     for name in ("ply", "laz"):
         (folder / name).mkdir()
-    for k in range(COUNT):
-        times = np.full(len(table(k)), GPS + 2.0 * k)
-        write_ply(folder / "ply" / f"dive{k}.ply", table(k)[:, :3], {"intensity": table(k)[:, 3]})
-        (folder / "laz" / f"dive{k}.laz").write_bytes(las(table(k), gps=times))
-    return {
-        "mcap": write_mcap(folder / "dive.mcap", dive()),
-        "ros1": write_ros1(folder / "dive.bag", dive(), "lz4"),
-        "ros2": write_ros2(folder / "dive", dive()),
-        "laz": folder / "laz",
-        "ply": folder / "ply",
-    }
+    for k, (table, stamp) in enumerate(zip(tables, stamps, strict=True)):
+        write_ply(folder / "ply" / f"dive{k}.ply", table[:, :3], {"intensity": table[:, 3]})
+        (folder / "laz" / f"dive{k}.laz").write_bytes(las(table, gps=np.full(len(table), stamp - STAMP + GPS)))
+    bags = {"mcap": write_mcap(folder / "dive.mcap", records), "ros2": write_ros2(folder / "dive", records)}
+    return bags | {name: folder / name for name in ("laz", "ply")}
 
 
 @pytest.mark.slow
 def test_the_same_dive_is_one_map(dives: dict[str, Path], tmp_path: Path) -> None:
     maps, tracks = {}, {}
     for kind, path in dives.items():
-        result = sonarmap("map", path, "-o", tmp_path / kind, *GRID, "--quiet")
-        assert result.exit_code == 0, result.stderr
+        done(sonarmap("map", path, "-o", tmp_path / kind, *GRID, "--quiet"))
         (cloud,) = read_ply((tmp_path / kind / "map.ply").read_bytes())
         maps[kind], tracks[kind] = cloud.points, read_tum(tmp_path / kind / "trajectory.tum")
         first = 0.0 if kind == "ply" else STAMP
@@ -86,24 +85,11 @@ def test_a_real_recording_and_its_clouds_in_other_formats_are_one_map(tmp_path: 
     records: list[Record] = [
         ("/points", CLOUD, each.stamp, cloud(table, each.stamp)) for each, table in zip(scans, tables, strict=True)
     ]
-    for name in ("ply", "laz"):
-        (tmp_path / name).mkdir()
-    for k, (each, table) in enumerate(zip(scans, tables, strict=True)):
-        times = np.full(len(table), each.stamp - STAMP + GPS)
-        write_ply(tmp_path / "ply" / f"shot{k}.ply", table[:, :3], {"intensity": table[:, 3]})
-        (tmp_path / "laz" / f"shot{k}.laz").write_bytes(las(table, gps=times))
-    dives = {
-        "sonar": REAL,
-        "mcap": write_mcap(tmp_path / "dive.mcap", records),
-        "ros2": write_ros2(tmp_path / "dive", records),
-        "laz": tmp_path / "laz",
-        "ply": tmp_path / "ply",
-    }
+    dives = {"sonar": REAL, **in_formats(tmp_path, tables, [each.stamp for each in scans], records)}
     maps, tracks = {}, {}
     for kind, path in dives.items():
         out = tmp_path / "out" / kind
-        result = sonarmap("map", path, "-o", out, "--grid", "64", "--quiet")
-        assert result.exit_code == 0, result.stderr
+        done(sonarmap("map", path, "-o", out, "--grid", "64", "--quiet"))
         maps[kind] = read_ply((out / "map.ply").read_bytes())[0].points
         tracks[kind] = read_tum(out / "trajectory.tum")
     voxel = json.loads((tmp_path / "out" / "sonar" / "summary.json").read_text())["components"][0]["map"]["voxel_m"]
@@ -117,22 +103,16 @@ def test_a_real_recording_and_its_clouds_in_other_formats_are_one_map(tmp_path: 
 @pytest.mark.parametrize("kind", ["mcap", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("ros1", "ros2"))])
 def test_odometry_of_the_recording(dives: dict[str, Path], tmp_path: Path, kind: str) -> None:
     options = ("--odometry", f"{dives[kind]}::/odom", "--odometry-drift", "1,10")
-    result = sonarmap("map", dives[kind], "-o", tmp_path / "out", *GRID, *options, "--quiet")
-    assert result.exit_code == 0, result.stderr
+    done(sonarmap("map", dives[kind], "-o", tmp_path / "out", *GRID, *options, "--quiet"))
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert [s["name"] for s in summary["scans"]] == [f"dive#{k}" for k in range(COUNT)]
     result = sonarmap("map", dives["ply"], "-o", tmp_path / "other", *GRID, "--odometry", dives[kind])
-    assert result.exit_code == 2
-    said(result, f"error: {dives[kind]} covers 0 of the 3 scans: the rows run from {STAMP}.000 s")
+    refused(result, f"error: {dives[kind]} covers 0 of the 3 scans: the rows run from {STAMP}.000 s")
 
 
 def test_scans_of_a_recording_are_registered(dives: dict[str, Path]) -> None:
-    result = sonarmap(
-        "register", f"{dives['ros2']}::/points#0", f"{dives['mcap']}#1", "--grid", "32", "--voxel", "0.6", "--json"
-    )
-    assert result.exit_code == 0, result.stderr
-    T = np.array(json.loads(result.stdout)["T_target_source"])
+    pair = (f"{dives['ros2']}::/points#0", f"{dives['mcap']}#1")
+    T = np.array(printed(sonarmap("register", *pair, *GRID[:4], "--json"))["T_target_source"])
     np.testing.assert_allclose(T, (T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]).as_matrix(), atol=0.1)
     result = sonarmap("register", dives["mcap"], f"{dives['mcap']}#1")
-    assert result.exit_code == 2
-    said(result, "dive.mcap holds 3 scans (dive#0 to dive#2), and one is needed here: choose one, as in")
+    refused(result, "dive.mcap holds 3 scans (dive#0 to dive#2), and one is needed here: choose one, as in")

@@ -6,6 +6,7 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,50 +18,44 @@ from sonarmap.tools.command.method import ConfiguredMethod
 from sonarmap.tools.command.verbs.register import _as_json
 from sonarmap.tools.command.words.registration import print_registration, transform_words
 from sonarmap.tools.files.writers.points import write_ply
+from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.methods.registry import Setup
-from tests.samples.clutter_scans import T_WORLD_SENSOR, refused_with_reason, said, scan, sonarmap, write
+from tests.samples.clutter_scans import T_WORLD_SENSOR, done, printed, refused, said, scan, sonarmap, write
 from tests.samples.surveys import KnowingRegistrar
 
 GRID, CUBE = ("--grid", "64"), Grid(64, 0.5)
 T_TRUE = T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]
 
 
-@pytest.fixture
-def pair(tmp_path: Path) -> list[str]:
-    return write(tmp_path, target=scan(0), source=scan(1))
+def as_json(*arguments: str | Path) -> dict[str, Any]:
+    """What registering two scans on the small grid prints."""
+    return printed(sonarmap("register", *arguments, *GRID, "--json"))
 
 
-def check_transform(printed: dict) -> None:
+def check_transform(found: dict[str, Any]) -> None:
     """Within a degree and a voxel of the truth."""
-    T_error = T_TRUE.inv() * RigidTransform.from_matrix(np.array(printed["T_target_source"]))
-    assert np.rad2deg(T_error.rotation.magnitude()) < 1.0
-    assert np.linalg.norm(T_error.translation) < printed["voxel"]
+    assert pair_error(RigidTransform.from_matrix(found["T_target_source"]), T_TRUE).within(1.0, found["voxel"])
 
 
 def test_a_good_pair_as_json(pair: list[str]) -> None:
     begun = perf_counter()
     result = sonarmap("register", *pair, *GRID, "--json")
     taken = perf_counter() - begun
-    assert (result.exit_code, result.stderr) == (0, "")
-    printed = json.loads(result.stdout)
-    assert printed["accepted"] is True
-    check_transform(printed)
-    covariance = np.array(printed["covariance"])
+    found = printed(result)
+    assert result.stderr == ""
+    assert (found["accepted"], found["grid"]) == (True, 64)
+    check_transform(found)
+    covariance = np.array(found["covariance"])
     assert covariance.shape == (6, 6)
     assert np.linalg.eigvalsh(covariance).min() > 0
-    assert printed["psr"] > 30
-    assert 0 < printed["overlap"] <= 1
-    assert 0 < printed["seconds"] < taken
-    assert printed["grid"] == 64
-
-
-def test_the_probability_and_what_else_may_be_meant(pair: list[str]) -> None:
-    printed = json.loads(sonarmap("register", *pair, *GRID, "--json").stdout)
-    assert 0.9 <= printed["probability"] <= 1
-    for other in printed["alternatives"]:
+    assert found["psr"] > 30
+    assert 0 < found["overlap"] <= 1
+    assert 0 < found["seconds"] < taken
+    assert 0.9 <= found["probability"] <= 1
+    for other in found["alternatives"]:
         assert other.keys() == {"T_target_source", "covariance", "probability", "psr", "overlap"}
-        assert other["probability"] <= printed["probability"]
-    paper = json.loads(sonarmap("register", *pair, *GRID, "--method", "hemisphere", "--json").stdout)
+        assert other["probability"] <= found["probability"]
+    paper = as_json(*pair, "--method", "hemisphere")
     assert (paper["probability"], paper["alternatives"]) == (None, [])
 
 
@@ -71,33 +66,30 @@ def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
 
     chosen = ConfiguredMethod("spectral", KnowingRegistrar(T_WORLD_SENSOR, np.eye(6)), CUBE, Setup(CUBE))
     found = one(1, 0.934, one(2, 0.05), one(3, float("nan")))
-    printed = _as_json(found, chosen)
-    assert printed["probability"] == 0.934
-    others = printed["alternatives"]
-    assert isinstance(others, list)
+    listed: dict[str, Any] = _as_json(found, chosen)
+    assert listed["probability"] == 0.934
+    others = listed["alternatives"]
     assert [(other["T_target_source"][0][3], other["probability"]) for other in others] == [(2, 0.05), (3, None)]
-    told = {
-        2: "2 transforms could not be excluded",
-        1: "1 transform could not",
-        0: "every other transform could be",
-    }
+    told = {2: "2 transforms could not be excluded", 1: "1 transform could not", 0: "every other transform could be"}
+
+    def words_of(**changed: Any) -> str:
+        print_registration(replace(found, **changed), chosen)
+        return capsys.readouterr().out
+
     for count, words in told.items():
-        print_registration(replace(found, alternatives=found.alternatives[:count]), chosen)
-        printed = " ".join(capsys.readouterr().out.split())
-        assert "this transform is right with a probability of 93.4%" in printed
-        assert words in printed
-    print_registration(replace(found, accepted=False), chosen)
-    printed = capsys.readouterr().out
-    assert printed.startswith("NO RELIABLE REGISTRATION; do not use this transform (right with a probability of 93.4%)")
-    print_registration(replace(found, probability=float("nan"), accepted=False), chosen)
-    printed = capsys.readouterr().out
-    assert "probab" not in printed
-    assert printed.startswith("NO RELIABLE REGISTRATION; do not use this transform\n")
+        shown = " ".join(words_of(alternatives=found.alternatives[:count]).split())
+        assert "this transform is right with a probability of 93.4%" in shown
+        assert words in shown
+    refusal = "NO RELIABLE REGISTRATION; do not use this transform"
+    assert words_of(accepted=False).startswith(f"{refusal} (right with a probability of 93.4%)")
+    unknown = words_of(probability=float("nan"), accepted=False)
+    assert "probab" not in unknown
+    assert unknown.startswith(f"{refusal}\n")
 
 
 def test_how_many_rotations_are_followed_and_how_they_are_refined(pair: list[str]) -> None:
     for options in (("--hypotheses", "1"), ("--refine", "spectral")):
-        check_transform(json.loads(sonarmap("register", *pair, *GRID, *options, "--json").stdout))
+        check_transform(as_json(*pair, *options))
 
 
 def test_a_good_pair_in_words(pair: list[str]) -> None:
@@ -138,32 +130,33 @@ def test_the_transform_in_words(shift: list[float], turn: list[float], words: st
         assert words in transform_words(RigidTransform.from_components(shift, R))
 
 
-def test_the_words_mean_what_a_diver_would_see() -> None:
-    """Without Euler angles: where three points of the source's frame come to lie in the target's."""
-    T = RigidTransform.from_components([0, 0, 0], Rotation.from_euler("ZYX", [0, 25, 0], degrees=True))
-    assert "nose down" in transform_words(T)
-    assert T.apply([1, 0, 0])[2] < -0.4  # its bow points down
-    T = RigidTransform.from_components([0, 0, 0], Rotation.from_euler("ZYX", [0, 0, 25], degrees=True))
-    assert "right side down" in transform_words(T)
-    assert T.apply([0, -1, 0])[2] < -0.4  # its starboard side is down
-    T = RigidTransform.from_components([0, 0, 0], Rotation.from_euler("ZYX", [25, 0, 0], degrees=True))
-    assert "to the left" in transform_words(T)
-    assert T.apply([1, 0, 0])[1] > 0.4  # it looks to port
+@pytest.mark.parametrize(
+    ("axis", "words", "point", "moved"),
+    [
+        ("y", "nose down", [1, 0, 0], [0, 0, -1]),  # its bow points down
+        ("x", "right side down", [0, -1, 0], [0, 0, -1]),  # its starboard side is down
+        ("z", "to the left", [1, 0, 0], [0, 1, 0]),  # it looks to port
+    ],
+)
+def test_the_words_mean_what_a_diver_would_see(axis: str, words: str, point: list[int], moved: list[int]) -> None:
+    """Without Euler angles: where a point of the source's frame comes to lie in the target's."""
+    T = RigidTransform.from_rotation(Rotation.from_euler(axis, 25, degrees=True))
+    assert words in transform_words(T)
+    assert T.apply(point) @ moved > 0.4
 
 
 def test_the_voxel_is_taken_as_given(pair: list[str]) -> None:
-    printed = json.loads(sonarmap("register", *pair, *GRID, "--voxel", "0.4", "--json").stdout)
-    assert printed["voxel"] == 0.4
-    check_transform(printed)
+    found = as_json(*pair, "--voxel", "0.4")
+    assert found["voxel"] == 0.4
+    check_transform(found)
 
 
 def test_two_scans_of_different_places_are_refused(tmp_path: Path) -> None:
     pair = write(tmp_path, here=scan(0, scene=1), there=scan(0, scene=2))
     result = sonarmap("register", *pair, *GRID, "--json")
-    assert (result.exit_code, result.stderr) == (3, "")
-    printed = json.loads(result.stdout)
-    assert printed["accepted"] is False
-    assert printed["reason"]
+    found = printed(result, 3)
+    assert (found["accepted"], result.stderr) == (False, "")
+    assert found["reason"]
 
 
 @pytest.mark.slow
@@ -173,13 +166,12 @@ def test_the_scan_of_another_place_is_refused_whatever_its_grid(tmp_path: Path) 
 
 
 def test_a_scan_with_itself_is_the_identity(pair: list[str]) -> None:
-    printed = json.loads(sonarmap("register", pair[0], pair[0], *GRID, "--json").stdout)
-    np.testing.assert_allclose(printed["T_target_source"], np.eye(4), atol=1e-3)
+    np.testing.assert_allclose(as_json(pair[0], pair[0])["T_target_source"], np.eye(4), atol=1e-3)
 
 
 def test_double_coordinates_are_read(tmp_path: Path) -> None:
     pair = write(tmp_path, target=scan(0).astype(np.float64), source=scan(1).astype(np.float64))
-    check_transform(json.loads(sonarmap("register", *pair, *GRID, "--json").stdout))
+    check_transform(as_json(*pair))
 
 
 def test_points_that_are_not_finite_are_dropped_and_told_beside_the_json(tmp_path: Path) -> None:
@@ -189,8 +181,7 @@ def test_points_that_are_not_finite_are_dropped_and_told_beside_the_json(tmp_pat
     bad = int((~np.isfinite(source).all(axis=1)).sum())
     pair = write(tmp_path, target=scan(0), source=source)
     result = sonarmap("register", *pair, *GRID, "--json")
-    assert result.exit_code == 0
-    check_transform(json.loads(result.stdout))
+    check_transform(printed(result))
     said(result, "source.ply", f"dropped {bad:,} of 7,200 points that are NaN or infinite")
 
 
@@ -227,10 +218,7 @@ def test_echo_strengths_weigh_the_voxels_where_wanted(tmp_path: Path) -> None:
 
 
 def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) -> None:
-    refused = sonarmap("register", *pair, *GRID, "--strength")
-    refused_with_reason(refused)
-    said(refused, "no scan has echo strengths", "Leave it out")
+    refused(sonarmap("register", *pair, *GRID, "--strength"), "no scan has echo strengths", "Leave it out")
     write_ply(tmp_path / "strong.ply", scan(1), {"intensity": np.linspace(0, 1, 7200)})
-    mixed = sonarmap("register", pair[0], tmp_path / "strong.ply", *GRID, "--strength")
-    assert mixed.exit_code == 0
+    mixed = done(sonarmap("register", pair[0], tmp_path / "strong.ply", *GRID, "--strength"))
     said(mixed, "1 of 2 scans have no echo strength")
