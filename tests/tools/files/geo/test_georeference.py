@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection, utm_epsg
-from tests.tools.products.export.folders import georeferenced
+from tests.tools.products.export.finished import georeferenced
 
 GEOD = Geod(ellps="WGS84")
 PLACES = [(60.0, 5.9999), (-70.1, -68.3), (0.0, 33.0), (-17.5, 179.9995), (60.4, 5.3), (89.0, 40.0), (-85.0, 10.0)]

@@ -1,16 +1,29 @@
-"""The maps of the flood gate: tables, times, pictures, and the experiment as a whole."""
+"""The maps of the flood gate: chains, tables, times, pictures, and the experiment as a whole."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.floodgate.chain import Chain, FloodgateSurvey, chains
+from sonarmap.tools.lab.reproduce.floodgate.chain import (
+    DISPLACED_90,
+    MAP_90,
+    MAP_MEDIAN,
+    Chain,
+    FloodgateSurvey,
+    chain_poses,
+    chains,
+    pair_row,
+    pose_rows,
+    transform,
+)
 from sonarmap.tools.lab.reproduce.floodgate.methods import TRUTH, runs
 from sonarmap.tools.lab.reproduce.floodgate.run import (
     OTHER_METHODS,
@@ -33,12 +46,79 @@ from sonarmap.tools.lab.reproduce.floodgate.tables import (
 )
 from sonarmap.tools.lab.reproduce.pages.section_text import verdicts
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
-from tests.samples.experiments.floodgate_rows import flat_survey, outcomes
+from tests.samples.experiments.floodgate_rows import POSES, SCANS, STEPS, flat_survey, off, outcomes, turn
 
 
 @pytest.fixture(scope="module")
 def now() -> FloodgateSurvey:
     return flat_survey()
+
+
+class TestChain:
+    def test_true_steps_lead_to_the_true_poses(self) -> None:
+        assert np.allclose(chain_poses(POSES[0], STEPS).as_matrix(), POSES.as_matrix(), atol=1e-12)
+
+    def test_one_wrong_step_moves_all_that_follow_alike(self, now: FloodgateSurvey) -> None:
+        """The true motion after it hides nothing: each later pose is off by the same motion of the world."""
+        chained = chain_poses(POSES[0], off(9.0))
+        moved = chained * POSES.inv()
+        assert np.allclose(moved[:2].as_matrix(), np.eye(4), atol=1e-12)
+        assert np.allclose(moved[2:].as_matrix(), moved[2].as_matrix(), atol=1e-12)
+        rows = pose_rows(now, off(9.0))
+        assert [round(float(row["translation_m"]), 9) for row in rows] == [0, 0, 9, 9, 9]
+
+    def test_a_rows_parameters_are_its_transform(self, now: FloodgateSurvey) -> None:
+        row = pair_row(now, 3, STEPS[2] * RigidTransform.from_components([1, -2, 0.5], turn(3, -7, 5)), accepted=False)
+        expected = STEPS[2] * RigidTransform.from_components([1, -2, 0.5], turn(3, -7, 5))
+        assert np.allclose(transform(row, "found").as_matrix(), expected.as_matrix(), atol=1e-12)
+        assert np.allclose(transform(row, "true").as_matrix(), STEPS[2].as_matrix(), atol=1e-12)
+        assert row["translation_m"] == pytest.approx(np.sqrt(1 + 4 + 0.25))
+        assert (row["right"], row["accepted"]) == (False, False)
+        assert row["rotation_deg"] == pytest.approx(np.rad2deg(turn(3, -7, 5).magnitude()))
+
+    @pytest.mark.parametrize(("meters", "right"), [(5.99, True), (6.01, False)])
+    def test_the_bar(self, now: FloodgateSurvey, meters: float, right: bool) -> None:
+        assert pair_row(now, 2, off(meters)[1], accepted=True)["right"] is right
+
+    def test_rows_come_back_as_poses(self, now: FloodgateSurvey) -> None:
+        chain = chains(all_rows(outcomes(now, {"icp": 9.0})))[1, "icp", 0]
+        expected = POSES[0].inv() * chain_poses(POSES[0], off(9.0))
+        assert np.allclose(chain.found.as_matrix(), expected.as_matrix(), atol=1e-9)
+        assert np.allclose(chain.true.as_matrix(), (POSES[0].inv() * POSES).as_matrix(), atol=1e-9)
+        assert chain.right == SCANS - 2
+
+
+class TestMapError:
+    def test_true_poses_leave_what_the_scans_have(self, now: FloodgateSurvey) -> None:
+        """The first scan lies 0.25 m off, the others on the surface: the map so far is the mixture."""
+        rows = pose_rows(now, None)
+        medians, highs = ([float(row[name]) for row in rows] for name in (MAP_MEDIAN, MAP_90))
+        assert medians[0] == pytest.approx(0.25, abs=1e-5)
+        assert medians[2:] == pytest.approx([0, 0, 0], abs=1e-5)
+        assert highs == pytest.approx([0.25] * SCANS, abs=1e-5)  # a fifth of the points, so beyond the 90th percentile
+
+    def test_scans_lifted_off_their_surface(self, now: FloodgateSurvey) -> None:
+        """Without a turn, all scans but the first two lie higher by what the second step has too much."""
+        level = replace(now, T_world_sensor=RigidTransform.from_translation(POSES.translation))
+        flat = [
+            Scan((POSES[k].apply(scan.points.astype(float)) - POSES[k].translation).astype(np.float32), name=scan.name)
+            for k, scan in enumerate(now.scans)
+        ]
+        steps = [level.step(k) for k in range(1, SCANS)]
+        steps[1] = steps[1] * RigidTransform.from_translation([0, 0, 1.75])
+        rows = pose_rows(replace(level, scans=tuple(flat)), steps)
+        assert rows[1][MAP_MEDIAN] == pytest.approx(0.125, abs=0.13)
+        assert rows[-1][MAP_MEDIAN] == pytest.approx(1.75, abs=1e-4)
+        assert rows[-1][MAP_90] == pytest.approx(1.75, abs=1e-4)
+
+    def test_points_moved_along_the_surface_are_displaced_all_the_same(self, now: FloodgateSurvey) -> None:
+        """The world is moved by 2 m along the lid after the first two scans; no distance tells of it."""
+        moved = RigidTransform.from_translation([0, 2, 0]) * POSES
+        steps = [*STEPS]
+        steps[1] = POSES[1].inv() * moved[2]
+        rows = pose_rows(now, steps)
+        assert [round(float(row[DISPLACED_90]), 6) for row in rows] == [0, 0, 2, 2, 2]
+        assert rows[-1][MAP_90] == pytest.approx(0.25, abs=1e-5)
 
 
 Chains = dict[tuple[int, str, int], Chain]

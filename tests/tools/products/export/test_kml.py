@@ -19,8 +19,7 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.kml import write_kml, write_kmz
 from sonarmap.tools.products.export.kml_pictures import pictures_of
-from tests.tools.products.export.finished import START, scattered
-from tests.tools.products.export.folders import georeferenced, timed
+from tests.tools.products.export.finished import START, georeferenced, scattered, timed
 
 NAMES = {"kml": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
 PLACES = [(60.0, 11.9995), (-70.0, -60.0002), (-17.5, 179.9999), (10.0, -179.9999), (84.5, 12.0)]

@@ -13,8 +13,7 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.laz import laz_details, write_laz
-from tests.tools.products.export.finished import START, local_of, scattered
-from tests.tools.products.export.folders import georeferenced, timed
+from tests.tools.products.export.finished import START, georeferenced, local_of, scattered, timed
 
 # At borders of zones: Norway's widened 32, 70 south, and 180 east
 PLACES = [((60.0, 11.9995), 32632), ((60.0, 5.9999), 32632), ((-70.0, -60.0002), 32720), ((-17.5, 179.9995), 32760)]

@@ -13,7 +13,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.poses_csv import COLUMNS, write_poses_csv
-from tests.tools.products.export.folders import georeferenced
+from tests.tools.products.export.finished import georeferenced
 from tests.tools.products.export.poses import (
     PLACES,
     apart,

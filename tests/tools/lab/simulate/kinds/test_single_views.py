@@ -1,4 +1,4 @@
-"""Distorted and moving views: true but for what the kind says, and that of its size."""
+"""Distorted and moving views, and the Sonar 3D-15's: errors as large as the kind says."""
 
 from dataclasses import replace
 
@@ -9,21 +9,24 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.lab.simulate.kinds.draws import SIGMA2, noise_of, observer_of
 from sonarmap.tools.lab.simulate.kinds.single_view import (
+    LOBE,
     SCAN_TIME,
     SPEED,
+    STEP,
     TURN,
     Motion,
     Shot,
     distorted_scan,
     draw_motion,
+    real_scan,
     scaled_scan,
     scan_in_motion,
     shifted_scan,
 )
 from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View, first_view
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
-from sonarmap.tools.lab.simulate.sensing.noise import Noise
-from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, SONAR_3D15, Sensor, cast
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, pick_strongest
+from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, SONAR_3D15, Echoes, Sensor, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from tests.samples.simulated import QUIET
@@ -136,3 +139,64 @@ def test_every_scene_meets_every_overlap_with_every_noise():
         assert {sigma2 for _, _, sigma2 in met} == set(SIGMA2)
     assert_allclose(noise_of("moving", 0, "rubble").sigma2, 0.25 * (40 / 256) ** 2)
     assert_allclose(noise_of("moving", 0, "shallow").sigma2, 0.25 / 16 * (40 / 256) ** 2)
+
+
+def _images(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Ranges (rows, columns) of one view of rubble, true and measured, inf without an echo."""
+    observer = observer_of("rubble", seed)
+    view = first_view(observer, 0.15, np.random.default_rng(seed))
+    draws = (np.random.default_rng(seed + 1), np.random.default_rng(seed + 2))
+    scan = real_scan(Shot(observer, view, replace(QUIET, speckle=1.0), *draws, "target"))
+    # the fan is mounted nose down
+    points = np.einsum("ij,ni->nj", _tilted(observer.sensor.tilt), scan.points.astype(np.float64))
+    ranges = np.linalg.norm(points, axis=1)
+    column = np.rint((np.arctan2(points[:, 1], points[:, 0]) / SONAR_3D15.horizontal + 0.5) * 255).astype(int)
+    row = np.rint((np.arcsin(points[:, 2] / ranges) / SONAR_3D15.vertical + 0.5) * 63).astype(int)
+    image = np.full((64, 256), np.inf)
+    image[row, column] = ranges
+    return view.echoes.ranges, image
+
+
+def _tilted(tilt: float) -> np.ndarray:
+    c, s = np.cos(tilt), np.sin(tilt)
+    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+
+
+def test_its_images_are_as_sparse_and_as_patchy_as_real_ones():
+    images = [_images(seed) for seed in range(3)]
+    seen = np.stack([np.isfinite(image) for _, image in images])
+    met = np.stack([np.isfinite(true) for true, _ in images])
+    assert 0.55 < seen[met].mean() < 0.9
+    alike = {lag: np.corrcoef(seen[..., :-lag].ravel(), seen[..., lag:].ravel())[0, 1] for lag in (1, 4, 16)}
+    assert 0.5 < alike[1] < 0.8
+    assert 0.25 < alike[4] < 0.6
+    assert alike[1] > alike[4] > alike[16]
+    ranges = np.stack([image for _, image in images])
+    both = seen[..., :-1] & seen[..., 1:]
+    assert 0.35 < np.isclose(ranges[..., :-1][both], ranges[..., 1:][both], atol=1e-5).mean() < 0.6
+
+
+def test_ranges_come_in_steps_and_lie_near_the_surface_of_their_lobe():
+    _, image = _images(5)
+    ranges = image[np.isfinite(image)]
+    assert_allclose(ranges / STEP, np.rint(ranges / STEP), atol=2e-2)
+    observer = observer_of("shallow", 4)
+    view = first_view(observer, 0.1, np.random.default_rng(4))
+    draws = (np.random.default_rng(1), np.random.default_rng(2))
+    scan = real_scan(Shot(observer, view, Noise(), *draws, "target"))
+    placed = view.T_world_sensor.apply(scan.points.astype(np.float64))
+    assert np.percentile(surface_distance(observer.world.mesh, placed), 95) < 0.15
+
+
+def test_a_beam_picks_the_strongest_echo_of_its_lobe():
+    ranges = np.full((5, 9), np.inf)
+    strengths = np.zeros((5, 9))
+    ranges[2, 2], strengths[2, 2] = 3.0, 1.0
+    ranges[2, 6], strengths[2, 6] = 7.0, 0.5
+    ranges[2, 3], strengths[2, 3] = 4.0, 0.1
+    picked = pick_strongest(Echoes(ranges, strengths), LOBE)
+    assert_array_equal(picked.ranges[2], [3.0, 3.0, 3.0, 3.0, 3.0, 7.0, 7.0, 7.0, 7.0])
+    assert picked.strengths[2, 2] == 1.0
+    assert_allclose(picked.strengths[2, 6], 0.5)
+    assert_allclose(picked.strengths[2, 3], np.exp(-0.5))
+    assert_allclose(picked.strengths[0, 2], np.exp(-2.0))

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.tools.products.report.page.content import Content
 from tests.tools.products.report.page.browser import Opened, click, opened
-from tests.tools.products.report.page.decided import AS_WRITTEN, NAMES, path_of, saved
-from tests.tools.products.report.page.known_map import A, B
+from tests.tools.products.report.page.known_map import AS_WRITTEN, NAMES, A, B, path_of, saved
 
 POINT = {
     "name": "quay, corner",

@@ -9,7 +9,7 @@ import pytest
 
 from sonarmap.tools.products.report.page.content import Content
 from tests.tools.products.report.page.browser import WITHOUT_WEBGL, Opened, click, opened
-from tests.tools.products.report.page.decided import AS_WRITTEN, NAMES, path_of, saved
+from tests.tools.products.report.page.known_map import AS_WRITTEN, NAMES, path_of, saved
 
 MADE = {
     "target": NAMES[0],
