@@ -109,26 +109,27 @@ class TestFolder:
 
 
 class TestVerdicts:
-    def test_columns_are_found_by_their_first_word(self) -> None:
-        headings = ("grid", "noise", "paper: yaw", "ours, worst", "verdict", "ours, all", "right")
-        table = Table("t", headings, (("128", "2", "S8", "S7", "no", "S9", "1/2"),))
-        section = replace(Fake().section(Fake().run("a").rows, ()), tables=(table,))
-        verdict = verdicts(section)[0]
-        assert (verdict.claim, verdict.paper, verdict.ours, verdict.verdict) == ("128, 2", "S8", "S7", "no")
+    SECTION = Fake().section(Fake().run("a").rows, ())
 
-    def test_other_methods_replace_the_paper_and_no_table_has_no_claims(self) -> None:
-        table = Table("t", ("measure", "ours", "others", "what follows"), (("it", "none", "all", "no"),))
-        section = replace(Fake().section(Fake().run("a").rows, ()), tables=(table,))
-        assert verdicts(section)[0] == Verdict("it", "all", "none", "no")
-        assert verdicts(replace(section, tables=())) == ()
+    @pytest.mark.parametrize(
+        ("headings", "cells", "expected"),
+        [
+            ("grid|noise|paper: yaw|ours, worst|verdict|ours, all|right", "128|2|S8|S7|no|S9|1/2", "128, 2|S8|S7|no"),
+            ("measure|ours|others|what follows", "it|none|all|no", "it|all|none|no"),
+        ],
+    )
+    def test_columns_are_found_by_their_first_word(self, headings: str, cells: str, expected: str) -> None:
+        """Where other methods are compared, they stand in the paper's place."""
+        table = Table("t", tuple(headings.split("|")), (tuple(cells.split("|")),))
+        assert verdicts(replace(self.SECTION, tables=(table,)))[0] == Verdict(*expected.split("|"))
 
-    def test_a_section_without_them_is_refused(self) -> None:
-        section = replace(Fake().section(Fake().run("a").rows, ()), tables=(Table("t", ("paper", "ours"), ()),))
+    def test_a_section_without_them_has_no_table_or_is_refused(self) -> None:
+        assert verdicts(replace(self.SECTION, tables=())) == ()
         with pytest.raises(ValueError, match="begins with the word 'verdict"):
-            verdicts(section)
+            verdicts(replace(self.SECTION, tables=(Table("t", ("paper", "ours"), ()),)))
 
     def test_a_section_at_any_level(self) -> None:
-        text = section_text(Fake().section(Fake().run("a").rows, ()), 2, "there/")
+        text = section_text(self.SECTION, 2, "there/")
         assert text.startswith("## A fake, Fig. 0\n")
         assert "![The numbers.](there/fake.png)" in text
         assert "The numbers are small." in text
@@ -154,20 +155,16 @@ class TestPage:
             assert (page.parent / link).read_bytes() == (tmp_path / "out" / Path(link).name).read_bytes()
         assert str(tmp_path) not in text
 
-    def test_verdicts_machine_time_and_command(self, tmp_path: Path) -> None:
+    def test_verdicts_machine_time_command_and_other_methods(self, tmp_path: Path) -> None:
         complete(tmp_path)
         write_page(tmp_path / "p.md", tmp_path, ["fake"])
-        text = (tmp_path / "p.md").read_text()
+        write_page(tmp_path / "e.md", tmp_path, ["fake"], FRAMES[EVALUATION])
+        text, evaluation = (tmp_path / "p.md").read_text(), (tmp_path / "e.md").read_text()
+        assert evaluation.startswith("# Evaluation on unseen pairs\n")
+        assert "| experiment | measure | others | ours | what follows |" in evaluation
         assert re.search(r"\| fake \| mean \| 0 \| -?[0-9.]+ \| so \|", text)
         assert "| fake | 5 | 0 s | a device (OpenCL 3.0 X; a processor, 2 cores) | `sonarmap reproduce fake` |" in text
         assert text.index("**All in short**") < text.index("## A fake, Fig. 0") < text.index("**Times**")
-
-    def test_the_evaluation_shows_the_other_methods(self, tmp_path: Path) -> None:
-        complete(tmp_path)
-        write_page(tmp_path / "p.md", tmp_path, ["fake"], FRAMES[EVALUATION])
-        text = (tmp_path / "p.md").read_text()
-        assert text.startswith("# Evaluation on unseen pairs\n")
-        assert "| experiment | measure | others | ours | what follows |" in text
 
     def test_nothing_to_show(self, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="no complete experiment"):
@@ -258,11 +255,6 @@ class TestCommand:
         assert shown.exit_code == 0
         assert "fake: measures times, so --workers has no effect" in shown.stderr
 
-    def test_a_method_that_there_is_not(self, tmp_path: Path) -> None:
-        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path), "--method", "alchemy"])
-        assert shown.exit_code == 2
-        assert "no method is called 'alchemy'" in " ".join(shown.stderr.replace("│", " ").split())
-
     def test_interrupted_it_says_what_is_kept(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("tests.samples.experiments.fake_experiment.create", lambda _: Fake(stop="d"))
         shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path)])
@@ -283,12 +275,13 @@ class TestCommand:
             (["fake", "--seed", "-1"], "--seed"),
             (["fake", "--grid", "103"], "--grid 103"),
             (["fake", "--device", "abacus"], "abacus"),
+            (["fake", "--method", "alchemy"], "no method is called 'alchemy'"),
         ],
     )
     def test_refused(self, tmp_path: Path, arguments: list[str], words: str) -> None:
         shown = CliRunner().invoke(app, ["reproduce", *arguments, "-o", str(tmp_path / "out")])
         assert shown.exit_code == 2
-        assert words in shown.stderr
+        assert words in " ".join(shown.stderr.replace("│", " ").split())
         assert not (tmp_path / "out").exists() or files_in(tmp_path / "out") == set()
 
     def test_a_folder_that_cannot_be_written_is_told_first(self, tmp_path: Path) -> None:

@@ -139,13 +139,9 @@ class TestJobs:
         request = asked(folder, method=("spectral", "planes"), known="heading", seeds=2)
         experiment = Real(sets, real_settings(request, {"quay": sets[0].digest}), None)
         key = f"quay@{sets[0].digest[:8]}/0-1"
-        assert experiment.jobs() == [
-            f"{key}/nothing/spectral",
-            f"{key}/nothing/planes",
-            f"{key}/priors.csv/spectral",
-            f"{key}/heading=3,seed=0/spectral",
-            f"{key}/heading=3,seed=1/spectral",
-        ]
+        drawn = [f"heading=3,seed={seed}/spectral" for seed in (0, 1)]
+        jobs = ("nothing/spectral", "nothing/planes", "priors.csv/spectral", *drawn)
+        assert experiment.jobs() == [f"{key}/{job}" for job in jobs]
 
     def test_drawn_priors_are_about_the_truth_and_the_same_again(self, tmp_path: Path) -> None:
         sets = read_sets(put(tmp_path / "quay"))

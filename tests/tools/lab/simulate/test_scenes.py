@@ -44,12 +44,8 @@ def test_a_straight_tube_is_its_cylinder_and_a_bent_one_keeps_to_its_legs():
     )
     assert_allclose(ranges, [6.5, 6.6, np.inf], atol=1e-3)
     bent = Scene("bent", tube([(0, 0, 0), (10, 0, 0), (10, 8, 0)], 0.5, bend=2.0))
-    assert bent.is_solid(np.array([[5, 0.0, 0], [10, 6, 0], [9.5, 0.5, 0], [10, 0, 0]])).tolist() == [
-        True,
-        True,
-        True,
-        False,
-    ]
+    places = np.array([[5, 0.0, 0], [10, 6, 0], [9.5, 0.5, 0], [10, 0, 0]])
+    assert bent.is_solid(places).tolist() == [True, True, True, False]
 
 
 @pytest.mark.parametrize("seed", [3, 17, 92])

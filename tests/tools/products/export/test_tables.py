@@ -41,12 +41,9 @@ def test_a_row_for_each_vertex(tmp_path: Path) -> None:
     write_graph(tmp_path / "out" / "graph.csv", folder, folder.parts[0], None)
     with (tmp_path / "out" / "graph.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
+    apart, world = ("2", "first pose"), ("1", "East-North-Up")
     assert [(row["vertex"], row["name"], row["map"], row["frame"]) for row in rows] == [
-        ("0", "scan_0", "2", "first pose"),
-        ("1", "scan_1", "1", "East-North-Up"),
-        ("3", "scan_3", "1", "East-North-Up"),
-        ("4", "scan_4", "1", "East-North-Up"),
-        ("5", "scan_5", "2", "first pose"),
+        (str(k), f"scan_{k}", *where) for k, where in ((0, apart), (1, world), (3, world), (4, world), (5, apart))
     ]
     assert [row["utc"] for row in rows][2:] == ["2023-11-14T22:13:22.500000Z", "2023-11-14T22:13:25.000400Z", ""]
     assert [float(row["stamp"]) for row in rows] == [0, 1.7e9, 1.7e9 + 2.5, 1.7e9 + 5.0004, 7]

@@ -64,15 +64,8 @@ def test_control_points_of_the_map_are_shown(content: Content, tmp_path: Path) -
     check = POINT | {"name": "pile", "use": "check", "residual": [0.3, 0.0, -0.4], "in_sigmas": 1.25, "scan": NAMES[5]}
     with opened(path_of(content, tmp_path, control_points=[POINT, check])) as page:
         shown = page.page.locator("#navigation").inner_text()
-        for words in (
-            "quay, corner",
-            "control (the map is held to them)",
-            "check (only compared)",
-            "+0.250",
-            "−0.500",
-            "0.5\u202fm",
-            "11.5",
-        ):
+        uses = ("control (the map is held to them)", "check (only compared)")
+        for words in ("quay, corner", *uses, "+0.250", "−0.500", "0.5\u202fm", "11.5"):
             assert words in shown
         assert "quay, corner" in page.page.locator("#labels").inner_text()
         lines = "sonarmap.view.scene.lines.get('{}').count"
