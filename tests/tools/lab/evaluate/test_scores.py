@@ -135,13 +135,17 @@ def drawn(scale: float = 1.0, anchor: float = 1e-6) -> tuple[RigidTransform, Rig
     return truth * RigidTransform.from_exp_coords(-xi), truth, roots @ np.swapaxes(roots, 1, 2)
 
 
+def calibrated(*arguments) -> PoseCalibration:
+    result = calibrate_poses(*arguments)
+    assert result is not None
+    return result
+
+
 def test_honest_poses_are_in_95_percent_of_their_ellipsoids() -> None:
     """Of 4000 independent poses: 0.95 within 0.015 (4 sigma), means within 5 sigma of 6 and of 3."""
     found, truth, covariances = drawn()
-    result = calibrate_poses(MOVE * found, truth, covariances)
-    assert result is not None
-    assert result.anchor == "first"
-    assert len(result.nees) == COUNT - 1
+    result = calibrated(MOVE * found, truth, covariances)
+    assert (result.anchor, len(result.nees)) == ("first", COUNT - 1)
     assert_allclose([result.within_95, result.position_within_95], 0.95, atol=0.015)
     assert_allclose(result.nees.mean(), 6, atol=5 * np.sqrt(12 / COUNT))
     assert_allclose(result.position_nees.mean(), 3, atol=5 * np.sqrt(6 / COUNT))
@@ -149,21 +153,16 @@ def test_honest_poses_are_in_95_percent_of_their_ellipsoids() -> None:
 
 @pytest.mark.parametrize("scale", [0.5, 3.0])
 def test_overconfidence_shows_as_its_square(scale: float) -> None:
-    result, honest = calibrate_poses(*drawn(scale)), calibrate_poses(*drawn())
-    assert result is not None
-    assert honest is not None
+    result, honest = calibrated(*drawn(scale)), calibrated(*drawn())
     assert_allclose(result.nees.mean(), scale**2 * honest.nees.mean(), rtol=1e-4)
     assert (result.within_95 > 0.99) == (scale < 1)
 
 
 def test_poses_with_an_uncertain_first_one_are_not_aligned() -> None:
     found, truth, covariances = drawn(anchor=0.05)
-    result = calibrate_poses(found, truth, covariances)
-    assert result is not None
+    result = calibrated(found, truth, covariances)
     assert (result.anchor, len(result.nees)) == ("world", COUNT)
-    moved = calibrate_poses(MOVE * found, truth, covariances)
-    assert moved is not None
-    assert moved.nees.mean() > 100 * result.nees.mean()
+    assert calibrated(MOVE * found, truth, covariances).nees.mean() > 100 * result.nees.mean()
 
 
 def test_an_anchor_alone_says_nothing() -> None:
@@ -177,15 +176,8 @@ def test_a_known_error_has_its_known_distance() -> None:
     off = RigidTransform.from_exp_coords([[0, 0.2, 0, 0, 0, 0.6]])
     found = RigidTransform.concatenate([RigidTransform.identity(), (MOVE * off.inv())[0]])
     sigmas = np.diag([0.5, 0.1, 0.5, 0.7, 0.7, 0.3]) ** 2
-    result = calibrate_poses(found, truth, np.stack([1e-12 * np.eye(6), sigmas]))
-    assert result is not None
+    result = calibrated(found, truth, np.stack([1e-12 * np.eye(6), sigmas]))
     assert_allclose([result.nees[0], result.position_nees[0]], [8, 4], rtol=1e-9)
-
-
-def calibrated(*arguments) -> PoseCalibration:
-    result = calibrate_poses(*arguments)
-    assert result is not None
-    return result
 
 
 @pytest.mark.parametrize(

@@ -180,10 +180,6 @@ class TestKey:
         assert before.key("a/yours") != before.key("b/yours")
 
 
-def test_the_place_in_words() -> None:
-    assert origin(Fake()).place == "a device (OpenCL 3.0 X; a processor, 2 cores)"
-
-
 def test_it_survives_json() -> None:
     assert Provenance(**to_json(origin(Fake()))) == origin(Fake())
 

@@ -202,7 +202,6 @@ def test_the_rig_of_table_1_is_out_of_every_solid_of_forty_seeds(scene: str):
 def test_the_rig_of_table_1_is_free_in_every_large_scene(scene: str, seed: int):
     """Nothing within 3 m of any of its places; and the bed is in sight of each."""
     world, poses = build_scene(scene, seed), table1(13).T_world_sensor
-    assert not world.is_solid(poses.translation).any()
     assert surface_distance(world.mesh, poses.translation).min() > 3.0
     for pose in poses:
         assert np.isfinite(cast(world, FEW, pose).ranges).mean() > 0.15

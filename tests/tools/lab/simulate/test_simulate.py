@@ -52,16 +52,29 @@ def test_a_survey_moves_like_a_small_vessel_and_comes_back():
     assert_array_equal(truth.stamps, np.arange(60.0))
 
 
-def test_one_seed_gives_the_same_bytes(tmp_path):
-    settings = SimulationSettings(count=2, sensor=SENSORS["sonar3d15"], seed=11)
-    settings = replace(settings, sensor=replace(settings.sensor, max_range=80.0))
+GHOSTLY = Noise(sigma2=0.5, outliers=0.02, dropouts=0.1, ghosts=0.3, speckle=0.8)
+SMALL = replace(ECLIPSE, columns=48, rows=36, threshold=0.004, edge_loss=11.0, absorption=0.05)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        SimulationSettings(count=2, sensor=replace(SENSORS["sonar3d15"], max_range=80.0), seed=11),
+        SimulationSettings(count=2, sensor=SMALL, noise=GHOSTLY, seed=8),
+    ],
+    ids=["sonar3d15", "ghosts and speckle"],
+)
+def test_one_seed_gives_the_same_bytes(tmp_path: Path, settings: SimulationSettings):
     first = write_simulation(simulate(settings), tmp_path / "a")
-    again = write_simulation(simulate(read_settings(tmp_path / "a" / "description.json")), tmp_path / "b")
+    described = read_settings(tmp_path / "a" / "description.json")
+    assert described == settings
+    again = write_simulation(simulate(described), tmp_path / "b")
     assert [path.name for path in first] == ["scan_000.ply", "scan_001.ply", "truth.tum", "description.json"]
     for one, other in zip(first, again, strict=True):
         assert one.read_bytes() == other.read_bytes()
-    other_seed = simulate(replace(settings, seed=12))
-    assert not np.array_equal(other_seed.scans[0].points, simulate(settings).scans[0].points)
+    for change in ({"seed": 12}, *([{"noise": replace(GHOSTLY, ghosts=0.0)}] if settings.noise == GHOSTLY else [])):
+        other = simulate(replace(settings, **change))
+        assert not np.array_equal(other.scans[0].points, simulate(settings).scans[0].points)
 
 
 def test_scans_draw_their_noise_apart():
@@ -198,6 +211,9 @@ def test_the_description_tells_them_and_like_gives_them_again(tmp_path: Path) ->
     said(refused, "unusable is 1.5")
 
 
+LARGE = ("GiB of memory", "this machine has", "give at most")
+
+
 def description(folder: Path, **values: float) -> Path:
     """A description.json with other values for settings or for the sensor."""
     content = json.loads(POSE_FILES["description.json"].content)
@@ -210,20 +226,34 @@ def description(folder: Path, **values: float) -> Path:
 
 
 @pytest.mark.parametrize(
-    "values", [{"count": 10**12}, {"columns": 10**12}, {"rows": 2**62}, {"rows": 10**7, "columns": 10**7}]
+    ("values", "words"),
+    [
+        ({"count": 10**12}, ("scans of", *LARGE)),
+        ({"columns": 10**12}, ("columns and", *LARGE)),
+        ({"rows": 2**62}, ("columns and", *LARGE)),
+        ({"rows": 10**7, "columns": 10**7}, ("columns and", *LARGE)),
+        ({"max_range": 1e29}, ("max_range <= 100000 m",)),  # which no reader takes
+        ({"max_range": 1e6}, ("max_range <= 100000 m",)),
+    ],
 )
-def test_a_description_of_too_much_is_refused(tmp_path: Path, values: dict[str, int]) -> None:
+def test_a_description_of_too_much_is_refused(tmp_path: Path, values: dict[str, float], words: tuple[str, ...]) -> None:
     result = sonarmap("simulate", "--like", description(tmp_path, **values), "-o", tmp_path / "out")
     refused_with_reason(result)
-    asked = "scans of" if "count" in values else "columns and"
-    said(result, "error: ", asked, "GiB of memory", "this machine has", "give at most")
+    said(result, "error: ", *words)
     assert not (tmp_path / "out").exists()
 
 
-def test_the_option_is_named(tmp_path: Path) -> None:
-    result = sonarmap("simulate", "--scans", str(10**11), "-o", tmp_path / "out")
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--scans", "100000000000", ("100,000,000,000 scans of 49,152 beams need", "(--scans), or a sensor of fewer")),
+        ("--lobe", "1e-300", ("lobe is 1e-300; wanted 0, or a width of 0.05 to 8 beams",)),
+    ],
+)
+def test_the_option_is_named(tmp_path: Path, option: str, value: str, words: tuple[str, ...]) -> None:
+    result = sonarmap("simulate", option, value, "-o", tmp_path / "out")
     refused_with_reason(result)
-    said(result, "100,000,000,000 scans of 49,152 beams need", "scans (--scans), or a sensor of fewer beams")
+    said(result, *words)
 
 
 @pytest.mark.parametrize(("given", "beams"), [((10**6, 256), 192), ((1, 10**5), 10**5)])
@@ -256,20 +286,5 @@ def test_memory_that_runs_out_all_the_same_is_told(
     said(result, f"this machine's memory is used up{reason and f' ({reason})'}; give less at a time")
 
 
-@pytest.mark.parametrize("values", [{"max_range": 1e29}, {"max_range": 1e6}])
-def test_ranges_that_no_reader_takes_are_refused(tmp_path: Path, values: dict[str, float]) -> None:
-    result = sonarmap("simulate", "--like", description(tmp_path, **values), "-o", tmp_path / "out")
-    assert result.exit_code == 2
-    said(result, "max_range <= 100000 m")
-
-
-def test_a_lobe_next_to_nothing_is_refused(tmp_path: Path) -> None:
-    result = sonarmap("simulate", "--lobe", "1e-300", "-o", tmp_path / "out")
-    assert result.exit_code == 2
-    said(result, "lobe is 1e-300; wanted 0, or a width of 0.05 to 8 beams")
-
-
 def test_what_fits_is_simulated(tmp_path: Path) -> None:
-    from sonarmap.tools.lab.simulate.folder import read_settings
-
     assert len(simulate(read_settings(description(tmp_path))).scans) == 3

@@ -89,7 +89,8 @@ def test_a_scene_is_its_seed(name: str):
     assert_array_equal(first.vertices, again.vertices)
     assert_array_equal(first.triangles, again.triangles)
     assert len(first.triangles) > 10000
-    assert not np.array_equal(first.vertices, other.vertices)
+    still = min(len(first.vertices), len(other.vertices))
+    assert np.isclose(first.vertices[:still], other.vertices[:still], atol=1e-3).all(axis=1).mean() < 0.95
     across = np.cross(*np.moveaxis(np.diff(first.vertices[first.triangles], axis=1), 1, 0))
     assert (np.linalg.norm(across, axis=1) > 0).all()
 
