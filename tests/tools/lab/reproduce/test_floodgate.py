@@ -12,6 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.floodgate import tables
 from sonarmap.tools.lab.reproduce.floodgate.chain import (
     DISPLACED_90,
     MAP_90,
@@ -33,17 +34,6 @@ from sonarmap.tools.lab.reproduce.floodgate.run import (
     create,
 )
 from sonarmap.tools.lab.reproduce.floodgate.section import remarks
-from sonarmap.tools.lab.reproduce.floodgate.tables import (
-    PAPER_ICP,
-    ate_m,
-    by_seed,
-    map_90,
-    map_table,
-    pair_table,
-    pose_table,
-    times_tables,
-    verdict_table,
-)
 from sonarmap.tools.lab.reproduce.pages.section_text import verdicts
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from tests.samples.experiments.floodgate_rows import POSES, SCANS, STEPS, flat_survey, off, outcomes, turn
@@ -132,7 +122,7 @@ def made(now: FloodgateSurvey) -> Chains:
 
 class TestTables:
     def test_the_errors_of_every_run(self, made: Chains) -> None:
-        lines = {row[0]: row[1:] for row in map_table(made).rows}
+        lines = {row[0]: row[1:] for row in tables.map_table(made).rows}
         assert lines["icp"][:3] == ("3 / 3", "3 / 3", "1 / 1")
         assert lines["hemisphere 256³"][:3] == ("4 / 4", "3 / 3", "0 / 0")
         assert lines["icp"][7:] == ("9.00 / 9.00", "0.0 / 0.0")
@@ -140,21 +130,21 @@ class TestTables:
 
     def test_the_trajectory_error_is_after_alignment(self, made: Chains) -> None:
         """Two poses of five are 9 m from the rest: no alignment makes that nothing, and every one less than 9 m."""
-        assert all(0 < error < 9 * np.sqrt(0.24) + 1e-9 for error in by_seed(made, ("icp", 0), ate_m))
-        assert by_seed(made, ("icp", 0), ate_m) > by_seed(made, ("hemisphere", 256), ate_m)
+        assert all(0 < error < 9 * np.sqrt(0.24) + 1e-9 for error in tables.by_seed(made, ("icp", 0), tables.ate_m))
+        assert tables.by_seed(made, ("icp", 0), tables.ate_m) > tables.by_seed(made, ("hemisphere", 256), tables.ate_m)
 
     def test_wrong_pairs_are_counted_in_brackets(self, made: Chains) -> None:
-        rows = pair_table(made).rows
+        rows = tables.pair_table(made).rows
         assert [row[0] for row in rows] == ["0 → 1", "1 → 2", "2 → 3", "3 → 4"]
         assert rows[1][1:4] == ("80 %", "70 %", "0.0°, 9.00 m [2]")
         assert rows[0][3] == "0.0°, 0.00 m"
-        assert [row[1] for row in pose_table(made).rows] == ["0.0°, 0.00 m", *["0.0°, 9.00 m"] * 3]
+        assert [row[1] for row in tables.pose_table(made).rows] == ["0.0°, 0.00 m", *["0.0°, 9.00 m"] * 3]
 
     def test_the_verdicts_follow_the_maps(self, now: FloodgateSurvey) -> None:
         """Maps so good, or so bad, as their errors say; the same rows with the names exchanged say the opposite."""
 
         def said(errors: dict[str, float]) -> dict[str, str]:
-            return {row[0]: row[-1] for row in verdict_table(chains(all_rows(outcomes(now, errors)))).rows}
+            return {row[0]: row[-1] for row in tables.verdict_table(chains(all_rows(outcomes(now, errors)))).rows}
 
         good = said({"icp": 9.0, "planes": 0.2, "spectral": 0.1})
         assert set(good.values()) == {"holds"}
@@ -169,7 +159,7 @@ class TestTables:
             f"2{job[1:]}": Outcome(tuple({**row, "seed": 2} for row in outcome.rows))
             for job, outcome in outcomes(now, {"planes": 9.0}).items()
         }
-        (row,) = verdict_table(chains(all_rows(first | second))).rows
+        (row,) = tables.verdict_table(chains(all_rows(first | second))).rows
         assert row[-1] == "holds in 1 of 2 surveys"
 
     def test_two_grids_are_compared(self, now: FloodgateSurvey) -> None:
@@ -179,7 +169,7 @@ class TestTables:
             for job, outcome in outcomes(now, {"spectral": 8.0}).items()
             if "spectral" in job
         }
-        rows = {row[0]: row[-1] for row in verdict_table(chains(all_rows(fine | coarse))).rows}
+        rows = {row[0]: row[-1] for row in tables.verdict_table(chains(all_rows(fine | coarse))).rows}
         assert rows["spectral 128³ beside spectral 256³"] == "does not hold"
         assert rows["the map by spectral 256³"] == "holds"
         assert rows["the map by spectral 128³"] == "does not hold"
@@ -193,18 +183,18 @@ class TestTables:
         order = text[text.index("best first") :]
         named = [order.index(name) for name in ("spectral 256³", "planes", "hemisphere 256³", "icp")]
         assert named == sorted(named)
-        assert map_90(made[1, "spectral", 256]) < map_90(made[1, "icp", 0])
+        assert tables.map_90(made[1, "spectral", 256]) < tables.map_90(made[1, "icp", 0])
 
 
 class TestTimes:
     def test_the_papers_table(self) -> None:
         """As printed: seventeen pairs; least and largest as the text says."""
-        assert len(PAPER_ICP) == 17
-        assert (min(PAPER_ICP), max(PAPER_ICP)) == (1.27, 47.36)
-        assert sum(PAPER_ICP) / 17 == pytest.approx(21.346, abs=5e-4)
+        assert len(tables.PAPER_ICP) == 17
+        assert (min(tables.PAPER_ICP), max(tables.PAPER_ICP)) == (1.27, 47.36)
+        assert sum(tables.PAPER_ICP) / 17 == pytest.approx(21.346, abs=5e-4)
 
     def test_ours_beside_it(self, now: FloodgateSurvey) -> None:
-        summary, pairs = times_tables(all_seconds(outcomes(now, {"icp": 9.0, "spectral": 0.1})))
+        summary, pairs = tables.times_tables(all_seconds(outcomes(now, {"icp": 9.0, "spectral": 0.1})))
         # 2, 3, 6, 11 s
         assert ", ".join(summary.rows[0]) == "icp, , 1.27, 21.403, 47.36, 0.50, 2.00, 5.50, 4.50, 11.00, 2.44"
         assert pairs.rows[2] == ("2 → 3", "28.17", "6.00", "6.00")

@@ -1,5 +1,6 @@
 """Experiments on structures seen whole: what counts as reached, and rows that are the same every time."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce.answer import parameters
-from sonarmap.tools.lab.reproduce.experiment import Outcome
+from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.structures.limits import KINDS, Limits
 from sonarmap.tools.lab.reproduce.structures.limits_section import deviation_table
@@ -95,24 +96,24 @@ class TestLimitsTable:
         assert deviation_table(rows).rows[-1][3] == "1 of 3 fail"
 
 
-class TestSettings:
-    TRANSLATION = {"steps": [(), (4, 2)], "scenes": [("moon",)], "noises": [("D7",)], "seeds": [0], "first_seed": [-1]}
-    LIMITS = {"yaws_deg": [(90,)], "tilts_deg": [(0, 5)], "scenes": [()], "seeds": [0]}
-
-    @pytest.mark.parametrize(("settings", "wrong"), [(ONE, TRANSLATION), (LimitsSettings(), LIMITS)])
-    def test_refused(self, settings: TranslationSettings | LimitsSettings, wrong: dict[str, list]) -> None:
-        for name, value in ((name, value) for name, values in wrong.items() for value in values):
-            with pytest.raises(InputError):
-                replace(settings, **{name: value})
+OF_TRANSLATION = {"steps": [(), (4, 2)], "scenes": [("moon",)], "noises": [("D7",)], "seeds": [0], "first_seed": [-1]}
+OF_LIMITS = {"yaws_deg": [(90,)], "tilts_deg": [(0, 5)], "scenes": [()], "seeds": [0]}
 
 
-def drawn(experiment: Turns | Limits, folder: Path) -> list[dict]:
+@pytest.mark.parametrize(("settings", "wrong"), [(ONE, OF_TRANSLATION), (LimitsSettings(), OF_LIMITS)])
+def test_settings_that_are_refused(settings: TranslationSettings | LimitsSettings, wrong: dict[str, list]) -> None:
+    for name, value in ((name, value) for name, values in wrong.items() for value in values):
+        with pytest.raises(InputError):
+            replace(settings, **{name: value})
+
+
+def drawn(experiment: Turns | Limits, folder: Path) -> Sequence[Row]:
     """The rows of a run, whose pictures are those of the section."""
     outcomes: dict[str, Outcome] = {job: experiment.run(job) for job in experiment.jobs()}
     rows = all_rows(outcomes)
     experiment.draw(folder, rows)
     assert {path.name for path in folder.iterdir()} == set(experiment.section(rows, all_seconds(outcomes)).pictures)
-    return list(rows)
+    return rows
 
 
 class TestRun:

@@ -8,6 +8,7 @@ import pytest
 from scipy.special import expit
 
 from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
+from sonarmap.tools.lab.reproduce.kinds import tables
 from sonarmap.tools.lab.reproduce.kinds.calibration_tables import (
     Linear,
     calibration_beside,
@@ -22,15 +23,6 @@ from sonarmap.tools.lab.reproduce.kinds.calibration_tables import (
 )
 from sonarmap.tools.lab.reproduce.kinds.run import Kinds
 from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NAVIGATION, KindsSettings
-from sonarmap.tools.lab.reproduce.kinds.tables import (
-    beside_others,
-    every_variant,
-    kind_table,
-    method_table,
-    outcome,
-    relief_table,
-    worst_first,
-)
 from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds, where
 from tests.tools.lab.reproduce.kinds.rows import fixed, row
@@ -49,7 +41,7 @@ ROWS = (
 
 class TestTables:
     def test_ours_beside_the_others_names_the_worst_kind(self) -> None:
-        lines = {line[0]: line[1:] for line in beside_others(ROWS)}
+        lines = {line[0]: line[1:] for line in tables.beside_others(ROWS)}
         assert lines["right, known: nothing"] == (
             "15/18 [0.61..0.94]; worst kind: swath 75 % [41..93]",
             "best: planes 0 %",
@@ -59,15 +51,15 @@ class TestTables:
         assert lines["wrong and believed, known: nothing"][0].endswith("worst kind: patch 9 % [2..38]")
         assert lines["wrong and believed, known: nothing"][1] == "best: planes 100 %"
         assert lines["right, known: attitude, depth"][0].endswith("worst kind: patch 100 % [51..100]")
-        assert [line[0] for line in beside_others([row(right=False)])] == [
+        assert [line[0] for line in tables.beside_others([row(right=False)])] == [
             "right, known: nothing",
             "wrong and believed, known: nothing",
         ]
-        assert beside_others(ROWS[-1:]) == []
+        assert tables.beside_others(ROWS[-1:]) == []
 
     def test_kinds_the_worst_first(self) -> None:
-        assert worst_first(ROWS) == ["swath", "patch"]
-        assert [line[:3] for line in kind_table(ROWS).rows] == [
+        assert tables.worst_first(ROWS) == ["swath", "patch"]
+        assert [line[:3] for line in tables.kind_table(ROWS).rows] == [
             ("swath", "nothing", "8"),
             ("patch", "attitude, depth", "4"),
             ("patch", "nothing", "10"),
@@ -76,22 +68,22 @@ class TestTables:
             row(number=number, **{"relief": "flat", "right": False, "accepted": False} if not number else {})
             for number in range(9)
         ]
-        assert kind_table(firm).rows[0][2] == "8"
+        assert tables.kind_table(firm).rows[0][2] == "8"
 
     def test_methods_beside_each_other(self) -> None:
-        assert every_variant(ROWS) == [("spectral", "none"), ("spectral", LEVELED), ("planes", "none")]
-        table = method_table(ROWS)
+        assert tables.every_variant(ROWS) == [("spectral", "none"), ("spectral", LEVELED), ("planes", "none")]
+        table = tables.method_table(ROWS)
         assert table.headings == ("kind", "pairs", "spectral", "spectral, known: attitude, depth", "planes")
         assert table.rows == (
             ("swath", "8", "75 %, 67 %, 0", "–", "–"),
             ("patch", "10", "90 %, 100 %, 0", "100 %, 75 %, 0", "0 %, –, 1"),
             ("all kinds", "18", "83 %, 87 %, 0", "100 %, 75 %, 0", "0 %, –, 1"),
         )
-        assert outcome([]) == "–"
+        assert tables.outcome([]) == "–"
 
     def test_flat_scenes_stand_apart(self) -> None:
-        assert relief_table(ROWS).rows[0] == ("flat (cannot fix a pose)", "1", "0 %, –, 1", "–", "–")
-        assert relief_table(ROWS).rows[1][0] == "rich"
+        assert tables.relief_table(ROWS).rows[0] == ("flat (cannot fix a pose)", "1", "0 %, –, 1", "–", "–")
+        assert tables.relief_table(ROWS).rows[1][0] == "rich"
 
 
 class TestCalibration:

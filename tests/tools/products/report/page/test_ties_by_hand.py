@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from sonarmap.tools.products.report.page.content import Content
 from tests.tools.products.report.page.browser import WITHOUT_WEBGL, Opened, click, opened
 from tests.tools.products.report.page.known_map import AS_WRITTEN, NAMES, path_of, saved
 
-MADE = {"target": NAMES[0], "source": NAMES[7], "verdict": "add", "note": 'why, "so"', "effect": "kept"}
+MADE: dict[str, Any] = {"target": NAMES[0], "source": NAMES[7], "verdict": "add", "note": 'why, "so"', "effect": "kept"}
 MADE |= {"transform": {}}
 
 
