@@ -166,14 +166,9 @@ class TestPairs:
     def test_right_means_6_degrees_and_3_voxels(self) -> None:
         truth = RigidTransform.from_components([5, -2, 1], Rotation.from_euler("ZYX", [0.3, 0.1, -0.2]))
 
-        def off(meters: float, degrees: float) -> RigidTransform:
-            return truth * RigidTransform.from_components(
-                [0, meters, 0], Rotation.from_rotvec([0, np.deg2rad(degrees), 0])
-            )
-
-        assert is_right(off(5.9, 5.9), truth, 2.0)
-        assert not is_right(off(6.1, 0), truth, 2.0)
-        assert not is_right(off(0, 6.1), truth, 2.0)
+        for meters, degrees, right in ((5.9, 5.9, True), (6.1, 0, False), (0, 6.1, False)):
+            turn = Rotation.from_rotvec([0, np.deg2rad(degrees), 0])
+            assert is_right(truth * RigidTransform.from_components([0, meters, 0], turn), truth, 2.0) == right
 
 
 def test_the_peak_of_memory_never_falls() -> None:
@@ -299,13 +294,8 @@ class TestTwins:
         for half in range(BANDWIDTH // 2):
             part = np.abs(orders) <= 2 * half
             a, b = (array[half, :, part].astype(np.complex128) for array in (target, source))
-            wave = a * np.exp(2j * np.pi * 17 / edge * orders[part])[:, None]
-            want += np.einsum(
-                "ml,mn,nl->",
-                wave,
-                wigner_d(2 * half, betas[1:])[0],
-                b.conj() * np.exp(2j * np.pi * 90 / edge * orders[part])[:, None],
-            ).real
+            first, second = (np.exp(2j * np.pi * turn / edge * orders[part])[:, None] for turn in (17, 90))
+            want += np.einsum("ml,mn,nl->", a * first, wigner_d(2 * half, betas[1:])[0], b.conj() * second).real
         scale = float(np.linalg.norm(target) * np.linalg.norm(source))
         assert got[1, 17, 90] == pytest.approx(want, abs=1e-6 * scale)
 
@@ -316,9 +306,8 @@ class TestTwins:
 
     def test_nearest_by_hand(self) -> None:
         points = np.array([[0, 0, 0], [3, 0, 0], [0, 4, 0]], np.float32)
-        got = twins.nearest(
-            KDTree(points), points, np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0, 0, 1.0]), 1
-        )
+        quarter = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+        got = twins.nearest(KDTree(points), points, quarter, np.array([0, 0, 1.0]), 1)
         # (0, 0, 0) -> (0, 0, 1), (3, 0, 0) -> (0, 3, 1), (0, 4, 0) -> (-4, 0, 1)
         np.testing.assert_allclose(got, [1, np.sqrt(2), np.sqrt(17)], rtol=1e-6)
 

@@ -178,15 +178,10 @@ class TestRuns:
     @pytest.mark.slow
     def test_rows_are_the_same_whatever_the_number_of_workers(self, device: Device, tmp_path: Path) -> None:
         asked = request(device, pairs=10)
-        runs = []
-        for workers in (None, 2):
-            experiment = create("unrelated", asked)
-            module, selector = EXPERIMENTS["unrelated"].module, device.selector
-            shared = WorkerProcesses(workers, module, replace(asked, device=None), selector) if workers else None
-            options = RunOptions(workers=shared)
-            runs.append(
-                run(experiment, provenance(experiment, device), tmp_path / str(workers), silence, options).outcomes
-            )
+        module, experiment = EXPERIMENTS["unrelated"].module, create("unrelated", asked)
+        two = WorkerProcesses(2, module, replace(asked, device=None), device.selector)
+        origin, options = provenance(experiment, device), {"alone": RunOptions(), "shared": RunOptions(workers=two)}
+        runs = [run(experiment, origin, tmp_path / name, silence, how).outcomes for name, how in options.items()]
         assert list(runs[0]) == list(runs[1]) == ["000/hemisphere", "000/planes", "001/hemisphere", "001/planes"]
         assert str(runs[0]) == str(runs[1])
 

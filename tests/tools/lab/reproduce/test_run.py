@@ -101,7 +101,7 @@ class TestStopping:
             database.execute("UPDATE entry SET content = '[1]' WHERE label = 'fake c'")
         database.close()
         again, said = complete(tmp_path)
-        assert again.ran == ["c"]
+        assert again.ran == ["c"]  # as its label says
         assert f"1 results in {tmp_path / JOURNAL} are damaged: their jobs are run again" in said[0]
         assert bytes_of(tmp_path) == before
 
@@ -145,13 +145,6 @@ class TestNumbers:
         for _ in range(2):
             row = run(numbers, origin(numbers), tmp_path, silence).outcomes["a"].rows[0]
             assert all(math.isnan(float(row[key])) for key in "xy")
-
-    def test_a_journal_tells_what_its_entries_are_of(self, tmp_path: Path) -> None:
-        complete(tmp_path)
-        with Journal(tmp_path / JOURNAL) as journal:
-            entry = journal.entry(origin(Fake()).key("c"))
-        assert entry is not None
-        assert entry.label == "fake c"
 
 
 class TestKey:

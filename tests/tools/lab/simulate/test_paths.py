@@ -219,10 +219,8 @@ def test_table_1_pairs_obey_their_truth():
 
 
 def test_table_1_overlap_falls_smoothly_to_a_small_share():
-    shares = []
-    for index in range(10):
-        target, source, T_target_source = table1_pair(index, seed=0, sigma2=0.0)
-        shares.append(overlap(target.points, source.points, T_target_source))
+    pairs = [table1_pair(index, seed=0, sigma2=0.0) for index in range(10)]
+    shares = [overlap(target.points, source.points, T_target_source) for target, source, T_target_source in pairs]
     steps = -np.diff(shares)
     assert shares[0] > 0.85
     assert 0.15 <= shares[8] <= 0.35

@@ -84,9 +84,8 @@ def test_loops_to_other_parts_are_left_out(tmp_path: Path) -> None:
     earth = dive()
     trajectory = earth.part.trajectory.take(range(5))
     part = replace(earth.part, scans=tuple(range(5)), trajectory=trajectory, covariances=earth.part.covariances[:5])
-    assert [loop["properties"]["reason"] for loop in features_in(tmp_path, with_part(earth, part))["loops"]] == [
-        "contradicts"
-    ]
+    (loop,) = features_in(tmp_path, with_part(earth, part))["loops"]
+    assert loop["properties"]["reason"] == "contradicts"
 
 
 def test_counters_are_null(tmp_path: Path) -> None:
@@ -154,7 +153,7 @@ def test_it_is_a_geopackage_by_its_own_words(tmp_path: Path) -> None:
     base.close()
 
 
-def test_times_that_are_none_are_null(tmp_path: Path) -> None:
+def test_times_that_are_none_are_null_in_a_geopackage(tmp_path: Path) -> None:
     _, _, columns = read(written(tmp_path, dive(stamps=np.arange(6.0))), "scans")
     assert np.isnan(columns["unix_s"]).all()
     with sqlite3.connect(tmp_path / "track.gpkg") as base:

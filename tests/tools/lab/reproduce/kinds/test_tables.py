@@ -120,16 +120,10 @@ class TestCalibration:
             for kind in ("swath", "patch")
             for number in range(30)
         ]
-        assert [line[:2] for line in left_out_table(rows).rows] == [
-            ("swath", "30"),
-            ("patch", "30"),
-            ("all kinds", "60"),
-        ]
-        assert [line[4] for line in left_out_table(rows).rows] == ["20", "20", "40"]
-        words = [line[0] for line in calibration_beside(rows)]
-        assert [word.rpartition(", ")[2] for word in words] == ["as reported"] * 2 + [
-            "fitted to the other kinds alone"
-        ] * 2
+        lines = [(line[0], line[1], line[4]) for line in left_out_table(rows).rows]
+        assert lines == [("swath", "30", "20"), ("patch", "30", "20"), ("all kinds", "60", "40")]
+        words = [line[0].rpartition(", ")[2] for line in calibration_beside(rows)]
+        assert words == [*["as reported"] * 2, *["fitted to the other kinds alone"] * 2]
 
 
 class TestSection:
@@ -220,16 +214,10 @@ class TestLeftOut:
     def test_a_kinds_own_rows_have_no_part_in_its_fit(self) -> None:
         rows = synthetic(600)
         changed = [{**row, "right": not row["right"]} if row["kind"] == "swath" else row for row in rows]
-        before, after = (
-            [row["probability"] for row in where(refitted_probabilities(some), kind="swath")]
-            for some in (rows, changed)
-        )
-        assert before == after
-        others = [
-            [row["probability"] for row in where(refitted_probabilities(some), kind="patch")]
-            for some in (rows, changed)
-        ]
-        assert others[0] != others[1]
+        refitted = [refitted_probabilities(some) for some in (rows, changed)]
+        for kind, alike in (("swath", True), ("patch", False)):
+            before, after = ([row["probability"] for row in where(some, kind=kind)] for some in refitted)
+            assert (before == after) == alike
 
     def test_a_kind_where_the_evidence_means_something_else_shows(self) -> None:
         rows = [row for row in synthetic(3000) if row["kind"] != "swath"]

@@ -76,12 +76,8 @@ def test_control_points_of_the_map_are_shown(content: Content, tmp_path: Path) -
         expected = Rotation.from_quat(track["turns"][3]).apply(POINT["point"]) + track["places"][3]
         np.testing.assert_allclose(residual[0], expected, atol=1e-6)
         row, other = saved(page, "control", tmp_path)
-        assert {name: row[name] for name in ("name", "east_m", "sigma_m", "x_m")} == {
-            "name": "quay, corner",
-            "east_m": "123.25",
-            "sigma_m": "0.05",
-            "x_m": "1",
-        }
+        expected = {"name": "quay, corner", "east_m": "123.25", "sigma_m": "0.05", "x_m": "1"}
+        assert row.items() >= expected.items()
         assert other["name"] == "pile"
         page.page.locator("label.control input").uncheck()
         assert page.page.evaluate(lines.format("control")) == 0

@@ -61,10 +61,6 @@ def test_the_key_tells_maps_apart(folder: MapFolder) -> None:
     summary = dict(folder.summary)
     key = map_key(summary, NAMES)
     assert key == map_key(summary | {"files": ["another"]}, NAMES)
-    others = [
-        map_key(summary, NAMES[::-1]),
-        map_key(summary | {"settings": {"voxel": 0.25}}, NAMES),
-        map_key(summary | {"ties": [{"target": "a"}]}, NAMES),
-        map_key(summary | {"inputs": []}, NAMES),
-    ]
-    assert len({key, *others}) == 5
+    changes = ({"settings": {"voxel": 0.25}}, {"ties": [{"target": "a"}]}, {"inputs": []})
+    others = [map_key(summary | change, NAMES) for change in changes]
+    assert len({key, map_key(summary, NAMES[::-1]), *others}) == 5

@@ -60,9 +60,7 @@ def test_distances_from_navigation() -> None:
         ],
     }
     (row,) = navigation_rows(graph)
-    assert row["scan"] == 1
-    assert row["apart"][5] is None
-    assert row["sigmas"][5] is None
+    assert (row["scan"], row["apart"][5], row["sigmas"][5]) == (1, None, None)
     np.testing.assert_allclose(row["apart"][:5], [-1, 2, 2, 0.3, -0.5], atol=1e-6)
     np.testing.assert_allclose(row["sigmas"][:5], [1, 1, 2, 0.5, 0.5])
 

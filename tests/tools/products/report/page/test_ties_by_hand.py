@@ -45,9 +45,8 @@ def ends(content: Content, row: int) -> tuple[int, int]:
 
 def untried(content: Content) -> tuple[int, int]:
     """Two scans that the map did not try."""
-    tried = {tuple(pair) for pair in content.shown["sequential"]} | {
-        ends(content, k) for k in range(len(content.shown["pairs"]))
-    }
+    tried = {tuple(pair) for pair in content.shown["sequential"]}
+    tried |= {ends(content, k) for k in range(len(content.shown["pairs"]))}
     return next((i, j) for i in range(8) for j in range(i + 1, 8) if (i, j) not in tried)
 
 
@@ -61,10 +60,8 @@ class TestOfOnePage:
         decide(page, 2, "undecided")
         page.page.locator("#ties tbody tr").nth(0).locator("input").fill('like, "another" pillar')
         first, second = ends(content, 0), ends(content, 1)
-        assert saved(page, "ties", tmp_path) == [
-            tie(*first, "reject", 'like, "another" pillar'),
-            tie(*second, "accept"),
-        ]
+        rejected = tie(*first, "reject", 'like, "another" pillar')
+        assert saved(page, "ties", tmp_path) == [rejected, tie(*second, "accept")]
         command = page.page.locator("#ties .command").inner_text()
         folder = Path(page.page.evaluate("decodeURIComponent(location.pathname)")).parent
         words = shlex.split(command)
@@ -82,11 +79,8 @@ class TestOfOnePage:
 
     def test_a_tie_is_added_by_name(self, page: Opened, content: Content, tmp_path: Path) -> None:
         i, j = 5, 7
-        for name, words in (
-            ("nobody", '"nobody" is not a scan of this map'),
-            (NAMES[j], "two different scans"),
-            (NAMES[i], ""),
-        ):
+        nobody = ("nobody", '"nobody" is not a scan of this map')
+        for name, words in (nobody, (NAMES[j], "two different scans"), (NAMES[i], "")):
             page.page.get_by_label("one scan", exact=True).fill(name)
             page.page.get_by_label("the other scan").fill(NAMES[j])
             page.page.get_by_role("button", name="Tie the two").click()

@@ -196,12 +196,8 @@ def view(count: int = 40, loops: int = 12, width: float = 90, height: float = 60
 
 
 def lines_of(figure: Figure) -> list[Any]:
-    return [
-        each
-        for axes in figure.axes
-        for each in axes.collections
-        if isinstance(each, LineCollection) and each.get_segments()
-    ]
+    drawn = (each for axes in figure.axes for each in axes.collections)
+    return [each for each in drawn if isinstance(each, LineCollection) and each.get_segments()]
 
 
 @pytest.mark.parametrize(
@@ -241,9 +237,7 @@ def test_the_map_of_the_chain_is_before() -> None:
 def test_loops_are_drawn_by_verdict_and_counted() -> None:
     shown = view()
     figure = loops_figure(shown)
-    (legend,) = figure.legends
-    labels = [text.get_text() for text in legend.get_texts()]
-    assert labels[-3:] == [
+    assert legend_of(figure)[-3:] == [
         "8 loops kept",
         "2 loops rejected: the other pairs contradict",
         "2 loops refused by the registration itself",
@@ -263,9 +257,8 @@ def test_many_loops_are_thin() -> None:
 
 
 def test_verdicts() -> None:
-    assert verdict_of(pair(0, 5, "loop", kept=True, accepted=False)) == "kept"
-    assert verdict_of(pair(0, 5, "loop", kept=False, accepted=True)) == "rejected"
-    assert verdict_of(pair(0, 5, "loop", kept=False, accepted=False)) == "refused"
+    for kept, accepted, verdict in ((True, False, "kept"), (False, True, "rejected"), (False, False, "refused")):
+        assert verdict_of(pair(0, 5, "loop", kept=kept, accepted=accepted)) == verdict
 
 
 BED = np.random.default_rng(5).uniform([0, 0], [60, 40], (5000, 2))
