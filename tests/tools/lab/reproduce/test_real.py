@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +12,14 @@ from typer.testing import CliRunner
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.experiments import Request, chosen, create
 from sonarmap.tools.lab.reproduce.pages.folder import write_experiment
 from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import provenance
-from sonarmap.tools.lab.reproduce.real.real_set import read_sets, without_truth
+from sonarmap.tools.lab.reproduce.real.real_set import RealSet, read_sets, without_truth
 from sonarmap.tools.lab.reproduce.real.run import Real
 from sonarmap.tools.lab.reproduce.real.section import beside_others, pair_table, result_table
 from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
@@ -50,24 +52,22 @@ class TestSets:
         assert without_truth(tmp_path / "elsewhere") == ()
 
     def test_the_digest_is_of_all_that_decides_and_of_nothing_else(self, tmp_path: Path) -> None:
-        def digest() -> str:
-            return read_sets(folder)[0].digest
+        def digest(of: str = "a") -> str:
+            return read_sets(tmp_path / of)[0].digest
 
         folder = put(tmp_path / "a")
         first = digest()
-        assert read_sets(put(tmp_path / "b"))[0].digest == first
+        put(tmp_path / "b")
+        assert digest("b") == first
         (folder / "README.md").write_text("hello")
         np.save(folder / "2.npy", np.ones((9, 3)))
         assert digest() == first
-        seen = {first}
         np.save(folder / "0.npy", simulated()[0].points[1:])
-        seen.add(digest())
-        (folder / "gt.log").write_text(gt_log(0, 1, RigidTransform.identity()))
-        seen.add(digest())
-        (folder / "priors.csv").write_text(PRIORS)
-        seen.add(digest())
-        (folder / "0.tum").write_text("0 0 0 0 0 0 0 1\n")
-        seen.add(digest())
+        seen = {first, digest()}
+        truth = gt_log(0, 1, RigidTransform.identity())
+        for name, text in {"gt.log": truth, "priors.csv": PRIORS, "0.tum": "0 0 0 0 0 0 0 1\n"}.items():
+            (folder / name).write_text(text)
+            seen.add(digest())
         assert len(seen) == 5
 
     def test_folders_that_cannot_be_used(self, tmp_path: Path) -> None:
@@ -131,6 +131,13 @@ class TestRequest:
             real_settings(Request(**options), {})
 
 
+def priors_of(sets: Sequence[RealSet], settings: RealSettings, known: str) -> list[PosePrior | None]:
+    """Of both scans of the first pair."""
+    experiment, pair = Real(sets, settings, None), sets[0].pairs[0]
+    read = experiment._scans(pair.target, pair.source)[:2]
+    return [scan.prior for scan in experiment._with_priors(read, sets[0], pair, known)]
+
+
 class TestJobs:
     def test_methods_that_use_priors_run_with_what_is_known_and_without(self, tmp_path: Path) -> None:
         folder = put(tmp_path / "quay")
@@ -148,32 +155,22 @@ class TestJobs:
         settings = RealSettings({}, known=KINDS, sigmas=(0.01, 0.02, 0.03, 0.04), seeds=3)
         drawn = []
         for known in settings.draws:
-            experiment = Real(sets, settings, None)
-            read = experiment._scans(sets[0].pairs[0].target, sets[0].pairs[0].source)[:2]
-            target, source = experiment._with_priors(read, sets[0], sets[0].pairs[0], known)
-            again = experiment._with_priors(read, sets[0], sets[0].pairs[0], known)
-            assert target.prior is not None
-            assert source.prior is not None
-            relative = target.prior.T_world_sensor.inv() * source.prior.T_world_sensor
-            error = relative.inv() * simulated()[2]
+            first, again = (
+                [prior.T_world_sensor for prior in priors_of(sets, settings, known) if prior] for _ in range(2)
+            )
+            error = (first[0].inv() * first[1]).inv() * simulated()[2]
             assert 0 < np.rad2deg(error.rotation.magnitude()) < 0.15
             assert 0 < np.linalg.norm(error.translation) < 0.3
-            drawn.append(source.prior.T_world_sensor.as_matrix())
-            assert again[1].prior is not None
-            np.testing.assert_array_equal(again[1].prior.T_world_sensor.as_matrix(), drawn[-1])
+            drawn.append(first[1].as_matrix())
+            np.testing.assert_array_equal(again[1].as_matrix(), drawn[-1])
         assert not np.allclose(drawn[0], drawn[1], atol=1e-6)
 
     def test_the_files_priors_are_used(self, tmp_path: Path) -> None:
         folder = put(tmp_path / "quay")
         (folder / "priors.csv").write_text(PRIORS)
-        sets = read_sets(folder)
-        experiment = Real(sets, RealSettings({}), None)
-        read = experiment._scans(sets[0].pairs[0].target, sets[0].pairs[0].source)[:2]
-        scans = experiment._with_priors(read, sets[0], sets[0].pairs[0], "priors.csv")
-        assert [scan.prior is not None and scan.prior.knows_attitude for scan in scans] == [True, True]
-        assert [scan.prior for scan in experiment._with_priors(read, sets[0], sets[0].pairs[0], "nothing")] == [
-            None
-        ] * 2
+        given, none = (priors_of(read_sets(folder), RealSettings({}), known) for known in ("priors.csv", "nothing"))
+        assert [prior is not None and prior.knows_attitude for prior in given] == [True, True]
+        assert none == [None, None]
 
 
 SHARED = DATA
@@ -222,11 +219,9 @@ class TestRuns:
     ) -> None:
         folder = put(tmp_path / "quay")
         rows = []
-        for T in (
-            simulated()[2],
-            simulated()[2] * RigidTransform.from_rotation(Rotation.from_euler("Z", 20, degrees=True)),
-        ):
-            (folder / "gt.log").write_text(gt_log(0, 1, T))
+        for degrees in (0, 20):
+            turn = RigidTransform.from_rotation(Rotation.from_euler("Z", degrees, degrees=True))
+            (folder / "gt.log").write_text(gt_log(0, 1, simulated()[2] * turn))
             experiment = create("real", asked(folder, device, method=("planes",), voxel=2.0))
             (job,) = experiment.jobs()
             rows.append(experiment.run(job).rows[0])
