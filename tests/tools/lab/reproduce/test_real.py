@@ -28,6 +28,7 @@ from sonarmap.tools.lab.reproduce.run import run
 from sonarmap.tools.lab.simulate.sensing.navigation import KINDS
 from tests.samples.experiments.real_folders import FEW, asked, gt_log, put, simulated
 from tests.samples.places import DATA
+from tests.samples.refusals import refuses
 from tests.tools.lab.reproduce.test_run import silence
 
 PRIORS = "name,roll_deg,pitch_deg,roll_sigma_deg,pitch_sigma_deg\n0,0,0,2,2\ncloud_bin_1.ply,1,1,2,2\n"
@@ -71,19 +72,15 @@ class TestSets:
         assert len(seen) == 5
 
     def test_folders_that_cannot_be_used(self, tmp_path: Path) -> None:
-        with pytest.raises(InputError, match=r"there is no folder .*none; give one that holds scans and a gt.log"):
-            read_sets(tmp_path / "none")
+        refuses(r"there is no folder .*none; give one that holds scans and a gt.log", read_sets, tmp_path / "none")
         (tmp_path / "a").mkdir()
-        with pytest.raises(InputError, match=r"nor a folder in it has a gt\.log; wanted for every pair"):
-            read_sets(tmp_path)
+        refuses(r"nor a folder in it has a gt\.log; wanted for every pair", read_sets, tmp_path)
         folder = put(tmp_path / "a")
         (folder / "gt.log").write_text(gt_log(0, 12, simulated()[2]))
-        with pytest.raises(InputError, match=r"line 1 names the scan 12, and no scan .* as 12\.ply"):
-            read_sets(folder)
+        refuses(r"line 1 names the scan 12, and no scan .* as 12\.ply", read_sets, folder)
         (folder / "gt.log").write_text(gt_log(0, 1, simulated()[2]))
         shutil.copy(folder / "0.npy", folder / "old_1.npy")
-        with pytest.raises(InputError, match=r"names of 2 scans end in it: cloud_bin_1\.ply and old_1\.npy; move one"):
-            read_sets(folder)
+        refuses(r"names of 2 scans end in it: cloud_bin_1\.ply and old_1\.npy; move one", read_sets, folder)
 
 
 class TestRequest:

@@ -23,6 +23,7 @@ from sonarmap.tools.lab.simulate.sensing.unusable import NOISY_BEAMS, STRAY_ECHO
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, check_size, observe, settings_from_json, simulate
 from tests.samples.clutter_scans import files_in, refused_with_reason, said, sonarmap
 from tests.samples.damage.pose_files import POSE_FILES
+from tests.samples.refusals import refuses
 from tests.samples.simulated import COARSE, QUIET
 
 
@@ -116,8 +117,7 @@ def test_a_folder_with_other_scans_is_left_alone(tmp_path):
     ],
 )
 def test_settings_that_cannot_be_used_are_named(content: object, message: str):
-    with pytest.raises(InputError, match=message):
-        settings_from_json(content)
+    refuses(message, settings_from_json, content)
 
 
 @pytest.mark.parametrize("change", [{"count": 0}, {"spacing": 0.0}, {"trajectory": "table1", "count": 15}])
@@ -131,8 +131,7 @@ def test_a_description_that_is_none_is_refused(tmp_path, text: str | None):
     path = tmp_path / "description.json"
     if text is not None:
         path.write_text(text)
-    with pytest.raises(InputError, match=r"description\.json"):
-        read_settings(path)
+    refuses(r"description\.json", read_settings, path)
 
 
 @pytest.mark.parametrize("scene", SCENE_KINDS)
@@ -191,8 +190,7 @@ def test_an_unusable_scan_holds_what_its_kind_says() -> None:
 
 @pytest.mark.parametrize("share", [-0.1, 1.0, 0.9, float("nan")])
 def test_a_share_that_cannot_be_is_refused(share: float) -> None:
-    with pytest.raises(InputError, match="unusable is"):
-        replace(SETTINGS, unusable=share)
+    refuses("unusable is", replace, SETTINGS, unusable=share)
 
 
 def test_the_description_tells_them_and_like_gives_them_again(tmp_path: Path) -> None:
