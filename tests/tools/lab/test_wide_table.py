@@ -39,19 +39,7 @@ def test_every_number_is_whole_at_any_width(columns: int) -> None:
 def test_where_there_is_room_it_is_one_table() -> None:
     lines = printed(TABLE, 200)
     assert len(lines) == 1 + 1 + 3
-    assert lines[1].split() == [
-        "kernel",
-        "time",
-        "of",
-        "the",
-        "device",
-        "twin",
-        "quartiles",
-        "share",
-        "of",
-        "the",
-        "limit",
-    ]
+    assert " ".join(lines[1].split()) == "kernel time of the device twin quartiles share of the limit"
 
 
 def test_further_columns_stand_below_with_the_names_of_their_rows() -> None:

@@ -9,7 +9,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection, utm_epsg
 from tests.samples.refusals import refuses
-from tests.tools.products.export.folders import georeferenced
+from tests.tools.products.export.finished import georeferenced
 
 GEOD = Geod(ellps="WGS84")
 PLACES = [(60.0, 5.9999), (-70.1, -68.3), (0.0, 33.0), (-17.5, 179.9995), (60.4, 5.3), (89.0, 40.0), (-85.0, 10.0)]

@@ -132,11 +132,12 @@ def test_uncertainty_is_judged_against_the_first_pose(files: Path) -> None:
 def test_everything_is_printed_with_its_alignment(files: Path) -> None:
     options = ("--map", files / "map.ply", "--surface", files / "truth.ply", "--summary", files / "summary.json")
     printed = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", *options).stdout
-    assert (
-        ": 500 points compared with the 500 points of truth.ply, aligned like the trajectory by all poses." in printed
-    )
-    assert "pairs, right within 6° and 1.50 m" in printed
-    assert "Uncertainty of 5 poses, relative to the first pose: 100.0 % of the true poses" in printed
+    for words in (
+        ": 500 points compared with the 500 points of truth.ply, aligned like the trajectory by all poses.",
+        "pairs, right within 6° and 1.50 m",
+        "Uncertainty of 5 poses, relative to the first pose: 100.0 % of the true poses",
+    ):
+        assert words in printed
     rows = [line.split() for line in printed.splitlines()]
     assert rows[[row[:1] for row in rows].index(["pairs,"])][-1] == "loops"
     loops = [row[-1] for row in rows if row and row[0] in ("kept", "rejected", "failed", "unjudged")]
@@ -163,6 +164,12 @@ def test_options_that_do_not_go_together_are_refused(files: Path, options: list[
     said(result, words)
 
 
+def test_a_summary_without_its_table_is_refused(files: Path) -> None:
+    (files / "pairs.csv").unlink()
+    with pytest.raises(InputError, match=r"summary.json needs the pairs.csv of its map beside it"):
+        read_summary(files / "summary.json")
+
+
 @pytest.mark.parametrize(
     ("change", "named"),
     [
@@ -175,11 +182,10 @@ def test_options_that_do_not_go_together_are_refused(files: Path, options: list[
         ({"components": []}, "no component"),
     ],
 )
-def test_a_summary_that_is_none_is_refused(tmp_path: Path, change: dict, named: str) -> None:
-    (tmp_path / "summary.json").write_text(json.dumps(summary(covariances=False) | change))
-    write_pairs(tmp_path, HEADING, *PAIRS)
+def test_a_summary_that_is_none_is_refused(files: Path, change: dict, named: str) -> None:
+    (files / "summary.json").write_text(json.dumps(summary(covariances=False) | change))
     with pytest.raises(InputError, match=named):
-        read_summary(tmp_path / "summary.json")
+        read_summary(files / "summary.json")
 
 
 SOUND = "0,1,loop,yes,told,1,2,3,4,5,6"
@@ -213,12 +219,6 @@ def test_a_table_of_pairs_that_is_none_is_refused(files: Path, rows: list[str], 
     result = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", "--summary", files / "summary.json")
     refused_with_reason(result)
     said(result, "error: ", str(files / "pairs.csv"), words)
-
-
-def test_a_summary_without_its_table_is_refused(files: Path) -> None:
-    (files / "pairs.csv").unlink()
-    with pytest.raises(InputError, match=r"summary.json needs the pairs.csv of its map beside it"):
-        read_summary(files / "summary.json")
 
 
 def test_a_table_that_a_spreadsheet_saved_is_read(files: Path) -> None:

@@ -106,49 +106,29 @@ class TestPairs:
         assert len(few.jobs()) == 2 * 2 * len(EVALUATED)
 
     def test_other_methods_register_the_first_of_the_pairs(self) -> None:
-        settings = PairsSettings(
-            yaw=15, any=10, peers={"yaw": 6, "any": 40}, compared=ComparedMethods(("spectral", "kiss"))
-        )
-        jobs = Pairs(settings, None).jobs()
-        assert [job for job in jobs if job.endswith("spectral")] == [
-            *(f"yaw/00{k}/spectral" for k in range(3)),
-            *(f"any/00{k}/spectral" for k in range(2)),
-        ]
-        assert [job for job in jobs if job.endswith("kiss")] == [
-            "yaw/000/kiss",
-            "yaw/001/kiss",
-            "any/000/kiss",
-            "any/001/kiss",
-        ]
+        compared = ComparedMethods(("spectral", "kiss"))
+        jobs = Pairs(PairsSettings(yaw=15, any=10, peers={"yaw": 6, "any": 40}, compared=compared), None).jobs()
+        batches = ("yaw/000", "yaw/001", "yaw/002", "any/000", "any/001")
+        assert [job for job in jobs if job.endswith("spectral")] == [f"{batch}/spectral" for batch in batches]
+        assert [job for job in jobs if job.endswith("kiss")] == [f"{b}/kiss" for b in batches if b != "yaw/002"]
 
     def test_speed_leaves_out_what_shares_little(self) -> None:
         numbers = [int(job) for job in Speed(PairSetSettings(pairs=9), None).jobs()]
         assert numbers == [1, 2, 3, 4, 6, 7, 8, 9, 11]
 
     def test_seeds_go_round_over_the_scenes(self) -> None:
-        settings = StepsSettings(
-            ("harbor", "pool"), (1.0, 2.0), seeds=3, first_seed=7, compared=ComparedMethods(("kiss",))
-        )
+        kiss = ComparedMethods(("kiss",))
+        settings = StepsSettings(("harbor", "pool"), (1.0, 2.0), seeds=3, first_seed=7, compared=kiss)
         assert list(Steps(settings, None).jobs()) == [
-            "harbor/7/1.0/kiss",
-            "harbor/7/2.0/kiss",
-            "pool/8/1.0/kiss",
-            "pool/8/2.0/kiss",
-            "harbor/9/1.0/kiss",
-            "harbor/9/2.0/kiss",
+            f"{place}/{sigma2}/kiss" for place in ("harbor/7", "pool/8", "harbor/9") for sigma2 in ("1.0", "2.0")
         ]
         assert settings.grid.voxel == 2.0
 
     def test_other_methods_have_the_first_of_the_seeds(self) -> None:
-        settings = StepsSettings(
-            ("harbor",), (1.0,), seeds=3, peers=1, first_seed=7, compared=ComparedMethods(("spectral", "kiss"))
-        )
-        assert list(Steps(settings, None).jobs()) == [
-            "harbor/7/1.0/spectral",
-            "harbor/7/1.0/kiss",
-            "harbor/8/1.0/spectral",
-            "harbor/9/1.0/spectral",
-        ]
+        compared = ComparedMethods(("spectral", "kiss"))
+        settings = StepsSettings(("harbor",), (1.0,), seeds=3, peers=1, first_seed=7, compared=compared)
+        jobs = ("7/1.0/spectral", "7/1.0/kiss", "8/1.0/spectral", "9/1.0/spectral")
+        assert list(Steps(settings, None).jobs()) == [f"harbor/{job}" for job in jobs]
 
 
 @cache
@@ -198,15 +178,10 @@ class TestRuns:
     @pytest.mark.slow
     def test_rows_are_the_same_whatever_the_number_of_workers(self, device: Device, tmp_path: Path) -> None:
         asked = request(device, pairs=10)
-        runs = []
-        for workers in (None, 2):
-            experiment = create("unrelated", asked)
-            module, selector = EXPERIMENTS["unrelated"].module, device.selector
-            shared = WorkerProcesses(workers, module, replace(asked, device=None), selector) if workers else None
-            options = RunOptions(workers=shared)
-            runs.append(
-                run(experiment, provenance(experiment, device), tmp_path / str(workers), silence, options).outcomes
-            )
+        module, experiment = EXPERIMENTS["unrelated"].module, create("unrelated", asked)
+        two = WorkerProcesses(2, module, replace(asked, device=None), device.selector)
+        origin, options = provenance(experiment, device), {"alone": RunOptions(), "shared": RunOptions(workers=two)}
+        runs = [run(experiment, origin, tmp_path / name, silence, how).outcomes for name, how in options.items()]
         assert list(runs[0]) == list(runs[1]) == ["000/hemisphere", "000/planes", "001/hemisphere", "001/planes"]
         assert str(runs[0]) == str(runs[1])
 

@@ -1,16 +1,30 @@
-"""The maps of the flood gate: tables, times, pictures, and the experiment as a whole."""
+"""The maps of the flood gate: chains, tables, times, pictures, and the experiment as a whole."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.floodgate.chain import Chain, FloodgateSurvey, chains
+from sonarmap.tools.lab.reproduce.floodgate import tables
+from sonarmap.tools.lab.reproduce.floodgate.chain import (
+    DISPLACED_90,
+    MAP_90,
+    MAP_MEDIAN,
+    Chain,
+    FloodgateSurvey,
+    chain_poses,
+    chains,
+    pair_row,
+    pose_rows,
+    transform,
+)
 from sonarmap.tools.lab.reproduce.floodgate.methods import TRUTH, runs
 from sonarmap.tools.lab.reproduce.floodgate.run import (
     OTHER_METHODS,
@@ -20,25 +34,81 @@ from sonarmap.tools.lab.reproduce.floodgate.run import (
     create,
 )
 from sonarmap.tools.lab.reproduce.floodgate.section import remarks
-from sonarmap.tools.lab.reproduce.floodgate.tables import (
-    PAPER_ICP,
-    ate_m,
-    by_seed,
-    map_90,
-    map_table,
-    pair_table,
-    pose_table,
-    times_tables,
-    verdict_table,
-)
 from sonarmap.tools.lab.reproduce.pages.section_text import verdicts
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
-from tests.samples.experiments.floodgate_rows import flat_survey, outcomes
+from tests.samples.experiments.floodgate_rows import POSES, SCANS, STEPS, flat_survey, off, outcomes, turn
 
 
 @pytest.fixture(scope="module")
 def now() -> FloodgateSurvey:
     return flat_survey()
+
+
+class TestChain:
+    def test_true_steps_lead_to_the_true_poses(self) -> None:
+        assert np.allclose(chain_poses(POSES[0], STEPS).as_matrix(), POSES.as_matrix(), atol=1e-12)
+
+    def test_one_wrong_step_moves_all_that_follow_alike(self, now: FloodgateSurvey) -> None:
+        """The true motion after it hides nothing: each later pose is off by the same motion of the world."""
+        chained = chain_poses(POSES[0], off(9.0))
+        moved = chained * POSES.inv()
+        assert np.allclose(moved[:2].as_matrix(), np.eye(4), atol=1e-12)
+        assert np.allclose(moved[2:].as_matrix(), moved[2].as_matrix(), atol=1e-12)
+        rows = pose_rows(now, off(9.0))
+        assert [round(float(row["translation_m"]), 9) for row in rows] == [0, 0, 9, 9, 9]
+
+    def test_a_rows_parameters_are_its_transform(self, now: FloodgateSurvey) -> None:
+        row = pair_row(now, 3, STEPS[2] * RigidTransform.from_components([1, -2, 0.5], turn(3, -7, 5)), accepted=False)
+        expected = STEPS[2] * RigidTransform.from_components([1, -2, 0.5], turn(3, -7, 5))
+        assert np.allclose(transform(row, "found").as_matrix(), expected.as_matrix(), atol=1e-12)
+        assert np.allclose(transform(row, "true").as_matrix(), STEPS[2].as_matrix(), atol=1e-12)
+        assert row["translation_m"] == pytest.approx(np.sqrt(1 + 4 + 0.25))
+        assert (row["right"], row["accepted"]) == (False, False)
+        assert row["rotation_deg"] == pytest.approx(np.rad2deg(turn(3, -7, 5).magnitude()))
+
+    @pytest.mark.parametrize(("meters", "right"), [(5.99, True), (6.01, False)])
+    def test_the_bar(self, now: FloodgateSurvey, meters: float, right: bool) -> None:
+        assert pair_row(now, 2, off(meters)[1], accepted=True)["right"] is right
+
+    def test_rows_come_back_as_poses(self, now: FloodgateSurvey) -> None:
+        chain = chains(all_rows(outcomes(now, {"icp": 9.0})))[1, "icp", 0]
+        expected = POSES[0].inv() * chain_poses(POSES[0], off(9.0))
+        assert np.allclose(chain.found.as_matrix(), expected.as_matrix(), atol=1e-9)
+        assert np.allclose(chain.true.as_matrix(), (POSES[0].inv() * POSES).as_matrix(), atol=1e-9)
+        assert chain.right == SCANS - 2
+
+
+class TestMapError:
+    def test_true_poses_leave_what_the_scans_have(self, now: FloodgateSurvey) -> None:
+        """The first scan lies 0.25 m off, the others on the surface: the map so far is the mixture."""
+        rows = pose_rows(now, None)
+        medians, highs = ([float(row[name]) for row in rows] for name in (MAP_MEDIAN, MAP_90))
+        assert medians[0] == pytest.approx(0.25, abs=1e-5)
+        assert medians[2:] == pytest.approx([0, 0, 0], abs=1e-5)
+        assert highs == pytest.approx([0.25] * SCANS, abs=1e-5)  # a fifth of the points, so beyond the 90th percentile
+
+    def test_scans_lifted_off_their_surface(self, now: FloodgateSurvey) -> None:
+        """Without a turn, all scans but the first two lie higher by what the second step has too much."""
+        level = replace(now, T_world_sensor=RigidTransform.from_translation(POSES.translation))
+        flat = [
+            Scan((POSES[k].apply(scan.points.astype(float)) - POSES[k].translation).astype(np.float32), name=scan.name)
+            for k, scan in enumerate(now.scans)
+        ]
+        steps = [level.step(k) for k in range(1, SCANS)]
+        steps[1] = steps[1] * RigidTransform.from_translation([0, 0, 1.75])
+        rows = pose_rows(replace(level, scans=tuple(flat)), steps)
+        assert rows[1][MAP_MEDIAN] == pytest.approx(0.125, abs=0.13)
+        assert rows[-1][MAP_MEDIAN] == pytest.approx(1.75, abs=1e-4)
+        assert rows[-1][MAP_90] == pytest.approx(1.75, abs=1e-4)
+
+    def test_points_moved_along_the_surface_are_displaced_all_the_same(self, now: FloodgateSurvey) -> None:
+        """The world is moved by 2 m along the lid after the first two scans; no distance tells of it."""
+        moved = RigidTransform.from_translation([0, 2, 0]) * POSES
+        steps = [*STEPS]
+        steps[1] = POSES[1].inv() * moved[2]
+        rows = pose_rows(now, steps)
+        assert [round(float(row[DISPLACED_90]), 6) for row in rows] == [0, 0, 2, 2, 2]
+        assert rows[-1][MAP_90] == pytest.approx(0.25, abs=1e-5)
 
 
 Chains = dict[tuple[int, str, int], Chain]
@@ -52,7 +122,7 @@ def made(now: FloodgateSurvey) -> Chains:
 
 class TestTables:
     def test_the_errors_of_every_run(self, made: Chains) -> None:
-        lines = {row[0]: row[1:] for row in map_table(made).rows}
+        lines = {row[0]: row[1:] for row in tables.map_table(made).rows}
         assert lines["icp"][:3] == ("3 / 3", "3 / 3", "1 / 1")
         assert lines["hemisphere 256³"][:3] == ("4 / 4", "3 / 3", "0 / 0")
         assert lines["icp"][7:] == ("9.00 / 9.00", "0.0 / 0.0")
@@ -60,21 +130,21 @@ class TestTables:
 
     def test_the_trajectory_error_is_after_alignment(self, made: Chains) -> None:
         """Two poses of five are 9 m from the rest: no alignment makes that nothing, and every one less than 9 m."""
-        assert all(0 < error < 9 * np.sqrt(0.24) + 1e-9 for error in by_seed(made, ("icp", 0), ate_m))
-        assert by_seed(made, ("icp", 0), ate_m) > by_seed(made, ("hemisphere", 256), ate_m)
+        assert all(0 < error < 9 * np.sqrt(0.24) + 1e-9 for error in tables.by_seed(made, ("icp", 0), tables.ate_m))
+        assert tables.by_seed(made, ("icp", 0), tables.ate_m) > tables.by_seed(made, ("hemisphere", 256), tables.ate_m)
 
     def test_wrong_pairs_are_counted_in_brackets(self, made: Chains) -> None:
-        rows = pair_table(made).rows
+        rows = tables.pair_table(made).rows
         assert [row[0] for row in rows] == ["0 → 1", "1 → 2", "2 → 3", "3 → 4"]
         assert rows[1][1:4] == ("80 %", "70 %", "0.0°, 9.00 m [2]")
         assert rows[0][3] == "0.0°, 0.00 m"
-        assert [row[1] for row in pose_table(made).rows] == ["0.0°, 0.00 m", *["0.0°, 9.00 m"] * 3]
+        assert [row[1] for row in tables.pose_table(made).rows] == ["0.0°, 0.00 m", *["0.0°, 9.00 m"] * 3]
 
     def test_the_verdicts_follow_the_maps(self, now: FloodgateSurvey) -> None:
         """Maps so good, or so bad, as their errors say; the same rows with the names exchanged say the opposite."""
 
         def said(errors: dict[str, float]) -> dict[str, str]:
-            return {row[0]: row[-1] for row in verdict_table(chains(all_rows(outcomes(now, errors)))).rows}
+            return {row[0]: row[-1] for row in tables.verdict_table(chains(all_rows(outcomes(now, errors)))).rows}
 
         good = said({"icp": 9.0, "planes": 0.2, "spectral": 0.1})
         assert set(good.values()) == {"holds"}
@@ -89,7 +159,7 @@ class TestTables:
             f"2{job[1:]}": Outcome(tuple({**row, "seed": 2} for row in outcome.rows))
             for job, outcome in outcomes(now, {"planes": 9.0}).items()
         }
-        (row,) = verdict_table(chains(all_rows(first | second))).rows
+        (row,) = tables.verdict_table(chains(all_rows(first | second))).rows
         assert row[-1] == "holds in 1 of 2 surveys"
 
     def test_two_grids_are_compared(self, now: FloodgateSurvey) -> None:
@@ -99,7 +169,7 @@ class TestTables:
             for job, outcome in outcomes(now, {"spectral": 8.0}).items()
             if "spectral" in job
         }
-        rows = {row[0]: row[-1] for row in verdict_table(chains(all_rows(fine | coarse))).rows}
+        rows = {row[0]: row[-1] for row in tables.verdict_table(chains(all_rows(fine | coarse))).rows}
         assert rows["spectral 128³ beside spectral 256³"] == "does not hold"
         assert rows["the map by spectral 256³"] == "holds"
         assert rows["the map by spectral 128³"] == "does not hold"
@@ -113,32 +183,20 @@ class TestTables:
         order = text[text.index("best first") :]
         named = [order.index(name) for name in ("spectral 256³", "planes", "hemisphere 256³", "icp")]
         assert named == sorted(named)
-        assert map_90(made[1, "spectral", 256]) < map_90(made[1, "icp", 0])
+        assert tables.map_90(made[1, "spectral", 256]) < tables.map_90(made[1, "icp", 0])
 
 
 class TestTimes:
     def test_the_papers_table(self) -> None:
         """As printed: seventeen pairs; least and largest as the text says."""
-        assert len(PAPER_ICP) == 17
-        assert (min(PAPER_ICP), max(PAPER_ICP)) == (1.27, 47.36)
-        assert sum(PAPER_ICP) / 17 == pytest.approx(21.346, abs=5e-4)
+        assert len(tables.PAPER_ICP) == 17
+        assert (min(tables.PAPER_ICP), max(tables.PAPER_ICP)) == (1.27, 47.36)
+        assert sum(tables.PAPER_ICP) / 17 == pytest.approx(21.346, abs=5e-4)
 
     def test_ours_beside_it(self, now: FloodgateSurvey) -> None:
-        summary, pairs = times_tables(all_seconds(outcomes(now, {"icp": 9.0, "spectral": 0.1})))
+        summary, pairs = tables.times_tables(all_seconds(outcomes(now, {"icp": 9.0, "spectral": 0.1})))
         # 2, 3, 6, 11 s
-        assert summary.rows[0] == (
-            "icp",
-            "",
-            "1.27",
-            "21.403",
-            "47.36",
-            "0.50",
-            "2.00",
-            "5.50",
-            "4.50",
-            "11.00",
-            "2.44",
-        )
+        assert ", ".join(summary.rows[0]) == "icp, , 1.27, 21.403, 47.36, 0.50, 2.00, 5.50, 4.50, 11.00, 2.44"
         assert pairs.rows[2] == ("2 → 3", "28.17", "6.00", "6.00")
         assert pairs.rows[-1] == ("average", "21.403", "5.500", "5.500")
 

@@ -145,24 +145,19 @@ class TestWords:
         """S6 by 'paper' alone: one yaw a quarter turn from nothing, one turned about, roll and pitch right."""
         rows = rows_of({0: [], 1: []})
         for seed, yaw, rank in ((4, 91.0, 1), (5, -12.0, 7)):
-            rows = changed(
-                rows,
-                lambda row, seed=seed: (row.seed, row.scan, row.method) == (seed, 6, "paper"),
-                right=False,
-                wrong_step="yaw",
-                found_yaw_deg=yaw,
-                yaw_rank=rank,
-            )
+            yaw_cells = {"right": False, "wrong_step": "yaw", "found_yaw_deg": yaw, "yaw_rank": rank}
+            place = (seed, 6, "paper")
+            rows = changed(rows, lambda row, place=place: (row.seed, row.scan, row.method) == place, **yaw_cells)
         first, second, third = remarks(rows).splitlines()
         assert "2 of 20 registrations are wrong. The first wrong step is yaw in 2." in first
-        assert (
-            "Of these 2 yaws, 0 are off by at most 15 degrees, 1 by 180 degrees (to within 15) and 1 by another"
-            in first
-        )
-        assert "roll and pitch are right in 2 of them. The number within 6 degrees of 0" in first
-        assert "has its peaks, is 1 (by chance: 13%)" in first
-        assert "highest peak of the first step in 1, among its 6 highest in 1 and among its 12 highest in 2." in first
-        assert "*six peaks* has the right yaw in 2 of these 2." in first
+        for words in (
+            "Of these 2 yaws, 0 are off by at most 15 degrees, 1 by 180 degrees (to within 15) and 1 by another",
+            "roll and pitch are right in 2 of them. The number within 6 degrees of 0",
+            "has its peaks, is 1 (by chance: 13%)",
+            "highest peak of the first step in 1, among its 6 highest in 1 and among its 12 highest in 2.",
+            "*six peaks* has the right yaw in 2 of these 2.",
+        ):
+            assert words in first
         assert second.endswith("**128³, one peak**: all 20 registrations are right.")
         assert third.startswith("- **128³, six peaks**")
 
@@ -227,11 +222,8 @@ class TestYawRank:
         """A peak stands for its angle and for the one turned about; S3's true yaw is 24 degrees."""
         truth = table1_pair(3, 1, 1.0)[2]
         for yaws, rank in (([90, 17], 0), ([90, 19, 29], 2), ([24, 25], 1), ([0, 90, 150, 204], 4), ([], 0)):
-            peaks = [
-                AngleEstimate(Rotation.from_euler("Z", yaw + turn, degrees=True), 1.0)
-                for yaw in yaws
-                for turn in (0, 180)
-            ]
+            turned = [yaw + turn for yaw in yaws for turn in (0, 180)]
+            peaks = [AngleEstimate(Rotation.from_euler("Z", yaw, degrees=True), 1.0) for yaw in turned]
             hemisphere = SimpleNamespace(yaw_candidates=lambda _target, _source, count, p=peaks: p[: 2 * count])
             scan = SimpleNamespace(layers=None)
             assert yaw_rank(SimpleNamespace(hemisphere=hemisphere), scan, scan, truth) == rank  # pyright: ignore
@@ -287,7 +279,5 @@ class TestCommand:
 
 def test_one_grid_is_planned_at_a_time(device: Device) -> None:
     experiment = Gaussian(GaussianSettings(seeds=1, edges=(16, 32), sigma2=(0.0,)), device)
-    edges = []
-    for job in ("32/0.0/11/S0", "16/0.0/11/S0", "32/0.0/11/S1"):
-        edges.append([row["grid"] for row in experiment.run(job).rows])
-    assert edges == [[32] * len(VARIANTS), [16] * len(VARIANTS), [32] * len(VARIANTS)]
+    for job, edge in (("32/0.0/11/S0", 32), ("16/0.0/11/S0", 16), ("32/0.0/11/S1", 32)):
+        assert [row["grid"] for row in experiment.run(job).rows] == [edge] * len(VARIANTS)

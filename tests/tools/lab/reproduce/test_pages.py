@@ -11,16 +11,6 @@ from typer.testing import CliRunner
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce import experiments
-from sonarmap.tools.lab.reproduce.experiments import (
-    ALL,
-    EVALUATION,
-    EXPERIMENTS,
-    OPTIONS,
-    ExperimentEntry,
-    Request,
-    chosen,
-    create,
-)
 from sonarmap.tools.lab.reproduce.pages.folder import read_record, write_experiment
 from sonarmap.tools.lab.reproduce.pages.page import FRAMES, write_page
 from sonarmap.tools.lab.reproduce.pages.section_text import Verdict, duration, section_text, verdicts
@@ -32,7 +22,7 @@ from tests.tools.lab.reproduce.test_run import ALIKE, bytes_of, complete, silenc
 
 FILES = {*ALIKE, "fake-seconds.csv", "fake-times.md", "fake.json"}
 
-FAKE = ExperimentEntry("Fig. 0", "tests.samples.experiments.fake_experiment", ("seed",))
+FAKE = experiments.ExperimentEntry("Fig. 0", "tests.samples.experiments.fake_experiment", ("seed",))
 
 
 def files_in(folder: Path) -> set[str]:
@@ -109,26 +99,27 @@ class TestFolder:
 
 
 class TestVerdicts:
-    def test_columns_are_found_by_their_first_word(self) -> None:
-        headings = ("grid", "noise", "paper: yaw", "ours, worst", "verdict", "ours, all", "right")
-        table = Table("t", headings, (("128", "2", "S8", "S7", "no", "S9", "1/2"),))
-        section = replace(Fake().section(Fake().run("a").rows, ()), tables=(table,))
-        verdict = verdicts(section)[0]
-        assert (verdict.claim, verdict.paper, verdict.ours, verdict.verdict) == ("128, 2", "S8", "S7", "no")
+    SECTION = Fake().section(Fake().run("a").rows, ())
 
-    def test_other_methods_replace_the_paper_and_no_table_has_no_claims(self) -> None:
-        table = Table("t", ("measure", "ours", "others", "what follows"), (("it", "none", "all", "no"),))
-        section = replace(Fake().section(Fake().run("a").rows, ()), tables=(table,))
-        assert verdicts(section)[0] == Verdict("it", "all", "none", "no")
-        assert verdicts(replace(section, tables=())) == ()
+    @pytest.mark.parametrize(
+        ("headings", "cells", "expected"),
+        [
+            ("grid|noise|paper: yaw|ours, worst|verdict|ours, all|right", "128|2|S8|S7|no|S9|1/2", "128, 2|S8|S7|no"),
+            ("measure|ours|others|what follows", "it|none|all|no", "it|all|none|no"),
+        ],
+    )
+    def test_columns_are_found_by_their_first_word(self, headings: str, cells: str, expected: str) -> None:
+        """Where other methods are compared, they stand in the paper's place."""
+        table = Table("t", tuple(headings.split("|")), (tuple(cells.split("|")),))
+        assert verdicts(replace(self.SECTION, tables=(table,)))[0] == Verdict(*expected.split("|"))
 
-    def test_a_section_without_them_is_refused(self) -> None:
-        section = replace(Fake().section(Fake().run("a").rows, ()), tables=(Table("t", ("paper", "ours"), ()),))
+    def test_a_section_without_them_has_no_table_or_is_refused(self) -> None:
+        assert verdicts(replace(self.SECTION, tables=())) == ()
         with pytest.raises(ValueError, match="begins with the word 'verdict"):
-            verdicts(section)
+            verdicts(replace(self.SECTION, tables=(Table("t", ("paper", "ours"), ()),)))
 
     def test_a_section_at_any_level(self) -> None:
-        text = section_text(Fake().section(Fake().run("a").rows, ()), 2, "there/")
+        text = section_text(self.SECTION, 2, "there/")
         assert text.startswith("## A fake, Fig. 0\n")
         assert "![The numbers.](there/fake.png)" in text
         assert "The numbers are small." in text
@@ -154,20 +145,16 @@ class TestPage:
             assert (page.parent / link).read_bytes() == (tmp_path / "out" / Path(link).name).read_bytes()
         assert str(tmp_path) not in text
 
-    def test_verdicts_machine_time_and_command(self, tmp_path: Path) -> None:
+    def test_verdicts_machine_time_command_and_other_methods(self, tmp_path: Path) -> None:
         complete(tmp_path)
         write_page(tmp_path / "p.md", tmp_path, ["fake"])
-        text = (tmp_path / "p.md").read_text()
+        write_page(tmp_path / "e.md", tmp_path, ["fake"], FRAMES[experiments.EVALUATION])
+        text, evaluation = (tmp_path / "p.md").read_text(), (tmp_path / "e.md").read_text()
+        assert evaluation.startswith("# Evaluation on unseen pairs\n")
+        assert "| experiment | measure | others | ours | what follows |" in evaluation
         assert re.search(r"\| fake \| mean \| 0 \| -?[0-9.]+ \| so \|", text)
         assert "| fake | 5 | 0 s | a device (OpenCL 3.0 X; a processor, 2 cores) | `sonarmap reproduce fake` |" in text
         assert text.index("**All in short**") < text.index("## A fake, Fig. 0") < text.index("**Times**")
-
-    def test_the_evaluation_shows_the_other_methods(self, tmp_path: Path) -> None:
-        complete(tmp_path)
-        write_page(tmp_path / "p.md", tmp_path, ["fake"], FRAMES[EVALUATION])
-        text = (tmp_path / "p.md").read_text()
-        assert text.startswith("# Evaluation on unseen pairs\n")
-        assert "| experiment | measure | others | ours | what follows |" in text
 
     def test_nothing_to_show(self, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="no complete experiment"):
@@ -179,38 +166,39 @@ class TestOptions:
     def test_every_row_of_the_table_can_be_made(self) -> None:
         from importlib import import_module
 
-        for entry in EXPERIMENTS.values():
+        for entry in experiments.EXPERIMENTS.values():
             assert callable(import_module(entry.module).create)
-            assert set(entry.options) <= set(OPTIONS)
+            assert set(entry.options) <= set(experiments.OPTIONS)
 
     def test_options_without_effect_are_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
         table = {
-            "none": ExperimentEntry("", "m", ()),
-            "some": ExperimentEntry("", "m", ("grid", "seed")),
-            "every": ExperimentEntry("", "m", OPTIONS),
+            "none": experiments.ExperimentEntry("", "m", ()),
+            "some": experiments.ExperimentEntry("", "m", ("grid", "seed")),
+            "every": experiments.ExperimentEntry("", "m", experiments.OPTIONS),
         }
         monkeypatch.setattr(experiments, "EXPERIMENTS", table)
-        assert chosen("some", Request(grid=64, seed=0)) == ("some",)
-        assert chosen("every", Request(sigma2=(1.0,), scene="x")) == ("every",)
-        assert chosen(ALL, Request(quick=True)) == ("none", "some", "every")
+        assert experiments.chosen("some", experiments.Request(grid=64, seed=0)) == ("some",)
+        assert experiments.chosen("every", experiments.Request(sigma2=(1.0,), scene="x")) == ("every",)
+        assert experiments.chosen(experiments.ALL, experiments.Request(quick=True)) == ("none", "some", "every")
         with pytest.raises(InputError, match=r"--sigma2 has no effect on reproduce some.* takes --grid, --seed"):
-            chosen("some", Request(grid=64, sigma2=(1.0,)))
+            experiments.chosen("some", experiments.Request(grid=64, sigma2=(1.0,)))
         with pytest.raises(InputError, match="--seed has no effect on reproduce none; leave it out"):
-            chosen("none", Request(seed=0))
+            experiments.chosen("none", experiments.Request(seed=0))
         del table["none"]
-        assert chosen(ALL, Request(seed=0)) == ("some", "every")
+        assert experiments.chosen(experiments.ALL, experiments.Request(seed=0)) == ("some", "every")
         with pytest.raises(InputError, match="--scene and --sigma2 have no effect on reproduce all"):
-            chosen(ALL, Request(scene="x", sigma2=(2.0,)))
+            experiments.chosen(experiments.ALL, experiments.Request(scene="x", sigma2=(2.0,)))
 
     def test_the_command_that_asks_for_the_same(self) -> None:
-        request = Request(quick=True, seeds=2, seed=0, grid=64, sigma2=(1.0, 2.5))
+        request = experiments.Request(quick=True, seeds=2, seed=0, grid=64, sigma2=(1.0, 2.5))
         assert (
             request.command("x") == "sonarmap reproduce x --quick --grid 64 --sigma2 1 --sigma2 2.5 --seeds 2 --seed 0"
         )
 
     def test_what_is_made_is_what_was_asked_for(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": FAKE})
-        assert create("fake", Request(seed=7, quick=True)).settings == replace(Fake().settings, seed=7, fast=True)
+        asked = experiments.Request(seed=7, quick=True)
+        assert experiments.create("fake", asked).settings == replace(Fake().settings, seed=7, fast=True)
 
 
 class TestCommand:
@@ -234,7 +222,7 @@ class TestCommand:
         shown = CliRunner().invoke(app, arguments)
         assert (shown.exit_code, shown.exception) == (0, None)
         assert {path.name for path in (tmp_path / "docs").iterdir()} == {"reproduction.md", "reproduction"}
-        assert chosen("pages", Request()) == ("fake",)
+        assert experiments.chosen("pages", experiments.Request()) == ("fake",)
 
     def test_json(self, tmp_path: Path) -> None:
         shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path), "--json"])
@@ -251,17 +239,12 @@ class TestCommand:
         assert (shown.exit_code, shown.exception) == (0, None)
         complete(tmp_path / "one")
         assert (tmp_path / "two/fake.csv").read_bytes() == (tmp_path / "one/fake.csv").read_bytes()
-        timed = ExperimentEntry("Fig. 0", "no_such_module_in_a_process", ("seed",), timed=True)
+        timed = experiments.ExperimentEntry("Fig. 0", "no_such_module_in_a_process", ("seed",), timed=True)
         monkeypatch.setattr("sonarmap.tools.command.verbs.reproduce.create", lambda *_: Fake())
         monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": timed})
         shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path / "timed"), "--workers", "2"])
         assert shown.exit_code == 0
         assert "fake: measures times, so --workers has no effect" in shown.stderr
-
-    def test_a_method_that_there_is_not(self, tmp_path: Path) -> None:
-        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path), "--method", "alchemy"])
-        assert shown.exit_code == 2
-        assert "no method is called 'alchemy'" in " ".join(shown.stderr.replace("│", " ").split())
 
     def test_interrupted_it_says_what_is_kept(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("tests.samples.experiments.fake_experiment.create", lambda _: Fake(stop="d"))
@@ -283,12 +266,13 @@ class TestCommand:
             (["fake", "--seed", "-1"], "--seed"),
             (["fake", "--grid", "103"], "--grid 103"),
             (["fake", "--device", "abacus"], "abacus"),
+            (["fake", "--method", "alchemy"], "no method is called 'alchemy'"),
         ],
     )
     def test_refused(self, tmp_path: Path, arguments: list[str], words: str) -> None:
         shown = CliRunner().invoke(app, ["reproduce", *arguments, "-o", str(tmp_path / "out")])
         assert shown.exit_code == 2
-        assert words in shown.stderr
+        assert words in " ".join(shown.stderr.replace("│", " ").split())
         assert not (tmp_path / "out").exists() or files_in(tmp_path / "out") == set()
 
     def test_a_folder_that_cannot_be_written_is_told_first(self, tmp_path: Path) -> None:

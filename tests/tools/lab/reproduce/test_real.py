@@ -1,19 +1,35 @@
-"""Real scans in folders: which pairs there are, in which files, and what is asked of them."""
+"""Real scans in folders: pairs, files, options, rows, tables, and what makes jobs run again."""
 
+import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
+from typer.testing import CliRunner
 
+from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.reproduce.experiments import Request, chosen
-from sonarmap.tools.lab.reproduce.real.real_set import read_sets, without_truth
+from sonarmap.spectral.scan import PosePrior
+from sonarmap.tools.command.main import app
+from sonarmap.tools.lab.reproduce.experiment import Outcome
+from sonarmap.tools.lab.reproduce.experiments import Request, chosen, create
+from sonarmap.tools.lab.reproduce.pages.folder import write_experiment
+from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
+from sonarmap.tools.lab.reproduce.provenance import provenance
+from sonarmap.tools.lab.reproduce.real.real_set import RealSet, read_sets, without_truth
 from sonarmap.tools.lab.reproduce.real.run import Real
+from sonarmap.tools.lab.reproduce.real.section import beside_others, pair_table, result_table
 from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
+from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
+from sonarmap.tools.lab.reproduce.run import run
 from sonarmap.tools.lab.simulate.sensing.navigation import KINDS
-from tests.samples.experiments.real_folders import asked, gt_log, put, simulated
+from tests.samples.experiments.real_folders import FEW, asked, gt_log, put, simulated
+from tests.samples.places import DATA
+from tests.samples.refusals import refuses
+from tests.tools.lab.reproduce.test_run import silence
 
 PRIORS = "name,roll_deg,pitch_deg,roll_sigma_deg,pitch_sigma_deg\n0,0,0,2,2\ncloud_bin_1.ply,1,1,2,2\n"
 
@@ -37,40 +53,34 @@ class TestSets:
         assert without_truth(tmp_path / "elsewhere") == ()
 
     def test_the_digest_is_of_all_that_decides_and_of_nothing_else(self, tmp_path: Path) -> None:
-        def digest() -> str:
-            return read_sets(folder)[0].digest
+        def digest(of: str = "a") -> str:
+            return read_sets(tmp_path / of)[0].digest
 
         folder = put(tmp_path / "a")
         first = digest()
-        assert read_sets(put(tmp_path / "b"))[0].digest == first
+        put(tmp_path / "b")
+        assert digest("b") == first
         (folder / "README.md").write_text("hello")
         np.save(folder / "2.npy", np.ones((9, 3)))
         assert digest() == first
-        seen = {first}
         np.save(folder / "0.npy", simulated()[0].points[1:])
-        seen.add(digest())
-        (folder / "gt.log").write_text(gt_log(0, 1, RigidTransform.identity()))
-        seen.add(digest())
-        (folder / "priors.csv").write_text(PRIORS)
-        seen.add(digest())
-        (folder / "0.tum").write_text("0 0 0 0 0 0 0 1\n")
-        seen.add(digest())
+        seen = {first, digest()}
+        truth = gt_log(0, 1, RigidTransform.identity())
+        for name, text in {"gt.log": truth, "priors.csv": PRIORS, "0.tum": "0 0 0 0 0 0 0 1\n"}.items():
+            (folder / name).write_text(text)
+            seen.add(digest())
         assert len(seen) == 5
 
     def test_folders_that_cannot_be_used(self, tmp_path: Path) -> None:
-        with pytest.raises(InputError, match=r"there is no folder .*none; give one that holds scans and a gt.log"):
-            read_sets(tmp_path / "none")
+        refuses(r"there is no folder .*none; give one that holds scans and a gt.log", read_sets, tmp_path / "none")
         (tmp_path / "a").mkdir()
-        with pytest.raises(InputError, match=r"nor a folder in it has a gt\.log; wanted for every pair"):
-            read_sets(tmp_path)
+        refuses(r"nor a folder in it has a gt\.log; wanted for every pair", read_sets, tmp_path)
         folder = put(tmp_path / "a")
         (folder / "gt.log").write_text(gt_log(0, 12, simulated()[2]))
-        with pytest.raises(InputError, match=r"line 1 names the scan 12, and no scan .* as 12\.ply"):
-            read_sets(folder)
+        refuses(r"line 1 names the scan 12, and no scan .* as 12\.ply", read_sets, folder)
         (folder / "gt.log").write_text(gt_log(0, 1, simulated()[2]))
         shutil.copy(folder / "0.npy", folder / "old_1.npy")
-        with pytest.raises(InputError, match=r"names of 2 scans end in it: cloud_bin_1\.ply and old_1\.npy; move one"):
-            read_sets(folder)
+        refuses(r"names of 2 scans end in it: cloud_bin_1\.ply and old_1\.npy; move one", read_sets, folder)
 
 
 class TestRequest:
@@ -118,6 +128,13 @@ class TestRequest:
             real_settings(Request(**options), {})
 
 
+def priors_of(sets: Sequence[RealSet], settings: RealSettings, known: str) -> list[PosePrior | None]:
+    """Of both scans of the first pair."""
+    experiment, pair = Real(sets, settings, None), sets[0].pairs[0]
+    read = experiment._scans(pair.target, pair.source)[:2]
+    return [scan.prior for scan in experiment._with_priors(read, sets[0], pair, known)]
+
+
 class TestJobs:
     def test_methods_that_use_priors_run_with_what_is_known_and_without(self, tmp_path: Path) -> None:
         folder = put(tmp_path / "quay")
@@ -126,42 +143,199 @@ class TestJobs:
         request = asked(folder, method=("spectral", "planes"), known="heading", seeds=2)
         experiment = Real(sets, real_settings(request, {"quay": sets[0].digest}), None)
         key = f"quay@{sets[0].digest[:8]}/0-1"
-        assert experiment.jobs() == [
-            f"{key}/nothing/spectral",
-            f"{key}/nothing/planes",
-            f"{key}/priors.csv/spectral",
-            f"{key}/heading=3,seed=0/spectral",
-            f"{key}/heading=3,seed=1/spectral",
-        ]
+        drawn = [f"heading=3,seed={seed}/spectral" for seed in (0, 1)]
+        jobs = ("nothing/spectral", "nothing/planes", "priors.csv/spectral", *drawn)
+        assert experiment.jobs() == [f"{key}/{job}" for job in jobs]
 
     def test_drawn_priors_are_about_the_truth_and_the_same_again(self, tmp_path: Path) -> None:
         sets = read_sets(put(tmp_path / "quay"))
         settings = RealSettings({}, known=KINDS, sigmas=(0.01, 0.02, 0.03, 0.04), seeds=3)
         drawn = []
         for known in settings.draws:
-            experiment = Real(sets, settings, None)
-            read = experiment._scans(sets[0].pairs[0].target, sets[0].pairs[0].source)[:2]
-            target, source = experiment._with_priors(read, sets[0], sets[0].pairs[0], known)
-            again = experiment._with_priors(read, sets[0], sets[0].pairs[0], known)
-            assert target.prior is not None
-            assert source.prior is not None
-            relative = target.prior.T_world_sensor.inv() * source.prior.T_world_sensor
-            error = relative.inv() * simulated()[2]
+            first, again = (
+                [prior.T_world_sensor for prior in priors_of(sets, settings, known) if prior] for _ in range(2)
+            )
+            error = (first[0].inv() * first[1]).inv() * simulated()[2]
             assert 0 < np.rad2deg(error.rotation.magnitude()) < 0.15
             assert 0 < np.linalg.norm(error.translation) < 0.3
-            drawn.append(source.prior.T_world_sensor.as_matrix())
-            assert again[1].prior is not None
-            np.testing.assert_array_equal(again[1].prior.T_world_sensor.as_matrix(), drawn[-1])
+            drawn.append(first[1].as_matrix())
+            np.testing.assert_array_equal(again[1].as_matrix(), drawn[-1])
         assert not np.allclose(drawn[0], drawn[1], atol=1e-6)
 
     def test_the_files_priors_are_used(self, tmp_path: Path) -> None:
         folder = put(tmp_path / "quay")
         (folder / "priors.csv").write_text(PRIORS)
-        sets = read_sets(folder)
-        experiment = Real(sets, RealSettings({}), None)
-        read = experiment._scans(sets[0].pairs[0].target, sets[0].pairs[0].source)[:2]
-        scans = experiment._with_priors(read, sets[0], sets[0].pairs[0], "priors.csv")
-        assert [scan.prior is not None and scan.prior.knows_attitude for scan in scans] == [True, True]
-        assert [scan.prior for scan in experiment._with_priors(read, sets[0], sets[0].pairs[0], "nothing")] == [
-            None
-        ] * 2
+        given, none = (priors_of(read_sets(folder), RealSettings({}), known) for known in ("priors.csv", "nothing"))
+        assert [prior is not None and prior.knows_attitude for prior in given] == [True, True]
+        assert none == [None, None]
+
+
+SHARED = DATA
+
+
+class TestRuns:
+    def test_rows_section_and_pictures_and_a_second_run_that_runs_nothing(self, tmp_path: Path, device: Device) -> None:
+        put(tmp_path / "in" / "quay")
+        put(tmp_path / "in" / "pier", ("0.ply", "1.npy"))
+        request = asked(tmp_path / "in", device)
+        written = []
+        for said in ([], []):
+            experiment = create("real", request)
+            origin = provenance(experiment, device)
+            result = run(experiment, origin, tmp_path / "out", silence, say=said.append)
+            write_experiment(tmp_path / "out", experiment, result, origin, request.command("real"))
+            written.append(
+                (said, (tmp_path / "out" / "real.csv").read_bytes(), (tmp_path / "out" / "real.md").read_bytes())
+            )
+        assert [said for said, *_ in written] == [[], ["real: 4 of 4 jobs were done before"]]
+        assert written[0][1:] == written[1][1:]
+        rows = [row for outcome in result.outcomes.values() for row in outcome.rows]
+        assert [(row["set"], row["method"]) for row in rows] == [(s, m) for s in ("pier", "quay") for m in FEW]
+        assert not any("second" in key for row in rows for key in row)
+        record = json.loads((tmp_path / "out" / "real.json").read_text())
+        assert set(record["provenance"]["settings"]["sets"]) == {"pier", "quay"}
+        assert str(tmp_path) not in (tmp_path / "out" / "real.md").read_text()
+        assert {path.name for path in (tmp_path / "out").glob("*.png")} == {"real.png", "real-errors.png"}
+
+    def test_what_changes_makes_its_jobs_run_again_and_no_others(self, tmp_path: Path, device: Device) -> None:
+        put(tmp_path / "in" / "quay")
+        put(tmp_path / "in" / "pier")
+
+        def keys() -> dict[str, str]:
+            experiment = create("real", asked(tmp_path / "in", device))
+            origin = provenance(experiment, device)
+            return {job.split("@")[0] + "/" + job.split("/")[-1]: origin.key(job) for job in experiment.jobs()}
+
+        before = keys()
+        np.save(tmp_path / "in" / "pier" / "0.npy", simulated()[0].points[::2])
+        after = keys()
+        assert {job for job in before if before[job] != after[job]} == {"pier/hemisphere", "pier/planes"}
+
+    def test_a_registration_of_the_truth_is_right_and_a_turned_truth_makes_it_wrong(
+        self, tmp_path: Path, device: Device
+    ) -> None:
+        folder = put(tmp_path / "quay")
+        rows = []
+        for degrees in (0, 20):
+            turn = RigidTransform.from_rotation(Rotation.from_euler("Z", degrees, degrees=True))
+            (folder / "gt.log").write_text(gt_log(0, 1, simulated()[2] * turn))
+            experiment = create("real", asked(folder, device, method=("planes",), voxel=2.0))
+            (job,) = experiment.jobs()
+            rows.append(experiment.run(job).rows[0])
+        assert [row["right"] for row in rows] == [True, False]
+        assert abs(float(rows[1]["rotation_deg"]) - 20) < 3
+        assert [row["voxel_m"] for row in rows] == [2.0, 2.0]
+
+    def test_quick_takes_the_first_pair(self, tmp_path: Path, device: Device) -> None:
+        folder = put(tmp_path / "quay")
+        shutil.copy(folder / "0.npy", folder / "2.npy")
+        (folder / "gt.log").write_text(gt_log(0, 1, simulated()[2]) + gt_log(0, 2, simulated()[2]))
+        jobs = [create("real", asked(folder, device, quick=quick)).jobs() for quick in (True, False)]
+        assert [len(some) for some in jobs] == [2, 4]
+
+
+def row(**changes: object) -> dict:
+    cells = {"set": "a", "pair": "0-1", "known": "nothing", "draw": "", "method": "spectral", "right": True}
+    return cells | {"accepted": True, "rotation_deg": 1.0, "translation_m": 0.5, "translation_voxels": 1.0} | changes
+
+
+class TestTables:
+    ROWS = (
+        row(),
+        row(method="kiss", accepted=False),
+        row(pair="0-2", right=False, rotation_deg=80.0),
+        row(pair="0-2", method="kiss", right=False, accepted=False, rotation_deg=70.0),
+        *(row(known="depth", draw=str(k), accepted=k > 0, right=k > 1, rotation_deg=k) for k in range(3)),
+        row(set="b", rotation_deg=3.0, translation_m=0.7),
+    )
+
+    def test_results_by_set_and_method(self) -> None:
+        lines = [" ".join(line) for line in result_table(self.ROWS).rows]
+        assert lines == [
+            "a spectral nothing 2 1 2 1 1.000 0.500",
+            "a spectral depth 3 1 2 1 2.000 0.500",
+            "a kiss nothing 2 1 0 0 1.000 0.500",
+            "b spectral nothing 1 1 1 0 3.000 0.700",
+            "all sets spectral nothing 3 2 3 1 2.000 0.600",
+            "all sets spectral depth 3 1 2 1 2.000 0.500",
+            "all sets kiss nothing 2 1 0 0 1.000 0.500",
+        ]
+
+    def test_pair_by_pair(self) -> None:
+        table = pair_table(self.ROWS)
+        assert table.headings == ("pair", "spectral", "spectral, known: depth", "kiss")
+        assert table.rows == (
+            ("a 0-1", "1.00, 0.500; believed", "1 of 3; 2 believed", "1.00, 0.500"),
+            ("a 0-2", "wrong; believed", "–", "wrong"),
+            ("b 0-1", "3.00, 0.700; believed", "–", "–"),
+        )
+
+    def test_ours_beside_the_others(self) -> None:
+        assert [(line[1].split()[0], line[2], line[3]) for line in beside_others(self.ROWS).rows] == [
+            ("2/3", "best: kiss 0 %", "expect 67 of 100 to be right and believed"),
+            ("1/3", "best: kiss 0 %", "expect 33 of 100 to be believed though wrong"),
+            ("1/3", "best: kiss 0 %", "expect 33 of 100 to be right and believed"),
+            ("1/3", "best: kiss 0 %", "expect 33 of 100 to be believed though wrong"),
+        ]
+        assert beside_others(self.ROWS[1:2]).rows == ()
+
+    def test_the_section_says_what_was_known(self) -> None:
+        settings = RealSettings({"a": "", "b": ""}, known=("attitude", "depth"), seeds=2, seed=4, left_out=("c",))
+        outcomes = {str(k): Outcome((line,), (line | {"seconds": 0.5},)) for k, line in enumerate(self.ROWS)}
+        section = Real((), settings, None).section(all_rows(outcomes), all_seconds(outcomes))
+        text = section_text(section, 1)
+        assert "Sets: `a` (2 pairs), `b` (1 pair). Left out, as they have no gt.log: `c`." in text
+        assert "deviations attitude 1.5 degrees, depth 0.15 m (seeds 4 to 5" in text
+        assert len(verdicts(section)) == 4
+        assert section.times[0].rows[0] == ("a", "spectral", "nothing", "2", "0.50", "0.50")
+
+
+class TestCommand:
+    def test_a_folder_and_a_page(self, tmp_path: Path, device: Device) -> None:
+        put(tmp_path / "in" / "quay")
+        arguments = ["reproduce", "real", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--grid", "32", "-q"]
+        arguments += ["--method", "planes", "--page", str(tmp_path / "page.md"), "--device", device.selector]
+        result = CliRunner().invoke(app, arguments)
+        assert result.exit_code == 0, result.output
+        page = (tmp_path / "page.md").read_text()
+        assert page.startswith("# Real scans\n")
+        assert "## What was used to choose anything" in page
+        assert "\nsonarmap reproduce real DIR --grid 32 --method planes\n" in page
+        assert str(tmp_path) not in page
+        assert (tmp_path / "page" / "real.png").is_file()
+
+    def test_errors_are_the_users(self, tmp_path: Path) -> None:
+        for arguments, message in (
+            (["real"], "needs the folder"),
+            (["real", str(tmp_path)], "has a gt.log"),
+            (["pairs", str(tmp_path)], "simulates its scans"),
+            (["real", str(tmp_path), "--pairs", "3"], "--pairs has no effect on reproduce real"),
+            (["real", str(tmp_path), "--max-tilt", "200"], "200.0 degrees"),
+        ):
+            result = CliRunner().invoke(app, ["reproduce", *arguments, "-o", str(tmp_path / "out")])
+            assert result.exit_code != 0
+            assert message in " ".join((result.output + str(result.exception)).split())
+
+
+@pytest.mark.slow
+def test_real_development_data(tmp_path: Path, device: Device) -> None:
+    if not (SHARED / "real").is_dir():
+        pytest.skip(f"no real scans in {SHARED / 'real'}")
+    (tmp_path / "pool").mkdir()
+    for path in (SHARED / "real" / "pool").glob("*.npy"):
+        (tmp_path / "pool" / path.name).symlink_to(path)
+    T = RigidTransform.from_components([-1.07, -1.16, 0], Rotation.from_euler("Z", 28.5, degrees=True))
+    (tmp_path / "pool" / "gt.log").write_text(gt_log(1, 2, T))
+    for name, place in {"kitti07": "real/kitti07", "outdoor": "real/outdoor", "kitchen": "redkitchen"}.items():
+        (tmp_path / name).symlink_to(SHARED / place)
+    experiment = create("real", asked(tmp_path, device, grid=128, method=("spectral",)))
+    rows = [experiment.run(job).rows[0] for job in experiment.jobs()]
+    assert {(row["set"], row["pair"]) for row in rows} == {
+        *(("kitchen", pair) for pair in ("0-1", "0-2", "1-2")),
+        *(("kitti07", pair) for pair in ("0-2", "0-3", "2-3")),
+        *(("outdoor", pair) for pair in ("0-1", "0-2")),
+        ("pool", "1-2"),
+    }
+    single = [row for row in rows if row["set"] in ("outdoor", "kitchen")]
+    assert all(row["right"] and row["accepted"] for row in single)
+    assert not any(row["accepted"] and not row["right"] for row in rows)

@@ -1,4 +1,4 @@
-"""An experiment that is stopped at any moment goes on where it was, and its results do not show it."""
+"""Experiments: stopped, resumed, in other processes, with what decides a result, and as tables."""
 
 import math
 import signal
@@ -9,15 +9,29 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
+from rich.console import Console
+from typer.testing import CliRunner
 
+from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.journal import Journal, JournalEntry
+from sonarmap.tools.command.main import app
+from sonarmap.tools.files.writers.json_text import to_json
 from sonarmap.tools.lab.reproduce.experiment import Outcome
+from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create
+from sonarmap.tools.lab.reproduce.methods import EVALUATED
 from sonarmap.tools.lab.reproduce.pages.folder import write_experiment
+from sonarmap.tools.lab.reproduce.provenance import SHOWING, Provenance, provenance
+from sonarmap.tools.lab.reproduce.rows import wilson
 from sonarmap.tools.lab.reproduce.run import JOURNAL, RunOptions, run
-from sonarmap.tools.methods.fingerprint import ROOT
+from sonarmap.tools.lab.reproduce.table import Table, write_csv
+from sonarmap.tools.lab.reproduce.worker import WorkerProcesses
+from sonarmap.tools.methods.fingerprint import ROOT, source_digest
 from tests.samples.experiments.fake_experiment import JOBS, Fake, FakeSettings, origin
+from tests.samples.experiments.real_folders import put
+from tests.samples.surveys import CENTER, scored
 
 ALIKE = ("fake.csv", "fake.md", "fake.png", "fake-2.png")
 KILLED = f"""
@@ -87,7 +101,7 @@ class TestStopping:
             database.execute("UPDATE entry SET content = '[1]' WHERE label = 'fake c'")
         database.close()
         again, said = complete(tmp_path)
-        assert again.ran == ["c"]
+        assert again.ran == ["c"]  # as its label says
         assert f"1 results in {tmp_path / JOURNAL} are damaged: their jobs are run again" in said[0]
         assert bytes_of(tmp_path) == before
 
@@ -132,9 +146,178 @@ class TestNumbers:
             row = run(numbers, origin(numbers), tmp_path, silence).outcomes["a"].rows[0]
             assert all(math.isnan(float(row[key])) for key in "xy")
 
-    def test_a_journal_tells_what_its_entries_are_of(self, tmp_path: Path) -> None:
-        complete(tmp_path)
-        with Journal(tmp_path / JOURNAL) as journal:
-            entry = journal.entry(origin(Fake()).key("c"))
-        assert entry is not None
-        assert entry.label == "fake c"
+
+class TestKey:
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"settings": {"seed": 2, "fast": False}},
+            {"sources": "cd"},
+            {"device": "another"},
+            {"platform": "OpenCL 1.2"},
+            {"versions": {"numpy": "3"}},
+            {"name": "other"},
+        ],
+    )
+    def test_all_that_decides_rows_counts(self, changes: dict[str, object]) -> None:
+        assert origin(Fake()).key("a") != origin(Fake(), **changes).key("a")
+
+    def test_the_host_decides_nothing(self) -> None:
+        assert origin(Fake()).key("a") == origin(Fake(), processor="another", cores=64).key("a")
+
+    def test_jobs_of_a_method_depend_on_its_fingerprint_alone(self) -> None:
+        before = origin(Fake(), methods={"mine": "1", "yours": "1"})
+        after = origin(Fake(), methods={"mine": "2", "yours": "1"}, device="another", settings={"seed": 2})
+        assert before.key("a/mine") != after.key("a/mine")
+        assert before.key("a/yours") == after.key("a/yours")
+        assert before.key("a/yours") != before.key("b/yours")
+
+
+def test_it_survives_json() -> None:
+    assert Provenance(**to_json(origin(Fake()))) == origin(Fake())
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_names_its_sources(name: str, device: Device, tmp_path: Path) -> None:
+    folder = put(tmp_path) if EXPERIMENTS[name].on_folder else None
+    experiment = create(name, Request(device=device, quick=True, folder=folder))
+    origin = provenance(experiment, device)
+    assert source_digest(experiment.sources)
+    methods = [method for method in EVALUATED if method in origin.methods]
+    assert bool(methods) is (name in ("steps", "pairs", "unrelated", "real", "kinds"))
+    assert len(set(origin.methods.values())) == len(origin.methods)
+
+
+def test_files_that_only_show_rows_do_not_count() -> None:
+    folder = ("tools/lab/reproduce/gaussian",)
+    shown = [f"{folder[0]}/{name}.py" for name in ("section", "figure", "summary")]
+    decides = [f"{folder[0]}/{name}.py" for name in ("row", "run", "series", "__init__")]
+    assert source_digest(folder, SHOWING) == source_digest(tuple(decides))
+    assert source_digest(tuple(shown), SHOWING) == source_digest(())
+
+
+def workers(count: int, scene: str | None = None) -> RunOptions:
+    return RunOptions(
+        workers=WorkerProcesses(count, "tests.samples.experiments.ending_experiment", Request(scene=scene), device=None)
+    )
+
+
+class TestWorkers:
+    def test_rows_are_those_of_one_process(self, tmp_path: Path) -> None:
+        fake = Fake()
+        alone = run(fake, origin(fake), tmp_path / "alone", silence)
+        shared = run(Fake(), origin(fake), tmp_path / "shared", silence, workers(2))
+        # by text, as one of the values is NaN
+        assert str(list(shared.outcomes.items())) == str(list(alone.outcomes.items()))
+        assert list(shared.job_seconds) == list(JOBS)
+
+    def test_jobs_that_are_done_are_kept_and_the_rest_run_later(self, tmp_path: Path) -> None:
+        with pytest.raises(KeyboardInterrupt):
+            run(Fake(), origin(Fake()), tmp_path, silence, workers(1, scene="c"))
+        again = Fake()
+        result = run(again, origin(again), tmp_path, silence)
+        # "d" was queued behind "c", and is kept if the worker was done with it before this process saw the interrupt
+        assert again.ran in (["c", "d", "e"], ["c", "e"])
+        assert list(result.outcomes) == list(JOBS)
+
+    def test_the_error_of_a_job_is_raised(self, tmp_path: Path) -> None:
+        with pytest.raises(InputError, match="no scene is called 'b'"):
+            run(Fake(), origin(Fake()), tmp_path, silence, workers(1, scene="error b"))
+
+    def test_a_killed_process_is_an_error(self, tmp_path: Path) -> None:
+        with pytest.raises(InputError, match="use fewer"):
+            run(Fake(), origin(Fake()), tmp_path, silence, workers(1, scene="kill b"))
+
+
+class Two(Fake):
+    """Jobs of two methods in two batches."""
+
+    def jobs(self) -> list[str]:
+        return [f"{batch}/{method}" for batch in "ab" for method in ("mine", "yours")]
+
+    def run(self, job: str) -> Outcome:
+        self.ran.append(job)
+        return Outcome(({"job": job},))
+
+
+def test_a_change_of_one_method_leaves_the_other_done(tmp_path: Path) -> None:
+    def jobs_run(mine: str) -> list[str]:
+        two = Two()
+        result = run(two, origin(two, methods={"mine": mine, "yours": "same"}), tmp_path, silence)
+        assert list(result.outcomes) == ["a/mine", "a/yours", "b/mine", "b/yours"]
+        return two.ran
+
+    assert jobs_run("first") == ["a/mine", "a/yours", "b/mine", "b/yours"]
+    assert jobs_run("first") == []
+    assert jobs_run("second") == ["a/mine", "b/mine"]
+
+
+class TestWilson:
+    @pytest.mark.parametrize(
+        ("successes", "trials", "low", "high"),
+        [(0, 10, 0.0, 0.2775), (7, 10, 0.3968, 0.8922), (81, 263, 0.2553, 0.3662)],
+    )
+    def test_published_intervals(self, successes: int, trials: int, low: float, high: float) -> None:
+        """81 of 263 is the example of Newcombe (Statistics in Medicine 17, 1998, method 3)."""
+        rate = wilson(successes, trials)
+        assert (rate.low, rate.high) == pytest.approx((low, high), abs=5e-5)
+
+    def test_in_words(self) -> None:
+        assert str(wilson(7, 10)) == "7/10 [0.40..0.89]"
+
+
+class TestScoredRegistration:
+    def test_the_bounds(self) -> None:
+        assert scored().right
+        assert scored(shift=5.99).right
+        assert not scored(shift=6.01).right
+        assert scored(shift=2.9, voxel=1.0).right
+        assert not scored(shift=3.1, voxel=1.0).right
+        assert not scored(yaw=6.1).right
+
+    def test_the_sensor_decides_and_the_center_is_told(self) -> None:
+        """Turned about the scan's center by 5.9 degrees, the sensor is off by what 43 m of lever make of it."""
+        turned = scored(yaw=5.9, voxel=1.0)
+        lever = np.linalg.norm(CENTER[:2])
+        assert turned.center_m == pytest.approx(0, abs=1e-12)
+        assert turned.error.translation_m == pytest.approx(2 * lever * np.sin(np.deg2rad(5.9 / 2)), rel=0.05)
+        assert not turned.right
+        assert turned.right_at_center
+
+    @pytest.mark.parametrize(
+        ("off", "step"),
+        [
+            ({}, ""),
+            ({"yaw": 12}, "yaw"),
+            ({"yaw": 12, "pitch": 20}, "yaw"),
+            ({"yaw": 359}, ""),
+            ({"pitch": -20}, "tilt"),
+            ({"shift": 30}, "translation"),
+        ],
+    )
+    def test_the_first_wrong_step(self, off: dict[str, float], step: str) -> None:
+        assert scored(**off).wrong_step == step
+
+
+class TestTables:
+    def test_markdown(self) -> None:
+        table = Table("t", ("a", "b|c"), (("1", "2"), ("3", "4")))
+        assert table.markdown() == "**t**\n\n| a | b\\|c |\n| --- | --- |\n| 1 | 2 |\n| 3 | 4 |\n"
+
+    def test_brackets_are_no_markup(self) -> None:
+        console = Console(width=80)
+        with console.capture() as shown:
+            console.print(Table("[bold]t", ("a",), (("[red]1",),)).rich())
+        assert "[bold]t" in shown.get()
+        assert "[red]1" in shown.get()
+
+    def test_csv_cells(self, tmp_path: Path) -> None:
+        write_csv(tmp_path / "a.csv", ("a", "b", "c", "d"), [(True, -1e-9, 3, "S0, S1"), (False, float("nan"), -4, "")])
+        assert (tmp_path / "a.csv").read_bytes() == b'a,b,c,d\n1,0.0000,3,"S0, S1"\n0,,-4,\n'
+
+
+@pytest.mark.parametrize("scene", ["pool", "moon"])
+def test_scenes_that_the_papers_steps_do_not_fit_are_refused(scene: str, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["reproduce", "gaussian", "--scene", scene, "-o", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert not (tmp_path / "out").exists()

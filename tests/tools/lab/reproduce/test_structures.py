@@ -1,5 +1,6 @@
 """Experiments on structures seen whole: what counts as reached, and rows that are the same every time."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce.answer import parameters
-from sonarmap.tools.lab.reproduce.experiment import Outcome
+from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.structures.limits import KINDS, Limits
 from sonarmap.tools.lab.reproduce.structures.limits_section import deviation_table
@@ -95,26 +96,24 @@ class TestLimitsTable:
         assert deviation_table(rows).rows[-1][3] == "1 of 3 fail"
 
 
-class TestSettings:
-    @pytest.mark.parametrize(
-        "wrong",
-        [
-            {"steps": ()},
-            {"steps": (4, 2)},
-            {"scenes": ("moon",)},
-            {"noises": ("D7",)},
-            {"seeds": 0},
-            {"first_seed": -1},
-        ],
-    )
-    def test_translation_refuses(self, wrong: dict) -> None:
-        with pytest.raises(InputError):
-            replace(ONE, **wrong)
+OF_TRANSLATION = {"steps": [(), (4, 2)], "scenes": [("moon",)], "noises": [("D7",)], "seeds": [0], "first_seed": [-1]}
+OF_LIMITS = {"yaws_deg": [(90,)], "tilts_deg": [(0, 5)], "scenes": [()], "seeds": [0]}
 
-    @pytest.mark.parametrize("wrong", [{"yaws_deg": (90,)}, {"tilts_deg": (0, 5)}, {"scenes": ()}, {"seeds": 0}])
-    def test_limits_refuse(self, wrong: dict) -> None:
+
+@pytest.mark.parametrize(("settings", "wrong"), [(ONE, OF_TRANSLATION), (LimitsSettings(), OF_LIMITS)])
+def test_settings_that_are_refused(settings: TranslationSettings | LimitsSettings, wrong: dict[str, list]) -> None:
+    for name, value in ((name, value) for name, values in wrong.items() for value in values):
         with pytest.raises(InputError):
-            LimitsSettings(**wrong)
+            replace(settings, **{name: value})
+
+
+def drawn(experiment: Turns | Limits, folder: Path) -> Sequence[Row]:
+    """The rows of a run, whose pictures are those of the section."""
+    outcomes: dict[str, Outcome] = {job: experiment.run(job) for job in experiment.jobs()}
+    rows = all_rows(outcomes)
+    experiment.draw(folder, rows)
+    assert {path.name for path in folder.iterdir()} == set(experiment.section(rows, all_seconds(outcomes)).pictures)
+    return rows
 
 
 class TestRun:
@@ -140,24 +139,13 @@ class TestRun:
         settings = RotationSettings(
             scenes=("clutter",), noises=("D0",), seeds=1, first_seed=3, edge=64, yaws_deg=(8, 64)
         )
-        experiment = Turns(settings, choose_device())
-        outcomes = {job: experiment.run(job) for job in experiment.jobs()}
-        assert all(within_limits(row) for row in all_rows(outcomes))
-        experiment.draw(tmp_path, all_rows(outcomes))
-        assert [path.name for path in tmp_path.iterdir()] == list(
-            experiment.section(all_rows(outcomes), all_seconds(outcomes)).pictures
-        )
+        assert all(within_limits(row) for row in drawn(Turns(settings, choose_device()), tmp_path))
 
     def test_limits_look_at_each_step(self, tmp_path: Path) -> None:
         settings = LimitsSettings(scenes=("clutter",), seeds=1, edge=64, tilts_deg=(10,), yaws_deg=(-40,))
-        experiment = Limits(settings, choose_device())
-        outcomes: dict[str, Outcome] = {job: experiment.run(job) for job in experiment.jobs()}
-        assert [row["tilted"] for row in all_rows(outcomes)] == list(KINDS)
-        assert max(abs(float(row["roll_off_deg"])) for row in all_rows(outcomes)) < 2
-        experiment.draw(tmp_path, all_rows(outcomes))
-        assert {path.name for path in tmp_path.iterdir()} == set(
-            experiment.section(all_rows(outcomes), all_seconds(outcomes)).pictures
-        )
+        rows = drawn(Limits(settings, choose_device()), tmp_path)
+        assert [row["tilted"] for row in rows] == list(KINDS)
+        assert max(abs(float(row["roll_off_deg"])) for row in rows) < 2
 
     def test_noise_is_new_in_every_volume(self) -> None:
         series = Translation(ONE, choose_device())

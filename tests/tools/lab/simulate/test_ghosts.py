@@ -8,13 +8,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.simulate.folder import read_settings, write_simulation
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
 from sonarmap.tools.lab.simulate.sensing.ghosts import MIRROR_LOSS_DB, reflect
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
 from sonarmap.tools.lab.simulate.sensing.sensors import ABSORPTION_DB, ECLIPSE, Echoes, bare, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box, merge
-from sonarmap.tools.lab.simulate.simulation import SimulationSettings, settings_from_json, simulate
+from sonarmap.tools.lab.simulate.simulation import settings_from_json
 from tests.samples.simulated import COARSE
 
 WALL, BED = 30.0, -11.0  # x of the wall's face, height of the bed [m]
@@ -95,31 +94,9 @@ def test_noise_with_ghosts_wants_them():
         disturb(echoes, ECLIPSE, Noise(ghosts=0.1), np.random.default_rng(4))
 
 
-def test_a_description_gives_the_same_ghosts_and_speckle_again(tmp_path):
-    noise = Noise(sigma2=0.5, outliers=0.02, dropouts=0.1, ghosts=0.3, speckle=0.8)
-    small = replace(ECLIPSE, columns=48, rows=36, threshold=0.004, edge_loss=11.0, absorption=0.05)
-    settings = SimulationSettings(count=2, sensor=small, noise=noise, seed=8)
-    first = write_simulation(simulate(settings), tmp_path / "a")
-    described = read_settings(tmp_path / "a" / "description.json")
-    assert described == settings
-    again = write_simulation(simulate(described), tmp_path / "b")
-    for one, other in zip(first, again, strict=True):
-        assert one.read_bytes() == other.read_bytes()
-    plain = simulate(replace(settings, noise=replace(noise, ghosts=0.0)))
-    assert not np.array_equal(plain.scans[0].points, simulate(settings).scans[0].points)
-
-
 def test_a_description_from_before_there_was_a_pattern_means_a_bare_sensor():
-    old = {
-        "name": "eclipse",
-        "horizontal": ECLIPSE.horizontal,
-        "vertical": ECLIPSE.vertical,
-        "columns": 256,
-        "rows": 192,
-        "min_range": 0.4,
-        "max_range": 120.0,
-        "tilt": ECLIPSE.tilt,
-    }
+    old = {"name": "eclipse", "columns": 256, "rows": 192, "min_range": 0.4, "max_range": 120.0}
+    old |= {name: getattr(ECLIPSE, name) for name in ("horizontal", "vertical", "tilt")}
     settings = settings_from_json({"sensor": old, "noise": {"sigma2": 1.0}})
     assert settings.sensor == bare(ECLIPSE)
     assert (settings.noise.ghosts, settings.noise.speckle) == (0.0, 0.0)

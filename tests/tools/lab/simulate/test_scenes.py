@@ -44,12 +44,8 @@ def test_a_straight_tube_is_its_cylinder_and_a_bent_one_keeps_to_its_legs():
     )
     assert_allclose(ranges, [6.5, 6.6, np.inf], atol=1e-3)
     bent = Scene("bent", tube([(0, 0, 0), (10, 0, 0), (10, 8, 0)], 0.5, bend=2.0))
-    assert bent.is_solid(np.array([[5, 0.0, 0], [10, 6, 0], [9.5, 0.5, 0], [10, 0, 0]])).tolist() == [
-        True,
-        True,
-        True,
-        False,
-    ]
+    places = np.array([[5, 0.0, 0], [10, 6, 0], [9.5, 0.5, 0], [10, 0, 0]])
+    assert bent.is_solid(places).tolist() == [True, True, True, False]
 
 
 @pytest.mark.parametrize("seed", [3, 17, 92])
@@ -186,17 +182,6 @@ def test_wrecks_break_in_two_or_three_and_some_lie_keel_up():
     up = [part.R_scene_part.apply((0, 0, 1))[2] for layout in layouts for part in layout.parts]
     assert 0.03 < np.mean(np.array(up) < 0) < 0.3
     assert {len(bridge_layout(seed).piers) for seed in range(1, 41)} == {3, 4, 5}
-
-
-@pytest.mark.parametrize("layout", [ship_layout, pool_layout, manifold_layout, bridge_layout, wreck_layout])
-def test_the_seed_decides_the_layout(layout):
-    assert repr(layout(8).__class__) == repr(layout(9).__class__)
-    name = layout.__name__.removesuffix("_layout")
-    first, again, other = SCENE_KINDS[name].build(8), SCENE_KINDS[name].build(8), SCENE_KINDS[name].build(9)
-    assert_array_equal(first.vertices, again.vertices)
-    still = min(len(first.vertices), len(other.vertices))
-    built = ~np.isclose(first.vertices[:still], other.vertices[:still], atol=1e-3).all(axis=1)
-    assert built.mean() > 0.05
 
 
 def test_a_view_is_shared_where_both_look_and_nothing_hides_it():

@@ -1,7 +1,9 @@
-"""Simulations: surveys and pairs, one seed for the same bytes, and the folder that holds them."""
+"""Simulations: one seed for the same bytes, the folder, its size, and scans that show nothing."""
 
 import json
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +19,11 @@ from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, SENSORS, bare
-from sonarmap.tools.lab.simulate.simulation import SimulationSettings, observe, settings_from_json, simulate
+from sonarmap.tools.lab.simulate.sensing.unusable import NOISY_BEAMS, STRAY_ECHOES, choose_unusable
+from sonarmap.tools.lab.simulate.simulation import SimulationSettings, check_size, observe, settings_from_json, simulate
+from tests.samples.clutter_scans import files_in, refused_with_reason, said, sonarmap
+from tests.samples.damage.pose_files import POSE_FILES
+from tests.samples.refusals import refuses
 from tests.samples.simulated import COARSE, QUIET
 
 
@@ -47,16 +53,29 @@ def test_a_survey_moves_like_a_small_vessel_and_comes_back():
     assert_array_equal(truth.stamps, np.arange(60.0))
 
 
-def test_one_seed_gives_the_same_bytes(tmp_path):
-    settings = SimulationSettings(count=2, sensor=SENSORS["sonar3d15"], seed=11)
-    settings = replace(settings, sensor=replace(settings.sensor, max_range=80.0))
+GHOSTLY = Noise(sigma2=0.5, outliers=0.02, dropouts=0.1, ghosts=0.3, speckle=0.8)
+SMALL = replace(ECLIPSE, columns=48, rows=36, threshold=0.004, edge_loss=11.0, absorption=0.05)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        SimulationSettings(count=2, sensor=replace(SENSORS["sonar3d15"], max_range=80.0), seed=11),
+        SimulationSettings(count=2, sensor=SMALL, noise=GHOSTLY, seed=8),
+    ],
+    ids=["sonar3d15", "ghosts and speckle"],
+)
+def test_one_seed_gives_the_same_bytes(tmp_path: Path, settings: SimulationSettings):
     first = write_simulation(simulate(settings), tmp_path / "a")
-    again = write_simulation(simulate(read_settings(tmp_path / "a" / "description.json")), tmp_path / "b")
+    described = read_settings(tmp_path / "a" / "description.json")
+    assert described == settings
+    again = write_simulation(simulate(described), tmp_path / "b")
     assert [path.name for path in first] == ["scan_000.ply", "scan_001.ply", "truth.tum", "description.json"]
     for one, other in zip(first, again, strict=True):
         assert one.read_bytes() == other.read_bytes()
-    other_seed = simulate(replace(settings, seed=12))
-    assert not np.array_equal(other_seed.scans[0].points, simulate(settings).scans[0].points)
+    for change in ({"seed": 12}, *([{"noise": replace(GHOSTLY, ghosts=0.0)}] if settings.noise == GHOSTLY else [])):
+        other = simulate(replace(settings, **change))
+        assert not np.array_equal(other.scans[0].points, simulate(settings).scans[0].points)
 
 
 def test_scans_draw_their_noise_apart():
@@ -98,8 +117,7 @@ def test_a_folder_with_other_scans_is_left_alone(tmp_path):
     ],
 )
 def test_settings_that_cannot_be_used_are_named(content: object, message: str):
-    with pytest.raises(InputError, match=message):
-        settings_from_json(content)
+    refuses(message, settings_from_json, content)
 
 
 @pytest.mark.parametrize("change", [{"count": 0}, {"spacing": 0.0}, {"trajectory": "table1", "count": 15}])
@@ -113,8 +131,7 @@ def test_a_description_that_is_none_is_refused(tmp_path, text: str | None):
     path = tmp_path / "description.json"
     if text is not None:
         path.write_text(text)
-    with pytest.raises(InputError, match=r"description\.json"):
-        read_settings(path)
+    refuses(r"description\.json", read_settings, path)
 
 
 @pytest.mark.parametrize("scene", SCENE_KINDS)
@@ -127,3 +144,145 @@ def test_a_random_pair_overlaps_as_wanted(scene: str):
     assert_array_equal(again[1].points, source.points)
     noisy = random_pair(3, (0.4, 0.7), Noise(sigma2=1.0), scene, small)
     assert_array_equal(noisy[2].as_matrix(), T_target_source.as_matrix())
+
+
+SETTINGS = SimulationSettings(trajectory="lawnmower", count=9, sensor=COARSE, seed=6)
+
+
+@pytest.mark.parametrize(("share", "wanted"), [(0.0, 0), (0.05, 2), (0.3, 12), (0.95, 38)])
+def test_as_many_as_wanted_are_chosen_and_never_the_first(share: float, wanted: int) -> None:
+    faults = choose_unusable(share, 40, seed=3).faults
+    assert len(faults) == wanted
+    assert all(0 < number < 40 for number in faults)
+    kinds = list(faults.values())
+    assert abs(kinds.count("empty") - kinds.count("noise")) <= 1
+
+
+def test_a_larger_share_keeps_the_scans_of_a_smaller_one() -> None:
+    few, many = (choose_unusable(share, 50, seed=8).faults for share in (0.1, 0.4))
+    assert few.items() <= many.items()
+    assert choose_unusable(0.4, 50, seed=9).faults != many
+    assert choose_unusable(0.4, 50, seed=8, dive=2).faults != many
+
+
+def test_the_other_scans_and_the_truth_stay_bit_for_bit() -> None:
+    sound, unusable = simulate(SETTINGS), simulate(replace(SETTINGS, unusable=0.45))
+    assert len(unusable.faults) == 4
+    assert_array_equal(sound.truth.T_world_sensor.as_matrix(), unusable.truth.T_world_sensor.as_matrix())
+    for number, (one, other) in enumerate(zip(sound.scans, unusable.scans, strict=True)):
+        assert (other.stamp, other.name) == (one.stamp, one.name)
+        if number not in unusable.faults:
+            assert_array_equal(one.points, other.points)
+            assert_array_equal(one.strength, other.strength)
+
+
+def test_an_unusable_scan_holds_what_its_kind_says() -> None:
+    unusable = simulate(replace(SETTINGS, unusable=0.45))
+    beams = COARSE.rows * COARSE.columns
+    for number, kind in unusable.faults.items():
+        scan = unusable.scans[number]
+        low, high = STRAY_ECHOES if kind == "empty" else [round(share * beams) for share in NOISY_BEAMS]
+        assert low <= len(scan.points) <= high
+        ranges = np.linalg.norm(scan.points, axis=1)
+        assert (ranges > COARSE.min_range - 1e-4).all()
+        assert (ranges < COARSE.max_range + 1e-4).all()
+
+
+@pytest.mark.parametrize("share", [-0.1, 1.0, 0.9, float("nan")])
+def test_a_share_that_cannot_be_is_refused(share: float) -> None:
+    refuses("unusable is", replace, SETTINGS, unusable=share)
+
+
+def test_the_description_tells_them_and_like_gives_them_again(tmp_path: Path) -> None:
+    options = ("--trajectory", "lawnmower", "--scans", "4", "--seed", "6", "--unusable", "0.25", "--quiet")
+    assert sonarmap("simulate", *options, "-o", tmp_path / "a").exit_code == 0
+    described = json.loads((tmp_path / "a" / "description.json").read_text())
+    assert described["settings"]["unusable"] == 0.25
+    told = [row["unusable"] for row in described["scans"]]
+    assert told == [choose_unusable(0.25, 4, seed=6).faults.get(number) for number in range(4)]
+    assert told.count(None) == 3
+    again = sonarmap("simulate", "--like", tmp_path / "a" / "description.json", "-o", tmp_path / "b", "--quiet")
+    assert again.exit_code == 0
+    assert files_in(tmp_path / "a") == files_in(tmp_path / "b")
+    refused = sonarmap("simulate", *options[:-3], "--unusable", "1.5", "-o", tmp_path / "c")
+    assert refused.exit_code == 2
+    said(refused, "unusable is 1.5")
+
+
+LARGE = ("GiB of memory", "this machine has", "give at most")
+
+
+def description(folder: Path, **values: float) -> Path:
+    """A description.json with other values for settings or for the sensor."""
+    content = json.loads(POSE_FILES["description.json"].content)
+    for name, value in values.items():
+        part = content["settings"] if name in content["settings"] else content["settings"]["sensor"]
+        part[name] = value
+    path = folder / "description.json"
+    path.write_text(json.dumps(content))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"count": 10**12}, ("scans of", *LARGE)),
+        ({"columns": 10**12}, ("columns and", *LARGE)),
+        ({"rows": 2**62}, ("columns and", *LARGE)),
+        ({"rows": 10**7, "columns": 10**7}, ("columns and", *LARGE)),
+        ({"max_range": 1e29}, ("max_range <= 100000 m",)),  # which no reader takes
+        ({"max_range": 1e6}, ("max_range <= 100000 m",)),
+    ],
+)
+def test_a_description_of_too_much_is_refused(tmp_path: Path, values: dict[str, float], words: tuple[str, ...]) -> None:
+    result = sonarmap("simulate", "--like", description(tmp_path, **values), "-o", tmp_path / "out")
+    refused_with_reason(result)
+    said(result, "error: ", *words)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--scans", "100000000000", ("100,000,000,000 scans of 49,152 beams need", "(--scans), or a sensor of fewer")),
+        ("--lobe", "1e-300", ("lobe is 1e-300; wanted 0, or a width of 0.05 to 8 beams",)),
+    ],
+)
+def test_the_option_is_named(tmp_path: Path, option: str, value: str, words: tuple[str, ...]) -> None:
+    result = sonarmap("simulate", option, value, "-o", tmp_path / "out")
+    refused_with_reason(result)
+    said(result, *words)
+
+
+@pytest.mark.parametrize(("given", "beams"), [((10**6, 256), 192), ((1, 10**5), 10**5)])
+def test_the_largest_that_is_named_is_taken(
+    monkeypatch: pytest.MonkeyPatch, given: tuple[int, int], beams: int
+) -> None:
+    monkeypatch.setattr("sonarmap.tools.lab.simulate.simulation.available_memory", lambda: 10**9)
+    with pytest.raises(InputError) as caught:
+        check_size(*given, beams)
+    most = int(re.findall(r"at most ([\d,]+)", str(caught.value))[0].replace(",", ""))
+
+    def check(number: int) -> None:
+        check_size(*((1, number, 1) if given[0] == 1 else (number, given[1], beams)))
+
+    check(most)
+    with pytest.raises(InputError):
+        check(most + 1)
+
+
+@pytest.mark.parametrize("reason", ["Unable to allocate 9 GiB", ""])
+def test_memory_that_runs_out_all_the_same_is_told(
+    reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise MemoryError(reason)
+
+    monkeypatch.setattr("sonarmap.tools.lab.simulate.simulation.simulate", full)
+    result = sonarmap("simulate", "-o", tmp_path / "out")
+    refused_with_reason(result)
+    said(result, f"this machine's memory is used up{reason and f' ({reason})'}; give less at a time")
+
+
+def test_what_fits_is_simulated(tmp_path: Path) -> None:
+    assert len(simulate(read_settings(description(tmp_path))).scans) == 3

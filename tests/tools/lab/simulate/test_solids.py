@@ -1,13 +1,18 @@
-"""Solids and scenes: hand-computed hits of rays, closed surfaces, one seed for the same scene."""
+"""Solids, surfaces and structures: hand-computed hits of rays, closed surfaces, open beds."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
+from sonarmap.spectral.grid import Grid
+from sonarmap.tools.lab.simulate.scenes.bed import raster
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
 from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, shell, wall
+from sonarmap.tools.lab.simulate.shapes.structure import occupy, surface_points, voxel_scan
+from sonarmap.tools.lab.simulate.shapes.surface import surface_distance, triangle_distance
 
 SLANT = np.array([10.0, 1.0, -2.0])
 SLANT_LENGTH = float(np.linalg.norm(SLANT))
@@ -84,7 +89,8 @@ def test_a_scene_is_its_seed(name: str):
     assert_array_equal(first.vertices, again.vertices)
     assert_array_equal(first.triangles, again.triangles)
     assert len(first.triangles) > 10000
-    assert not np.array_equal(first.vertices, other.vertices)
+    still = min(len(first.vertices), len(other.vertices))
+    assert np.isclose(first.vertices[:still], other.vertices[:still], atol=1e-3).all(axis=1).mean() < 0.95
     across = np.cross(*np.moveaxis(np.diff(first.vertices[first.triangles], axis=1), 1, 0))
     assert (np.linalg.norm(across, axis=1) > 0).all()
 
@@ -99,3 +105,132 @@ def test_a_bed_is_under_water_and_structures_rise_above_it(name: str):
     assert np.isfinite(height).all()
     assert -25 < np.median(height) < -12
     assert height.max() > 5
+
+
+TURN = Rotation.from_euler("ZYX", [0.7, -0.3, 0.2])
+CENTER, SIZE = np.array([30.0, -12.0, -7.0]), np.array([8.0, 3.0, 5.0])
+
+
+def box_distance(points: np.ndarray) -> np.ndarray:
+    """To the turned box's surface: outside by the part that sticks out, inside by the nearest face."""
+    out = np.abs(TURN.inv().apply(points - CENTER)) - SIZE / 2
+    outside = np.linalg.norm(np.maximum(out, 0), axis=1)
+    return np.where((out <= 0).all(axis=1), -out.max(axis=1), outside)
+
+
+class TestSurfaceDistance:
+    def test_a_turned_box_inside_and_outside(self) -> None:
+        """Random places meet its faces, edges and corners."""
+        points = CENTER + np.random.default_rng(1).uniform(-12, 12, (4000, 3))
+        found = surface_distance(box(CENTER, SIZE, TURN), points)
+        assert found == pytest.approx(box_distance(points), abs=1e-5)
+
+    def test_a_sloping_plane(self) -> None:
+        """z = 0.5 x - 0.25 y over a field: n = (-0.5, 0.25, 1)."""
+        x, y = np.linspace(-50, 50, 21), np.linspace(-40, 40, 9)
+        field = height_field(x, y, 0.5 * x[:, None] - 0.25 * y[None, :])
+        points = np.random.default_rng(2).uniform(-15, 15, (1000, 3))
+        wanted = np.abs(points @ (-0.5, 0.25, 1.0)) / np.sqrt(0.5**2 + 0.25**2 + 1)
+        assert surface_distance(field, points) == pytest.approx(wanted, abs=1e-5)
+
+    def test_the_nearest_of_several_solids_counts(self) -> None:
+        both = merge([box((0, 0, 0), (2, 2, 2)), box((10, 0, 0), (4, 2, 2))])
+        points = np.array([[4.0, 0, 0], [5.0, 0, 0], [0, 0, 0], [0, 0, 3.5]])
+        assert surface_distance(both, points) == pytest.approx([3, 3, 1, 2.5], abs=1e-6)
+
+    def test_no_point(self) -> None:
+        assert surface_distance(box((0, 0, 0), (2, 2, 2)), np.empty((0, 3))).shape == (0,)
+
+
+class TestTriangleDistance:
+    @pytest.mark.parametrize(
+        ("point", "distance"),
+        [((1, 1, 3), 3), ((1, -2, 0), 2), ((-3, -4, 0), 5), ((3, 3, 0), np.sqrt(2)), ((9, 0, 12), 13)],
+    )
+    def test_inside_over_a_side_and_beyond_a_corner(self, point: tuple[float, ...], distance: float) -> None:
+        corners = np.array([[[0, 0, 0], [4, 0, 0], [0, 4, 0]]], float)
+        for order in ([0, 1, 2], [2, 1, 0], [1, 2, 0]):
+            assert triangle_distance(corners[:, order], np.array([point], float)) == pytest.approx([distance])
+
+    def test_triangles_that_are_lines_or_dots(self) -> None:
+        corners = np.array([[[0, 0, 0], [4, 0, 0], [2, 0, 0]], [[1, 1, 1]] * 3], float)
+        points = np.array([[2, 3, 0], [1, 3, 1]], float)
+        assert triangle_distance(corners, points) == pytest.approx([3, 2])
+        flat = Mesh(np.concatenate(corners), np.array([[0, 1, 2], [3, 4, 5]]))
+        assert np.isfinite(surface_distance(flat, points)).all()
+
+
+class TestSurfacePoints:
+    def test_they_lie_on_the_surface_and_cover_it(self) -> None:
+        """On a box of 6 x 4 x 2 m, whose surface is known."""
+        points = surface_points(box((3, -1, 7), (6, 4, 2)), 0.25) - np.array([3, -1, 0], np.float32)
+        half = np.array([3, 2, 1])
+        assert np.abs(np.max(np.abs(points) / half, axis=1) - 1).max() < 1e-5
+        random = np.random.default_rng(5).uniform(-1, 1, (3000, 3)) * half
+        face = np.random.default_rng(6).integers(0, 3, len(random))
+        random[np.arange(len(random)), face] = np.sign(random[np.arange(len(random)), face]) * half[face]
+        assert KDTree(points).query(random)[0].max() < 0.25
+
+    def test_small_and_large_triangles_have_the_same_spacing(self) -> None:
+        mesh = merge([box((0, 0, 0), (20, 1, 1)), ellipsoid((5, 5, 5), (3, 2, 1), Rotation.identity())])
+        points = surface_points(mesh, 0.5)
+        distance = KDTree(points).query(
+            mesh.vertices - [0, 0, (mesh.vertices[:, 2].min() + mesh.vertices[:, 2].max()) / 2]
+        )
+        assert distance[0].max() < 1e-5
+
+    def test_the_height_is_about_zero(self) -> None:
+        points = surface_points(box((0, 0, 40), (3, 3, 8)), 1.0)
+        assert points[:, 2].min() == -4
+        assert points[:, 2].max() == 4
+
+
+class TestOccupy:
+    def test_voxels_are_centered_on_whole_steps(self) -> None:
+        grid = Grid(16, 0.5)
+        points = np.array([[0, 0, 0], [0.24, -0.26, 1.0], [-4.0, 3.5, 0], [4.1, 0, 0], [0, -4.3, 0]])
+        occupied = occupy(points, grid)
+        assert set(map(tuple, np.argwhere(occupied).tolist())) == {(8, 8, 8), (8, 7, 10), (0, 15, 8)}
+
+    def test_a_scan_of_it_has_the_points_in_their_voxels(self) -> None:
+        grid = Grid(32, 0.7)
+        points = np.random.default_rng(3).uniform(-10.8, 10.8, (500, 3))
+        scan = voxel_scan(occupy(points, grid), grid, "s")
+        assert np.abs(scan.points[KDTree(scan.points).query(points)[1]] - points).max() <= 0.35 + 1e-5
+        assert (occupy(scan.points, grid) == occupy(points, grid)).all()
+
+
+COUNT = len(raster()) ** 2
+
+
+def _heights(bed: Mesh) -> np.ndarray:
+    """Of the bed without its rocks, above the plane that fits it best [m]."""
+    ground = bed.vertices[:COUNT]
+    level = np.column_stack([ground[:, :2], np.ones(COUNT)])
+    return ground[:, 2] - level @ np.linalg.lstsq(level, ground[:, 2], rcond=None)[0]
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [("flatbed", 0.08, 0.12), ("sandflat", 0.08, 0.12), ("seabed", 0.5, 2.0), ("shallow", 0.078, 0.32)],
+)
+def test_a_bed_has_the_relief_that_its_name_promises(name: str, seed: int, least: float, most: float):
+    low, high = np.percentile(_heights(SCENE_KINDS[name].build(seed)), [2, 98])
+    assert least < high - low < most
+
+
+@pytest.mark.parametrize("name", ["flatbed", "sandflat", "seabed", "shallow"])
+def test_a_bed_fills_its_box_under_the_places_of_the_sensors(name: str):
+    kind = SCENE_KINDS[name]
+    bed = kind.build(6).vertices[:COUNT]
+    assert_allclose(np.ptp(bed, axis=0)[:2], kind.size)
+    assert bed[:, 2].max() < 0
+    inner = (np.abs(bed[:, :2]) < kind.highest[:2]).all(axis=1)
+    assert (bed[inner, 2] < kind.highest[2] - 10 * kind.scale).all()
+
+
+def test_the_small_bed_is_the_large_one_made_smaller():
+    large, small = (SCENE_KINDS[name].build(7).vertices for name in ("seabed", "shallow"))
+    assert_allclose(small, large * 40 / 256)
+    assert len(large) > COUNT

@@ -53,11 +53,9 @@ def test_each_of_the_papers_noises_flips_its_share_of_its_region(name: str, rati
     occupied[20:24, 10:30, 40:43] = True
     low, high = np.array((20, 10, 40)), np.array((24, 30, 43))
     region = np.zeros_like(occupied)
-    if margin is None:
-        region[:] = True
-    else:
-        inside = [slice(a, b) for a, b in zip(low - margin, np.minimum(high + margin, 56), strict=True)]
-        region[tuple(inside)] = True
+    reach = 64 if margin is None else margin
+    inside = zip(np.maximum(low - reach, 0), np.minimum(high + reach, occupied.shape), strict=True)
+    region[tuple(slice(a, b) for a, b in inside)] = True
     flipped = swap(occupied, NOISES[name], generator()) ^ occupied
     assert flipped.sum() == round(region.sum() / ratio)
     assert not flipped[~region].any()

@@ -11,7 +11,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Loop
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from tests.tools.products.export.folders import georeferenced
+from tests.tools.products.export.finished import georeferenced
 
 # Name -> place of the map's origin, EPSG code of its UTM zone
 PLACES = {

@@ -105,14 +105,7 @@ def test_attitudes(exported: tuple[Path, MapFolder]) -> None:
     says = [f["properties"] for f in features if f["properties"]["layer"] == "scans"]
     assert [each["depth_m"] for each in says] == pytest.approx([float(row["depth_m"]) for row in rows], abs=1e-5)
     assert [(each["name"], each["utc"]) for each in says] == [(row["name"], row["utc"]) for row in rows]
-    for name in (
-        "roll_deg",
-        "pitch_deg",
-        "heading_deg",
-        "heading_grid_deg",
-        "east_sigma_m",
-        "heading_sigma_deg",
-    ):
+    for name in ["roll_deg", "pitch_deg", "heading_deg", "heading_grid_deg", "east_sigma_m", "heading_sigma_deg"]:
         written = np.array([float(row[name]) for row in rows])
         np.testing.assert_allclose([each[name] for each in says], written, rtol=1e-8, atol=1e-6)
 

@@ -16,8 +16,7 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.geotiff import NODATA, write_geotiff
 from sonarmap.tools.products.export.grid import top_cells
-from tests.tools.products.export.finished import local_of, scattered
-from tests.tools.products.export.folders import georeferenced
+from tests.tools.products.export.finished import georeferenced, local_of, scattered
 
 
 def written(path: Path, earth: Georeferenced) -> rasterio.DatasetReader:

@@ -19,8 +19,7 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.kml import write_kml, write_kmz
 from sonarmap.tools.products.export.kml_pictures import pictures_of
-from tests.tools.products.export.finished import START, scattered
-from tests.tools.products.export.folders import georeferenced, timed
+from tests.tools.products.export.finished import START, georeferenced, scattered, timed
 
 NAMES = {"kml": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
 PLACES = [(60.0, 11.9995), (-70.0, -60.0002), (-17.5, 179.9999), (10.0, -179.9999), (84.5, 12.0)]
@@ -125,10 +124,10 @@ def test_a_wide_map_has_a_picture_of_a_size_that_can_be_shown(tmp_path: Path) ->
 
 
 def test_a_kmz_keeps_its_files_readable(tmp_path: Path) -> None:
-    path = written(tmp_path, georeferenced(Georeference(60.0, 5.0), scattered(2)), "kmz")
+    earth = georeferenced(Georeference(60.0, 5.0), scattered(2))
+    path = written(tmp_path, earth, "kmz")
+    before = path.read_bytes()
     entries = zipfile.ZipFile(path).infolist()
     assert {entry.filename for entry in entries} == {"doc.kml", "files/map_1.png", "files/legend.png"}
     assert all(entry.external_attr >> 16 & 0o444 == 0o444 for entry in entries)
-    assert (
-        path.read_bytes() == written(tmp_path, georeferenced(Georeference(60.0, 5.0), scattered(2)), "kmz").read_bytes()
-    )
+    assert before == written(tmp_path, earth, "kmz").read_bytes()

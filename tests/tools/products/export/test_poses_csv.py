@@ -13,7 +13,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.poses_csv import COLUMNS, write_poses_csv
-from tests.tools.products.export.folders import georeferenced
+from tests.tools.products.export.finished import georeferenced
 from tests.tools.products.export.poses import (
     PLACES,
     apart,
@@ -83,16 +83,9 @@ def test_signs_are_those_of_a_tilted_hull(tmp_path: Path) -> None:
 def test_the_grid_heading_is_where_the_bow_points_in_the_grid(tmp_path: Path, place: str) -> None:
     earth = dive(place)
     bow = earth.part.trajectory.T_world_sensor.rotation.apply([20.0, 0, 0]) * [1, 1, 0]
-    T = earth.part.trajectory.T_world_sensor
-    ahead = with_part(
-        earth,
-        replace(
-            earth.part,
-            trajectory=Trajectory(
-                earth.part.trajectory.stamps, RigidTransform.from_components(T.translation + bow, T.rotation)
-            ),
-        ),
-    )
+    track = earth.part.trajectory
+    moved = RigidTransform.from_components(track.T_world_sensor.translation + bow, track.T_world_sensor.rotation)
+    ahead = with_part(earth, replace(earth.part, trajectory=Trajectory(track.stamps, moved)))
     epsg = PLACES[place][1]
     east, north = (projected_by_hand(geodetic_by_hand(at), epsg) for at in (earth, ahead))
     way = north - east

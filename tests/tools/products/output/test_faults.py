@@ -1,5 +1,6 @@
-"""What is said of a step that shares far less than others, and a transform by hand as a file of ties has it."""
+"""What is said of a step that shares far less than others, of transforms by hand, and of the input's files."""
 
+import hashlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registration
+from sonarmap.tools.files.inputs import input_rows
 from sonarmap.tools.files.readers.ties import POSE, SIGMAS, read_ties
 from sonarmap.tools.products.output.faults import faults
 from sonarmap.tools.products.output.hand import tie_rows
@@ -66,3 +68,21 @@ def test_a_transform_by_hand_comes_back_as_it_was_given(tmp_path: Path) -> None:
     assert tie.given is not None
     assert np.allclose(tie.given.T_target_source.as_matrix(), T.as_matrix(), atol=1e-12)
     assert np.allclose(tie.given.covariance, covariance, rtol=1e-9)
+
+
+def test_names_start_at_the_folder_that_all_share_and_folders_are_taken_apart(tmp_path: Path) -> None:
+    contents = {"dives/a/scan.ply": b"one", "dives/b/scan.ply": b"two", "bag/part.db3": b"three", "nav.csv": b""}
+    for name, content in contents.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(content)
+    paths = [tmp_path / "dives/a/scan.ply", tmp_path / "dives/b/scan.ply", tmp_path / "bag", tmp_path / "nav.csv"]
+    assert input_rows([*paths, paths[0]]) == [
+        {"name": name, "bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+        for name, content in contents.items()
+    ]
+    assert [row["name"] for row in input_rows(paths[:1])] == ["scan.ply"]
+
+
+def test_a_file_that_cannot_be_read_is_listed_all_the_same(tmp_path: Path) -> None:
+    assert input_rows([tmp_path / "gone.ply"]) == [{"name": "gone.ply", "bytes": None, "sha256": None}]
+    assert input_rows([]) == []

@@ -80,6 +80,17 @@ def test_the_map_s_columns_say_how_far_each_point_can_be_trusted(folder: Path) -
     assert set(second["scan"]) == set(range(COUNT // 2, COUNT))
 
 
+def divided(folder: Path, suffix: str, doubtful: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """The columns of a map and of its map of all, which holds these points more."""
+    names = (f"map{suffix}.ply", f"map_all{suffix}.ply")
+    clean, everything = (read_ply_columns((folder / name).read_bytes()) for name in names)
+    assert set(everything) == set(clean) | {"looked", "doubtful"}
+    for name, column in clean.items():
+        np.testing.assert_array_equal(everything[name][everything["doubtful"] == 0], column)
+    np.testing.assert_array_equal(everything["x"][everything["doubtful"] == 1], doubtful[:, 0])
+    return clean, everything
+
+
 def test_what_the_map_leaves_out_is_in_the_map_of_all(mapped: tuple[list[Scan], SurveyResult], tmp_path: Path) -> None:
     """Five points of the map, put into its layer of doubtful ones."""
     _, result = mapped
@@ -91,12 +102,8 @@ def test_what_the_map_leaves_out_is_in_the_map_of_all(mapped: tuple[list[Scan], 
         doubtful=part.optimized.take(out),
     )
     write_survey(tmp_path, replace(result, parts=(parted,)), RUN, also=["pcd"])
-    clean, everything = (read_ply_columns((tmp_path / name).read_bytes()) for name in ("map.ply", "map_all.ply"))
-    assert set(everything) == set(clean) | {"looked", "doubtful"}
-    assert everything["doubtful"].sum() == out.sum() >= 5
-    for name, column in clean.items():
-        np.testing.assert_array_equal(everything[name][everything["doubtful"] == 0], column)
-    np.testing.assert_array_equal(everything["x"][everything["doubtful"] == 1], part.optimized.points[out, 0])
+    clean, everything = divided(tmp_path, "", part.optimized.points[out])
+    assert out.sum() >= 5
     assert (everything["looked"] >= 0).all()
     assert len(read_points(tmp_path / "map.pcd")) == len(clean["x"])
     (component,) = json.loads((tmp_path / "summary.json").read_text())["components"]
@@ -121,17 +128,11 @@ def test_what_a_survey_s_map_leaves_out_is_in_its_map_of_all(
     parted = CleanMap(replace(whole.take(~out), doubted=int(out.sum())), whole.take(out))
     layers = {0: part.layers[0], 1: parted}
     write_survey(tmp_path, replace(result, parts=(replace(part, layers=layers),)), RUN)
-    names = "map_survey_1.ply", "map_all_survey_1.ply"
-    clean, everything = (read_ply_columns((tmp_path / name).read_bytes()) for name in names)
-    assert set(everything) == set(clean) | {"looked", "doubtful"}
-    assert everything["doubtful"].sum() == out.sum() >= 7
-    for name, column in clean.items():
-        np.testing.assert_array_equal(everything[name][everything["doubtful"] == 0], column)
-    np.testing.assert_array_equal(everything["x"][everything["doubtful"] == 1], whole.points[out, 0])
+    _, everything = divided(tmp_path, "_survey_1", whole.points[out])
+    assert out.sum() >= 7
     assert set(everything["survey"]) == {1}
 
-    unasked = replace(result, parts=(replace(part, doubtful=None),))
-    write_survey(tmp_path, unasked, RUN)
+    write_survey(tmp_path, replace(result, parts=(replace(part, doubtful=None),)), RUN)
     assert {path.name for path in tmp_path.glob("map_*")} == {"map_survey_0.ply", "map_survey_1.ply"}
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.result import Registration
-from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.lab.reproduce.answer import refused
 from sonarmap.tools.lab.reproduce.kinds.navigation import directions, navigation_cells, navigation_covariance
 from sonarmap.tools.lab.reproduce.kinds.settings import NAVIGATION, PRIORS
@@ -29,10 +29,14 @@ PAIR = KindPair(
 )
 
 
-def navigated(pair: KindPair) -> KindPair:
+def navigated(pair: KindPair) -> tuple[PosePrior, PosePrior]:
+    """What navigation measures of both scans."""
     instruments = PRIORS[NAVIGATION]
     assert instruments is not None
-    return pair.with_priors(instruments)
+    given = pair.with_priors(instruments)
+    assert given.target.prior is not None
+    assert given.source.prior is not None
+    return given.target.prior, given.source.prior
 
 
 def registration(error: np.ndarray, sigmas: np.ndarray) -> Registration:
@@ -43,16 +47,13 @@ def registration(error: np.ndarray, sigmas: np.ndarray) -> Registration:
 
 class TestCells:
     def test_directions_are_those_of_the_covariance_in_the_targets_axes(self) -> None:
-        given = navigated(PAIR)
-        assert given.target.prior is not None
-        assert given.source.prior is not None
+        priors = navigated(PAIR)
         error = np.array([0.3, -2.0, 0.1])
         answer = registration(error, np.array([0.5, 3.0, 0.02]))
-        cells = navigation_cells(answer, PAIR.T_target_source, given.target.prior, given.source.prior)
-        found = directions(cells)
+        found = directions(navigation_cells(answer, PAIR.T_target_source, *priors))
         assert [direction.sigma for direction in found] == pytest.approx([0.02, 0.5, 3.0])
         assert [abs(direction.error) for direction in found] == pytest.approx([0.1, 0.3, 2.0], abs=1e-6)
-        T = given.target.prior.T_world_sensor.inv() * given.source.prior.T_world_sensor
+        T = priors[0].T_world_sensor.inv() * priors[1].T_world_sensor
         off = T.translation - PAIR.T_target_source.translation
         lengths = [np.linalg.norm([direction.navigation_error for direction in found]), np.linalg.norm(off)]
         assert lengths[0] == pytest.approx(lengths[1])
@@ -62,41 +63,28 @@ class TestCells:
         """Roll, pitch and heading turn the way to the source; positions and depths err besides."""
         draws = []
         for number in range(400):
-            pair = navigated(replace(PAIR, number=number))
-            target, source = pair.target.prior, pair.source.prior
-            assert target is not None
-            assert source is not None
+            target, source = navigated(replace(PAIR, number=number))
             off = (target.T_world_sensor.inv() * source.T_world_sensor).translation - PAIR.T_target_source.translation
             draws.append(off @ np.linalg.solve(navigation_covariance(target, source), off))
         assert np.mean(draws) == pytest.approx(3.0, abs=4 * np.sqrt(6 / 400))
 
     def test_a_refused_registration_has_none(self) -> None:
-        given = navigated(PAIR)
-        assert given.target.prior is not None
-        assert given.source.prior is not None
-        assert navigation_cells(refused("why"), PAIR.T_target_source, given.target.prior, given.source.prior) == {}
+        assert navigation_cells(refused("why"), PAIR.T_target_source, *navigated(PAIR)) == {}
         assert directions(row()) == []
+
+
+def along(relief: str, *cells: tuple[float, float, float], **changes: object) -> dict:
+    """A row with navigation known, and sigma, error and navigation's error of some directions."""
+    of_directions = [fixed(*three, number) for number, three in enumerate(cells, 1)]
+    return row(priors=NAVIGATION, relief=relief, **{k: v for each in of_directions for k, v in each.items()}, **changes)
 
 
 class TestTable:
     ROWS = (
-        row(
-            priors=NAVIGATION,
-            relief="weak",
-            **fixed(0.1, 0.05, 1.0, 1),
-            **fixed(0.2, -0.3, 1.2, 2),
-            **fixed(0.6, 0.9, -1.0, 3),
-        ),
-        row(
-            priors=NAVIGATION,
-            relief="rich",
-            accepted=False,
-            **fixed(0.1, 1.0, -2.0, 1),
-            **fixed(0.7, 0.1, 0.2, 2),
-            **fixed(0.8, 0.3, 0.4, 3),
-        ),
-        row(priors=NAVIGATION, relief="flat", **{k: v for n in (1, 2, 3) for k, v in fixed(1.0, 1, 1, n).items()}),
-        row(priors=NAVIGATION, relief="twins"),
+        along("weak", (0.1, 0.05, 1.0), (0.2, -0.3, 1.2), (0.6, 0.9, -1.0)),
+        along("rich", (0.1, 1.0, -2.0), (0.7, 0.1, 0.2), (0.8, 0.3, 0.4), accepted=False),
+        along("flat", *[(1.0, 1, 1)] * 3),
+        along("twins"),
         row(**fixed(0.1, 0.0, 1.0, 1)),
     )
 

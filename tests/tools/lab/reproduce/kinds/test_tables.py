@@ -1,31 +1,30 @@
-"""What is right and believed by kind, on rows made by hand, and the words around it."""
+"""What is right and believed by kind, on rows made by hand, the words around it, and refits."""
 
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.special import expit
 
-from sonarmap.tools.lab.reproduce.experiment import Outcome
+from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
+from sonarmap.tools.lab.reproduce.kinds import tables
 from sonarmap.tools.lab.reproduce.kinds.calibration_tables import (
+    Linear,
     calibration_beside,
     expected_error,
+    fit_probability,
+    fit_variance,
     left_out_table,
+    refitted_nees,
+    refitted_probabilities,
     reported_table,
     usual_error,
 )
 from sonarmap.tools.lab.reproduce.kinds.run import Kinds
 from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NAVIGATION, KindsSettings
-from sonarmap.tools.lab.reproduce.kinds.tables import (
-    beside_others,
-    every_variant,
-    kind_table,
-    method_table,
-    outcome,
-    relief_table,
-    worst_first,
-)
 from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
-from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
+from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds, where
 from tests.tools.lab.reproduce.kinds.rows import fixed, row
 
 NAVIGATED = {name: value for number in (1, 2, 3) for name, value in fixed(0.1, 0.1, 1.0, number).items()}
@@ -42,7 +41,7 @@ ROWS = (
 
 class TestTables:
     def test_ours_beside_the_others_names_the_worst_kind(self) -> None:
-        lines = {line[0]: line[1:] for line in beside_others(ROWS)}
+        lines = {line[0]: line[1:] for line in tables.beside_others(ROWS)}
         assert lines["right, known: nothing"] == (
             "15/18 [0.61..0.94]; worst kind: swath 75 % [41..93]",
             "best: planes 0 %",
@@ -52,15 +51,15 @@ class TestTables:
         assert lines["wrong and believed, known: nothing"][0].endswith("worst kind: patch 9 % [2..38]")
         assert lines["wrong and believed, known: nothing"][1] == "best: planes 100 %"
         assert lines["right, known: attitude, depth"][0].endswith("worst kind: patch 100 % [51..100]")
-        assert [line[0] for line in beside_others([row(right=False)])] == [
+        assert [line[0] for line in tables.beside_others([row(right=False)])] == [
             "right, known: nothing",
             "wrong and believed, known: nothing",
         ]
-        assert beside_others(ROWS[-1:]) == []
+        assert tables.beside_others(ROWS[-1:]) == []
 
     def test_kinds_the_worst_first(self) -> None:
-        assert worst_first(ROWS) == ["swath", "patch"]
-        assert [line[:3] for line in kind_table(ROWS).rows] == [
+        assert tables.worst_first(ROWS) == ["swath", "patch"]
+        assert [line[:3] for line in tables.kind_table(ROWS).rows] == [
             ("swath", "nothing", "8"),
             ("patch", "attitude, depth", "4"),
             ("patch", "nothing", "10"),
@@ -69,22 +68,22 @@ class TestTables:
             row(number=number, **{"relief": "flat", "right": False, "accepted": False} if not number else {})
             for number in range(9)
         ]
-        assert kind_table(firm).rows[0][2] == "8"
+        assert tables.kind_table(firm).rows[0][2] == "8"
 
     def test_methods_beside_each_other(self) -> None:
-        assert every_variant(ROWS) == [("spectral", "none"), ("spectral", LEVELED), ("planes", "none")]
-        table = method_table(ROWS)
+        assert tables.every_variant(ROWS) == [("spectral", "none"), ("spectral", LEVELED), ("planes", "none")]
+        table = tables.method_table(ROWS)
         assert table.headings == ("kind", "pairs", "spectral", "spectral, known: attitude, depth", "planes")
         assert table.rows == (
             ("swath", "8", "75 %, 67 %, 0", "–", "–"),
             ("patch", "10", "90 %, 100 %, 0", "100 %, 75 %, 0", "0 %, –, 1"),
             ("all kinds", "18", "83 %, 87 %, 0", "100 %, 75 %, 0", "0 %, –, 1"),
         )
-        assert outcome([]) == "–"
+        assert tables.outcome([]) == "–"
 
     def test_flat_scenes_stand_apart(self) -> None:
-        assert relief_table(ROWS).rows[0] == ("flat (cannot fix a pose)", "1", "0 %, –, 1", "–", "–")
-        assert relief_table(ROWS).rows[1][0] == "rich"
+        assert tables.relief_table(ROWS).rows[0] == ("flat (cannot fix a pose)", "1", "0 %, –, 1", "–", "–")
+        assert tables.relief_table(ROWS).rows[1][0] == "rich"
 
 
 class TestCalibration:
@@ -121,16 +120,10 @@ class TestCalibration:
             for kind in ("swath", "patch")
             for number in range(30)
         ]
-        assert [line[:2] for line in left_out_table(rows).rows] == [
-            ("swath", "30"),
-            ("patch", "30"),
-            ("all kinds", "60"),
-        ]
-        assert [line[4] for line in left_out_table(rows).rows] == ["20", "20", "40"]
-        words = [line[0] for line in calibration_beside(rows)]
-        assert [word.rpartition(", ")[2] for word in words] == ["as reported"] * 2 + [
-            "fitted to the other kinds alone"
-        ] * 2
+        lines = [(line[0], line[1], line[4]) for line in left_out_table(rows).rows]
+        assert lines == [("swath", "30", "20"), ("patch", "30", "20"), ("all kinds", "60", "40")]
+        words = [line[0].rpartition(", ")[2] for line in calibration_beside(rows)]
+        assert words == [*["as reported"] * 2, *["fitted to the other kinds alone"] * 2]
 
 
 class TestSection:
@@ -155,3 +148,87 @@ class TestSection:
         assert verdicts(section) == ()
         experiment.draw(tmp_path, all_rows(outcomes))
         assert {path.name for path in tmp_path.iterdir()} == set(section.pictures) == {"kinds.png"}
+
+
+KINDS = ("patch", "swath", "imaging")
+
+
+def slopes(fit: Linear, columns: int) -> np.ndarray:
+    """The constant and the slope of each column of a fitted function, in the columns' own units."""
+    at = np.vstack([np.zeros(columns), np.eye(columns)])
+    values = fit(at)
+    return np.append(values[0], values[1:] - values[0])
+
+
+def synthetic(count: int, seed: int = 3, odds: float = 2.0) -> list[Row]:
+    """Rows with log odds of -1 + odds p_a - 0.5 p_b of being right, whose variances are off by exp(1 + 0.7 c_x)."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for number in range(count):
+        a, b, x = rng.normal(size=3) * (1.0, 3.0, 0.8)
+        right = bool(rng.uniform() < expit(-1 + odds * a - 0.5 * b))
+        nees = float(rng.chisquare(6) * np.exp(1 + 0.7 * x))
+        evidence = {"evidence_p_a": a, "evidence_p_b": b, "evidence_c_x": x}
+        rows.append(
+            row(kind=KINDS[number % 3], number=number, right=right, nees=nees, probability=float(right) / 2, **evidence)
+        )
+    return rows
+
+
+class TestFits:
+    def test_the_weights_of_the_odds_come_back(self) -> None:
+        rows = synthetic(6000)
+        columns = np.array([[row["evidence_p_a"], row["evidence_p_b"]] for row in rows], float)
+        right = np.array([bool(row["right"]) for row in rows])
+        assert slopes(fit_probability(columns, right), 2) == pytest.approx([-1.0, 2.0, -0.5], abs=0.15)
+
+    def test_the_weights_of_the_variance_come_back(self) -> None:
+        rng = np.random.default_rng(5)
+        columns = rng.normal(size=(4000, 2)) * (2.0, 0.1) + (10.0, 0.0)
+        nees = rng.chisquare(6, 4000) * np.exp(columns @ (0.4, -3.0) - 2.0)
+        assert slopes(fit_variance(columns, nees), 2) == pytest.approx([-2.0, 0.4, -3.0], abs=0.2)
+
+    def test_what_is_separable_and_what_is_constant_stays_finite(self) -> None:
+        columns = np.column_stack([np.arange(20.0), np.full(20, 7.0)])
+        log_odds = fit_probability(columns, columns[:, 0] > 9)(columns)
+        assert np.isfinite(log_odds).all()
+        assert (expit(log_odds) > 0.5).tolist() == (columns[:, 0] > 9).tolist()
+        assert fit_variance(columns[:, 1:], np.full(20, 12.0))(columns[:2, 1:]) == pytest.approx([math.log(2)] * 2)
+
+    def test_errors_far_from_the_chi_squared_are_fitted_too(self) -> None:
+        assert fit_variance(np.ones((9, 1)), np.full(9, 6e6))(np.ones((1, 1))) == pytest.approx([math.log(1e6)])
+
+
+class TestLeftOut:
+    def test_what_holds_in_all_kinds_is_calibrated_in_the_one_left_out(self) -> None:
+        rows = synthetic(3000)
+        refitted = refitted_probabilities(rows)
+        assert [row["number"] for row in refitted] == [row["number"] for row in rows]
+        for kind in KINDS:
+            assert expected_error(where(refitted, kind=kind)) < 0.06 < expected_error(where(rows, kind=kind))
+        scaled = refitted_nees(rows)
+        assert [row["number"] for row in scaled] == [row["number"] for row in rows if row["right"]]
+        for kind in KINDS:
+            assert np.mean([float(row["nees"]) for row in where(scaled, kind=kind)]) == pytest.approx(6.0, abs=0.8)
+
+    def test_a_kinds_own_rows_have_no_part_in_its_fit(self) -> None:
+        rows = synthetic(600)
+        changed = [{**row, "right": not row["right"]} if row["kind"] == "swath" else row for row in rows]
+        refitted = [refitted_probabilities(some) for some in (rows, changed)]
+        for kind, alike in (("swath", True), ("patch", False)):
+            before, after = ([row["probability"] for row in where(some, kind=kind)] for some in refitted)
+            assert (before == after) == alike
+
+    def test_a_kind_where_the_evidence_means_something_else_shows(self) -> None:
+        rows = [row for row in synthetic(3000) if row["kind"] != "swath"]
+        rows += [row for row in synthetic(3000, 4, odds=-2.0) if row["kind"] == "swath"]
+        refitted = refitted_probabilities(rows)
+        assert expected_error(where(refitted, kind="swath")) > 0.2
+
+    def test_rows_without_evidence_are_left_out(self) -> None:
+        rows = synthetic(60)
+        bare = [row(kind=kind) for kind in KINDS]
+        unknown = [{**rows[0], "evidence_p_a": math.nan}]
+        assert refitted_probabilities(bare) == refitted_nees(bare) == []
+        assert len(refitted_probabilities([*rows, *bare, *unknown])) == len(rows)
+        assert refitted_probabilities(where(rows, kind="patch")) == []

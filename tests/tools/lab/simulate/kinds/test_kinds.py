@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from sonarmap.kernels.errors import InputError
+from sonarmap.tools.lab.simulate.kinds import imaging, partners, profiler, swath
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair, scan_kind
 from sonarmap.tools.lab.simulate.kinds.draws import pair_draws
 from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, RELIEF_OF, RELIEFS, KindPair, relief_of
@@ -12,38 +12,64 @@ from sonarmap.tools.lab.simulate.pairs import viewpoints
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.navigation import Instruments, instruments_for
+from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
+from tests.samples.refusals import refuses
+from tests.samples.simulated import QUIET
 
 VIEWS = ("patch", "sonar3d15", "sound_speed", "range_bias", "moving")
+SWEEPS = ("swath", "imaging", "profiler")
 
 
-def _points(pair: KindPair) -> tuple[np.ndarray, np.ndarray]:
-    return pair.target.points, pair.source.points
+def _without_distortion(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module, names in (
+        (swath, ("ROLL_ERROR", "YAW_ERROR", "HEAVE_ERROR", "DRIFT", "ALONG")),
+        (imaging, ("MOUNT", "DRIFT", "YAW_DRIFT", "TILTED_APERTURE")),
+        (profiler, ("DRIFT", "TURNING_DRIFT", "HEAVE", "YAW_DRIFT")),
+    ):
+        for name in names:
+            monkeypatch.setattr(module, name, 1e-9)
+    monkeypatch.setattr(profiler, "WIDTHS", (1e-9, 1e-9))
+    for name in ("APERTURES", "MULTIPATH", "SIDE_LOBES"):
+        monkeypatch.setattr(imaging, name, (1e-12, 1e-12))
+    monkeypatch.setattr(partners, "noise_of", lambda *_: QUIET)
 
 
-@pytest.mark.parametrize("kind", VIEWS)
+def _pair(kind: str, scene: str, overlaps: tuple[float, float] = (0.2, 0.9), seed: int = 12) -> KindPair:
+    return kind_pair(kind, SCAN_KINDS[kind].scenes.index(scene), seed, overlaps)
+
+
+@pytest.mark.parametrize("kind", [*VIEWS, *SWEEPS])
 def test_a_pair_is_its_kind_number_and_seed(kind: str):
-    first, again = kind_pair(kind, 5, 31), kind_pair(kind, 5, 31)
-    for one, other in zip(_points(first), _points(again), strict=True):
-        assert_array_equal(one, other)
+    number = SCAN_KINDS[kind].scenes.index("shallow") if kind in SWEEPS else 5
+    asked = (kind, number, 31, (0.2, 0.9) if kind in SWEEPS else None)
+    first, again = kind_pair(*asked), kind_pair(*asked)
+    for one, other in ((first.target, again.target), (first.source, again.source)):
+        assert_array_equal(one.points, other.points)
+        assert_array_equal(one.strength, other.strength)
     assert_array_equal(first.T_target_source.as_matrix(), again.T_target_source.as_matrix())
     assert first.shared == again.shared
-    assert not np.array_equal(kind_pair(kind, 5, 32).source.points[:50], first.source.points[:50])
+    assert not np.array_equal(kind_pair(kind, number, 32, asked[-1]).source.points[:50], first.source.points[:50])
 
 
-@pytest.mark.parametrize("kind", VIEWS)
+@pytest.mark.parametrize("kind", [*VIEWS, *SWEEPS])
 @pytest.mark.parametrize("turn", range(len(OVERLAPS)))
 @pytest.mark.slow
 def test_a_pair_is_as_its_number_says(kind: str, turn: int):
     scenes = SCAN_KINDS[kind].scenes
-    pair = kind_pair(kind, turn * len(scenes) + turn, 8)
+    scene = "manifold" if kind in SWEEPS else scenes[turn]
+    number = turn * len(scenes) + scenes.index(scene)
+    pair = kind_pair(kind, number, 8)
     least, most = OVERLAPS[turn]
     assert least <= pair.shared <= most
-    assert (pair.scene, pair.relief) == (scenes[turn], RELIEF_OF[scenes[turn]])
+    assert (pair.kind, pair.scene, pair.relief) == (kind, scene, RELIEF_OF[scene])
     assert (pair.target.prior, pair.source.prior) == (None, None)
-    # vehicles float level, within 10 degrees
+    # vehicles float or hover level: within 10 degrees, those that sweep within 5
     for pose in (pair.T_world_target, pair.T_world_source):
-        assert np.abs(pose.rotation.as_euler("ZYX")[1:]).max() <= np.deg2rad(10.0)
+        assert np.abs(pose.rotation.as_euler("ZYX")[1:]).max() <= np.deg2rad(5.0 if kind in SWEEPS else 10.0)
+    if kind in SWEEPS:
+        for scan in (pair.target, pair.source):
+            assert (scan.viewpoints is not None) == (number % 2 == 0 and kind != "imaging")
 
 
 @pytest.mark.parametrize("kind", VIEWS)
@@ -52,7 +78,7 @@ def test_both_scans_lie_on_the_scene_where_the_truth_says(kind: str):
     number = SCAN_KINDS[kind].scenes.index("manifold")
     pair = kind_pair(kind, number, 12)
     mesh = build_scene("manifold", pair_draws(kind, number, 12).scene).mesh
-    target, source = (points.astype(np.float64) for points in _points(pair))
+    target, source = (scan.points.astype(np.float64) for scan in (pair.target, pair.source))
     for right, wrong, points in (
         (pair.T_world_target, pair.T_world_source, target),
         (pair.T_world_target * pair.T_target_source, pair.T_world_target, source),
@@ -62,15 +88,41 @@ def test_both_scans_lie_on_the_scene_where_the_truth_says(kind: str):
         assert np.median(surface_distance(mesh, wrong.apply(points))) > 3 * off
 
 
-@pytest.mark.parametrize("kind", VIEWS)
+@pytest.mark.parametrize("kind", SWEEPS)
+def test_without_noise_and_distortion_both_scans_lie_on_the_scene(kind: str, monkeypatch: pytest.MonkeyPatch):
+    """The source moved by T_target_source lies on it with the target, and nowhere else."""
+    _without_distortion(monkeypatch)
+    pair = _pair(kind, "manifold")
+    number = SCAN_KINDS[kind].scenes.index("manifold")
+    mesh = build_scene("manifold", pair_draws(kind, number, 12).scene).mesh
+    target, source = (scan.points.astype(np.float64) for scan in (pair.target, pair.source))
+    moved = pair.T_target_source.apply(source)
+    for points in (target, moved):
+        # a ray that grazes an edge is met on the wrong side of it by the ray caster's single precision
+        assert np.quantile(surface_distance(mesh, pair.T_world_target.apply(points)), 0.99) < 1e-4
+    assert np.median(surface_distance(mesh, pair.T_world_target.apply(source))) > 0.02
+    assert mutual_overlap(target, source, pair.T_target_source, OVERLAP_RADIUS * 48 / 256) == pytest.approx(
+        pair.shared, abs=0.05
+    )
+
+
+@pytest.mark.parametrize("kind", SWEEPS)
+def test_noise_and_distortion_leave_most_points_near_the_scene(kind: str):
+    pair = _pair(kind, "shallow")
+    scenes = SCAN_KINDS[kind].scenes
+    mesh = build_scene("shallow", pair_draws(kind, scenes.index("shallow"), 12).scene).mesh
+    off = surface_distance(mesh, pair.T_world_source.apply(pair.source.points.astype(np.float64)))
+    assert 0.005 < np.median(off) < 0.4
+
+
+@pytest.mark.parametrize("kind", [*VIEWS, *SWEEPS])
 def test_every_kind_meets_every_relief(kind: str):
     assert {relief_of(scene) for scene in SCAN_KINDS[kind].scenes} == set(RELIEFS)
 
 
 def test_every_scene_has_a_relief():
     assert set(RELIEF_OF) == set(SCENE_KINDS)
-    with pytest.raises(InputError, match="moon"):
-        relief_of("moon")
+    refuses("moon", relief_of, "moon")
 
 
 def test_the_frames_look_any_way_at_one_another():
@@ -82,13 +134,10 @@ def test_the_frames_look_any_way_at_one_another():
 
 
 def test_what_does_not_exist_is_refused(monkeypatch: pytest.MonkeyPatch):
-    with pytest.raises(InputError, match="there are"):
-        scan_kind("sidescan")
-    with pytest.raises(InputError, match=">= 0"):
-        kind_pair("patch", -1, 0)
+    refuses("there are", scan_kind, "sidescan")
+    refuses(">= 0", kind_pair, "patch", -1, 0)
     monkeypatch.setattr(viewpoints, "TRIES", 20)
-    with pytest.raises(InputError, match="widen the range"):
-        kind_pair("sonar3d15", 4, 0, (0.4, 0.4 + 1e-9))
+    refuses("widen the range", kind_pair, "sonar3d15", 4, 0, (0.4, 0.4 + 1e-9))
 
 
 def test_instruments_err_by_their_sigmas_and_each_on_its_own():
@@ -112,3 +161,10 @@ def test_instruments_err_by_their_sigmas_and_each_on_its_own():
         ups.append(off[2])
     assert ups[0] != ups[1]
     assert_array_equal(full.source.points, pair.source.points)
+
+
+@pytest.mark.parametrize("kind", SWEEPS)
+def test_an_overlap_that_cannot_be_had_is_refused(kind: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(partners, "PLACES", 1)
+    monkeypatch.setattr(partners, "TRIES", 3)
+    refuses("widen the range", _pair, kind, "shallow", (0.5, 0.5 + 1e-9))

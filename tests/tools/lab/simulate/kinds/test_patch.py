@@ -10,29 +10,18 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.tools.lab.simulate.kinds import patch
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.lab.simulate.kinds.draws import observer_of
-from sonarmap.tools.lab.simulate.kinds.patch import (
-    BEND,
-    PathObserver,
-    PathView,
-    believed_path,
-    draw_path,
-    lonely,
-    merged_scan,
-    on_path,
-    thinned,
-)
 from sonarmap.tools.lab.simulate.pairs.viewpoints import first_view
 from sonarmap.tools.lab.simulate.sensing.overlap import overlap
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from tests.samples.simulated import QUIET
 
 
-def _patch(scene: str = "rubble") -> tuple[PathObserver, PathView]:
+def _patch(scene: str = "rubble") -> tuple[patch.PathObserver, patch.PathView]:
     still = observer_of(scene, 3)
     few = type(still)(still.world, replace(still.sensor, columns=96, rows=48))
-    observer = on_path(few, np.random.default_rng(11))
+    observer = patch.on_path(few, np.random.default_rng(11))
     view = first_view(observer, 0.1, np.random.default_rng(5))
-    assert isinstance(view, PathView)
+    assert isinstance(view, patch.PathView)
     return observer, view
 
 
@@ -45,7 +34,7 @@ def test_with_true_odometry_a_patch_lies_on_the_scenes_surface(scene: str, monke
     monkeypatch.setattr(patch, "DRIFT", 0.0)
     monkeypatch.setattr(patch, "TURNED", 0.0)
     observer, view = _patch(scene)
-    scan = merged_scan(observer, view, QUIET, _generators(), "target", viewpoints=True)
+    scan = patch.merged_scan(observer, view, QUIET, _generators(), "target", viewpoints=True)
     for points in (scan.points.astype(np.float64), view.points):
         placed = view.T_world_sensor.apply(points)
         assert surface_distance(observer.world.mesh, placed).max() < 2e-4
@@ -59,7 +48,7 @@ def _sorted(places: np.ndarray) -> np.ndarray:
 
 def test_points_were_seen_from_where_their_viewpoints_are():
     observer, view = _patch()
-    scan = merged_scan(observer, view, QUIET, _generators(), "target", viewpoints=True)
+    scan = patch.merged_scan(observer, view, QUIET, _generators(), "target", viewpoints=True)
     assert scan.viewpoints is not None
     # within the fan of one of the looks: none nearer than the least range, none farther than the greatest
     ranges = np.linalg.norm(scan.points - scan.viewpoints, axis=1)
@@ -68,12 +57,12 @@ def test_points_were_seen_from_where_their_viewpoints_are():
     assert ranges.min() >= min(nearest) - 1e-3
     # odometry's errors move them off the true path
     assert_allclose(np.unique(scan.viewpoints, axis=0), _sorted(observer.T_middle_look.translation), atol=0.3)
-    assert merged_scan(observer, view, QUIET, _generators(), "target", viewpoints=False).viewpoints is None
+    assert patch.merged_scan(observer, view, QUIET, _generators(), "target", viewpoints=False).viewpoints is None
 
 
 def test_odometry_drifts_away_from_the_middle_by_what_it_says():
-    path = draw_path(9, 2.0, np.random.default_rng(0))
-    off = [believed_path(path, 0.5, np.random.default_rng(seed)) for seed in range(400)]
+    path = patch.draw_path(9, 2.0, np.random.default_rng(0))
+    off = [patch.believed_path(path, 0.5, np.random.default_rng(seed)) for seed in range(400)]
     shifts = np.stack([believed.translation - path.translation for believed in off])
     turns = np.stack([(path.rotation.inv() * believed.rotation).as_rotvec() for believed in off])
     assert_array_equal(shifts[:, 4], 0.0)
@@ -85,11 +74,11 @@ def test_odometry_drifts_away_from_the_middle_by_what_it_says():
 
 def test_a_path_has_its_steps_and_bends_as_far_as_it_may():
     for seed in range(20):
-        path = draw_path(7, 3.0, np.random.default_rng(seed))
+        path = patch.draw_path(7, 3.0, np.random.default_rng(seed))
         assert_allclose(np.linalg.norm(np.diff(path.translation, axis=0), axis=1), 3.0)
         assert_allclose(path[3].as_matrix(), np.eye(4), atol=1e-12)
         yaw = path.rotation.as_euler("ZYX")[:, 0]
-        assert np.ptp(yaw) <= BEND
+        assert np.ptp(yaw) <= patch.BEND
         assert_allclose(np.diff(yaw), np.diff(yaw)[0])
 
 
@@ -104,10 +93,10 @@ def test_a_patch_shows_more_than_its_middle_look_does():
 
 def test_one_point_is_kept_in_a_cell_and_a_lonely_one_is_known():
     points = np.array([[0.1, 0.1, 0.1], [0.3, 0.2, 0.1], [1.2, 0.1, 0.1], [-0.1, 0.1, 0.1], [0.4, 0.4, 0.4]])
-    assert_array_equal(thinned(points, 0.5), [0, 2, 3])
-    assert_array_equal(lonely(points, 0.5), [False, False, True, True, False])
+    assert_array_equal(patch.thinned(points, 0.5), [0, 2, 3])
+    assert_array_equal(patch.lonely(points, 0.5), [False, False, True, True, False])
     turned = Rotation.from_euler("z", 90, degrees=True).apply(points)
-    assert len(thinned(turned, 0.5)) == 3
+    assert len(patch.thinned(turned, 0.5)) == 3
 
 
 def test_points_say_where_they_were_seen_from_on_even_numbers_in_every_scene():

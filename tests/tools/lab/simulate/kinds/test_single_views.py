@@ -1,5 +1,6 @@
-"""Distorted and moving views: true but for what the kind says, and that of its size."""
+"""Distorted and moving views, and the Sonar 3D-15's: errors as large as the kind says."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -7,23 +8,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.simulate.kinds import single_view
 from sonarmap.tools.lab.simulate.kinds.draws import SIGMA2, noise_of, observer_of
-from sonarmap.tools.lab.simulate.kinds.single_view import (
-    SCAN_TIME,
-    SPEED,
-    TURN,
-    Motion,
-    Shot,
-    distorted_scan,
-    draw_motion,
-    scaled_scan,
-    scan_in_motion,
-    shifted_scan,
-)
 from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View, first_view
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
-from sonarmap.tools.lab.simulate.sensing.noise import Noise
-from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, SONAR_3D15, Sensor, cast
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, pick_strongest
+from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, SONAR_3D15, Echoes, Sensor, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from tests.samples.simulated import QUIET
@@ -31,11 +22,11 @@ from tests.samples.simulated import QUIET
 FEW = Sensor("few", np.deg2rad(60), np.deg2rad(40), 31, 21, 0.1, 40.0)
 
 
-def _shot(scene: str = "shallow", noise: Noise = QUIET, seed: int = 3) -> Shot:
+def _shot(scene: str = "shallow", noise: Noise = QUIET, seed: int = 3) -> single_view.Shot:
     observer = observer_of(scene, 9)
     few = Observer(observer.world, replace(observer.sensor, columns=64, rows=32))
     view = first_view(few, 0.15, np.random.default_rng(2))
-    return Shot(few, view, noise, np.random.default_rng(seed), np.random.default_rng(1), "source")
+    return single_view.Shot(few, view, noise, np.random.default_rng(seed), np.random.default_rng(1), "source")
 
 
 def _ranges(points: np.ndarray) -> np.ndarray:
@@ -45,62 +36,60 @@ def _ranges(points: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("scene", ["shallow", "rubble", "flatbed"])
 def test_without_distortion_the_points_lie_on_the_scenes_surface(scene: str):
     shot = _shot(scene)
-    scan = distorted_scan(shot, lambda ranges: ranges)
+    scan = single_view.distorted_scan(shot, lambda ranges: ranges)
     placed = shot.view.T_world_sensor.apply(scan.points.astype(np.float64))
     assert surface_distance(shot.observer.world.mesh, placed).max() < 1e-4
     assert (scan.name, scan.stamp, scan.prior) == ("source", 1.0, None)
 
 
-def test_a_wrong_sound_speed_scales_all_ranges_alike_by_up_to_two_percent():
+@pytest.mark.parametrize(
+    ("distort", "change", "undo", "within", "bounds"),
+    [
+        (single_view.scaled_scan, np.multiply, np.divide, (1e-5, 0.0), (0.98 - 1e-6, 0.985, 1.015, 1.02 + 1e-6)),
+        (single_view.shifted_scan, np.add, np.subtract, (1e-7, 1e-4), (-0.15 - 1e-4, -0.11, 0.11, 0.15 + 1e-4)),
+    ],
+    ids=["a wrong sound speed", "a bias"],
+)
+def test_all_ranges_change_alike_by_two_percent_or_a_hundredth_of_the_greatest(
+    distort: Callable[[single_view.Shot], Scan], change: np.ufunc, undo: np.ufunc, within: tuple, bounds: tuple
+):
     true = _ranges(_shot().view.points)
-    factors = []
+    found = []
     for seed in range(30):
-        measured = _ranges(scaled_scan(_shot(seed=seed)).points)
-        factor = measured.min() / true.min()
-        assert_allclose(measured, (factor * true)[factor * true <= SONAR_3D15.max_range], rtol=1e-5)
-        factors.append(factor)
-    assert 0.98 - 1e-6 < min(factors) < 0.985
-    assert 1.015 < max(factors) < 1.02 + 1e-6
-
-
-def test_a_bias_shifts_all_ranges_alike_by_up_to_a_hundredth_of_the_greatest():
-    true = _ranges(_shot().view.points)
-    shifts = []
-    for seed in range(30):
-        measured = _ranges(shifted_scan(_shot(seed=seed)).points)
-        shift = measured.min() - true.min()
-        assert_allclose(measured, (true + shift)[true + shift <= SONAR_3D15.max_range], atol=1e-4)
-        shifts.append(shift)
-    assert -0.15 - 1e-4 < min(shifts) < -0.11
-    assert 0.11 < max(shifts) < 0.15 + 1e-4
+        measured = _ranges(distort(_shot(seed=seed)).points)
+        found.append(undo(measured.min(), true.min()))
+        expected = change(true, found[-1])
+        assert_allclose(measured, expected[expected <= SONAR_3D15.max_range], *within)
+    assert bounds[0] < min(found) < bounds[1]
+    assert bounds[2] < max(found) < bounds[3]
 
 
 def test_ghosts_are_distorted_as_everything_else_is():
     noisy = Noise(ghosts=0.5)
-    plain = distorted_scan(_shot("rubble", noisy), lambda ranges: ranges)
-    scaled = distorted_scan(_shot("rubble", noisy), lambda ranges: 0.5 * ranges)
+    plain = single_view.distorted_scan(_shot("rubble", noisy), lambda ranges: ranges)
+    scaled = single_view.distorted_scan(_shot("rubble", noisy), lambda ranges: 0.5 * ranges)
     assert_allclose(_ranges(scaled.points), 0.5 * _ranges(plain.points), rtol=1e-5)
-    assert len(plain.points) < 1.1 * len(distorted_scan(_shot("rubble"), lambda ranges: ranges).points)
+    assert len(plain.points) < 1.1 * len(single_view.distorted_scan(_shot("rubble"), lambda ranges: ranges).points)
 
 
-def _wall_shot() -> Shot:
+def _wall_shot() -> single_view.Shot:
     """Before an upright wall 10 m ahead."""
     observer = Observer(Scene("wall", box((10.5, 0, -20), (1.0, 90.0, 90.0))), FEW)
     pose = RigidTransform.from_translation((0.0, 0.0, -20.0))
     view = View(pose, cast(observer.world, FEW, pose), np.empty((0, 3)))
-    return Shot(observer, view, QUIET, np.random.default_rng(0), np.random.default_rng(0), "target")
+    return single_view.Shot(observer, view, QUIET, np.random.default_rng(0), np.random.default_rng(0), "target")
 
 
 def test_a_sensor_at_rest_measures_what_a_still_one_does():
     shot = _wall_shot()
-    scan = scan_in_motion(shot, Motion(np.zeros(3), np.zeros(3), 1.0))
-    assert_array_equal(scan.points, distorted_scan(shot, lambda ranges: ranges).points)
+    scan = single_view.scan_in_motion(shot, single_view.Motion(np.zeros(3), np.zeros(3), 1.0))
+    assert_array_equal(scan.points, single_view.distorted_scan(shot, lambda ranges: ranges).points)
 
 
 def test_a_sensor_that_goes_ahead_sees_the_wall_lean():
     """At 0.8 m/s over 0.5 s: the lowest row, measured first, from 0.2 m farther off, the highest from 0.2 m nearer."""
     shot = _wall_shot()
-    scan = scan_in_motion(shot, Motion(np.array((0.8, 0.3, 0.0)), np.zeros(3), 0.5))
+    scan = single_view.scan_in_motion(shot, single_view.Motion(np.array((0.8, 0.3, 0.0)), np.zeros(3), 0.5))
     ahead = scan.points.reshape(FEW.rows, FEW.columns, 3)[..., 0]
     assert_allclose(ahead, np.broadcast_to(10.0 - np.linspace(-0.2, 0.2, FEW.rows)[:, None], ahead.shape), atol=1e-4)
 
@@ -108,7 +97,7 @@ def test_a_sensor_that_goes_ahead_sees_the_wall_lean():
 def test_a_sensor_that_turns_sees_the_wall_twisted():
     """At 6 degrees a second over a second to the left: the last row is seen as if the wall had turned to the right."""
     shot = _wall_shot()
-    scan = scan_in_motion(shot, Motion(np.zeros(3), np.array((0.0, 0.0, np.deg2rad(6.0))), 1.0))
+    scan = single_view.scan_in_motion(shot, single_view.Motion(np.zeros(3), np.array((0.0, 0.0, np.deg2rad(6.0))), 1.0))
     rows = scan.points.reshape(FEW.rows, FEW.columns, 3)
     for row, turned in ((0, -3.0), (FEW.rows // 2, 0.0), (-1, 3.0)):
         back = Rotation.from_euler("z", turned, degrees=True).apply(rows[row].astype(np.float64))
@@ -116,14 +105,14 @@ def test_a_sensor_that_turns_sees_the_wall_twisted():
 
 
 def test_motions_stay_below_their_bounds_and_come_near_them():
-    motions = [draw_motion(ECLIPSE, np.random.default_rng(seed)) for seed in range(300)]
+    motions = [single_view.draw_motion(ECLIPSE, np.random.default_rng(seed)) for seed in range(300)]
     speeds = [np.linalg.norm(motion.velocity) for motion in motions]
     turns = [abs(motion.turning[2]) for motion in motions]
-    assert 0.9 * SPEED < max(speeds) <= SPEED
-    assert 0.9 * TURN < max(turns) <= TURN
+    assert 0.9 * single_view.SPEED < max(speeds) <= single_view.SPEED
+    assert 0.9 * single_view.TURN < max(turns) <= single_view.TURN
     assert np.mean([abs(motion.velocity[0]) > abs(motion.velocity[1]) for motion in motions]) > 0.7
-    assert motions[0].seconds == SCAN_TIME[1]
-    assert draw_motion(SONAR_3D15, np.random.default_rng(0)).seconds == SCAN_TIME[0]
+    assert motions[0].seconds == single_view.SCAN_TIME[1]
+    assert single_view.draw_motion(SONAR_3D15, np.random.default_rng(0)).seconds == single_view.SCAN_TIME[0]
 
 
 def test_every_scene_meets_every_overlap_with_every_noise():
@@ -136,3 +125,64 @@ def test_every_scene_meets_every_overlap_with_every_noise():
         assert {sigma2 for _, _, sigma2 in met} == set(SIGMA2)
     assert_allclose(noise_of("moving", 0, "rubble").sigma2, 0.25 * (40 / 256) ** 2)
     assert_allclose(noise_of("moving", 0, "shallow").sigma2, 0.25 / 16 * (40 / 256) ** 2)
+
+
+def _images(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Ranges (rows, columns) of one view of rubble, true and measured, inf without an echo."""
+    observer = observer_of("rubble", seed)
+    view = first_view(observer, 0.15, np.random.default_rng(seed))
+    draws = (np.random.default_rng(seed + 1), np.random.default_rng(seed + 2))
+    scan = single_view.real_scan(single_view.Shot(observer, view, replace(QUIET, speckle=1.0), *draws, "target"))
+    # the fan is mounted nose down
+    points = np.einsum("ij,ni->nj", _tilted(observer.sensor.tilt), scan.points.astype(np.float64))
+    ranges = np.linalg.norm(points, axis=1)
+    column = np.rint((np.arctan2(points[:, 1], points[:, 0]) / SONAR_3D15.horizontal + 0.5) * 255).astype(int)
+    row = np.rint((np.arcsin(points[:, 2] / ranges) / SONAR_3D15.vertical + 0.5) * 63).astype(int)
+    image = np.full((64, 256), np.inf)
+    image[row, column] = ranges
+    return view.echoes.ranges, image
+
+
+def _tilted(tilt: float) -> np.ndarray:
+    c, s = np.cos(tilt), np.sin(tilt)
+    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+
+
+def test_its_images_are_as_sparse_and_as_patchy_as_real_ones():
+    images = [_images(seed) for seed in range(3)]
+    seen = np.stack([np.isfinite(image) for _, image in images])
+    met = np.stack([np.isfinite(true) for true, _ in images])
+    assert 0.55 < seen[met].mean() < 0.9
+    alike = {lag: np.corrcoef(seen[..., :-lag].ravel(), seen[..., lag:].ravel())[0, 1] for lag in (1, 4, 16)}
+    assert 0.5 < alike[1] < 0.8
+    assert 0.25 < alike[4] < 0.6
+    assert alike[1] > alike[4] > alike[16]
+    ranges = np.stack([image for _, image in images])
+    both = seen[..., :-1] & seen[..., 1:]
+    assert 0.35 < np.isclose(ranges[..., :-1][both], ranges[..., 1:][both], atol=1e-5).mean() < 0.6
+
+
+def test_ranges_come_in_steps_and_lie_near_the_surface_of_their_lobe():
+    _, image = _images(5)
+    ranges = image[np.isfinite(image)]
+    assert_allclose(ranges / single_view.STEP, np.rint(ranges / single_view.STEP), atol=2e-2)
+    observer = observer_of("shallow", 4)
+    view = first_view(observer, 0.1, np.random.default_rng(4))
+    draws = (np.random.default_rng(1), np.random.default_rng(2))
+    scan = single_view.real_scan(single_view.Shot(observer, view, Noise(), *draws, "target"))
+    placed = view.T_world_sensor.apply(scan.points.astype(np.float64))
+    assert np.percentile(surface_distance(observer.world.mesh, placed), 95) < 0.15
+
+
+def test_a_beam_picks_the_strongest_echo_of_its_lobe():
+    ranges = np.full((5, 9), np.inf)
+    strengths = np.zeros((5, 9))
+    ranges[2, 2], strengths[2, 2] = 3.0, 1.0
+    ranges[2, 6], strengths[2, 6] = 7.0, 0.5
+    ranges[2, 3], strengths[2, 3] = 4.0, 0.1
+    picked = pick_strongest(Echoes(ranges, strengths), single_view.LOBE)
+    assert_array_equal(picked.ranges[2], [3.0, 3.0, 3.0, 3.0, 3.0, 7.0, 7.0, 7.0, 7.0])
+    assert picked.strengths[2, 2] == 1.0
+    assert_allclose(picked.strengths[2, 6], 0.5)
+    assert_allclose(picked.strengths[2, 3], np.exp(-0.5))
+    assert_allclose(picked.strengths[0, 2], np.exp(-2.0))

@@ -1,4 +1,6 @@
-"""Fans of rays: which echo a beam picks, what is heard, where the points are placed; and how vehicles wander."""
+"""Fans of rays, how vehicles wander, and the size of what swaths, stacks and sweeps distort."""
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -6,6 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.lab.simulate.kinds import imaging, profiler, swath
+from sonarmap.tools.lab.simulate.kinds.partners import Instrument
 from sonarmap.tools.lab.simulate.kinds.sweep import (
     Fan,
     Returns,
@@ -18,9 +22,10 @@ from sonarmap.tools.lab.simulate.kinds.sweep import (
     write_scan,
 )
 from sonarmap.tools.lab.simulate.kinds.water import Water
-from sonarmap.tools.lab.simulate.scenes.scene import Scene
+from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
+from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
-from sonarmap.tools.lab.simulate.shapes.solids import box
+from sonarmap.tools.lab.simulate.shapes.solids import box, merge
 from tests.samples.simulated import QUIET
 
 SENSOR = Sensor("test", 1.0, 1.0, 2, 2, 0.5, 50.0, absorption=0.0, threshold=0.01)
@@ -122,3 +127,163 @@ def test_a_way_through_a_wall_is_not_free():
     assert not water.is_free(np.array(((10.0, 0.0, -2.0),)))
     assert not water.is_free(np.array(((0.0, 0.0, 0.5),)))
     assert water.is_free(np.array(((0.0, 0.0, -2.0),)))
+
+
+SEEDS = range(40)
+# A bed 20 m deep over 256 m, and before it a wall across y at x = 30
+BED = box((0.0, 0.0, -21.0), (256.0, 256.0, 2.0))
+OPEN, WALLED = Scene("flatbed", BED), Scene("floodgate", merge([BED, box((31.0, 0.0, -10.0), (2.0, 250.0, 20.0))]))
+
+
+def _errors(sweep: Sweep) -> tuple[np.ndarray, np.ndarray]:
+    """Of what the vehicle believes of every ping: (K, 3) [m] and (K, 3) rotation vectors [rad]."""
+    shift = sweep.T_frame_believed.translation - sweep.T_frame_ping.translation
+    return shift, (sweep.T_frame_ping.rotation.inv() * sweep.T_frame_believed.rotation).as_rotvec()
+
+
+def _sweeps(equip: Callable[[Water, np.random.Generator], Instrument], scene: Scene) -> list[Sweep]:
+    generators = (np.random.default_rng(seed) for seed in SEEDS)
+    return [equip(Water(scene), rng).target(rng) for rng in generators]
+
+
+def test_a_swath_drifts_by_decimeters_and_wobbles_by_a_tenth_of_a_degree():
+    errors = [_errors(sweep) for sweep in _sweeps(swath.sounder, OPEN)]
+    ends = np.array([shift[[0, -1], :2] for shift, _ in errors])
+    assert_allclose(ends.std(), 0.3, rtol=0.3)
+    assert_allclose(np.mean([shift[:, 2].std() for shift, _ in errors]), 0.05, rtol=0.2)
+    turns = np.concatenate([turn for _, turn in errors])
+    assert_allclose(np.rad2deg(turns.std(axis=0)), (0.1, 0.1, 0.3), rtol=0.2)
+
+
+def test_a_small_scenes_swath_drifts_less():
+    ends = np.array([_errors(sweep)[0][[0, -1], :2] for sweep in _sweeps(swath.sounder, build_scene("pool", 1))])
+    assert_allclose(ends.std(), 0.3 * 25 / 256, rtol=0.3)
+
+
+def test_a_swath_is_a_wide_fan_straight_down_from_a_moving_vessel():
+    for sweep, seed in zip(_sweeps(swath.sounder, OPEN), SEEDS, strict=True):
+        sounder = swath.sounder(Water(OPEN), np.random.default_rng(seed))
+        beams = sounder.fan.beams
+        assert len(beams) == 256
+        assert 120 <= np.rad2deg(np.arccos(beams[0] @ beams[-1])) <= 150
+        assert_allclose(beams.mean(axis=0)[:2], 0.0, atol=1e-12)
+        assert (sounder.fan.rays @ (0, 0, -1.0) > 0).all()
+        path = sweep.T_frame_ping.translation
+        length = np.linalg.norm(path[-1] - path[0])
+        assert 0.24 * 256 <= length <= 0.6 * 256 + 2
+        assert_allclose(path[len(path) // 2], 0.0, atol=1e-9)
+        # a wave of some degrees, and a slow turn of the line
+        attitude = sweep.T_frame_ping.rotation.as_euler("ZYX", degrees=True)
+        assert 0.5 < attitude[:, 2].std() < 6.0
+        assert np.abs(attitude).max() < 25.0
+
+
+def test_soundings_are_about_as_dense_along_a_swath_as_across():
+    rng = np.random.default_rng(5)
+    sounder = swath.sounder(Water(OPEN), rng)
+    sweep = sounder.target(rng)
+    points = true_points(sounder.fan, sweep, sounder.returns(*meet(OPEN, sounder.fan, sweep.T_world_ping), sweep, None))
+    across = np.ptp(points[:, 1]) / 256
+    along = np.linalg.norm(np.diff(sweep.T_frame_ping[[0, -1]].translation, axis=0)) / len(sweep.T_frame_ping)
+    assert 0.5 < along / across < 2.0
+
+
+def _imager(seed: int, by_depth: bool) -> imaging.Imager:
+    """A sonar that stacks over depths or tilts, without multipath and side lobes."""
+    rng = np.random.default_rng(seed)
+    while (imager := imaging.imager(Water(WALLED), rng)).by_depth != by_depth:
+        pass
+    return imaging.Imager(imager.water, imager.fan, by_depth, 1.0, 0.0, 0.0)
+
+
+def _wall(seed: int, by_depth: bool, imager: imaging.Imager | None = None) -> tuple[np.ndarray, Sweep]:
+    """Points (N, 3) [m] that a stack 20 m before the wall shows of it, and the stack."""
+    rng = np.random.default_rng(seed)
+    looking = imager or _imager(seed, by_depth)
+    sweep = looking._stack(np.array((10.0, 0.0)), 0.0, rng)
+    returns = looking.returns(*meet(WALLED, looking.fan, sweep.T_world_ping), sweep, rng)
+    scan = write_scan(looking.fan, sweep, returns, Noise(), rng, "source", viewpoints=False)
+    points = scan.points.astype(np.float64)
+    return points[np.abs(points[:, 1]) < 4.0], sweep
+
+
+def test_a_wall_leans_as_the_vehicle_drifts_over_the_depths():
+    """By about a meter at either end in a scene of 256 m; a third of a meter in a pool of 25 m."""
+    leans = []
+    for seed in range(8):
+        points, sweep = _wall(seed, by_depth=True)
+        heights = points[:, 2]
+        top, low = (np.median(points[part, 0]) for part in (heights > 6.0, heights < heights.min() + 1.0))
+        shift = _errors(sweep)[0][:, 0]
+        where = sweep.T_frame_ping.translation[:, 2]
+        expected = shift[where > 6.0].mean() - shift[where < where.min() + 1.0].mean()
+        assert top - low == pytest.approx(expected, abs=0.6)
+        leans.append(top - low)
+    assert 0.4 < np.std(leans) < 2.5
+
+
+def test_an_echoes_elevation_is_guessed_within_the_aperture():
+    """The bed below a tilted sonar is thick and off by up to half the aperture, though every range is right."""
+    imager = _imager(3, by_depth=False)
+    rng = np.random.default_rng(3)
+    sweep = imager._stack(np.array((-60.0, 0.0)), np.pi, rng)
+    returns = imager.returns(*meet(OPEN, imager.fan, sweep.T_world_ping), sweep, rng)
+    seen = np.isfinite(returns.ranges)
+    ping, beam = np.nonzero(seen)
+    truly = imager.fan.rays[beam, returns.rays[seen]]
+    off = np.rad2deg(np.arccos(np.clip(np.einsum("ij,ij->i", truly, imager.fan.beams[beam]), -1, 1)))
+    assert 1.0 < off.mean() < 5.0
+    assert off.max() == pytest.approx(6.0, abs=0.01)
+    points = sweep.T_frame_believed[ping].apply(imager.fan.beams[beam] * returns.ranges[seen][:, None])
+    assert points[:, 2].std() > 0.3
+
+
+def test_multipath_lies_behind_the_wall_and_arcs_keep_the_loudest_range():
+    bare = _imager(4, by_depth=True)
+    loud = imaging.Imager(bare.water, bare.fan, True, 1.0, 0.05, 0.0)
+    behind = [np.mean(_wall(4, True, sonar)[0][:, 0] > 24.0) for sonar in (bare, loud)]
+    assert behind[0] < 0.005
+    assert 0.02 < behind[1] < 0.06
+    arcs = imaging.Imager(bare.water, bare.fan, True, 1.0, 0.0, 0.2)
+    rng, sweep = np.random.default_rng(1), bare._stack(np.array((10.0, 0.0)), 0.6, np.random.default_rng(1))
+    ranges, strengths = meet(WALLED, bare.fan, sweep.T_world_ping)
+    returns = arcs.returns(ranges, strengths, sweep, rng)
+    _, often = np.unique(np.round(returns.ranges[5][np.isfinite(returns.ranges[5])], 9), return_counts=True)
+    assert often.max() >= 25
+
+
+def test_the_imaging_fan_is_even_in_the_sine_of_azimuth():
+    fan = _imager(1, by_depth=True).fan
+    azimuth = np.rad2deg(np.arctan2(fan.beams[:, 1], fan.beams[:, 0]))
+    assert_allclose((azimuth[0], azimuth[-1]), (-65.0, 65.0))
+    assert_allclose((azimuth[1] - azimuth[0], azimuth[128] - azimuth[127]), (0.95, 0.41), atol=0.02)
+
+
+def test_a_profiler_drifts_while_it_sweeps():
+    for turning, drift in ((False, 0.8), (True, 0.4)):
+        ends, turns = [], []
+        for seed in range(120):
+            rng = np.random.default_rng(seed)
+            head = profiler.profiler(Water(OPEN), rng)
+            if head.turning == turning:
+                shift, turn = _errors(head.target(rng))
+                ends.append(shift[[0, -1], :2])
+                turns.append(turn[[0, -1], 2])
+        assert_allclose(np.std(ends), drift, rtol=0.3)
+        assert_allclose(np.rad2deg(np.std(turns)), 1.0, rtol=0.3)
+
+
+def test_profiles_are_dense_along_and_sparse_between():
+    for seed in range(20):
+        head = profiler.profiler(Water(OPEN), np.random.default_rng(seed))
+        step = np.rad2deg(np.arccos(head.fan.beams[0] @ head.fan.beams[1]))
+        assert 0.9 <= step <= 1.8
+        apart = np.rad2deg(np.diff(head.pans))
+        assert 1.2 <= apart[0] / step <= 2.4
+        assert head.pans[len(head.pans) // 2] == 0.0
+        # every direction is met: all around, or all of it but a sector behind
+        assert np.ptp(head.pans) > np.deg2rad(170)
+        # the rays of a beam are within its width
+        off = np.rad2deg(np.arccos(np.clip(np.einsum("jla,ja->jl", head.fan.rays, head.fan.beams), -1, 1)))
+        assert_allclose(off[:, 3], 0.0, atol=1e-4)
+        assert 1.7 / 3.1 < off.max() < 3.0 / 2

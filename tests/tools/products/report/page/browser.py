@@ -53,7 +53,9 @@ def click(page: "Page", place: np.ndarray) -> None:
 
 
 @contextmanager
-def opened(path: Path, flags: tuple[str, ...] = SOFTWARE, script: str = "", **context: str) -> Iterator[Opened]:
+def opened(
+    path: Path, flags: tuple[str, ...] = SOFTWARE, script: str = "", silent: bool = True, **context: str
+) -> Iterator[Opened]:
     """The page of a file, once it has shown what it has to show.
 
     Skips the test where there is no Chromium, or no Playwright to drive it.
@@ -62,6 +64,7 @@ def opened(path: Path, flags: tuple[str, ...] = SOFTWARE, script: str = "", **co
         path: the file.
         flags: of Chromium.
         script: runs before the page's own.
+        silent: whether the page must have said nothing in the end.
         context: of Playwright's page, such as color_scheme.
     """
     browser_path = next((found for name in _NAMES if (found := shutil.which(name))), None)
@@ -79,4 +82,5 @@ def opened(path: Path, flags: tuple[str, ...] = SOFTWARE, script: str = "", **co
         page.goto(path.resolve().as_uri())
         wait_until(page, "window.sonarmap && (!sonarmap.view || sonarmap.view.frames > 0)")
         yield shown
+        assert shown.said == [] or not silent
         browser.close()

@@ -1,15 +1,19 @@
-"""A map of points that are known, for pages."""
+"""A map of points that are known, for pages, and decisions taken by hand on it."""
 
+import csv
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from sonarmap.tools.files.csv_cell import plain_text
 from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
 from sonarmap.tools.products.report.page.content import Content, content_of
 from sonarmap.tools.products.report.page.page import report_text
 from sonarmap.tools.products.report.page.points import FRACTION
 from tests.tools.products.export.finished import finished_map
+from tests.tools.products.report.page.browser import Opened
 
 VOXEL = 0.5
 QUANTUM = VOXEL / FRACTION
@@ -56,3 +60,24 @@ def written(content: Content, path: Path) -> Path:
 def known_content(out: Path) -> Content:
     """Of the known points, with two pictures."""
     return replace(content_of(folder_of(known_points(), out)), pictures={"map.png": DOT, "loops.png": DOT})
+
+
+NAMES = ("a,b", 'say "hi"', "two\nlines", "#first", " blanks ", "grün 深い", "bad\udcff", "plain")
+AS_WRITTEN = tuple(map(plain_text, NAMES))
+
+
+def path_of(content: Content, to: Path, **changes: Any) -> Path:
+    return written(replace(content, shown=content.shown | {"names": list(NAMES)} | changes), to / "report.html")
+
+
+def saved(page: Opened, kind: str, to: Path, button: str = "#{} .save") -> list[dict[str, str]]:
+    """The rows of the file that a button saves, as Python's csv reads them, without the comment."""
+    with page.page.expect_download() as download:
+        page.page.locator(button.format(kind)).click()
+    assert download.value.suggested_filename == f"{kind}.csv"
+    download.value.save_as(to / f"{kind}.csv")
+    content = (to / f"{kind}.csv").read_bytes().decode("utf-8")
+    comment, rest = content.split("\n", 1)
+    assert comment.startswith("# ")
+    assert "Map of 8 scans" in comment
+    return list(csv.DictReader(rest.splitlines(keepends=True), strict=True))

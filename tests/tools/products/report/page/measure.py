@@ -45,7 +45,7 @@ def measured(out: Path, picture: Path | None = None) -> dict[str, Any]:
     points = folder.parts[0].points
     flags = tuple(os.environ.get("CHROMIUM_FLAGS", "").split()) or SOFTWARE
     begin = time.perf_counter()
-    with opened(out / REPORT, flags) as shown:
+    with opened(out / REPORT, flags, silent=False) as shown:
         page = shown.page
         row: dict[str, Any] = {
             "points": len(points),

@@ -1,12 +1,18 @@
-"""What the third coordinate of a map means, and what else the page says of it."""
+"""What a page says: its third coordinate, provenance, command, and verdict."""
 
+import shlex
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import read_map_folder
+from sonarmap.tools.products.report.page.command import map_command
 from sonarmap.tools.products.report.page.content import content_of
+from sonarmap.tools.products.report.page.provenance import setting_rows, title
+from sonarmap.tools.products.report.page.verdict import verdict
 from tests.tools.products.export.finished import finished_map
 
 HEIGHT = "height over the first scan"
@@ -25,3 +31,151 @@ def test_depths_and_heights(tmp_path: Path, here: Georeference | None, label: st
     assert (part["height"]["label"], part["height"]["zero"]) == (label, zero)
     assert part["on_earth"] == (here is not None)
     assert part["axes"] == ["x", "y", "z"]
+
+
+TIMES = np.array([1_483_228_700.0, 1_483_228_790.25])  # on the last day of 2016, UTC
+
+
+@pytest.mark.parametrize(
+    ("inputs", "stamps", "expected"),
+    [
+        (["../dives/pier 3.sonar"], np.arange(6.0), "Map of pier 3.sonar, 6 scans"),
+        (["scans/"], TIMES, "Map of scans, 2 scans, 2016-12-31"),
+        (["a", "b"], np.array([TIMES[0], TIMES[1] + 3600]), "Map of a, b, 2 scans, 2016-12-31 to 2017-01-01"),
+        (["a", "b", "x/c", "d"], np.zeros(1), "Map of a, b, c and others, 1 scan"),
+        ([], np.arange(2.0), "Map of 2 scans"),
+        ([], TIMES, "Map of 2 scans, 2016-12-31"),
+        (["/"], np.arange(2.0), "Map of /, 2 scans"),
+    ],
+)
+def test_titles(inputs: list[str], stamps: np.ndarray, expected: str) -> None:
+    assert title(inputs, stamps) == expected
+
+
+def test_settings_have_units() -> None:
+    rows = setting_rows(
+        {
+            "inputs": ["a", "b"],
+            "grid": {"edge": 96, "voxel": 0.1234567},
+            "spectral": {"max_tilt": 0.5, "use_strength": False},
+            "mapper": {"limits": {"turn_rate": 0.25, "speed": None}, "bridge": 3},
+        }
+    )
+    assert rows == [
+        ("inputs", "a, b"),
+        ("grid.edge", "96 voxels"),
+        ("grid.voxel", "0.123457 m"),
+        ("spectral.max_tilt", "0.5 rad (28.65 deg)"),
+        ("spectral.use_strength", "no"),
+        ("mapper.limits.turn_rate", "0.25 rad/s (14.32 deg/s)"),
+        ("mapper.limits.speed", "not set"),
+        ("mapper.bridge", "3"),
+    ]
+
+
+MAPPER = {"loops": {"per_scan": 2}, "limits": {"speed": None, "turn_rate": None, "step": None}, "min_seen": 2}
+
+
+def words(settings: dict[str, Any]) -> tuple[list[str], list[str]]:
+    """The options behind `sonarmap map`, and the inputs, as a shell divides them."""
+    command = map_command(settings)
+    options = shlex.split(command["options"])
+    assert options[:2] == ["sonarmap", "map"]
+    return options[2:], shlex.split(command["inputs"])
+
+
+@pytest.mark.parametrize(
+    "path", ["a b.ply", "it's.ply", 'say "x".ply', "$HOME.ply", "new\nline.ply", "`x`;rm *.ply", "grün.ply"]
+)
+def test_inputs_are_quoted(path: str) -> None:
+    assert words({"inputs": [path, "scans/"]}) == ([], [path, "scans/"])
+
+
+def test_an_input_is_no_option() -> None:
+    assert words({"inputs": "-x.ply"}) == ([], ["./-x.ply"])
+
+
+def test_the_grid_is_as_it_was() -> None:
+    settings = {"inputs": [], "method": "icp", "grid": {"edge": 64, "voxel": 0.1 + 0.2}, "mapper": MAPPER}
+    assert words(settings)[0] == ["--method", "icp", "--grid", "64", "--voxel", "0.30000000000000004"]
+
+
+def test_options_that_were_given_are_given_again() -> None:
+    settings = {
+        "priors": "nav log.csv",
+        "nav_offset": "-1.5",
+        "sound_speed": 1487.5,
+        "ties": "old.csv",
+        "spectral": {"hypotheses": 6},
+        "mapper": MAPPER
+        | {"loops": {"per_scan": 5}, "keys": {"step": 0.5}, "min_seen": 1}
+        | {"limits": {"speed": 1.5, "turn_rate": 0.5235987755982988, "step": None}},
+    }
+    assert words(settings)[0] == [
+        *("--priors", "nav log.csv", "--nav-offset=-1.5", "--sound-speed", "1487.5", "--loops", "5"),
+        *("--key-step", "0.5", "--max-speed", "1.5", "--max-turn-rate", "30.0", "--min-seen", "1"),
+    ]
+
+
+def test_the_origin_is_said_again_where_no_navigation_does() -> None:
+    """As control points are in meters from it."""
+    here = Georeference(-33.5, 151.25, 4.5, "MSL", 45.0)
+    options = shlex.split(map_command({"inputs": []}, here)["options"])
+    assert options[2:] == ["--origin=-33.5,151.25,4.5", "--vertical", "MSL", "--origin-heading", "45.0"]
+    assert "--origin" not in map_command({"inputs": [], "priors": "nav.csv"}, here)["options"]
+
+
+NAMES = [f"dive#{k}" for k in range(9)]
+
+
+def summary(**changes: Any) -> dict[str, Any]:
+    """Of nine scans in one map, all well."""
+    return {
+        "unplaced": [],
+        "components": [{"map": {"seen_by_two_or_more": 0.8}}],
+        "pairs": {"by_role": {"sequential": {"tried": 8, "kept": 8}, "loop": {"tried": 3, "kept": 2}}},
+        "crossing_error_m": {"pairs": 4, "before": 0.512, "after": 0.0731},
+        "by_navigation": [],
+        "unread": [],
+        "gaps": [],
+        "wrong_fixes": [],
+        "graph": {"converged": True},
+    } | changes
+
+
+def test_all_is_well() -> None:
+    judged = verdict(summary(), NAMES)
+    assert judged.sentence == (
+        "All 9 scans lie in one map; 2 of 3 loops were kept; where the track crosses itself scans lie 0.073 m "
+        "apart (0.51 m before the loops)."
+    )
+    assert judged.concerns == ()
+
+
+def test_without_loops_and_crossings() -> None:
+    judged = verdict(summary(pairs={"by_role": {}}, crossing_error_m={"pairs": 0}), NAMES)
+    assert judged.sentence == "All 9 scans lie in one map; no loops were tried."
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"components": [{"map": {"seen_by_two_or_more": 0.8}}] * 3}, "3 separate maps, each in a frame of its own"),
+        ({"unplaced": [2, 7]}, "2 scans in no map: no reliable registration joins them to the others: dive#2, dive#7."),
+        ({"by_navigation": [4]}, "1 scan placed by navigation alone"),
+        ({"unread": [{"name": "bad.ply"}]}, "1 scan could not be read: bad.ply."),
+        ({"gaps": [[3, 4], [None, 0]]}, "2 gaps between consecutive scans: dive#3 to dive#4, ? to dive#0."),
+        ({"wrong_fixes": [{"name": "dive#5", "kind": "depth", "sigmas": 11.26}]}, "depth of dive#5 is 11.3 standard"),
+        ({"graph": {"converged": False}}, "stopped before it converged"),
+        ({"components": [{"map": {"seen_by_two_or_more": 0.25}}]}, "Only 25% of the map was seen by more than one"),
+    ],
+)
+def test_concerns(changes: dict[str, Any], words: str) -> None:
+    (concern,) = verdict(summary(**changes), NAMES).concerns
+    assert words in concern
+
+
+def test_many_names_are_counted() -> None:
+    judged = verdict(summary(unplaced=list(range(8))), NAMES)
+    assert judged.sentence.startswith("1 of 9 scans lie")
+    assert "dive#4 and 3 more." in judged.concerns[0]

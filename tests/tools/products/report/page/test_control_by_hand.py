@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.tools.products.report.page.content import Content
 from tests.tools.products.report.page.browser import Opened, click, opened
-from tests.tools.products.report.page.decided import AS_WRITTEN, NAMES, path_of, saved
-from tests.tools.products.report.page.known_map import A, B
+from tests.tools.products.report.page.known_map import AS_WRITTEN, NAMES, A, B, path_of, saved
 
 POINT = {
     "name": "quay, corner",
@@ -32,7 +31,6 @@ def page(content: Content, tmp_path: Path) -> Iterator[Opened]:
     """A map of scans with names that are hard to write down."""
     with opened(path_of(content, tmp_path)) as shown:
         yield shown
-        assert shown.said == []
 
 
 def test_a_point_is_named_as_a_control_point(page: Opened, content: Content, tmp_path: Path) -> None:
@@ -65,15 +63,8 @@ def test_control_points_of_the_map_are_shown(content: Content, tmp_path: Path) -
     check = POINT | {"name": "pile", "use": "check", "residual": [0.3, 0.0, -0.4], "in_sigmas": 1.25, "scan": NAMES[5]}
     with opened(path_of(content, tmp_path, control_points=[POINT, check])) as page:
         shown = page.page.locator("#navigation").inner_text()
-        for words in (
-            "quay, corner",
-            "control (the map is held to them)",
-            "check (only compared)",
-            "+0.250",
-            "−0.500",
-            "0.5\u202fm",
-            "11.5",
-        ):
+        uses = ("control (the map is held to them)", "check (only compared)")
+        for words in ("quay, corner", *uses, "+0.250", "−0.500", "0.5\u202fm", "11.5"):
             assert words in shown
         assert "quay, corner" in page.page.locator("#labels").inner_text()
         lines = "sonarmap.view.scene.lines.get('{}').count"
@@ -85,16 +76,11 @@ def test_control_points_of_the_map_are_shown(content: Content, tmp_path: Path) -
         expected = Rotation.from_quat(track["turns"][3]).apply(POINT["point"]) + track["places"][3]
         np.testing.assert_allclose(residual[0], expected, atol=1e-6)
         row, other = saved(page, "control", tmp_path)
-        assert {name: row[name] for name in ("name", "east_m", "sigma_m", "x_m")} == {
-            "name": "quay, corner",
-            "east_m": "123.25",
-            "sigma_m": "0.05",
-            "x_m": "1",
-        }
+        expected = {"name": "quay, corner", "east_m": "123.25", "sigma_m": "0.05", "x_m": "1"}
+        assert row.items() >= expected.items()
         assert other["name"] == "pile"
         page.page.locator("label.control input").uncheck()
         assert page.page.evaluate(lines.format("control")) == 0
-        assert page.said == []
 
 
 @pytest.mark.slow
@@ -113,4 +99,3 @@ def test_grid_coordinates_checks_and_two_sigmas_have_columns_of_their_own(conten
             page.page.locator("#control").get_by_label(f"{axis} [m] of a").fill("12.5")
         page.page.locator("#control .save").click()
         assert "wanted one of them for all" in page.page.locator("#control .buttons").inner_text()
-        assert page.said == []

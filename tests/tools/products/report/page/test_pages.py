@@ -37,7 +37,6 @@ def test_a_third_is_drawn_while_moving(content: Content, tmp_path: Path) -> None
         many.page.keyboard.press("ArrowLeft")
         wait_until(many.page, "drawn.length >= 3 && drawn[drawn.length - 1] === 120001")  # once it stands still
         assert 40_001 in many.page.evaluate("drawn")
-        assert many.said == []
 
 
 def test_pictures_and_a_sentence_without_webgl(content: Content, tmp_path: Path) -> None:
@@ -49,7 +48,6 @@ def test_pictures_and_a_sentence_without_webgl(content: Content, tmp_path: Path)
         assert plain.page.evaluate("[...document.images].every(image => image.naturalWidth === 1)")
         assert plain.page.locator("#loops .link").count() > 0  # the rest is there
         plain.page.locator("#loops .link").first.click()
-        assert plain.said == []
 
 
 @pytest.mark.slow
@@ -59,7 +57,6 @@ def test_pictures_where_the_points_are_damaged(content: Content, tmp_path: Path)
         with opened(path) as damaged:
             assert "cannot be unpacked" in damaged.page.locator("#map .notice").inner_text()
             assert damaged.page.locator("#map img").count() == 2
-            assert damaged.said == []
 
 
 def test_texts_from_files_are_never_markup(tmp_path: Path) -> None:
@@ -84,15 +81,14 @@ def test_texts_from_files_are_never_markup(tmp_path: Path) -> None:
         assert page.page.locator("script").count() == 4  # content, pictures, points, and the page's own
         assert "<img src=x onerror=window.hurt=1>" in page.page.locator("#picked").inner_text()
         assert "</script><script>" in page.page.locator("#settings").inner_text()
-        assert page.said == []
 
 
 def test_a_script_that_is_not_the_pages_own_does_not_run(content: Content, tmp_path: Path) -> None:
     """Even one that got in."""
     text = report_text(content).replace("<header>", "<script>window.hurt = 1</script><header>")
+    (tmp_path / "injected.html").write_text(text, encoding="utf-8")
     path = tmp_path / "injected.html"
-    path.write_text(text, encoding="utf-8")
-    with opened(path) as injected:
+    with opened(path, silent=False) as injected:
         assert injected.page.evaluate("window.hurt") is None
         assert any("Content Security Policy" in said for said in injected.said)
 
@@ -107,7 +103,6 @@ def test_a_crossing_is_shown_with_its_distances(content: Content, tmp_path: Path
         assert row.inner_text() == "scan1\u00a0– scan6"  # the one that is farther apart comes first
         row.click()
         assert "0.31\u202fm apart" in page.page.locator("#picked").inner_text()
-        assert page.said == []
 
 
 def test_dark_and_light(content: Content, tmp_path: Path) -> None:
@@ -118,7 +113,6 @@ def test_dark_and_light(content: Content, tmp_path: Path) -> None:
         assert dark.page.evaluate(ground) == "rgb(255, 255, 255)"
         dark.page.locator("#theme").click()
         assert dark.page.evaluate(ground) == "rgb(17, 22, 27)"
-        assert dark.said == []
 
 
 def test_parts_are_shown_one_at_a_time(tmp_path: Path) -> None:
@@ -130,7 +124,6 @@ def test_parts_are_shown_one_at_a_time(tmp_path: Path) -> None:
         parts.page.locator("#controls select").first.select_option("1")
         wait_until(parts.page, f"sonarmap.view.points.count === {counts[1]}")
         assert "2 separate maps" in parts.page.locator("#concerns").inner_text()
-        assert parts.said == []
 
 
 @pytest.mark.slow
@@ -154,7 +147,6 @@ def test_scans_of_two_parts_are_tied(tmp_path: Path) -> None:
         expected = [{"target": "scan1", "source": "scan7", "verdict": "add", "note": ""}]
         assert parts.page.evaluate("sonarmap.decisions.ties") == expected
         assert parts.page.evaluate("sonarmap.view.scene.lines.get('accepted').count") == 0
-        assert parts.said == []
 
 
 @pytest.mark.slow
@@ -164,5 +156,5 @@ def test_a_track_of_one_pose(tmp_path: Path) -> None:
     lone = Trajectory(part.trajectory.stamps[:1], part.trajectory.T_world_sensor[:1])
     columns = dict(part.columns) | {"scan": np.zeros(len(part.points), np.int64)}
     part = replace(part, scans=(0,), trajectory=lone, covariances=part.covariances[:1], columns=columns)
-    with opened(written(content_of(replace(folder, parts=(part,))), tmp_path / "one.html")) as single:
-        assert single.said == []
+    with opened(written(content_of(replace(folder, parts=(part,))), tmp_path / "one.html")):
+        pass  # it is drawn, and nothing is said

@@ -1,4 +1,4 @@
-"""What map.png shows: its words, its colors, the track, and that nothing overlaps."""
+"""The pictures of maps, loops and sheets: words, colors, tracks, and that nothing overlaps."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -6,12 +6,25 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
+from sonarmap.tools.products.report.loops_picture import loops_figure
 from sonarmap.tools.products.report.map_picture import draw_map, map_figure
-from sonarmap.tools.products.report.survey.view import PartView
-from tests.tools.products.report.survey.known_view import SEA, bed, levels_of, overlapping_texts, track, view_of
+from sonarmap.tools.products.report.survey.image import color_range, lone, seen_from_above
+from sonarmap.tools.products.report.survey.layout import extent_of, layout, twice
+from sonarmap.tools.products.report.survey.view import PartView, verdict_of
+from tests.tools.products.report.survey.known_view import (
+    SEA,
+    bed,
+    cloud,
+    levels_of,
+    overlapping_texts,
+    pair,
+    track,
+    view_of,
+)
 
 FAR = 512_345, 6_700_000
 LONG = "a folder with a long name " * 4
@@ -171,3 +184,171 @@ def test_the_same_view_gives_the_same_file(tmp_path: Path) -> None:
 def test_names_in_any_script_are_drawn(tmp_path: Path) -> None:
     draw_map(tmp_path / "a.png", view_of(bed(9, 6), track(9, 6, 3), title="深 \\$x^", names=("$x^ \n\udcff深",) * 3))
     assert (tmp_path / "a.png").stat().st_size > 10_000
+
+
+def view(count: int = 40, loops: int = 12, width: float = 90, height: float = 60) -> PartView:
+    """Of every six loops four are kept, one was refused, and one rejected by the others."""
+    apart = min(5, count - 1)
+    starts = [k % (count - apart) for k in range(loops)]
+    tried = [pair(i, i + apart, "loop", k % 6 < 4, k % 6 != 4) for k, i in enumerate(starts)]
+    moved = bed(width, height, 0, 3)
+    return view_of(bed(width, height), track(width, height, count), tuple(tried), chained=cloud(moved), frame=SEA)
+
+
+def lines_of(figure: Figure) -> list[Any]:
+    drawn = (each for axes in figure.axes for each in axes.collections)
+    return [each for each in drawn if isinstance(each, LineCollection) and each.get_segments()]
+
+
+@pytest.mark.parametrize(
+    "shown",
+    [view(), view(loops=0), view(loops=500), view(3, 1), view(30, 20, 900, 20), view(30, 20, 20, 900)],
+    ids=["some", "none", "500", "one loop", "long", "tall"],
+)
+def test_no_text_of_loops_lies_upon_another_or_leaves_the_sheet(shown: PartView) -> None:
+    assert overlapping_texts(loops_figure(shown)) == []
+
+
+def test_both_panels_have_the_same_extent_and_colors() -> None:
+    figure = loops_figure(view())
+    before, after = (axes for axes in figure.axes if axes.get_xlabel() == "East [m]")
+    assert (before.get_xlim(), before.get_ylim()) == (after.get_xlim(), after.get_ylim())
+    assert before.get_ylim()[1] > 63  # where the map of the chain ends
+    first, second = figure.images
+    assert first.get_clim() == second.get_clim()
+    assert first.cmap == second.cmap
+    assert before.get_title() == "before: consecutive registrations, chained"
+    assert after.get_title() == "after: 8 loops kept"
+    assert figure.texts[0].get_text() == "harbor, 2024-05-17: before and after the loops"
+
+
+def test_the_map_of_the_chain_is_before() -> None:
+    """It lies 3 m farther up."""
+    figure = loops_figure(view())
+    tops = []
+    images: list[Any] = list(figure.images)
+    for image, axes in zip(images, figure.axes, strict=False):
+        shown = ~np.ma.getmaskarray(levels_of(image))
+        top = np.flatnonzero(shown.any(axis=1)).max() + image.oy
+        tops.append(axes.transData.inverted().transform([0, top])[1])
+    assert tops[0] - tops[1] == pytest.approx(3, abs=0.3)
+
+
+def test_loops_are_drawn_by_verdict_and_counted() -> None:
+    shown = view()
+    figure = loops_figure(shown)
+    assert legend_of(figure)[-3:] == [
+        "8 loops kept",
+        "2 loops rejected: the other pairs contradict",
+        "2 loops refused by the registration itself",
+    ]
+    lines = lines_of(figure)
+    assert [len(each.get_segments()) for each in lines] == [8, 2, 2]
+    ends = np.array([segment[[0, -1]] for segment in lines[1].get_segments()])
+    places = shown.trajectory.T_world_sensor.translation[:, :2]
+    assert ends == pytest.approx(np.array([places[[k, k + 5]] for k in (5, 11)]))
+    assert len({tuple(each.get_color()[0]) for each in lines}) == 3
+    assert len({str(each.get_linestyle()) for each in lines}) == 3
+
+
+def test_many_loops_are_thin() -> None:
+    few, many = (lines_of(loops_figure(view(loops=count)))[0].get_linewidth()[0] for count in (6, 500))
+    assert many < 0.5 < few
+
+
+def test_verdicts() -> None:
+    for kept, accepted, verdict in ((True, False, "kept"), (False, True, "rejected"), (False, False, "refused")):
+        assert verdict_of(pair(0, 5, "loop", kept=kept, accepted=accepted)) == verdict
+
+
+BED = np.random.default_rng(5).uniform([0, 0], [60, 40], (5000, 2))
+
+
+class TestExtent:
+    def test_single_points_far_away_do_not_count(self) -> None:
+        lower, upper = extent_of([np.vstack([BED, [[900, 0]], [[0, -700]]])], [np.array([[5.0, 5.0]])])
+        assert lower == pytest.approx([-1.8, -1.8], abs=0.2)
+        assert upper == pytest.approx([61.8, 41.8], abs=0.2)
+
+    def test_the_whole_track_counts(self) -> None:
+        _, upper = extent_of([BED], [np.array([[5.0, 5.0], [100.0, 5.0]])])
+        assert upper[0] > 100
+
+    def test_a_cluster_far_away_counts(self) -> None:
+        _, upper = extent_of([np.vstack([BED, BED / 10 + [200, 0]])], [BED[:1]])
+        assert upper[0] > 205
+
+    def test_a_single_point_has_an_extent(self) -> None:
+        lower, upper = extent_of([np.array([[3.0, 4.0]])], [np.array([[3.0, 4.0]])])
+        assert (lower < [3, 4]).all()
+        assert (upper > [3, 4]).all()
+
+
+class TestLayout:
+    @pytest.mark.parametrize("size", [(60, 40), (40, 60), (1000, 20), (20, 1000), (1, 1e-3), (7, 2.9), (1e5, 3e4)])
+    def test_every_place_is_in_some_window(self, size: tuple[float, float]) -> None:
+        lower, upper = np.array([100.0, -50.0]), np.array([100.0, -50.0]) + size
+        plan = layout(lower, upper)
+        corners = plan.windows.reshape(-1, 2, 2)
+        places = lower + np.random.default_rng(1).uniform(0, 1, (500, 2)) * size
+        within = np.logical_and(places[:, None] >= corners[:, 0] - 1e-9, places[:, None] <= corners[:, 1] + 1e-9)
+        assert np.any(np.all(within, axis=2), axis=1).all()
+        width, height = plan.size
+        assert width == pytest.approx(8.0)
+        assert 3.0 - 1e-6 <= height <= 9.0 + 1e-6
+
+    def test_a_long_map_is_larger_in_strips(self) -> None:
+        one = layout(np.zeros(2), np.array([40.0, 20.0]))
+        assert one.windows.shape[:2] == (1, 1)
+        strips = layout(np.zeros(2), np.array([1000.0, 20.0]))
+        assert strips.windows.shape[0] > 2
+        assert strips.scale > 2 * 8 / 1000
+        upright = layout(np.zeros(2), np.array([20.0, 1000.0]))
+        assert upright.windows.shape[1] > 2
+
+    def test_panels_do_not_overlap(self) -> None:
+        plan = layout(np.zeros(2), np.array([1000.0, 20.0]))
+        bottoms = [plan.place(row, 0)[1] for row in range(plan.windows.shape[0])]
+        assert bottoms[-1] == 0
+        assert (-np.diff(bottoms) > plan.panel[1] + 0.3).all()
+
+    def test_two_maps_are_side_by_side_unless_they_are_long(self) -> None:
+        assert twice(np.zeros(2), np.array([60.0, 40.0])).windows.shape[:2] == (1, 2)
+        assert twice(np.zeros(2), np.array([600.0, 40.0])).windows.shape[:2] == (2, 1)
+        windows = twice(np.zeros(2), np.array([60.0, 40.0])).windows
+        assert (windows[0, 0] == windows[0, 1]).all()
+
+
+class TestImage:
+    def test_what_is_higher_hides_what_is_below(self) -> None:
+        places = np.array([[5.2, 3.3], [5.2, 3.3], [1.5, 7.5]])
+        seen = seen_from_above(places, np.array([-9.0, -4.0, -7.0]), np.zeros(2), (10, 20), 1.0, 0.1)
+        assert seen[3, 5] == -4
+        assert seen[7, 1] == -7
+        assert np.count_nonzero(np.isfinite(seen)) == 8  # two pixels wide each
+
+    def test_dots_are_about_as_large_as_voxels_and_round(self) -> None:
+        seen = seen_from_above(np.array([[50.5, 50.5]]), np.array([1.0]), np.zeros(2), (101, 101), 1.0, 30.0)
+        rows, columns = np.nonzero(np.isfinite(seen))
+        assert np.ptp(rows) + 1 == np.ptp(columns) + 1 == pytest.approx(40, abs=1)
+        distances = np.hypot(rows - 50, columns - 50)
+        assert distances.max() < 1.15 * 20.5
+        assert len(rows) == pytest.approx(np.pi * 20**2, rel=0.1)
+
+    def test_points_outside_are_not_drawn(self) -> None:
+        places = np.array([[-30.0, 2.0], [2.0, 40.0]])
+        assert np.isnan(seen_from_above(places, np.ones(2), np.zeros(2), (10, 10), 1.0, 1.0)).all()
+
+    def test_lone_points(self) -> None:
+        bed = np.column_stack([BED, np.zeros(len(BED))])
+        pole = np.array([[30.0, 20.0, z] for z in np.arange(5, 12, 0.5)])
+        alone = np.array([[10.0, 10.0, 25.0], [50.0, 30.0, 25.0], [50.0, 30.3, 25.0]])
+        specks = lone(np.vstack([bed, pole, alone]), 1.0)
+        assert np.flatnonzero(specks).tolist() == list(range(len(bed) + len(pole), len(specks)))
+
+    def test_a_sparse_map_has_no_lone_points(self) -> None:
+        assert not lone(np.random.default_rng(2).uniform(0, 1000, (300, 3)), 1.0).any()
+
+    def test_the_colors_of_nearly_nothing_span_half_a_voxel(self) -> None:
+        assert color_range(np.array([3.0, 3.0]), 0.4) == pytest.approx((2.9, 3.1))
+        assert color_range(np.arange(101.0), 0.4) == pytest.approx((1.0, 99.0))
