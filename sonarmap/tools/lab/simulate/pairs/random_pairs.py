@@ -15,7 +15,7 @@ from sonarmap.tools.lab.simulate.pairs.viewpoints import TRIES, Observer, View, 
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, measure
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, bare
 
 Turn = Literal["view", "yaw", "any"]
@@ -236,7 +236,9 @@ def _aside(
 def _scan(observer: Observer, view: View, noise: Noise, seed: np.random.SeedSequence, stamp: float, name: str) -> Scan:
     world, sensor = observer.world, observer.sensor
     ghosts = reflect(world, sensor, view.T_world_sensor) if noise.ghosts > 0 else None
-    return measure(view.echoes, sensor, noise, np.random.default_rng(seed), ghosts=ghosts, stamp=stamp, name=name)
+    return scan_of(
+        disturb(view.echoes, sensor, noise, np.random.default_rng(seed), ghosts), sensor, stamp=stamp, name=name
+    )
 
 
 def _reframed(scan: Scan, R_sensor_frame: Rotation) -> Scan:

@@ -87,7 +87,7 @@ def _wall(seed: int, by_depth: bool, imager: imaging.Imager | None = None) -> tu
     looking = imager or _imager(seed, by_depth)
     sweep = looking._stack(np.array((10.0, 0.0)), 0.0, rng)
     returns = looking.returns(*meet(WALLED, looking.fan, sweep.T_world_ping), sweep, rng)
-    scan = write_scan(looking.fan, sweep, returns, Noise(), rng, "source", viewpoints=False)
+    scan = write_scan(looking.fan, sweep, returns, Noise(), rng, "source")
     points = scan.points.astype(np.float64)
     return points[np.abs(points[:, 1]) < 4.0], sweep
 
