@@ -234,14 +234,15 @@ def scans_with_priors(
         return Navigated(tuple(scans if use_imu else _without_priors(scans)), settings.origin)
     _note_own(scans, f"the recording's own IMU is not used, as {priors} is given")
     scans = _without_priors(scans)
-    sigmas = parse_prior_sigmas(prior_sigmas) if prior_sigmas else {}
+    if prior_sigmas:
+        settings = replace(settings, sigmas=parse_prior_sigmas(prior_sigmas))
     notes: list[str] = []
     turn_rates = None
     if settings.offset is None:
         from sonarmap.tools.files.readers.sonar.imu import vertical_turn_rates
 
         turn_rates = vertical_turn_rates(files)
-    navigated = navigate(scans, priors, settings, sigmas, allow_unknown, notes, turn_rates)
+    navigated = navigate(scans, priors, settings, allow_unknown, notes, turn_rates)
     for note in notes:
         say(note)
     bare = [scan.name for scan in navigated.scans if scan.prior is None]

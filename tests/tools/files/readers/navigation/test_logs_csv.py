@@ -217,4 +217,4 @@ class TestAmbiguous:
         path.write_text("Time,Depth\n" + rows("5"))
         with pytest.raises(InputError, match=r"depth_m \('Depth'\) has no standard deviation; .* --prior-sigmas"):
             navigate(SCANS, path)
-        assert navigate(SCANS, path, sigmas=SIGMAS).scans[0].prior is not None
+        assert navigate(SCANS, path, NavigationSettings(sigmas=SIGMAS)).scans[0].prior is not None

@@ -138,7 +138,7 @@ def test_a_trajectory_is_navigation(path: Path) -> None:
     sigmas = {"roll_deg": 0.5, "pitch_deg": 0.5, "heading_deg": 3.0, "x_m": 2.0, "y_m": 2.0, "depth_m": 0.1}
     scans = scans_at(START + 3, START + 6.5)
     notes: list[str] = []
-    first, second = (scan.prior for scan in navigate(scans, path, sigmas=sigmas, notes=notes).scans)
+    first, second = (scan.prior for scan in navigate(scans, path, NavigationSettings(sigmas=sigmas), notes=notes).scans)
     assert first is not None
     assert second is not None
     np.testing.assert_allclose(first.T_world_sensor.as_matrix(), poses[3].as_matrix(), atol=1e-6)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sonarmap.tools.files.readers.instruments import sigmas_of, values_of
-from sonarmap.tools.files.readers.navigation.priors import with_priors
+from sonarmap.tools.files.readers.navigation.priors import navigate
 from tests.tools.files.readers.navigation.logs import scans_at
 
 HEADING = "stamp,heading_deg,heading_sigma_deg,x_m,y_m,x_sigma_m,y_sigma_m,depth_m,depth_sigma_m\n"
@@ -16,7 +16,7 @@ def told(folder: Path, rows: str, *stamps: float) -> tuple[np.ndarray, np.ndarra
     """Values and sigmas in the columns' units, (N, 6) each; NaN where a scan has no prior."""
     path = folder / "nav.csv"
     path.write_text(HEADING + rows)
-    found = [scan.prior for scan in with_priors(scans_at(*stamps), path)]
+    found = [scan.prior for scan in navigate(scans_at(*stamps), path).scans]
     nothing = np.full(6, np.nan)
     values = np.array([nothing if prior is None else values_of(prior.T_world_sensor) for prior in found])
     sigmas = np.array([nothing if prior is None else sigmas_of(prior) for prior in found])
