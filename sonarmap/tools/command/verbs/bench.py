@@ -103,9 +103,9 @@ def _run(asked: Measurement, as_json: bool) -> tuple[dict[str, Any], list[str]]:
 
     from sonarmap.tools.lab.bench.output.as_json import as_json as to_json
     from sonarmap.tools.lab.bench.output.table import describe
-    from sonarmap.tools.lab.bench.run import Workload, run_bench
+    from sonarmap.tools.lab.bench.run import BenchPlan, run_bench
 
-    work = Workload(
+    plan = BenchPlan(
         edges=list(dict.fromkeys(asked.grid or DEFAULT_EDGES)),
         repeats=asked.repeats,
         pairs=asked.pairs,
@@ -114,7 +114,7 @@ def _run(asked: Measurement, as_json: bool) -> tuple[dict[str, Any], list[str]]:
         seed=asked.seed,
     )
     measured = run_bench(
-        asked.device, work, lambda label, total: progress(label, total, quiet=as_json), command=_run_here
+        asked.device, plan, lambda label, total: progress(label, total, quiet=as_json), command=_run_here
     )
     result = to_json(measured)
     if as_json:

@@ -18,7 +18,7 @@ _RATE_REPEATS = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Workload:
+class BenchPlan:
     """What a benchmark measures.
 
     Attributes:
@@ -38,7 +38,7 @@ class Workload:
     seed: int
 
 
-def run_bench(selector: str | None, work: Workload, follow: Follow, command: Command) -> BenchResult:
+def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Command) -> BenchResult:
     """Measure on one device.
 
     Args:
@@ -50,38 +50,38 @@ def run_bench(selector: str | None, work: Workload, follow: Follow, command: Com
         InputError: an edge is not a grid's, or nothing is left to measure.
         DeviceError: there is no such device, or it is too small.
     """
-    for edge in work.edges:
+    for edge in plan.edges:
         Grid(edge, 1.0)
-    if not (work.kernels or work.pairs or work.survey):
+    if not (plan.kernels or plan.pairs or plan.survey):
         raise InputError("--no-kernels and --pairs 0 leave nothing to measure; leave one of them out")
-    if work.survey == 1:
+    if plan.survey == 1:
         raise InputError("--survey 1: a survey needs 2 scans or more; 0 maps none")
     chosen = choose_device(selector)
     device = Device(chosen.cl_device, chosen.selector, chosen.notes, profiling=True)
     machine, before = describe_machine(device), load_average()
     rates = [measure_rates(device, _RATE_REPEATS)]
-    measured = _kernels(device, work, machine.cores, follow) if work.kernels else ()
+    measured = _kernels(device, plan, machine.cores, follow) if plan.kernels else ()
     # again, as the machine's other work may have changed meanwhile
     rates.append(measure_rates(device, _RATE_REPEATS))
     return BenchResult(
         machine=machine,
-        seed=work.seed,
-        repeats=work.repeats,
+        seed=plan.seed,
+        repeats=plan.repeats,
         rates=summarize_rates(device, rates),
         kernels=measured,
-        pairs=_pairs(selector, work, follow) if work.pairs else (),
-        survey=measure_survey(work.survey, work.seed, selector, follow, command) if work.survey else None,
+        pairs=_pairs(selector, plan, follow) if plan.pairs else (),
+        survey=measure_survey(plan.survey, plan.seed, selector, follow, command) if plan.survey else None,
         load=(before, load_average()),
     )
 
 
-def _kernels(device: Device, work: Workload, cores: int, follow: Follow) -> tuple[KernelResult, ...]:
-    with follow("timing kernels", len(work.edges) * len(CASES)) as step:
-        return tuple(measure_kernels(device, work.edges, work.repeats, work.seed, cores, step))
+def _kernels(device: Device, plan: BenchPlan, cores: int, follow: Follow) -> tuple[KernelResult, ...]:
+    with follow("timing kernels", len(plan.edges) * len(CASES)) as step:
+        return tuple(measure_kernels(device, plan.edges, plan.repeats, plan.seed, cores, step))
 
 
-def _pairs(selector: str | None, work: Workload, follow: Follow) -> tuple[PairResult, ...]:
-    with follow("simulating pairs", work.pairs) as step:
-        simulated = simulate_pairs(work.pairs, work.seed, step)
-    with follow("registering pairs", len(work.edges) * work.pairs) as step:
-        return tuple(measure_pairs(simulated, edge, selector, step) for edge in work.edges)
+def _pairs(selector: str | None, plan: BenchPlan, follow: Follow) -> tuple[PairResult, ...]:
+    with follow("simulating pairs", plan.pairs) as step:
+        simulated = simulate_pairs(plan.pairs, plan.seed, step)
+    with follow("registering pairs", len(plan.edges) * plan.pairs) as step:
+        return tuple(measure_pairs(simulated, edge, selector, step) for edge in plan.edges)
