@@ -16,7 +16,7 @@ from sonarmap.kernels.points.scaled import scaled
 from sonarmap.kernels.pomf.point_spectra import PointSpectra
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.memory import memory_plan, require_memory
+from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer
 from sonarmap.spectral.prepare.range_image import scan_view
 from sonarmap.spectral.prepare.signature import signature
@@ -82,23 +82,17 @@ class SpectralRegistrar(GridRegistrar):
     """Spectral registration on one device and grid; any two scans it prepared can be registered."""
 
     def __init__(self, device: Device, grid: Grid, config: SpectralConfig | None = None) -> None:
-        """Plan everything that does not depend on the scans.
+        """Plan everything that does not depend on the scans; device and grid as `GridRegistrar` takes them.
 
         Args:
-            device: what to compute on.
-            grid: that all scans share; `choose_grid` makes it.
             config: None for the defaults.
-
-        Raises:
-            DeviceError: the device cannot hold what the grid needs.
         """
-        self.device, self.grid, self.config = device, grid, config or SpectralConfig()
-        require_memory(device, memory_plan(grid.edge, max_tilt=self.config.max_tilt))
+        self.config = config or SpectralConfig()
+        super().__init__(device, grid, memory_plan(grid.edge, max_tilt=self.config.max_tilt))
         self.so3 = So3(device, grid.edge, self.config.max_tilt)
         self._preparer = Preparer(device, grid, self.config.use_strength, farthest=self.so3.farthest)
         self._verifier = Verifier(device, grid.edge)
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
-        self._warm = False
 
     def prepare(self, scan: Scan) -> SpectralScan:
         """What the scan contributes to every pair: its spectra, its layers' harmonics, its surface and its view.

@@ -8,6 +8,7 @@ that ask for different numbers one after the other.
 An inverse transform is a forward one between real and imaginary parts that change places.
 """
 
+from dataclasses import dataclass
 from math import prod
 
 import numpy as np
@@ -19,23 +20,42 @@ from sonarmap.kernels.fft.stage import half_turns, stage, twiddles, untangle
 _BARRIER = "barrier(CLK_LOCAL_MEM_FENCE);"
 
 
+@dataclass(frozen=True, slots=True)
+class _Axis:
+    """An axis other than the last.
+
+    Attributes:
+        name: of its kernel.
+        points: of one column.
+        groups: of work-items.
+        outer: floats from one set of adjacent columns to the next.
+        stride: floats from one element of a column to the next.
+    """
+
+    name: str
+    points: int
+    groups: int
+    outer: int
+    stride: int
+
+
 def emit(layout: Layout, inverse: bool) -> Plan:
     """The program of a transform and its launches; see `Plan`."""
     n0, n1, _ = layout.shape
     points, pitch, blocks = layout.row_points, 2 * layout.pitch, layout.column_blocks
-    columns = [("columns_1", n1, n0 * blocks, n1 * pitch, pitch)]
+    axes = [_Axis("columns_1", n1, n0 * blocks, n1 * pitch, pitch)]
     if not layout.batched:
-        columns.append(("columns_0", n0, n1 * blocks, pitch, n1 * pitch))
+        axes.append(_Axis("columns_0", n0, n1 * blocks, pitch, n1 * pitch))
     turns = {"half_turn": half_turns(points, layout.row_scale(inverse), inverse)}
-    for n in sorted({points, *(edge[1] for edge in columns)}):
+    for n in sorted({points, *(axis.points for axis in axes)}):
         turns |= twiddles(n)
     first = np.cumsum([0, *(values.size for values in turns.values())])
     places = dict(zip(turns, first.tolist(), strict=False))
     parts = [_rows(layout, places, inverse)]
     passes = [Pass("rows", -(-n0 * n1 // 8), group_size(points))]
-    for name, n, groups, outer, stride in columns:
-        parts.append(_columns(layout, places, name, n, outer, stride, inverse))
-        passes.append(Pass(name, groups, group_size(n)))
+    for axis in axes:
+        parts.append(_columns(layout, places, axis, inverse))
+        passes.append(Pass(axis.name, axis.groups, group_size(axis.points)))
     table = np.concatenate([*turns.values()])
     return Plan("\n".join(parts), tuple(reversed(passes) if inverse else passes), table)
 
@@ -121,25 +141,19 @@ def _position(n: int, index: str) -> str:
     return " + ".join(terms)
 
 
-def _columns(layout: Layout, places: dict[str, int], name: str, n: int, outer: int, stride: int, inverse: bool) -> str:
-    """The kernel of an axis other than the last.
-
-    Args:
-        places: where each table begins.
-        outer: floats from one set of adjacent columns to the next.
-        stride: floats from one element of a column to the next.
-    """
+def _columns(layout: Layout, places: dict[str, int], axis: _Axis, inverse: bool) -> str:
+    """The kernel of an axis; `places` are where each table begins."""
     re, im = _parts(inverse)
-    blocks = layout.column_blocks
+    blocks, n = layout.column_blocks, axis.points
     where = "const int line = t & 7, k = t >> 3;"
     load = [
         f"{where} const int at = 8 * ({_position(n, 'k')}) + line;",
-        f"const float2 z = vload2(0, p + k * {stride} + 2 * line);",
+        f"const float2 z = vload2(0, p + k * {axis.stride} + 2 * line);",
         f"{re}[at] = z.x; {im}[at] = z.y;",
     ]
-    store = [f"{where} vstore2((float2)({re}[t], {im}[t]), 0, p + k * {stride} + 2 * line);"]
-    first = f"__global float* p = spectrum + group / {blocks} * {outer} + group % {blocks} * 16;"
-    return _kernel(name, n, places, [first, *_each(n, 8 * n, load), *_stages(n), *_each(n, 8 * n, store)])
+    store = [f"{where} vstore2((float2)({re}[t], {im}[t]), 0, p + k * {axis.stride} + 2 * line);"]
+    first = f"__global float* p = spectrum + group / {blocks} * {axis.outer} + group % {blocks} * 16;"
+    return _kernel(axis.name, n, places, [first, *_each(n, 8 * n, load), *_stages(n), *_each(n, 8 * n, store)])
 
 
 def _rows(layout: Layout, places: dict[str, int], inverse: bool) -> str:

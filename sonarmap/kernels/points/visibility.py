@@ -106,11 +106,12 @@ def agreement(
     bad = [pair for pair in tolerances if not (0 <= pair[0] < np.inf and 0 <= pair[1] < np.inf)]
     if bad or len(tolerances) not in (1, 2) or len(ways) not in (1, 2):
         raise InputError(f"{len(ways)} ways, `tolerances={tolerances}`; wanted one or two of each, 0 or more")
-    images, edge = [_images(way) for way in ways], _edge(ways)
+    images = [_images(way) for way in ways]
+    _require_one_edge(ways)
     n, _ = require_array(poses, "poses", (None, 16))
     counts = device.empty((sum(images), n, len(tolerances), 3), np.int32)
     if counts.size:
-        _launch(device, ways, images, edge, poses, tolerances, counts)
+        _launch(device, ways, images, poses, tolerances, counts)
     copy = Readback(device, counts)
     return Pending(lambda: np.split(copy.read().astype(np.int64), np.cumsum(images)[:-1]))
 
@@ -119,7 +120,6 @@ def _launch(
     device: Device,
     ways: Sequence[Way],
     images: Sequence[int],
-    edge: int,
     poses: cla.Array,
     tolerances: Sequence[tuple[float, float]],
     counts: cla.Array,
@@ -135,7 +135,7 @@ def _launch(
     launch(
         device, "points/visibility", "agreement", (n, sum(images)) if cpu else (_GROUP, n, sum(images)),
         *arrays, first.points[0], second.points[0], poses, counts, np.int32(images[0]), *sizes, both,
-        group=None if cpu else (_GROUP, 1, 1), EDGE=edge, TOLERANCES=len(tolerances), CPU=int(cpu),
+        group=None if cpu else (_GROUP, 1, 1), EDGE=arrays[0].shape[1], TOLERANCES=len(tolerances), CPU=int(cpu),
     )  # fmt: skip
 
 
@@ -159,13 +159,11 @@ def _images(way: Way) -> int:
     return len(way.views)
 
 
-def _edge(ways: Sequence[Way]) -> int:
-    """The edge of all images."""
+def _require_one_edge(ways: Sequence[Way]) -> None:
     edges = {way.views.shape[1] for way in ways if way.views is not None}
     for way in ways:
         if way.views is not None:
             require_array(way.views, "views", (None, *2 * (min(edges),), 2))
-    return min(edges, default=0)
 
 
 def _require_places(places: np.ndarray, what: str) -> None:

@@ -1,6 +1,8 @@
 # pyright: strict, reportUnknownMemberType=false
 """The highest peaks of several correlations, chosen on the device and read at once."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pyopencl.array as cla
 
@@ -14,6 +16,21 @@ _CAPACITY, _RECORD = 256, 28  # as in choose.cl
 # So many rows for each peak are looked through before the best are chosen: a peak is the maximum of some nine rows.
 _ROWS_OF_A_PEAK = 32
 _ROWS_TOGETHER, _GROUP = 16, 256
+
+
+@dataclass(frozen=True, slots=True)
+class Correlations:
+    """Correlations on the device, and what their peaks are chosen by; c of them, in the order that choose.cl says.
+
+    Attributes:
+        values: (c, edge, edge, edge) float32.
+        tops: (c, edge, edge) float32, the maxima of their rows.
+        energies: (c, parts + 1) float32, of their spectra.
+    """
+
+    values: cla.Array
+    tops: cla.Array
+    energies: cla.Array
 
 
 class Chooser:
@@ -30,14 +47,7 @@ class Chooser:
         return self._device.empty((poses, exponents, 4 + _RECORD * count), np.int32)
 
     def choose(
-        self,
-        correlations: cla.Array,
-        tops: cla.Array,
-        energies: cla.Array,
-        poses: cla.Array,
-        separation: float,
-        now: tuple[int, int],
-        out: cla.Array,
+        self, correlations: Correlations, poses: cla.Array, separation: float, now: tuple[int, int], out: cla.Array
     ) -> None:
         """Queue the choice of the peaks of some poses, number and first of them `now`, into `out`."""
         count, first = np.int32(now[0]), np.int32(now[1])
@@ -52,13 +62,13 @@ class Chooser:
             "WIDTH": width,
         }
         launch(
-            self._device, "pomf/choose", "threshold", (cubes * width,), tops, energies, poses, self._states,
-            np.int32(self._parts), np.int32(min(_ROWS_OF_A_PEAK * wanted, rows)), count, first,
+            self._device, "pomf/choose", "threshold", (cubes * width,), correlations.tops, correlations.energies, poses,
+            self._states, np.int32(self._parts), np.int32(min(_ROWS_OF_A_PEAK * wanted, rows)), count, first,
             group=(width,), **macros,
         )  # fmt: skip
         launch(
-            self._device, "pomf/choose", "collect", (rows // together, cubes), correlations, tops, poses, self._states,
-            self._maxima, count, first, group=None, **macros,
+            self._device, "pomf/choose", "collect", (rows // together, cubes), correlations.values, correlations.tops,
+            poses, self._states, self._maxima, count, first, group=None, **macros,
         )  # fmt: skip
         launch(
             self._device, "pomf/choose", "choose", (cubes,), self._states, self._maxima, out, np.int32(wanted),

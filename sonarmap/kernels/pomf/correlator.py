@@ -13,7 +13,7 @@ from sonarmap.kernels.device.readback import Pending, Readback
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.points.voxelize import voxelize_poses
-from sonarmap.kernels.pomf.choose import Chooser
+from sonarmap.kernels.pomf.choose import Chooser, Correlations
 from sonarmap.kernels.pomf.near import SUMS, highest_near
 from sonarmap.kernels.pomf.passes import make_passes
 from sonarmap.kernels.pomf.peak import find_peaks
@@ -70,12 +70,13 @@ class Correlator:
         self._volumes = device.empty((most, edge, edge, edge))
         self._marks = device.empty((most, -(-(edge**2) // 8)), np.int32)
         self._spectra = device.empty((cubes, edge, edge, row_pitch(edge)), np.complex64)
-        self._correlations = device.empty((cubes, edge, edge, edge))
         self._passes = make_passes(device, edge, blur, exponents, most)
-        self._tops = device.empty((cubes, edge, edge))
-        self._energies = device.empty((cubes, self._passes.parts + 1))
+        self._correlations = Correlations(
+            values=device.empty((cubes, edge, edge, edge)),
+            tops=device.empty((cubes, edge, edge)),
+            energies=device.empty((cubes, self._passes.parts + 1)),
+        )
         self._chooser = Chooser(device, edge, cubes, self._passes.parts, self._passes.clears)
-        self._sums = device.empty((most, 6, edge, row_pitch(edge)), np.complex64)
         self._clean = False
 
     def find(
@@ -98,8 +99,7 @@ class Correlator:
         for first in range(0, len(poses), self.most):
             now = min(self.most, len(poses) - first)
             self._correlate(points, rows, first, now, targets)
-            arrays = self._correlations, self._tops, self._energies, rows
-            self._chooser.choose(*arrays, separation, (now, first), out)
+            self._chooser.choose(self._correlations, rows, separation, (now, first), out)
         peaks, hidden = self._chooser.read(out)
         for n, e in hidden:
             correlation = self.correlations(points, poses[n], targets)[e]
@@ -128,14 +128,14 @@ class Correlator:
             now = min(self.most, len(poses) - first)
             self._voxelize(points, rows, first, now)
             for n in range(now):
-                self._passes.near(self._spectra, n, targets[0], places[first + n], self._sums, out, first + n)
+                self._passes.near(self._spectra, n, targets[0], places[first + n], out, first + n)
         copy = Readback(self.device, out)
         return Pending(lambda: highest_near(self.edge, places, copy.read()))
 
     def correlations(self, points: cla.Array, pose: Pose, targets: Sequence[cla.Array]) -> list[cla.Array]:
         """For each exponent the correlation (edge, edge, edge) float32; the arrays are used again by the next call."""
         self._correlate(points, self._upload([Pose(pose.R, pose.offset)]), 0, 1, targets)
-        return [self._correlations[e] for e in range(len(self.exponents))]
+        return [self._correlations.values[e] for e in range(len(self.exponents))]
 
     def _upload(self, poses: Sequence[Pose]) -> cla.Array:
         """(m, 20) float32, as voxelize.cl and choose.cl take them."""
@@ -165,5 +165,6 @@ class Correlator:
         for target in targets:
             require_array(target, "target", (self.edge, self.edge, half), np.complex64)
         self._voxelize(points, rows, first, now)
-        self._passes.correlate(self._spectra, targets, self._energies, now)
-        self._passes.inverse(self._correlations, self._spectra, self._tops, rows, now, first)
+        correlations = self._correlations
+        self._passes.correlate(self._spectra, targets, correlations.energies, now)
+        self._passes.inverse(correlations.values, self._spectra, correlations.tops, rows, now, first)

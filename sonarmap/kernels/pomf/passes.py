@@ -36,6 +36,11 @@ class _Tables:
         self.along, self.roots = table(device, along), table(device, np.exp(turns).astype(np.complex64))
 
 
+def _empty_sums(device: Device, edge: int, most: int) -> cla.Array:
+    """For near.cl, of each volume."""
+    return device.empty((most, 6, edge, row_pitch(edge)), np.complex64)
+
+
 class FusedPasses:
     """For processors: a work-item per plane or sheet; see `kernels.fft.fused`.
 
@@ -52,6 +57,7 @@ class FusedPasses:
         self._device, self._edge, self._pitch, self._exponents = device, edge, layout.pitch, len(exponents)
         self.parts = edge // sheet_width(layout)
         self._tables = _Tables(device, edge, blur)
+        self._sums = _empty_sums(device, edge, most)
         # which planes of the volumes hold points
         self._filled = device.empty((most, edge), np.int32)
         forward = device.build(fused.emit_forward(layout, exponents), name="fused")
@@ -78,23 +84,16 @@ class FusedPasses:
         self._launch(self._back, planes, correlations, spectra, tops, poses, np.int32(count), np.int32(first))
 
     def near(
-        self,
-        spectra: cla.Array,
-        number: int,
-        target: cla.Array,
-        place: np.ndarray,
-        sums: cla.Array,
-        out: cla.Array,
-        index: int,
+        self, spectra: cla.Array, number: int, target: cla.Array, place: np.ndarray, out: cla.Array, index: int
     ) -> None:
         """Of one spectrum from `forward`, the sums near a voxel (3,) of the correlation, to out[index]; see near.cl."""
         tables = self._tables.across, self._tables.along, self._tables.roots
         arrays = spectra, self._filled, target, *tables
-        self._launch(self._near, self.parts, *arrays, np.int32(place[0]), np.int32(number), sums)
+        self._launch(self._near, self.parts, *arrays, np.int32(place[0]), np.int32(number), self._sums)
         numbers = np.int32(place[1]), np.int32(self._edge), np.int32(self._pitch), np.int32(index)
         launch(
-            self._device, "pomf/near", "sum_rows", (self._pitch // 8, 6), sums, self._tables.roots, out, *numbers,
-            LANES=8,
+            self._device, "pomf/near", "sum_rows", (self._pitch // 8, 6), self._sums, self._tables.roots, out,
+            *numbers, LANES=8,
         )  # fmt: skip
 
     def _launch(self, kernel: cl.Kernel, items: int, *arguments: cla.Array | np.generic) -> None:
@@ -106,11 +105,12 @@ class SinglePasses:
 
     clears = False
 
-    def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...]) -> None:
-        """Build the kernels."""
+    def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...], most: int) -> None:
+        """Build the kernels, for `most` volumes at once."""
         self._device, self._edge, self._pitch, self._exponents = device, edge, row_pitch(edge), exponents
         self.parts = edge * edge
         self._tables = _Tables(device, edge, blur)
+        self._sums = _empty_sums(device, edge, most)
         self._fft = RealFFT(device, (edge, edge, edge))
 
     def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
@@ -145,27 +145,21 @@ class SinglePasses:
         )  # fmt: skip
 
     def near(
-        self,
-        spectra: cla.Array,
-        number: int,
-        target: cla.Array,
-        place: np.ndarray,
-        sums: cla.Array,
-        out: cla.Array,
-        index: int,
+        self, spectra: cla.Array, number: int, target: cla.Array, place: np.ndarray, out: cla.Array, index: int
     ) -> None:
         """As `FusedPasses` does."""
         tables, edge, columns = self._tables, np.int32(self._edge), self._edge * self._pitch
         groups = -(-columns // _WIDTH)
         launch(
             self._device, "pomf/near", "sum_columns", (groups * _WIDTH,), spectra, target, tables.across,
-            tables.along, tables.roots, np.int32(place[0]), sums, edge, np.int32(columns),
+            tables.along, tables.roots, np.int32(place[0]), self._sums, edge, np.int32(columns),
             np.float32(self._exponents[0]), np.int32(number), group=(_WIDTH,), LANES=1,
         )  # fmt: skip
         numbers = np.int32(place[1]), edge, np.int32(self._pitch), np.int32(index)
         size = -(-self._pitch // _WIDTH) * _WIDTH, 6
         launch(
-            self._device, "pomf/near", "sum_rows", size, sums, tables.roots, out, *numbers, group=(_WIDTH, 1), LANES=1
+            self._device, "pomf/near", "sum_rows", size, self._sums, tables.roots, out, *numbers, group=(_WIDTH, 1),
+            LANES=1,
         )  # fmt: skip
 
 
@@ -174,6 +168,5 @@ Passes = FusedPasses | SinglePasses
 
 def make_passes(device: Device, edge: int, blur: float, exponents: tuple[float, ...], most: int) -> Passes:
     """The passes that suit the device, for `most` volumes at once; fused ones take whole blocks of 8 rows only."""
-    if device.is_cpu and edge % 8 == 0:
-        return FusedPasses(device, edge, blur, exponents, most)
-    return SinglePasses(device, edge, blur, exponents)
+    passes = FusedPasses if device.is_cpu and edge % 8 == 0 else SinglePasses
+    return passes(device, edge, blur, exponents, most)

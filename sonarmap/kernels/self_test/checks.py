@@ -154,7 +154,7 @@ def _surfaces(device: Device) -> Iterator[Measured]:
         for each in (cells, sort_into_cells(device, source))
     ]
     weighting = Weighting(bell=1 / 6, wide_bell=0.8, bells=4.0, measured=3.0)
-    steps = Refinement(device, surfaces[0], surfaces[1], 2000, 1.0, weighting, None)
+    steps = Refinement(device, surfaces[0], surfaces[1], 2000, weighting, None)
     steps.begin(turn.as_matrix()[None], shift[None], np.zeros(1), None)
     for reach in (4.0, 3.0, 2.0, 2.0, 1.5):
         steps.step(reach, alone=True)

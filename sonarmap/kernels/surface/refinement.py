@@ -32,12 +32,14 @@ class Weighting:
         bells: points as many widths of the bell apart as this no longer count.
         measured: how far the surfaces usually are apart is measured where points may be at least so far apart; nearer
             than that, rims no longer move the pose.
+        scale: each pair counts for so many.
     """
 
     bell: float
     wide_bell: float
     bells: float
     measured: float
+    scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +82,6 @@ class Refinement:
         target: Elements,
         source: Elements,
         most: int,
-        scale: float,
         weighting: Weighting,
         stretching: Stretching | None,
     ) -> None:
@@ -88,10 +89,9 @@ class Refinement:
 
         Args:
             most: how many points of each surface take part, evenly.
-            scale: each pair counts for so many.
             stretching: None where the scans are taken as they are.
         """
-        self.device, self._scale, self._weighting, self._stretching = device, scale, weighting, stretching
+        self.device, self._weighting, self._stretching = device, weighting, stretching
         self._real = np.float64 if "cl_khr_fp64" in device.cl_device.extensions else np.float32
         self._launch = partial(launch, device, FP64=int(self._real is np.float64))
         self._surfaces: list[cla.Array | np.generic] = []
@@ -133,7 +133,7 @@ class Refinement:
         cpu, poses = self.device.is_cpu, self._rows.shape[0]
         group = (1 if cpu else 256, 1)
         size = (self._parts * group[0], poses)
-        arguments = self._rows, self._records, self._sums, count, np.float32(self._scale), stretches
+        arguments = self._rows, self._records, self._sums, count, np.float32(self._weighting.scale), stretches
         self._launch("surface/equations", "add_up", size, *arguments, group=group, LANES=group[0], PART=_PART)
         known = self._stretching or Stretching(0.0, 0.0, 1.0)
         numbers = [self._real(value) for value in (known.known, known.power, known.narrowest)]
@@ -146,7 +146,7 @@ class Refinement:
         poses, stretches = self._rows.shape[0], np.int32(self._stretching is not None)
         count, parts = np.int32(self._count), np.int32(self._parts)
         # the sums are folded by now: their memory is free for the doubts
-        arguments = self._rows, self._records, self._sums, count, np.float32(self._scale), stretches
+        arguments = self._rows, self._records, self._sums, count, np.float32(self._weighting.scale), stretches
         lanes = 1 if self.device.is_cpu else 256
         self._launch("surface/equations", "add_doubts", (8 * self._parts, poses), *arguments, LANES=lanes, PART=_PART)
         lanes = 1 if self.device.is_cpu else 64

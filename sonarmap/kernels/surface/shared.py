@@ -1,6 +1,8 @@
 # pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """Sums over the points that two surfaces share, under many poses."""
 
+from dataclasses import asdict, dataclass
+
 import numpy as np
 import pyopencl.array as cla
 
@@ -13,26 +15,47 @@ from sonarmap.kernels.surface.cells import Elements
 _ITEM, _LANES = 32, 64
 
 
+@dataclass(frozen=True, slots=True)
+class WeightedElements:
+    """The points of a surface, and how much each counts.
+
+    Attributes:
+        elements: the points.
+        weights: device (d,) float32, by the directions of their normals.
+    """
+
+    elements: Elements
+    weights: cla.Array
+
+
+@dataclass(frozen=True, slots=True)
+class Nearness:
+    """What a point needs on the other surface.
+
+    Attributes:
+        reach: within which distance it lies on that surface.
+        covered: within which distance it is covered by it.
+        alike: least cosine of the normals of points that agree.
+    """
+
+    reach: float
+    covered: float
+    alike: float
+
+
 def shared_sums(
     device: Device,
-    target: Elements,
-    source: Elements,
-    weights: tuple[cla.Array, cla.Array],
+    target: WeightedElements,
+    source: WeightedElements,
     poses: cla.Array,
     most: int,
-    *,
-    reach: float,
-    covered: float,
-    alike: float,
+    nearness: Nearness,
 ) -> Pending[np.ndarray]:
     """Queue what the points of each surface have near them on the other's.
 
     Args:
-        weights: device (d,) float32 each, the target's and the source's, by the directions of their normals.
         poses: device (k, 16) float32, as `upload_poses` makes them.
         most: how many points of each are looked at, evenly.
-        reach, covered: within which distances a point lies on the other surface, and is covered by it.
-        alike: least cosine of the normals of points that agree.
 
     Returns:
         (k, 2, 4) float64: of the source's points, then of the target's, the weights of those that agree, of those that
@@ -43,15 +66,15 @@ def shared_sums(
     """
     count, _ = require_array(poses, "poses", (None, 16))
     item, lanes = (_ITEM, 1) if device.is_cpu else (1, _LANES)
-    thinned = [surface.thinned(most) for surface in (target, source)]
+    thinned = [surface.elements.thinned(most) for surface in (target, source)]
     parts = -(-max(count for count, _ in thinned) // (item * lanes))
     out = device.empty((count, 2, parts, 4))
     ours, theirs = (
-        (*surface.cells.arguments, surface.rows, weight, np.int32(few), np.int32(step))
-        for surface, weight, (few, step) in zip((target, source), weights, thinned, strict=True)
+        (*surface.elements.cells.arguments, surface.elements.rows, surface.weights, np.int32(few), np.int32(step))
+        for surface, (few, step) in zip((target, source), thinned, strict=True)
     )
     size, group = (parts * lanes, count, 2), (lanes, 1, 1)
-    defines = {"ITEM": item, "LANES": lanes, "REACH": float(reach), "COVERED": float(covered), "ALIKE": float(alike)}
+    defines = {name.upper(): float(limit) for name, limit in asdict(nearness).items()} | {"ITEM": item, "LANES": lanes}
     if count:
         launch(device, "surface/shared", "shared", size, *ours, *theirs, poses, out, group=group, **defines)
     copy, counts = Readback(device, out), (thinned[1][0], thinned[0][0])

@@ -2,7 +2,7 @@
 """What the motion adds to registrations: a second look about where it expects them, and a measurement beside them."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -90,8 +90,8 @@ def with_motion(pairs: Sequence[RegisteredPair], motion: AnyMotion) -> list[Regi
     ]
     if held:
         expected = {n: motion.expected(*pairs[n].scans) for n, _ in held}
-        ways = {n: _known_way(motion.way(*pairs[n].scans)) for n, _ in held}
-        fused = _fused([answers[n][k] for n, k in held], [expected[n] for n, _ in held], [ways[n] for n, _ in held])
+        lengths = {n: _known_length(motion.way(*pairs[n].scans)) for n, _ in held}
+        fused = _fused([answers[n][k] for n, k in held], [expected[n] for n, _ in held], [lengths[n] for n, _ in held])
         for (n, rank), answer in zip(held, fused, strict=True):
             answers[n][rank] = answer
     return [
@@ -100,27 +100,28 @@ def with_motion(pairs: Sequence[RegisteredPair], motion: AnyMotion) -> list[Regi
     ]
 
 
-def _known_way(way: tuple[float, float] | None) -> tuple[float, float]:
+def _known_length(length: tuple[float, float] | None) -> tuple[float, float]:
     """Mean and standard deviation of a length that holds a direction; NaN where it does not."""
-    return (np.nan, np.nan) if way is None or way[0] < _UNDER_WAY * way[1] else way
+    return (np.nan, np.nan) if length is None or length[0] < _UNDER_WAY * length[1] else length
 
 
 def _fused(
-    answers: Sequence[Registration], expected: Sequence[ExpectedPose], ways: Sequence[tuple[float, float]]
+    answers: Sequence[Registration], expected: Sequence[ExpectedPose], lengths: Sequence[tuple[float, float]]
 ) -> list[Registration]:
     """n answers as one measurement each with what was expected, and how far the vehicle goes."""
     T = RigidTransform.concatenate([answer.T_target_source for answer in answers])
     turns = Rotation.from_rotvec(np.stack([each.rotation for each in expected]))
     there = RigidTransform.from_components(np.stack([each.translation for each in expected]), turns)
-    away: np.ndarray = (T.inv() * there).as_exp_coords()
+    steps_there: np.ndarray = (T.inv() * there).as_exp_coords()
     # errors about and along the target's axes, in the source's
     turn: np.ndarray = np.kron(np.eye(2), np.asarray(T.rotation.as_matrix()).swapaxes(1, 2))
     sigmas = np.stack([each.sigmas for each in expected])
     known: np.ndarray = turn / sigmas[:, None, :] ** 2 @ turn.swapaxes(1, 2)
+    motion = _ExpectedSteps(steps_there, known, np.array(lengths))
     by_scans = np.linalg.inv(np.stack([answer.covariance for answer in answers]))
     covariances = np.linalg.inv(by_scans + known)
-    steps = np.einsum("nab,nbc,nc->na", covariances, known, away)
-    _go_as_far(T, steps, covariances, by_scans, known, away, np.array(ways))
+    steps = np.einsum("nab,nbc,nc->na", covariances, known, steps_there)
+    _go_as_far(T, steps, covariances, by_scans, motion)
     covariances = (covariances + covariances.swapaxes(1, 2)) / 2
     moved = T * RigidTransform.from_exp_coords(steps)
     return [
@@ -135,14 +136,18 @@ def _fused(
     ]
 
 
+@dataclass(frozen=True, slots=True)
+class _ExpectedSteps:
+    """What the motion expects of n poses: the steps to there (n, 6), the information that it has on them (n, 6, 6), and
+    mean and standard deviation of the length of the way (n, 2) [m], NaN where it is not known."""
+
+    steps: np.ndarray
+    information: np.ndarray
+    lengths: np.ndarray
+
+
 def _go_as_far(
-    T: RigidTransform,
-    steps: np.ndarray,
-    covariances: np.ndarray,
-    by_scans: np.ndarray,
-    known: np.ndarray,
-    away: np.ndarray,
-    ways: np.ndarray,
+    T: RigidTransform, steps: np.ndarray, covariances: np.ndarray, by_scans: np.ndarray, motion: _ExpectedSteps
 ) -> None:
     """Change steps and covariances to where a step from T leads whose length is known, too.
 
@@ -152,14 +157,13 @@ def _go_as_far(
         T: n poses.
         steps: (n, 6) without the length, and `covariances`: (n, 6, 6) of them.
         by_scans: (n, 6, 6) information that T has.
-        known: (n, 6, 6) information that the motion expects to be `away` (n, 6) from T.
-        ways: (n, 2) mean and standard deviation of the length [m]; NaN where it is not known.
+        motion: what is expected of T.
     """
-    rows = np.flatnonzero(np.isfinite(ways[:, 0]))
+    rows = np.flatnonzero(np.isfinite(motion.lengths[:, 0]))
     for _ in range(_ROUNDS):
         shift = (T[rows] * RigidTransform.from_exp_coords(steps[rows])).translation if len(rows) else np.zeros((0, 3))
         lengths = np.linalg.norm(shift, axis=1)
-        moving = lengths >= 1e-9 * ways[rows, 0]
+        moving = lengths >= 1e-9 * motion.lengths[rows, 0]
         rows, shift, lengths = rows[moving], shift[moving], lengths[moving]
         if not len(rows):
             return
@@ -168,11 +172,11 @@ def _go_as_far(
         along[:, 3:] = T[rows].rotation.inv().apply(shift / lengths[:, None])
         outer = along[:, :, None] * along[:, None, :]
         aside = np.eye(6) - outer
-        rest = aside @ known[rows] @ aside
-        mean, precision = ways[rows, 0], ways[rows, 1] ** -2
+        rest = aside @ motion.information[rows] @ aside
+        mean, precision = motion.lengths[rows, 0], motion.lengths[rows, 1] ** -2
         covariances[rows] = np.linalg.inv(by_scans[rows] + rest + outer * precision[:, None, None])
         missing = (mean - lengths + np.einsum("na,na->n", along, steps[rows])) * precision
-        pull = np.einsum("nab,nb->na", rest, away[rows]) + along * missing[:, None]
+        pull = np.einsum("nab,nb->na", rest, motion.steps[rows]) + along * missing[:, None]
         steps[rows] = np.einsum("nab,nb->na", covariances[rows], pull)
 
 

@@ -13,7 +13,7 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.covariance import peak_covariance
 from sonarmap.spectral.hemisphere.layers import Hemisphere, LayerSpectra
 from sonarmap.spectral.hemisphere.match import Acceptance, Match, assess, by_peak, differ
-from sonarmap.spectral.memory import memory_plan, require_memory
+from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.overlap import overlap, unwrap
 from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer
 from sonarmap.spectral.result import Registration
@@ -94,22 +94,16 @@ class HemisphereRegistrar(GridRegistrar):
     _LARGEST_TILT = float(np.deg2rad(85.0))
 
     def __init__(self, device: Device, grid: Grid, config: HemisphereConfig | None = None) -> None:
-        """Plan everything that does not depend on the scans.
+        """Plan everything that does not depend on the scans; device and grid as `GridRegistrar` takes them.
 
         Args:
-            device: what to compute on.
-            grid: that all scans share; `choose_grid` makes it.
             config: None for the defaults.
-
-        Raises:
-            DeviceError: the device cannot hold what the grid needs.
         """
-        self.device, self.grid, self.config = device, grid, config or HemisphereConfig()
-        require_memory(device, memory_plan(grid.edge, "hemisphere"))
+        self.config = config or HemisphereConfig()
+        super().__init__(device, grid, memory_plan(grid.edge, "hemisphere"))
         self.hemisphere = Hemisphere(device, grid.edge, self.config.windowed)
         self._translation = Translation(device, grid.edge)
         self._preparer = Preparer(device, grid, self.config.use_strength, self.config.centered)
-        self._warm = False
 
     def prepare(self, scan: Scan) -> LayeredScan:
         """What the scan contributes to every pair: its spectra and, for the steps 1 and 4, its layers.

@@ -13,6 +13,7 @@ from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.pomf.point_spectra import PointSpectra
 from sonarmap.kernels.surface.cells import Cells, sort_into_cells
 from sonarmap.spectral.grid import Grid, scan_center
+from sonarmap.spectral.memory import MemoryPlan, require_memory
 from sonarmap.spectral.scan import Scan
 
 # Below so many occupied voxels there is no structure to register.
@@ -134,10 +135,24 @@ class Preparer:
 
 
 class GridRegistrar:
-    """A registrar that prepares scans on the grid that they share."""
+    """A registrar that prepares scans on the grid that they share; any two that it prepared can be registered."""
 
-    grid: Grid
     _preparer: Preparer
+
+    def __init__(self, device: Device, grid: Grid, plan: MemoryPlan) -> None:
+        """Require the memory.
+
+        Args:
+            device: what to compute on.
+            grid: that all scans share; `choose_grid` makes it.
+            plan: of `memory_plan`, for this grid.
+
+        Raises:
+            DeviceError: the device cannot hold what the grid needs.
+        """
+        require_memory(device, plan)
+        self.device, self.grid = device, grid
+        self._warm = False
 
     def with_voxel(self, voxel: float) -> Self:
         """The same for voxels of another size [m], on the same tables and memory: only one of the two may be at work.

@@ -18,7 +18,8 @@ from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Hypothesis, alike, ranked
 from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
 from sonarmap.spectral.verify.pair_frames import PairFrames
-from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Verifier
+from sonarmap.spectral.verify.prior_term import PriorTerm
+from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Selection, Verifier
 
 # Reaches of the refinement's steps [voxels] and its points: out of a candidate's error, which a coarse voxel and a
 # rotation 4 degrees off make; twice until it shows which candidates are worth more; until hypotheses can be compared;
@@ -67,7 +68,7 @@ class HypothesisTest:
         Surfaces of little relief agree nearly as well at wrong places, until a candidate is refined: so many are
         refined by few points, and the best of these by more. Impossible ones are kept only where there are no others.
         """
-        best = self.verifier.best(self.target, self.source, candidates, count, share=_PROMISING)
+        best = self.verifier.best(self.target, self.source, candidates, Selection(count, share=_PROMISING))
         first = Stage(tuple(self.verifier.coarser * reach for reach in _FIRST.reaches), _FIRST.points)
         # one that is left alone goes on at once
         if len(best) == 1:
@@ -96,8 +97,8 @@ class HypothesisTest:
         )
         if not len(candidates.psr):
             return []
-        count = 2 * len(finalists)
-        best = self.verifier.best(self.target, self.source, candidates, count, FINE, SAME_REFINED_SHIFT)
+        selection = Selection(2 * len(finalists), FINE, SAME_REFINED_SHIFT)
+        best = self.verifier.best(self.target, self.source, candidates, selection)
         hypotheses = self._refine_candidates(candidates, best, [_ROUGH])
         missed = [new for new in hypotheses if not any(alike(new.fit, finalist.fit) for finalist in finalists)]
         return self._frames.possible(missed)[: len(finalists)]
@@ -149,7 +150,7 @@ class HypothesisTest:
         best = self._refine([best], stages)[0]
         if not spectral:
             measurement = self.verifier.measure(self.target, self.source, [best])
-            (fit,) = self._steps(_start([best.fit]), [_FINAL], stretches=True).read()
+            (fit,) = self._steps(_start([best.fit], stretches=True), [_FINAL]).read()
             return replace(measurement.read()[0], fit=fit)
         translation, target, source = self.verifier.translation, self.target.volume, self.source.volume
         begin = Rotation.concatenate([best.fit.R])
@@ -172,8 +173,7 @@ class HypothesisTest:
             return best
         alone, scans = fit.by_scans, (self.target.surface, self.source.surface)
         for stage, stretches in ((_CLOSE, False), (_FINAL, True)):
-            steps = refine(self.verifier.device, *scans, _start([alone]), [stage], stretches=stretches)
-            (alone,) = steps.read()
+            (alone,) = refine(self.verifier.device, *scans, _start([alone], stretches), [stage]).read()
         step = np.concatenate([(alone.R * fit.R.inv()).as_rotvec(), alone.shift - fit.shift])
         return replace(best, fit=replace(fit, step=step))
 
@@ -216,24 +216,25 @@ class HypothesisTest:
         rows = zip(fits, origins, seen.evidence(fits), strict=True)
         return ranked([Hypothesis(fit, *origin, evidence) for fit, origin, evidence in rows])
 
-    def _steps(self, start: Start, stages: Sequence[Stage], stretches: bool = False) -> Refined:
+    def _steps(self, start: Start, stages: Sequence[Stage]) -> Refined:
         """Queue the refinement from each of the places."""
         scans = self.verifier.device, self.target.surface, self.source.surface
         if self.bounds.prior is None:
-            return refine(*scans, start, stages, stretches=stretches)
+            return refine(*scans, start, stages)
         # what instruments measured is linear about where a stage begins
         *before, last = stages
         for stage in before:
-            start = _start(
-                refine(*scans, start, [stage], self._frames.prior_at(start.R, start.shifts, stretches)).read()
-            )
-        return refine(*scans, start, [last], self._frames.prior_at(start.R, start.shifts, stretches), stretches)
+            start = _start(refine(*scans, start, [stage], self._prior_at(start)).read(), start.stretches)
+        return refine(*scans, start, [last], self._prior_at(start))
+
+    def _prior_at(self, start: Start) -> PriorTerm | None:
+        return self._frames.prior_at(start.R, start.shifts, start.stretches)
 
 
-def _start(fits: Sequence[Fit]) -> Start:
+def _start(fits: Sequence[Fit], stretches: bool = False) -> Start:
     """Where fits are refined further."""
     shifts, widths = np.array([fit.shift for fit in fits]), np.array([fit.width for fit in fits])
-    return Start(Rotation.concatenate([fit.R for fit in fits]), shifts, widths)
+    return Start(Rotation.concatenate([fit.R for fit in fits]), shifts, widths, stretches)
 
 
 def _hopeful(hypotheses: Sequence[Hypothesis], margin: float) -> list[Hypothesis]:

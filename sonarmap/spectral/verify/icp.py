@@ -5,7 +5,7 @@ McClure, which leave out what only one scan shows. It refines a pose that the sp
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -38,11 +38,14 @@ class Start:
         widths: (k,) how far the surfaces usually are apart, as an earlier fit has it [voxels]; 0 where that is not
             known. Where this is more than the reaches leave, points of all that the noise or the distortion moves take
             part, not of a chance layer.
+        stretches: whether the ranges of each scan may be off by a share, which is estimated with the pose: a speed of
+            sound that is wrong stretches all that a sensor sees away from it.
     """
 
     R: Rotation
     shifts: np.ndarray
     widths: np.ndarray
+    stretches: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +89,6 @@ def refine(
     begin: Start,
     stages: Sequence[Stage],
     prior: PriorTerm | None = None,
-    stretches: bool = False,
 ) -> Refined:
     """Queue Gauss-Newton from k places, side by side, as if each were alone; stage by stage, from coarse to fine.
 
@@ -95,10 +97,9 @@ def refine(
     Args:
         stages: one, if instruments take part or the scans stretch.
         prior: what instruments measured, about the places to begin with; it counts in every step beside the planes.
-        stretches: whether the ranges of each scan may be off by a share, which is estimated with the pose: a speed of
-            sound that is wrong stretches all that a sensor sees away from it.
     """
     *before, last = stages
+    stretches = begin.stretches
     stretch = np.zeros((len(begin.shifts), 2)) if stretches else None
     steps = _refinement(device, target, source, stages[0].points, stretches)
     steps.begin(begin.R.as_matrix(), begin.shifts, begin.widths, stretch)
@@ -128,7 +129,8 @@ def _refinement(device: Device, target: Surface, source: Surface, most: int, str
     if stretches:
         known = float(CALIBRATION.variance(np.array(1.0))) / CALIBRATION.stretched**2
         stretching = Stretching(known, CALIBRATION.width, CALIBRATION.narrowest)
-    return Refinement(device, target.elements, source.elements, most, scale, _WEIGHTING, stretching)
+    weighting = replace(_WEIGHTING, scale=scale)
+    return Refinement(device, target.elements, source.elements, most, weighting, stretching)
 
 
 def _equations(record: Record, prior: PriorTerm | None, stretches: bool) -> tuple[State, NormalEquations]:

@@ -6,13 +6,12 @@ import numpy as np
 
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.device.readback import Pending
-from sonarmap.kernels.surface.shared import shared_sums
+from sonarmap.kernels.surface.shared import Nearness, WeightedElements, shared_sums
 from sonarmap.spectral.prepare.surface import Surface
 
-# A point has a counterpart this near, if the normals there are within 37 degrees of each other [voxels; cosine].
-_REACH, _ALIKE = 2.0, 0.8
-# Where the other scan has a point this near, it shows that place, and should show the point [voxels].
-_COVERED = 6.0
+# A point has a counterpart within reach, if the normals there are within 37 degrees of each other [voxels; cosine].
+# Where the other scan has a point so near that it covers this one, it shows that place, and should show the point.
+_NEARNESS = Nearness(reach=2.0, covered=6.0, alike=0.8)
 # A share that is small beside this hardly counts.
 _LEAST = 0.05
 
@@ -48,8 +47,8 @@ def shared_surfaces(
             centers [voxels].
         most: how many points of each scan are looked at.
     """
-    surfaces, weights = (target.elements, source.elements), (target.direction_weights, source.direction_weights)
-    queued = shared_sums(device, *surfaces, weights, poses, most, reach=_REACH, covered=_COVERED, alike=_ALIKE)
+    ours, theirs = (WeightedElements(surface.elements, surface.direction_weights) for surface in (target, source))
+    queued = shared_sums(device, ours, theirs, poses, most, _NEARNESS)
 
     def read() -> list[SharedSurface]:
         sums = queued.read()

@@ -6,7 +6,7 @@ contradict. The best few distinct ones are refined and compared on the whole gri
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -38,6 +38,23 @@ _BY_POINTS, _POINTS = 60, 400
 SURFACE_POINTS = 1200
 # Along which axes a cyclic shift is wrapped, of all that it may stand for.
 _WRAPS = np.array(list(product((False, True), repeat=3)))
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Which candidates are the best distinct ones.
+
+    Attributes:
+        count: how many at most.
+        tolerance: how far from the surface a point may lie [voxels; of the range]; None: as the coarse grid needs.
+        apart: candidates of alike rotations that are no farther apart are the same [voxels].
+        share: those are left out whose score is less than this share of the best's.
+    """
+
+    count: int
+    tolerance: tuple[float, float] | None = None
+    apart: float = SAME_SHIFT
+    share: float = 0.0
 
 
 class Verifier:
@@ -110,33 +127,21 @@ class Verifier:
         return np.nonzero(allowed)[0], unwrapped[allowed]
 
     def best(
-        self,
-        target: SpectralScan,
-        source: SpectralScan,
-        candidates: Candidates,
-        count: int,
-        tolerance: tuple[float, float] | None = None,
-        apart: float = SAME_SHIFT,
-        share: float = 0.0,
+        self, target: SpectralScan, source: SpectralScan, candidates: Candidates, selection: Selection
     ) -> np.ndarray:
-        """Indices of the `count` best distinct candidates, best first.
-
-        Args:
-            tolerance: how far from the surface a point may lie [voxels; of the range]; None: as the coarse grid needs.
-            apart: candidates of alike rotations that are no farther apart are the same [voxels].
-            share: those are left out whose score is less than this share of the best's.
-        """
-        scores = self._scores(target, source, candidates, tolerance or (self.coarser * COARSE[0], COARSE[1]))
+        """Indices of the best distinct candidates, best first."""
+        tolerance = selection.tolerance or (self.coarser * COARSE[0], COARSE[1])
+        scores = self._scores(target, source, candidates, tolerance)
         order = np.argsort(-scores, kind="stable")
-        order = order[scores[order] >= share * scores[order[0]]]
+        order = order[scores[order] >= selection.share * scores[order[0]]]
         quaternions, nearest = candidates.R.as_quat(), np.cos(_SAME_ROTATION / 2)
         kept: list[int] = []
         for n in order:
             aligned = np.abs(quaternions[kept] @ quaternions[n]) > nearest
-            near = np.linalg.norm(candidates.shifts[kept] - candidates.shifts[n], axis=1) <= apart
+            near = np.linalg.norm(candidates.shifts[kept] - candidates.shifts[n], axis=1) <= selection.apart
             if not (aligned & near).any():
                 kept.append(int(n))
-            if len(kept) == count:
+            if len(kept) == selection.count:
                 break
         return np.array(kept, dtype=np.int64)
 

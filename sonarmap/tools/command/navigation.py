@@ -73,7 +73,7 @@ class PriorsFile:
     prior_sigmas: str | None = _rare(
         "A,H,D,P",
         "Standard deviations where the priors file has none: attitude, heading \\[deg], depth, position \\[m].",
-        check=refused_by(parse_prior_sigmas),
+        callback=refused_by(parse_prior_sigmas),
     )
 
 
@@ -132,13 +132,13 @@ class NavigationReading:
         shown="by their names",
     )
     time_scale: str | None = _rare(
-        "NAME", "Of its times that name no zone: utc, gps or tai.", shown="utc", values=completes(_time_scales)
+        "NAME", "Of its times that name no zone: utc, gps or tai.", shown="utc", autocompletion=completes(_time_scales)
     )
     nav_offset: str | None = _rare(
         "S",
         "Add S to its times \\[s]; auto estimates them from the sonar's turn rates.",
         shown="0",
-        values=completes((AUTO,)),
+        autocompletion=completes((AUTO,)),
     )
     nav_crs: str | None = _rare("CRS", "Of its eastings and northings, as EPSG:32632.")
     nav_frame: str | None = _rare(
@@ -146,7 +146,7 @@ class NavigationReading:
         "Of its pitch, yaw, x, y, z, and of --mount: frd or ned (forward, right, down; North, East, Down), flu or enu "
         "(forward, left, up; East, North, Up).",
         shown="heading, pitch nose up, x East, y North, depth",
-        values=completes(_frames),
+        autocompletion=completes(_frames),
     )
     mount: str | None = _rare(
         "R,P,H[,X,Y,Z]",
@@ -155,7 +155,7 @@ class NavigationReading:
         shown="the navigation is of the sonar",
     )
     heading_reference: str | None = _rare(
-        "NAME", "North of its headings: true or grid.", shown="true", values=completes(("true", "grid"))
+        "NAME", "North of its headings: true or grid.", shown="true", autocompletion=completes(("true", "grid"))
     )
     magnetic_declination: float | None = _rare("DEG", "Its headings are magnetic: add DEG to them, East positive.")
 
@@ -234,14 +234,15 @@ def scans_with_priors(
         return Navigated(tuple(scans if use_imu else _without_priors(scans)), settings.origin)
     _note_own(scans, f"the recording's own IMU is not used, as {priors} is given")
     scans = _without_priors(scans)
-    sigmas = parse_prior_sigmas(prior_sigmas) if prior_sigmas else {}
+    if prior_sigmas:
+        settings = replace(settings, sigmas=parse_prior_sigmas(prior_sigmas))
     notes: list[str] = []
     turn_rates = None
     if settings.offset is None:
         from sonarmap.tools.files.readers.sonar.imu import vertical_turn_rates
 
         turn_rates = vertical_turn_rates(files)
-    navigated = navigate(scans, priors, settings, sigmas, allow_unknown, notes, turn_rates)
+    navigated = navigate(scans, priors, settings, allow_unknown, notes, turn_rates)
     for note in notes:
         say(note)
     bare = [scan.name for scan in navigated.scans if scan.prior is None]

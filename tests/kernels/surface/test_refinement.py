@@ -1,5 +1,7 @@
 """Point-to-plane steps on the device against NumPy's, step by step and several together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -38,7 +40,7 @@ def refinement(
     device: Device, rows: list[np.ndarray], most: int, poses: list[Pose], stretching: Stretching | None
 ) -> Refinement:
     target, source = (upload(device, each) for each in rows)
-    steps = Refinement(device, target, source, most, 1.5, WEIGHTING, stretching)
+    steps = Refinement(device, target, source, most, replace(WEIGHTING, scale=1.5), stretching)
     stretch = None if stretching is None else np.stack([pose.stretch for pose in poses])
     steps.begin(
         np.stack([pose.turn for pose in poses]),
@@ -111,7 +113,7 @@ def test_an_even_number_of_gaps_has_the_mean_of_the_middle_ones(device: Device) 
     ours[:, 0] = theirs[:, 0] = [0, 9, 18, 27]
     theirs[:, 2] = [0.1, -0.2, 0.4, 0.7]
     ours[:, 6] = theirs[:, 6] = 1
-    steps = Refinement(device, upload(device, ours), upload(device, theirs), 10, 1.0, WEIGHTING, None)
+    steps = Refinement(device, upload(device, ours), upload(device, theirs), 10, WEIGHTING, None)
     steps.begin(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1), None)
     steps.step(3.0, alone=False)
     assert steps.end().read().width[0] == pytest.approx(0.3, abs=1e-6)
@@ -133,7 +135,7 @@ def test_nothing_within_reach_leaves_the_pose(device: Device, rows: list[np.ndar
 
 def test_three_points_are_refined(device: Device) -> None:
     three = random_rows(np.array([[0, 0, 0], [1, 0, 0.5], [0, 2, 0]], np.float32), 5)
-    steps = Refinement(device, upload(device, three), upload(device, three), 3000, 1.0, WEIGHTING, None)
+    steps = Refinement(device, upload(device, three), upload(device, three), 3000, WEIGHTING, None)
     steps.begin(np.eye(3)[None], np.full((1, 3), 0.2), np.zeros(1), None)
     for reach in (8.0, 3.0, 1.5):
         steps.step(reach, alone=True)

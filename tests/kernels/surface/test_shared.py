@@ -8,21 +8,25 @@ from scipy.spatial.transform import Rotation
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.points.poses import upload_poses
-from sonarmap.kernels.surface.shared import shared_sums
+from sonarmap.kernels.surface.shared import Nearness, WeightedElements, shared_sums
 from tests.kernels.surface.scenes import bent_sheet, random_rows, upload
 
 WEIGHTS = np.array([0.3, 1.7, 0.9, 2.2, 0.6], np.float32)
-LIMITS = {"reach": 1.2, "covered": 5.0, "alike": 0.5}
+NEARNESS = Nearness(reach=1.2, covered=5.0, alike=0.5)
+
+
+def weighted(device: Device, rows: np.ndarray) -> WeightedElements:
+    return WeightedElements(upload(device, rows), device.to_device(WEIGHTS))
 
 
 def one_way(rows: np.ndarray, others: np.ndarray, R: np.ndarray, t: np.ndarray, most: int) -> np.ndarray:
     """(4,) of the others' points, which R and t bring to the rows."""
     few = others[:: max(1, -(-len(others) // most))]
     distance, index = KDTree(rows[:, :3]).query(few[:, :3] @ R.T + t)
-    weights, on = WEIGHTS[few[:, 7].astype(int)], distance <= LIMITS["reach"]
+    weights, on = WEIGHTS[few[:, 7].astype(int)], distance <= NEARNESS.reach
     facing = np.abs(np.einsum("ni,ni->n", few[:, 4:7] @ R.T, rows[index, 4:7]))
-    agree = on & (facing >= LIMITS["alike"])
-    return np.array([weights[agree].sum(), weights[distance <= LIMITS["covered"]].sum(), weights.sum(), on.mean()])
+    agree = on & (facing >= NEARNESS.alike)
+    return np.array([weights[agree].sum(), weights[distance <= NEARNESS.covered].sum(), weights.sum(), on.mean()])
 
 
 @pytest.mark.parametrize(
@@ -34,9 +38,8 @@ def test_equals_the_twin(device: Device, ours: int, theirs: int, poses: int, mos
         random_rows(bent_sheet(3 * count, seed)[:count], seed) for seed, count in enumerate((ours, theirs))
     )
     R, t = Rotation.from_rotvec(rng.normal(0, 0.2, (poses, 3))).as_matrix(), rng.normal(0, 2, (poses, 3))
-    weights = device.to_device(WEIGHTS), device.to_device(WEIGHTS)
-    surfaces = upload(device, target), upload(device, source)
-    got = shared_sums(device, *surfaces, weights, upload_poses(device, R, t), most, **LIMITS).read()
+    surfaces = weighted(device, target), weighted(device, source)
+    got = shared_sums(device, *surfaces, upload_poses(device, R, t), most, NEARNESS).read()
     want = [
         [one_way(target, source, turn, shift, most), one_way(source, target, turn.T, -turn.T @ shift, most)]
         for turn, shift in zip(R, t, strict=True)
@@ -45,9 +48,8 @@ def test_equals_the_twin(device: Device, ours: int, theirs: int, poses: int, mos
 
 
 def test_no_pose_and_no_such_pose(device: Device) -> None:
-    surface = upload(device, random_rows(bent_sheet(50, 1), 1))
-    weights = device.to_device(WEIGHTS), device.to_device(WEIGHTS)
+    surface = weighted(device, random_rows(bent_sheet(50, 1), 1))
     none = upload_poses(device, np.zeros((0, 3, 3)), np.zeros((0, 3)))
-    assert shared_sums(device, surface, surface, weights, none, 9, **LIMITS).read().shape == (0, 2, 4)
+    assert shared_sums(device, surface, surface, none, 9, NEARNESS).read().shape == (0, 2, 4)
     with pytest.raises(InputError, match="`poses` is float32 of shape"):
-        shared_sums(device, surface, surface, weights, device.empty((3, 12)), 9, **LIMITS)
+        shared_sums(device, surface, surface, device.empty((3, 12)), 9, NEARNESS)

@@ -1,5 +1,6 @@
 """Small valid files of navigation of every kind, and what has to hold of what they say."""
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -23,7 +24,7 @@ _TUM = "".join(f"{START + k} {k * 1.5} 2.25 -0.5 0.1 0.2 0.3 0.9\n" for k in ran
 
 
 def _check_priors(settings: NavigationSettings, path: Path) -> None:
-    navigated = navigate(SCANS, path, settings, SIGMAS)
+    navigated = navigate(SCANS, path, replace(settings, sigmas=SIGMAS))
     priors = [scan.prior for scan in navigated.scans if scan.prior is not None]
     assert all(np.isfinite(prior.T_world_sensor.as_matrix()).all() for prior in priors)
     assert all((prior.sigmas > 0).all() for prior in priors)

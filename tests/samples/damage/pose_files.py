@@ -13,7 +13,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.pairs import read_pairs
 from sonarmap.tools.files.readers.control import read_control
 from sonarmap.tools.files.readers.navigation.odometry import read_odometry
-from sonarmap.tools.files.readers.navigation.priors import with_priors
+from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.readers.poses.graph_json import FORMAT, read_graph_json
 from sonarmap.tools.files.readers.poses.gt_log import read_gt_log
@@ -114,8 +114,8 @@ POSE_FILES = {
     "summary.json": PoseFile("summary.json", json.dumps(_SUMMARY).encode(), _summary),
     "pairs.csv": PoseFile("pairs.csv", _PAIRS.encode(), lambda path: read_pairs(path, 2)),
     "description.json": PoseFile("description.json", json.dumps(_DESCRIPTION).encode(), read_settings),
-    "priors by name": PoseFile("priors.csv", _csv("name"), lambda path: with_priors(SCANS, path)),
-    "priors by stamp": PoseFile("priors.csv", _csv("stamp"), lambda path: with_priors(SCANS, path)),
+    "priors by name": PoseFile("priors.csv", _csv("name"), lambda path: navigate(SCANS, path).scans),
+    "priors by stamp": PoseFile("priors.csv", _csv("stamp"), lambda path: navigate(SCANS, path).scans),
     "odometry.csv": PoseFile(
         "odometry.csv",
         b"stamp,roll_deg,pitch_deg,heading_deg,x_m,y_m,depth_m\n0,1,2,30,4,5,6\n1,1,2,30,5,5,6\n2,1,2,30,6,5,6\n",

@@ -35,8 +35,8 @@ def refine_one(
     stretches: bool = False,
 ) -> Fit:
     """From one place."""
-    start = Start(Rotation.concatenate([R]), shift[None], np.array([width]))
-    (fit,) = refine(chosen_device(), target, source, start, [Stage(reaches, most)], stretches=stretches).read()
+    start = Start(Rotation.concatenate([R]), shift[None], np.array([width]), stretches)
+    (fit,) = refine(chosen_device(), target, source, start, [Stage(reaches, most)]).read()
     return fit
 
 

@@ -102,7 +102,7 @@ class TestDoubt:
             rows[:, 4:7] = true + 0.2 * rng.normal(size=(count, 3))
             surfaces.append(upload(chosen_device(), rows))
         target, source = surfaces
-        steps = Refinement(chosen_device(), target, source, count, 0.5, Weighting(1 / 6, 0.8, 4.0, 3.0), None)
+        steps = Refinement(chosen_device(), target, source, count, Weighting(1 / 6, 0.8, 4.0, 3.0, 0.5), None)
         steps.begin(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1), None)
         steps.step(0.5, alone=False)
         record = steps.end().read()

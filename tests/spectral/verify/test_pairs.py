@@ -21,7 +21,7 @@ def sheet(height: float, seen_from: np.ndarray | None, shift: float = 0.0) -> Su
 
 def shares(target: Surface, source: Surface, turn: np.ndarray | None = None) -> tuple[float, float]:
     """Of all points of both: those that have a pair, and whose pair moves the pose."""
-    steps = Refinement(chosen_device(), target.elements, source.elements, 1000, 1.0, EVEN, None)
+    steps = Refinement(chosen_device(), target.elements, source.elements, 1000, EVEN, None)
     steps.begin((np.eye(3) if turn is None else turn)[None], np.zeros((1, 3)), np.zeros(1), None)
     steps.step(2.0, alone=False)
     record = steps.end().read()

@@ -18,7 +18,7 @@ from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Hypothesis, ranked
 from sonarmap.spectral.verify.observation import consistency
-from sonarmap.spectral.verify.verifier import Verifier
+from sonarmap.spectral.verify.verifier import Selection, Verifier
 from tests.samples.reliefs import above, relief, seen
 
 EDGE, VOXEL = 64, 0.5
@@ -120,7 +120,7 @@ class TestCandidates:
     def test_the_best_is_the_true_one_and_none_comes_twice(self, verifier, pair) -> None:
         nearby = Rotation.from_rotvec([0, 0, 0.03]) * TRUE.rotation
         candidates = verifier.candidates(*pair, peaks(WRONG, nearby, TRUE.rotation), ANYWHERE * 3)
-        best = verifier.best(*pair, candidates, 5)
+        best = verifier.best(*pair, candidates, Selection(5))
         assert len(best) == 5
         first = candidates.select(np.arange(len(candidates.psr)) == best[0])
         assert np.linalg.norm(first.shifts[0] - shift_of(pair)) < 3.0
@@ -196,5 +196,5 @@ class TestEvidence:
         assert without_view.evidence.consistency == without_view.evidence.surface == with_view.evidence.surface
         assert with_view.evidence.consistency == with_view.evidence.view
         candidates = verifier.candidates(*blind, peaks(WRONG, TRUE.rotation), ANYWHERE * 2)
-        best = verifier.best(*blind, candidates, 1)
+        best = verifier.best(*blind, candidates, Selection(1))
         assert np.linalg.norm(candidates.shifts[best[0]] - shift_of(pair)) < 3.0

@@ -40,7 +40,7 @@ class EarthPlace:
         "What heights count from. Names: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or EGM2008. ",
         rare=True,
         shown="surface",
-        values=completes(_verticals),
+        autocompletion=completes(_verticals),
     )
     crs: str | None = _earth(
         "CRS",

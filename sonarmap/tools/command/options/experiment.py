@@ -57,8 +57,10 @@ class ExperimentOptions:
     scene: str | None = _rare(
         "SCENE",
         f"The scene: {', '.join(SCENES)}.",
-        check=checked(SCENES.__contains__, f"{{}} is not a scene as large as the paper's; choose {', '.join(SCENES)}"),
-        values=completes(SCENES),
+        callback=checked(
+            SCENES.__contains__, f"{{}} is not a scene as large as the paper's; choose {', '.join(SCENES)}"
+        ),
+        autocompletion=completes(SCENES),
     )
     sigma2: list[float] | None = _rare(
         "V", "Variance of the range noise at the largest range \\[m^2]; may be repeated."
@@ -68,13 +70,13 @@ class ExperimentOptions:
     seed: int | None = _rare(
         "S",
         "The first seed, or the seed of the pairs; the same seed gives the same results.",
-        check=check_seed,
+        callback=check_seed,
     )
     method: list[str] | None = _experiment(
         "NAME",
         f"A method to evaluate; may be repeated. Methods: {', '.join(METHODS)}.",
-        check=refused_by(lambda names: [find_method(name) for name in names]),
-        values=completes(METHODS),
+        callback=refused_by(lambda names: [find_method(name) for name in names]),
+        autocompletion=completes(METHODS),
     )
     grid: int | None = _experiment(
         "N",
@@ -86,13 +88,13 @@ class ExperimentOptions:
         "DEG",
         "For real: largest roll and pitch between two scans \\[deg], up to 180 (no limit).",
         shown="35",
-        check=check_tilt,
+        callback=check_tilt,
     )
     known: str | None = _rare(
         "WHAT",
         "For real: also register every pair with measurements of WHAT, drawn about the truth: "
         "attitude,heading,depth,position, or some of them.",
-        values=completes_list(INSTRUMENTS),
+        autocompletion=completes_list(INSTRUMENTS),
     )
     known_sigmas: str | None = _rare(
         "A,H,D,P",

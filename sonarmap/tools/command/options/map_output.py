@@ -44,8 +44,8 @@ class MapOutput:
         f"Also write {_EXPORTS}; may be repeated.",
         [],
         rare=True,
-        check=_check_also,
-        values=completes(EXPORTS),
+        callback=_check_also,
+        autocompletion=completes(EXPORTS),
     )
     export: FormatsOption = field(default_factory=list[str])
 

@@ -24,9 +24,7 @@ def option(
     *names: str,
     rare: bool = False,
     shown: str | bool = True,
-    check: Callable[[Any], Any] | None = None,
-    values: Callable[[str], list[str]] | None = None,
-    **limits: Any,
+    **more: Any,
 ) -> Any:
     """A field that is an option with a value.
 
@@ -38,9 +36,8 @@ def option(
         names: on the command line, where they are not the field's.
         rare: whether only --help-all lists it.
         shown: the default in words, where it is not the value.
-        check: returns the value, or raises typer.BadParameter.
-        values: completes it, as `completes` does.
-        limits: min and max.
+        more: of typer.Option, as min, max, `callback`, which returns the value or raises typer.BadParameter, and
+            `autocompletion`, as `completes` makes it.
     """
     info = typer.Option(
         *names,
@@ -49,9 +46,7 @@ def option(
         rich_help_panel=panel,
         hidden=rare,
         show_default=shown,
-        callback=check,
-        autocompletion=values,
-        **limits,
+        **more,
     )
     metadata = {_OPTION: info}
     if isinstance(default, list):

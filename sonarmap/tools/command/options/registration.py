@@ -135,8 +135,8 @@ class MethodOptions:
         "NAME",
         f"How to register. Methods: {', '.join(METHODS)}.",
         DEFAULT_METHOD,
-        check=refused_by(find_method),
-        values=completes(METHODS),
+        callback=refused_by(find_method),
+        autocompletion=completes(METHODS),
     )
     grid: GridOption = None
     voxel: VoxelOption = None
@@ -145,7 +145,7 @@ class MethodOptions:
         "Largest tilt between scans \\[deg]. It bounds roll and pitch; 180 is no limit. Larger results are rejected. "
         "--method hemisphere searches up to 85.",
         DEFAULT_MAX_TILT,
-        check=check_tilt,
+        callback=check_tilt,
     )
     hypotheses: int = _registration(
         "K",
@@ -153,7 +153,7 @@ class MethodOptions:
         "scans have little in common.",
         DEFAULT_HYPOTHESES,
         rare=True,
-        check=checked(
+        callback=checked(
             lambda count: 1 <= count <= MOST_HYPOTHESES,
             f"{{}} rotations; give 1 to {MOST_HYPOTHESES}. Use --hypotheses {DEFAULT_HYPOTHESES}, or more if the scans "
             "have little in common.",
@@ -164,18 +164,18 @@ class MethodOptions:
         "How to refine the result below the voxel size: icp (point to plane) or spectral (the translation peak).",
         REFINEMENTS[0],
         rare=True,
-        check=checked(
+        callback=checked(
             REFINEMENTS.__contains__,
             f"{{!r}}; choose {' or '.join(REFINEMENTS)}. Leave it out for {REFINEMENTS[0]}.",
         ),
-        values=completes(REFINEMENTS),
+        autocompletion=completes(REFINEMENTS),
     )
     yaw_peaks: int = _registration(
         "K",
         f"For --method hemisphere: how many yaw peaks to try, 1..{MOST_YAW_PEAKS}; the paper tries 1.",
         DEFAULT_YAW_PEAKS,
         rare=True,
-        check=checked(
+        callback=checked(
             lambda count: 1 <= count <= MOST_YAW_PEAKS,
             f"{{}} peaks; give 1 to {MOST_YAW_PEAKS}. Use --yaw-peaks 6, or leave it out for the paper's "
             f"{DEFAULT_YAW_PEAKS}.",

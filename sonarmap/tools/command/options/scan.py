@@ -51,13 +51,13 @@ class PointReading:
         "frd forward, right, down; rdf right, down, forward, as of cameras; ned North, East, Down: scans that were "
         "leveled and turned North.",
         shown="flu",
-        values=completes(_frames),
+        autocompletion=completes(_frames),
     )
     units: str | None = _input(
         "NAME",
         "Lengths: m, cm, mm, ft or us-ft. They are those of the points in the files.",
         shown="m",
-        values=completes(_units),
+        autocompletion=completes(_units),
     )
 
     def corrections(self) -> "Corrections":

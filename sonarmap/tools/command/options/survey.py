@@ -16,7 +16,7 @@ _limit = partial(
     option,
     LOOPS,
     rare=True,
-    check=checked(is_positive, "{}; give a number above 0, or leave it out where it is not known"),
+    callback=checked(is_positive, "{}; give a number above 0, or leave it out where it is not known"),
 )
 
 

@@ -103,18 +103,18 @@ def _run(asked: Measurement, as_json: bool) -> tuple[dict[str, Any], list[str]]:
 
     from sonarmap.tools.lab.bench.output.as_json import as_json as to_json
     from sonarmap.tools.lab.bench.output.table import describe
-    from sonarmap.tools.lab.bench.run import run_bench
+    from sonarmap.tools.lab.bench.run import BenchPlan, run_bench
 
-    measured = run_bench(
-        asked.device,
-        list(dict.fromkeys(asked.grid or DEFAULT_EDGES)),
+    plan = BenchPlan(
+        edges=list(dict.fromkeys(asked.grid or DEFAULT_EDGES)),
         repeats=asked.repeats,
         pairs=asked.pairs,
         kernels=asked.kernels,
         survey=asked.survey,
         seed=asked.seed,
-        follow=lambda label, total: progress(label, total, quiet=as_json),
-        command=_run_here,
+    )
+    measured = run_bench(
+        asked.device, plan, lambda label, total: progress(label, total, quiet=as_json), command=_run_here
     )
     result = to_json(measured)
     if as_json:

@@ -35,7 +35,7 @@ _LISTED = 5  # poses beyond the limits
 
 
 _input = partial(option, INPUT)
-_limit = partial(option, MEASUREMENT, check=checked(lambda limit: limit >= 0, "{}; give 0 or more"))
+_limit = partial(option, MEASUREMENT, callback=checked(lambda limit: limit >= 0, "{}; give 0 or more"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +48,8 @@ class Comparison:
         "Align by poses, positions or first. poses are all positions and orientations, positions these alone, first "
         "the first pose.",
         "poses",
-        check=checked(ALIGNMENTS.__contains__, f"{{!r}}; choose one of {', '.join(ALIGNMENTS)}"),
-        values=completes(ALIGNMENTS),
+        callback=checked(ALIGNMENTS.__contains__, f"{{!r}}; choose one of {', '.join(ALIGNMENTS)}"),
+        autocompletion=completes(ALIGNMENTS),
     )
     max_error_m: float | None = _limit("M", "Exit with 3 beyond this position error \\[m].")
     max_error_deg: float | None = _limit("DEG", "Exit with 3 beyond this rotation error \\[deg].")
@@ -61,7 +61,7 @@ class Comparison:
     voxel: float | None = _input(
         "M",
         "Edge of the map's voxels \\[m].",
-        check=checked(is_positive, "{}; give a length above 0"),
+        callback=checked(is_positive, "{}; give a length above 0"),
         shown="from --summary",
     )
     summary: Path | None = _input("FILE", "The map's summary.json, to score pairs and sigmas.")

@@ -29,7 +29,7 @@ class ExportedFiles:
     cell: float | None = _output(
         "M",
         "Edge of a grid's cell \\[m].",
-        check=checked(is_positive, "{} m; give a length above 0, or leave it out for the map's voxel"),
+        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for the map's voxel"),
         shown="the map's voxel",
     )
 

@@ -35,10 +35,10 @@ def _choice(choices: Sequence[str], words: str) -> Any:
         "NAME",
         words,
         choices[0],
-        check=checked(
+        callback=checked(
             choices.__contains__, f"{{!r}}; choose one of {', '.join(choices)}. Leave it out for {choices[0]}."
         ),
-        values=completes(choices),
+        autocompletion=completes(choices),
     )
 
 

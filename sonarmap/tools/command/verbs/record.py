@@ -64,14 +64,14 @@ class Listening:
     sonar: str | None = _input(
         "ADDRESS",
         "Address of the sonar to record.",
-        check=refused_by(_require_address),
+        callback=refused_by(_require_address),
         shown="the first that sends",
     )
     duration: str | None = option(
         RUNNING,
         "TIME",
         "End after so long: 90 (s), 10m, 1.5h.",
-        check=checked(
+        callback=checked(
             lambda text: _seconds(text) > 0,
             "{!r}; give seconds, minutes or hours above 0, as in --duration 90, 10m or 1.5h.",
         ),

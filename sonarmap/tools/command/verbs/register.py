@@ -56,12 +56,12 @@ class PairFiles:
         "FILE",
         "Write the moved scan, PLY or PCD: the source's points in the target's frame. "
         "Nothing is written if the registration is not reliable.",
-        check=refused_by(_require_points_suffix),
+        callback=refused_by(_require_points_suffix),
     )
     picture: Path | None = _output(
         "FILE.png",
         f"Draw the registration step by step; only with --method {DEFAULT_METHOD}.",
-        check=refused_by(_require_png),
+        callback=refused_by(_require_png),
     )
 
 

@@ -38,13 +38,13 @@ class SimulatedScans:
         "NAME",
         f"{_listed({name: kind.summary for name, kind in SCENE_KINDS.items()})}.",
         shown=DEFAULT_SCENE,
-        values=completes(SCENE_KINDS),
+        autocompletion=completes(SCENE_KINDS),
     )
     trajectory: str | None = _scene(
         "NAME",
         f"{_listed(dict(TRAJECTORY_KINDS))}.",
         shown=DEFAULT_TRAJECTORY,
-        values=completes(TRAJECTORY_KINDS),
+        autocompletion=completes(TRAJECTORY_KINDS),
     )
     scans: int | None = _scene("N", "Number of scans.", shown="survey 12, lawnmower 200", min=1)
     spacing: float | None = _scene(
@@ -55,7 +55,7 @@ class SimulatedScans:
         f"{', '.join(SENSOR_NAMES)}; table1 has its own sensor.",
         rare=True,
         shown="suits the scene",
-        values=completes(SENSOR_NAMES),
+        autocompletion=completes(SENSOR_NAMES),
     )
     dive: int | None = _scene(
         "N",
@@ -68,7 +68,7 @@ class SimulatedScans:
         "Simulate the scans of a description.json again; noise, threshold, dive and number can be changed.",
         rare=True,
     )
-    seed: int | None = _scene("S", "The same seed gives the same scans.", check=check_seed, shown=str(DEFAULT_SEED))
+    seed: int | None = _scene("S", "The same seed gives the same scans.", callback=check_seed, shown=str(DEFAULT_SEED))
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ class SimulatedNavigation:
     priors: str | None = _nav(
         "KINDS",
         "Also write priors.csv, what instruments would say. KINDS is one or more of attitude,heading,depth,position.",
-        values=completes_list(INSTRUMENTS),
+        autocompletion=completes_list(INSTRUMENTS),
     )
     fix_every: int | None = _nav(
         "N",

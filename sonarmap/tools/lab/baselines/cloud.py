@@ -124,3 +124,22 @@ def to_open3d(cloud: ThinnedCloud) -> Any:
     converted = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.points))
     converted.normals = o3d.utility.Vector3dVector(cloud.normals)
     return converted
+
+
+class ThinnedRegistrar:
+    """A registrar that works on the points alone.
+
+    Args:
+        voxel: edge of the voxels to which scans are thinned [m]; the distances it uses are multiples of it.
+    """
+
+    def __init__(self, voxel: float) -> None:
+        self.voxel = voxel
+
+    def prepare(self, scan: Scan) -> ThinnedCloud:
+        """The scan's points, one per voxel.
+
+        Raises:
+            InputError: they are too few.
+        """
+        return thin(scan, self.voxel)

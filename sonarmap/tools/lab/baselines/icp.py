@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.spectral.result import Registration
-from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, one_thread, quiet, thin, to_open3d
+from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, ThinnedRegistrar, one_thread, quiet, to_open3d
 from sonarmap.tools.lab.baselines.result import conclude, judge_fit
 
 Kind = Literal["point", "plane"]
@@ -23,25 +22,17 @@ _CONVERGED = 1e-6
 _STEPS = 100
 
 
-class IcpRegistrar:
+class IcpRegistrar(ThinnedRegistrar):
     """ICP from the identity, so for small motions only.
 
     Args:
-        voxel: edge of the voxels to which scans are thinned [m]; the correspondence distances are multiples of it.
+        voxel: as `ThinnedRegistrar` takes it; the correspondence distances are multiples of it.
         kind: what is made small: the distance to the nearest point, or to its plane.
     """
 
     def __init__(self, voxel: float, kind: Kind = "point") -> None:
-        self.voxel = voxel
+        super().__init__(voxel)
         self.kind: Kind = kind
-
-    def prepare(self, scan: Scan) -> ThinnedCloud:
-        """The scan's points, one per voxel.
-
-        Raises:
-            InputError: they are too few.
-        """
-        return thin(scan, self.voxel)
 
     def register(self, target: ThinnedCloud, source: ThinnedCloud) -> Registration:
         """Find T_target_source from the identity; `accepted` by the share of points in common."""

@@ -6,9 +6,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.result import Registration
-from sonarmap.spectral.scan import Scan
 from sonarmap.tools.extras import load_package
-from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, silent, thin
+from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, ThinnedRegistrar, silent
 from sonarmap.tools.lab.baselines.features import REFINE
 from sonarmap.tools.lab.baselines.icp import iterate
 from sonarmap.tools.lab.baselines.result import conclude, judge_matches, query_on_all_cores
@@ -20,10 +19,11 @@ _FEWEST_MATCHES = 3  # that fix a transform
 _NEIGHBORS, _NEIGHBOR_REACH, _FEWEST_POINTS = 5, 3.0, 10
 
 
-class KissRegistrar:
+class KissRegistrar(ThinnedRegistrar):
     """Global registration by KISS-Matcher, refined by ICP point to plane.
 
-    The package works on both scans of a pair at once, so that a pair's seconds hold the features of both.
+    The package works on both scans of a pair at once, so that a pair's seconds hold the features of both. Its own
+    thinning, which orders the points by chance, is not used.
 
     Args:
         voxel: edge of the voxels to which scans are thinned [m]; the package's distances are its multiples of it. Its
@@ -34,16 +34,8 @@ class KissRegistrar:
     """
 
     def __init__(self, voxel: float) -> None:
-        self.voxel = voxel
+        super().__init__(voxel)
         self._kiss = load_package("kiss_matcher", "kiss-matcher", "the method kiss", "peers")
-
-    def prepare(self, scan: Scan) -> ThinnedCloud:
-        """The scan's points, one per voxel: the package's own thinning orders them by chance.
-
-        Raises:
-            InputError: they are too few.
-        """
-        return thin(scan, self.voxel)
 
     def register(self, target: ThinnedCloud, source: ThinnedCloud) -> Registration:
         """Find T_target_source, from anywhere; `accepted` by how many matches were left."""

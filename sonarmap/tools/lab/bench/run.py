@@ -1,6 +1,7 @@
 """A whole benchmark: the copy rate, the kernels, the pairs."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from sonarmap.kernels.device.device import Device, choose_device
 from sonarmap.kernels.errors import InputError
@@ -16,28 +17,32 @@ from sonarmap.tools.lab.progress import Follow
 _RATE_REPEATS = 5
 
 
-def run_bench(
-    selector: str | None,
-    edges: Sequence[int],
-    *,
-    repeats: int,
-    pairs: int,
-    kernels: bool,
-    survey: int,
-    seed: int,
-    follow: Follow,
-    command: Command,
-) -> BenchResult:
-    """Measure on one device.
+@dataclass(frozen=True, slots=True)
+class BenchPlan:
+    """What a benchmark measures.
 
-    Args:
-        selector: of the device, as `choose_device` takes it.
+    Attributes:
         edges: voxels per edge, each.
         repeats: timed runs of each kernel.
         pairs: how many simulated pairs to register on each edge; 0 for none.
         kernels: whether to time the kernels.
         survey: how many scans of a simulated survey to map; 0 for none.
         seed: of all input.
+    """
+
+    edges: Sequence[int]
+    repeats: int
+    pairs: int
+    kernels: bool
+    survey: int
+    seed: int
+
+
+def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Command) -> BenchResult:
+    """Measure on one device.
+
+    Args:
+        selector: of the device, as `choose_device` takes it.
         follow: reports the progress.
         command: as `measure_survey` takes it.
 
@@ -45,40 +50,38 @@ def run_bench(
         InputError: an edge is not a grid's, or nothing is left to measure.
         DeviceError: there is no such device, or it is too small.
     """
-    for edge in edges:
+    for edge in plan.edges:
         Grid(edge, 1.0)
-    if not (kernels or pairs or survey):
+    if not (plan.kernels or plan.pairs or plan.survey):
         raise InputError("--no-kernels and --pairs 0 leave nothing to measure; leave one of them out")
-    if survey == 1:
+    if plan.survey == 1:
         raise InputError("--survey 1: a survey needs 2 scans or more; 0 maps none")
     chosen = choose_device(selector)
     device = Device(chosen.cl_device, chosen.selector, chosen.notes, profiling=True)
     machine, before = describe_machine(device), load_average()
     rates = [measure_rates(device, _RATE_REPEATS)]
-    measured = _kernels(device, edges, repeats, seed, machine.cores, follow) if kernels else ()
+    measured = _kernels(device, plan, machine.cores, follow) if plan.kernels else ()
     # again, as the machine's other work may have changed meanwhile
     rates.append(measure_rates(device, _RATE_REPEATS))
     return BenchResult(
         machine=machine,
-        seed=seed,
-        repeats=repeats,
+        seed=plan.seed,
+        repeats=plan.repeats,
         rates=summarize_rates(device, rates),
         kernels=measured,
-        pairs=_pairs(selector, edges, pairs, seed, follow) if pairs else (),
-        survey=measure_survey(survey, seed, selector, follow, command) if survey else None,
+        pairs=_pairs(selector, plan, follow) if plan.pairs else (),
+        survey=measure_survey(plan.survey, plan.seed, selector, follow, command) if plan.survey else None,
         load=(before, load_average()),
     )
 
 
-def _kernels(
-    device: Device, edges: Sequence[int], repeats: int, seed: int, cores: int, follow: Follow
-) -> tuple[KernelResult, ...]:
-    with follow("timing kernels", len(edges) * len(CASES)) as step:
-        return tuple(measure_kernels(device, edges, repeats, seed, cores, step))
+def _kernels(device: Device, plan: BenchPlan, cores: int, follow: Follow) -> tuple[KernelResult, ...]:
+    with follow("timing kernels", len(plan.edges) * len(CASES)) as step:
+        return tuple(measure_kernels(device, plan.edges, plan.repeats, plan.seed, cores, step))
 
 
-def _pairs(selector: str | None, edges: Sequence[int], count: int, seed: int, follow: Follow) -> tuple[PairResult, ...]:
-    with follow("simulating pairs", count) as step:
-        simulated = simulate_pairs(count, seed, step)
-    with follow("registering pairs", len(edges) * count) as step:
-        return tuple(measure_pairs(simulated, edge, selector, step) for edge in edges)
+def _pairs(selector: str | None, plan: BenchPlan, follow: Follow) -> tuple[PairResult, ...]:
+    with follow("simulating pairs", plan.pairs) as step:
+        simulated = simulate_pairs(plan.pairs, plan.seed, step)
+    with follow("registering pairs", len(plan.edges) * plan.pairs) as step:
+        return tuple(measure_pairs(simulated, edge, selector, step) for edge in plan.edges)

@@ -29,7 +29,7 @@ from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
 from sonarmap.tools.lab.simulate.sensing.navigation import entropy_of
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, measure
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, Sensor, cast
 from sonarmap.tools.lab.simulate.sensing.unusable import Fault, choose_unusable
 
@@ -155,7 +155,7 @@ def observe(settings: SimulationSettings, T_world_sensor: RigidTransform, number
     scene, sensor, noise = build_scene(settings.scene, settings.seed), settings.sensor, settings.noise
     echoes = cast(scene, sensor, T_world_sensor)
     ghosts = reflect(scene, sensor, T_world_sensor) if noise.ghosts > 0 else None
-    return measure(echoes, sensor, noise, rng, ghosts=ghosts, stamp=float(number), name=name)
+    return scan_of(disturb(echoes, sensor, noise, rng, ghosts), sensor, stamp=float(number), name=name)
 
 
 def settings_from_json(content: Any) -> SimulationSettings:

@@ -11,7 +11,7 @@ from sonarmap.spectral.prior import relative_prior
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.command.navigation import parse_prior_sigmas
-from sonarmap.tools.files.readers.navigation.priors import with_priors
+from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.readers.scans import read_scans
 from sonarmap.tools.lab.simulate.sensing.navigation import Instruments, instruments_for, measure_poses
@@ -45,7 +45,7 @@ def errors_of(prior: PosePrior, T_true: RigidTransform) -> np.ndarray:
 class TestSimulated:
     def test_the_priors_of_the_file_are_about_the_truth(self, simulated: Path) -> None:
         """Within 4 of the default sigmas, as written for an operator and read again; and not the truth itself."""
-        scans = with_priors(read_scans([simulated]).scans, simulated / "priors.csv")
+        scans = navigate(read_scans([simulated]).scans, simulated / "priors.csv").scans
         truth = read_tum(simulated / "truth.tum").T_world_sensor
         assert len(scans) == 3
         for k, one in enumerate(scans):

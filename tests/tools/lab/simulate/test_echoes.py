@@ -10,7 +10,7 @@ from scipy.stats import kstest
 
 from sonarmap.tools.lab.simulate.paths.trajectories import survey
 from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, measure
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, PAPER, SONAR_3D15, Echoes, Sensor, bare, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box
 from tests.samples.simulated import COARSE, QUIET
@@ -157,7 +157,7 @@ def test_ranges_come_in_steps_of_the_resolution(sensor: Sensor, step: float):
 def test_a_scan_carries_the_strengths_of_its_own_points():
     echoes, ghosts = varied((ECLIPSE.rows, ECLIPSE.columns))
     heard = disturb(echoes, ECLIPSE, ALL, generator(), ghosts)
-    scan = measure(echoes, ECLIPSE, ALL, generator(), ghosts=ghosts)
+    scan = scan_of(heard, ECLIPSE)
     kept = np.isfinite(heard.ranges)
     assert_array_equal(scan.strength, heard.strengths[kept].astype(np.float32))
     assert_allclose(np.linalg.norm(scan.points, axis=1), heard.ranges[kept], rtol=1e-6)

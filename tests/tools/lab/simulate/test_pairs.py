@@ -26,6 +26,7 @@ from sonarmap.tools.lab.simulate.pairs.random_pairs import (
     DRAWN,
     STRANGERS,
     Turn,
+    Turning,
     draw_strangers,
     draw_turn,
     random_pair,
@@ -53,7 +54,7 @@ def _distances(target: Scan, source: Scan, T_target_source: RigidTransform) -> n
 @pytest.mark.parametrize(("scene", "overlaps"), list(zip(SET_SCENES, SET_OVERLAPS * 2, strict=False)))
 @pytest.mark.parametrize("turn", ["yaw", "any"])
 def test_a_turned_pair_obeys_its_truth_and_overlaps_as_wanted(scene: str, overlaps: tuple[float, float], turn: Turn):
-    target, source, truth = random_pair(11, overlaps, QUIET, scene, _small(scene), STEEP, turn)
+    target, source, truth = random_pair(11, overlaps, QUIET, scene, _small(scene), Turning(turn, STEEP))
     radius = 2.0 * SCENE_KINDS[scene].scale
     assert overlaps[0] <= mutual_overlap(target.points, source.points, truth, radius) <= overlaps[1]
     common = (near := _distances(target, source, truth)) < radius
@@ -67,13 +68,15 @@ def test_a_turned_pair_obeys_its_truth_and_overlaps_as_wanted(scene: str, overla
 @pytest.mark.parametrize(("scene", "overlaps"), list(product(SET_SCENES, SET_OVERLAPS)))
 def test_every_scene_has_pairs_of_every_overlap(scene: str, overlaps: tuple[float, float]):
     for seed in range(900, 905):
-        target, source, truth = random_pair(seed, overlaps, QUIET, scene, None, STEEP, "yaw")
+        target, source, truth = random_pair(seed, overlaps, QUIET, scene, None, Turning("yaw", STEEP))
         share = mutual_overlap(target.points, source.points, truth, 2.0 * SCENE_KINDS[scene].scale)
         assert overlaps[0] <= share <= overlaps[1]
 
 
 def test_a_yaw_pair_turns_anywhere_and_tilts_up_to_its_bound():
-    found = [random_pair(seed, (0.6, 0.8), QUIET, "pool", _small("pool"), STEEP, "yaw")[2] for seed in range(16)]
+    found = [
+        random_pair(seed, (0.6, 0.8), QUIET, "pool", _small("pool"), Turning("yaw", STEEP))[2] for seed in range(16)
+    ]
     tilts = np.array([largest_tilt(truth.rotation) for truth in found])
     assert tilts.max() <= STEEP
     assert np.ptp(tilts) > np.deg2rad(15)
@@ -85,7 +88,7 @@ def test_a_yaw_pair_turns_anywhere_and_tilts_up_to_its_bound():
 def test_a_frame_turned_by_yaw_keeps_its_tilt_and_is_the_sensors_own_about_z():
     """Roll 20 and pitch -31 degrees or what else is drawn: written out, not by the class's own composition."""
     for seed in range(20):
-        frame = draw_turn("yaw", STEEP, np.random.default_rng(seed))
+        frame = draw_turn(Turning("yaw", STEEP), np.random.default_rng(seed))
         for aside, share in ((0.4, 0.0), (-1.1, 0.5), (0.7, 1.0)):
             sensor = frame.R_target_sensor(aside, share)
             yaw, pitch, roll = frame.R_target_frame(sensor).as_euler("ZYX")
@@ -99,7 +102,7 @@ def test_a_frame_turned_by_yaw_keeps_its_tilt_and_is_the_sensors_own_about_z():
 
 
 def test_turns_are_spread_over_all_rotations():
-    drawn = [draw_turn("any", STEEP, np.random.default_rng(seed)) for seed in range(3000)]
+    drawn = [draw_turn(Turning("any", STEEP), np.random.default_rng(seed)) for seed in range(3000)]
     matrices = np.array([frame.R.as_matrix() for frame in drawn])
     assert_allclose(matrices.mean(axis=0), 0.0, atol=0.05)
     # each entry of a uniform rotation has the variance 1/3; the mean angle is pi / 2 + 2 / pi
@@ -109,13 +112,15 @@ def test_turns_are_spread_over_all_rotations():
     turned = np.sort([frame.about_z for frame in drawn])
     assert_allclose(turned, np.linspace(-np.pi, np.pi, 3000), atol=0.15)
     with pytest.raises(InputError, match="view, yaw, any"):
-        draw_turn("up", STEEP, np.random.default_rng(0))  # pyright: ignore[reportArgumentType]
+        draw_turn(Turning("up", STEEP), np.random.default_rng(0))  # pyright: ignore[reportArgumentType]
 
 
 def test_a_turned_frame_leaves_ranges_and_noise_as_they_are():
     """What a beam measures is its own; only the frame that the source is told in differs."""
     noise = Noise(sigma2=0.3, outliers=0.03, dropouts=0.2, ghosts=0.02, speckle=1.0)
-    pairs = [random_pair(4, (0.4, 0.6), noise, "clutter", _small("clutter"), STEEP, turn) for turn in ("yaw", "any")]
+    pairs = [
+        random_pair(4, (0.4, 0.6), noise, "clutter", _small("clutter"), Turning(turn, STEEP)) for turn in ("yaw", "any")
+    ]
     (target, source, truth), (other_target, other_source, other) = pairs
     assert_array_equal(target.points, other_target.points)
     assert_array_equal(source.strength, other_source.strength)
@@ -128,7 +133,9 @@ def test_a_turned_frame_leaves_ranges_and_noise_as_they_are():
 
 def test_less_in_common_is_farther_away_and_turned_aside():
     def apart(overlaps: tuple[float, float]) -> float:
-        found = [random_pair(seed, overlaps, QUIET, "clutter", _small("clutter"), 0.0, "yaw") for seed in range(5)]
+        found = [
+            random_pair(seed, overlaps, QUIET, "clutter", _small("clutter"), Turning("yaw", 0.0)) for seed in range(5)
+        ]
         return float(np.mean([np.linalg.norm(truth.translation) for _, _, truth in found]))
 
     assert apart((0.05, 0.2)) > 2 * apart((0.6, 0.8)) > 4 * apart((0.9, 1.0))
@@ -136,9 +143,9 @@ def test_less_in_common_is_farther_away_and_turned_aside():
 
 @pytest.mark.parametrize("turn", ["view", "yaw"])
 def test_a_glance_refuses_no_pose_that_all_beams_accept(monkeypatch: pytest.MonkeyPatch, turn: Turn):
-    quick = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), turn=turn)
+    quick = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), Turning(turn))
     monkeypatch.setattr(viewpoints, "DOUBT", 1.0)
-    slow = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), turn=turn)
+    slow = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), Turning(turn))
     assert_array_equal(quick[1].points, slow[1].points)
     assert_array_equal(quick[2].as_matrix(), slow[2].as_matrix())
 
@@ -146,7 +153,7 @@ def test_a_glance_refuses_no_pose_that_all_beams_accept(monkeypatch: pytest.Monk
 def test_an_overlap_that_cannot_be_is_refused(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(viewpoints, "TRIES", 20)
     with pytest.raises(InputError, match="widen the range"):
-        random_pair(1, (0.99999, 1.0), QUIET, "pool", _small("pool"), turn="yaw")
+        random_pair(1, (0.99999, 1.0), QUIET, "pool", _small("pool"), Turning("yaw"))
 
 
 def test_strangers_are_of_one_size_and_never_the_same_place():

@@ -16,7 +16,7 @@ from sonarmap.spectral.grid import choose_grid
 from sonarmap.spectral.prepare.range_image import visibility
 from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.registration import SpectralRegistrar
-from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
+from sonarmap.tools.lab.simulate.pairs.random_pairs import Turning, random_pair
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.products.report.correlation_maps import map_rotations, slice_translation, tilt_of, yaw_of
 from sonarmap.tools.products.report.registration_picture import draw_registration, registration_figure
@@ -30,7 +30,7 @@ Seen = tuple[RegistrationView, RigidTransform, SpectralRegistrar, SpectralScan, 
 def seen() -> Seen:
     """A pair with a turn of -140 degrees, registered."""
     target, source, T_true = random_pair(
-        13, (0.35, 0.5), Noise(1.0, 0.03), "harbor", max_tilt=np.deg2rad(15), turn="yaw"
+        13, (0.35, 0.5), Noise(1.0, 0.03), "harbor", turning=Turning("yaw", np.deg2rad(15))
     )
     registrar = SpectralRegistrar(choose_device(None), choose_grid((target, source), 64))
     a, b = registrar.prepare(target), registrar.prepare(source)

@@ -14,16 +14,8 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.memory import require_memory
+from sonarmap.tools.files.readers.clouds import rows
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, cloud_of_columns, column_roles
-from sonarmap.tools.files.readers.clouds.rows import (
-    parse_rows,
-    require_bytes,
-    require_lines,
-    shown,
-    surplus_note,
-    unpack_records,
-    whole_lines,
-)
 from sonarmap.tools.files.readers.limits import LARGEST
 
 _HEADER = re.compile(rb"\A(.*?)^DATA[ \t]+(ascii|binary|binary_compressed)[ \t]*\r?\n", re.DOTALL | re.MULTILINE)
@@ -133,14 +125,14 @@ def _count(entries: dict[str, list[str]], name: str) -> int:
 
 def _positive(text: str, name: str, least: int = 1) -> int:
     if re.fullmatch(r"\d{1,18}", text, re.ASCII) is None or int(text) < least:
-        raise InputError(f"its PCD header says {name} {shown(text.encode())}; wanted an integer >= {least}")
+        raise InputError(f"its PCD header says {name} {rows.shown(text.encode())}; wanted an integer >= {least}")
     return int(text)
 
 
 def _dtype(kind: str, size: str) -> str:
     if size not in {str(allowed) for allowed in _SIZES.get(kind, ())}:
         raise InputError(
-            f"its PCD header says TYPE {shown(kind.encode())} of SIZE {shown(size.encode())}; "
+            f"its PCD header says TYPE {rows.shown(kind.encode())} of SIZE {rows.shown(size.encode())}; "
             "wanted F of 4 or 8, or I or U of 1, 2, 4 or 8"
         )
     return f"<{kind.lower()}{size}"
@@ -153,30 +145,30 @@ def _numbers(text: str, count: int, largest: float, what: str, wanted: str) -> n
     except ValueError:
         numbers = np.empty(0)
     if len(numbers) != count or not (np.abs(numbers) <= largest).all():  # NaN is refused too
-        raise InputError(f"its PCD header says {what} {shown(text.encode())}; wanted {wanted}")
+        raise InputError(f"its PCD header says {what} {rows.shown(text.encode())}; wanted {wanted}")
     return numbers
 
 
 def _read_ascii(content: bytes, start: int, header: _Header, roles: dict[str, int]) -> _Columns:
-    lines = whole_lines(content[start:], header.lines + 1)
-    require_lines(header.points, len(lines), "points", " lines")
-    rows = parse_rows(lines[: header.points], sum(header.counts))
+    lines = rows.whole_lines(content[start:], header.lines + 1)
+    rows.require_lines(header.points, len(lines), "points", " lines")
+    numbers = rows.parse_rows(lines[: header.points], sum(header.counts))
     starts = _starts(header.counts)
-    columns = {role: rows[:, starts[field]] for role, field in roles.items()}
-    return columns, surplus_note(len(lines) - header.points, "lines", "point")
+    columns = {role: numbers[:, starts[field]] for role, field in roles.items()}
+    return columns, rows.surplus_note(len(lines) - header.points, "lines", "point")
 
 
 def _read_binary(content: bytes, start: int, header: _Header, roles: dict[str, int]) -> _Columns:
     fields = list(zip(header.dtypes, header.sizes, strict=True))
-    columns = unpack_records(content, start, header.points, fields, roles)
-    return columns, surplus_note(len(content) - start - header.points * sum(header.sizes), "bytes", "point")
+    columns = rows.unpack_records(content, start, header.points, fields, roles)
+    return columns, rows.surplus_note(len(content) - start - header.points * sum(header.sizes), "bytes", "point")
 
 
 def _read_compressed(content: bytes, start: int, header: _Header, roles: dict[str, int]) -> _Columns:
     """Two sizes, then LZF over the fields one after another, each for all points."""
-    require_bytes("two sizes", 8, len(content) - start)
+    rows.require_bytes("two sizes", 8, len(content) - start)
     packed, unpacked = struct.unpack_from("<II", content, start)
-    require_bytes("compressed points", packed, len(content) - start - 8)
+    rows.require_bytes("compressed points", packed, len(content) - start - 8)
     needed = prod((header.points, sum(header.sizes)))
     if unpacked != needed or unpacked > packed * _LZF_RATIO:
         raise InputError(
@@ -194,7 +186,7 @@ def _read_compressed(content: bytes, start: int, header: _Header, roles: dict[st
     columns = {
         role: np.frombuffer(plain, header.dtypes[field], header.points, starts[field]) for role, field in roles.items()
     }
-    return columns, surplus_note(len(content) - start - 8 - packed, "bytes", "point")
+    return columns, rows.surplus_note(len(content) - start - 8 - packed, "bytes", "point")
 
 
 def _starts(lengths: list[int]) -> list[int]:

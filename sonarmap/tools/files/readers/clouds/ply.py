@@ -10,17 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.clouds import rows
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, cloud_of_columns, column_roles
-from sonarmap.tools.files.readers.clouds.rows import (
-    Line,
-    parse_rows,
-    require_bytes,
-    require_lines,
-    shown,
-    surplus_note,
-    unpack_records,
-    whole_lines,
-)
 
 _HEADER = re.compile(rb"ply[ \t]*\r?\n(.*?)^end_header[ \t]*\r?\n", re.DOTALL | re.MULTILINE)
 _HEADER_LIMIT = 1 << 20
@@ -72,10 +63,10 @@ def read_ply(content: bytes) -> list[Cloud]:
     header = _header_of(content)
     roles = column_roles([p.name for p in header.vertex.properties])
     if header.order == "":
-        columns, surplus = _read_ascii(whole_lines(content[header.end :], header.lines + 1), header, roles)
-        return [cloud_of_columns(columns, surplus_note(surplus, "lines", "element"))]
+        columns, surplus = _read_ascii(rows.whole_lines(content[header.end :], header.lines + 1), header, roles)
+        return [cloud_of_columns(columns, rows.surplus_note(surplus, "lines", "element"))]
     columns, start = _read_binary(content, header, roles)
-    return [cloud_of_columns(columns, surplus_note(len(content) - start, "bytes", "element"))]
+    return [cloud_of_columns(columns, rows.surplus_note(len(content) - start, "bytes", "element"))]
 
 
 def read_ply_columns(content: bytes) -> dict[str, np.ndarray]:
@@ -130,20 +121,20 @@ def _parse_header(lines: list[list[str]]) -> tuple[str, list[_Element]]:
                     else ("", words)
                 )
                 raise InputError(
-                    f"line {number} of its PLY header is not understood: {known}{shown(' '.join(rest).encode())}"
+                    f"line {number} of its PLY header is not understood: {known}{rows.shown(' '.join(rest).encode())}"
                 )
     if order is None:
         raise InputError("its PLY header has no line 'format ... 1.0'; write the file again")
     return order, elements
 
 
-def _read_ascii(lines: list[Line], header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], int]:
+def _read_ascii(lines: list[rows.Line], header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], int]:
     """The vertices' columns, and how many lines follow the last element."""
     counts = [element.count for element in header.elements]
-    require_lines(sum(counts), len(lines), "lines of points and the like", "")
+    rows.require_lines(sum(counts), len(lines), "lines of points and the like", "")
     start = sum(counts[: header.elements.index(header.vertex)])
-    rows = parse_rows(lines[start : start + header.vertex.count], len(header.vertex.properties))
-    return {role: rows[:, column] for role, column in roles.items()}, len(lines) - sum(counts)
+    numbers = rows.parse_rows(lines[start : start + header.vertex.count], len(header.vertex.properties))
+    return {role: numbers[:, column] for role, column in roles.items()}, len(lines) - sum(counts)
 
 
 def _read_binary(content: bytes, header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], int]:
@@ -151,10 +142,10 @@ def _read_binary(content: bytes, header: _Header, roles: dict[str, int]) -> tupl
     start, columns = header.end, dict[str, np.ndarray]()
     for element in header.elements:
         held = len(content) - start
-        require_bytes(f"{element.count:,} of element {element.name}", element.count * element.least_bytes, held)
+        rows.require_bytes(f"{element.count:,} of element {element.name}", element.count * element.least_bytes, held)
         if element is header.vertex:
             fields = [(p.dtype.str, p.dtype.itemsize) for p in element.properties]
-            columns = unpack_records(content, start, element.count, fields, roles)
+            columns = rows.unpack_records(content, start, element.count, fields, roles)
         start = _end_of(element, content, start)
     return columns, start
 

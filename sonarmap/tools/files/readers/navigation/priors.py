@@ -4,10 +4,9 @@ A file has rows for the scans by their names, or at their stamps, or at times of
 in docs/navigation.md; `tools.files.readers.navigation.read` tells the kinds of files apart.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -23,8 +22,6 @@ from sonarmap.tools.files.readers.navigation.match import SAME_STAMP, find_scan
 from sonarmap.tools.files.readers.navigation.read import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
 
-NO_DEFAULTS: Mapping[str, float] = MappingProxyType({})
-
 
 @dataclass(frozen=True, slots=True)
 class Navigated:
@@ -39,7 +36,6 @@ def navigate(
     scans: Sequence[Scan],
     path: Path,
     settings: NavigationSettings = AS_IT_SAYS,
-    sigmas: Mapping[str, float] = NO_DEFAULTS,
     allow_unknown: bool = False,
     notes: list[str] | None = None,
     turn_rates: tuple[np.ndarray, np.ndarray] | None = None,
@@ -48,7 +44,6 @@ def navigate(
 
     Args:
         settings: how to understand it.
-        sigmas: {column of `tools.files.readers.instruments.COLUMNS`: standard deviation}, where the file has none.
         allow_unknown: whether rows may belong to scans that are not among these.
         turn_rates: times by the scans' clock (m,) [s], and the sonar's turn rates about the vertical (m,) [rad/s], from
             which the offset of the navigation's clock is estimated if the settings ask for it.
@@ -58,9 +53,9 @@ def navigate(
     """
     notes = [] if notes is None else notes
     stamps = np.array([scan.stamp for scan in scans], np.float64)
-    log = read_navigation(path, settings, sigmas, stamps, notes)
+    log = read_navigation(path, settings, settings.sigmas, stamps, notes)
     offset = _estimated_offset(path, log, turn_rates, notes) if settings.offset is None else settings.offset
-    log = replace(log, sigmas=with_defaults(log.sigmas, sigmas), times=log.times + offset)
+    log = replace(log, sigmas=with_defaults(log.sigmas, settings.sigmas), times=log.times + offset)
     if log.key == "stamp" and _is_series(stamps, log):
         priors = _from_series(path, log, stamps, notes)
     else:
@@ -72,17 +67,6 @@ def navigate(
     return Navigated(
         tuple(replace(scan, prior=prior) for scan, prior in zip(scans, corrected, strict=True)), georeference
     )
-
-
-def with_priors(
-    scans: Sequence[Scan],
-    path: Path,
-    sigmas: Mapping[str, float] = NO_DEFAULTS,
-    allow_unknown: bool = False,
-    notes: list[str] | None = None,
-) -> tuple[Scan, ...]:
-    """The scans of `navigate`, where nothing has to be said of the file."""
-    return navigate(scans, path, sigmas=sigmas, allow_unknown=allow_unknown, notes=notes).scans
 
 
 def _estimated_offset(

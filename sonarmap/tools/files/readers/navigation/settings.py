@@ -1,6 +1,7 @@
 """How a file of navigation is to be understood, as far as the file itself does not say: the sonar's mount too."""
 
 import csv
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -23,6 +24,7 @@ NAV_FRAMES = DOWN_FRAMES + UP_FRAMES
 HEADING_REFERENCES = ("true", "grid")
 _MOST_OFFSET = 1e10  # [s]: more than 300 years
 _NOTHING: MappingProxyType[str, str] = MappingProxyType({})
+_NO_SIGMAS: Mapping[str, float] = MappingProxyType({})
 _LEVEL = 0.2  # [rad]: how far from level a vehicle is taken to be whose attitude nobody measured
 _MOST_TILT = 30.0  # [deg] of a mount beside an attitude that nobody measured
 _TURN = np.array([1.0, -1.0, -1.0])  # forward, right, down to forward, left, up, and back
@@ -103,6 +105,8 @@ class NavigationSettings:
     # no z
     frame: NavFrame | None = None
     mount: Mount | None = None  # of the sonar on the vehicle
+    # {column of `tools.files.readers.instruments.COLUMNS`: standard deviation}, of priors where the file has none
+    sigmas: Mapping[str, float] = field(default_factory=lambda: _NO_SIGMAS)
 
     def __post_init__(self) -> None:
         _require_one_of("--time-scale", self.time_scale, TIME_SCALES)

@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.navigation.priors import with_priors
+from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.lab.reproduce.answer import answer, claims, errors, finish_device
 from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row, Section
@@ -104,7 +104,7 @@ class Real(ByMethod):
         if known == NOTHING:
             return scans
         if known == FILE and real_set.priors is not None:
-            return with_priors(scans, real_set.priors, allow_unknown=True)
+            return navigate(scans, real_set.priors, allow_unknown=True).scans
         poses = RigidTransform.identity(), pair.T_target_source  # the world is the target's frame
         entropy = [self.settings.draws[known], zlib.crc32(f"{real_set.name}/{pair.name}".encode())]
         return [

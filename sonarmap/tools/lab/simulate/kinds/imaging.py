@@ -10,12 +10,11 @@ wall, and 1 to 2.5 % farther than 1.5 m, at 1.5 to 2.7 times its range.
 
 import math
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.simulate.kinds.partners import sweep_pair
+from sonarmap.tools.lab.simulate.kinds.partners import SweepKind
 from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, pick, walk
 from sonarmap.tools.lab.simulate.kinds.water import Water
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
@@ -176,4 +175,4 @@ def imager(water: Water, rng: np.random.Generator) -> Imager:
     return Imager(water, fan, by_depth, detector, rng.uniform(*MULTIPATH), rng.uniform(*SIDE_LOBES))
 
 
-imaging_pair = partial(sweep_pair, "imaging", imager, seen_from=False)  # a builder of SCAN_KINDS
+imaging_pair = SweepKind("imaging", imager, seen_from=False).pair  # a builder of SCAN_KINDS

@@ -55,42 +55,41 @@ class Seen:
     points: np.ndarray
 
 
-def sweep_pair(
-    kind: str,
-    equip: Callable[[Water, np.random.Generator], Instrument],
-    number: int,
-    seed: int,
-    scene: str,
-    overlaps: tuple[float, float],
-    *,
-    seen_from: bool = True,
-) -> KindPair:
-    """Pair `number` of the set `seed`: two sweeps of an instrument through one scene.
+@dataclass(frozen=True, slots=True)
+class SweepKind:
+    """Pairs of two sweeps of an instrument through one scene.
 
-    Args:
-        kind: a key of SCAN_KINDS.
+    Attributes:
+        name: a key of SCAN_KINDS.
         equip: draws the instrument.
-        number, seed, scene, overlaps: as `kind_pair` takes them.
         seen_from: whether the points of even numbers say where they were seen from.
-
-    Raises:
-        InputError: no such pair was found.
     """
-    draws = pair_draws(kind, number, seed)
-    water = Water(build_scene(scene, draws.scene))
-    instrument = equip(water, draws.poses)
-    target, source, shared = _search(water, instrument, overlaps, OVERLAP_RADIUS * water.scale, draws.poses)
-    noise = noise_of(kind, number, scene)
-    # of a sonar that listens up to a share of the range that the noise is of; without ghosts
-    gate = instrument.fan.sensor.max_range / water.sensor.max_range
-    noise = replace(noise, sigma2=noise.sigma2 * gate, ghosts=0.0)
-    viewpoints = seen_from and number % 2 == 0
-    scans = []
-    for seen, name, rng in ((target, "target", draws.target), (source, "source", draws.source)):
-        returns = instrument.returns(seen.ranges, seen.strengths, seen.sweep, rng)
-        scans.append(write_scan(instrument.fan, seen.sweep, returns, noise, rng, name, viewpoints=viewpoints))
-    poses = target.sweep.T_world_frame, source.sweep.T_world_frame
-    return KindPair(kind, number, seed, scene, scans[0], scans[1], *poses, shared)
+
+    name: str
+    equip: Callable[[Water, np.random.Generator], Instrument]
+    seen_from: bool = True
+
+    def pair(self, number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
+        """As `kind_pair` makes it.
+
+        Raises:
+            InputError: no such pair was found.
+        """
+        draws = pair_draws(self.name, number, seed)
+        water = Water(build_scene(scene, draws.scene))
+        instrument = self.equip(water, draws.poses)
+        target, source, shared = _search(water, instrument, overlaps, OVERLAP_RADIUS * water.scale, draws.poses)
+        noise = noise_of(self.name, number, scene)
+        # of a sonar that listens up to a share of the range that the noise is of; without ghosts
+        gate = instrument.fan.sensor.max_range / water.sensor.max_range
+        noise = replace(noise, sigma2=noise.sigma2 * gate, ghosts=0.0)
+        scans = []
+        for seen, name, rng in ((target, "target", draws.target), (source, "source", draws.source)):
+            returns = instrument.returns(seen.ranges, seen.strengths, seen.sweep, rng)
+            scan = write_scan(instrument.fan, seen.sweep, returns, noise, rng, name)
+            scans.append(scan if self.seen_from and number % 2 == 0 else replace(scan, viewpoints=None))
+        poses = target.sweep.T_world_frame, source.sweep.T_world_frame
+        return KindPair(self.name, number, seed, scene, scans[0], scans[1], *poses, shared)
 
 
 def _search(

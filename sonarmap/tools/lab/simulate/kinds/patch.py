@@ -16,7 +16,7 @@ from sonarmap.tools.lab.simulate.kinds.draws import draw_views, noise_of, observ
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View
 from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, measure
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 
 COARSE_LOOKS = 3  # that a coarse search takes: the first, a middle one and the last
@@ -200,7 +200,7 @@ def merged_scan(
     looks = []
     for look in view.looks:
         ghosts = reflect(observer.world, observer.sensor, look.T_world_sensor) if noise.ghosts > 0 else None
-        looks.append(measure(look.echoes, observer.sensor, noise, rng, ghosts=ghosts, name=name))
+        looks.append(scan_of(disturb(look.echoes, observer.sensor, noise, rng, ghosts), observer.sensor, name=name))
     points = np.concatenate([believed[k].apply(look.points) for k, look in enumerate(looks)])
     number = np.repeat(np.arange(len(looks)), [len(look.points) for look in looks])
     strength = np.concatenate([look.strength for look in looks if look.strength is not None])

@@ -7,12 +7,11 @@ taken to stand still. An echo is the strongest of seven rays in the beam.
 
 import math
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.simulate.kinds.partners import sweep_pair
+from sonarmap.tools.lab.simulate.kinds.partners import SweepKind
 from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, pick, walk
 from sonarmap.tools.lab.simulate.kinds.water import Water
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
@@ -112,4 +111,4 @@ def profiler(water: Water, rng: np.random.Generator) -> Profiler:
     return Profiler(water, Fan(sensor, beams, rays, gains), pans - pans[len(pans) // 2], bool(rng.random() < 0.5))
 
 
-profiler_pair = partial(sweep_pair, "profiler", profiler)  # a builder of SCAN_KINDS
+profiler_pair = SweepKind("profiler", profiler).pair  # a builder of SCAN_KINDS

@@ -37,7 +37,7 @@ from sonarmap.tools.lab.simulate.kinds.draws import draw_views, noise_of, observ
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View
 from sonarmap.tools.lab.simulate.sensing.ghosts import reflect, reflect_beams
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, fade, measure, pick_strongest, scan_of
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, fade, pick_strongest, scan_of
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, cast_beams
 
@@ -124,7 +124,7 @@ def distorted_scan(shot: Shot, distort: Callable[[np.ndarray], np.ndarray]) -> S
     """The scan of a still sonar that reports other ranges [m] than the true ones, its ghosts' included."""
     ghosts = shot.ghosts and replace(shot.ghosts, ranges=distort(shot.ghosts.ranges))
     echoes = replace(shot.view.echoes, ranges=distort(shot.view.echoes.ranges))
-    return measure(echoes, shot.observer.sensor, shot.noise, shot.rng, ghosts=ghosts, stamp=shot.stamp, name=shot.name)
+    return _write(shot, echoes, ghosts)
 
 
 def scaled_scan(shot: Shot) -> Scan:
@@ -192,7 +192,7 @@ def scan_in_motion(shot: Shot, motion: Motion) -> Scan:
     directions = turned.apply(sensor.directions().reshape(-1, 3))
     echoes = cast_beams(world, sensor, origins, directions)
     ghosts = reflect_beams(world, sensor, origins, directions) if shot.noise.ghosts > 0 else None
-    return measure(echoes, sensor, shot.noise, shot.rng, ghosts=ghosts, stamp=shot.stamp, name=shot.name)
+    return _write(shot, echoes, ghosts)
 
 
 # The builders of SCAN_KINDS
@@ -200,3 +200,9 @@ sound_speed_pair = partial(single_view_pair, "sound_speed", scaled_scan)
 range_bias_pair = partial(single_view_pair, "range_bias", shifted_scan)
 sonar3d15_pair = partial(single_view_pair, "sonar3d15", real_scan)
 moving_pair = partial(single_view_pair, "moving", moving_scan)
+
+
+def _write(shot: Shot, echoes: Echoes, ghosts: Echoes | None) -> Scan:
+    sensor = shot.observer.sensor
+    noisy = disturb(echoes, sensor, shot.noise, shot.rng, ghosts)
+    return scan_of(noisy, sensor, stamp=shot.stamp, name=shot.name)

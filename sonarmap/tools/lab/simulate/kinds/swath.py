@@ -10,12 +10,11 @@ way: K. Tang et al., Sensors 13, 2013, doi 10.3390/s131114583).
 
 import math
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.simulate.kinds.partners import sweep_pair
+from sonarmap.tools.lab.simulate.kinds.partners import SweepKind
 from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, pick, walk, wobble
 from sonarmap.tools.lab.simulate.kinds.water import Water
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
@@ -124,4 +123,4 @@ def sounder(water: Water, rng: np.random.Generator) -> Sounder:
     return Sounder(water, Fan(sensor, beams, rays, 10 ** (-0.6 * (fore / (ALONG / 2)) ** 2)), across)
 
 
-swath_pair = partial(sweep_pair, "swath", sounder)  # a builder of SCAN_KINDS
+swath_pair = SweepKind("swath", sounder).pair  # a builder of SCAN_KINDS

@@ -133,13 +133,10 @@ def true_points(fan: Fan, sweep: Sweep, returns: Returns) -> np.ndarray:
     return sweep.T_frame_ping[ping].apply(directions * returns.ranges[seen][:, None])
 
 
-def write_scan(
-    fan: Fan, sweep: Sweep, returns: Returns, noise: Noise, rng: np.random.Generator, name: str, *, viewpoints: bool
-) -> Scan:
+def write_scan(fan: Fan, sweep: Sweep, returns: Returns, noise: Noise, rng: np.random.Generator, name: str) -> Scan:
     """The scan that the vehicle writes: with noise, in the beams' believed directions, from the believed places.
 
-    Args:
-        viewpoints: whether it also says where the sensor was believed to be when it saw each point.
+    Its viewpoints are where the sensor was believed to be when it saw each point.
 
     Raises:
         InputError: no beam brings an echo back.
@@ -155,7 +152,7 @@ def write_scan(
         strength=noisy.strengths[kept].astype(np.float32),
         stamp=1.0 if name == "source" else 0.0,
         name=name,
-        viewpoints=believed.translation.astype(np.float32) if viewpoints else None,
+        viewpoints=believed.translation.astype(np.float32),
     )
 
 

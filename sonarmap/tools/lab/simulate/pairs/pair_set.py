@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn, random_pair, unrelated_pair
+from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn, Turning, random_pair, unrelated_pair
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 
@@ -35,7 +35,7 @@ class EvaluationPair:
         number: which of the set.
         scene: a key of SCENE_KINDS.
         overlaps: least and greatest share of the points in common, as random_pair takes them.
-        turn: of the source's frame, as random_pair takes it.
+        turn: of the source's frame, as `Turning` has it.
         noise: its sigma2 is 0, 1 or 2 m^2 times the square of the scene's scale.
         seed: of the scene, the poses and the noise.
     """
@@ -49,7 +49,7 @@ class EvaluationPair:
 
     def scans(self) -> tuple[Scan, Scan, RigidTransform]:
         """Target Scan, source Scan and T_target_source between their frames."""
-        return random_pair(self.seed, self.overlaps, self.noise, self.scene, max_tilt=SET_TILT, turn=self.turn)
+        return random_pair(self.seed, self.overlaps, self.noise, self.scene, turning=Turning(self.turn, SET_TILT))
 
 
 @dataclass(frozen=True, slots=True)

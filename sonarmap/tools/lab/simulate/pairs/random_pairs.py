@@ -15,10 +15,11 @@ from sonarmap.tools.lab.simulate.pairs.viewpoints import TRIES, Observer, View, 
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, measure
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, bare
 
 Turn = Literal["view", "yaw", "any"]
+POSE_TILT = math.radians(10.0)  # of a vessel, largest roll and pitch
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,23 +58,43 @@ class FrameTurn:
         return Rotation.from_euler("ZYX", (yaw, self.pitch, self.roll))
 
 
-def draw_turn(turn: Turn, max_tilt: float, rng: np.random.Generator) -> FrameTurn:
-    """A frame's turn, its roll and pitch uniform up to `max_tilt` [rad].
+@dataclass(frozen=True, slots=True)
+class Turning:
+    """How the source's frame may be turned against the target's.
+
+    Attributes:
+        kind: "view": it is its sensor's own, whose view is turned by up to 60 degrees.
+            "yaw": besides the difference of view the frame is turned about its own z by any angle, as that of a
+            sonar mounted otherwise. As much of the tilt as the overlap allows is the sensor's, the rest its
+            mounting's. The smaller the overlap, the farther the source is moved and turned aside.
+            "any": R_target_source is uniform on SO(3); places and views are those of "yaw".
+        max_tilt: largest roll and pitch of either pose [rad]; with "yaw" of R_target_source
+            = Rz(yaw) Ry(pitch) Rx(roll), over which they are spread evenly.
+    """
+
+    kind: Turn = "view"
+    max_tilt: float = POSE_TILT
+
+
+LITTLE_TURNED = Turning()
+
+
+def draw_turn(turning: Turning, rng: np.random.Generator) -> FrameTurn:
+    """A frame's turn, its roll and pitch uniform up to the largest tilt.
 
     Raises:
         InputError: an unknown turn.
     """
-    if turn not in get_args(Turn):
-        raise InputError(f"a pair's turn is {turn!r}; wanted one of {', '.join(get_args(Turn))}")
+    if turning.kind not in get_args(Turn):
+        raise InputError(f"a pair's turn is {turning.kind!r}; wanted one of {', '.join(get_args(Turn))}")
     about_z = rng.uniform(-np.pi, np.pi)
-    pitch, roll = rng.uniform(-max_tilt, max_tilt, 2)
+    pitch, roll = rng.uniform(-turning.max_tilt, turning.max_tilt, 2)
     # a normal vector of four numbers points anywhere evenly, and so does its unit quaternion
-    return FrameTurn(turn, about_z, pitch, roll, Rotation.from_quat(rng.standard_normal(4)))
+    return FrameTurn(turning.kind, about_z, pitch, roll, Rotation.from_quat(rng.standard_normal(4)))
 
 
 NOISELESS = Noise()
 PLACES = 8  # of the target, before a pair is given up
-POSE_TILT = math.radians(10.0)  # of a vessel, largest roll and pitch
 # The scenes that unrelated pairs are drawn from, in this order: it decides which pair a seed is. Open beds are not
 # among them: two of them look alike whatever their seeds
 STRANGERS = ("floodgate", "harbor", "clutter", "ship", "pool", "manifold", "bridge", "wreck")
@@ -90,8 +111,7 @@ def random_pair(
     noise: Noise = NOISELESS,
     scene: str = "clutter",
     sensor: Sensor | None = None,
-    max_tilt: float = POSE_TILT,
-    turn: Turn = "view",
+    turning: Turning = LITTLE_TURNED,
 ) -> tuple[Scan, Scan, RigidTransform]:
     """Two scans of one scene from random poses whose noise-free overlap lies within `overlaps`.
 
@@ -102,15 +122,8 @@ def random_pair(
         noise, scene: what disturbs, a key of SCENE_KINDS.
         sensor: what to see with; the bare fan of the one that suits the scene if left out. The overlap is of all
             echoes, also of those under a sensor's threshold.
-        max_tilt: largest roll and pitch of either pose [rad]; with the turn "yaw" of R_target_source
-            = Rz(yaw) Ry(pitch) Rx(roll), over which they are spread evenly.
-        turn: how the source's frame is turned against the target's.
-            "view": it is its sensor's own, whose view is turned by up to 60 degrees.
-            "yaw": besides the difference of view the frame is turned about its own z by any angle, as that of a
-            sonar mounted otherwise. As much of the tilt as the overlap allows is the sensor's, the rest its
-            mounting's. The smaller the overlap, the farther the source is moved and turned aside.
-            "any": R_target_source is uniform on SO(3); places and views are those of "yaw".
-            The viewpoint is the origin of the scan's frame in any case.
+        turning: how the source's frame is turned against the target's. The viewpoint is the origin of the scan's frame
+            in any case.
 
     Returns:
         target Scan, source Scan, T_target_source, all between the scans' frames.
@@ -121,14 +134,14 @@ def random_pair(
     observer = _observer(scene, seed, sensor)
     pose_seed, target_seed, source_seed, turn_seed = np.random.SeedSequence([seed, 17]).spawn(4)
     rng = np.random.default_rng(pose_seed)
-    frame = draw_turn(turn, max_tilt, np.random.default_rng(turn_seed))
-    target, source = _views(observer, overlaps, frame, max_tilt, rng)
+    frame = draw_turn(turning, np.random.default_rng(turn_seed))
+    target, source = _views(observer, overlaps, frame, turning.max_tilt, rng)
     T_target_sensor = target.T_world_sensor.inv() * source.T_world_sensor
     scans = (
         _scan(observer, target, noise, target_seed, 0.0, "target"),
         _scan(observer, source, noise, source_seed, 1.0, "source"),
     )
-    if turn == "view":
+    if turning.kind == "view":
         return *scans, T_target_sensor
     R_sensor_frame = T_target_sensor.rotation.inv() * frame.R_target_frame(T_target_sensor.rotation)
     return scans[0], _reframed(scans[1], R_sensor_frame), T_target_sensor * RigidTransform.from_rotation(R_sensor_frame)
@@ -158,7 +171,7 @@ def unrelated_pair(
     rng = np.random.default_rng(draw_seed)
     name, other = draw_strangers(scene, rng)
     observers = _observer(name, seed), _observer(other, seed + 1)
-    frame = draw_turn("yaw", max_tilt, rng)
+    frame = draw_turn(Turning("yaw", max_tilt), rng)
     target, source = (first_view(observer, POSE_TILT, rng) for observer in observers)
     R_target_sensor = target.T_world_sensor.rotation.inv() * source.T_world_sensor.rotation
     R_sensor_frame = R_target_sensor.inv() * frame.R_target_frame(R_target_sensor)
@@ -236,7 +249,9 @@ def _aside(
 def _scan(observer: Observer, view: View, noise: Noise, seed: np.random.SeedSequence, stamp: float, name: str) -> Scan:
     world, sensor = observer.world, observer.sensor
     ghosts = reflect(world, sensor, view.T_world_sensor) if noise.ghosts > 0 else None
-    return measure(view.echoes, sensor, noise, np.random.default_rng(seed), ghosts=ghosts, stamp=stamp, name=name)
+    return scan_of(
+        disturb(view.echoes, sensor, noise, np.random.default_rng(seed), ghosts), sensor, stamp=stamp, name=name
+    )
 
 
 def _reframed(scan: Scan, R_sensor_frame: Rotation) -> Scan:

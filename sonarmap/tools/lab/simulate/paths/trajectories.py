@@ -82,7 +82,9 @@ def survey(
     Raises:
         InputError: a scene without a path, no scan, or a spacing that is not positive.
     """
-    return _evenly(survey_path(scene, seed, reach), "survey", scene, count, seed, spacing, dive)
+    path = survey_path(scene, seed, reach)
+    _require_scans("survey", count, spacing)
+    return _evenly(path, scene, count, seed, spacing, dive)
 
 
 def lawnmower(
@@ -95,7 +97,9 @@ def lawnmower(
     Raises:
         InputError: a scene without lanes, no scan, or a spacing that is not positive.
     """
-    return _evenly(lawnmower_path(scene, seed, reach), "lawnmower", scene, count, seed, spacing, dive)
+    path = lawnmower_path(scene, seed, reach)
+    _require_scans("lawnmower", count, spacing)
+    return _evenly(path, scene, count, seed, spacing, dive)
 
 
 def loop(scene: str, count: int, seed: int, dive: int = 1, reach: float = np.inf) -> Trajectory:
@@ -107,7 +111,7 @@ def loop(scene: str, count: int, seed: int, dive: int = 1, reach: float = np.inf
     if count < LOOP_LEAST:
         raise InputError(f"a loop of {count} scans; wanted at least {LOOP_LEAST}, so that it goes round something")
     path = survey_path(scene, seed, reach)
-    return _evenly(path, "loop", scene, count, seed, path.length / count, dive)
+    return _evenly(path, scene, count, seed, path.length / count, dive)
 
 
 def poses_along(path: Path, distance: np.ndarray, scene: str, seed: int, dive: int = 1) -> RigidTransform:
@@ -152,9 +156,12 @@ def table1(rows: int = TABLE1_COUNT) -> Trajectory:
     return Trajectory(np.arange(1.0 + rows), RigidTransform.concatenate([T_grid_rig, *moved]))
 
 
-def _evenly(path: Path, what: str, scene: str, count: int, seed: int, spacing: float, dive: int) -> Trajectory:
+def _require_scans(trajectory: str, count: int, spacing: float) -> None:
     if count < 1 or not 0 < spacing < np.inf:
-        raise InputError(f"a {what} of {count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0")
+        raise InputError(f"a {trajectory} of {count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0")
+
+
+def _evenly(path: Path, scene: str, count: int, seed: int, spacing: float, dive: int) -> Trajectory:
     start = start_of(min(count * spacing, path.length), dive)
     distance = start + spacing * np.arange(count)
     return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, distance, scene, seed, dive))

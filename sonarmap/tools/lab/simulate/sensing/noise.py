@@ -102,24 +102,6 @@ def _in_steps(ranges: np.ndarray, resolution: float) -> np.ndarray:
     return ranges if resolution == 0 else np.rint(ranges / resolution) * resolution
 
 
-def measure(
-    echoes: Echoes,
-    sensor: Sensor,
-    noise: Noise,
-    rng: np.random.Generator,
-    *,
-    ghosts: Echoes | None = None,
-    stamp: float = 0.0,
-    name: str = "scan",
-) -> Scan:
-    """The scan that the sensor writes: points in the sensor frame, with noise, without the empty beams.
-
-    Raises:
-        InputError: no beam brings an echo back, or noise with ghosts, and none given.
-    """
-    return scan_of(disturb(echoes, sensor, noise, rng, ghosts), sensor, stamp=stamp, name=name)
-
-
 def scan_of(echoes: Echoes, sensor: Sensor, *, stamp: float = 0.0, name: str = "scan") -> Scan:
     """The scan of measured echoes: points in the sensor frame, without the empty beams.
 

@@ -1,6 +1,7 @@
 """Scans, and logs of navigation, for the tests."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ def read(
 ) -> tuple[np.ndarray, Navigated]:
     """(N, 6) what a file says of the scans, in the order of COLUMNS, NaN where nothing; and all that was read."""
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    navigated = navigate(scans, path, settings, SIGMAS, notes=notes)
+    navigated = navigate(scans, path, replace(settings, sigmas=SIGMAS), notes=notes)
     values = np.full((len(scans), 6), np.nan)
     for k, scan in enumerate(navigated.scans):
         if scan.prior is not None:

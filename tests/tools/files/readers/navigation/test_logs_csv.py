@@ -215,7 +215,7 @@ class TestAmbiguous:
     def test_no_standard_deviation(self, path: Path) -> None:
         path.write_text("Time,Depth\n" + rows("5"))
         refuses(r"depth_m \('Depth'\) has no standard deviation; .* --prior-sigmas", navigate, SCANS, path)
-        assert navigate(SCANS, path, sigmas=SIGMAS).scans[0].prior is not None
+        assert navigate(SCANS, path, NavigationSettings(sigmas=SIGMAS)).scans[0].prior is not None
 
 
 LONG = 100_000

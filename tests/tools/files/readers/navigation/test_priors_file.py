@@ -8,7 +8,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, pose_of, prior_of, sigmas_of, values_of
-from sonarmap.tools.files.readers.navigation.priors import with_priors
+from sonarmap.tools.files.readers.navigation.priors import navigate
+from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
 from sonarmap.tools.files.writers.priors import write_priors
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import require_words, scans_at
@@ -19,9 +20,9 @@ FIRST = "name,heading_deg,heading_sigma_deg,depth_m,depth_sigma_m\n"
 ATTITUDE = "roll_deg,pitch_deg,roll_sigma_deg,pitch_sigma_deg"
 
 
-def read(path: Path, text: str, **options: object) -> tuple[Scan, ...]:
+def read(path: Path, text: str, settings: NavigationSettings = AS_IT_SAYS, **options: object) -> tuple[Scan, ...]:
     path.write_bytes(text.encode())
-    return with_priors(SCANS, path, **options)  # type: ignore[arg-type]
+    return navigate(SCANS, path, settings, **options).scans  # type: ignore[arg-type]
 
 
 def told(scan: Scan) -> PosePrior:
@@ -105,7 +106,9 @@ class TestRows:
 
     def test_defaults_stand_in_where_the_file_says_nothing(self, path: Path) -> None:
         text = "name,depth_m,x_m,y_m,x_sigma_m,y_sigma_m\nfirst,1,2,3,7,8\nrec#3,1,2,3,,9\n"
-        first, second, _ = read(path, text, sigmas={"depth_m": 0.3, "x_m": 5.0, "y_m": 6.0, "roll_deg": 1.0})
+        first, second, _ = read(
+            path, text, NavigationSettings(sigmas={"depth_m": 0.3, "x_m": 5.0, "y_m": 6.0, "roll_deg": 1.0})
+        )
         np.testing.assert_array_equal(told(first).sigmas, [np.inf, np.inf, np.inf, 7, 8, 0.3])
         np.testing.assert_array_equal(told(second).sigmas, [np.inf, np.inf, np.inf, 5, 9, 0.3])
 
@@ -206,7 +209,7 @@ class TestOffices:
     def test_times_of_iso_8601(self, path: Path) -> None:
         scans = (Scan(POINTS, name="a", stamp=1782898200.0), Scan(POINTS, name="b", stamp=1782898205.5))
         path.write_text("stamp;depth_m;depth_sigma_m\n2026-07-01T09:30:00Z;1;1\n2026-07-01T11:30:05.500+02:00;2;1\n")
-        first, second = with_priors(scans, path)
+        first, second = navigate(scans, path).scans
         assert told(first).T_world_sensor.translation[2] == -1
         assert told(second).T_world_sensor.translation[2] == -2
 
@@ -218,7 +221,7 @@ def test_what_is_written_is_read(path: Path) -> None:
     sigmas[0, :2], sigmas[1, 2], sigmas[2, 5] = np.inf, np.inf, np.inf
     priors = [PosePrior(T[k], sigmas[k]) for k in range(3)]
     write_priors(path, ["first.ply", "rec.sonar#3", "a.ply"], priors)
-    for prior, scan in zip(priors, with_priors(SCANS, path), strict=True):
+    for prior, scan in zip(priors, navigate(SCANS, path).scans, strict=True):
         np.testing.assert_allclose(told(scan).sigmas, prior.sigmas, rtol=1e-5)
         values, back = (values_of(one.T_world_sensor) for one in (prior, told(scan)))
         known = np.isfinite(prior.sigmas)

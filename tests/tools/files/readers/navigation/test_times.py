@@ -237,9 +237,9 @@ def test_navigation_is_moved_to_the_scans_clock(tmp_path: Path) -> None:
     scans = scans_at(START + 100, START + 150)
     notes: list[str] = []
     (tmp_path / "log.csv").write_text("Time,Heading\n" + rows)
-    settings, sigmas = NavigationSettings(offset=None), {"heading_deg": 1.0}
+    settings = NavigationSettings(offset=None, sigmas={"heading_deg": 1.0})
     imu = (START + times[::5], rates[::5] + rng.normal(0, 0.01, len(times[::5])))
-    navigated = navigate(scans, tmp_path / "log.csv", settings, sigmas, notes=notes, turn_rates=imu)
+    navigated = navigate(scans, tmp_path / "log.csv", settings, notes=notes, turn_rates=imu)
     assert any("37.0" in note and "by the turn rates" in note for note in notes)
     values, _ = read(tmp_path / "log.csv", "Time,Heading\n" + rows, NavigationSettings(offset=37.0), scans)
     for scan, value in zip(navigated.scans, values[:, 2], strict=True):
@@ -247,4 +247,4 @@ def test_navigation_is_moved_to_the_scans_clock(tmp_path: Path) -> None:
         yaw = scan.prior.T_world_sensor.rotation.as_euler("ZYX", degrees=True)[0]
         assert (90 - yaw - value + 180) % 360 - 180 == pytest.approx(0, abs=0.5)
     with pytest.raises(InputError, match="--nav-offset auto needs the sonar's own turn rates"):
-        navigate(scans, tmp_path / "log.csv", settings, sigmas)
+        navigate(scans, tmp_path / "log.csv", settings)

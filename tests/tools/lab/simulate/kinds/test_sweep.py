@@ -79,7 +79,7 @@ def test_points_are_placed_where_the_vehicle_believed_and_came_from_where_it_was
     fan = _fan((0.0, np.pi / 2))
     returns = Returns(np.array([[4.0], [6.0]]), np.array([[1.0], [0.5]]), np.array([[1], [0]]))
     assert_allclose(true_points(fan, sweep, returns), ((0, 0, 4), (1, 8, 3)), atol=1e-12)
-    scan = write_scan(fan, sweep, returns, QUIET, np.random.default_rng(1), "source", viewpoints=True)
+    scan = write_scan(fan, sweep, returns, QUIET, np.random.default_rng(1), "source")
     assert_allclose(scan.points, ((4, 0, 0), (7, 2.5, 3)), atol=1e-6)
     assert scan.viewpoints is not None
     assert_allclose(scan.viewpoints, ((0, 0, 0), (1, 2.5, 3)))
@@ -89,9 +89,7 @@ def test_points_are_placed_where_the_vehicle_believed_and_came_from_where_it_was
 def test_a_sweep_that_hears_nothing_is_refused():
     nothing = Returns(np.array([[np.inf]]), np.array([[0.0]]), np.array([[0]]))
     with pytest.raises(InputError, match="no beam"):
-        write_scan(
-            _fan((0.0,)), _still((0, 0, 0)), nothing, QUIET, np.random.default_rng(1), "source", viewpoints=False
-        )
+        write_scan(_fan((0.0,)), _still((0, 0, 0)), nothing, QUIET, np.random.default_rng(1), "source")
 
 
 def test_a_walk_starts_in_the_middle_and_ends_about_its_sigma_away():
@@ -202,7 +200,7 @@ def _wall(seed: int, by_depth: bool, imager: imaging.Imager | None = None) -> tu
     looking = imager or _imager(seed, by_depth)
     sweep = looking._stack(np.array((10.0, 0.0)), 0.0, rng)
     returns = looking.returns(*meet(WALLED, looking.fan, sweep.T_world_ping), sweep, rng)
-    scan = write_scan(looking.fan, sweep, returns, Noise(), rng, "source", viewpoints=False)
+    scan = write_scan(looking.fan, sweep, returns, Noise(), rng, "source")
     points = scan.points.astype(np.float64)
     return points[np.abs(points[:, 1]) < 4.0], sweep
 
