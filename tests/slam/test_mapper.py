@@ -1,6 +1,8 @@
 """The mapper with a registrar that knows the truth: chains, gaps, bridges, loops, false loops."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
-from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
+from tests.samples.surveys import KnowingRegistrar, position_error, random_covariance, ring_poses, scans_of
 
 VOXEL = 0.5
 NO_LOOPS = MapperSettings(loops=LoopSettings(per_scan=0))
@@ -28,10 +30,22 @@ def refuse(given: Registration) -> Registration:
     return replace(given, accepted=False, reason="too weak")
 
 
-def position_error(result: SurveyResult, truth: RigidTransform) -> float:
-    """Root mean square over the poses [m]; the truth begins at the identity, as components do."""
-    difference = result.trajectory.T_world_sensor.translation - truth.translation
-    return float(np.sqrt((difference**2).sum(axis=1).mean()))
+def raising(fault: BaseException) -> Callable[[int, int, Registration], Registration]:
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        raise fault
+
+    return spoil
+
+
+def error(result: SurveyResult, truth: RigidTransform) -> float:
+    """Of the positions [m]; the truth begins at the identity, as components do."""
+    return position_error(result.trajectory.T_world_sensor, truth)
+
+
+def mapped(
+    truth: RigidTransform, settings: MapperSettings | None = None, spoil: Any = None, scale: float = 1.0
+) -> SurveyResult:
+    return Mapper(KnowingRegistrar(truth, scale * COVARIANCE, spoil), VOXEL, settings).run(scans_of(truth))
 
 
 def tried(result: SurveyResult, role: str) -> list[Pair]:
@@ -58,12 +72,8 @@ def test_a_chain_without_loops_is_the_chain():
 
 def test_loops_close_the_ring_and_lower_the_error():
     truth = ring_poses(24)
-    scans = scans_of(truth)
-    errors = []
-    for settings in (NO_LOOPS, MapperSettings()):
-        result = Mapper(KnowingRegistrar(truth, 4 * COVARIANCE), VOXEL, settings).run(scans)
-        errors.append(position_error(result, truth))
-    assert errors[1] < 0.7 * errors[0]
+    chained, result = (mapped(truth, settings, scale=4) for settings in (NO_LOOPS, MapperSettings()))
+    assert error(result, truth) < 0.7 * error(chained, truth)
     loops = tried(result, "loop")
     assert any(pair.i < 3 and pair.j > 20 for pair in loops if pair.kept)
     assert all(pair.kept and "sigmas from the final poses" in pair.reason for pair in loops)
@@ -82,7 +92,7 @@ def test_a_false_loop_is_refused_in_words():
         wrong = RigidTransform.from_exp_coords([0, 0, 0.5, 3.0, 0, 0])
         return replace(given, T_target_source=given.T_target_source * wrong)
 
-    result = Mapper(KnowingRegistrar(truth, COVARIANCE, spoil), VOXEL).run(scans_of(truth))
+    result = mapped(truth, spoil=spoil)
     false = [pair for pair in tried(result, "loop") if pair.j - pair.i >= 20]
     assert false
     for pair in false:
@@ -91,7 +101,7 @@ def test_a_false_loop_is_refused_in_words():
         assert pair.sigmas_from_estimate > 4.74
         assert pair.residual > 4.74
     assert any(pair.kept for pair in tried(result, "loop"))
-    assert position_error(result, truth) < 0.5
+    assert error(result, truth) < 0.5
 
 
 def test_an_unusable_scan_is_bridged_and_stays_apart():
@@ -110,11 +120,7 @@ def test_an_unusable_scan_is_bridged_and_stays_apart():
 
 def test_a_gap_that_nothing_bridges_leaves_two_maps():
     truth = ring_poses(9, turns=0.5)
-
-    def spoil(i: int, j: int, given: Registration) -> Registration:
-        return refuse(given) if i <= 3 < j else given
-
-    result = Mapper(KnowingRegistrar(truth, COVARIANCE, spoil), VOXEL).run(scans_of(truth))
+    result = mapped(truth, spoil=lambda i, j, given: refuse(given) if i <= 3 < j else given)
     assert result.gaps == ((3, 4),)
     assert result.components == ((0, 1, 2, 3), (4, 5, 6, 7, 8))
     assert len(tried(result, "bridge")) == 5  # two pairs two apart, three pairs three apart
@@ -132,8 +138,7 @@ def test_a_covariance_that_is_none_fails_its_pair():
     def spoil(i: int, j: int, given: Registration) -> Registration:
         return replace(given, covariance=np.zeros((6, 6))) if (i, j) == (1, 2) else given
 
-    settings = MapperSettings(loops=LoopSettings(per_scan=0), bridge=1)
-    result = Mapper(KnowingRegistrar(truth, COVARIANCE, spoil), VOXEL, settings).run(scans_of(truth))
+    result = mapped(truth, replace(NO_LOOPS, bridge=1), spoil)
     assert result.gaps == ((1, 2),)
     assert "positive definite" in result.pairs[1].reason
 
@@ -161,32 +166,16 @@ def test_progress_counts_up_to_its_plan():
 
 def test_all_pairs_failing_is_an_error_but_all_refused_is_a_result():
     truth = ring_poses(3, turns=0.1)
-    scans = scans_of(truth)
-
-    def too_flat(i: int, j: int, given: Registration) -> Registration:
-        raise InputError("all in one plane")
-
     with pytest.raises(InputError, match=r"none of the 3 pairs .* all in one plane"):
-        Mapper(KnowingRegistrar(truth, COVARIANCE, too_flat), VOXEL).run(scans)
-    result = Mapper(KnowingRegistrar(truth, COVARIANCE, lambda i, j, r: refuse(r)), VOXEL).run(scans)
+        mapped(truth, spoil=raising(InputError("all in one plane")))
+    result = mapped(truth, spoil=lambda i, j, given: refuse(given))
     assert result.components == ((0,), (1,), (2,))
     assert len(result.maps) == 3
 
 
-def test_a_machine_that_fails_is_no_pair_that_fails():
-    """Else a map would depend on what else the machine had to do."""
-    truth = ring_poses(3, turns=0.1)
-
-    def too_large(i: int, j: int, given: Registration) -> Registration:
-        raise DeviceError("this needs 9 GiB")
-
-    with pytest.raises(DeviceError, match="9 GiB"):
-        Mapper(KnowingRegistrar(truth, COVARIANCE, too_large), VOXEL).run(scans_of(truth))
-
-
-@pytest.mark.parametrize("fault", [DeviceError("this needs 9 GiB"), KeyboardInterrupt()])
-def test_however_it_ends_the_prepared_scans_are_released(fault: BaseException) -> None:
-    """Else a program that goes on, as a notebook does, has no device memory left for the next."""
+@pytest.mark.parametrize("fault", [DeviceError("this needs 9 GiB"), KeyboardInterrupt("stopped")])
+def test_a_machine_that_fails_is_no_pair_that_fails_and_the_prepared_scans_are_released(fault: BaseException) -> None:
+    """Else a map would depend on what else the machine had to do, and a notebook had no device memory left."""
     truth, released = ring_poses(3, turns=0.1), list[bool]()
 
     class Noted(Worker):
@@ -194,42 +183,38 @@ def test_however_it_ends_the_prepared_scans_are_released(fault: BaseException) -
             released.append(True)
             super().release()
 
-    def fail(i: int, j: int, given: Registration) -> Registration:
-        raise fault
-
-    registrar = KnowingRegistrar(truth, COVARIANCE, fail)
-    with pytest.raises(type(fault)):
+    registrar = KnowingRegistrar(truth, COVARIANCE, raising(fault))
+    with pytest.raises(type(fault), match=str(fault)):
         Mapper(registrar, VOXEL, execution=Execution(Noted(registrar, 3))).run(scans_of(truth))
     assert released == [True]
 
 
-@pytest.mark.parametrize("count", [0, 1])
-def test_one_scan_is_no_survey(count):
-    truth = ring_poses(2)
-    with pytest.raises(InputError, match="at least two"):
-        Mapper(KnowingRegistrar(truth, COVARIANCE), VOXEL).run(scans_of(truth)[:count])
-
-
 @pytest.mark.parametrize(
-    "make",
+    ("make", "words"),
     [
-        lambda: Mapper(KnowingRegistrar(ring_poses(2), COVARIANCE), 0.0),
-        lambda: MapperSettings(prepared=1),
-        lambda: MapperSettings(map_voxel=-1.0),
-        lambda: LoopSettings(min_overlap=0.0),
-        lambda: LoopSettings(per_scan=-1),
-        lambda: LoopSettings(bound=0.0),
+        (lambda: Mapper(KnowingRegistrar(ring_poses(2), COVARIANCE), VOXEL).run([]), "at least two"),
+        (
+            lambda: Mapper(KnowingRegistrar(ring_poses(2), COVARIANCE), VOXEL).run(scans_of(ring_poses(1))),
+            "at least two",
+        ),
+        (lambda: Mapper(KnowingRegistrar(ring_poses(2), COVARIANCE), 0.0), None),
+        (lambda: MapperSettings(prepared=1), None),
+        (lambda: MapperSettings(map_voxel=-1.0), None),
+        (lambda: LoopSettings(min_overlap=0.0), None),
+        (lambda: LoopSettings(per_scan=-1), None),
+        (lambda: LoopSettings(bound=0.0), None),
+        (lambda: LoopSettings(most_rounds=1), "most_rounds 1: wanted at least the 2 of rounds"),
     ],
 )
-def test_settings_refuse_what_makes_no_sense(make):
-    with pytest.raises(InputError):
+def test_what_makes_no_sense_is_refused(make, words):
+    with pytest.raises(InputError, match=words):
         make()
 
 
 def test_candidates_spread_and_skip_what_is_joined():
     truth = ring_poses(24)
     scans = scans_of(truth)
-    result = Mapper(KnowingRegistrar(truth, COVARIANCE), VOXEL, NO_LOOPS).run(scans)
+    result = mapped(truth, NO_LOOPS)
     settings = LoopSettings(per_scan=3, min_overlap=0.2, spread=2)
     outlines = [outline(scan, settings.cell_voxels * VOXEL) for scan in scans]
     found = find_candidates(outlines, result.solution, VOXEL, settings)
@@ -248,12 +233,9 @@ def test_later_rounds_seek_only_what_the_estimate_knows_no_better_than_registrat
     scans = scans_of(truth)
     settings = LoopSettings()
     outlines = [outline(scan, settings.cell_voxels * VOXEL) for scan in scans]
-    chained = Mapper(KnowingRegistrar(truth, COVARIANCE), VOXEL, NO_LOOPS).run(scans)
+    chained = mapped(truth, NO_LOOPS)
     unsure = find_candidates(outlines, chained.solution, VOXEL, settings, unsure=True)
     assert any(pair.j - pair.i > 20 for pair in unsure)
-    registrar = KnowingRegistrar(truth, COVARIANCE)
-    looped = Mapper(registrar, VOXEL, MapperSettings(loops=LoopSettings(per_scan=6, spread=0, rounds=4))).run(scans)
+    looped = mapped(truth, MapperSettings(loops=LoopSettings(per_scan=6, spread=0, rounds=4)))
     assert len(find_candidates(outlines, looped.solution, VOXEL, settings)) > 10
     assert not find_candidates(outlines, looped.solution, VOXEL, settings, unsure=True)
-    with pytest.raises(InputError, match="most_rounds 1: wanted at least the 2 of rounds"):
-        LoopSettings(most_rounds=1)

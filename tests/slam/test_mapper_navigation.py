@@ -11,11 +11,10 @@ from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
-from tests.samples.surveys import KnowingRegistrar, edge, random_covariance, ring_poses, scans_of
-from tests.slam.test_mapper import COVARIANCE, VOXEL, position_error, refuse
+from tests.samples.surveys import KnowingRegistrar, chain_edges, random_covariance, ring_poses, scans_of
+from tests.slam.test_mapper import COVARIANCE, VOXEL, error, refuse
 
 SIGMAS = np.array([0.02, 0.02, 0.03, 0.6, 0.6, 0.1])
-HALVES = ((0, 1, 2, 3), (4, 5, 6, 7, 8))
 
 
 def in_world(truth: RigidTransform, sigmas: np.ndarray = SIGMAS, seed: int = 1) -> list[Scan]:
@@ -37,33 +36,22 @@ def truth() -> RigidTransform:
     return ring_poses(9, turns=0.5)
 
 
-@pytest.fixture(scope="module")
-def result(truth: RigidTransform) -> SurveyResult:
-    return Mapper(KnowingRegistrar(truth, COVARIANCE, halved), VOXEL).run(in_world(truth))
+def mapped(truth: RigidTransform, sigmas: np.ndarray = SIGMAS, settings: MapperSettings | None = None) -> SurveyResult:
+    return Mapper(KnowingRegistrar(truth, COVARIANCE, halved), VOXEL, settings).run(in_world(truth, sigmas))
 
 
-class TestTwoHalves:
-    """Nothing joins the first four scans to the last five."""
-
-    def test_they_share_one_map(self, result: SurveyResult) -> None:
-        assert result.components == (tuple(range(9)),)
-        assert result.gaps == ((3, 4),)
-        assert result.by_navigation == ()
-        assert set(result.maps[0].scan.tolist()) == set(range(9))
-
-    def test_each_is_where_its_instruments_say_on_the_whole(self, truth: RigidTransform, result: SurveyResult) -> None:
-        assert position_error(result, truth) < 0.5
-
-    def test_pairs_between_them_are_tried(self, truth: RigidTransform) -> None:
-        """As loops where they are no bridges: navigation says that they overlap."""
-        settings = MapperSettings(bridge=1)
-        result = Mapper(KnowingRegistrar(truth, COVARIANCE, halved), VOXEL, settings).run(in_world(truth))
-        assert any(pair.role == "loop" and pair.i <= 3 < pair.j for pair in result.pairs)
-
-    def test_without_positions_they_stay_apart(self, truth: RigidTransform) -> None:
-        unknown = np.where([False, False, False, True, True, False], np.inf, SIGMAS)
-        result = Mapper(KnowingRegistrar(truth, COVARIANCE, halved), VOXEL).run(in_world(truth, unknown))
-        assert result.components == HALVES
+def test_two_halves_that_nothing_joins_share_one_map(truth: RigidTransform) -> None:
+    result = mapped(truth)
+    assert result.components == (tuple(range(9)),)
+    assert result.gaps == ((3, 4),)
+    assert result.by_navigation == ()
+    assert set(result.maps[0].scan.tolist()) == set(range(9))
+    assert error(result, truth) < 0.5
+    # pairs between them are tried as loops where they are no bridges: navigation says that they overlap
+    tried = mapped(truth, settings=MapperSettings(bridge=1)).pairs
+    assert any(pair.role == "loop" and pair.i <= 3 < pair.j for pair in tried)
+    unknown = np.where([False, False, False, True, True, False], np.inf, SIGMAS)
+    assert mapped(truth, unknown).components == ((0, 1, 2, 3), (4, 5, 6, 7, 8))
 
 
 def test_a_scan_that_nothing_joins_lies_where_its_instruments_say() -> None:
@@ -90,13 +78,13 @@ def test_the_only_registration_between_two_parts_may_be_wrong_where_navigation_c
 
     result = Mapper(KnowingRegistrar(truth, COVARIANCE, spoil), VOXEL).run(in_world(truth))
     assert (3, 4) not in {(edge.i, edge.j) for edge in result.edges}
-    assert position_error(result, truth) < 0.5
+    assert error(result, truth) < 0.5
 
 
 def test_edges_between_poses_that_the_world_holds_are_not_necessary() -> None:
     T = ring_poses(6)
     covariance = random_covariance(np.random.default_rng(0))
-    chain = [edge(k, k + 1, T[k].inv() * T[k + 1], covariance) for k in range(5)]
+    chain = chain_edges(T, covariance)
     assert cut_edges(6, chain) == set(range(5))
     assert cut_edges(6, chain, [1, 4]) == {0, 4}
     assert cut_edges(6, chain, [0, 2, 5]) == set()

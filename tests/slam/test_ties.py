@@ -14,7 +14,14 @@ from sonarmap.slam.stream.keys import KeySettings
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
-from tests.samples.surveys import KnowingRegistrar, random_covariance, registration, ring_poses, scans_of
+from tests.samples.surveys import (
+    KnowingRegistrar,
+    position_error,
+    random_covariance,
+    registration,
+    ring_poses,
+    scans_of,
+)
 
 VOXEL = 0.5
 COVARIANCE = random_covariance(np.random.default_rng(0), 0.004, 0.03)
@@ -29,9 +36,7 @@ def mapped(ties: list[Tie], registrar: KnowingRegistrar, settings: MapperSetting
 
 
 def error(result: SurveyResult) -> float:
-    """Root mean square of the positions [m]; the truth begins at the identity, as components do."""
-    apart = result.trajectory.T_world_sensor.translation - TRUTH.translation
-    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+    return position_error(result.trajectory.T_world_sensor, TRUTH)
 
 
 def pair_of(result: SurveyResult, i: int, j: int) -> Pair:
@@ -106,12 +111,8 @@ def test_ties_join_parts_that_nothing_joins():
         return mapped(list(ties), KnowingRegistrar(TRUTH, COVARIANCE, spoil))
 
     assert len(joined().components) == 2
-    for tie in (
-        Tie(11, 12, "accept"),
-        Tie(10, 13, "accept"),
-        Tie(9, 17, "add"),
-        Tie(9, 17, "add", measured(9, 17)),
-    ):
+    added = Tie(9, 17, "add"), Tie(9, 17, "add", measured(9, 17))
+    for tie in (Tie(11, 12, "accept"), Tie(10, 13, "accept"), *added):
         result = joined(tie)
         assert len(result.components) == 1
         assert error(result) < 0.6
@@ -133,8 +134,8 @@ def test_accepting_a_pair_keeps_the_answer_that_the_survey_takes():
     tried = mapped([Tie(2, 21, "add")], registrar)
     edge = pair_of(tried, 2, 21).edge
     assert edge is not None
-    wanted = TRUTH[2].inv() * TRUTH[21]
-    assert float(np.linalg.norm(edge.registration.T_target_source.translation - wanted.translation)) < 0.3
+    off = edge.registration.T_target_source.translation - (TRUTH[2].inv() * TRUTH[21]).translation
+    assert float(np.linalg.norm(off)) < 0.3
     assert error(tried) < 0.3
 
 
@@ -153,21 +154,21 @@ def test_what_cannot_be_is_left_out_in_words():
 
 
 @pytest.mark.parametrize(
-    ("make", "words"),
+    ("given", "words"),
     [
-        (lambda: Tie(4, 4, "accept"), "two different"),
-        (lambda: Tie(7, 4, "accept"), "the lower first"),
-        (lambda: Tie(1, 2, "maybe"), "accept, reject, add"),  # pyright: ignore[reportArgumentType]
-        (lambda: Tie(1, 2, "reject", measured(1, 2)), "only add"),
-        (lambda: Tie(1, 2, np.array(["add", "reject"])), "accept, reject, add"),  # pyright: ignore[reportArgumentType]
-        (lambda: Tie(0.5, 2, "accept"), "two different"),  # pyright: ignore[reportArgumentType]
-        (lambda: Tie(1, None, "accept"), "two different"),  # pyright: ignore[reportArgumentType]
-        (lambda: Tie(1, 2, "add", 5), "is 5; wanted a Registration"),  # pyright: ignore[reportArgumentType]
+        ((4, 4, "accept"), "two different"),
+        ((7, 4, "accept"), "the lower first"),
+        ((1, 2, "maybe"), "accept, reject, add"),
+        ((1, 2, "reject", measured(1, 2)), "only add"),
+        ((1, 2, np.array(["add", "reject"])), "accept, reject, add"),
+        ((0.5, 2, "accept"), "two different"),
+        ((1, None, "accept"), "two different"),
+        ((1, 2, "add", 5), "is 5; wanted a Registration"),
     ],
 )
-def test_ties_refuse_what_makes_no_sense(make, words):
+def test_ties_refuse_what_makes_no_sense(given: tuple, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        make()
+        Tie(*given)
 
 
 def test_a_tie_of_a_scan_that_no_registration_places_is_refused():

@@ -1,13 +1,15 @@
 """What an edge costs an optimum is by how much chi-squared falls without it."""
 
+from itertools import accumulate
+from operator import mul
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.contradiction import chi_squared, contradicted_edges
 from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.slam.graph.trajectory import chain
-from tests.samples.surveys import edge
+from tests.samples.surveys import chained_graph, edge
 
 COUNT = 30
 COVARIANCE = np.diag([0.01, 0.015, 0.02, 0.05, 0.06, 0.04]) ** 2
@@ -17,18 +19,15 @@ def ring(seed: int) -> PoseGraph:
     """A chain with a loop every few poses, one of them off by several sigmas."""
     rng = np.random.default_rng(seed)
     step = RigidTransform.from_exp_coords([0.02, -0.03, 2 * np.pi / COUNT, 1.0, 0.1, -0.05])
-    T = RigidTransform.identity(1)
-    for _ in range(COUNT - 1):
-        T = RigidTransform.concatenate([T, T[-1] * step])
+    T = RigidTransform.concatenate(list(accumulate([step] * (COUNT - 1), mul, initial=RigidTransform.identity())))
     pairs = [(k, k + 1) for k in range(COUNT - 1)] + [(0, 29), (2, 27), (4, 25), (6, 9), (10, 14), (3, 26)]
     edges = []
     for i, j in pairs:
         off = rng.multivariate_normal(np.zeros(6), COVARIANCE)
-        if (i, j) == (6, 9):
-            off += 7 * np.array([0.01, 0, 0, 0, 0.06, 0])
+        off += 7 * np.array([0.01, 0, 0, 0, 0.06, 0]) * ((i, j) == (6, 9))
         noise = RigidTransform.from_exp_coords(off)
         edges.append(edge(i, j, T[i].inv() * T[j] * noise, COVARIANCE, "sequential" if j == i + 1 else "loop"))
-    return PoseGraph(chain(edges, np.arange(float(COUNT))), tuple(edges))
+    return chained_graph(edges, COUNT)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -61,9 +60,7 @@ def test_a_far_one_comes_first() -> None:
     worst = int(np.argmax(np.where(loops, residuals, 0)))
     assert contradicted_edges(graph, solution, loops, residuals[worst] * 0.99).tolist() == [worst]
     assert contradicted_edges(graph, solution, np.zeros_like(loops), 0.1).tolist() == []
-
-
-def test_the_only_tie_is_contradicted_by_nothing() -> None:
+    # the only tie is contradicted by nothing
     graph = ring(1).keep(np.arange(COUNT + 5) < COUNT - 1)  # a chain
     solution = graph.optimize()
     graph = graph.at(solution.trajectory.T_world_sensor)

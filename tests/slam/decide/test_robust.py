@@ -11,23 +11,29 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.graph.edge import Edge, components, cut_edges
-from sonarmap.slam.graph.gtsam_poses import to_pose3
 from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.slam.graph.tangent import adjoint
 from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.writers.g2o import write_g2o
 from tests.samples.clutter_scans import sonarmap
 from tests.samples.lawnmower import lawnmower
-from tests.samples.surveys import aliased, edge, random_covariance, ring_poses, scattered
+from tests.samples.surveys import (
+    aliased,
+    chained_graph,
+    edge,
+    from_the_first,
+    measured_edge,
+    position_error,
+    random_covariance,
+    ring_poses,
+    scattered,
+)
 
 COUNT = 40
 
 
 def measured(rng: np.random.Generator, T: RigidTransform, i: int, j: int) -> Edge:
-    covariance = random_covariance(rng, 0.005, 0.05)
-    noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance))
-    return edge(i, j, T[i].inv() * T[j] * noise, covariance, "sequential" if j == i + 1 else "loop")
+    return measured_edge(rng, T, i, j, random_covariance(rng, 0.005, 0.05))
 
 
 def two_rounds(seed: int, count: int = COUNT) -> tuple[RigidTransform, PoseGraph]:
@@ -36,14 +42,11 @@ def two_rounds(seed: int, count: int = COUNT) -> tuple[RigidTransform, PoseGraph
     T = ring_poses(count, turns=2.0)
     pairs = [(k, k + 1) for k in range(count - 1)]
     pairs += [(k, k + count // 2) if k % 3 else (k + count // 2, k) for k in range(count // 2)]
-    edges = tuple(measured(rng, T, i, j) for i, j in pairs)
-    return T, PoseGraph(chain(edges, np.arange(float(count))), edges)
+    return T, chained_graph([measured(rng, T, i, j) for i, j in pairs], count)
 
 
 def distance(one: RigidTransform, other: RigidTransform) -> float:
-    """Root mean square of the positions' distances [m], the first poses laid on each other."""
-    apart = (one[0].inv() * one).translation - (other[0].inv() * other).translation
-    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+    return position_error(from_the_first(one), from_the_first(other))
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -138,11 +141,6 @@ def test_bridges_are_what_takes_a_component_apart() -> None:
         parts = len(components(count, edges))
         want = {k for k in range(len(edges)) if len(components(count, edges[:k] + edges[k + 1 :])) > parts}
         assert cut_edges(count, edges) == want
-
-
-def test_adjoints_are_those_of_gtsam() -> None:
-    T = ring_poses(6)
-    np.testing.assert_allclose(adjoint(T), np.stack([to_pose3(one).AdjointMap() for one in T]), atol=1e-12)
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.spectral.scan import PosePrior, Scan
-from tests.samples.surveys import edge, random_covariance, ring_poses
+from tests.samples.surveys import chain_edges, drawn, random_covariance, ring_poses
 
 COUNT = 60
 TRUTH = RigidTransform.from_components([300.0, -80.0, -20.0], Rotation.from_euler("Z", 0.7)) * ring_poses(COUNT, 30.0)
@@ -22,9 +22,7 @@ SIGMAS = np.array([0.01, 0.01, 0.05, 1.0, 1.0, 0.2])
 
 
 def edges(seed: int) -> tuple[Edge, ...]:
-    rng = np.random.default_rng(seed)
-    noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), COVARIANCE, COUNT))
-    return tuple(edge(k, k + 1, TRUTH[k].inv() * TRUTH[k + 1] * noise[k], COVARIANCE) for k in range(COUNT - 1))
+    return tuple(chain_edges(TRUTH, COVARIANCE, drawn(np.random.default_rng(seed), COVARIANCE, COUNT)[:-1]))
 
 
 def fixes(seed: int, every: int = 1, known: slice = slice(0, 6)) -> dict[int, PosePrior]:
@@ -74,21 +72,14 @@ def test_acoustic_outliers_and_compass_jumps_are_named(seed: int) -> None:
     assert left[32].knows_position
 
 
-def test_sparse_fixes_are_held_against_the_edges() -> None:
+def test_sparse_fixes_are_held_against_the_edges_and_where_nothing_else_bears_or_most_are_off_none_is_wrong() -> None:
     priors = fixes(1, every=6, known=slice(3, 5))
     priors[24] = moved(priors[24], (0.0, -20.0, 0.0))
     left, wrong = found(1, priors)
     assert wrong == [(24, "position")]
     assert 24 not in left
-
-
-def test_what_nothing_else_bears_on_is_never_wrong() -> None:
-    priors = {0: moved(fixes(2)[0], (500.0, 0.0, 0.0))}
-    assert found(2, priors)[1] == []
-
-
-def test_where_most_are_off_it_is_not_they() -> None:
-    """A step of the chain to a twin moves half of the survey: that is told by the graph, not here."""
+    assert found(2, {0: moved(fixes(2)[0], (500.0, 0.0, 0.0))})[1] == []
+    # a step of the chain to a twin moves half of the survey: that is told by the graph, not here
     priors = {k: moved(prior, (40.0, 0, 0)) if k % 2 else prior for k, prior in fixes(3).items()}
     assert found(3, priors)[1] == []
 

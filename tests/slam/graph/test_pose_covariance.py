@@ -13,7 +13,7 @@ from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.graph.trajectory import chain
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
-from tests.samples.surveys import edge, random_covariance, ring_poses
+from tests.samples.surveys import chain_edges, chained_graph, drawn, edge, random_covariance, ring_poses
 
 COVARIANCE = random_covariance(np.random.default_rng(6), 0.004, 0.03)
 COUNT = 30
@@ -23,12 +23,11 @@ def ring(seed: int, scale: float = 1.0, world: RigidTransform | None = None) -> 
     """A ring with loops, each scan with an error of its own that all its edges share."""
     rng = np.random.default_rng(seed)
     truth = ring_poses(COUNT)
-    shared = RigidTransform.from_exp_coords(scale * rng.multivariate_normal(np.zeros(6), COVARIANCE / 4, COUNT))
-    apart = scale * np.sqrt(0.4)  # what an edge has of its own
+    shared = drawn(rng, scale**2 * COVARIANCE / 4, COUNT)
     pairs = [(k, k + step) for step in (1, 2, 7) for k in range(COUNT - step)]
     edges = []
     for i, j in pairs:
-        own = RigidTransform.from_exp_coords(apart * rng.multivariate_normal(np.zeros(6), COVARIANCE))
+        own = drawn(rng, 0.4 * scale**2 * COVARIANCE)
         T = (truth[i] * shared[i]).inv() * (truth[j] * shared[j]) * own
         edges.append(edge(i, j, T, COVARIANCE, "sequential" if j == i + 1 else "loop"))
     start = chain(edges, np.zeros(COUNT))
@@ -103,11 +102,11 @@ def test_a_step_that_the_motion_drew_aside_is_doubted_as_a_whole():
     edges = list(graph.edges)
     k = next(n for n, each in enumerate(edges) if (each.i, each.j) == (4, 5))
     by_scans = edges[k].registration
-    known, away = np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.0, 0.0, 0.0, 4.0, 0.0, 0.0])
-    covariance = np.linalg.inv(np.linalg.inv(by_scans.covariance) + known)
+    away = np.array([0.0, 0.0, 0.0, 4.0, 0.0, 0.0])
+    covariance = np.linalg.inv(np.linalg.inv(by_scans.covariance) + np.eye(6))
     drawn = replace(
         by_scans,
-        T_target_source=by_scans.T_target_source * RigidTransform.from_exp_coords(covariance @ known @ away),
+        T_target_source=by_scans.T_target_source * RigidTransform.from_exp_coords(covariance @ away),
         covariance=(covariance + covariance.T) / 2,
         T_by_scans=by_scans.T_target_source,
         covariance_by_scans=by_scans.covariance,
@@ -126,8 +125,8 @@ def test_a_step_that_the_motion_drew_aside_is_doubted_as_a_whole():
 
 def test_a_graph_without_loops_is_given_what_is_expected():
     truth = ring_poses(5)
-    edges = tuple(edge(k, k + 1, truth[k].inv() * truth[k + 1], COVARIANCE) for k in range(4))
-    graph = PoseGraph(chain(edges, np.zeros(5)), edges)
+    edges = chain_edges(truth, COVARIANCE)
+    graph = chained_graph(edges, 5)
     np.testing.assert_allclose(edge_variances(graph), 13 * 0.15)
     _, covariances = told(graph)
     told_of_1 = 13 * 0.15 * COVARIANCE
@@ -205,5 +204,4 @@ def test_steps_over_a_bed_that_leaves_three_directions_open_are_weighed():
     for k in range(39):
         to_sensor = RigidTransform.from_components(rng.normal([20, 5, -30], 3.0), Rotation.random(rng=rng))
         edges.append(edge(k, k + 1, truth[k].inv() * truth[k + 1], propagated(to_sensor, at_bed)))
-    graph = PoseGraph(chain(edges, np.zeros(40)), tuple(edges))
-    np.testing.assert_allclose(edge_variances(graph), 13 * 0.15, rtol=1e-6)
+    np.testing.assert_allclose(edge_variances(chained_graph(edges, 40)), 13 * 0.15, rtol=1e-6)

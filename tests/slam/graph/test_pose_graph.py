@@ -10,28 +10,28 @@ from scipy.stats import chi2
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.gtsam_poses import to_pose3
 from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.slam.graph.trajectory import Trajectory, chain
+from sonarmap.slam.graph.tangent import adjoint
+from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from tests.samples.places import DATA
-from tests.samples.surveys import edge, random_covariance, random_transforms, ring_poses
+from tests.samples.surveys import (
+    chain_edges,
+    chained_graph,
+    drawn,
+    edge,
+    measured_edge,
+    random_covariance,
+    random_transforms,
+    ring_poses,
+)
 
 GRAPHS = DATA / "graphs"
-
-
-def noisy(T: RigidTransform, covariance: np.ndarray, rng: np.random.Generator) -> RigidTransform:
-    """A measurement T_m with T = T_m Exp(xi), xi of this covariance."""
-    return T * RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance)).inv()
 
 
 def ring_graph(count: int, rng: np.random.Generator, loops: bool) -> tuple[RigidTransform, PoseGraph]:
     T = ring_poses(count)
     pairs = [(k, k + 1) for k in range(count - 1)] + ([(0, count - 1), (2, count // 2)] if loops else [])
-    edges = []
-    for i, j in pairs:
-        covariance = random_covariance(rng)
-        kind = "sequential" if j == i + 1 else "loop"
-        edges.append(edge(i, j, noisy(T[i].inv() * T[j], covariance, rng), covariance, kind))
-    return T, PoseGraph(chain(edges, np.arange(float(count))), tuple(edges))
+    return T, chained_graph([measured_edge(rng, T, i, j, random_covariance(rng)) for i, j in pairs], count)
 
 
 def test_tangents_are_those_of_gtsam():
@@ -42,6 +42,8 @@ def test_tangents_are_those_of_gtsam():
     moved = T * RigidTransform.from_exp_coords(xi)
     np.testing.assert_allclose(to_pose3(T).retract(xi).matrix(), moved.as_matrix(), atol=1e-12)
     np.testing.assert_allclose(to_pose3(T).localCoordinates(to_pose3(moved)), xi, atol=1e-12)
+    T = ring_poses(6)
+    np.testing.assert_allclose(adjoint(T), np.stack([to_pose3(one).AdjointMap() for one in T]), atol=1e-12)
 
 
 def test_covariance_of_a_chain_agrees_with_monte_carlo():
@@ -49,14 +51,12 @@ def test_covariance_of_a_chain_agrees_with_monte_carlo():
     rng = np.random.default_rng(1)
     steps = random_transforms(rng, 3, angle=0.8, length=4.0)
     covariances = [random_covariance(rng, 0.004, 0.03) for _ in range(3)]
-    edges = tuple(edge(k, k + 1, steps[k], covariances[k]) for k in range(3))
-    solution = PoseGraph(chain(edges, np.zeros(4)), edges).optimize()
+    solution = chained_graph([edge(k, k + 1, steps[k], covariances[k]) for k in range(3)], 4).optimize()
 
     draws = 40_000
     T = RigidTransform.identity(draws)
     for step, covariance in zip(steps, covariances, strict=True):
-        xi = rng.multivariate_normal(np.zeros(6), covariance, draws)
-        T = T * step * RigidTransform.from_exp_coords(xi)
+        T = T * step * drawn(rng, covariance, draws)
     last = solution.trajectory.T_world_sensor[3]
     sampled = np.cov((last.inv() * T).as_exp_coords().T)
     predicted = solution.covariances()[3]
@@ -73,12 +73,11 @@ def test_relative_covariance_is_the_edge_s_own_in_either_direction(pair):
     steps = random_transforms(rng, 3)
     covariance = random_covariance(rng)
     measured = [covariance if k == 1 else random_covariance(rng) for k in range(3)]
-    edges = tuple(edge(k, k + 1, steps[k], measured[k]) for k in range(3))
-    solution = PoseGraph(chain(edges, np.zeros(4)), edges).optimize()
+    solution = chained_graph([edge(k, k + 1, steps[k], measured[k]) for k in range(3)], 4).optimize()
     T_i_j, relative = solution.relative(*pair)
     if pair == (2, 1):  # T_j_i Exp(xi') with xi' = -Ad(T_i_j) xi
-        adjoint = to_pose3(T_i_j.inv()).AdjointMap()
-        covariance = adjoint @ covariance @ adjoint.T
+        turned = to_pose3(T_i_j.inv()).AdjointMap()
+        covariance = turned @ covariance @ turned.T
         T_i_j = T_i_j.inv()
     np.testing.assert_allclose(T_i_j.as_matrix(), steps[1].as_matrix(), atol=1e-9)
     np.testing.assert_allclose(relative, covariance, atol=1e-6 * np.abs(covariance).max())
@@ -185,8 +184,7 @@ def test_a_direction_that_scans_leave_open_does_not_end_a_survey(loose: float):
     """Steps along a bare wall, open along the sensor's own last axis, where GTSAM meets the smallest pivot last."""
     truth = random_transforms(np.random.default_rng(8), 6)
     covariance = np.diag([1e-3, 1e-3, 1e-3, 0.01, 0.01, loose]) ** 2
-    edges = tuple(edge(k, k + 1, truth[k].inv() * truth[k + 1], covariance) for k in range(5))
-    solution = PoseGraph(chain(edges, np.zeros(6)), edges).optimize()
+    solution = chained_graph(chain_edges(truth, covariance), 6).optimize()
     sigmas = np.sqrt(np.diag(solution.covariances()[1]))
     np.testing.assert_allclose(sigmas[:5], np.sqrt(np.diag(covariance))[:5], rtol=1e-3)
     assert sigmas[5] == pytest.approx(10.0, rel=0.3)

@@ -10,7 +10,7 @@ from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior
-from tests.samples.surveys import edge, random_covariance, ring_poses
+from tests.samples.surveys import chain_edges, chained_graph, drawn, random_covariance, ring_poses
 
 SIGMAS = np.array([0.004, 0.007, 0.02, 0.5, 0.8, 0.05])
 T_WORLD = RigidTransform.from_components([310.0, -45.0, -12.0], Rotation.from_euler("ZYX", [2.1, 0.2, -0.1]))
@@ -21,8 +21,7 @@ def ring(count: int, seed: int = 0) -> tuple[RigidTransform, list[Edge]]:
     truth = T_WORLD * ring_poses(count)
     rng = np.random.default_rng(seed)
     covariance = random_covariance(rng, 0.004, 0.03)
-    noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance, count - 1))
-    return truth, [edge(k, k + 1, truth[k].inv() * truth[k + 1] * noise[k], covariance) for k in range(count - 1)]
+    return truth, chain_edges(truth, covariance, drawn(rng, covariance, count - 1))
 
 
 def told(T: RigidTransform, *known: str) -> PosePrior:
@@ -61,8 +60,7 @@ def test_an_unmeasured_heading_has_no_say():
             k: PosePrior(RigidTransform.from_components(truth[k].translation, p.T_world_sensor.rotation), p.sigmas)
             for k, p in priors.items()
         }
-        solution = graph(edges, priors, 5).optimize()
-        results.append(solution)
+        results.append(graph(edges, priors, 5).optimize())
     first, second = (solution.trajectory.T_world_sensor for solution in results)
     np.testing.assert_allclose((first.inv() * second).as_exp_coords(), 0, atol=2e-5)
     assert results[0].chi_squared_after == pytest.approx(results[1].chi_squared_after, rel=1e-3)
@@ -97,7 +95,7 @@ def test_a_vehicle_that_hardly_moves_is_about_level(seed):
     """Positions of 3 m along a line of 2.5 m tell any roll."""
     leveled = RigidTransform.from_components(0.5 * np.outer(np.arange(6), [1.0, 0.3, 0.05]), Rotation.identity(6))
     truth = RigidTransform.from_rotation(Rotation.from_euler("ZYX", [2.1, 0.05, -0.05])) * leveled
-    edges = [edge(k, k + 1, truth[k].inv() * truth[k + 1], 1e-6 * np.eye(6)) for k in range(5)]
+    edges = chain_edges(truth, 1e-6 * np.eye(6))
     rng = np.random.default_rng(seed)
     sigmas = np.array([np.inf, np.inf, 0.05, 3.0, 3.0, 0.1])
     off = [RigidTransform.from_translation(rng.normal(size=3) * sigmas[3:]) for _ in range(6)]
@@ -110,7 +108,7 @@ def test_a_vehicle_that_hardly_moves_is_about_level(seed):
 
 def test_priors_bring_the_chain_into_the_world_and_make_it_sure():
     truth, edges = ring(12)
-    bare = PoseGraph(chain(edges, np.zeros(12)), tuple(edges)).optimize()
+    bare = chained_graph(edges, 12).optimize()
     priors = {k: told(truth[k], "attitude", "heading", "depth", "position") for k in range(12)}
     solution = graph(edges, priors, 12).optimize()
     off = solution.trajectory.T_world_sensor.translation - truth.translation
