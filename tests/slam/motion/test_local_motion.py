@@ -5,15 +5,13 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.motion.local_motion import Step, likeness, rate_of, rates_by_others
-from sonarmap.slam.motion.motion import Motion
 from sonarmap.slam.motion.reconsider import with_motion
 from sonarmap.slam.pair import Candidate, RegisteredPair
-from tests.samples.surveys import random_covariance, registration
+from tests.samples.surveys import random_covariance, registration, step_pair
+from tests.slam.motion.test_motion import FLOOR, USUAL, learned
 
-USUAL = np.array([0.01, -0.02, 0.15, 1.5, 0.2, -0.1])
 VARIED = np.array([0.02, 0.01, 0.1, 0.2, 0.4, 0.05]) ** 2
 ALIKE = np.array([0.0, 0.5, 0.8, 0.3, 0.9, 0.6])
-FLOOR = np.repeat([0.017, 0.1], 3)
 SURE = np.diag(np.repeat([0.001, 0.01], 3) ** 2)
 
 
@@ -53,8 +51,7 @@ def test_both_filters_tell_what_the_regression_by_all_other_steps_does(gaps: np.
         np.testing.assert_allclose(rates[k], rate, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(variances[k], variance, rtol=1e-9)
 
-
-def test_without_steps_the_motion_is_the_usual_one() -> None:
+    # without steps the motion is the usual one
     rates, variances = rates_by_others([], USUAL, VARIED, ALIKE, np.arange(4.0), np.zeros(4, int))
     np.testing.assert_allclose(rates, np.tile(USUAL, (3, 1)))
     np.testing.assert_allclose(variances, np.tile(VARIED, (3, 1)))
@@ -97,8 +94,7 @@ def test_along_a_wall_a_vehicle_goes_on_as_it_did_and_as_far() -> None:
             open_along = SURE + np.pad(np.outer(in_source, in_source) * 50.0**2, (3, 0))
             given = registration(RigidTransform.from_translation(-1.5 * along) * T, open_along, accepted=False)
         pairs.append(RegisteredPair(Candidate(k, k + 1, "sequential"), given))
-    motion = Motion.learn(pairs, np.arange(41.0), np.zeros(41, int), FLOOR)
-    assert motion is not None
+    motion = learned(pairs)
     for k in bare:
         held = with_motion([pairs[k]], motion)[0].registration
         assert held is not None
@@ -110,14 +106,7 @@ def test_along_a_wall_a_vehicle_goes_on_as_it_did_and_as_far() -> None:
 
 
 def test_a_sonar_that_stands_still_is_expected_there() -> None:
-    here = registration(RigidTransform.identity(), SURE)
-    motion = Motion.learn(
-        [RegisteredPair(Candidate(k, k + 1, "sequential"), here) for k in range(9)],
-        np.arange(10.0),
-        np.zeros(10, int),
-        FLOOR,
-    )
-    assert motion is not None
+    motion = learned([step_pair(k, RigidTransform.identity(), SURE) for k in range(9)])
     expected = motion.expected(4, 5)
     np.testing.assert_array_equal(expected.translation, 0)
     np.testing.assert_allclose(expected.sigmas[3:], FLOOR[3:], rtol=1e-3)
@@ -126,15 +115,10 @@ def test_a_sonar_that_stands_still_is_expected_there() -> None:
 def test_a_vehicle_nearly_at_rest_has_no_way_to_go() -> None:
     """A hovering vehicle jitters anywhere: the length of its steps holds no direction."""
     rng = np.random.default_rng(4)
-    pairs = [
-        RegisteredPair(Candidate(k, k + 1, "sequential"), registration(RigidTransform.from_translation(shift), SURE))
-        for k, shift in enumerate(0.02 * rng.standard_normal((20, 3)))
-    ]
-    motion = Motion.learn(pairs, np.arange(21.0), np.zeros(21, int), FLOOR)
-    assert motion is not None
+    jitter = RigidTransform.from_translation(0.02 * rng.standard_normal((20, 3)))
+    motion = learned([step_pair(k, T, SURE) for k, T in enumerate(jitter)])
     loose = SURE + np.diag([0, 0, 0, 9.0, 0, 0])
-    pair = RegisteredPair(Candidate(4, 5, "sequential"), registration(RigidTransform.identity(), loose))
-    held = with_motion([pair], motion)[0].registration
+    held = with_motion([step_pair(4, RigidTransform.identity(), loose)], motion)[0].registration
     assert held is not None
     assert held.covariance[3, 3] == pytest.approx(motion.expected(4, 5).sigmas[3] ** 2, rel=0.05)
     assert np.linalg.norm(held.T_target_source.translation) < 0.02

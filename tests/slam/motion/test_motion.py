@@ -9,8 +9,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.motion import Motion
-from sonarmap.slam.pair import Candidate, RegisteredPair
-from tests.samples.surveys import registration
+from sonarmap.slam.pair import RegisteredPair
+from tests.samples.surveys import registration, step_pair
 
 COVARIANCE = np.diag(np.repeat([0.001, 0.01], 3) ** 2)
 FLOOR = np.repeat([0.017, 0.1], 3)
@@ -32,7 +32,7 @@ def steps(
     for k in range(count):
         x = (USUAL + spread * rng.standard_normal(6)) * spans[k]
         T = moved(x) if k >= wrong else moved(np.array([0.1, 0, 3.0, -18.0, 11.0, 0.5]))
-        pairs.append(RegisteredPair(Candidate(k, k + 1, "sequential"), registration(T, COVARIANCE)))
+        pairs.append(step_pair(k, T, COVARIANCE))
     return pairs
 
 
@@ -57,11 +57,11 @@ def test_it_is_learned_whatever_a_few_wrong_steps_say(wrong: int) -> None:
 def test_rare_turns_count() -> None:
     """A lawnmower goes straight for long, and then turns: the turns are no errors."""
     pairs = steps(40)
+    turn = moved(USUAL * [1, 1, 5, 0.6, 1, 1])
     for k in (9, 10, 19, 20, 29, 30):
-        T = moved(USUAL * [1, 1, 5, 0.6, 1, 1])
-        pairs[k] = RegisteredPair(Candidate(k, k + 1, "sequential"), registration(T, COVARIANCE))
+        pairs[k] = step_pair(k, turn, COVARIANCE)
     motion = learned(pairs)
-    assert not motion.contradicts(9, 10, moved(USUAL * [1, 1, 5, 0.6, 1, 1]))
+    assert not motion.contradicts(9, 10, turn)
     assert 4 * motion.expected(9, 10).sigmas[2] > 4 * USUAL[2]
 
 
@@ -85,18 +85,10 @@ def test_stamps_tell_how_far_a_step_leads() -> None:
     np.testing.assert_allclose(over_a_gap.translation, 7.5 * motion.usual[3:], atol=1e-5)
 
 
-def test_stamps_that_stand_still_tell_nothing() -> None:
-    at_once = learned(steps(20), np.full(21, 5.0))
-    counted = learned(steps(20))
-    np.testing.assert_array_equal(at_once.usual, counted.usual)
-
-
-def test_few_steps_tell_nothing() -> None:
+def test_stamps_that_stand_still_and_few_steps_tell_nothing() -> None:
+    np.testing.assert_array_equal(learned(steps(20), np.full(21, 5.0)).usual, learned(steps(20)).usual)
     assert Motion.learn(steps(3), np.arange(4.0), np.zeros(4, int), FLOOR) is None
-    refused = [
-        RegisteredPair(Candidate(*pair.scans, "sequential"), registration(moved(USUAL), COVARIANCE, accepted=False))
-        for pair in steps(20)
-    ]
+    refused = [step_pair(k, moved(USUAL), COVARIANCE, accepted=False) for k in range(20)]
     assert Motion.learn(refused, np.arange(21.0), np.zeros(21, int), FLOOR) is None
 
 
@@ -144,9 +136,7 @@ def test_limits_bound_what_is_expected_and_believed() -> None:
     assert not motion.contradicts(0, 1, moved(np.array([0, 0, 0.2, 0.9, 0, 0])))
     assert motion.contradicts(0, 1, moved(np.array([0, 0, 0.2, 1.6, 0, 0])))
     assert motion.contradicts(0, 1, moved(np.array([0, 0, 0.6, 0.9, 0, 0])))
-
-
-def test_steps_beyond_the_limits_are_not_learned_from() -> None:
+    # steps beyond them are not learned from
     pairs = [*steps(6), *steps(40, wrong=12)[6:12]]
     motion = Motion.learn(pairs, np.arange(13.0), np.zeros(13, int), FLOOR, MotionLimits(speed=4.0))
     assert motion is not None

@@ -5,11 +5,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.slam.graph.trajectory import chain
 from sonarmap.slam.motion.measured_motion import MeasuredMotion
 from sonarmap.slam.motion.odometry import Odometry
-from tests.samples.surveys import ring_poses
+from tests.samples.surveys import chained_graph, ring_poses
 from tests.slam.motion.test_motion import learned, steps
 
 POSES = ring_poses(30)
@@ -19,21 +17,15 @@ TIMES = 100.0 + 2.0 * np.arange(30)
 ODOMETRY = Odometry(np.arange(30), WORLD * POSES, TIMES, drift=0.02, turn_drift=0.001)
 
 
-def test_it_expects_what_it_measured_wherever_its_frame_is() -> None:
-    expected = ODOMETRY.expected(3, 9, FLOOR)
-    np.testing.assert_allclose(expected.T_target_source.as_matrix(), (POSES[3].inv() * POSES[9]).as_matrix(), atol=1e-5)
-
-
-def test_its_error_grows_with_the_way_and_the_time() -> None:
+def test_it_expects_what_it_measured_with_an_error_that_grows_with_the_way_and_the_time() -> None:
+    expected, T = ODOMETRY.expected(3, 9, FLOOR), POSES[3].inv() * POSES[9]
+    np.testing.assert_allclose(expected.T_target_source.as_matrix(), T.as_matrix(), atol=1e-5)
     way = np.linalg.norm(np.diff(POSES.translation[3:10], axis=0), axis=1).sum()
     turn = 0.001 * 12.0
-    sigmas = ODOMETRY.expected(3, 9, FLOOR).sigmas
+    sigmas = expected.sigmas
     np.testing.assert_allclose(sigmas[:3], np.hypot(turn, 0.01), rtol=1e-4)
     np.testing.assert_allclose(sigmas[3:], np.hypot(0.02 * way + turn * way / 2, 0.05), rtol=1e-4)
-
-
-def test_it_contradicts_what_is_far_off_alone() -> None:
-    T = POSES[3].inv() * POSES[9]
+    # it contradicts what is far off alone
     assert not ODOMETRY.contradicts(3, 9, T * RigidTransform.from_translation([0.4, 0.3, 0.0]), FLOOR)
     assert ODOMETRY.contradicts(3, 9, T * RigidTransform.from_translation([4.0, 3.0, 0.0]), FLOOR)
     assert ODOMETRY.contradicts(3, 9, T * RigidTransform.from_exp_coords([0, 0, 0.5, 0, 0, 0]), FLOOR)
@@ -42,14 +34,11 @@ def test_it_contradicts_what_is_far_off_alone() -> None:
 def test_all_its_edges_together_err_as_much_as_the_whole() -> None:
     edges = ODOMETRY.edges(np.zeros(30, int))
     assert [edge.kind for edge in edges] == ["odometry"] * 29
-    solution = PoseGraph(chain(edges, TIMES), tuple(edges)).optimize()
-    _, covariance = solution.relative(0, 29)
+    _, covariance = chained_graph(edges, 30).optimize().relative(0, 29)
     way = np.linalg.norm(np.diff(POSES.translation, axis=0), axis=1).sum()
     total = np.sqrt(np.trace(covariance[3:, 3:]) / 3)
     assert 0.02 * way < total < 0.2 * way
-
-
-def test_it_joins_no_surveys_and_skips_what_it_does_not_tell() -> None:
+    # it joins no surveys and skips what it does not tell
     some = Odometry(np.array([0, 1, 4, 5, 6]), POSES[[0, 1, 4, 5, 6]], TIMES[[0, 1, 4, 5, 6]])
     edges = some.edges(np.array([0, 0, 0, 0, 0, 1, 1]))
     assert [(edge.i, edge.j) for edge in edges] == [(0, 1), (1, 4), (5, 6)]
@@ -81,7 +70,6 @@ def test_where_it_tells_nothing_the_learned_motion_does() -> None:
 
 
 def test_bad_odometry_is_refused() -> None:
-    with pytest.raises(InputError, match="a scan, a pose and a time each"):
-        Odometry(np.arange(4), POSES[:5], TIMES[:5])
-    with pytest.raises(InputError, match="0 or more"):
-        Odometry(np.arange(5), POSES[:5], TIMES[:5], drift=-0.1)
+    for count, drift, words in ((4, 0.1, "a scan, a pose and a time each"), (5, -0.1, "0 or more")):
+        with pytest.raises(InputError, match=words):
+            Odometry(np.arange(count), POSES[:5], TIMES[:5], drift=drift)

@@ -10,7 +10,7 @@ from sonarmap.slam.graph.edge import Edge, scaled
 from sonarmap.slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registration
-from tests.samples.surveys import edge, random_covariance, registration, ring_poses
+from tests.samples.surveys import chain_edges, chained_graph, random_covariance, registration, ring_poses
 from tests.slam.motion.test_motion import USUAL, learned, moved, steps
 
 MOTION = learned(steps(40))
@@ -25,6 +25,13 @@ def answer(T: RigidTransform, probability: float, accepted: bool = False) -> Reg
 
 def pair(given: Registration | None) -> RegisteredPair:
     return RegisteredPair(Candidate(5, 6, "sequential"), given)
+
+
+def with_usual(given: Registration) -> Registration:
+    """What is left of it beside the motion."""
+    held = with_motion([pair(given)], MOTION)[0].registration
+    assert held is not None
+    return held
 
 
 def test_what_is_refused_or_contradicted_is_doubtful() -> None:
@@ -46,10 +53,7 @@ def test_the_second_look_leads_and_the_first_stays_possible() -> None:
     assert jump.probability == pytest.approx(0.9 * 0.2 * 0.1)
     assert usual.probability == pytest.approx(0.1 * 0.2)
     assert not jump.accepted
-
-
-def test_a_second_look_that_fails_changes_nothing() -> None:
-    first = pair(answer(JUMP, 0.9, accepted=True))
+    # one that fails changes nothing
     assert with_both(first, pair(None), MOTION) is first
 
 
@@ -58,8 +62,7 @@ def test_the_motion_holds_what_the_scans_leave_open() -> None:
     T = moved(USUAL) * RigidTransform.from_translation([30.0, 0.0, 0.0])
     loose = np.diag([1e-4, 1e-4, 1e-4, 50.0, 1e-4, 1e-4]) ** 2
     near = T * RigidTransform.from_translation([-29.6, 0.0, 0.0])
-    held = with_motion([pair(replace(registration(near, loose), probability=0.9))], MOTION)[0].registration
-    assert held is not None
+    held = with_usual(replace(registration(near, loose), probability=0.9))
     away = T.inv() * held.T_target_source
     assert away.translation[0] == pytest.approx(-30.0, abs=0.3 * EXPECTED.sigmas[3])
     np.testing.assert_allclose(away.translation[1:], 0.0, atol=0.01)
@@ -76,9 +79,7 @@ def test_the_motion_is_no_surer_where_registrations_agree_better() -> None:
     loose = TIGHT + np.diag([0, 0, 0, 4.0, 0, 0])
 
     def fused(covariance: np.ndarray) -> Edge:
-        held = with_motion([pair(registration(near, covariance))], MOTION)[0].registration
-        assert held is not None
-        return Edge(5, 6, held, "sequential")
+        return Edge(5, 6, with_usual(registration(near, covariance)), "sequential")
 
     for factor in (0.1, 1.0, 7.0):
         (twice,) = scaled(scaled([fused(loose)], factor / 2), 2.0)
@@ -93,19 +94,13 @@ def test_the_motion_is_no_surer_where_registrations_agree_better() -> None:
 
 def test_the_motion_changes_nothing_that_scans_know() -> None:
     T = moved(USUAL) * RigidTransform.from_exp_coords([0.01, 0.02, -0.03, 0.1, 0.05, -0.1])
-    held = with_motion([pair(registration(T, TIGHT))], MOTION)[0].registration
-    assert held is not None
+    held = with_usual(registration(T, TIGHT))
     moved_by = (T.inv() * held.T_target_source).as_exp_coords()
     assert moved_by @ np.linalg.solve(TIGHT, moved_by) < 0.2
     # information adds: never less sure than by either alone
     assert np.linalg.eigvalsh(TIGHT - held.covariance).min() > -1e-12
-
-
-def test_a_jump_is_left_as_it_is() -> None:
-    given = answer(JUMP, 0.9, accepted=True)
-    held = with_motion([pair(given)], MOTION)[0].registration
-    assert held is not None
-    assert held.T_target_source is given.T_target_source
+    # a jump is left as it is
+    assert with_usual(answer(JUMP, 0.9, accepted=True)).T_target_source is JUMP
 
 
 def test_answers_out_of_reach_are_dropped() -> None:
@@ -123,12 +118,8 @@ def test_answers_out_of_reach_are_dropped() -> None:
 
 
 def test_the_estimate_expects_a_pair_where_it_has_it() -> None:
-    from sonarmap.slam.graph.pose_graph import PoseGraph
-    from sonarmap.slam.graph.trajectory import chain
-
     poses = ring_poses(6)
-    edges = [edge(k, k + 1, poses[k].inv() * poses[k + 1], TIGHT) for k in range(5)]
-    solution = PoseGraph(chain(edges, np.arange(6.0)), tuple(edges)).optimize()
+    solution = chained_graph(chain_edges(poses, TIGHT), 6).optimize()
     floor = np.repeat([0.01, 0.05], 3)
     (expected,) = expected_by(solution, [RegisteredPair(Candidate(1, 4, "loop"))], floor)
     T = expected.T_target_source.inv() * poses[1].inv() * poses[4]

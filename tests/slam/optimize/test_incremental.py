@@ -6,10 +6,9 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.edge import Edge
-from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
-from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.optimize.incremental import Incremental, as_they_come
-from tests.samples.surveys import edge, random_covariance, ring_poses
+from tests.samples.surveys import chained_graph, edge, measured_edge, random_covariance, ring_poses
 
 COUNT = 25
 SIGMAS = 0.02  # most that a pose may lie from the batch optimum, in its deviations
@@ -19,12 +18,7 @@ def edges_of(seed: int) -> list[Edge]:
     rng = np.random.default_rng(seed)
     T = ring_poses(COUNT)
     pairs = [(k, k + 1) for k in range(COUNT - 1)] + [(7, 2), (1, 9), (20, 4), (0, COUNT - 1), (COUNT - 2, 1)]
-    edges = []
-    for i, j in pairs:
-        covariance = random_covariance(rng)
-        noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance))
-        edges.append(edge(i, j, T[i].inv() * T[j] * noise, covariance, "sequential" if j == i + 1 else "loop"))
-    return edges
+    return [measured_edge(rng, T, i, j, random_covariance(rng)) for i, j in pairs]
 
 
 def grown(edges: list[Edge], late: int = 0) -> Incremental:
@@ -38,7 +32,7 @@ def grown(edges: list[Edge], late: int = 0) -> Incremental:
 
 
 def batch(edges: list[Edge]) -> Solution:
-    return PoseGraph(chain(edges, np.arange(float(COUNT))), tuple(edges)).optimize()
+    return chained_graph(edges, COUNT).optimize()
 
 
 @pytest.mark.parametrize("late", [0, 2])
@@ -81,7 +75,7 @@ def test_refuses_poses_that_nothing_ties_and_edges_to_nowhere() -> None:
 
 def test_a_whole_graph_is_taken_as_it_comes() -> None:
     edges = edges_of(2)
-    graph = PoseGraph(chain(edges, np.arange(float(COUNT))), tuple(edges[::-1]))
+    graph = chained_graph(edges[::-1], COUNT)
     T = as_they_come(graph)
     apart = (batch(edges).trajectory.T_world_sensor.inv() * T).as_exp_coords()
     assert np.abs(apart).max() < 1e-3
