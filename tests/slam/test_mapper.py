@@ -193,10 +193,7 @@ def test_a_machine_that_fails_is_no_pair_that_fails_and_the_prepared_scans_are_r
     ("make", "words"),
     [
         (lambda: Mapper(KnowingRegistrar(ring_poses(2), COVARIANCE), VOXEL).run([]), "at least two"),
-        (
-            lambda: Mapper(KnowingRegistrar(ring_poses(2), COVARIANCE), VOXEL).run(scans_of(ring_poses(1))),
-            "at least two",
-        ),
+        (lambda: mapped(ring_poses(1)), "at least two"),
         (lambda: Mapper(KnowingRegistrar(ring_poses(2), COVARIANCE), 0.0), None),
         (lambda: MapperSettings(prepared=1), None),
         (lambda: MapperSettings(map_voxel=-1.0), None),

@@ -4,14 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sonarmap.kernels.device.device import Array, choose_device
-from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.prepare.prepared import Preparer
-from sonarmap.spectral.scan import Scan
-from sonarmap.spectral.so3 import PARTS, RotationPeaks, So3, Sweep, distinct_rotations
+from sonarmap.kernels.device.device import Array
+from sonarmap.spectral.so3 import PARTS, RotationPeaks, Sweep, distinct_rotations
 from tests.samples.structures import structure
+from tests.spectral.test_so3_rotations import Spectra, turned
 
-EDGE = 32
 TILTS = Rotation.from_rotvec(np.deg2rad([[0, 0, 0], [5, 0, 0], [0, 5, 0], [-5, 0, 0], [0, -5, 0]]))
 EACH = len(TILTS)
 TURNS = np.arange(-180.0, 180.0, 6.0)
@@ -22,19 +19,6 @@ TRUE = Rotation.from_rotvec(np.deg2rad([1, 4.5, 0])) * Rotation.from_euler("Z", 
 GROUP, TILT = int(np.flatnonzero(TURNS == 48)[0]), 2
 
 
-class Spectra:
-    """Coefficients of a scan on one grid, turned."""
-
-    def __init__(self, max_tilt: float) -> None:
-        device = choose_device()
-        self.so3, self._preparer = So3(device, EDGE, max_tilt), Preparer(device, Grid(EDGE, 0.8), use_strength=False)
-
-    def of(self, R_target_source: Rotation) -> Array:
-        points = R_target_source.inv().apply(structure(2)).astype(np.float32)
-        _, magnitude = self._preparer.prepare(Scan(points))
-        return self.so3.equalize(self.so3.analyze(magnitude)).coefficients
-
-
 @pytest.fixture(scope="module")
 def spectra() -> Spectra:
     return Spectra(np.deg2rad(20.0))
@@ -42,7 +26,7 @@ def spectra() -> Spectra:
 
 @pytest.fixture(scope="module")
 def scans(spectra: Spectra) -> tuple[Array, Array]:
-    return spectra.of(Rotation.identity()), spectra.of(TRUE)
+    return spectra.of(structure(2)), spectra.of(turned(TRUE))
 
 
 def indices(R: Rotation) -> np.ndarray:

@@ -11,14 +11,13 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
-from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
-from tests.samples.reliefs import above, relief, seen
+from tests.samples import structures
+from tests.samples.reliefs import HERE, T_TRUE, THERE, above, relief, seen
 from tests.samples.structures import difference, moved
+from tests.samples.structures import registered as register
 
 EDGE, VOXEL = 64, 0.5
-HERE, THERE = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)
-T_TRUE = HERE.inv() * THERE
 UNKNOWN = np.inf
 
 
@@ -48,15 +47,9 @@ def source(registrar: SpectralRegistrar) -> SpectralScan:
     return registrar.prepare(Scan(seen(relief(1), THERE)))
 
 
-def register(registrar: SpectralRegistrar, target: np.ndarray, source: np.ndarray) -> Registration:
-    return registrar.register(registrar.prepare(Scan(target)), registrar.prepare(Scan(source)))
-
-
 # A tenth of a rotation's bin and a fifth of a voxel.
 def assert_near(T: RigidTransform, truth: RigidTransform, degrees: float = 0.3, meters: float = 0.1) -> None:
-    angle, distance = difference(T, truth)
-    assert angle < degrees
-    assert distance < meters
+    structures.assert_near(T, truth, degrees, meters)
 
 
 class TestLaws:

@@ -1,6 +1,7 @@
 """The result of a pair, and a signature, as text: they come back bit by bit."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -70,7 +71,7 @@ def test_a_transform_that_is_off_by_rounding_is_not_mended() -> None:
     assert_array_equal(found.T_target_source.as_matrix(), T.as_matrix())
 
 
-def test_numbers_of_numpy_are_taken() -> None:
+def test_numbers_of_numpy_and_a_failure_come_back() -> None:
     psr: Any = np.float32(0.1)
     accepted: Any = np.bool_(True)
     given = Registration(RigidTransform.identity(), np.eye(6), psr, 0.2, accepted, 0.1, step_psr=(("a", psr),))
@@ -78,9 +79,6 @@ def test_numbers_of_numpy_are_taken() -> None:
     assert found is not None
     assert (found.psr, found.accepted, found.step_psr) == (float(psr), True, (("a", float(psr)),))
     assert found.evidence == (("b", float(psr)),)
-
-
-def test_a_failure_comes_back() -> None:
     reason = "scan 3 lies in one plane; give another «scan»"
     assert from_text(to_text(None, reason)) == (None, reason)
 
@@ -122,15 +120,17 @@ def test_a_result_of_another_shape_or_type_is_refused(name: str, value: object) 
         from_text(json.dumps(content))
 
 
-@pytest.mark.parametrize("text", ["[[1.0]]", '["a"]', "[" * 100_000, "7"])
-def test_what_is_no_signature_is_refused(text: str) -> None:
-    with pytest.raises((ValueError, TypeError)):
-        signature_from_text(text)
+NO_PAIRS = ["", "{}", "[1]", "[" * 100_000, '{"failure": 7}', '{"registration": {}}', '{"registration": {"psr": 1}}']
 
 
 @pytest.mark.parametrize(
-    "text", ["", "{}", "[1]", "[" * 100_000, '{"failure": 7}', '{"registration": {}}', '{"registration": {"psr": 1}}']
+    ("read", "text"),
+    [
+        *((signature_from_text, text) for text in ("[[1.0]]", '["a"]', "[" * 100_000, "7")),
+        *((from_text, text) for text in NO_PAIRS),
+    ],
 )
-def test_other_text_is_refused(text: str) -> None:
-    with pytest.raises((ValueError, LookupError, TypeError)):
-        from_text(text)
+def test_other_text_is_refused(read: Callable[[str], object], text: str) -> None:
+    missing = (LookupError,) if read is from_text else ()
+    with pytest.raises((ValueError, TypeError, *missing)):
+        read(text)

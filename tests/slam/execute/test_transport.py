@@ -148,8 +148,6 @@ def test_a_file_that_was_changed_runs_no_code_and_is_told(tmp_path: Path, kind: 
 
 def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with (
-        spooled(tmp_path / "file" / "spool") as spool,
-        pytest.raises(InputError, match=r"cannot write scan3 .*`workers`"),
-    ):
+    told = pytest.raises(InputError, match=r"cannot write scan3 .*`workers`")
+    with spooled(tmp_path / "file" / "spool") as spool, told:
         spool.source(scan_key(SCANS[3]), lambda: SCANS[3])

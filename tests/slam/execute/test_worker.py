@@ -27,11 +27,8 @@ def test_as_many_scans_stay_prepared_as_are_useful(memory: int, workers: int, le
     kept = prepared_limit(registrar, workers)
     assert least <= kept <= most
     assert kept <= 8 or kept * memory_plan(128).scan <= memory / 8
-
-
-def test_a_method_without_a_device_keeps_a_chain() -> None:
-    registrar: Any = SimpleNamespace()
-    assert prepared_limit(registrar) == 8
+    without_a_device: Any = SimpleNamespace()
+    assert prepared_limit(without_a_device) == 8
 
 
 class Instruments(KnowingRegistrar):

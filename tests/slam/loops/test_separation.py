@@ -3,12 +3,11 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.loops.separation import separations
-from tests.samples.surveys import edge
+from tests.samples.surveys import chain_edges, edge
 
 T, COVARIANCE = RigidTransform.identity(), np.eye(6)
-CHAIN: list[Edge] = [edge(k, k + 1, T, COVARIANCE) for k in range(9)]
+CHAIN = chain_edges(RigidTransform.identity(10), COVARIANCE)
 
 
 def test_it_is_counted_along_the_order_or_by_way_of_the_nearest_loop() -> None:
@@ -22,7 +21,7 @@ def test_it_is_the_shortest_way_by_at_most_one_loop() -> None:
     rng = np.random.default_rng(3)
     for _ in range(20):
         loops = [tuple(sorted(rng.choice(40, 2, replace=False).tolist())) for _ in range(6)]
-        chain = [edge(k, k + 1, T, COVARIANCE) for k in range(39)]
+        chain = chain_edges(RigidTransform.identity(40), COVARIANCE)
         edges = [*chain, *(edge(i, j, T, COVARIANCE, "loop") for i, j in loops if j - i > 1)]
         pairs = np.array([rng.choice(40, 2, replace=False) for _ in range(30)])
         wanted = [
@@ -33,13 +32,9 @@ def test_it_is_the_shortest_way_by_at_most_one_loop() -> None:
 
 
 def test_a_gap_is_crossed_by_a_loop_alone() -> None:
-    chain = [edge(k, k + 1, T, COVARIANCE) for k in range(9) if k != 4]
+    chain = [one for one in CHAIN if one.i != 4]
     pairs = np.array([(3, 4), (3, 7), (0, 9)])
     np.testing.assert_array_equal(separations(10, chain, pairs), [1, np.inf, np.inf])
     bridge = edge(4, 6, T, COVARIANCE, "loop")
     np.testing.assert_array_equal(separations(10, [*chain, bridge], pairs), [1, 3, 8])
-
-
-def test_what_nothing_joins_is_infinitely_far_apart() -> None:
-    apart = separations(11, CHAIN, np.array([(0, 10), (3, 4)]))
-    np.testing.assert_array_equal(apart, [np.inf, 1])
+    np.testing.assert_array_equal(separations(11, CHAIN, np.array([(0, 10), (3, 4)])), [np.inf, 1])

@@ -49,20 +49,13 @@ def test_only_scans_far_apart_cross_and_each_a_few_times(scans) -> None:
     assert max(taken.count(end) for end in taken) <= PER_SCAN
     assert all(one.i in names and one.j - one.i >= APART for one in found.crossings)
     assert all(one.before == one.after for one in found.crossings)
+    assert CrossingError.of([found, found]).crossings == found.crossings * 2  # components are counted together
 
 
-def test_a_single_pass_crosses_nothing(scans) -> None:
+def test_a_single_pass_crosses_nothing_and_another_number_of_poses_is_refused(scans) -> None:
     found = crossing_error(PlacedScans.of(scans[:7], poses()[:7], VOXEL), poses()[:7])
     assert found == CrossingError(())
     assert (found.before, found.after) == (None, None)
     assert crossing_error(PlacedScans.of(scans[:1], poses()[:1], VOXEL), poses()[:1]) == CrossingError(())
-
-
-def test_components_are_counted_together(scans) -> None:
-    one = crossing_error(PlacedScans.of(scans, poses(), VOXEL, [2 * k for k in range(COUNT)]), poses())
-    assert CrossingError.of([one, one]).crossings == one.crossings * 2
-
-
-def test_refuses_another_number_of_poses(scans) -> None:
     with pytest.raises(InputError, match="14 scans and 13 poses"):
         crossing_error(PlacedScans.of(scans, poses(), VOXEL), poses()[:13])

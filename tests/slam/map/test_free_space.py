@@ -135,8 +135,6 @@ def test_it_finds_the_points_that_all_distances_find(size: float) -> None:
         wanted = np.flatnonzero(((points - center) ** 2).sum(axis=1) < radius**2)
         np.testing.assert_array_equal(tiles.within(center, radius), wanted)
     assert not len(tiles.within(points[0] + 1e5, 5.0))
-
-
-def test_a_point_far_away_is_in_no_tile() -> None:
+    # a point far away is in no tile
     points = np.array([[0.0, 0, 0], [1, 0, 0], [1e9, 0, 0]])
     assert Tiles.of(points, 1.0).within(np.zeros(3), 2.0).tolist() == [0, 1]

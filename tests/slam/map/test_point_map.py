@@ -75,15 +75,12 @@ def test_far_from_the_world_s_origin_as_near():
     )
 
 
-@pytest.mark.parametrize(("poses", "voxel"), [(2, 0.5), (1, 0.0), (1, float("nan")), (1, 1e-7)])
-def test_refuses_what_cannot_be_fused(poses, voxel):
+@pytest.mark.parametrize(
+    ("scans", "poses", "voxel"), [(1, 2, 0.5), (1, 1, 0.0), (1, 1, float("nan")), (1, 1, 1e-7), (0, 1, 1.0)]
+)
+def test_refuses_what_cannot_be_fused(scans, poses, voxel):
     with pytest.raises(InputError):
-        fuse(PlacedScans.of(random_scans(np.random.default_rng(2), 1), RigidTransform.identity(poses), voxel))
-
-
-def test_refuses_no_scans():
-    with pytest.raises(InputError):
-        fuse(PlacedScans.of([], RigidTransform.identity(1), 1.0))
+        fuse(PlacedScans.of(random_scans(np.random.default_rng(2), scans), RigidTransform.identity(poses), voxel))
 
 
 @pytest.mark.parametrize("where", ["first", "last"])

@@ -1,6 +1,5 @@
 """The rotation's steps one by one: each finds the angle it is there for, with the sign of the conventions page."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +19,7 @@ from sonarmap.spectral.translation import Translation
 from tests.samples.structures import moved, structure
 
 EDGE, VOXEL = 64, 0.4
+Shift = tuple[float, float, float]
 
 
 class Room:
@@ -34,17 +34,13 @@ class Room:
         self.target, magnitude = self.preparer.prepare(Scan(self.points))
         self.layers = self.hemisphere.prepare(magnitude)
 
-    def turned(self, R_target_source: Rotation, shift: tuple[float, float, float] = (0.8, -1.2, 0.6)) -> Prepared:
-        """The structure as a source sees it whose R_target_source this is."""
-        return self._turned(R_target_source, shift)[0]
-
-    def magnitude(self, R_target_source: Rotation) -> Array:
-        """The magnitude spectrum of it."""
-        return self._turned(R_target_source, (0.8, -1.2, 0.6))[1]
-
-    def _turned(self, R_target_source: Rotation, shift: tuple[float, float, float]) -> tuple[Prepared, Array]:
+    def turned(self, R_target_source: Rotation, shift: Shift = (0.8, -1.2, 0.6)) -> tuple[Prepared, Array]:
+        """The structure as a source sees it whose R_target_source this is, and its magnitude spectrum."""
         T = RigidTransform.from_components(shift, R_target_source)
         return self.preparer.prepare(Scan(moved(self.points, T.inv())))
+
+    def magnitude(self, R_target_source: Rotation) -> Array:
+        return self.turned(R_target_source)[1]
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +90,7 @@ def test_heading_finds_the_yaw_that_is_left(room: Room, left: float) -> None:
 
 def test_translation_has_the_sign_and_unit_of_the_conventions(room: Room) -> None:
     R = Rotation.from_euler("ZYX", [30.0, 5.0, -8.0], degrees=True)
-    source = room.turned(R, shift=(2.0, -1.0, 0.5))
+    source, _ = room.turned(R, shift=(2.0, -1.0, 0.5))
     peak = room.translation.find(room.target, source, R)
     shift = room.target.center + peak.shift * VOXEL - R.apply(source.center)
     np.testing.assert_allclose(shift, [2.0, -1.0, 0.5], atol=0.3 * VOXEL)
@@ -104,7 +100,7 @@ def test_translation_has_the_sign_and_unit_of_the_conventions(room: Room) -> Non
 
 def test_search_climbs_back_to_the_rotation(room: Room) -> None:
     true = Rotation.from_euler("ZYX", [30.0, 5.0, -8.0], degrees=True)
-    source = room.turned(true)
+    source, _ = room.turned(true)
     begin = Rotation.from_rotvec(np.deg2rad([1.5, -2.0, 2.5])) * true
     peak = room.translation.find(room.target, source, begin)
     R, best = search_rotation(room.translation, room.target, source, begin, peak)
@@ -146,20 +142,14 @@ def test_a_stray_point_outside_the_grid_changes_nothing(room: Room) -> None:
     assert room.translation.find(room.target, prepared, Rotation.identity()).psr > 100
 
 
-def test_a_grid_that_holds_less_than_half_of_a_scan_is_refused() -> None:
-    device = choose_device()
-    preparer = Preparer(device, Grid(EDGE, 0.1), use_strength=False)
-    with pytest.raises(InputError, match=r"holds \d+\.\d% of its points.*larger `voxel`"):
+@pytest.mark.parametrize(
+    ("voxel", "words"), [(0.1, r"holds \d+\.\d% of its points.*larger `voxel`"), (1e-40, "larger `voxel`")]
+)
+@pytest.mark.filterwarnings("error")
+def test_a_grid_that_holds_less_than_half_of_a_scan_is_refused(voxel: float, words: str) -> None:
+    preparer = Preparer(choose_device(), Grid(EDGE, voxel), use_strength=False)
+    with pytest.raises(InputError, match=words):
         preparer.prepare(Scan(structure(2)))
-
-
-def test_a_tiny_voxel_is_refused_without_a_warning() -> None:
-    device = choose_device()
-    preparer = Preparer(device, Grid(EDGE, 1e-40), use_strength=False)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        with pytest.raises(InputError, match="larger `voxel`"):
-            preparer.prepare(Scan(structure(2)))
 
 
 def test_hypotheses_apart_by_a_whole_grid_are_one_answer(room: Room) -> None:

@@ -15,25 +15,18 @@ T_TARGET = RigidTransform.from_components([100.0, 50.0, -9.0], Rotation.from_eul
 
 
 def measured(T: RigidTransform, *known: int, sigma: float = 0.01) -> PosePrior:
-    sigmas = np.full(6, np.inf)
-    sigmas[list(known)] = sigma
-    return PosePrior(T, sigmas)
+    return PosePrior(T, np.where(np.isin(np.arange(6), known), sigma, np.inf))
 
 
-def test_without_instruments_it_is_what_was_expected() -> None:
+def test_without_instruments_it_is_what_was_expected_and_fits_its_own_priors() -> None:
     target, source = EXPECTED.priors(None, None)
     expected = target.T_world_sensor.inv() * source.T_world_sensor
     np.testing.assert_allclose(expected.as_matrix(), EXPECTED.T_target_source.as_matrix(), atol=1e-12)
     np.testing.assert_array_equal(source.sigmas, EXPECTED.sigmas)
     assert target.sigmas.max() < 1e-3
-
-
-def test_the_expected_pose_fits_its_own_priors() -> None:
-    prior = relative_prior(*EXPECTED.priors(None, None))
+    prior = relative_prior(target, source)
     assert prior is not None
-    squared, count = prior.normalized(EXPECTED.T_target_source)
-    assert squared < 1e-12
-    assert count == 6
+    assert prior.normalized(EXPECTED.T_target_source) == (pytest.approx(0, abs=1e-12), 6)
 
 
 def test_a_measured_attitude_gives_the_tilt_and_the_motion_the_turn() -> None:
@@ -64,8 +57,7 @@ def test_sigmas_are_about_the_axes_of_the_world() -> None:
 
 def test_what_instruments_know_better_counts() -> None:
     T_source = T_TARGET * EXPECTED.T_target_source * RigidTransform.from_translation([0.4, 0.2, 0.1])
-    all_known = range(6)
-    target, source = EXPECTED.priors(measured(T_TARGET, *all_known), measured(T_source, *all_known))
+    target, source = EXPECTED.priors(measured(T_TARGET, *range(6)), measured(T_source, *range(6)))
     relative = target.T_world_sensor.inv() * source.T_world_sensor
     np.testing.assert_allclose(relative.as_matrix(), (T_TARGET.inv() * T_source).as_matrix(), atol=1e-9)
     np.testing.assert_allclose(source.sigmas[3:], np.hypot(0.01, 0.01))

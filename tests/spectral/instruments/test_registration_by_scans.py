@@ -36,42 +36,26 @@ def same(a: RigidTransform, b: RigidTransform) -> bool:
     return bool((a.as_matrix() == b.as_matrix()).all())
 
 
-def test_pose_and_covariance_are_those_of_the_scans() -> None:
-    given = registration(0, by_scans=True)
-    alone = given.by_scans
-    assert same(alone.T_target_source, BY_SCANS[0])
-    np.testing.assert_array_equal(alone.covariance, UNSURE[0])
-    kept = {each.name for each in fields(Registration)} - {"T_target_source", "covariance"}
-    for name in kept - {"T_by_scans", "covariance_by_scans"}:
-        assert getattr(alone, name) == getattr(given, name)
-
-
-def test_of_the_alternatives_too() -> None:
-    deep = registration(2, by_scans=True)
-    given = registration(0, by_scans=True, alternatives=(registration(1, by_scans=True, alternatives=(deep,)),))
-    (second,) = given.by_scans.alternatives
-    (third,) = second.alternatives
-    for n, alternative in ((1, second), (2, third)):
-        assert same(alternative.T_target_source, BY_SCANS[n])
-        np.testing.assert_array_equal(alternative.covariance, UNSURE[n])
-        assert alternative.reason == f"reason {n}"
-
-
-def test_it_says_no_more_about_the_scans_alone_and_twice_is_once() -> None:
-    alone = registration(0, by_scans=True, alternatives=(registration(1, by_scans=True),)).by_scans
-    assert alone.T_by_scans is None
-    assert alone.covariance_by_scans is None
-    assert alone.by_scans is alone
+def test_pose_and_covariance_are_those_of_the_scans_of_the_alternatives_too() -> None:
+    third = registration(2, by_scans=True)
+    second = registration(1, by_scans=True, alternatives=(third,))
+    given = registration(0, by_scans=True, alternatives=(second,))
+    before, alone = replace(given), given.by_scans
+    replaced = {"T_target_source", "covariance", "T_by_scans", "covariance_by_scans", "alternatives"}
+    for n, of in enumerate((given, second, third)):
+        assert same(alone.T_target_source, BY_SCANS[n])
+        np.testing.assert_array_equal(alone.covariance, UNSURE[n])
+        for name in {each.name for each in fields(Registration)} - replaced:
+            assert getattr(alone, name) == getattr(of, name)
+        # it says no more about the scans alone, and twice is once
+        assert alone.T_by_scans is None
+        assert alone.covariance_by_scans is None
+        assert alone.by_scans is alone
+        alone = alone.alternatives[0] if alone.alternatives else alone
+    assert given == before
+    assert same(given.T_target_source, POSES[0])
 
 
 def test_without_instruments_it_is_the_registration_itself() -> None:
     given = registration(0, by_scans=False, alternatives=(registration(1, by_scans=False),))
     assert given.by_scans is given
-
-
-def test_the_given_one_stays_as_it_was() -> None:
-    given = registration(0, by_scans=True)
-    before = replace(given)
-    _ = given.by_scans
-    assert given == before
-    assert same(given.T_target_source, POSES[0])

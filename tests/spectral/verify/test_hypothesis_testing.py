@@ -8,48 +8,29 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import choose_device
-from sonarmap.kernels.points.poses import upload_poses
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.registration import SpectralRegistrar
-from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.verify.bounds import Bounds
-from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
 from sonarmap.spectral.verify.verifier import Verifier
-from tests.samples.reliefs import above, relief, seen
+from tests.spectral.verify.test_verifier import EDGE, TRUE, VOXEL, observed, shift_of, two_scans
+from tests.spectral.verify.test_verifier import hypothesis as refined
 
-EDGE, VOXEL = 64, 0.5
-HERE, THERE = above(-5, 3, 12), above(4.0, -6.0, 13, 25, 4, -7)
-TRUE = HERE.inv() * THERE
 ASIDE = np.array([5.0, -4.0, 0.0])  # voxels
 
 
 @pytest.fixture(scope="module")
 def pair_test() -> HypothesisTest:
     """Of two scans whose grids' centers lie 18 and -18 voxels apart."""
-    device, grid = choose_device(), Grid(EDGE, VOXEL)
-    registrar = SpectralRegistrar(device, grid)
-    target, source = (registrar.prepare(Scan(seen(relief(1), T, 15.0))) for T in (HERE, THERE))
-    return HypothesisTest(Verifier(device, EDGE), grid, target, source, Bounds(np.pi, None, VOXEL))
+    return HypothesisTest(Verifier(choose_device(), EDGE), Grid(EDGE, VOXEL), *two_scans(), Bounds(np.pi, None, VOXEL))
 
 
 def true_shift(pair_test: HypothesisTest) -> np.ndarray:
-    """Between the grids' centers [voxels]."""
-    return (TRUE.apply(pair_test.source.volume.center) - pair_test.target.volume.center) / VOXEL
-
-
-def refined(R: Rotation, shift: np.ndarray) -> Hypothesis:
-    return Hypothesis(Fit(R, shift, np.eye(6), 0.1, 100.0), 0.5, 20.0)
+    return shift_of((pair_test.target, pair_test.source))
 
 
 def looked_at(pair_test: HypothesisTest, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
-    """The same with what the scans saw, in the same order."""
-    fits = [hypothesis.fit for hypothesis in hypotheses]
-    R = np.stack([fit.R.as_matrix() for fit in fits])
-    poses = upload_poses(pair_test.verifier.device, R, np.stack([fit.shift for fit in fits]))
-    seen = pair_test.verifier.observe(pair_test.target, pair_test.source, poses, 500).read()
-    return [replace(hypothesis, evidence=e) for hypothesis, e in zip(hypotheses, seen.evidence(fits), strict=True)]
+    return observed(pair_test.verifier, (pair_test.target, pair_test.source), hypotheses, 500)
 
 
 def off(pair_test: HypothesisTest, hypothesis: Hypothesis) -> float:
@@ -79,10 +60,7 @@ class TestMissed:
 
 
 def test_the_true_place_wins_however_the_finalists_are_ordered(pair_test: HypothesisTest) -> None:
-    true, beside = (
-        refined(TRUE.rotation, true_shift(pair_test)),
-        refined(TRUE.rotation, true_shift(pair_test) + 2 * ASIDE),
-    )
+    true, beside = (refined(TRUE.rotation, true_shift(pair_test) + offset) for offset in (0 * ASIDE, 2 * ASIDE))
     for both in ([true, beside], [beside, true]):
         hypotheses = pair_test.compare(looked_at(pair_test, both))
         assert off(pair_test, hypotheses[0]) < 1.0
@@ -90,10 +68,8 @@ def test_the_true_place_wins_however_the_finalists_are_ordered(pair_test: Hypoth
 
 
 def test_what_looks_hopeless_is_not_compared(pair_test: HypothesisTest, monkeypatch: pytest.MonkeyPatch) -> None:
-    true, beside = looked_at(
-        pair_test,
-        [refined(TRUE.rotation, true_shift(pair_test)), refined(TRUE.rotation, true_shift(pair_test) + 2 * ASIDE)],
-    )
+    both = [refined(TRUE.rotation, true_shift(pair_test) + offset) for offset in (0 * ASIDE, 2 * ASIDE)]
+    true, beside = looked_at(pair_test, both)
     refined_again: list[int] = []
     refine = HypothesisTest._refine
 

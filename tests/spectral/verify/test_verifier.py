@@ -33,23 +33,32 @@ def verifier() -> Verifier:
     return Verifier(choose_device(), EDGE)
 
 
-@pytest.fixture(scope="module")
-def pair() -> tuple[SpectralScan, SpectralScan]:
-    """Two scans whose grids' centers lie 18 and -18 voxels apart."""
+def two_scans() -> tuple[SpectralScan, SpectralScan]:
+    """Their grids' centers lie 18 and -18 voxels apart."""
     registrar = SpectralRegistrar(choose_device(), Grid(EDGE, VOXEL))
     target, source = (registrar.prepare(Scan(seen(relief(1), T, 15.0))) for T in (HERE, THERE))
     return target, source
+
+
+pair = pytest.fixture(scope="module")(two_scans)
+
+
+def observed(
+    verifier: Verifier, pair: tuple[SpectralScan, SpectralScan], hypotheses: list[Hypothesis], *most: int
+) -> list[Hypothesis]:
+    """With what the scans saw, in the same order."""
+    fits = [hypothesis.fit for hypothesis in hypotheses]
+    R = np.stack([fit.R.as_matrix() for fit in fits])
+    poses = upload_poses(verifier.device, R, np.stack([fit.shift for fit in fits]))
+    seen = verifier.observe(*pair, poses, *most).read()
+    return [replace(each, evidence=e) for each, e in zip(hypotheses, seen.evidence(fits), strict=True)]
 
 
 def looked_at(
     verifier: Verifier, pair: tuple[SpectralScan, SpectralScan], hypotheses: list[Hypothesis]
 ) -> list[Hypothesis]:
     """With what the scans saw, best first."""
-    fits = [hypothesis.fit for hypothesis in hypotheses]
-    R = np.stack([fit.R.as_matrix() for fit in fits])
-    poses = upload_poses(verifier.device, R, np.stack([fit.shift for fit in fits]))
-    seen = verifier.observe(*pair, poses).read()
-    return ranked([replace(each, evidence=e) for each, e in zip(hypotheses, seen.evidence(fits), strict=True)])
+    return ranked(observed(verifier, pair, hypotheses))
 
 
 def shift_of(pair: tuple[SpectralScan, SpectralScan], T: RigidTransform = TRUE) -> np.ndarray:
@@ -67,17 +76,9 @@ def hypothesis(R: Rotation, shift: np.ndarray, rotation_score: float = 0.5) -> H
 
 
 class TestConsistency:
-    def test_nothing_seen_is_no_consistency(self) -> None:
-        assert consistency(0.0, 0.0) == 0
-
-    @pytest.mark.parametrize(("agree", "contradict"), [(0.6, 0.02), (0.1, 0.3), (1.0, 0.0)])
+    @pytest.mark.parametrize(("agree", "contradict"), [(0.0, 0.0), (0.6, 0.02), (0.1, 0.3), (1.0, 0.0)])
     def test_a_contradiction_weighs_as_four_agreements(self, agree: float, contradict: float) -> None:
         assert consistency(agree, contradict) == pytest.approx(agree / (agree + 4 * contradict + 0.05))
-
-    def test_it_grows_with_agreement_and_falls_with_contradiction(self) -> None:
-        shares = np.linspace(0.01, 1, 20)
-        assert (np.diff(consistency(shares, 0.1)) > 0).all()
-        assert (np.diff(consistency(0.5, shares)) < 0).all()
 
 
 class TestCandidates:
@@ -106,9 +107,7 @@ class TestCandidates:
     def test_those_that_are_wanted_are_kept_in_order(self) -> None:
         R = Rotation.from_euler("Z", [[0], [10], [20], [30]], degrees=True)
         scores = np.array([0.4, 0.3, 0.2, 0.1])
-        all_four = Candidates(
-            np.array([0, 1, 2, 3]), R, np.arange(12.0).reshape(4, 3), np.array([9.0, 8, 7, 6]), scores
-        )
+        all_four = Candidates(np.arange(4), R, np.arange(12.0).reshape(4, 3), np.array([9.0, 8, 7, 6]), scores)
         some = all_four.select(np.array([False, True, False, True]))
         assert some.rotation.tolist() == [1, 3]
         np.testing.assert_array_equal(some.shifts, [[3, 4, 5], [9, 10, 11]])
@@ -133,13 +132,12 @@ class TestCandidates:
     def test_both_whitenings_name_candidates_on_one_scale(self, verifier, pair) -> None:
         """The usual highest peak of either stands for the same height."""
         candidates = verifier.candidates(*pair, peaks(WRONG, TRUE.rotation), ANYWHERE * 2)
-        half = len(candidates.psr) // 2
         assert sorted(set(candidates.rotation.tolist())) == [0, 1]
         off = np.linalg.norm(candidates.shifts - shift_of(pair), axis=1)
         heights = np.unique(candidates.psr[off < 2.0].round(6))
         assert len(heights) >= 2
         assert heights.max() < 2 * heights.min()
-        assert half > 0
+        assert len(candidates.psr) > 1
 
     def test_a_box_bounds_the_shifts_and_says_which_is_meant(self, verifier, pair) -> None:
         center = np.rint(shift_of(pair)) + np.array([2, -3, 1])
