@@ -79,8 +79,7 @@ def ring_poses(count: int, radius: float = 10.0, turns: float = 1.0) -> RigidTra
     angle = np.linspace(0, 2 * np.pi * turns, count, endpoint=False)
     R = Rotation.from_euler("ZYX", np.stack([angle, 0.1 * np.sin(angle), 0.05 * np.cos(3 * angle)], axis=1))
     t = np.stack([radius * np.sin(angle), radius * (1 - np.cos(angle)), 0.5 * np.sin(2 * angle)], axis=1)
-    T = RigidTransform.from_components(t, R)
-    return T[0].inv() * T
+    return from_the_first(RigidTransform.from_components(t, R))
 
 
 def scans_of(T_world_sensor: RigidTransform, reach: float = 6.0, seed: int = 0) -> list[Scan]:
@@ -137,7 +136,7 @@ class KnowingRegistrar:
         self.pairs.append((i, j))
         # Drawn per pair, not in order of asking, so that a pair gives the same result in every run.
         rng = np.random.default_rng([self.seed, i, j])
-        noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), self.covariance))
+        noise = drawn(rng, self.covariance)
         given = registration(self.truth[i].inv() * self.truth[j] * noise.inv(), self.covariance)
         return self.spoil(i, j, given) if self.spoil else given
 
@@ -207,7 +206,6 @@ def aliased(graph: PoseGraph, T: RigidTransform, count: int, seed: int) -> tuple
         model = loops[rng.integers(len(loops))].registration
         offset = T[a] * model.T_target_source * T[b].inv()
         for k in range(min(GROUP, count - len(wrong))):
-            noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), model.covariance))
-            measured = T[a + k].inv() * offset * T[b + k] * noise
+            measured = T[a + k].inv() * offset * T[b + k] * drawn(rng, model.covariance)
             wrong.append(edge(a + k, b + k, measured, model.covariance, "loop"))
     return tuple(wrong)

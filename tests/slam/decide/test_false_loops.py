@@ -78,12 +78,10 @@ def distance(one: RigidTransform, other: RigidTransform) -> float:
     [(name, kind) for name in ("simulated", "sphere2500", "lawnmower") for kind in ("scattered", "aliased")],
 )
 def test_wrong_loops_do_little_harm(name: str, kind: str, share: float) -> None:
-    if name == "sphere2500":
-        if not SPHERE.is_file():
-            pytest.skip(f"the benchmark graph is not at {SPHERE}")
-        truth, graph = None, read_g2o(SPHERE)
-    else:
-        truth, graph = simulated_sphere(4) if name == "simulated" else surveyed(4)
+    if name == "sphere2500" and not SPHERE.is_file():
+        pytest.skip(f"the benchmark graph is not at {SPHERE}")
+    makers = {"simulated": lambda: simulated_sphere(4), "lawnmower": lambda: surveyed(4)}
+    truth, graph = makers[name]() if name in makers else (None, read_g2o(SPHERE))
     plain = graph.optimize()
     best = plain.trajectory.T_world_sensor
     count = round(share * sum(one.kind == "loop" for one in graph.edges))

@@ -1,13 +1,15 @@
 """Trajectories: what they refuse, and chains against composition by matrices."""
 
+from itertools import accumulate
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.edge import Edge, components, spanning_tree
+from sonarmap.slam.graph.edge import components, spanning_tree
 from sonarmap.slam.graph.trajectory import Trajectory, chain
-from tests.samples.surveys import edge, random_transforms, registration
+from tests.samples.surveys import edge, random_transforms
 
 COVARIANCE = np.diag([1.0, 2, 3, 4, 5, 6]) * 1e-4
 
@@ -31,21 +33,15 @@ def test_refuses_what_is_no_trajectory(stamps, T):
         Trajectory(stamps, T)
 
 
-def test_take_keeps_stamps_beside_their_poses():
+def test_chain_composes_like_matrices_and_take_keeps_stamps_beside_their_poses():
     T = random_transforms(np.random.default_rng(0), 5)
     taken = Trajectory(np.arange(5.0), T).take([3, 1])
     np.testing.assert_array_equal(taken.stamps, [3, 1])
     np.testing.assert_array_equal(taken.T_world_sensor.as_matrix(), T.as_matrix()[[3, 1]])
-
-
-def test_chain_composes_like_matrices():
     rng = np.random.default_rng(1)
     steps = random_transforms(rng, 6)
     edges = [edge(k, k + 1, step, COVARIANCE) for k, step in enumerate(steps)]
-    matrix, wanted = np.eye(4), [np.eye(4)]
-    for step in steps.as_matrix():
-        matrix = matrix @ step
-        wanted.append(matrix)
+    wanted = list(accumulate(steps.as_matrix(), np.matmul, initial=np.eye(4)))
     rng.shuffle(edges)  # pyright: ignore[reportArgumentType]
     np.testing.assert_allclose(chain(edges, np.zeros(7)).T_world_sensor.as_matrix(), wanted, atol=1e-12)
 
@@ -80,22 +76,18 @@ def test_components_start_at_the_identity_or_at_their_prior():
     np.testing.assert_allclose(poses[4], np.eye(4), atol=1e-15)
 
 
-@pytest.mark.parametrize(("i", "j", "kind"), [(0, 1, "other"), (-1, 1, "loop"), (2, 2, "loop"), (0, 1, "prior")])
-def test_edges_refuse_indices_and_kinds_that_do_not_fit(i, j, kind):
-    with pytest.raises(InputError):
-        Edge(i, j, registration(RigidTransform.identity(), COVARIANCE), kind)
-
-
 @pytest.mark.parametrize(
-    ("covariance", "words"),
+    ("i", "j", "kind", "covariance", "words"),
     [
-        (np.diag([1.0, 1, 1, 1, 1, 0]), "positive definite"),
-        (np.diag([1.0, 1, 1, 1, 1, -2]), "positive definite"),
-        (np.eye(6) + np.triu(np.full((6, 6), 1e-3), 1), "not symmetric"),
-        (np.diag([1.0, 1, np.nan, 1, 1, 1]), "not finite"),
-        (np.eye(3), "shape"),
+        *((i, j, kind, COVARIANCE, None) for i, j, kind in ((0, 1, "other"), (-1, 1, "loop"), (2, 2, "loop"))),
+        (0, 1, "prior", COVARIANCE, None),
+        (0, 1, "sequential", np.diag([1.0, 1, 1, 1, 1, 0]), "positive definite"),
+        (0, 1, "sequential", np.diag([1.0, 1, 1, 1, 1, -2]), "positive definite"),
+        (0, 1, "sequential", np.eye(6) + np.triu(np.full((6, 6), 1e-3), 1), "not symmetric"),
+        (0, 1, "sequential", np.diag([1.0, 1, np.nan, 1, 1, 1]), "not finite"),
+        (0, 1, "sequential", np.eye(3), "shape"),
     ],
 )
-def test_edges_refuse_covariances_that_are_none(covariance, words):
+def test_edges_refuse_indices_kinds_and_covariances_that_do_not_fit(i, j, kind, covariance, words):
     with pytest.raises(InputError, match=words):
-        edge(0, 1, RigidTransform.identity(), covariance)
+        edge(i, j, RigidTransform.identity(), covariance, kind)

@@ -1,4 +1,4 @@
-"""How much of an expected overlap is left where the poses are uncertain."""
+"""What is left of an expected overlap where poses are uncertain, and how many edges lie between two scans."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,9 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.loops.forecast import certainties, displacement
+from sonarmap.slam.loops.separation import separations
 from sonarmap.slam.map.cell import outline
-from tests.samples.surveys import chain_edges, chained_graph, random_covariance, ring_poses, scans_of
+from tests.samples.surveys import chain_edges, chained_graph, edge, random_covariance, ring_poses, scans_of
 
 TRUTH, SCANS = ring_poses(6, radius=8.0)[:2], scans_of(ring_poses(6, radius=8.0))[:2]
 
@@ -47,3 +48,37 @@ def test_a_displacement_is_the_root_mean_square_over_all_points():
         xi = rng.multivariate_normal(np.zeros(6), covariance, 20_000)
         moved = np.cross(xi[:, None, :3], outlines[j]) + xi[:, None, 3:]
         assert one == pytest.approx(np.sqrt((moved**2).sum(axis=2).mean()), rel=0.02)
+
+
+T, COVARIANCE = RigidTransform.identity(), np.eye(6)
+CHAIN = chain_edges(RigidTransform.identity(10), COVARIANCE)
+
+
+def test_it_is_counted_along_the_order_or_by_way_of_the_nearest_loop() -> None:
+    pairs = np.array([(0, 9), (2, 3), (7, 1), (0, 9)])
+    np.testing.assert_array_equal(separations(10, CHAIN, pairs), [9, 1, 6, 9])
+    loop = edge(1, 8, T, COVARIANCE, "loop")
+    np.testing.assert_array_equal(separations(10, [*CHAIN, loop], pairs), [3, 1, 2, 3])
+
+
+def test_it_is_the_shortest_way_by_at_most_one_loop() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        loops = [tuple(sorted(rng.choice(40, 2, replace=False).tolist())) for _ in range(6)]
+        chain = chain_edges(RigidTransform.identity(40), COVARIANCE)
+        edges = [*chain, *(edge(i, j, T, COVARIANCE, "loop") for i, j in loops if j - i > 1)]
+        pairs = np.array([rng.choice(40, 2, replace=False) for _ in range(30)])
+        wanted = [
+            min([abs(i - j), *(1 + min(abs(i - a) + abs(j - b), abs(i - b) + abs(j - a)) for a, b in loops)])
+            for i, j in pairs.tolist()
+        ]
+        np.testing.assert_array_equal(separations(40, edges, pairs), wanted)
+
+
+def test_a_gap_is_crossed_by_a_loop_alone() -> None:
+    chain = [one for one in CHAIN if one.i != 4]
+    pairs = np.array([(3, 4), (3, 7), (0, 9)])
+    np.testing.assert_array_equal(separations(10, chain, pairs), [1, np.inf, np.inf])
+    bridge = edge(4, 6, T, COVARIANCE, "loop")
+    np.testing.assert_array_equal(separations(10, [*chain, bridge], pairs), [1, 3, 8])
+    np.testing.assert_array_equal(separations(11, CHAIN, np.array([(0, 10), (3, 4)])), [np.inf, 1])

@@ -125,10 +125,8 @@ def test_a_shift_over_half_the_grid_is_told_from_its_wrapped_twin(room: Room, tr
     step = np.array(true) * VOXEL
     rng = np.random.default_rng(1)
     place = rng.uniform(-15, 15, (4000, 3)).astype(np.float32)
-    low = np.abs(place + step / 2).max(axis=1) < 11
-    high = np.abs(place - step / 2).max(axis=1) < 11
-    target, _ = room.preparer.prepare(Scan(place[low]))
-    source, _ = room.preparer.prepare(Scan(place[high]))
+    parts = (place[np.abs(place + side * step / 2).max(axis=1) < 11] for side in (1, -1))
+    target, source = (room.preparer.prepare(Scan(part))[0] for part in parts)
     shift = (source.center - target.center) / VOXEL
     cyclic = (shift + EDGE / 2) % EDGE - EDGE / 2
     unwrapped = unwrap(room.device, target, source, Rotation.identity(), cyclic, EDGE)

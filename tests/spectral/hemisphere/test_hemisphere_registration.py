@@ -1,4 +1,4 @@
-"""The chain over the hemisphere: laws that any registration obeys, and simulated pairs, on every device."""
+"""The chain over the hemisphere and the paper's own: laws that any registration obeys, and simulated pairs."""
 
 import numpy as np
 import pytest
@@ -10,6 +10,8 @@ from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.shapes.structure import occupy, surface_points, voxel_scan
 from tests.samples.refusals import refuses
 from tests.samples.structures import TURN, assert_near, difference, moved, registered, structure
 
@@ -181,3 +183,45 @@ def test_chosen_grid_works_without_being_told(registrar: HemisphereRegistrar) ->
     scans = [Scan(structure(13)), Scan(moved(structure(13), TURN.inv()))]
     own = HemisphereRegistrar(registrar.device, choose_grid(scans, EDGE))
     assert_found(own.register(*map(own.prepare, scans)), TURN)
+
+
+GRID = Grid(64, 4.0)
+
+
+@pytest.fixture(scope="module")
+def of_the_paper() -> HemisphereRegistrar:
+    return HemisphereRegistrar(choose_device(), GRID, HemisphereConfig.paper(centered=False))
+
+
+@pytest.fixture(scope="module")
+def points() -> np.ndarray:
+    return surface_points(build_scene("clutter", 5).mesh, 2.0).astype(np.float64)
+
+
+def register(of_the_paper: HemisphereRegistrar, points: np.ndarray, T_target_source: RigidTransform) -> RigidTransform:
+    moved, still = (voxel_scan(occupy(p, GRID), GRID, "s") for p in (T_target_source.apply(points), points))
+    return of_the_paper.register(of_the_paper.prepare(moved), of_the_paper.prepare(still)).T_target_source
+
+
+@pytest.mark.parametrize("shift", [(8.0, -16.0, 24.0), (40.0, 80.0, 12.0)])
+def test_a_shift_is_exact(of_the_paper: HemisphereRegistrar, points: np.ndarray, shift: tuple[float, ...]) -> None:
+    T = register(of_the_paper, points, RigidTransform.from_translation(shift))
+    assert np.linalg.norm(T.translation - shift) < 0.2 * GRID.voxel
+    assert np.rad2deg(T.rotation.magnitude()) < 0.5
+
+
+@pytest.mark.parametrize("yaw", [-70.0, 24.0, 64.0])
+def test_yaw_under_tilt_keeps_to_what_the_paper_shows(of_the_paper, points, yaw):
+    """Figs. 16 and 17: 10 degrees of roll and of pitch."""
+    R = Rotation.from_euler("ZYX", [yaw, 10, 10], degrees=True)
+    off = register(of_the_paper, points, RigidTransform.from_rotation(R)).rotation.as_euler("ZYX", degrees=True)
+    assert np.abs(off - [yaw, 10, 10])[0] < 5
+    assert np.abs(off - [yaw, 10, 10])[1:].max() < 3
+
+
+def test_a_grid_that_stands_still_loses_what_leaves_it(of_the_paper: HemisphereRegistrar, points: np.ndarray) -> None:
+    prepared = of_the_paper.prepare(voxel_scan(occupy(points, GRID), GRID, "s"))
+    assert (prepared.volume.center == 0).all()
+    away = RigidTransform.from_translation([150.0, 0, 0]).apply(points).astype(np.float32)
+    with pytest.raises(InputError, match="the grid of 64 voxels"):
+        of_the_paper.prepare(Scan(away))

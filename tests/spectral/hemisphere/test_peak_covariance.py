@@ -19,11 +19,9 @@ def gaussian_peak(cov: np.ndarray, psr: float = 200.0) -> Peak:
 def test_width_is_that_of_the_gaussian() -> None:
     cov = np.array([[1.5, 0.3, 0.0], [0.3, 2.0, -0.2], [0.0, -0.2, 1.2]])
     np.testing.assert_allclose(peak_width(gaussian_peak(cov)), cov, rtol=1e-4, atol=1e-4)
-
-
-def test_a_ridge_is_as_wide_as_the_neighborhood_can_tell() -> None:
-    cov = np.diag([1.0, 1e6, 1.0])
-    np.testing.assert_allclose(np.diag(peak_width(gaussian_peak(cov))), [1, 9, 1], rtol=1e-3)
+    # a ridge is as wide as the neighborhood can tell
+    ridge = gaussian_peak(np.diag([1.0, 1e6, 1.0]))
+    np.testing.assert_allclose(np.diag(peak_width(ridge)), [1, 9, 1], rtol=1e-3)
 
 
 def test_translation_is_turned_into_the_frame_of_the_source() -> None:
@@ -45,18 +43,12 @@ def test_covariance_is_about_the_sensor_and_holds_for_the_right_tangent() -> Non
     turns = Rotation.from_rotvec(rng.normal(0, bin_angle / np.sqrt(12), (count, 3)))
     shifts = rng.normal(size=(count, 3)) * np.sqrt(np.array([2.0, 1.0, 1.5]) * voxel**2 / 12)
     T = RigidTransform.from_components([4.0, 5.0, 6.0], R)
-    true_rotation = R * turns
-    true_center = T.apply(center) + shifts
-    true_T = RigidTransform.from_components(
-        true_center - true_rotation.apply(np.tile(center, (count, 1))), true_rotation
-    )
-    xi = (T.inv() * true_T).as_exp_coords()
+    place = T.apply(center) + shifts - (R * turns).apply(np.tile(center, (count, 1)))
+    xi = (T.inv() * RigidTransform.from_components(place, R * turns)).as_exp_coords()
     np.testing.assert_allclose(np.cov(xi.T), stated, atol=0.03 * np.abs(stated).max())
 
 
 def test_a_low_peak_is_less_certain() -> None:
-    R, center = Rotation.identity(), np.zeros(3)
-    high, low = (
-        peak_covariance(gaussian_peak(np.eye(3), psr), R, center, Grid(128, 1.0), 0.02) for psr in (100.0, 30.0)
-    )
+    peaks = (gaussian_peak(np.eye(3), psr) for psr in (100.0, 30.0))
+    high, low = (peak_covariance(peak, Rotation.identity(), np.zeros(3), Grid(128, 1.0), 0.02) for peak in peaks)
     assert np.all(np.diag(low) > 3.9 * np.diag(high))
