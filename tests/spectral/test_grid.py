@@ -1,5 +1,7 @@
 """The grid that scans share: its checks, its choice, where a scan lies in it; and what a scan refuses."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -48,22 +50,21 @@ def test_every_edge_has_a_coarse_grid_and_images() -> None:
     assert [image_edge(edge) for edge in (16, 90, 128, 450)] == [16, 96, 128, 480]
 
 
-@pytest.mark.parametrize("edge", [None, "64", 64.0, [64], np.array([64, 64])])
-def test_refuses_an_edge_that_is_no_whole_number(edge: Any) -> None:
-    with pytest.raises(InputError, match="is not an even product of 2, 3 and 5 from 16 to 512; try `edge=64` or"):
-        Grid(edge, 1.0)
+NO_EDGE = "is not an even product of 2, 3 and 5 from 16 to 512; try `edge=64` or"
+NO_VOXELS: list[Any] = [0.0, -1.0, float("nan"), float("inf"), "a", None, np.ones(2)]
 
 
-@pytest.mark.parametrize("scans", ["zz", None, 3, [np.zeros((5, 3))]])
-def test_refuses_scans_that_are_none(scans: Any) -> None:
-    with pytest.raises(InputError, match="wanted a list of Scan"):
-        choose_grid(scans)
-
-
-@pytest.mark.parametrize("voxel", [0.0, -1.0, float("nan"), float("inf"), "a", None, np.ones(2)])
-def test_refuses_a_voxel_without_size(voxel: Any) -> None:
-    with pytest.raises(InputError, match=r"`voxel=0\.5`"):
-        Grid(64, voxel)
+@pytest.mark.parametrize(
+    ("make", "given", "words"),
+    [
+        *((partial(Grid, voxel=1.0), edge, NO_EDGE) for edge in (None, "64", 64.0, [64], np.array([64, 64]))),
+        *((choose_grid, scans, "wanted a list of Scan") for scans in ("zz", None, 3, [np.zeros((5, 3))])),
+        *((partial(Grid, 64), voxel, r"`voxel=0\.5`") for voxel in NO_VOXELS),
+    ],
+)
+def test_refuses_edges_scans_and_voxels_that_are_none(make: Callable[[Any], object], given: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        make(given)
 
 
 def test_center_is_the_middle_of_the_box_whatever_a_stray_echo_says() -> None:

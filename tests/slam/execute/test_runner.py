@@ -144,9 +144,7 @@ def test_timings_say_what_came_from_the_journal(work: Work) -> None:
         assert timings.from_journal == from_journal
         assert all(time.seconds > 0 and time.from_journal == (from_journal > 0) for time in timings.pairs)
         assert list(timings.stages) == ["pairs registered", "optimized"]
-
-
-def test_timings_number_the_scans_of_a_part_as_the_survey_does(work: Work) -> None:
+    # those of a part have the survey's numbers
     with work.execution("here") as execution:
         PairRunner(execution, SCANS, 0, None).of([1, 3, 5, 8]).of([0, 1, 3]).register(candidates([(0, 1), (1, 2)]))
     assert [(time.target, time.source) for time in execution.timings.pairs] == [(1, 3), (3, 8)]

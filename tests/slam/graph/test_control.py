@@ -154,9 +154,7 @@ def test_many_points_take_no_memory_for_all_their_choices():
     finally:
         tracemalloc.stop()
     np.testing.assert_allclose(fitted.as_matrix(), T_WORLD.as_matrix(), atol=1e-9)
-
-
-def test_the_least_squares_start_is_scipys():
+    # the least-squares start is SciPy's
     rng = np.random.default_rng(6)
     here = rng.normal(size=(3, 3)) * [20, 15, 4]
     there = T_WORLD.apply(here) + 0.1 * rng.normal(size=(3, 3))

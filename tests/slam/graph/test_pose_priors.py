@@ -196,10 +196,7 @@ def test_what_one_pose_leaves_open_is_held(diagonal: list[float], free: int) -> 
     known = KnownPose(2, truth[2], 1e4 * np.diag(diagonal))
     held = undetermined(range(6), [known], truth)
     assert (held.rank if held else 0) == free
-
-
-def test_shifts_of_three_poses_leave_nothing_open() -> None:
-    truth, _ = ring(6)
+    # shifts of three poses leave nothing open
     known = [KnownPose(k, truth[k], np.diag([0.0, 0, 0, 1, 1, 1])) for k in (0, 2, 4)]
     assert undetermined(range(6), known, truth) is None
 
@@ -231,6 +228,9 @@ def test_poses_that_nothing_places_are_no_vertices(tmp_path: Path) -> None:
     read = read_g2o(tmp_path / "graph.g2o")
     assert read.trajectory.stamps.tolist() == [0, 1, 2, 3]
     assert len(read.components) == 1
+    # a graph without priors has no such lines
+    write_g2o(tmp_path / "graph.g2o", chained_graph(edges, 5))
+    assert "PRIOR" not in (tmp_path / "graph.g2o").read_text()
 
 
 @pytest.mark.parametrize(
@@ -250,9 +250,3 @@ def test_faulty_lines_are_named(lines: list[str], words: str, tmp_path: Path) ->
     path.write_text("\n".join(["VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1", *lines]) + "\n")
     with pytest.raises(InputError, match=words):
         read_g2o(path)
-
-
-def test_a_graph_without_them_has_no_such_lines(tmp_path: Path) -> None:
-    _, edges = ring(4)
-    write_g2o(tmp_path / "graph.g2o", PoseGraph(graph(edges, {}, 4).trajectory, tuple(edges)))
-    assert "PRIOR" not in (tmp_path / "graph.g2o").read_text()

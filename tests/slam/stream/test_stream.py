@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -65,7 +66,6 @@ def test_few_scans_are_registered_and_all_are_placed() -> None:
     assert result.by_navigation == ()
     assert {scan for pair in result.pairs for scan in pair.scans} <= set(result.keys)
     assert result.covariances.shape == (COUNT, 6, 6)
-
     # a scan between is less sure than its key scans
     a, b = max(zip(result.keys[5:], result.keys[6:], strict=False), key=lambda pair: pair[1] - pair[0])
     traces = np.trace(result.covariances[:, 3:, 3:], axis1=1, axis2=2)
@@ -94,18 +94,15 @@ def test_refused_strides_are_halved() -> None:
 def test_strides_go_on_along_a_wall() -> None:
     """A direction that scans leave open is so at half the way as well; a wrong place is not."""
 
-    def along(place: float) -> Callable[[int, int, Registration], Registration]:
-        def spoil(i: int, j: int, given: Registration) -> Registration:
-            beside_the_wall = i >= COUNT // 3 and j < 2 * COUNT // 3
-            if not beside_the_wall:
-                return reach(i, j, given)
-            loose = np.diag([1e-6, 1e-6, 1e-6, 100.0, 1e-4, 1e-4])
-            return replace(given, covariance=loose, accepted=False, probability=0.1 * place, evidence=(("held", 0.1),))
-
-        return spoil
+    def along(place: float, i: int, j: int, given: Registration) -> Registration:
+        if i < COUNT // 3 or j >= 2 * COUNT // 3:
+            return reach(i, j, given)
+        loose = np.diag([1e-6, 1e-6, 1e-6, 100.0, 1e-4, 1e-4])
+        return replace(given, covariance=loose, accepted=False, probability=0.1 * place, evidence=(("held", 0.1),))
 
     def strides(place: float) -> np.ndarray:
-        runner = PairRunner(Execution.here(KnowingRegistrar(STREAM, COVARIANCE, along(place)), 2), SCANS, 2, None)
+        registrar = KnowingRegistrar(STREAM, COVARIANCE, partial(along, place))
+        runner = PairRunner(Execution.here(registrar, 2), SCANS, 2, None)
         keys, _ = choose_keys(runner, np.zeros(COUNT, np.intp), VOXEL, KeySettings())
         return np.diff([k for k in keys if COUNT // 3 <= k < 2 * COUNT // 3])
 
@@ -155,10 +152,8 @@ def test_a_survey_that_is_no_stream_is_registered_scan_by_scan() -> None:
 def test_fixes_of_scans_between_place_the_map() -> None:
     world = RigidTransform.from_exp_coords([0, 0, 1.2, 300.0, -200.0, -15.0])
     sigmas = np.array([np.inf, np.inf, np.inf, 0.1, 0.1, 0.05])
-    scans = [
-        replace(scan, prior=PosePrior(world * STREAM[k], sigmas)) if k % 10 == 7 else scan
-        for k, scan in enumerate(SCANS)
-    ]
+    priors = {k: PosePrior(world * STREAM[k], sigmas) for k in range(7, COUNT, 10)}
+    scans = [replace(scan, prior=priors.get(k)) for k, scan in enumerate(SCANS)]
     result, _ = mapped(scans)
     assert result.keys is not None
     away = result.trajectory.T_world_sensor.translation - (world * STREAM).translation
@@ -167,10 +162,8 @@ def test_fixes_of_scans_between_place_the_map() -> None:
 
 def test_a_wrong_fix_that_dead_reckoning_shows_is_told() -> None:
     sigmas = np.array([np.inf, np.inf, np.inf, 0.2, 0.2, 0.1])
-    scans = [
-        replace(scan, prior=PosePrior(RigidTransform.from_translation([20.0 * (k == 70), 0, 0]) * STREAM[k], sigmas))
-        for k, scan in enumerate(SCANS)
-    ]
+    scans = [replace(scan, prior=PosePrior(T, sigmas)) for scan, T in zip(SCANS, STREAM, strict=True)]
+    scans[70] = replace(SCANS[70], prior=PosePrior(RigidTransform.from_translation([20.0, 0, 0]) * STREAM[70], sigmas))
     result, _ = mapped(scans, odometry=Odometry(np.arange(COUNT), STREAM, 100.0 + np.arange(COUNT)))
     assert result.keys is not None
     assert [(fix.scan, fix.kind) for fix in result.wrong_fixes] == [(70, "position")]

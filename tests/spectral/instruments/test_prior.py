@@ -64,8 +64,7 @@ class TestRotations:
         tilts = Rotation.from_rotvec([[0.01, 0, 0], [0, 0.01, 0], [-0.01, 0, 0], [0, -0.01, 0]])
         assert not relative.allows(T_TARGET.rotation.inv() * tilts * T_SOURCE.rotation).any()
         assert not relative.allows(random_rotations(2000, 1)).any()
-
-    def test_about_the_targets_own_z_is_not_about_the_vertical(self) -> None:
+        # about the target's own z is not about the vertical
         assert not pair(ATTITUDE).allows(Rotation.from_euler("Z", 0.5) * T_TRUE.rotation)
 
     @pytest.mark.parametrize("sign", [1, -1])
@@ -286,8 +285,8 @@ class TestPosePrior:
             PosePrior(RigidTransform.identity(), sigmas)
 
     def test_poses_that_are_refused(self) -> None:
-        stack = RigidTransform.concatenate([T_TARGET, T_SOURCE])
-        for T in (stack, RigidTransform.from_translation([0, np.nan, 0]), RigidTransform.from_translation([INF, 0, 0])):
+        off = (RigidTransform.from_translation(t) for t in ([0, np.nan, 0], [INF, 0, 0]))
+        for T in (RigidTransform.concatenate([T_TARGET, T_SOURCE]), *off):
             with pytest.raises(InputError, match="finite"):
                 PosePrior(T, SIGMAS)
 

@@ -60,18 +60,16 @@ def test_a_wild_echo_among_many_changes_no_cell(device: Device) -> None:
     assert far.max() > 20.7
 
 
-@pytest.mark.parametrize(("inner", "single"), [(0, True), (6000, True), (30_000, False)])
-def test_a_second_surface_behind_the_first_is_no_view(device: Device, inner: int, single: bool) -> None:
-    points = np.vstack([shell(20.0, 1), shell(12.0, 2)[:inner]])
+# Most points are alone in their cells, and would agree with themselves.
+SPARSE = [(1500, 1500, False), (6000, 6000, False), (1500, 0, True), (6000, 0, True)]
+
+
+@pytest.mark.parametrize(
+    ("count", "inner", "single"), [*((60_000, *case) for case in ((0, True), (6000, True), (30_000, False))), *SPARSE]
+)
+def test_a_second_surface_behind_the_first_is_no_view(device: Device, count: int, inner: int, single: bool) -> None:
+    points = np.vstack([shell(20.0, 1, count), shell(12.0, 2, count)[:inner]])
     assert bool(view_of(device, points).images) is single
-
-
-@pytest.mark.parametrize("count", [1500, 6000])
-def test_two_sparse_surfaces_are_no_view_either(device: Device, count: int) -> None:
-    """Most points are alone in their cells, and would agree with themselves."""
-    points = np.vstack([shell(20.0, 1, count), shell(12.0, 2, count)])
-    assert not view_of(device, points).images
-    assert view_of(device, shell(20.0, 1, count)).images
 
 
 class TestVisibility:

@@ -70,18 +70,16 @@ class TestSignature:
         assert not per_degree[:, :4].any()
         assert per_degree[:, 4:].any(axis=0).all()
 
-    @pytest.mark.parametrize(
-        ("shape", "value", "words"),
-        [
-            *((shape, 1.0, r"wanted \(degrees, L, L\)") for shape in ((4, 8, 14), (4, 15), (1, 8, 8))),
-            ((10, 8, 8), np.nan, "not finite"),
-        ],
-    )
-    def test_refuses_other_shapes_and_what_is_not_finite(self, shape, value, words):
-        given = np.ones(shape, np.float32)
-        given.flat[-1] = value
-        with pytest.raises(InputError, match=words):
-            signature(given)
+    @pytest.mark.parametrize("shape", [(4, 8, 14), (4, 15), (1, 8, 8)])
+    def test_refuses_other_shapes(self, shape):
+        with pytest.raises(InputError, match=r"wanted \(degrees, L, L\)"):
+            signature(np.ones(shape, np.float32))
+
+    def test_refuses_what_is_not_finite(self):
+        given = coefficients()
+        given[2, 2, 9] = np.nan
+        with pytest.raises(InputError, match="not finite"):
+            signature(products(given))
 
 
 @pytest.fixture(scope="module")

@@ -30,13 +30,9 @@ def plane(rng: np.random.Generator, noise: float) -> np.ndarray:
 def wall(rng: np.random.Generator, noise: float) -> np.ndarray:
     """Points of a wall at x = 30 that runs along y, and of the floor before it."""
     half = COUNT // 2
-    upright = np.column_stack(
-        [rng.normal(30.0, noise, half), rng.uniform(-REACH, REACH, half), rng.uniform(-15.0, 25.0, half)]
-    )
-    floor = np.column_stack(
-        [rng.uniform(-20.0, 30.0, half), rng.uniform(-REACH, REACH, half), rng.normal(-15.0, noise, half)]
-    )
-    return np.vstack([upright, floor])
+    upright = rng.normal(30.0, noise, half), rng.uniform(-REACH, REACH, half), rng.uniform(-15.0, 25.0, half)
+    floor = rng.uniform(-20.0, 30.0, half), rng.uniform(-REACH, REACH, half), rng.normal(-15.0, noise, half)
+    return np.hstack([upright, floor]).T
 
 
 def register(target: np.ndarray, source: np.ndarray, voxel: float = 1.0) -> Registration:
@@ -75,10 +71,8 @@ def test_a_plane_leaves_three_directions_open() -> None:
 
 def corner(rng: np.random.Generator) -> np.ndarray:
     """Points of a wall and a floor, and of a second wall across the first: nothing is left open."""
-    across = np.column_stack(
-        [rng.uniform(-20.0, 30.0, COUNT), rng.normal(-40.0, 0.3, COUNT), rng.uniform(-15.0, 25.0, COUNT)]
-    )
-    return np.vstack([wall(rng, 0.3), across])
+    across = rng.uniform(-20.0, 30.0, COUNT), rng.normal(-40.0, 0.3, COUNT), rng.uniform(-15.0, 25.0, COUNT)
+    return np.vstack([wall(rng, 0.3), np.transpose(across)])
 
 
 def test_it_turns_with_the_source() -> None:

@@ -82,9 +82,7 @@ def test_what_the_other_scan_does_not_cover_is_not_missed() -> None:
     above = shared_surface(surface_of(bed()), surface_of(moved(bed(), 0, 0, 4.0)), STILL, HERE, ALL)
     assert above.covered > 0.9
     assert above.consistency == 0
-
-
-def test_nothing_in_common_is_nothing() -> None:
+    # nothing in common is nothing
     assert shares(bed(), moved(bed(), 0, 0, 500.0)) == (0, 0, 0)
 
 

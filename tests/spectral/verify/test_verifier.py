@@ -230,16 +230,11 @@ class TestMissed:
         assert off(pair_test, missed[0]) < 1.0
         assert len(missed) <= len(beside)
 
-    def test_what_is_a_finalist_is_not_named_again(self, pair_test: HypothesisTest) -> None:
-        missed = pair_test.find_missed([hypothesis(TRUE.rotation, true_shift(pair_test))])
-        assert all(off(pair_test, hypothesis) > 2.0 for hypothesis in missed)
-
-    def test_what_the_bounds_forbid_is_not_named(self, pair_test: HypothesisTest) -> None:
+    def test_neither_a_finalist_nor_what_is_forbidden_is_named(self, pair_test: HypothesisTest, monkeypatch) -> None:
         level = replace(pair_test, bounds=Bounds(np.deg2rad(3.0), None, VOXEL))
-        missed = level.find_missed([hypothesis(TRUE.rotation, true_shift(pair_test) + ASIDE)])
-        assert all(off(pair_test, hypothesis) > 2.0 for hypothesis in missed)
-
-    def test_nothing_is_named_where_no_shift_may_be_meant(self, pair_test: HypothesisTest, monkeypatch) -> None:
+        for test, offset in ((pair_test, 0 * ASIDE), (level, ASIDE)):
+            missed = test.find_missed([hypothesis(TRUE.rotation, true_shift(pair_test) + offset)])
+            assert all(off(pair_test, each) > 2.0 for each in missed)
         monkeypatch.setattr(Bounds, "allow_shifts", lambda _bounds, _R, shifts: np.zeros(len(shifts), dtype=bool))
         assert pair_test.find_missed([hypothesis(TRUE.rotation, true_shift(pair_test))]) == []
 
