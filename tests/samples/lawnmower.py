@@ -5,8 +5,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.slam.graph.trajectory import chain
-from tests.samples.surveys import edge
+from tests.samples.surveys import chained_graph, edge, from_the_first
 
 STEP, LANE = 4.0, 15.0  # between scans along a lane, and between lanes [m]
 REACH = 20.0  # a loop joins poses that are no farther apart [m]
@@ -32,7 +31,7 @@ def lawnmower(count: int, loops_per_pose: float, seed: int = 0) -> tuple[RigidTr
         edge(i, j, T_i_j, np.diag(own**2), "sequential" if j == i + 1 else "loop")
         for (i, j), T_i_j, own in zip(pairs.tolist(), measured, sigmas, strict=True)
     )
-    return T, PoseGraph(chain(edges[: count - 1], np.arange(float(count))), edges)
+    return T, chained_graph(edges, count)
 
 
 def _poses(count: int, rng: np.random.Generator) -> RigidTransform:
@@ -44,5 +43,4 @@ def _poses(count: int, rng: np.random.Generator) -> RigidTransform:
     t = np.column_stack([x, lane * LANE, np.zeros(count)]) + 0.2 * rng.normal(size=(count, 3))
     angles = 0.03 * rng.normal(size=(count, 3))
     angles[:, 0] += np.where(back, np.pi, 0.0)
-    T = RigidTransform.from_components(t, Rotation.from_euler("ZYX", angles))
-    return T[0].inv() * T
+    return from_the_first(RigidTransform.from_components(t, Rotation.from_euler("ZYX", angles)))

@@ -28,3 +28,7 @@ def seen(place: np.ndarray, T_world_sensor: RigidTransform, reach: float = 12.0)
 def above(x: float, y: float, z: float, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> RigidTransform:
     """T_world_sensor [m, deg]."""
     return RigidTransform.from_components([x, y, z], Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True))
+
+
+HERE, THERE = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)
+T_TRUE = HERE.inv() * THERE

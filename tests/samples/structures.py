@@ -3,6 +3,9 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.spectral.result import Registrar, Registration
+from sonarmap.spectral.scan import Scan
+
 
 def structure(seed: int, count: int = 6000) -> np.ndarray:
     """Points (N, 3) float32 on walls, posts and a floor, as no two seeds have them [m]; about 20 m across."""
@@ -16,6 +19,9 @@ def structure(seed: int, count: int = 6000) -> np.ndarray:
     return points[np.abs(points).max(axis=1) < 10].astype(np.float32)
 
 
+TURN = RigidTransform.from_components([1.5, -2.0, 0.75], Rotation.from_euler("ZYX", [25.0, -4.0, 7.0], degrees=True))
+
+
 def moved(points: np.ndarray, T: RigidTransform) -> np.ndarray:
     """The points under T, float32."""
     return T.apply(points.astype(np.float64)).astype(np.float32)
@@ -25,3 +31,14 @@ def difference(a: RigidTransform, b: RigidTransform) -> tuple[float, float]:
     """Rotation [deg] and translation [m] between two transforms."""
     between = a.inv() * b
     return float(np.rad2deg(between.rotation.magnitude())), float(np.linalg.norm(between.translation))
+
+
+def assert_near(found: RigidTransform, truth: RigidTransform, degrees: float, meters: float) -> None:
+    angle, distance = difference(found, truth)
+    assert angle < degrees
+    assert distance < meters
+
+
+def registered(registrar: Registrar, target: np.ndarray, source: np.ndarray) -> Registration:
+    """Of two sets of points, prepared and registered."""
+    return registrar.register(*(registrar.prepare(Scan(points.astype(np.float32))) for points in (target, source)))

@@ -1,7 +1,7 @@
 """Small surveys with known poses, a registrar that knows them, and registrations and loops that are wrong."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -10,6 +10,8 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.graph.edge import Edge, Kind
 from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.gaussian.row import ScoredRegistration
@@ -36,13 +38,48 @@ def edge(i: int, j: int, T: RigidTransform, covariance: np.ndarray, kind: Kind =
     return Edge(i, j, registration(T, covariance), kind)
 
 
+def drawn(rng: np.random.Generator, covariance: np.ndarray, count: int | None = None) -> RigidTransform:
+    """An error with this covariance, or so many of them."""
+    return RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance, count))
+
+
+def measured_edge(rng: np.random.Generator, T: RigidTransform, i: int, j: int, covariance: np.ndarray) -> Edge:
+    """Between two poses, with an error of this covariance."""
+    kind: Kind = "sequential" if j == i + 1 else "loop"
+    return edge(i, j, T[i].inv() * T[j] * drawn(rng, covariance), covariance, kind)
+
+
+def chain_edges(T: RigidTransform, covariance: np.ndarray, errors: RigidTransform | None = None) -> list[Edge]:
+    """From each pose to the next, exact or with these errors."""
+    steps = T[:-1].inv() * T[1:]
+    return [edge(k, k + 1, step, covariance) for k, step in enumerate(steps if errors is None else steps * errors)]
+
+
+def chained_graph(edges: Sequence[Edge], count: int) -> PoseGraph:
+    """With the poses that its first edges lead to, a second apart."""
+    return PoseGraph(chain(edges, np.arange(float(count))), tuple(edges))
+
+
+def position_error(T: RigidTransform, truth: RigidTransform) -> float:
+    """Root mean square of the distances between positions [m]."""
+    return float(np.sqrt(((T.translation - truth.translation) ** 2).sum(axis=1).mean()))
+
+
+def from_the_first(T: RigidTransform) -> RigidTransform:
+    return T[0].inv() * T
+
+
+def step_pair(k: int, T: RigidTransform, covariance: np.ndarray, accepted: bool = True) -> RegisteredPair:
+    """Scans k and k + 1, registered."""
+    return RegisteredPair(Candidate(k, k + 1, "sequential"), registration(T, covariance, accepted))
+
+
 def ring_poses(count: int, radius: float = 10.0, turns: float = 1.0) -> RigidTransform:
     """Poses around a circle, looking along it, with a little roll and pitch; the first is the identity."""
     angle = np.linspace(0, 2 * np.pi * turns, count, endpoint=False)
     R = Rotation.from_euler("ZYX", np.stack([angle, 0.1 * np.sin(angle), 0.05 * np.cos(3 * angle)], axis=1))
     t = np.stack([radius * np.sin(angle), radius * (1 - np.cos(angle)), 0.5 * np.sin(2 * angle)], axis=1)
-    T = RigidTransform.from_components(t, R)
-    return T[0].inv() * T
+    return from_the_first(RigidTransform.from_components(t, R))
 
 
 def scans_of(T_world_sensor: RigidTransform, reach: float = 6.0, seed: int = 0) -> list[Scan]:
@@ -51,7 +88,7 @@ def scans_of(T_world_sensor: RigidTransform, reach: float = 6.0, seed: int = 0) 
     spread = np.abs(T_world_sensor.translation).max() + reach
     world = rng.uniform(-spread, spread, (30_000, 3)) * [1, 1, 0]
     world[:, 2] = -2 + 0.3 * np.sin(world[:, 0]) * np.cos(0.7 * world[:, 1])
-    scans = []
+    scans: list[Scan] = []
     for k, T in enumerate(T_world_sensor):
         near = world[np.linalg.norm(world - T.translation, axis=1) < reach]
         scans.append(Scan(T.inv().apply(near).astype(np.float32), stamp=100.0 + k, name=f"scan{k}"))
@@ -99,7 +136,7 @@ class KnowingRegistrar:
         self.pairs.append((i, j))
         # Drawn per pair, not in order of asking, so that a pair gives the same result in every run.
         rng = np.random.default_rng([self.seed, i, j])
-        noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), self.covariance))
+        noise = drawn(rng, self.covariance)
         given = registration(self.truth[i].inv() * self.truth[j] * noise.inv(), self.covariance)
         return self.spoil(i, j, given) if self.spoil else given
 
@@ -169,7 +206,6 @@ def aliased(graph: PoseGraph, T: RigidTransform, count: int, seed: int) -> tuple
         model = loops[rng.integers(len(loops))].registration
         offset = T[a] * model.T_target_source * T[b].inv()
         for k in range(min(GROUP, count - len(wrong))):
-            noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), model.covariance))
-            measured = T[a + k].inv() * offset * T[b + k] * noise
+            measured = T[a + k].inv() * offset * T[b + k] * drawn(rng, model.covariance)
             wrong.append(edge(a + k, b + k, measured, model.covariance, "loop"))
     return tuple(wrong)

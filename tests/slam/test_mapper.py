@@ -1,6 +1,8 @@
-"""The mapper with a registrar that knows the truth: chains, gaps, bridges, loops, false loops."""
+"""The mapper with a registrar that knows the truth: chains, gaps, bridges, loops, false loops, navigation."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.slam.execute.runner import Execution
 from sonarmap.slam.execute.worker import Worker
+from sonarmap.slam.graph.edge import cut_edges
 from sonarmap.slam.graph.trajectory import chain
 from sonarmap.slam.loops.candidates import find_candidates
 from sonarmap.slam.loops.settings import LoopSettings
@@ -17,7 +20,8 @@ from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
-from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
+from sonarmap.spectral.scan import PosePrior, Scan
+from tests.samples.surveys import KnowingRegistrar, chain_edges, position_error, random_covariance, ring_poses, scans_of
 
 VOXEL = 0.5
 NO_LOOPS = MapperSettings(loops=LoopSettings(per_scan=0))
@@ -28,10 +32,22 @@ def refuse(given: Registration) -> Registration:
     return replace(given, accepted=False, reason="too weak")
 
 
-def position_error(result: SurveyResult, truth: RigidTransform) -> float:
-    """Root mean square over the poses [m]; the truth begins at the identity, as components do."""
-    difference = result.trajectory.T_world_sensor.translation - truth.translation
-    return float(np.sqrt((difference**2).sum(axis=1).mean()))
+def raising(fault: BaseException) -> Callable[[int, int, Registration], Registration]:
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        raise fault
+
+    return spoil
+
+
+def error(result: SurveyResult, truth: RigidTransform) -> float:
+    """Of the positions [m]; the truth begins at the identity, as components do."""
+    return position_error(result.trajectory.T_world_sensor, truth)
+
+
+def mapped(
+    truth: RigidTransform, settings: MapperSettings | None = None, spoil: Any = None, scale: float = 1.0
+) -> SurveyResult:
+    return Mapper(KnowingRegistrar(truth, scale * COVARIANCE, spoil), VOXEL, settings).run(scans_of(truth))
 
 
 def tried(result: SurveyResult, role: str) -> list[Pair]:
@@ -58,12 +74,8 @@ def test_a_chain_without_loops_is_the_chain():
 
 def test_loops_close_the_ring_and_lower_the_error():
     truth = ring_poses(24)
-    scans = scans_of(truth)
-    errors = []
-    for settings in (NO_LOOPS, MapperSettings()):
-        result = Mapper(KnowingRegistrar(truth, 4 * COVARIANCE), VOXEL, settings).run(scans)
-        errors.append(position_error(result, truth))
-    assert errors[1] < 0.7 * errors[0]
+    chained, result = (mapped(truth, settings, scale=4) for settings in (NO_LOOPS, MapperSettings()))
+    assert error(result, truth) < 0.7 * error(chained, truth)
     loops = tried(result, "loop")
     assert any(pair.i < 3 and pair.j > 20 for pair in loops if pair.kept)
     assert all(pair.kept and "sigmas from the final poses" in pair.reason for pair in loops)
@@ -82,7 +94,7 @@ def test_a_false_loop_is_refused_in_words():
         wrong = RigidTransform.from_exp_coords([0, 0, 0.5, 3.0, 0, 0])
         return replace(given, T_target_source=given.T_target_source * wrong)
 
-    result = Mapper(KnowingRegistrar(truth, COVARIANCE, spoil), VOXEL).run(scans_of(truth))
+    result = mapped(truth, spoil=spoil)
     false = [pair for pair in tried(result, "loop") if pair.j - pair.i >= 20]
     assert false
     for pair in false:
@@ -91,7 +103,7 @@ def test_a_false_loop_is_refused_in_words():
         assert pair.sigmas_from_estimate > 4.74
         assert pair.residual > 4.74
     assert any(pair.kept for pair in tried(result, "loop"))
-    assert position_error(result, truth) < 0.5
+    assert error(result, truth) < 0.5
 
 
 def test_an_unusable_scan_is_bridged_and_stays_apart():
@@ -110,11 +122,7 @@ def test_an_unusable_scan_is_bridged_and_stays_apart():
 
 def test_a_gap_that_nothing_bridges_leaves_two_maps():
     truth = ring_poses(9, turns=0.5)
-
-    def spoil(i: int, j: int, given: Registration) -> Registration:
-        return refuse(given) if i <= 3 < j else given
-
-    result = Mapper(KnowingRegistrar(truth, COVARIANCE, spoil), VOXEL).run(scans_of(truth))
+    result = mapped(truth, spoil=lambda i, j, given: refuse(given) if i <= 3 < j else given)
     assert result.gaps == ((3, 4),)
     assert result.components == ((0, 1, 2, 3), (4, 5, 6, 7, 8))
     assert len(tried(result, "bridge")) == 5  # two pairs two apart, three pairs three apart
@@ -132,27 +140,18 @@ def test_a_covariance_that_is_none_fails_its_pair():
     def spoil(i: int, j: int, given: Registration) -> Registration:
         return replace(given, covariance=np.zeros((6, 6))) if (i, j) == (1, 2) else given
 
-    settings = MapperSettings(loops=LoopSettings(per_scan=0), bridge=1)
-    result = Mapper(KnowingRegistrar(truth, COVARIANCE, spoil), VOXEL, settings).run(scans_of(truth))
+    result = mapped(truth, replace(NO_LOOPS, bridge=1), spoil)
     assert result.gaps == ((1, 2),)
     assert "positive definite" in result.pairs[1].reason
 
 
-def test_holds_few_prepared_scans_and_frees_them():
+def test_holds_few_prepared_scans_and_frees_them_and_progress_counts_up_to_its_plan():
     truth = ring_poses(24)
-    registrar = KnowingRegistrar(truth, COVARIANCE)
-    Mapper(registrar, VOXEL, MapperSettings(prepared=3)).run(scans_of(truth))
+    registrar, said = KnowingRegistrar(truth, COVARIANCE), list[tuple[int, int, str]]()
+    result = Mapper(registrar, VOXEL, MapperSettings(prepared=3)).run(scans_of(truth), lambda *told: said.append(told))
     assert registrar.most_alive <= 4
     assert registrar.alive == 0
     assert max(registrar.prepared.values()) <= 6
-
-
-def test_progress_counts_up_to_its_plan():
-    truth = ring_poses(12)
-    said: list[tuple[int, int, str]] = []
-    result = Mapper(KnowingRegistrar(truth, COVARIANCE), VOXEL).run(
-        scans_of(truth), lambda done, total, words: said.append((done, total, words))
-    )
     assert [done for done, _, _ in said] == list(range(1, len(result.pairs) + 3))
     assert all(done <= total for done, total, _ in said)
     assert said[-1][0] == said[-1][1]
@@ -161,32 +160,16 @@ def test_progress_counts_up_to_its_plan():
 
 def test_all_pairs_failing_is_an_error_but_all_refused_is_a_result():
     truth = ring_poses(3, turns=0.1)
-    scans = scans_of(truth)
-
-    def too_flat(i: int, j: int, given: Registration) -> Registration:
-        raise InputError("all in one plane")
-
     with pytest.raises(InputError, match=r"none of the 3 pairs .* all in one plane"):
-        Mapper(KnowingRegistrar(truth, COVARIANCE, too_flat), VOXEL).run(scans)
-    result = Mapper(KnowingRegistrar(truth, COVARIANCE, lambda i, j, r: refuse(r)), VOXEL).run(scans)
+        mapped(truth, spoil=raising(InputError("all in one plane")))
+    result = mapped(truth, spoil=lambda i, j, given: refuse(given))
     assert result.components == ((0,), (1,), (2,))
     assert len(result.maps) == 3
 
 
-def test_a_machine_that_fails_is_no_pair_that_fails():
-    """Else a map would depend on what else the machine had to do."""
-    truth = ring_poses(3, turns=0.1)
-
-    def too_large(i: int, j: int, given: Registration) -> Registration:
-        raise DeviceError("this needs 9 GiB")
-
-    with pytest.raises(DeviceError, match="9 GiB"):
-        Mapper(KnowingRegistrar(truth, COVARIANCE, too_large), VOXEL).run(scans_of(truth))
-
-
-@pytest.mark.parametrize("fault", [DeviceError("this needs 9 GiB"), KeyboardInterrupt()])
-def test_however_it_ends_the_prepared_scans_are_released(fault: BaseException) -> None:
-    """Else a program that goes on, as a notebook does, has no device memory left for the next."""
+@pytest.mark.parametrize("fault", [DeviceError("this needs 9 GiB"), KeyboardInterrupt("stopped")])
+def test_a_machine_that_fails_is_no_pair_that_fails_and_the_prepared_scans_are_released(fault: BaseException) -> None:
+    """Else a map would depend on what else the machine had to do, and a notebook had no device memory left."""
     truth, released = ring_poses(3, turns=0.1), list[bool]()
 
     class Noted(Worker):
@@ -194,42 +177,35 @@ def test_however_it_ends_the_prepared_scans_are_released(fault: BaseException) -
             released.append(True)
             super().release()
 
-    def fail(i: int, j: int, given: Registration) -> Registration:
-        raise fault
-
-    registrar = KnowingRegistrar(truth, COVARIANCE, fail)
-    with pytest.raises(type(fault)):
+    registrar = KnowingRegistrar(truth, COVARIANCE, raising(fault))
+    with pytest.raises(type(fault), match=str(fault)):
         Mapper(registrar, VOXEL, execution=Execution(Noted(registrar, 3))).run(scans_of(truth))
     assert released == [True]
 
 
-@pytest.mark.parametrize("count", [0, 1])
-def test_one_scan_is_no_survey(count):
-    truth = ring_poses(2)
-    with pytest.raises(InputError, match="at least two"):
-        Mapper(KnowingRegistrar(truth, COVARIANCE), VOXEL).run(scans_of(truth)[:count])
-
-
 @pytest.mark.parametrize(
-    "make",
+    ("make", "words"),
     [
-        lambda: Mapper(KnowingRegistrar(ring_poses(2), COVARIANCE), 0.0),
-        lambda: MapperSettings(prepared=1),
-        lambda: MapperSettings(map_voxel=-1.0),
-        lambda: LoopSettings(min_overlap=0.0),
-        lambda: LoopSettings(per_scan=-1),
-        lambda: LoopSettings(bound=0.0),
+        (lambda: Mapper(KnowingRegistrar(ring_poses(2), COVARIANCE), VOXEL).run([]), "at least two"),
+        (lambda: mapped(ring_poses(1)), "at least two"),
+        (lambda: Mapper(KnowingRegistrar(ring_poses(2), COVARIANCE), 0.0), None),
+        (lambda: MapperSettings(prepared=1), None),
+        (lambda: MapperSettings(map_voxel=-1.0), None),
+        (lambda: LoopSettings(min_overlap=0.0), None),
+        (lambda: LoopSettings(per_scan=-1), None),
+        (lambda: LoopSettings(bound=0.0), None),
+        (lambda: LoopSettings(most_rounds=1), "most_rounds 1: wanted at least the 2 of rounds"),
     ],
 )
-def test_settings_refuse_what_makes_no_sense(make):
-    with pytest.raises(InputError):
+def test_what_makes_no_sense_is_refused(make, words):
+    with pytest.raises(InputError, match=words):
         make()
 
 
 def test_candidates_spread_and_skip_what_is_joined():
     truth = ring_poses(24)
     scans = scans_of(truth)
-    result = Mapper(KnowingRegistrar(truth, COVARIANCE), VOXEL, NO_LOOPS).run(scans)
+    result = mapped(truth, NO_LOOPS)
     settings = LoopSettings(per_scan=3, min_overlap=0.2, spread=2)
     outlines = [outline(scan, settings.cell_voxels * VOXEL) for scan in scans]
     found = find_candidates(outlines, result.solution, VOXEL, settings)
@@ -248,12 +224,85 @@ def test_later_rounds_seek_only_what_the_estimate_knows_no_better_than_registrat
     scans = scans_of(truth)
     settings = LoopSettings()
     outlines = [outline(scan, settings.cell_voxels * VOXEL) for scan in scans]
-    chained = Mapper(KnowingRegistrar(truth, COVARIANCE), VOXEL, NO_LOOPS).run(scans)
+    chained = mapped(truth, NO_LOOPS)
     unsure = find_candidates(outlines, chained.solution, VOXEL, settings, unsure=True)
     assert any(pair.j - pair.i > 20 for pair in unsure)
-    registrar = KnowingRegistrar(truth, COVARIANCE)
-    looped = Mapper(registrar, VOXEL, MapperSettings(loops=LoopSettings(per_scan=6, spread=0, rounds=4))).run(scans)
+    looped = mapped(truth, MapperSettings(loops=LoopSettings(per_scan=6, spread=0, rounds=4)))
     assert len(find_candidates(outlines, looped.solution, VOXEL, settings)) > 10
     assert not find_candidates(outlines, looped.solution, VOXEL, settings, unsure=True)
-    with pytest.raises(InputError, match="most_rounds 1: wanted at least the 2 of rounds"):
-        LoopSettings(most_rounds=1)
+
+
+SIGMAS = np.array([0.02, 0.02, 0.03, 0.6, 0.6, 0.1])
+
+
+def in_world(truth: RigidTransform, sigmas: np.ndarray = SIGMAS, seed: int = 1) -> list[Scan]:
+    """Scans with priors that err as their sigmas say."""
+    rng = np.random.default_rng(seed)
+    priors = [
+        RigidTransform.from_components(T.translation + rng.normal(0, np.minimum(sigmas[3:], 9.0)), T.rotation)
+        for T in truth
+    ]
+    return [replace(scan, prior=PosePrior(T, sigmas)) for scan, T in zip(scans_of(truth), priors, strict=True)]
+
+
+def halved(i: int, j: int, given: Registration) -> Registration:
+    return refuse(given) if i <= 3 < j else given
+
+
+@pytest.fixture(scope="module")
+def truth() -> RigidTransform:
+    return ring_poses(9, turns=0.5)
+
+
+def placed(truth: RigidTransform, sigmas: np.ndarray = SIGMAS, settings: MapperSettings | None = None) -> SurveyResult:
+    return Mapper(KnowingRegistrar(truth, COVARIANCE, halved), VOXEL, settings).run(in_world(truth, sigmas))
+
+
+def test_two_halves_that_nothing_joins_share_one_map(truth: RigidTransform) -> None:
+    result = placed(truth)
+    assert result.components == (tuple(range(9)),)
+    assert result.gaps == ((3, 4),)
+    assert result.by_navigation == ()
+    assert set(result.maps[0].scan.tolist()) == set(range(9))
+    assert error(result, truth) < 0.5
+    # pairs between them are tried as loops where they are no bridges: navigation says that they overlap
+    tried = placed(truth, settings=MapperSettings(bridge=1)).pairs
+    assert any(pair.role == "loop" and pair.i <= 3 < pair.j for pair in tried)
+    unknown = np.where([False, False, False, True, True, False], np.inf, SIGMAS)
+    assert placed(truth, unknown).components == ((0, 1, 2, 3), (4, 5, 6, 7, 8))
+
+
+def test_a_scan_that_nothing_joins_lies_where_its_instruments_say() -> None:
+    truth = ring_poses(10, turns=0.5)
+    scans = in_world(truth)
+    result = Mapper(KnowingRegistrar(truth, COVARIANCE, broken=("scan4",)), VOXEL).run(scans)
+    assert result.components == (tuple(range(10)),)
+    assert result.by_navigation == (4,)
+    assert 4 in result.maps[0].scan
+    prior = scans[4].prior
+    assert prior is not None
+    off = result.trajectory.T_world_sensor[4].translation - prior.T_world_sensor.translation
+    np.testing.assert_allclose(off, 0, atol=1e-4)
+
+
+def test_the_only_registration_between_two_parts_may_be_wrong_where_navigation_contradicts_it(
+    truth: RigidTransform,
+) -> None:
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        if (i, j) != (3, 4):
+            return halved(i, j, given)
+        wrong = RigidTransform.from_exp_coords([0, 0, 0.6, 12.0, 5.0, 0])
+        return replace(given, T_target_source=given.T_target_source * wrong)
+
+    result = Mapper(KnowingRegistrar(truth, COVARIANCE, spoil), VOXEL).run(in_world(truth))
+    assert (3, 4) not in {(edge.i, edge.j) for edge in result.edges}
+    assert error(result, truth) < 0.5
+
+
+def test_edges_between_poses_that_the_world_holds_are_not_necessary() -> None:
+    T = ring_poses(6)
+    covariance = random_covariance(np.random.default_rng(0))
+    chain = chain_edges(T, covariance)
+    assert cut_edges(6, chain) == set(range(5))
+    assert cut_edges(6, chain, [1, 4]) == {0, 4}
+    assert cut_edges(6, chain, [0, 2, 5]) == set()

@@ -39,11 +39,8 @@ def test_stray_echoes_do_not_make_it_coarse() -> None:
     assert survey_grid([*SURVEY[:3], noise]).voxel > 5 * survey_grid(SURVEY[:3]).voxel
 
 
-def test_a_voxel_that_is_given_is_kept() -> None:
+def test_a_voxel_that_is_given_is_kept_and_scans_in_one_place_are_left_out_and_alone_refused() -> None:
     assert survey_grid(SURVEY, 32, 0.7) == Grid(32, 0.7)
-
-
-def test_scans_in_one_place_are_left_out_and_alone_refused() -> None:
     point = Scan(np.ones((9, 3), np.float32))
     assert survey_grid([*SURVEY, point]) == survey_grid(SURVEY)
     with pytest.raises(InputError, match="one place"):

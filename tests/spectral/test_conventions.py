@@ -33,11 +33,9 @@ def axis_rotations(yaw: float, pitch: float, roll: float) -> tuple[np.ndarray, n
 
 
 class TestTransforms:
-    def test_a_transform_maps_points_of_the_source_into_the_target(self) -> None:
+    def test_a_transform_maps_points_of_the_source_into_the_target_and_composition_cancels_names(self) -> None:
         expected = T_WORLD_I.rotation.as_matrix() @ POINT + T_WORLD_I.translation
         np.testing.assert_allclose(T_WORLD_I.apply(POINT), expected, atol=1e-14)
-
-    def test_composition_cancels_names(self) -> None:
         T_i_j = T_WORLD_I.inv() * T_WORLD_J
         np.testing.assert_allclose((T_WORLD_I * T_i_j).as_matrix(), T_WORLD_J.as_matrix(), atol=1e-14)
         np.testing.assert_allclose(T_WORLD_I.apply(T_i_j.apply(POINT)), T_WORLD_J.apply(POINT), atol=1e-14)
@@ -49,10 +47,8 @@ class TestTransforms:
         np.testing.assert_allclose(T_i_j.apply(seen_from_j), seen_from_i, atol=1e-14)
         between = gtsam.Pose3(T_WORLD_I.as_matrix()).between(gtsam.Pose3(T_WORLD_J.as_matrix()))
         np.testing.assert_allclose(T_i_j.as_matrix(), between.matrix(), atol=1e-14)
-
-    def test_a_trajectory_stacks_poses_in_the_world(self) -> None:
-        poses = RigidTransform.concatenate([T_WORLD_I, T_WORLD_J])
-        trajectory = Trajectory(np.array([10.0, 20.0]), poses)
+        # a trajectory stacks poses in the world
+        trajectory = Trajectory(np.array([10.0, 20.0]), RigidTransform.concatenate([T_WORLD_I, T_WORLD_J]))
         np.testing.assert_array_equal(trajectory.T_world_sensor[1].as_matrix(), T_WORLD_J.as_matrix())
 
 

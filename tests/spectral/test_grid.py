@@ -1,10 +1,12 @@
-"""The grid that scans share: its checks, its choice, and where a scan lies in it."""
+"""The grid that scans share: its checks, its choice, where a scan lies in it; and what a scan refuses."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
@@ -12,9 +14,9 @@ from sonarmap.kernels.fft.edges import EDGES
 from sonarmap.spectral.grid import Grid, choose_grid, coarse_edge, image_edge, scan_center
 from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
-from sonarmap.spectral.scan import Scan
-from tests.samples.reliefs import above, relief, seen
-from tests.samples.structures import difference, moved, structure
+from sonarmap.spectral.scan import PosePrior, Scan
+from tests.samples.reliefs import HERE, T_TRUE, THERE, relief, seen
+from tests.samples.structures import TURN, assert_near, moved, registered, structure
 
 
 def box_scan(low: list[float], high: list[float], count: int = 5000, seed: int = 3) -> Scan:
@@ -23,20 +25,14 @@ def box_scan(low: list[float], high: list[float], count: int = 5000, seed: int =
 
 
 @pytest.mark.parametrize(
-    ("edge", "advice"),
-    [
-        (98, "try `edge=96` or `edge=100`"),
-        (75, "try `edge=72` or `edge=80`"),
-        (127, "try `edge=120` or `edge=128`"),
-        (8, "try `edge=16` or `edge=18`"),
-        (1000, "try `edge=500` or `edge=512`"),
-        (0, "try `edge=16` or `edge=18`"),
-    ],
+    ("edge", "near"),
+    [(98, (96, 100)), (75, (72, 80)), (127, (120, 128)), (8, (16, 18)), (1000, (500, 512)), (0, (16, 18))],
 )
-def test_refuses_an_edge_that_is_no_even_product_and_says_which_are_near(edge: int, advice: str) -> None:
-    with pytest.raises(
-        InputError, match=f"`edge={edge}` is not an even product of 2, 3 and 5 from 16 to 512; {advice}"
-    ):
+def test_refuses_an_edge_that_is_no_even_product_and_says_which_are_near(edge: int, near: tuple[int, int]) -> None:
+    words = (
+        f"`edge={edge}` is not an even product of 2, 3 and 5 from 16 to 512; try `edge={near[0]}` or `edge={near[1]}`"
+    )
+    with pytest.raises(InputError, match=words):
         Grid(edge, 1.0)
 
 
@@ -54,22 +50,21 @@ def test_every_edge_has_a_coarse_grid_and_images() -> None:
     assert [image_edge(edge) for edge in (16, 90, 128, 450)] == [16, 96, 128, 480]
 
 
-@pytest.mark.parametrize("edge", [None, "64", 64.0, [64], np.array([64, 64])])
-def test_refuses_an_edge_that_is_no_whole_number(edge: Any) -> None:
-    with pytest.raises(InputError, match="is not an even product of 2, 3 and 5 from 16 to 512; try `edge=64` or"):
-        Grid(edge, 1.0)
+NO_EDGE = "is not an even product of 2, 3 and 5 from 16 to 512; try `edge=64` or"
+NO_VOXELS: list[Any] = [0.0, -1.0, float("nan"), float("inf"), "a", None, np.ones(2)]
 
 
-@pytest.mark.parametrize("scans", ["zz", None, 3, [np.zeros((5, 3))]])
-def test_refuses_scans_that_are_none(scans: Any) -> None:
-    with pytest.raises(InputError, match="wanted a list of Scan"):
-        choose_grid(scans)
-
-
-@pytest.mark.parametrize("voxel", [0.0, -1.0, float("nan"), float("inf"), "a", None, np.ones(2)])
-def test_refuses_a_voxel_without_size(voxel: Any) -> None:
-    with pytest.raises(InputError, match=r"`voxel=0\.5`"):
-        Grid(64, voxel)
+@pytest.mark.parametrize(
+    ("make", "given", "words"),
+    [
+        *((partial(Grid, voxel=1.0), edge, NO_EDGE) for edge in (None, "64", 64.0, [64], np.array([64, 64]))),
+        *((choose_grid, scans, "wanted a list of Scan") for scans in ("zz", None, 3, [np.zeros((5, 3))])),
+        *((partial(Grid, 64), voxel, r"`voxel=0\.5`") for voxel in NO_VOXELS),
+    ],
+)
+def test_refuses_edges_scans_and_voxels_that_are_none(make: Callable[[Any], object], given: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        make(given)
 
 
 def test_center_is_the_middle_of_the_box_whatever_a_stray_echo_says() -> None:
@@ -89,11 +84,8 @@ def test_chosen_grid_holds_the_largest_scan_with_a_margin() -> None:
         assert (np.abs(voxels) < 32).all()
 
 
-def test_voxel_given_is_kept() -> None:
+def test_voxel_given_is_kept_and_one_place_gives_no_grid() -> None:
     assert choose_grid([box_scan([0, 0, 0], [3, 2, 1])], 32, 0.7) == Grid(32, 0.7)
-
-
-def test_one_place_gives_no_grid() -> None:
     with pytest.raises(InputError, match="one place"):
         choose_grid([Scan(np.ones((9, 3), np.float32))])
 
@@ -106,18 +98,13 @@ def test_voxels_are_relative_to_the_center_in_meters_over_voxel() -> None:
 class TestRegistrations:
     """On grids of any edge: one that divides as powers of two do, and 90, half of which is odd."""
 
-    HERE, THERE = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)
-
     @pytest.mark.parametrize("edge", [90, 96, 160, pytest.param(50, marks=pytest.mark.slow)])
     def test_over_all_rotations(self, edge: int) -> None:
         """Within a tenth of a rotation's bin and a fifth of a voxel of the usual grid, whatever the edge."""
         registrar = SpectralRegistrar(choose_device(), Grid(edge, 32.0 / edge))
-        target, source = (registrar.prepare(Scan(seen(relief(1), pose))) for pose in (self.HERE, self.THERE))
-        registration = registrar.register(target, source)
+        registration = registered(registrar, *(seen(relief(1), pose) for pose in (HERE, THERE)))
         assert registration.accepted, registration.reason
-        angle, distance = difference(registration.T_target_source, self.HERE.inv() * self.THERE)
-        assert angle < 0.3
-        assert distance < 0.1
+        assert_near(registration.T_target_source, T_TRUE, 0.3, 0.1)
 
     @pytest.mark.parametrize(
         "edge", [pytest.param(edge, marks=[pytest.mark.slow] if edge > 128 else []) for edge in EDGES]
@@ -127,25 +114,58 @@ class TestRegistrations:
         a fifth of a voxel and a bin of the rotations; on the coarsest grids they are not sure."""
         level = SpectralConfig(max_tilt=float(np.deg2rad(12.0)))  # whose tables take a third of the time
         registrar = SpectralRegistrar(choose_device(), Grid(edge, 32.0 / edge), level)
-        points = [seen(relief(1, 20_000), pose) for pose in (self.HERE, self.THERE)]
+        points = [seen(relief(1, 20_000), pose) for pose in (HERE, THERE)]
         target, source = (registrar.prepare(Scan(each[: len(each) - 1 + len(each) % 2])) for each in points)
         registration, again = registrar.register(target, source), registrar.register(target, target)
         assert again.accepted
         assert registration.accepted or edge < 30, registration.reason
-        for found, truth in ((registration, self.HERE.inv() * self.THERE), (again, RigidTransform.identity())):
-            angle, distance = difference(found.T_target_source, truth)
-            assert angle < max(45 / edge, 0.3)
-            assert distance < max(6.4 / edge, 0.03)
+        for found, truth in ((registration, T_TRUE), (again, RigidTransform.identity())):
+            assert_near(found.T_target_source, truth, max(45 / edge, 0.3), max(6.4 / edge, 0.03))
 
     @pytest.mark.parametrize("edge", [90, *(pytest.param(edge, marks=pytest.mark.slow) for edge in (36, 96, 160))])
     def test_over_the_hemisphere(self, edge: int) -> None:
         """Within a bin of the images and a voxel."""
         registrar = HemisphereRegistrar(choose_device(), Grid(edge, 25.6 / edge))
-        turn = RigidTransform.from_components([1.5, -2, 0.75], Rotation.from_euler("ZYX", [25, -4, 7], degrees=True))
-        points = structure(1)
-        target, source = (registrar.prepare(Scan(each)) for each in (points, moved(points, turn.inv())))
-        registration = registrar.register(target, source)
+        registration = registered(registrar, structure(1), moved(structure(1), TURN.inv()))
         assert registration.accepted, registration.reason
-        angle, distance = difference(registration.T_target_source, turn)
-        assert angle < 180 / edge
-        assert distance < 25.6 / edge
+        assert_near(registration.T_target_source, TURN, 180 / edge, 25.6 / edge)
+
+
+POINTS = np.arange(12, dtype=np.float32).reshape(4, 3)
+
+
+def test_viewpoints_are_kept_as_they_are() -> None:
+    viewpoints = POINTS + 100
+    assert Scan(POINTS, viewpoints=viewpoints).viewpoints is viewpoints
+    assert Scan(POINTS).viewpoints is None
+
+
+@pytest.mark.parametrize(
+    ("viewpoints", "message"),
+    [
+        (POINTS[:3], r"pier: `viewpoints` are float32 of shape \(3, 3\); wanted float32 of shape \(4, 3\)"),
+        (POINTS[0], r"shape \(3,\)"),
+        (POINTS.astype(np.float64), "are float64"),
+        (np.where(POINTS > 7, np.nan, POINTS), "2 of 4 `viewpoints` are NaN or infinite"),
+        (np.where(POINTS > 10, np.inf, POINTS), "1 of 4 `viewpoints` are NaN or infinite"),
+    ],
+)
+def test_viewpoints_that_cannot_be_used(viewpoints: np.ndarray, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Scan(POINTS, name="pier", viewpoints=viewpoints)
+
+
+@pytest.mark.parametrize("given", [{"points": POINTS.tolist()}, {"points": None}, {"strength": [1.0] * 4}])
+@pytest.mark.parametrize("more", [{}, {"viewpoints": POINTS.tolist()}])
+def test_what_is_no_array(given: dict[str, Any], more: dict[str, Any]) -> None:
+    name, value = next(iter(given.items()))
+    with pytest.raises(InputError, match=f"pier: `{name}` are {type(value).__name__}; wanted an array of float32"):
+        Scan(**{"points": POINTS, "name": "pier", **given, **more})
+    with pytest.raises(InputError, match="scan: `viewpoints` are list; wanted an array of float32"):
+        Scan(**{"points": POINTS, "viewpoints": POINTS.tolist(), **more})
+
+
+@pytest.mark.parametrize("T", [None, np.eye(4), RigidTransform.identity(2)])
+def test_a_prior_of_no_pose(T: Any) -> None:
+    with pytest.raises(InputError, match="`T_world_sensor` is not one finite pose"):
+        PosePrior(T, np.ones(6))

@@ -1,4 +1,4 @@
-"""Rotations between two spectra: the true one among the best few, whatever it is; bounds and order kept."""
+"""Rotations between two spectra: the true one among the best, anywhere or group by group; bounds and order kept."""
 
 from collections.abc import Callable
 
@@ -10,9 +10,9 @@ from sonarmap.kernels.device.device import Array, choose_device
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.prepare.prepared import Preparer
 from sonarmap.spectral.scan import Scan
-from sonarmap.spectral.so3 import PARTS, RotationPeaks, So3
-from tests.samples.reliefs import above, relief, seen
-from tests.samples.structures import moved, structure
+from sonarmap.spectral.so3 import PARTS, RotationPeaks, So3, Sweep, distinct_rotations
+from tests.samples.reliefs import HERE, T_TRUE, THERE, relief, seen
+from tests.samples.structures import structure
 
 EDGE = 32
 
@@ -87,8 +87,7 @@ def test_equal_scans_score_one(spectra: Spectra, target: Array) -> None:
 def test_the_other_way_round_is_the_inverse(spectra: Spectra, target: Array) -> None:
     true = Rotation.from_rotvec([0.5, 0.4, -1.2])
     source = spectra.of(turned(true))
-    there = spectra.best(target, source, 1, everything)
-    back = spectra.best(source, target, 1, everything)
+    there, back = (spectra.best(*pair, 1, everything) for pair in ((target, source), (source, target)))
     assert errors(RotationPeaks(back.R.inv(), back.scores), there.R[0])[0] < 1.5
     assert back.scores[0] == pytest.approx(there.scores[0], rel=0.1)
 
@@ -99,6 +98,10 @@ def test_rotations_are_distinct_and_the_best_first(spectra: Spectra, target: Arr
     assert (np.diff(peaks.scores) <= 0).all()
     between = [(a.inv() * b).magnitude() for n, a in enumerate(peaks.R) for b in peaks.R[:n]]
     assert np.rad2deg(min(between)) >= 6.99
+    # twice is the same
+    again = spectra.best(target, spectra.of(structure(3)), 12, everything)
+    np.testing.assert_array_equal(peaks.R.as_quat(), again.R.as_quat())
+    np.testing.assert_array_equal(peaks.scores, again.scores)
 
 
 def test_only_what_is_allowed_is_told(spectra: Spectra, target: Array) -> None:
@@ -128,17 +131,9 @@ def test_a_bound_on_tilt_keeps_the_vertical_near(target: Array) -> None:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_scans_that_share_a_part_have_it_among_the_best(spectra: Spectra, seed: int) -> None:
-    here, there = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)
-    target, source = (spectra.of(seen(relief(seed), T)) for T in (here, there))
+    target, source = (spectra.of(seen(relief(seed), T)) for T in (HERE, THERE))
     peaks = spectra.best(target, source, 12, everything)
-    assert errors(peaks, (here.inv() * there).rotation).min() < 4.0
-
-
-def test_twice_is_the_same(spectra: Spectra, target: Array) -> None:
-    source = spectra.of(moved(structure(2), above(1, 2, 3, 40, 5, 6)))
-    first, second = (spectra.best(target, source, 12, everything) for _ in range(2))
-    np.testing.assert_array_equal(first.R.as_quat(), second.R.as_quat())
-    np.testing.assert_array_equal(first.scores, second.scores)
+    assert errors(peaks, T_TRUE.rotation).min() < 4.0
 
 
 def test_each_band_names_rotations_by_itself(spectra: Spectra, target: Array) -> None:
@@ -165,3 +160,91 @@ def test_many_peaks_are_looked_at_until_enough_are_allowed(spectra: Spectra, tar
     assert len(few.R) >= 3
     assert rarely(few.R).all()
     assert len(every.R) > 64 or len(every.R) > len(few.R)
+
+
+TILTS = Rotation.from_rotvec(np.deg2rad([[0, 0, 0], [5, 0, 0], [0, 5, 0], [-5, 0, 0], [0, -5, 0]]))
+EACH = len(TILTS)
+TURNS = np.arange(-180.0, 180.0, 6.0)
+# group by group: all tilts of a turn
+SWEEP = Rotation.concatenate([TILTS * Rotation.from_euler("Z", turn, degrees=True) for turn in TURNS])
+# a turn between two of the groups, nearer to 48 degrees than to 42, and a tilt near the third, about y
+TRUE = Rotation.from_rotvec(np.deg2rad([1, 4.5, 0])) * Rotation.from_euler("Z", 46.5, degrees=True)
+GROUP, TILT = int(np.flatnonzero(TURNS == 48)[0]), 2
+
+
+@pytest.fixture(scope="module")
+def bounded() -> Spectra:
+    return Spectra(np.deg2rad(20.0))
+
+
+@pytest.fixture(scope="module")
+def scans(bounded: Spectra) -> tuple[Array, Array]:
+    return bounded.of(structure(2)), bounded.of(turned(TRUE))
+
+
+def indices(R: Rotation) -> np.ndarray:
+    """Where rotations are in the sweep, (n,)."""
+    alike = np.abs(R.as_quat() @ SWEEP.as_quat().T)
+    assert (alike.max(axis=1) > 1 - 1e-12).all()
+    return alike.argmax(axis=1)
+
+
+def swept(bounded: Spectra, scans: tuple[Array, Array], count: int, apart_deg: float = 0.0) -> RotationPeaks:
+    """The best turns of the sweep, farther apart than this."""
+    return bounded.so3.best_of(*scans, Sweep(SWEEP, EACH, np.deg2rad(apart_deg)), count)
+
+
+def test_the_best_is_the_nearest_tilt_of_the_nearest_turn(bounded: Spectra, scans: tuple[Array, Array]) -> None:
+    best = swept(bounded, scans, 5)
+    assert indices(best.R)[0] == GROUP * EACH + TILT
+    assert best.scores[0] > best.scores[1]
+
+
+def test_groups_come_once_and_the_best_first_and_no_more_than_there_are(bounded, scans: tuple[Array, Array]) -> None:
+    best = swept(bounded, scans, 20)
+    assert len(best.R) == len(best.scores) == 20
+    assert best.scores.dtype == np.float64
+    assert (np.diff(best.scores) <= 0).all()
+    assert len(set(indices(best.R) // EACH)) == 20
+    every = swept(bounded, scans, 1000)
+    assert sorted(indices(every.R) // EACH) == list(range(len(TURNS)))
+    one_group = Sweep(SWEEP[:EACH], EACH, 0.0)
+    (only,) = bounded.so3.best_of(*scans, one_group, 3).scores
+    assert only in every.scores
+
+
+def test_each_stands_for_its_group_by_its_highest(bounded: Spectra, scans: tuple[Array, Array]) -> None:
+    """In groups of one, all rotations show their values."""
+    every = bounded.so3.best_of(*scans, Sweep(SWEEP, 1, 0.0), len(SWEEP))
+    values = np.empty(len(SWEEP))
+    values[indices(every.R)] = every.scores
+    groups = values.reshape(-1, EACH)
+    best = swept(bounded, scans, len(TURNS))
+    np.testing.assert_array_equal(best.scores, -np.sort(-groups.max(axis=1), kind="stable"))
+    np.testing.assert_array_equal(values[indices(best.R)], best.scores)
+
+
+def test_none_is_near_a_better_one(bounded: Spectra, scans: tuple[Array, Array]) -> None:
+    every, apart = swept(bounded, scans, len(TURNS)), swept(bounded, scans, len(TURNS), 20.0)
+    assert apart.scores[0] == every.scores[0]
+    assert 8 <= len(apart.R) < len(every.R) / 2
+    for n in range(1, len(apart.R)):
+        nearest = (apart.R[:n].inv() * apart.R[n]).magnitude().min()
+        assert np.rad2deg(nearest) > 20.0
+    left_out = [R for R in every.R if np.rad2deg((apart.R.inv() * R).magnitude().min()) > 20.0]
+    assert left_out == []
+
+
+def test_the_value_at_a_peak_is_the_peaks(bounded: Spectra, scans: tuple[Array, Array]) -> None:
+    (peaks,) = bounded.so3.candidates(*scans, 3, lambda R: np.ones(len(R), dtype=bool), PARTS[:1])
+    values = bounded.so3.best_of(*scans, Sweep(peaks.R, 1, 0.0), 3).scores
+    np.testing.assert_allclose(values, peaks.scores, rtol=0.05)
+
+
+def test_distinct_rotations_are_those_of_all_in_their_order() -> None:
+    z = [Rotation.from_euler("Z", angle, degrees=True) for angle in (0.0, 40.0, 3.0, 80.0, 44.0)]
+    first = RotationPeaks(Rotation.concatenate(z[:2]), np.array([0.9, 0.5]))
+    second = RotationPeaks(Rotation.concatenate(z[2:]), np.array([0.8, 0.7, 0.6]))
+    found = distinct_rotations([first, second])
+    np.testing.assert_allclose(np.rad2deg(found.R.magnitude()), [0, 40, 80], atol=1e-9)
+    np.testing.assert_array_equal(found.scores, [0.9, 0.5, 0.7])

@@ -88,12 +88,12 @@ def far(blocks: Callable[[np.ndarray], Blocks]) -> Pair:
 
 
 class TestAnywhere:
-    def test_each_correlation_is_numpys(self, translation: Translation, near: Pair) -> None:
-        correlations = [each.get() for each in translation.correlations(*near, R)]
-        assert len(correlations) == 2
-        for exponent, correlation in zip(EXPONENTS, correlations, strict=True):
-            want = twin(*near, exponent)
-            assert np.linalg.norm(correlation - want) < 1e-4 * np.linalg.norm(want)
+    def test_each_correlation_is_numpys(self, translation: Translation, near: Pair, far: Pair) -> None:
+        """With an offset too, where what leaves the grid takes no part."""
+        for pair, offset in ((near, None), (far, np.array([18.0, 3, -4]))):
+            for exponent, correlation in zip(EXPONENTS, translation.correlations(*pair, R, offset), strict=True):
+                want = twin(*pair, exponent, offset)
+                assert np.linalg.norm(correlation.get() - want) < 1e-4 * np.linalg.norm(want)
 
     def test_the_highest_peaks_are_numpys(self, translation: Translation, near: Pair) -> None:
         found = translation.find_within(*near, ALONE, [None], 4, 2.0)[0]
@@ -139,21 +139,14 @@ class TestOffset:
             top = np.unravel_index(after.argmax(), after.shape)
             assert [int(k) for k in top] == [int(k) % EDGE for k in np.array([3, -2, 1]) - offset]
 
-    def test_what_leaves_the_grid_takes_no_part(self, translation: Translation, far: Pair) -> None:
-        offset = np.array([18.0, 3, -4])
-        for exponent, correlation in zip(EXPONENTS, translation.correlations(*far, R, offset), strict=True):
-            want = twin(*far, exponent, offset)
-            assert np.linalg.norm(correlation.get() - want) < 1e-4 * np.linalg.norm(want)
-
 
 class TestBox:
     @pytest.mark.parametrize("center", [[20, 3, -4], [18, 5, -3], [22, 1, -5]])
     def test_a_shift_beyond_half_the_grid_is_named_as_it_is(self, translation, far, center):
         free = translation.find_within(*far, ALONE, [None], 1, 2.0)[0]
         np.testing.assert_allclose(free[0][0].shift, [FAR[0] - EDGE, *FAR[1:]], atol=0.5)
-        boxed = translation.find_within(*far, ALONE, [Box(np.array(center, float), np.array([3.0, 2.5, 4.0]))], 1, 2.0)[
-            0
-        ]
+        box = Box(np.array(center, float), np.array([3.0, 2.5, 4.0]))
+        boxed = translation.find_within(*far, ALONE, [box], 1, 2.0)[0]
         assert len(boxed) == 2
         for peaks in boxed:
             np.testing.assert_allclose(peaks[0].shift, FAR, atol=0.5)

@@ -10,12 +10,18 @@ from sonarmap.slam.decide import consistency
 from sonarmap.slam.decide.chains import Chains, chain_parts
 from sonarmap.slam.decide.consistency import compare
 from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, possible_edges
-from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.slam.graph.tangent import adjoint, propagated
-from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registration
-from tests.samples.surveys import edge, random_covariance, random_transforms, registration, ring_poses
+from tests.samples.surveys import (
+    chain_edges,
+    chained_graph,
+    edge,
+    random_covariance,
+    random_transforms,
+    registration,
+    ring_poses,
+)
 
 COVARIANCE = random_covariance(np.random.default_rng(2), 0.004, 0.03)
 NO_FLOOR = np.zeros(6)
@@ -24,9 +30,7 @@ BOUND = 4.74
 
 def chained(truth: RigidTransform, gaps: tuple[int, ...] = ()) -> Chains:
     """The true poses chained without noise, with none of (k, k + 1) for the gaps."""
-    steps = [k for k in range(len(truth) - 1) if k not in gaps]
-    edges = [edge(k, k + 1, truth[k].inv() * truth[k + 1], COVARIANCE) for k in steps]
-    return chain_parts(len(truth), edges)
+    return chain_parts(len(truth), [one for one in chain_edges(truth, COVARIANCE) if one.i not in gaps])
 
 
 def support_of(chains: Chains, answers: list[PossibleEdge], floor: np.ndarray, bound: float) -> list[Support]:
@@ -42,40 +46,21 @@ def answer(truth: RigidTransform, i: int, j: int, off: RigidTransform | None = N
     return PossibleEdge(i, j, replace(registration(T, COVARIANCE), **changes))
 
 
-def test_the_adjoint_carries_a_tangent_across():
-    rng = np.random.default_rng(5)
-    T = random_transforms(rng, 7)
-    xi = rng.normal(size=(7, 6)) * 0.3
-    there = np.einsum("nab,nb->na", adjoint(T), xi)
-    np.testing.assert_allclose(
-        (T * RigidTransform.from_exp_coords(xi)).as_matrix(),
-        (RigidTransform.from_exp_coords(there) * T).as_matrix(),
-        atol=1e-12,
-    )
+def test_propagating_twice_is_propagating_by_the_product():
+    T = random_transforms(np.random.default_rng(5), 2)
     both = propagated(T[0] * T[1], COVARIANCE)
     np.testing.assert_allclose(both, propagated(T[0], propagated(T[1], COVARIANCE)), rtol=1e-9, atol=1e-12)
 
 
 def test_what_gathers_along_a_chain_is_the_graphs_own_marginal():
+    """Of a chain, and of a tree of scans 0-1-2 and 0-3-4, from 2 to 4 by way of 0."""
     truth = ring_poses(9)
-    edges = [edge(k, k + 1, truth[k].inv() * truth[k + 1], COVARIANCE) for k in range(8)]
-    chains = chain_parts(9, edges)
-    solution = PoseGraph(chain(edges, np.zeros(9)), tuple(edges)).optimize()
-    for i, j in ((0, 8), (2, 5), (6, 3)):
-        gathered = propagated(chains.T[j].inv(), chains.between(np.array([i]), np.array([j]))[0])
-        np.testing.assert_allclose(gathered, solution.relative(i, j)[1], rtol=1e-3, atol=1e-9)
-
-
-def test_a_tree_with_a_branch_gathers_only_what_lies_between():
-    """Scans 0-1-2 and 0-3-4: from 2 to 4 by way of 0; an edge read from its other end says the same."""
-    truth = ring_poses(5)
-    ways = [(0, 1), (1, 2), (0, 3), (3, 4)]
-    edges = [edge(i, j, truth[i].inv() * truth[j], COVARIANCE, "loop") for i, j in ways]
-    chains = chain_parts(5, edges)
-    assert chains.ways.meeting(np.array([2, 1, 4, 3]), np.array([4, 2, 0, 3])).tolist() == [0, 1, 0, 3]
-    solution = PoseGraph(chain(edges, np.zeros(5)), tuple(edges)).optimize()
-    gathered = propagated(chains.T[4].inv(), chains.between(np.array([2]), np.array([4]))[0])
-    np.testing.assert_allclose(gathered, solution.relative(2, 4)[1], rtol=1e-3, atol=1e-9)
+    tree = [edge(i, j, truth[i].inv() * truth[j], COVARIANCE, "loop") for i, j in ((0, 1), (1, 2), (0, 3), (3, 4))]
+    for edges, pairs in ((chain_edges(truth, COVARIANCE), ((0, 8), (2, 5), (6, 3))), (tree, ((2, 4),))):
+        chains, solution = chain_parts(len(edges) + 1, edges), chained_graph(edges, len(edges) + 1).optimize()
+        for i, j in pairs:
+            gathered = propagated(chains.T[j].inv(), chains.between(np.array([i]), np.array([j]))[0])
+            np.testing.assert_allclose(gathered, solution.relative(i, j)[1], rtol=1e-3, atol=1e-9)
 
 
 def test_the_distance_from_the_chain_is_in_joint_sigmas():
@@ -108,21 +93,16 @@ def test_two_parts_are_joined_by_those_that_agree_wherever_their_frames_lie():
         moved.part, RigidTransform.concatenate([moved.T[:6], T * moved.T[6:]]), moved.spread.copy(), moved.ways
     )
     again.spread[6:] = propagated(T, again.spread[6:])
-    assert [(one.pairs, one.leading) for one in support_of(again, answers, NO_FLOOR, BOUND)] == [
-        (one.pairs, one.leading) for one in found
-    ]
+    repeated = support_of(again, answers, NO_FLOOR, BOUND)
+    assert [(one.pairs, one.leading) for one in repeated] == [(one.pairs, one.leading) for one in found]
 
 
-def test_an_answer_may_be_read_from_either_scan():
+def test_an_answer_may_be_read_from_either_scan_and_answers_of_one_pair_exclude_each_other():
     truth = ring_poses(12)
     answers = [answer(truth, 1, 7), answer(truth, 3, 9)]
     turned = [answers[0], PossibleEdge(9, 3, _inverse(answers[1].registration))]
     for among in (answers, turned):
         assert [one.pairs for one in support_of(chained(truth, (5,)), among, NO_FLOOR, BOUND)] == [2, 2]
-
-
-def test_answers_of_one_pair_exclude_each_other():
-    truth = ring_poses(12)
     twin = answer(truth, 1, 7, RigidTransform.from_exp_coords([0, 0, 0.001, 0, 0, 0]))
     found = support_of(chained(truth, (5,)), [answer(truth, 1, 7), twin], NO_FLOOR, BOUND)
     assert [one.pairs for one in found] == [1, 1]
@@ -140,9 +120,6 @@ def test_what_is_possible_is_followed_and_weighs_by_its_probability():
     unknown = registration(RigidTransform.identity(), COVARIANCE)
     assert answers_of(2, 5, unknown)[0].weight > 1
     assert answers_of(2, 5, replace(unknown, accepted=False)) == []
-
-
-def test_a_covariance_that_is_none_is_a_fault_in_words():
     bad = replace(registration(RigidTransform.identity(), COVARIANCE), covariance=np.zeros((6, 6)))
     assert "positive definite" in PossibleEdge(0, 4, bad).fault
     assert PossibleEdge(0, 4, replace(bad, covariance=COVARIANCE)).fault == ""

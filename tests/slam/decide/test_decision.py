@@ -1,4 +1,4 @@
-"""What a survey's registrations amount to: gaps closed by agreement, the chain corrected, false loops left out."""
+"""What registrations amount to: gaps closed, the chain corrected, false loops left out, twins believed less."""
 
 from dataclasses import replace
 
@@ -7,10 +7,12 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.decision import Decision, decide
+from sonarmap.slam.decide.possible_edge import PossibleEdge, Support
+from sonarmap.slam.decide.twins import twin_odds, with_odds
 from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.pair import Candidate, RegisteredPair, Role
 from sonarmap.spectral.result import Registration
-from tests.samples.surveys import measurements_of, random_covariance, registration, ring_poses
+from tests.samples.surveys import drawn, measurements_of, random_covariance, registration, ring_poses
 
 COVARIANCE = random_covariance(np.random.default_rng(1), 0.002, 0.02)
 VOXEL = 0.1
@@ -20,7 +22,7 @@ WRONG = RigidTransform.from_exp_coords([0, 0, 0.6, 4, -1, 0])
 def pair(
     truth: RigidTransform, i: int, j: int, role: Role, off: RigidTransform | None = None, **changes
 ) -> RegisteredPair:
-    noise = RigidTransform.from_exp_coords(np.random.default_rng([i, j]).multivariate_normal(np.zeros(6), COVARIANCE))
+    noise = drawn(np.random.default_rng([i, j]), COVARIANCE)
     T = truth[i].inv() * truth[j] * noise * (RigidTransform.identity() if off is None else off)
     return RegisteredPair(Candidate(i, j, role), replace(registration(T, COVARIANCE), **changes))
 
@@ -108,10 +110,7 @@ def test_a_loop_that_leaves_a_direction_open_is_taken_for_the_others():
     assert not decided(truth, [*pairs, open_along(truth, 2, 9, 0.5)]).pairs[-1].kept
     aside = RigidTransform.from_translation([0, 3.0, 0])
     assert not decided(truth, [*pairs, open_along(truth, 2, 9, 0.95, aside)]).pairs[-1].kept
-
-
-def test_a_loop_that_leaves_a_direction_open_joins_nothing():
-    truth = ring_poses(12)
+    # it joins nothing
     gap = [*chain_of(truth, k5=unsure(0.0)), pair(truth, 1, 10, "loop")]
     result = decided(truth, [*gap, open_along(truth, 2, 9, 0.95), open_along(truth, 3, 8, 0.95)])
     assert len(result.solution.graph.components) == 2
@@ -119,14 +118,8 @@ def test_a_loop_that_leaves_a_direction_open_joins_nothing():
 
 def test_a_wrong_step_that_was_believed_is_found_by_its_neighbors():
     truth = ring_poses(14)
-    pairs = chain_of(truth, k6={"off": WRONG})
-    pairs += [
-        pair(truth, 5, 7, "loop"),
-        pair(truth, 6, 8, "loop"),
-        pair(truth, 4, 8, "loop"),
-        pair(truth, 0, 13, "loop"),
-    ]
-    result = decided(truth, pairs)
+    loops = [pair(truth, i, j, "loop") for i, j in ((5, 7), (6, 8), (4, 8), (0, 13))]
+    result = decided(truth, [*chain_of(truth, k6={"off": WRONG}), *loops])
     assert not result.pairs[6].kept
     assert result.pairs[6].reason.startswith("refused, inconsistent")
     assert result.pairs[6].residual > 10
@@ -151,13 +144,9 @@ def test_false_loops_that_agree_with_each_other_do_not_break_the_chain():
 
 def test_order_does_not_matter():
     truth = ring_poses(12)
-    pairs = [
-        *chain_of(truth, k5=unsure(0.7)),
-        pair(truth, 4, 7, "bridge", **unsure(0.6)),
-        pair(truth, 0, 11, "loop"),
-    ]
-    one = decided(truth, pairs)
-    other = decided(truth, pairs[::-1])
+    more = pair(truth, 4, 7, "bridge", **unsure(0.6)), pair(truth, 0, 11, "loop")
+    pairs = [*chain_of(truth, k5=unsure(0.7)), *more]
+    one, other = decided(truth, pairs), decided(truth, pairs[::-1])
     difference = one.solution.trajectory.T_world_sensor.inv() * other.solution.trajectory.T_world_sensor
     assert difference.as_exp_coords() == pytest.approx(np.zeros((12, 6)), abs=1e-5)
     assert [p.reason for p in one.pairs] == [p.reason for p in other.pairs[::-1]]
@@ -169,3 +158,55 @@ def test_chi_squared_before_is_of_the_chained_poses():
     graph = result.solution.graph
     assert result.solution.chi_squared_before == pytest.approx(graph.at(result.chained.T_world_sensor).chi_squared)
     assert result.solution.chi_squared_before > 2 * result.solution.chi_squared_after
+
+
+INSIDE, CONTRADICTING, JOINING = Support(sigmas=0.5, agrees=True), Support(sigmas=30.0), Support()
+
+
+def answers(support: Support, count: int, accepted: bool = True) -> list[PossibleEdge]:
+    """Accepted ones without a probability count as right with 90 %."""
+    given = registration(RigidTransform.identity(), COVARIANCE, accepted)
+    return [PossibleEdge(k, k + 9, given, support=support) for k in range(count)]
+
+
+def test_odds_are_what_loops_within_a_part_show() -> None:
+    assert twin_odds([]) == 1
+    # five of fifty are wrong as told, and thirty would be six times as many: less so while few have been judged
+    assert twin_odds([*answers(INSIDE, 45), *answers(CONTRADICTING, 5)]) == pytest.approx(1)
+    assert twin_odds([*answers(INSIDE, 20), *answers(CONTRADICTING, 30)]) == pytest.approx(32 / 7)
+    assert twin_odds(answers(CONTRADICTING, 1)) == pytest.approx(3 / 2.1)
+    # a survey without twins is not believed more than registrations say
+    assert twin_odds(answers(INSIDE, 200)) == 1
+    # what joins parts and what was not believed shows nothing
+    assert twin_odds([*answers(JOINING, 9), *answers(CONTRADICTING, 9, accepted=False)]) == 1
+
+
+@pytest.mark.parametrize("odds", [1.0, 2.0, 30.0])
+def test_odds_count_in_the_weight(odds: float) -> None:
+    (answer,) = with_odds(answers(INSIDE, 1), odds)
+    wrong = 0.1 * odds / (0.1 * odds + 0.9)
+    assert answer.weight == pytest.approx(-np.log(wrong))
+
+
+def test_among_twins_two_parts_want_more_that_agree() -> None:
+    """Two pairs join parts; where eight of ten loops of one part are of twins, it takes four."""
+    truth = ring_poses(24)
+    gap = chain_of(truth, k15=unsure(0.0))
+    rng = np.random.default_rng(6)
+    twins: list[RegisteredPair] = []
+    for k in range(8):
+        off = RigidTransform.from_exp_coords(np.concatenate([0.5 * rng.standard_normal(3), 4 * rng.standard_normal(3)]))
+        twins.append(pair(truth, k % 6, 9 + k // 2, "loop", off))
+    right = [pair(truth, 0, 7, "loop"), pair(truth, 1, 8, "loop")]
+    ties = [pair(truth, 2 + k, 20 - k, "loop") for k in range(4)]
+    bridge = pair(truth, 14, 17, "bridge")
+
+    def parts(*more: RegisteredPair) -> int:
+        return len(decided(truth, [*gap, *more]).solution.graph.components)
+
+    assert parts(*right, *ties[:2]) == 1
+    assert parts(*right, bridge) == 1
+    assert parts(*right, *twins, *ties[:2]) == 2
+    assert parts(*right, *twins, bridge) == 2
+    assert parts(*right, *twins, *ties) == 1
+    assert worst(decided(truth, [*gap, *right, *twins, *ties]), truth) < 0.3

@@ -16,13 +16,20 @@ from sonarmap.slam.decide.decision import decide
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.slam.graph.trajectory import chain
 from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.lab.simulate.paths.trajectories import lawnmower
 from tests.samples.places import DATA
-from tests.samples.surveys import aliased, edge, measurements_of, scattered
+from tests.samples.surveys import (
+    aliased,
+    chained_graph,
+    from_the_first,
+    measured_edge,
+    measurements_of,
+    position_error,
+    scattered,
+)
 
 SPHERE = DATA / "graphs" / "sphere2500.g2o"
 LAYERS, AROUND = 50, 50
@@ -41,14 +48,7 @@ def simulated_sphere(seed: int) -> tuple[RigidTransform, PoseGraph]:
     t = 50 * np.stack([np.cos(height) * np.cos(turn), np.cos(height) * np.sin(turn), np.sin(height)], axis=1)
     T = RigidTransform.from_components(t, Rotation.from_euler("ZY", np.stack([turn + np.pi / 2, -height], axis=1)))
     pairs = [(k, k + 1) for k in range(count - 1)] + [(k, k + AROUND) for k in range(count - AROUND)]
-    i, j = np.array(pairs).T
-    noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), COVARIANCE, len(pairs)))
-    measured = T[i].inv() * T[j] * noise
-    edges = tuple(
-        edge(i, j, one, COVARIANCE, "sequential" if j == i + 1 else "loop")
-        for (i, j), one in zip(pairs, measured, strict=True)
-    )
-    return T, PoseGraph(chain(edges, np.arange(float(count))), edges)
+    return T, chained_graph([measured_edge(rng, T, i, j, COVARIANCE) for i, j in pairs], count)
 
 
 def surveyed(seed: int) -> tuple[RigidTransform, PoseGraph]:
@@ -62,16 +62,12 @@ def surveyed(seed: int) -> tuple[RigidTransform, PoseGraph]:
     edges = []
     for i, j in [*((k, k + 1) for k in range(SURVEY - 1)), *sorted(near)]:
         draws = rng.normal(size=(_DRAWS, 6)) * SIGMAS
-        covariance = draws.T @ draws / _DRAWS
-        noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance))
-        edges.append(edge(i, j, T[i].inv() * T[j] * noise, covariance, "sequential" if j == i + 1 else "loop"))
-    return T, PoseGraph(chain(edges, np.arange(float(SURVEY))), tuple(edges))
+        edges.append(measured_edge(rng, T, i, j, draws.T @ draws / _DRAWS))
+    return T, chained_graph(edges, SURVEY)
 
 
 def distance(one: RigidTransform, other: RigidTransform) -> float:
-    """Root mean square of the positions' distances [m], the first poses laid on each other."""
-    apart = (one[0].inv() * one).translation - (other[0].inv() * other).translation
-    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+    return position_error(from_the_first(one), from_the_first(other))
 
 
 @pytest.mark.slow
@@ -82,12 +78,10 @@ def distance(one: RigidTransform, other: RigidTransform) -> float:
     [(name, kind) for name in ("simulated", "sphere2500", "lawnmower") for kind in ("scattered", "aliased")],
 )
 def test_wrong_loops_do_little_harm(name: str, kind: str, share: float) -> None:
-    if name == "sphere2500":
-        if not SPHERE.is_file():
-            pytest.skip(f"the benchmark graph is not at {SPHERE}")
-        truth, graph = None, read_g2o(SPHERE)
-    else:
-        truth, graph = simulated_sphere(4) if name == "simulated" else surveyed(4)
+    if name == "sphere2500" and not SPHERE.is_file():
+        pytest.skip(f"the benchmark graph is not at {SPHERE}")
+    makers = {"simulated": lambda: simulated_sphere(4), "lawnmower": lambda: surveyed(4)}
+    truth, graph = makers[name]() if name in makers else (None, read_g2o(SPHERE))
     plain = graph.optimize()
     best = plain.trajectory.T_world_sensor
     count = round(share * sum(one.kind == "loop" for one in graph.edges))
@@ -119,12 +113,10 @@ def test_a_decided_survey_suffers_little(kind: str, share: float) -> None:
     drawn = (scattered if kind == "scattered" else aliased)(graph, truth, count, 7)
     right = {(one.i, one.j): one for one in graph.edges}
     wrong = {(one.i, one.j): one for one in drawn if (one.i, one.j) not in right and one.j > one.i + 1}
-    begun = time.perf_counter()
-    plain = decide(pairs_of(right.values()), measurements_of(len(graph.trajectory)), VOXEL, LoopSettings())
+    begun, given = time.perf_counter(), (measurements_of(len(graph.trajectory)), VOXEL, LoopSettings())
+    plain = decide(pairs_of(right.values()), *given)
     seconds = time.perf_counter() - begun
-    result = decide(
-        pairs_of([*right.values(), *wrong.values()]), measurements_of(len(graph.trajectory)), VOXEL, LoopSettings()
-    )
+    result = decide(pairs_of([*right.values(), *wrong.values()]), *given)
     rejected = {(pair.i, pair.j) for pair in result.pairs if not pair.kept}
     found = len(rejected & wrong.keys())
     precision, recall = found / max(len(rejected), 1), found / len(wrong)

@@ -1,4 +1,4 @@
-"""Wrong edges among right ones: which are rejected, and what is left of their harm."""
+"""Wrong edges among right ones: which are rejected, what is left of their harm, and regions of the graph alone."""
 
 import json
 import time
@@ -9,25 +9,32 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.decide.region import regions_about
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.graph.edge import Edge, components, cut_edges
-from sonarmap.slam.graph.gtsam_poses import to_pose3
 from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.slam.graph.tangent import adjoint
 from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.writers.g2o import write_g2o
 from tests.samples.clutter_scans import sonarmap
 from tests.samples.lawnmower import lawnmower
-from tests.samples.surveys import aliased, edge, random_covariance, ring_poses, scattered
+from tests.samples.surveys import (
+    aliased,
+    chained_graph,
+    edge,
+    from_the_first,
+    measured_edge,
+    position_error,
+    random_covariance,
+    ring_poses,
+    scattered,
+)
 
 COUNT = 40
 
 
 def measured(rng: np.random.Generator, T: RigidTransform, i: int, j: int) -> Edge:
-    covariance = random_covariance(rng, 0.005, 0.05)
-    noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance))
-    return edge(i, j, T[i].inv() * T[j] * noise, covariance, "sequential" if j == i + 1 else "loop")
+    return measured_edge(rng, T, i, j, random_covariance(rng, 0.005, 0.05))
 
 
 def two_rounds(seed: int, count: int = COUNT) -> tuple[RigidTransform, PoseGraph]:
@@ -36,14 +43,11 @@ def two_rounds(seed: int, count: int = COUNT) -> tuple[RigidTransform, PoseGraph
     T = ring_poses(count, turns=2.0)
     pairs = [(k, k + 1) for k in range(count - 1)]
     pairs += [(k, k + count // 2) if k % 3 else (k + count // 2, k) for k in range(count // 2)]
-    edges = tuple(measured(rng, T, i, j) for i, j in pairs)
-    return T, PoseGraph(chain(edges, np.arange(float(count))), edges)
+    return T, chained_graph([measured(rng, T, i, j) for i, j in pairs], count)
 
 
 def distance(one: RigidTransform, other: RigidTransform) -> float:
-    """Root mean square of the positions' distances [m], the first poses laid on each other."""
-    apart = (one[0].inv() * one).translation - (other[0].inv() * other).translation
-    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+    return position_error(from_the_first(one), from_the_first(other))
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -140,11 +144,6 @@ def test_bridges_are_what_takes_a_component_apart() -> None:
         assert cut_edges(count, edges) == want
 
 
-def test_adjoints_are_those_of_gtsam() -> None:
-    T = ring_poses(6)
-    np.testing.assert_allclose(adjoint(T), np.stack([to_pose3(one).AdjointMap() for one in T]), atol=1e-12)
-
-
 @pytest.mark.slow
 def test_of_a_graph_too_large_for_one_piece_all_wrong_loops_and_few_right_ones_are_rejected() -> None:
     T, graph = lawnmower(1500, 2.5, 1)
@@ -186,3 +185,41 @@ def test_ten_thousand_poses_take_less_than_a_minute(groups: int, tmp_path: Path)
     assert len(wrong) <= len(rejected) < len(wrong) + 0.01 * len(graph.edges)
     kept = {(one.i, one.j) for one in read_g2o(tmp_path / "out.g2o").edges}
     assert kept.isdisjoint({(one.i, one.j) for one in wrong} - {(one.i, one.j) for one in graph.edges})
+
+
+def optimum() -> PoseGraph:
+    return lawnmower(400, 2.0, 4)[1].optimize(covariances=False).graph
+
+
+def test_a_region_has_the_edges_with_both_ends_inside_and_its_rim_is_held() -> None:
+    graph = optimum()
+    active = np.ones(len(graph.edges), bool)
+    active[450::7] = False
+    stamps = graph.trajectory.stamps.astype(int)
+    for region in regions_about(graph, active, [5, 300, 500], 30):
+        own = region.graph.trajectory.stamps.astype(int)  # which are the poses' numbers in the whole graph
+        inside = np.isin(stamps, own)
+        ends = np.array([(one.i, one.j) for one in graph.edges])
+        both = active & inside[ends].all(axis=1)
+        np.testing.assert_array_equal(region.edges, np.flatnonzero(both))
+        np.testing.assert_array_equal(own[[(one.i, one.j) for one in region.graph.edges]], ends[both])
+        leaving = ends[active & (inside[ends].sum(axis=1) == 1)]
+        np.testing.assert_array_equal(own[list(region.graph.fixed)], np.unique(leaving[inside[leaving]]))
+
+
+def test_regions_that_touch_are_one_and_all_doubtful_edges_are_inside() -> None:
+    graph = optimum()
+    active = np.ones(len(graph.edges), bool)
+    apart = regions_about(graph, active, [5, 395], 20)
+    assert len(apart) == 2
+    assert {5, 395} <= {int(k) for region in apart for k in region.edges}
+    (one,) = regions_about(graph, active, [5, 6], 20)
+    assert {5, 6} <= set(one.edges.tolist())
+
+
+def test_the_optimum_of_a_region_is_where_that_of_the_whole_is() -> None:
+    graph = optimum()
+    for region in regions_about(graph, np.ones(len(graph.edges), bool), [200, 700], 60):
+        again = region.graph.optimize(covariances=False).trajectory.T_world_sensor
+        before = region.graph.trajectory.T_world_sensor
+        np.testing.assert_allclose(again.as_matrix(), before.as_matrix(), atol=1e-4)

@@ -1,11 +1,14 @@
-"""Fixes that everything else contradicts are found, and no others."""
+"""Fixes that everything else contradicts are found, and no others; and what an edge costs an optimum."""
 
 from dataclasses import replace
+from itertools import accumulate
+from operator import mul
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.slam.decide.contradiction import chi_squared, contradicted_edges
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.decide.wrong_measurements import without_wrong_fixes
 from sonarmap.slam.graph.edge import Edge
@@ -13,7 +16,7 @@ from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.spectral.scan import PosePrior, Scan
-from tests.samples.surveys import edge, random_covariance, ring_poses
+from tests.samples.surveys import chain_edges, chained_graph, drawn, edge, random_covariance, ring_poses
 
 COUNT = 60
 TRUTH = RigidTransform.from_components([300.0, -80.0, -20.0], Rotation.from_euler("Z", 0.7)) * ring_poses(COUNT, 30.0)
@@ -22,9 +25,7 @@ SIGMAS = np.array([0.01, 0.01, 0.05, 1.0, 1.0, 0.2])
 
 
 def edges(seed: int) -> tuple[Edge, ...]:
-    rng = np.random.default_rng(seed)
-    noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), COVARIANCE, COUNT))
-    return tuple(edge(k, k + 1, TRUTH[k].inv() * TRUTH[k + 1] * noise[k], COVARIANCE) for k in range(COUNT - 1))
+    return tuple(chain_edges(TRUTH, COVARIANCE, drawn(np.random.default_rng(seed), COVARIANCE, COUNT)[:-1]))
 
 
 def fixes(seed: int, every: int = 1, known: slice = slice(0, 6)) -> dict[int, PosePrior]:
@@ -74,21 +75,14 @@ def test_acoustic_outliers_and_compass_jumps_are_named(seed: int) -> None:
     assert left[32].knows_position
 
 
-def test_sparse_fixes_are_held_against_the_edges() -> None:
+def test_sparse_fixes_are_held_against_the_edges_and_where_nothing_else_bears_or_most_are_off_none_is_wrong() -> None:
     priors = fixes(1, every=6, known=slice(3, 5))
     priors[24] = moved(priors[24], (0.0, -20.0, 0.0))
     left, wrong = found(1, priors)
     assert wrong == [(24, "position")]
     assert 24 not in left
-
-
-def test_what_nothing_else_bears_on_is_never_wrong() -> None:
-    priors = {0: moved(fixes(2)[0], (500.0, 0.0, 0.0))}
-    assert found(2, priors)[1] == []
-
-
-def test_where_most_are_off_it_is_not_they() -> None:
-    """A step of the chain to a twin moves half of the survey: that is told by the graph, not here."""
+    assert found(2, {0: moved(fixes(2)[0], (500.0, 0.0, 0.0))})[1] == []
+    # a step of the chain to a twin moves half of the survey: that is told by the graph, not here
     priors = {k: moved(prior, (40.0, 0, 0)) if k % 2 else prior for k, prior in fixes(3).items()}
     assert found(3, priors)[1] == []
 
@@ -109,3 +103,59 @@ def test_dead_reckoning_shows_them_before_a_scan_is_registered() -> None:
     np.testing.assert_array_equal(kept.sigmas, priors[19].sigmas)
     assert len(given.steps) == COUNT - 1
     assert Measurements.of(scans, np.zeros(COUNT, int), None).scans == tuple(scans)
+
+
+RING = 30
+LOOP = np.diag([0.01, 0.015, 0.02, 0.05, 0.06, 0.04]) ** 2
+
+
+def ring(seed: int) -> PoseGraph:
+    """A chain with a loop every few poses, one of them off by several sigmas."""
+    rng = np.random.default_rng(seed)
+    step = RigidTransform.from_exp_coords([0.02, -0.03, 2 * np.pi / RING, 1.0, 0.1, -0.05])
+    T = RigidTransform.concatenate(list(accumulate([step] * (RING - 1), mul, initial=RigidTransform.identity())))
+    pairs = [(k, k + 1) for k in range(RING - 1)] + [(0, 29), (2, 27), (4, 25), (6, 9), (10, 14), (3, 26)]
+    edges = []
+    for i, j in pairs:
+        off = rng.multivariate_normal(np.zeros(6), LOOP)
+        off += 7 * np.array([0.01, 0, 0, 0, 0.06, 0]) * ((i, j) == (6, 9))
+        noise = RigidTransform.from_exp_coords(off)
+        edges.append(edge(i, j, T[i].inv() * T[j] * noise, LOOP, "sequential" if j == i + 1 else "loop"))
+    return chained_graph(edges, RING)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_by_how_much_chi_squared_falls_without_an_edge(seed: int) -> None:
+    graph = ring(seed)
+    solution = graph.optimize()
+    graph = graph.at(solution.trajectory.T_world_sensor)
+    loops = np.array([one.kind == "loop" for one in graph.edges])
+    falls = {}
+    for k in np.flatnonzero(loops).tolist():
+        without = graph.keep(np.arange(len(loops)) != k).optimize().chi_squared_after
+        falls[k] = solution.chi_squared_after - without
+    bound = chi_squared(0.999, 6)
+    assert (graph.residuals()[loops] ** 2 < bound).all()  # none is far off by itself
+    for limit in (0.3 * max(falls.values()), 0.9 * max(falls.values())):
+        understated = max(1.0, float(np.median(list(falls.values()))) / chi_squared(0.5, 6))
+        limit = max(limit / understated, float((graph.residuals()[loops] ** 2).max()) + 1e-9)
+        expected = [k for k, fall in falls.items() if fall > limit * understated]
+        clear = all(abs(fall / limit / understated - 1) > 0.05 for fall in falls.values())
+        if clear:
+            assert contradicted_edges(graph, solution, loops, limit, limit).tolist() == expected
+
+
+def test_a_far_one_comes_first() -> None:
+    graph = ring(0)
+    solution = graph.optimize()
+    graph = graph.at(solution.trajectory.T_world_sensor)
+    loops = np.array([one.kind == "loop" for one in graph.edges])
+    residuals = graph.residuals() ** 2
+    worst = int(np.argmax(np.where(loops, residuals, 0)))
+    assert contradicted_edges(graph, solution, loops, residuals[worst] * 0.99).tolist() == [worst]
+    assert contradicted_edges(graph, solution, np.zeros_like(loops), 0.1).tolist() == []
+    # the only tie is contradicted by nothing
+    graph = ring(1).keep(np.arange(RING + 5) < RING - 1)  # a chain
+    solution = graph.optimize()
+    graph = graph.at(solution.trajectory.T_world_sensor)
+    assert contradicted_edges(graph, solution, np.ones(RING - 1, bool), 1.0, 1.0).tolist() == []

@@ -198,17 +198,13 @@ class TestCertificates:
 
         monkeypatch.setattr("sonarmap.slam.execute.cluster.PATIENCE", 2.0)
         address = encrypted.scheduler_address
-        options: dict[str, Any] = {}
-        match given:
-            case "of others":
-                options = _below_comm(certificate(tmp_path, "elsewhere"))
-            case "no tls":
-                address = address.replace("tls://", "tcp://")
-            case "encryption wanted":
-                address = address.replace("tls://", "tcp://")
-                options = _below_comm(settings) | {"distributed.comm.require-encryption": True}
-            case "missing file":
-                options = _below_comm({name: f"{path}.gone" for name, path in settings.items()})
+        if given in ("no tls", "encryption wanted"):
+            address = address.replace("tls://", "tcp://")
+        options = {
+            "of others": _below_comm(certificate(tmp_path, "elsewhere")),
+            "encryption wanted": _below_comm(settings) | {"distributed.comm.require-encryption": True},
+            "missing file": _below_comm({name: f"{path}.gone" for name, path in settings.items()}),
+        }.get(given, {})
         told = pytest.raises(InputError, match=r"takes no connection .*`scheduler=tls://")
         with config.set(options), told, cluster(address):
             pass

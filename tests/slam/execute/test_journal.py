@@ -41,21 +41,18 @@ class TestKeeping:
             assert journal.count() == 0
             journal.add([ENTRY])
 
-    def test_fresh_deletes(self, path: Path) -> None:
-        with Journal(path) as journal:
-            journal.add([ENTRY])
-        with Journal(path, fresh=True) as journal:
-            assert journal.entry("key a") is None
-
-    def test_any_label_will_do(self, path: Path) -> None:
+    def test_any_label_will_do_and_fresh_deletes(self, path: Path) -> None:
         with Journal(path) as journal:
             journal.add([replace(ENTRY, label="3 \udcff\n深")])
             assert journal.entry("key a") is not None
+        with Journal(path, fresh=True) as journal:
+            assert journal.entry("key a") is None
 
 
-def other_program(path: Path) -> None:
+def executed(path: Path, *statements: str) -> None:
     with sqlite3.connect(path) as database:
-        database.execute("CREATE TABLE entry (key TEXT)")
+        for statement in statements:
+            database.execute(statement)
     database.close()
 
 
@@ -85,9 +82,7 @@ class TestDamage:
         other = replace(ENTRY, key="key b")
         with Journal(path) as journal:
             journal.add([ENTRY, other])
-        with sqlite3.connect(path) as database:
-            database.execute(f"UPDATE entry SET {change} WHERE key = 'key a'")
-        database.close()
+        executed(path, f"UPDATE entry SET {change} WHERE key = 'key a'")
         with Journal(path) as journal:
             assert (journal.entry("key a"), journal.entry("key b"), journal.damaged) == (None, other, 1)
             journal.add([ENTRY])
@@ -96,10 +91,8 @@ class TestDamage:
     def test_entries_that_changed_places_are_none(self, path: Path) -> None:
         with Journal(path) as journal:
             journal.add([ENTRY, replace(ENTRY, key="key b", content="other")])
-        with sqlite3.connect(path) as database:
-            for old, new in (("key a", "key c"), ("key b", "key a"), ("key c", "key b")):
-                database.execute("UPDATE entry SET key = ? WHERE key = ?", (new, old))
-        database.close()
+        places = ("key a", "key c"), ("key b", "key a"), ("key c", "key b")
+        executed(path, *(f"UPDATE entry SET key = '{new}' WHERE key = '{old}'" for old, new in places))
         with Journal(path) as journal:
             assert [journal.entry(key) for key in ("key a", "key b")] == [None, None]
 
@@ -113,7 +106,12 @@ def another_table(path: Path) -> None:
 class TestOtherFiles:
     @pytest.mark.parametrize(
         "make",
-        [other_program, overwritten, another_table, lambda path: path.write_text("my notes, " * 99)],
+        [
+            lambda path: executed(path, "CREATE TABLE entry (key TEXT)"),
+            overwritten,
+            another_table,
+            lambda path: path.write_text("my notes, " * 99),
+        ],
         ids=["db", "torn", "another table", "text"],
     )
     @pytest.mark.parametrize("fresh", [False, True])
@@ -126,9 +124,7 @@ class TestOtherFiles:
 
     def test_another_version_is_told_and_can_be_forgotten(self, path: Path) -> None:
         Journal(path).close()
-        with sqlite3.connect(path) as database:
-            database.execute("PRAGMA user_version = 99")
-        database.close()
+        executed(path, "PRAGMA user_version = 99")
         with pytest.raises(InputError, match="`fresh`"):
             Journal(path)
         with Journal(path, fresh=True) as journal:
@@ -142,7 +138,6 @@ class TestOtherFiles:
                     Journal(path, fresh)
             assert journal.entry("key a") is not None
         Journal(path).close()
-
-    def test_a_folder_that_is_not_there_is_told(self, path: Path) -> None:
+        # nor is a folder made that is not there
         with pytest.raises(InputError, match=r"cannot write .*journal.sqlite"):
             Journal(path / "below" / "journal.sqlite")

@@ -1,7 +1,11 @@
-"""The result of a pair, and a signature, as text: they come back bit by bit."""
+"""The result of a pair as text, bit by bit; what a worker hands on, and how many prepared scans it keeps."""
 
 import json
+from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,8 +14,11 @@ from numpy.testing import assert_array_equal
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.execute.pair_text import from_text, signature_from_text, signature_to_text, to_text
+from sonarmap.slam.execute.scan_key import scan_key
+from sonarmap.slam.execute.worker import PairJob, Worker, prepared_limit
+from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.result import Registration
-from tests.samples.surveys import random_covariance, random_transforms
+from tests.samples.surveys import KnowingRegistrar, random_covariance, random_transforms, ring_poses, scans_of
 
 ODD = [float("nan"), float("inf"), -0.0, 5e-324, 0.1 + 0.2]
 
@@ -70,7 +77,7 @@ def test_a_transform_that_is_off_by_rounding_is_not_mended() -> None:
     assert_array_equal(found.T_target_source.as_matrix(), T.as_matrix())
 
 
-def test_numbers_of_numpy_are_taken() -> None:
+def test_numbers_of_numpy_and_a_failure_come_back() -> None:
     psr: Any = np.float32(0.1)
     accepted: Any = np.bool_(True)
     given = Registration(RigidTransform.identity(), np.eye(6), psr, 0.2, accepted, 0.1, step_psr=(("a", psr),))
@@ -78,9 +85,6 @@ def test_numbers_of_numpy_are_taken() -> None:
     assert found is not None
     assert (found.psr, found.accepted, found.step_psr) == (float(psr), True, (("a", float(psr)),))
     assert found.evidence == (("b", float(psr)),)
-
-
-def test_a_failure_comes_back() -> None:
     reason = "scan 3 lies in one plane; give another «scan»"
     assert from_text(to_text(None, reason)) == (None, reason)
 
@@ -122,15 +126,61 @@ def test_a_result_of_another_shape_or_type_is_refused(name: str, value: object) 
         from_text(json.dumps(content))
 
 
-@pytest.mark.parametrize("text", ["[[1.0]]", '["a"]', "[" * 100_000, "7"])
-def test_what_is_no_signature_is_refused(text: str) -> None:
-    with pytest.raises((ValueError, TypeError)):
-        signature_from_text(text)
+NO_PAIRS = ["", "{}", "[1]", "[" * 100_000, '{"failure": 7}', '{"registration": {}}', '{"registration": {"psr": 1}}']
 
 
 @pytest.mark.parametrize(
-    "text", ["", "{}", "[1]", "[" * 100_000, '{"failure": 7}', '{"registration": {}}', '{"registration": {"psr": 1}}']
+    ("read", "text"),
+    [
+        *((signature_from_text, text) for text in ("[[1.0]]", '["a"]', "[" * 100_000, "7")),
+        *((from_text, text) for text in NO_PAIRS),
+    ],
 )
-def test_other_text_is_refused(text: str) -> None:
-    with pytest.raises((ValueError, LookupError, TypeError)):
-        from_text(text)
+def test_other_text_is_refused(read: Callable[[str], object], text: str) -> None:
+    missing = (LookupError,) if read is from_text else ()
+    with pytest.raises((ValueError, TypeError, *missing)):
+        read(text)
+
+
+@pytest.mark.parametrize(
+    ("memory", "workers", "least", "most"),
+    [(2**40, 1, 128, 128), (2**34, 1, 40, 127), (2**34, 16, 8, 8), (2**26, 1, 2, 2)],
+)
+def test_as_many_scans_stay_prepared_as_are_useful(memory: int, workers: int, least: int, most: int) -> None:
+    registrar: Any = SimpleNamespace(device=SimpleNamespace(memory=memory), grid=SimpleNamespace(edge=128))
+    kept = prepared_limit(registrar, workers)
+    assert least <= kept <= most
+    assert kept <= 8 or kept * memory_plan(128).scan <= memory / 8
+    without_a_device: Any = SimpleNamespace()
+    assert prepared_limit(without_a_device) == 8
+
+
+class Instruments(KnowingRegistrar):
+    """What instruments said is in its registrations, and beside it what the scans alone say."""
+
+    def register(self, target: Any, source: Any) -> Registration:
+        alone = super().register(target, source)
+        return replace(
+            alone,
+            T_target_source=RigidTransform.identity(),
+            covariance=np.eye(6),
+            T_by_scans=alone.T_target_source,
+            covariance_by_scans=alone.covariance,
+        )
+
+
+def test_a_worker_hands_on_what_the_scans_alone_say() -> None:
+    """The graph holds the instruments' measurements: it would count them twice."""
+    poses, covariance = ring_poses(4), random_covariance(np.random.default_rng(2))
+    sources: Any = {scan_key(scan): SimpleNamespace(load=partial(deepcopy, scan)) for scan in scans_of(poses)}
+    scans = list(sources)
+    pairs = [PairJob(scans[0], scans[1]), PairJob(scans[3], scans[1])]
+    with_them, without = (
+        Worker(of(poses, covariance), 2).register(pairs, sources) for of in (Instruments, KnowingRegistrar)
+    )
+    assert [text.content for text in with_them] == [text.content for text in without]
+    registration, failure = from_text(with_them[1].content)
+    assert registration is not None
+    assert failure == ""
+    np.testing.assert_array_equal(registration.covariance, covariance)
+    assert registration.T_by_scans is None

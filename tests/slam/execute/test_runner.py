@@ -87,14 +87,9 @@ def test_failures_are_told_in_their_place(undisturbed: list[str]) -> None:
     assert failed == [pair for pair in PAIRS if 2 in pair]
 
 
-@pytest.mark.parametrize("workers", [1, 3])
-def test_processes_give_the_same_bits(work: Work, undisturbed: list[str], workers: int) -> None:
-    assert work.run(f"processes {workers}") == undisturbed
-    assert work.registered() == ASKED
-
-
-def test_the_journal_gives_the_same_bits(work: Work, undisturbed: list[str]) -> None:
-    assert [work.run() for _ in range(2)] == [undisturbed] * 2
+@pytest.mark.parametrize("kind", ["here", "processes 1", "processes 3"])
+def test_processes_and_the_journal_give_the_same_bits(work: Work, undisturbed: list[str], kind: str) -> None:
+    assert [work.run(kind) for _ in range(2)] == [undisturbed] * 2
     assert work.registered() == ASKED
 
 
@@ -112,8 +107,7 @@ def test_the_order_makes_no_difference_and_only_new_pairs_are_registered(
 
 def test_stopped_again_and_again_it_goes_on(work: Work, undisturbed: list[str]) -> None:
     """At six pairs: each of them is begun twice, as it was under way, and no other is."""
-    asked = [pair for pair in PAIRS if 2 not in pair]
-    stops = [asked[k] for k in (0, 1, 4, 5, 7, 10)]
+    stops = [[pair for pair in PAIRS if 2 not in pair][k] for k in (0, 1, 4, 5, 7, 10)]
     for i, j in stops:
         with pytest.raises(KeyboardInterrupt):
             work.run(ending=f"stop {i} {j}")
@@ -150,9 +144,7 @@ def test_timings_say_what_came_from_the_journal(work: Work) -> None:
         assert timings.from_journal == from_journal
         assert all(time.seconds > 0 and time.from_journal == (from_journal > 0) for time in timings.pairs)
         assert list(timings.stages) == ["pairs registered", "optimized"]
-
-
-def test_timings_number_the_scans_of_a_part_as_the_survey_does(work: Work) -> None:
+    # those of a part have the survey's numbers
     with work.execution("here") as execution:
         PairRunner(execution, SCANS, 0, None).of([1, 3, 5, 8]).of([0, 1, 3]).register(candidates([(0, 1), (1, 2)]))
     assert [(time.target, time.source) for time in execution.timings.pairs] == [(1, 3), (3, 8)]

@@ -1,9 +1,10 @@
-"""Scans on their way to other processes of this machine: each is read when it is needed, written once, and removed."""
+"""Scans on their way to other processes: each read when it is needed, written once and removed; and their keys."""
 
 import io
 import os
 import pickle
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -15,11 +16,12 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.slam.execute.executor import processes
 from sonarmap.slam.execute.runner import Execution, PairRunner
-from sonarmap.slam.execute.scan_key import scan_key
+from sonarmap.slam.execute.scan_key import content_key, scan_key
 from sonarmap.slam.execute.transport import spooled
 from sonarmap.slam.pair import Candidate
 from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.clusters.survey_worker import worker_spec
+from tests.samples.relative_priors import knowing
 from tests.samples.surveys import ring_poses, scans_of
 
 COUNT = 8
@@ -148,8 +150,35 @@ def test_a_file_that_was_changed_runs_no_code_and_is_told(tmp_path: Path, kind: 
 
 def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with (
-        spooled(tmp_path / "file" / "spool") as spool,
-        pytest.raises(InputError, match=r"cannot write scan3 .*`workers`"),
-    ):
+    told = pytest.raises(InputError, match=r"cannot write scan3 .*`workers`")
+    with spooled(tmp_path / "file" / "spool") as spool, told:
         spool.source(scan_key(SCANS[3]), lambda: SCANS[3])
+
+
+POINTS = np.random.default_rng(2).normal(size=(30, 3)).astype(np.float32)
+A = Scan(POINTS, name="a")
+
+
+class TestKeys:
+    @pytest.mark.parametrize("change", [{"name": "other"}, {"stamp": 7.0}, {"points": POINTS.copy(order="F")}])
+    def test_names_stamps_and_layout_decide_nothing(self, change: dict) -> None:
+        assert content_key(replace(A, **change)) == content_key(A)
+
+    def test_points_strengths_viewpoints_and_priors_decide(self) -> None:
+        T = RigidTransform.from_translation([1, 2, 3])
+        known = PosePrior(T, knowing(slice(2), slice(2, 3)))
+        changed = POINTS.copy()
+        changed[3, 1] = np.nextafter(changed[3, 1], np.float32(9))
+        scans = [
+            A,
+            Scan(changed),
+            Scan(POINTS[::-1]),
+            Scan(POINTS, np.ones(30, np.float32)),
+            Scan(POINTS, np.zeros(30, np.float32)),
+            Scan(POINTS, viewpoints=POINTS),
+            Scan(POINTS, viewpoints=changed),
+            Scan(POINTS, prior=known),
+            Scan(POINTS, prior=PosePrior(T, knowing(slice(2)))),
+            Scan(POINTS, prior=PosePrior(RigidTransform.identity(), known.sigmas)),
+        ]
+        assert len({content_key(scan) for scan in scans}) == len(scans)

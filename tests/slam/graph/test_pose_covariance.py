@@ -1,19 +1,33 @@
-"""How sure poses are said to be, when registrations of one scan share its error."""
+"""How sure poses are: where registrations of one scan share its error, and marginals against the dense inverse."""
 
+import time
 from dataclasses import replace
 
+import gtsam
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.slam.graph.edge import scaled
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.edge import Edge, scaled
+from sonarmap.slam.graph.gtsam_poses import to_values
+from sonarmap.slam.graph.marginals import Marginals, marginals
 from sonarmap.slam.graph.pose_covariance import pose_covariances, weighed
-from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
+from sonarmap.slam.graph.pose_graph import PoseGraph, Solution, factors_of
 from sonarmap.slam.graph.tangent import propagated
-from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
-from tests.samples.surveys import edge, random_covariance, ring_poses
+from tests.samples.lawnmower import lawnmower
+from tests.samples.surveys import (
+    chain_edges,
+    chained_graph,
+    drawn,
+    edge,
+    random_covariance,
+    random_transforms,
+    ring_poses,
+)
 
 COVARIANCE = random_covariance(np.random.default_rng(6), 0.004, 0.03)
 COUNT = 30
@@ -23,12 +37,11 @@ def ring(seed: int, scale: float = 1.0, world: RigidTransform | None = None) -> 
     """A ring with loops, each scan with an error of its own that all its edges share."""
     rng = np.random.default_rng(seed)
     truth = ring_poses(COUNT)
-    shared = RigidTransform.from_exp_coords(scale * rng.multivariate_normal(np.zeros(6), COVARIANCE / 4, COUNT))
-    apart = scale * np.sqrt(0.4)  # what an edge has of its own
+    shared = drawn(rng, scale**2 * COVARIANCE / 4, COUNT)
     pairs = [(k, k + step) for step in (1, 2, 7) for k in range(COUNT - step)]
     edges = []
     for i, j in pairs:
-        own = RigidTransform.from_exp_coords(apart * rng.multivariate_normal(np.zeros(6), COVARIANCE))
+        own = drawn(rng, 0.4 * scale**2 * COVARIANCE)
         T = (truth[i] * shared[i]).inv() * (truth[j] * shared[j]) * own
         edges.append(edge(i, j, T, COVARIANCE, "sequential" if j == i + 1 else "loop"))
     start = chain(edges, np.zeros(COUNT))
@@ -68,13 +81,10 @@ def test_errors_that_scans_share_are_within_what_is_told_and_not_within_what_cyc
     assert np.concatenate(wide).mean() > 2
 
 
-def test_larger_errors_are_told_by_chi_squared():
+def test_larger_errors_are_told_by_chi_squared_however_wide_covariances_were_stated():
+    """One sonar's registrations are a third as far off as stated: with loops enough its poses are the surer."""
     factors = [np.median(edge_variances(ring(3, scale)[1])) for scale in (0.5, 1.0, 2.0)]
     assert factors[0] < factors[1] < factors[2]
-
-
-def test_how_wide_covariances_were_stated_does_not_matter_where_cycles_tell():
-    """One sonar's registrations are a third as far off as stated: with loops enough its poses are the surer."""
     _, graph = ring(3)
     first, second = (np.diagonal(told(each)[1], axis1=1, axis2=2)[1:] for each in (graph, graph.scaled(10.0)))
     assert (second < 1.5 * first).all()
@@ -103,11 +113,11 @@ def test_a_step_that_the_motion_drew_aside_is_doubted_as_a_whole():
     edges = list(graph.edges)
     k = next(n for n, each in enumerate(edges) if (each.i, each.j) == (4, 5))
     by_scans = edges[k].registration
-    known, away = np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.0, 0.0, 0.0, 4.0, 0.0, 0.0])
-    covariance = np.linalg.inv(np.linalg.inv(by_scans.covariance) + known)
+    away = np.array([0.0, 0.0, 0.0, 4.0, 0.0, 0.0])
+    covariance = np.linalg.inv(np.linalg.inv(by_scans.covariance) + np.eye(6))
     drawn = replace(
         by_scans,
-        T_target_source=by_scans.T_target_source * RigidTransform.from_exp_coords(covariance @ known @ away),
+        T_target_source=by_scans.T_target_source * RigidTransform.from_exp_coords(covariance @ away),
         covariance=(covariance + covariance.T) / 2,
         T_by_scans=by_scans.T_target_source,
         covariance_by_scans=by_scans.covariance,
@@ -126,20 +136,16 @@ def test_a_step_that_the_motion_drew_aside_is_doubted_as_a_whole():
 
 def test_a_graph_without_loops_is_given_what_is_expected():
     truth = ring_poses(5)
-    edges = tuple(edge(k, k + 1, truth[k].inv() * truth[k + 1], COVARIANCE) for k in range(4))
-    graph = PoseGraph(chain(edges, np.zeros(5)), edges)
+    edges = chain_edges(truth, COVARIANCE)
+    graph = chained_graph(edges, 5)
     np.testing.assert_allclose(edge_variances(graph), 13 * 0.15)
     _, covariances = told(graph)
     told_of_1 = 13 * 0.15 * COVARIANCE
     # beside the one edge the way may be too short, as all ways may be, by a seventh of a step's standard deviation
     steps = [each.registration.T_target_source for each in edges]
-    unit = [T.rotation.inv().apply(T.translation / np.linalg.norm(T.translation)) for T in steps]
-    short = [
-        u @ (13 * 0.15 * COVARIANCE[3:, 3:]) @ u / (T.translation @ T.translation)
-        for u, T in zip(unit, steps, strict=True)
-    ]
-    way = steps[0].rotation.inv().apply(steps[0].translation)
-    told_of_1[3:, 3:] += 0.02 * np.median(short) * np.outer(way, way)
+    ways = [T.rotation.inv().apply(T.translation) for T in steps]
+    short = [way @ (13 * 0.15 * COVARIANCE[3:, 3:]) @ way / (way @ way) ** 2 for way in ways]
+    told_of_1[3:, 3:] += 0.02 * np.median(short) * np.outer(ways[0], ways[0])
     np.testing.assert_allclose(covariances[1], told_of_1, rtol=2e-3, atol=1e-9)
 
 
@@ -205,5 +211,110 @@ def test_steps_over_a_bed_that_leaves_three_directions_open_are_weighed():
     for k in range(39):
         to_sensor = RigidTransform.from_components(rng.normal([20, 5, -30], 3.0), Rotation.random(rng=rng))
         edges.append(edge(k, k + 1, truth[k].inv() * truth[k + 1], propagated(to_sensor, at_bed)))
-    graph = PoseGraph(chain(edges, np.zeros(40)), tuple(edges))
-    np.testing.assert_allclose(edge_variances(graph), 13 * 0.15, rtol=1e-6)
+    np.testing.assert_allclose(edge_variances(chained_graph(edges, 40)), 13 * 0.15, rtol=1e-6)
+
+
+TOLERANCE = 1e-6  # of the largest element, which the inversion of a gauge held a million times better leaves
+
+
+def random_graph(seed: int) -> PoseGraph:
+    """1 to 40 poses, each joined to an earlier one or, seldom, to none; and up to twice as many loops."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 41))
+    pairs = [(int(rng.integers(0, k)), k) for k in range(1, count) if rng.random() > 0.05]
+    for _ in range(int(rng.integers(0, 2 * count)) if count > 1 and seed % 3 else 0):
+        i, j = rng.choice(count, 2, replace=False).tolist()
+        pairs.append((i, j))
+    T = random_transforms(rng, count, angle=0.5)
+    return PoseGraph(Trajectory(np.arange(float(count)), T), tuple(measured(rng, T, i, j) for i, j in pairs))
+
+
+def measured(rng: np.random.Generator, T: RigidTransform, i: int, j: int) -> Edge:
+    return edge(i, j, T[i].inv() * T[j], random_covariance(rng), "sequential" if j == i + 1 else "loop")
+
+
+def asked(graph: PoseGraph, rng: np.random.Generator) -> np.ndarray:
+    """Pairs anywhere, in both orders, twice, and of edges."""
+    count = len(graph.trajectory)
+    if count == 1:
+        return np.empty((0, 2), np.intp)
+    drawn = np.array([rng.choice(count, 2, replace=False) for _ in range(8)])
+    edges = np.array([(one.i, one.j) for one in graph.edges[:3]], np.intp).reshape(-1, 2)
+    return np.concatenate([drawn, drawn[:3, ::-1], drawn[:2], edges])
+
+
+def close(found: Marginals, pairs: np.ndarray, full: np.ndarray) -> None:
+    """Against the (N, N, 6, 6) blocks of the whole covariance."""
+    largest = np.abs(full).max()
+    every = np.arange(len(full))
+    np.testing.assert_allclose(found.single, full[every, every], atol=TOLERANCE * largest)
+    np.testing.assert_allclose(found.across, full[pairs[:, 0], pairs[:, 1]], atol=TOLERANCE * largest)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_they_are_blocks_of_the_dense_inverse(seed: int) -> None:
+    graph = random_graph(seed)
+    pairs, count = asked(graph, np.random.default_rng(seed)), len(graph.trajectory)
+    linear = factors_of(graph, gauge_sigma=1e-2).linearize(to_values(graph.trajectory.T_world_sensor))
+    ordering = gtsam.Ordering()
+    for key in range(count):
+        ordering.push_back(key)
+    full = np.linalg.inv(linear.hessian(ordering)[0])
+    close(marginals(linear, pairs), pairs, full.reshape(count, 6, count, 6).swapaxes(1, 2))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_they_are_those_of_gtsam(seed: int) -> None:
+    graph = random_graph(seed)
+    pairs, values = asked(graph, np.random.default_rng(seed)), to_values(graph.trajectory.T_world_sensor)
+    factors = factors_of(graph, gauge_sigma=1e-2)
+    found, known = marginals(factors.linearize(values), pairs), gtsam.Marginals(factors, values)
+    single = np.stack([known.marginalCovariance(key) for key in range(len(graph.trajectory))])
+    np.testing.assert_allclose(found.single, single, atol=TOLERANCE * np.abs(single).max())
+    for (i, j), across in zip(pairs.tolist(), found.across, strict=True):
+        joint = known.jointMarginalCovariance([i, j]).at(i, j)
+        np.testing.assert_allclose(across, joint, atol=TOLERANCE * np.abs(single).max())
+
+
+def test_a_graph_that_does_not_tell_every_pose_is_refused() -> None:
+    rng = np.random.default_rng(0)
+    T = random_transforms(rng, 4)
+    graph = PoseGraph(Trajectory(np.arange(4.0), T), (measured(rng, T, 0, 1), measured(rng, T, 2, 3)))
+    factors = factors_of(graph)
+    # without what holds the second part
+    loose = gtsam.NonlinearFactorGraph()
+    for k in range(factors.size() - 1):
+        loose.add(factors.at(k))
+    linear = loose.linearize(to_values(T))
+    with pytest.raises(RuntimeError):
+        marginals(linear, np.array([[0, 1]]))
+    solution = graph.optimize()
+    object.__setattr__(solution, "_linear", linear)
+    with pytest.raises(InputError, match="no unique solution"):
+        solution.covariances()
+
+
+def test_what_is_surely_beyond_the_most_is_told_so_and_the_rest_exactly() -> None:
+    rng = np.random.default_rng(1)
+    T, graph = lawnmower(120, 1.0, 1)
+    pairs = np.array([rng.choice(120, 2, replace=False) for _ in range(40)])
+    off = RigidTransform.from_exp_coords(rng.normal(size=(40, 6)) * np.geomspace(1e-3, 10, 40)[:, None])
+    tried = [edge(i, j, T[i].inv() * T[j] * own, np.eye(6) * 1e-4, "loop").registration
+             for (i, j), own in zip(pairs.tolist(), off, strict=True)]  # fmt: skip
+    solution = graph.optimize()
+    exact, known = solution.distances(pairs, tried), solution.distances(pairs, tried, most=6.0)
+    near = np.isfinite(known)
+    np.testing.assert_allclose(known[near], exact[near], rtol=1e-6)
+    assert (exact[~near] > 6).all()
+    assert (exact <= 6).any()
+    assert not near.all()
+
+
+@pytest.mark.slow
+def test_ten_thousand_poses_take_less_than_ten_seconds() -> None:
+    T, graph = lawnmower(10_000, 2.0)
+    linear = factors_of(graph).linearize(to_values(T))
+    begun = time.process_time()
+    single = marginals(linear, np.empty((0, 2), np.intp)).single
+    assert time.process_time() - begun < 10
+    assert np.linalg.eigvalsh(single).min() > 0

@@ -1,6 +1,7 @@
-"""The pose graph: conventions against Monte Carlo, loops, gauges, and a public benchmark."""
+"""Trajectories and the pose graph: chains, conventions against Monte Carlo, loops, gauges, and a public benchmark."""
 
 import time
+from itertools import accumulate
 
 import numpy as np
 import pytest
@@ -8,30 +9,31 @@ from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.edge import components, spanning_tree
 from sonarmap.slam.graph.gtsam_poses import to_pose3
 from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.tangent import adjoint
 from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from tests.samples.places import DATA
-from tests.samples.surveys import edge, random_covariance, random_transforms, ring_poses
+from tests.samples.surveys import (
+    chain_edges,
+    chained_graph,
+    drawn,
+    edge,
+    measured_edge,
+    random_covariance,
+    random_transforms,
+    ring_poses,
+)
 
 GRAPHS = DATA / "graphs"
-
-
-def noisy(T: RigidTransform, covariance: np.ndarray, rng: np.random.Generator) -> RigidTransform:
-    """A measurement T_m with T = T_m Exp(xi), xi of this covariance."""
-    return T * RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance)).inv()
 
 
 def ring_graph(count: int, rng: np.random.Generator, loops: bool) -> tuple[RigidTransform, PoseGraph]:
     T = ring_poses(count)
     pairs = [(k, k + 1) for k in range(count - 1)] + ([(0, count - 1), (2, count // 2)] if loops else [])
-    edges = []
-    for i, j in pairs:
-        covariance = random_covariance(rng)
-        kind = "sequential" if j == i + 1 else "loop"
-        edges.append(edge(i, j, noisy(T[i].inv() * T[j], covariance, rng), covariance, kind))
-    return T, PoseGraph(chain(edges, np.arange(float(count))), tuple(edges))
+    return T, chained_graph([measured_edge(rng, T, i, j, random_covariance(rng)) for i, j in pairs], count)
 
 
 def test_tangents_are_those_of_gtsam():
@@ -42,6 +44,8 @@ def test_tangents_are_those_of_gtsam():
     moved = T * RigidTransform.from_exp_coords(xi)
     np.testing.assert_allclose(to_pose3(T).retract(xi).matrix(), moved.as_matrix(), atol=1e-12)
     np.testing.assert_allclose(to_pose3(T).localCoordinates(to_pose3(moved)), xi, atol=1e-12)
+    T = ring_poses(6)
+    np.testing.assert_allclose(adjoint(T), np.stack([to_pose3(one).AdjointMap() for one in T]), atol=1e-12)
 
 
 def test_covariance_of_a_chain_agrees_with_monte_carlo():
@@ -49,14 +53,12 @@ def test_covariance_of_a_chain_agrees_with_monte_carlo():
     rng = np.random.default_rng(1)
     steps = random_transforms(rng, 3, angle=0.8, length=4.0)
     covariances = [random_covariance(rng, 0.004, 0.03) for _ in range(3)]
-    edges = tuple(edge(k, k + 1, steps[k], covariances[k]) for k in range(3))
-    solution = PoseGraph(chain(edges, np.zeros(4)), edges).optimize()
+    solution = chained_graph([edge(k, k + 1, steps[k], covariances[k]) for k in range(3)], 4).optimize()
 
     draws = 40_000
     T = RigidTransform.identity(draws)
     for step, covariance in zip(steps, covariances, strict=True):
-        xi = rng.multivariate_normal(np.zeros(6), covariance, draws)
-        T = T * step * RigidTransform.from_exp_coords(xi)
+        T = T * step * drawn(rng, covariance, draws)
     last = solution.trajectory.T_world_sensor[3]
     sampled = np.cov((last.inv() * T).as_exp_coords().T)
     predicted = solution.covariances()[3]
@@ -73,12 +75,11 @@ def test_relative_covariance_is_the_edge_s_own_in_either_direction(pair):
     steps = random_transforms(rng, 3)
     covariance = random_covariance(rng)
     measured = [covariance if k == 1 else random_covariance(rng) for k in range(3)]
-    edges = tuple(edge(k, k + 1, steps[k], measured[k]) for k in range(3))
-    solution = PoseGraph(chain(edges, np.zeros(4)), edges).optimize()
+    solution = chained_graph([edge(k, k + 1, steps[k], measured[k]) for k in range(3)], 4).optimize()
     T_i_j, relative = solution.relative(*pair)
     if pair == (2, 1):  # T_j_i Exp(xi') with xi' = -Ad(T_i_j) xi
-        adjoint = to_pose3(T_i_j.inv()).AdjointMap()
-        covariance = adjoint @ covariance @ adjoint.T
+        turned = to_pose3(T_i_j.inv()).AdjointMap()
+        covariance = turned @ covariance @ turned.T
         T_i_j = T_i_j.inv()
     np.testing.assert_allclose(T_i_j.as_matrix(), steps[1].as_matrix(), atol=1e-9)
     np.testing.assert_allclose(relative, covariance, atol=1e-6 * np.abs(covariance).max())
@@ -118,12 +119,7 @@ def test_residuals_are_mahalanobis_lengths():
 def test_every_component_is_tied_once():
     rng = np.random.default_rng(6)
     T, covariance = random_transforms(rng, 6), random_covariance(rng)
-    edges = (
-        edge(0, 1, T[0].inv() * T[1], covariance),
-        edge(2, 3, T[2].inv() * T[3], covariance),
-        edge(3, 3, T[3], covariance, "prior"),
-        edge(4, 5, T[4].inv() * T[5], covariance),
-    )
+    edges = (*chain_edges(T, covariance)[::2], edge(3, 3, T[3], covariance, "prior"))
     graph = PoseGraph(Trajectory(np.zeros(6), T), edges, fixed=(5,))
     assert graph.anchors == (0, 5)
     solution = graph.optimize()
@@ -185,8 +181,89 @@ def test_a_direction_that_scans_leave_open_does_not_end_a_survey(loose: float):
     """Steps along a bare wall, open along the sensor's own last axis, where GTSAM meets the smallest pivot last."""
     truth = random_transforms(np.random.default_rng(8), 6)
     covariance = np.diag([1e-3, 1e-3, 1e-3, 0.01, 0.01, loose]) ** 2
-    edges = tuple(edge(k, k + 1, truth[k].inv() * truth[k + 1], covariance) for k in range(5))
-    solution = PoseGraph(chain(edges, np.zeros(6)), edges).optimize()
+    solution = chained_graph(chain_edges(truth, covariance), 6).optimize()
     sigmas = np.sqrt(np.diag(solution.covariances()[1]))
     np.testing.assert_allclose(sigmas[:5], np.sqrt(np.diag(covariance))[:5], rtol=1e-3)
     assert sigmas[5] == pytest.approx(10.0, rel=0.3)
+
+
+COVARIANCE = np.diag([1.0, 2, 3, 4, 5, 6]) * 1e-4
+
+
+@pytest.mark.parametrize(
+    ("stamps", "T"),
+    [
+        (np.zeros(1), RigidTransform.identity()),
+        (np.zeros(2), RigidTransform.identity(3)),
+        (np.zeros(3, np.float32), RigidTransform.identity(3)),
+        (np.array([0.0, np.nan, 1.0]), RigidTransform.identity(3)),
+        (np.zeros(1), RigidTransform.from_translation([[0.0, np.inf, 0.0]])),
+        ([0.0, 1.0], RigidTransform.identity(2)),
+        (None, RigidTransform.identity(2)),
+        (np.zeros(1), None),
+        (np.zeros(1), np.eye(4)[None]),
+    ],
+)
+def test_refuses_what_is_no_trajectory(stamps, T):
+    with pytest.raises(InputError):
+        Trajectory(stamps, T)
+
+
+def test_chain_composes_like_matrices_and_take_keeps_stamps_beside_their_poses():
+    T = random_transforms(np.random.default_rng(0), 5)
+    taken = Trajectory(np.arange(5.0), T).take([3, 1])
+    np.testing.assert_array_equal(taken.stamps, [3, 1])
+    np.testing.assert_array_equal(taken.T_world_sensor.as_matrix(), T.as_matrix()[[3, 1]])
+    rng = np.random.default_rng(1)
+    steps = random_transforms(rng, 6)
+    edges = [edge(k, k + 1, step, COVARIANCE) for k, step in enumerate(steps)]
+    wanted = list(accumulate(steps.as_matrix(), np.matmul, initial=np.eye(4)))
+    rng.shuffle(edges)  # pyright: ignore[reportArgumentType]
+    np.testing.assert_allclose(chain(edges, np.zeros(7)).T_world_sensor.as_matrix(), wanted, atol=1e-12)
+
+
+def test_chain_follows_consecutive_edges_and_lets_loops_join_the_rest():
+    T = random_transforms(np.random.default_rng(2), 5)
+    wrong = random_transforms(np.random.default_rng(3), 1)[0]
+    between = {(i, j): T[i].inv() * T[j] for i in range(5) for j in range(5)}
+    edges = [
+        edge(0, 2, wrong, COVARIANCE, "loop"),  # closes a cycle: the chain has no use for it
+        edge(0, 1, between[0, 1], COVARIANCE),
+        edge(1, 2, between[1, 2], COVARIANCE),
+        edge(4, 3, between[4, 3], COVARIANCE),  # a gap between 2 and 3, an edge told backward
+        edge(1, 4, between[1, 4], COVARIANCE, "loop"),
+    ]
+    chained = chain(edges, np.zeros(5)).T_world_sensor
+    np.testing.assert_allclose(chained.as_matrix(), (T[0].inv() * T).as_matrix(), atol=1e-12)
+    assert len(spanning_tree(5, edges)) == 4
+
+
+def test_components_start_at_the_identity_or_at_their_prior():
+    T = random_transforms(np.random.default_rng(4), 4)
+    edges = [
+        edge(0, 1, T[0].inv() * T[1], COVARIANCE),
+        edge(2, 3, T[2].inv() * T[3], COVARIANCE),
+        edge(3, 3, T[3], COVARIANCE, "prior"),
+    ]
+    assert components(5, edges) == ((0, 1), (2, 3), (4,))
+    poses = chain(edges, np.zeros(5)).T_world_sensor.as_matrix()
+    np.testing.assert_allclose(poses[0], np.eye(4), atol=1e-15)
+    np.testing.assert_allclose(poses[2:4], T[2:4].as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(poses[4], np.eye(4), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("i", "j", "kind", "covariance", "words"),
+    [
+        *((i, j, kind, COVARIANCE, None) for i, j, kind in ((0, 1, "other"), (-1, 1, "loop"), (2, 2, "loop"))),
+        (0, 1, "prior", COVARIANCE, None),
+        (0, 1, "sequential", np.diag([1.0, 1, 1, 1, 1, 0]), "positive definite"),
+        (0, 1, "sequential", np.diag([1.0, 1, 1, 1, 1, -2]), "positive definite"),
+        (0, 1, "sequential", np.eye(6) + np.triu(np.full((6, 6), 1e-3), 1), "not symmetric"),
+        (0, 1, "sequential", np.diag([1.0, 1, np.nan, 1, 1, 1]), "not finite"),
+        (0, 1, "sequential", np.eye(3), "shape"),
+    ],
+)
+def test_edges_refuse_indices_kinds_and_covariances_that_do_not_fit(i, j, kind, covariance, words):
+    with pytest.raises(InputError, match=words):
+        edge(i, j, RigidTransform.identity(), covariance, kind)

@@ -59,13 +59,10 @@ class TestNearest:
         np.testing.assert_array_equal(index[3], [-1] * 4)
         assert np.isinf(distance[index < 0]).all()
         assert np.isfinite(distance[index >= 0]).all()
-
-    @pytest.mark.parametrize("count", [1, 2, 3])
-    def test_few_scans_are_no_fault(self, count):
-        given = laps(6)[:count]
-        index, _ = PlaceIndex(given).nearest(2, gap=0)
-        assert index.shape == (count, 2)
-        assert (index >= 0).sum() == count * min(2, count - 1)
+        for count in (1, 2, 3):
+            index, _ = PlaceIndex(laps(6)[:count]).nearest(2, gap=0)
+            assert index.shape == (count, 2)
+            assert (index >= 0).sum() == count * min(2, count - 1)
 
     def test_neither_the_unit_nor_the_origin_of_the_signatures_counts(self):
         given = laps(7)
@@ -104,8 +101,7 @@ class TestSurveys:
         index, _ = PlaceIndex(given, np.repeat([0, 1], PLACES)).nearest(1)
         assert index[PLACES, 0] == PLACES - 1
         assert PlaceIndex(given).nearest(1)[0][PLACES, 0] != PLACES - 1
-
-    def test_one_survey_has_no_others(self):
+        # one survey has no others
         index, distance = PlaceIndex(laps(11)).nearest(2, elsewhere=True)
         assert (index == -1).all()
         assert np.isinf(distance).all()
@@ -123,11 +119,8 @@ class TestCandidates:
         assert {(one.i, one.j) for one in found} == want
         assert len(found) == len(want)
         assert Lookalike(0, int(index[0, 0]), float(distance[0, 0])) in found
-
-    def test_are_the_same_again(self):
-        assert PlaceIndex(laps(13)).candidates(3) == PlaceIndex(laps(13)).candidates(3)
-
-    def test_none_where_all_scans_are_neighbors(self):
+        assert PlaceIndex(given).candidates(2) == found
+        # none where all scans are neighbors
         assert PlaceIndex(laps(14)[:5]).candidates(3) == []
 
 

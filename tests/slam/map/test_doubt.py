@@ -79,10 +79,7 @@ def test_a_pole_at_the_edge_of_the_survey_stays_though_one_scan_alone_saw_it() -
     there = (0.0, 8.0, 0.0)
     parted = mapped([AT, there], [wall(AT, extra=pole), wall(there)])
     assert all(has(parted.clean, place) for place in pole)
-
-
-def test_what_is_seen_through_an_opening_stays() -> None:
-    """A room behind a hole of the wall, which the second scan sees closed from aside: no echo is nearer all about."""
+    # and so does a room behind a hole of the wall, which the second scan sees closed: no echo is nearer all about
     beyond = tuple((16.0, y, z) for y in np.arange(-2.4, 2.5, 0.25) for z in np.arange(-2.4, 2.5, 0.25))
     aside = (6.0, 7.0, 0.0)
     parted = mapped([AT, aside], [wall(AT, extra=beyond, hole=np.radians(12)), wall(aside)])
@@ -92,12 +89,11 @@ def test_what_is_seen_through_an_opening_stays() -> None:
 
 @pytest.mark.parametrize("echo", [(5.1, 0.2, 0.1), (14.2, 0.3, 0.2)])
 def test_what_two_scans_saw_stays(echo: tuple) -> None:
-    third = (0.1, -2.0, 0.3)
-    scans = [wall(AT, extra=(echo,)), wall(ASIDE, extra=(echo,)), wall(third)]
-    assert has(mapped([AT, ASIDE, third], scans).clean, echo)
-    of_three = mapped([AT, ASIDE, third], scans, min_seen=3)
-    assert has(of_three.doubtful, echo)
-    everything = mapped([AT, ASIDE, third], [wall(AT, extra=(echo,)), wall(ASIDE), wall(third)], min_seen=1)
+    places = [AT, ASIDE, (0.1, -2.0, 0.3)]
+    scans = [wall(place, extra=(echo,) * (place in (AT, ASIDE))) for place in places]
+    assert has(mapped(places, scans).clean, echo)
+    assert has(mapped(places, scans, min_seen=3).doubtful, echo)
+    everything = mapped(places, [scans[0], wall(ASIDE), scans[2]], min_seen=1)
     assert not len(everything.doubtful.points)
 
 
@@ -128,9 +124,7 @@ def test_beside_a_surface_that_enough_scans_saw(seen: list[int], off: float, bes
     assert parted.doubtful.points.tolist() == (point_map.points[-1:].tolist() if beside else [])
     unasked = Votes(vote.agree, vote.contradict, point_map.seen.copy(), vote.behind)
     assert not len(part_doubtful(point_map, unasked).doubtful.points)  # nobody else looked
-
-
-def test_something_is_always_left() -> None:
+    # something is always left
     point_map = row_of_points([1, 1, 1], 1.0)
     all_behind = Votes(np.zeros(3, int), np.zeros(3, int), np.full(3, 2), np.ones(3, bool))
     assert len(part_doubtful(point_map, all_behind).clean.points) == 3
@@ -164,24 +158,18 @@ def test_together_they_are_the_map_without_the_rule(scans: list[Scan], parted: C
     assert parted.doubtful.looked is not None
     assert parted.doubtful.looked.min() >= 2
     assert parted.clean.removed == whole.clean.removed
+    of_three = clean_map(PlacedScans.of(scans, T, VOXEL), min_seen=3)
+    assert of_three.clean.doubted >= parted.clean.doubted
+    assert of_three.doubtful.seen.max() == 2
 
 
-def test_neither_the_scans_order_nor_their_names_matter(scans: list[Scan], parted: CleanMap) -> None:
+def test_the_scans_order_and_names_and_the_world_do_not_matter(scans: list[Scan], parted: CleanMap) -> None:
     order = np.random.default_rng(2).permutation(COUNT)
     again = clean_map(PlacedScans.of([scans[k] for k in order], T[order], VOXEL, [100 + int(k) for k in order]))
     for one, other in ((parted.clean, again.clean), (parted.doubtful, again.doubtful)):
         distance, _ = KDTree(one.points).query(other.points)
         assert (distance > 1e-9).sum() <= 2  # rounding may move a point over a cell's rim
         assert abs(len(one.points) - len(other.points)) <= 2
-
-
-def test_more_are_asked_for_and_more_go(scans: list[Scan], parted: CleanMap) -> None:
-    of_three = clean_map(PlacedScans.of(scans, T, VOXEL), min_seen=3)
-    assert of_three.clean.doubted >= parted.clean.doubted
-    assert of_three.doubtful.seen.max() == 2
-
-
-def test_moved_with_the_world(scans: list[Scan], parted: CleanMap) -> None:
     shift = RigidTransform.from_translation(VOXEL * np.array([40.0, -7.0, 11.0]))
     moved = clean_map(PlacedScans.of(scans, shift * T, VOXEL))
     assert abs(moved.clean.doubted - parted.clean.doubted) <= 5  # rounding may move a point over a cell's rim

@@ -1,10 +1,12 @@
-"""Outliers that other scans looked through go; walls, a thin pole, and what nobody saw through stay."""
+"""Outliers that other scans looked through go; how far overlapping crossings lie apart, where it is known."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.component_maps import clean_map, survey_layers
+from sonarmap.slam.map.crossing import APART, PER_SCAN, CrossingError, crossing_error
 from sonarmap.slam.map.free_space import Tiles, uncontradicted, votes
 from sonarmap.slam.map.placed import PlacedScans, beams_of
 from sonarmap.slam.map.point_map import PointMap, fuse
@@ -37,17 +39,13 @@ def test_wild_echoes_go_and_surfaces_stay(wild: float, moved: bool) -> None:
     after = clear(before, placed)
     assert clean_map(placed, min_seen=1).clean.removed == len(before.points) - len(after.points)
 
-    far = 3 * VOXEL
-    wrong, right = (np.array([(d > far).sum(), (np.abs(d) < VOXEL).sum()]) for d in map(distance, (before, after)))
+    far, off = 3 * VOXEL, [room_distance(each.points) for each in (before, after)]
+    wrong, right = (np.array([(d > far).sum(), (np.abs(d) < VOXEL).sum()]) for d in off)
     assert right[0] < 0.3 * wrong[0]  # of the outliers in the open
     assert right[1] > 0.999 * wrong[1]  # of the surface
     thin = [(pole_distance(one.points) < RADIUS).sum() for one in (before, after)]
     assert thin[0] > 80
     assert thin[1] > 0.99 * thin[0]
-
-
-def distance(point_map: PointMap) -> np.ndarray:
-    return room_distance(point_map.points)
 
 
 def test_one_view_contradicts_nothing_and_no_view_neither() -> None:
@@ -78,15 +76,7 @@ def test_a_point_is_asked_about_in_every_view() -> None:
     assert not vague.contradict.any()
 
 
-def test_an_unsure_point_close_by_is_left_alone() -> None:
-    """Which way it lies is not known well enough to say that the beams passed it."""
-    T = room_poses(COUNT)
-    scans = scans_at(T, 0.02)
-    vague = np.tile(np.diag(np.repeat([0.2, 2.0], 3) ** 2), (COUNT, 1, 1))
-    assert clean_map(PlacedScans.of(scans, T, VOXEL, covariances=vague)).clean.removed == 0
-
-
-def test_the_same_to_the_byte_and_moved_with_the_world() -> None:
+def test_the_same_to_the_byte_moved_with_the_world_and_left_alone_where_poses_are_unsure() -> None:
     T = room_poses(COUNT)
     scans = scans_at(T, 0.02)
     first, second = clean_map(PlacedScans.of(scans, T, VOXEL)).clean, clean_map(PlacedScans.of(scans, T, VOXEL)).clean
@@ -97,6 +87,9 @@ def test_the_same_to_the_byte_and_moved_with_the_world() -> None:
     moved = clean_map(PlacedScans.of(scans, shift * T, VOXEL)).clean
     assert abs(moved.removed - first.removed) <= 2  # rounding may move a point over a cell's rim
     assert abs(len(moved.points) - len(first.points)) <= 5
+    # which way an unsure point close by lies is not known well enough to say that the beams passed it
+    vague = np.tile(np.diag(np.repeat([0.2, 2.0], 3) ** 2), (COUNT, 1, 1))
+    assert clean_map(PlacedScans.of(scans, T, VOXEL, covariances=vague)).clean.removed == 0
 
 
 def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
@@ -106,10 +99,7 @@ def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
     surveys = [0] * 4 + [1] * (COUNT - 4)
     place = np.array([-3.0, 3.0, 0.0])
     block = place + np.random.default_rng(1).uniform(-0.4, 0.4, (400, 3))
-    changed = [
-        Scan(np.vstack([s.points, T[k].inv().apply(block)]).astype(np.float32)) if k == 0 else s
-        for k, s in enumerate(scans)
-    ]
+    changed = [Scan(np.vstack([scans[0].points, T[0].inv().apply(block)]).astype(np.float32)), *scans[1:]]
     parted = survey_layers(PlacedScans.of(changed, T, VOXEL, surveys=surveys))
     layers = {number: layer.clean for number, layer in parted.items()}
     assert list(layers) == [0, 1]
@@ -135,8 +125,58 @@ def test_it_finds_the_points_that_all_distances_find(size: float) -> None:
         wanted = np.flatnonzero(((points - center) ** 2).sum(axis=1) < radius**2)
         np.testing.assert_array_equal(tiles.within(center, radius), wanted)
     assert not len(tiles.within(points[0] + 1e5, 5.0))
-
-
-def test_a_point_far_away_is_in_no_tile() -> None:
+    # a point far away is in no tile
     points = np.array([[0.0, 0, 0], [1, 0, 0], [1e9, 0, 0]])
     assert Tiles.of(points, 1.0).within(np.zeros(3), 2.0).tolist() == [0, 1]
+
+
+CROSSED, COARSE = 14, 0.3
+
+
+@pytest.fixture(scope="module")
+def scans() -> list:
+    rng = np.random.default_rng(1)
+    return [look(T, rng) for T in poses()]
+
+
+def poses() -> RigidTransform:
+    """Two passes over the same places."""
+    T = room_poses(CROSSED)
+    return RigidTransform.concatenate([T[:7], T[:7]])
+
+
+def test_a_shifted_pass_is_told_and_a_true_one_is_not(scans) -> None:
+    """All walls are met: a shift along a diagonal of 0.4 m each way is 0.4 m across every one of them."""
+    truth = poses()
+    shift = RigidTransform.from_translation([0.4, 0.4, 0.4])
+    drifted = RigidTransform.concatenate([truth[:7], shift * truth[7:]])
+    surveys = [0] * 7 + [1] * 7
+    found = crossing_error(PlacedScans.of(scans, truth, COARSE, surveys=surveys), drifted)
+    assert found.before is not None
+    assert found.after is not None
+    assert found.after.median < 0.02  # ranges err by 0.02 m, and means of a voxel less
+    np.testing.assert_allclose(found.before.median, 0.4, atol=0.03)
+    assert found.before.most >= found.before.median
+    assert all(surveys[one.i] != surveys[one.j] for one in found.crossings)
+    turned = crossing_error(PlacedScans.of(scans, shift * truth, COARSE, surveys=surveys), shift * drifted)
+    np.testing.assert_allclose(turned.before.median, found.before.median, atol=0.01)  # pyright: ignore[reportOptionalMemberAccess]
+
+
+def test_only_scans_far_apart_cross_and_each_a_few_times(scans) -> None:
+    names = [2 * k for k in range(CROSSED)]
+    found = crossing_error(PlacedScans.of(scans, poses(), COARSE, names), poses())
+    assert found.crossings
+    taken = [end for one in found.crossings for end in (one.i, one.j)]
+    assert max(taken.count(end) for end in taken) <= PER_SCAN
+    assert all(one.i in names and one.j - one.i >= APART for one in found.crossings)
+    assert all(one.before == one.after for one in found.crossings)
+    assert CrossingError.of([found, found]).crossings == found.crossings * 2  # components are counted together
+
+
+def test_a_single_pass_crosses_nothing_and_another_number_of_poses_is_refused(scans) -> None:
+    found = crossing_error(PlacedScans.of(scans[:7], poses()[:7], COARSE), poses()[:7])
+    assert found == CrossingError(())
+    assert (found.before, found.after) == (None, None)
+    assert crossing_error(PlacedScans.of(scans[:1], poses()[:1], COARSE), poses()[:1]) == CrossingError(())
+    with pytest.raises(InputError, match="14 scans and 13 poses"):
+        crossing_error(PlacedScans.of(scans, poses(), COARSE), poses()[:13])

@@ -1,5 +1,6 @@
 """How sure a map's points are: what poses and ranges leave open, against drawn errors."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from sonarmap.slam.map.placed import Beams, PlacedScans, beams_of, pose_variance
 from sonarmap.slam.map.point_map import PointMap, fuse
 from sonarmap.spectral.scan import Scan
 from tests.samples.room_scans import look, room_poses
-from tests.samples.surveys import random_covariance, random_transforms
+from tests.samples.surveys import drawn, random_covariance, random_transforms
 
 VOXEL, SPOTS, HITS, DRAWS = 2.0, 40, 6, 400
 
@@ -45,34 +46,41 @@ def scatter(maps: list[PointMap]) -> np.ndarray:
     return np.sqrt(np.var([one.points for one in maps], axis=0).mean(axis=1))
 
 
+def ratios(
+    rng: np.random.Generator,
+    truth: RigidTransform,
+    covariances: np.ndarray,
+    noise: float,
+    errors: Callable[[], RigidTransform],
+) -> tuple[np.ndarray, np.ndarray]:
+    """(SPOTS,) scatter over the draws of these errors, in sigmas of the first map, and those sigmas [m]."""
+    maps = []
+    for _ in range(DRAWS):
+        T = errors()
+        scans = scans_of_spots(truth, noise, rng)
+        maps.append(fuse(with_noise(PlacedScans.of(scans, T, VOXEL, covariances=covariances), max(noise, 1e-6))))
+    return scatter(maps) / maps[0].sigma, maps[0].sigma
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.12])
 def test_one_scan_scatters_as_its_pose_and_its_ranges_do(noise: float) -> None:
     """Every spot's scatter is within 12 % of sigma: four hundred draws of three coordinates tell it to 3 %."""
     rng = np.random.default_rng(2)
     truth, covariance = random_transforms(rng, 1, length=2.0), random_covariance(rng, 0.002, 0.02)
-    maps = []
-    for _ in range(DRAWS):
-        drawn = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance)[None])
-        scans = scans_of_spots(truth, noise, rng)
-        maps.append(
-            fuse(
-                with_noise(PlacedScans.of(scans, truth * drawn, VOXEL, covariances=covariance[None]), max(noise, 1e-6))
-            )
-        )
-    np.testing.assert_allclose(scatter(maps) / maps[0].sigma, 1.0, atol=0.12)
-    assert maps[0].sigma.max() > 1.5 * maps[0].sigma.min()  # the lever arm tells
+    ratio, sigma = ratios(rng, truth, covariance[None], noise, lambda: truth * drawn(rng, covariance, 1))
+    np.testing.assert_allclose(ratio, 1.0, atol=0.12)
+    assert sigma.max() > 1.5 * sigma.min()  # the lever arm tells
 
 
 def test_scans_that_err_together_gain_nothing_from_their_number() -> None:
     rng = np.random.default_rng(5)
     truth, covariance = random_transforms(rng, 5, length=2.0), np.diag(np.repeat([1e-12, 0.0016], 3))
-    maps = []
-    for _ in range(DRAWS):
-        together = RigidTransform.from_translation(rng.normal(0, 0.04, 3))
-        scans = scans_of_spots(truth, 0.05, rng)
-        covariances = np.tile(covariance, (5, 1, 1))
-        maps.append(fuse(with_noise(PlacedScans.of(scans, together * truth, VOXEL, covariances=covariances), 0.05)))
-    np.testing.assert_allclose(scatter(maps) / maps[0].sigma, 1.0, atol=0.12)
+
+    def together() -> RigidTransform:
+        return RigidTransform.from_translation(rng.normal(0, 0.04, 3)) * truth
+
+    ratio, _ = ratios(rng, truth, np.tile(covariance, (5, 1, 1)), 0.05, together)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.12)
 
 
 def test_scans_that_err_apart_are_surer_than_sigma_by_no_more_than_their_number_s_root() -> None:
@@ -80,13 +88,11 @@ def test_scans_that_err_apart_are_surer_than_sigma_by_no_more_than_their_number_
     count = 4
     truth = random_transforms(rng, count, length=2.0)
     covariances = np.stack([random_covariance(rng, 0.002, 0.02) for _ in range(count)])
-    maps = []
-    for _ in range(DRAWS):
-        drawn = np.stack([rng.multivariate_normal(np.zeros(6), covariance) for covariance in covariances])
-        scans = scans_of_spots(truth, 0.05, rng)
-        T = truth * RigidTransform.from_exp_coords(drawn)
-        maps.append(fuse(with_noise(PlacedScans.of(scans, T, VOXEL, covariances=covariances), 0.05)))
-    ratio = scatter(maps) / maps[0].sigma
+
+    def apart() -> RigidTransform:
+        return truth * RigidTransform.concatenate([drawn(rng, covariance) for covariance in covariances])
+
+    ratio, _ = ratios(rng, truth, covariances, 0.05, apart)
     assert (ratio < 1.05).all()
     assert (ratio > 0.9 / np.sqrt(count)).all()
 
@@ -118,16 +124,8 @@ def test_the_order_of_the_scans_and_the_grouping_do_not_matter(merge_rows: int, 
     covariances = np.stack([random_covariance(rng, 0.002, 0.02) for _ in range(5)])
     surveys, order = [7, 7, 3, 3, 3], [3, 0, 4, 2, 1]
     first = fuse(PlacedScans.of(scans, truth, 0.5, covariances=covariances, surveys=surveys))
-    other = fuse(
-        PlacedScans.of(
-            [scans[k] for k in order],
-            truth[order],
-            0.5,
-            order,
-            covariances=covariances[order],
-            surveys=[surveys[k] for k in order],
-        )
-    )
+    numbers = {"covariances": covariances[order], "surveys": [surveys[k] for k in order]}
+    other = fuse(PlacedScans.of([scans[k] for k in order], truth[order], 0.5, order, **numbers))
     np.testing.assert_allclose(other.points, first.points, atol=1e-9)
     np.testing.assert_allclose(other.sigma, first.sigma, rtol=1e-6)
     for name in ("scan", "seen", "count", "survey"):

@@ -1,4 +1,4 @@
-"""The usual motion: learned from steps that are sure, and what it expects and contradicts."""
+"""The usual motion, learned from steps that are sure, and dead reckoning: what they expect and contradict."""
 
 from dataclasses import replace
 
@@ -8,9 +8,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.motion.limits import MotionLimits
+from sonarmap.slam.motion.measured_motion import MeasuredMotion
 from sonarmap.slam.motion.motion import Motion
-from sonarmap.slam.pair import Candidate, RegisteredPair
-from tests.samples.surveys import registration
+from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.slam.pair import RegisteredPair
+from tests.samples.surveys import chained_graph, registration, ring_poses, step_pair
 
 COVARIANCE = np.diag(np.repeat([0.001, 0.01], 3) ** 2)
 FLOOR = np.repeat([0.017, 0.1], 3)
@@ -32,7 +34,7 @@ def steps(
     for k in range(count):
         x = (USUAL + spread * rng.standard_normal(6)) * spans[k]
         T = moved(x) if k >= wrong else moved(np.array([0.1, 0, 3.0, -18.0, 11.0, 0.5]))
-        pairs.append(RegisteredPair(Candidate(k, k + 1, "sequential"), registration(T, COVARIANCE)))
+        pairs.append(step_pair(k, T, COVARIANCE))
     return pairs
 
 
@@ -57,11 +59,11 @@ def test_it_is_learned_whatever_a_few_wrong_steps_say(wrong: int) -> None:
 def test_rare_turns_count() -> None:
     """A lawnmower goes straight for long, and then turns: the turns are no errors."""
     pairs = steps(40)
+    turn = moved(USUAL * [1, 1, 5, 0.6, 1, 1])
     for k in (9, 10, 19, 20, 29, 30):
-        T = moved(USUAL * [1, 1, 5, 0.6, 1, 1])
-        pairs[k] = RegisteredPair(Candidate(k, k + 1, "sequential"), registration(T, COVARIANCE))
+        pairs[k] = step_pair(k, turn, COVARIANCE)
     motion = learned(pairs)
-    assert not motion.contradicts(9, 10, moved(USUAL * [1, 1, 5, 0.6, 1, 1]))
+    assert not motion.contradicts(9, 10, turn)
     assert 4 * motion.expected(9, 10).sigmas[2] > 4 * USUAL[2]
 
 
@@ -85,18 +87,10 @@ def test_stamps_tell_how_far_a_step_leads() -> None:
     np.testing.assert_allclose(over_a_gap.translation, 7.5 * motion.usual[3:], atol=1e-5)
 
 
-def test_stamps_that_stand_still_tell_nothing() -> None:
-    at_once = learned(steps(20), np.full(21, 5.0))
-    counted = learned(steps(20))
-    np.testing.assert_array_equal(at_once.usual, counted.usual)
-
-
-def test_few_steps_tell_nothing() -> None:
+def test_stamps_that_stand_still_and_few_steps_tell_nothing() -> None:
+    np.testing.assert_array_equal(learned(steps(20), np.full(21, 5.0)).usual, learned(steps(20)).usual)
     assert Motion.learn(steps(3), np.arange(4.0), np.zeros(4, int), FLOOR) is None
-    refused = [
-        RegisteredPair(Candidate(*pair.scans, "sequential"), registration(moved(USUAL), COVARIANCE, accepted=False))
-        for pair in steps(20)
-    ]
+    refused = [step_pair(k, moved(USUAL), COVARIANCE, accepted=False) for k in range(20)]
     assert Motion.learn(refused, np.arange(21.0), np.zeros(21, int), FLOOR) is None
 
 
@@ -144,9 +138,7 @@ def test_limits_bound_what_is_expected_and_believed() -> None:
     assert not motion.contradicts(0, 1, moved(np.array([0, 0, 0.2, 0.9, 0, 0])))
     assert motion.contradicts(0, 1, moved(np.array([0, 0, 0.2, 1.6, 0, 0])))
     assert motion.contradicts(0, 1, moved(np.array([0, 0, 0.6, 0.9, 0, 0])))
-
-
-def test_steps_beyond_the_limits_are_not_learned_from() -> None:
+    # steps beyond them are not learned from
     pairs = [*steps(6), *steps(40, wrong=12)[6:12]]
     motion = Motion.learn(pairs, np.arange(13.0), np.zeros(13, int), FLOOR, MotionLimits(speed=4.0))
     assert motion is not None
@@ -157,3 +149,68 @@ def test_steps_beyond_the_limits_are_not_learned_from() -> None:
 def test_limits_are_above_zero(limits: dict[str, float]) -> None:
     with pytest.raises(InputError, match="more than 0"):
         MotionLimits(**limits)
+
+
+POSES = ring_poses(30)
+WORLD = RigidTransform.from_exp_coords([0.2, -0.1, 2.0, 40.0, -30.0, 5.0])
+FINE = np.repeat([0.01, 0.05], 3)
+TIMES = 100.0 + 2.0 * np.arange(30)
+ODOMETRY = Odometry(np.arange(30), WORLD * POSES, TIMES, drift=0.02, turn_drift=0.001)
+
+
+def test_it_expects_what_it_measured_with_an_error_that_grows_with_the_way_and_the_time() -> None:
+    expected, T = ODOMETRY.expected(3, 9, FINE), POSES[3].inv() * POSES[9]
+    np.testing.assert_allclose(expected.T_target_source.as_matrix(), T.as_matrix(), atol=1e-5)
+    way = np.linalg.norm(np.diff(POSES.translation[3:10], axis=0), axis=1).sum()
+    turn = 0.001 * 12.0
+    sigmas = expected.sigmas
+    np.testing.assert_allclose(sigmas[:3], np.hypot(turn, 0.01), rtol=1e-4)
+    np.testing.assert_allclose(sigmas[3:], np.hypot(0.02 * way + turn * way / 2, 0.05), rtol=1e-4)
+    # it contradicts what is far off alone
+    assert not ODOMETRY.contradicts(3, 9, T * RigidTransform.from_translation([0.4, 0.3, 0.0]), FINE)
+    assert ODOMETRY.contradicts(3, 9, T * RigidTransform.from_translation([4.0, 3.0, 0.0]), FINE)
+    assert ODOMETRY.contradicts(3, 9, T * RigidTransform.from_exp_coords([0, 0, 0.5, 0, 0, 0]), FINE)
+
+
+def test_all_its_edges_together_err_as_much_as_the_whole() -> None:
+    edges = ODOMETRY.edges(np.zeros(30, int))
+    assert [edge.kind for edge in edges] == ["odometry"] * 29
+    _, covariance = chained_graph(edges, 30).optimize().relative(0, 29)
+    way = np.linalg.norm(np.diff(POSES.translation, axis=0), axis=1).sum()
+    total = np.sqrt(np.trace(covariance[3:, 3:]) / 3)
+    assert 0.02 * way < total < 0.2 * way
+    # it joins no surveys and skips what it does not tell
+    some = Odometry(np.array([0, 1, 4, 5, 6]), POSES[[0, 1, 4, 5, 6]], TIMES[[0, 1, 4, 5, 6]])
+    edges = some.edges(np.array([0, 0, 0, 0, 0, 1, 1]))
+    assert [(edge.i, edge.j) for edge in edges] == [(0, 1), (1, 4), (5, 6)]
+    assert some.tells(1, 4)
+    assert not some.tells(1, 3)
+
+
+def test_where_it_tells_nothing_anything_is_expected() -> None:
+    motion = MeasuredMotion(Odometry(np.arange(10), POSES[:10], TIMES[:10]), None, FINE)
+    assert motion.is_measured(3, 4)
+    assert not motion.is_measured(3, 14)
+    assert motion.expected(3, 14).sigmas.min() > 3
+    assert not motion.contradicts(3, 14, RigidTransform.from_translation([500.0, 0, 0]))
+    assert motion.is_beyond(3, 4, RigidTransform.from_translation([500.0, 0, 0]))
+
+
+def test_where_it_tells_nothing_the_learned_motion_does() -> None:
+    pairs = steps(20)
+    learned_motion = learned(pairs)
+    motion = MeasuredMotion(Odometry(np.arange(10), POSES[:10], TIMES[:10]), learned_motion, FINE)
+    assert motion.way(3, 4) is None
+    assert motion.way(14, 15) == learned_motion.way(14, 15)
+    fewer = motion.following(pairs[:15]).expected(16, 17)
+    np.testing.assert_array_equal(fewer.sigmas, learned_motion.following(pairs[:15]).expected(16, 17).sigmas)
+    assert (fewer.sigmas >= motion.expected(16, 17).sigmas).all()
+    unlearned = MeasuredMotion(motion.odometry, None, FINE)
+    assert unlearned.way(14, 15) is None
+    assert unlearned.following(pairs) is unlearned
+
+
+def test_bad_odometry_is_refused() -> None:
+    for count, drift, words in ((4, 0.1, "a scan, a pose and a time each"), (5, -0.1, "0 or more")):
+        with pytest.raises(InputError, match=words):
+            Odometry(np.arange(count), POSES[:5], TIMES[:5], drift=drift)

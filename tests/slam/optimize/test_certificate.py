@@ -1,4 +1,4 @@
-"""The isotropic cost, its optimum and its certificate: against sums over edges, on graphs with known answers."""
+"""The isotropic cost, its optimum and certificate; and scan by scan what all at once gives."""
 
 import numpy as np
 import pytest
@@ -6,19 +6,16 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.optimize.certificate import certify
 from sonarmap.slam.optimize.chordal import ChordalProblem
+from sonarmap.slam.optimize.incremental import Incremental, as_they_come
 from sonarmap.slam.optimize.isotropic import Start, optimize_isotropic
-from sonarmap.spectral.result import Registration
+from tests.samples.surveys import chained_graph, edge, measured_edge, random_covariance, ring_poses
 
 
 def poses(rng: np.random.Generator, count: int) -> RigidTransform:
     return RigidTransform.from_components(rng.normal(0, 10, (count, 3)), Rotation.random(count, rng=rng))
-
-
-def edge(i: int, j: int, T_i_j: RigidTransform, covariance: np.ndarray) -> Edge:
-    registration = Registration(T_i_j, covariance, 0.0, 0.0, accepted=True, seconds=0.0, reason="")
-    return Edge(i, j, registration, "sequential" if j == i + 1 else "loop")
 
 
 def graph(rng: np.random.Generator, T: RigidTransform, pairs: list[tuple[int, int]], noise: float) -> list[Edge]:
@@ -53,20 +50,13 @@ def test_the_cost_is_the_sum_over_edges_and_the_trace_of_the_matrix(count: int) 
     assert problem.cost(T) == pytest.approx(want, rel=1e-12)
     X = problem.stacked(T)
     assert np.trace(X.T @ (problem.matrix @ X)) == pytest.approx(want, rel=1e-10)
-
-
-def test_moving_all_poses_changes_nothing() -> None:
-    rng = np.random.default_rng(3)
-    problem = ChordalProblem.of(6, graph(rng, poses(rng, 6), ring(6), 1.0))
-    T = poses(rng, 6)
     moved = RigidTransform.from_exp_coords([0.3, -1.2, 0.7, 5, -8, 2]) * T
     assert problem.cost(moved) == pytest.approx(problem.cost(T), rel=1e-12)
 
 
 def test_a_prior_is_refused() -> None:
-    one = Edge(0, 0, edge(0, 1, RigidTransform.identity(), np.eye(6)).registration, "prior")
     with pytest.raises(InputError, match=r"pose 0 has a prior.*`objective=full`"):
-        ChordalProblem.of(1, [one])
+        ChordalProblem.of(1, [edge(0, 0, RigidTransform.identity(), np.eye(6), "prior")])
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -77,6 +67,9 @@ def test_a_noisy_graph_is_certified_from_any_poses_and_no_step_lowers_it(seed: i
     start = poses(rng, 15)
     found = optimize_isotropic(problem, start)
     np.testing.assert_allclose(found.T[0].as_matrix(), start[0].as_matrix(), atol=1e-6)
+    far = certify(problem, start)
+    assert far.verdict == "not certified"
+    assert "still falls" in far.reason
     certificate = certify(problem, found.T)
     assert certificate.verdict == "certified", certificate.reason
     assert certificate.gap <= 1e-6 * certificate.cost
@@ -117,14 +110,6 @@ def test_a_wound_up_ring_rests_and_is_not_certified() -> None:
     assert certify(problem, optimize_isotropic(problem, wound(40, 1)).T).verdict == "certified"
 
 
-def test_poses_far_from_rest_are_told_so() -> None:
-    rng = np.random.default_rng(5)
-    problem = ChordalProblem.of(8, graph(rng, poses(rng, 8), ring(8), 1.0))
-    certificate = certify(problem, poses(rng, 8))
-    assert certificate.verdict == "not certified"
-    assert "still falls" in certificate.reason
-
-
 @pytest.mark.parametrize("start", ["chordal", "given"])
 def test_the_optimum_moves_with_the_first_pose_and_knows_no_order_of_the_edges(start: Start) -> None:
     rng = np.random.default_rng(6)
@@ -136,3 +121,76 @@ def test_the_optimum_moves_with_the_first_pose_and_knows_no_order_of_the_edges(s
     other = optimize_isotropic(ChordalProblem.of(10, [edges[k] for k in order]), moved * true, start)
     np.testing.assert_allclose(other.T.as_matrix(), (moved * found.T).as_matrix(), atol=1e-4)
     assert other.cost_after == pytest.approx(found.cost_after, rel=1e-9)
+
+
+COUNT = 25
+SIGMAS = 0.02  # most that a pose may lie from the batch optimum, in its deviations
+
+
+def edges_of(seed: int) -> list[Edge]:
+    rng = np.random.default_rng(seed)
+    T = ring_poses(COUNT)
+    pairs = [(k, k + 1) for k in range(COUNT - 1)] + [(7, 2), (1, 9), (20, 4), (0, COUNT - 1), (COUNT - 2, 1)]
+    return [measured_edge(rng, T, i, j, random_covariance(rng)) for i, j in pairs]
+
+
+def grown(edges: list[Edge], late: int = 0) -> Incremental:
+    """Every edge comes with the later of its poses, but for the last `late`, which come in the end."""
+    incremental = Incremental()
+    early = edges[: len(edges) - late]
+    for pose in range(COUNT):
+        incremental.add_pose(float(pose), [one for one in early if max(one.i, one.j) == pose])
+    incremental.add_edges(edges[len(early) :])
+    return incremental
+
+
+def batch(edges: list[Edge]) -> Solution:
+    return chained_graph(edges, COUNT).optimize()
+
+
+@pytest.mark.parametrize("late", [0, 2])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_it_is_the_batch_solution(seed: int, late: int) -> None:
+    edges = edges_of(seed)
+    incremental, solution = grown(edges, late), batch(edges)
+    apart = (solution.trajectory.T_world_sensor.inv() * incremental.trajectory.T_world_sensor).as_exp_coords()
+    for error, covariance in zip(apart[1:], solution.covariances()[1:], strict=True):
+        assert error @ np.linalg.solve(covariance, error) < SIGMAS**2
+    for i, j in [(0, 12), (20, 3), (5, 6)]:
+        (T, covariance), (T_batch, wanted) = incremental.relative(i, j), solution.relative(i, j)
+        scale = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
+        np.testing.assert_allclose(covariance / scale, wanted / scale, atol=0.02)
+        error = (T_batch.inv() * T).as_exp_coords()
+        assert error @ np.linalg.solve(wanted, error) < SIGMAS**2
+
+
+def test_a_prior_places_the_first_pose() -> None:
+    edges = edges_of(3)
+    T = RigidTransform.from_exp_coords([0.2, -0.4, 1.0, 30, -7, 2])
+    incremental = Incremental()
+    assert incremental.add_pose(5.0, [edge(0, 0, T, np.eye(6) * 1e-4, "prior")]) == 0
+    assert incremental.add_pose(6.5, [edges[0]]) == 1
+    np.testing.assert_array_equal(incremental.trajectory.stamps, [5.0, 6.5])
+    wanted = T * edges[0].registration.T_target_source
+    np.testing.assert_allclose(incremental.trajectory.T_world_sensor[1].as_matrix(), wanted.as_matrix(), atol=1e-6)
+
+
+def test_refuses_poses_that_nothing_ties_and_edges_to_nowhere() -> None:
+    edges = edges_of(4)
+    incremental = Incremental()
+    incremental.add_pose(0.0)
+    with pytest.raises(InputError, match="no edge ties pose 1"):
+        incremental.add_pose(1.0)
+    with pytest.raises(InputError, match="edge 1 -> 2 names a pose"):
+        incremental.add_edges([edges[1]])
+    assert len(incremental) == 1
+
+
+def test_a_whole_graph_is_taken_as_it_comes() -> None:
+    edges = edges_of(2)
+    graph = chained_graph(edges[::-1], COUNT)
+    T = as_they_come(graph)
+    apart = (batch(edges).trajectory.T_world_sensor.inv() * T).as_exp_coords()
+    assert np.abs(apart).max() < 1e-3
+    with pytest.raises(InputError, match="no edge ties pose 5"):
+        as_they_come(graph.keep(np.array([5 not in (one.i, one.j) or max(one.i, one.j) > 5 for one in graph.edges])))

@@ -1,11 +1,12 @@
-"""Dense streams: few key scans, and every scan in the map."""
+"""Dense streams: few key scans, every scan in the map, and how a vehicle is off a steady motion."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.runner import Execution, PairRunner
@@ -14,6 +15,7 @@ from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.slam.stream.keys import KeySettings, choose_keys
+from sonarmap.slam.stream.unsteady import Unsteadiness
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
@@ -26,10 +28,14 @@ STREAM = ring_poses(COUNT, radius=6.0, turns=COUNT / 360)
 SCANS = scans_of(STREAM, reach=4.0)
 
 
+def way(i: int, j: int) -> float:
+    return float(np.linalg.norm((STREAM[i].inv() * STREAM[j]).translation))
+
+
 def reach(i: int, j: int, given: Registration) -> Registration:
     """What scans share falls with the way between them; none are registered over more than 1.5 m."""
-    way = float(np.linalg.norm((STREAM[i].inv() * STREAM[j]).translation))
-    return replace(given, overlap=max(0.0, 1 - way / 4), accepted=way < 1.5, probability=0.95 if way < 1.5 else 0.1)
+    near = way(i, j) < 1.5
+    return replace(given, overlap=max(0.0, 1 - way(i, j) / 4), accepted=near, probability=0.95 if near else 0.1)
 
 
 def mapped(
@@ -60,11 +66,7 @@ def test_few_scans_are_registered_and_all_are_placed() -> None:
     assert result.by_navigation == ()
     assert {scan for pair in result.pairs for scan in pair.scans} <= set(result.keys)
     assert result.covariances.shape == (COUNT, 6, 6)
-
-
-def test_a_scan_between_is_less_sure_than_its_key_scans() -> None:
-    result, _ = mapped()
-    assert result.keys is not None
+    # a scan between is less sure than its key scans
     a, b = max(zip(result.keys[5:], result.keys[6:], strict=False), key=lambda pair: pair[1] - pair[0])
     traces = np.trace(result.covariances[:, 3:, 3:], axis1=1, axis2=2)
     assert traces[(a + b) // 2] > traces[a]
@@ -75,6 +77,8 @@ def test_a_user_may_set_the_step() -> None:
     assert result.keys is not None
     ways = np.linalg.norm(np.diff(STREAM.translation[list(result.keys)], axis=0), axis=1)
     assert 0.25 < np.median(ways) < 0.6
+    with pytest.raises(InputError, match="key_step"):
+        KeySettings(0.0)
 
 
 def test_refused_strides_are_halved() -> None:
@@ -90,18 +94,15 @@ def test_refused_strides_are_halved() -> None:
 def test_strides_go_on_along_a_wall() -> None:
     """A direction that scans leave open is so at half the way as well; a wrong place is not."""
 
-    def along(place: float) -> Callable[[int, int, Registration], Registration]:
-        def spoil(i: int, j: int, given: Registration) -> Registration:
-            beside_the_wall = i >= COUNT // 3 and j < 2 * COUNT // 3
-            if not beside_the_wall:
-                return reach(i, j, given)
-            loose = np.diag([1e-6, 1e-6, 1e-6, 100.0, 1e-4, 1e-4])
-            return replace(given, covariance=loose, accepted=False, probability=0.1 * place, evidence=(("held", 0.1),))
-
-        return spoil
+    def along(place: float, i: int, j: int, given: Registration) -> Registration:
+        if i < COUNT // 3 or j >= 2 * COUNT // 3:
+            return reach(i, j, given)
+        loose = np.diag([1e-6, 1e-6, 1e-6, 100.0, 1e-4, 1e-4])
+        return replace(given, covariance=loose, accepted=False, probability=0.1 * place, evidence=(("held", 0.1),))
 
     def strides(place: float) -> np.ndarray:
-        runner = PairRunner(Execution.here(KnowingRegistrar(STREAM, COVARIANCE, along(place)), 2), SCANS, 2, None)
+        registrar = KnowingRegistrar(STREAM, COVARIANCE, partial(along, place))
+        runner = PairRunner(Execution.here(registrar, 2), SCANS, 2, None)
         keys, _ = choose_keys(runner, np.zeros(COUNT, np.intp), VOXEL, KeySettings())
         return np.diff([k for k in keys if COUNT // 3 <= k < 2 * COUNT // 3])
 
@@ -114,8 +115,7 @@ def test_idle_workers_register_ahead_and_the_key_scans_are_the_same(widest: floa
     """Also where many strides are refused."""
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
-        way = float(np.linalg.norm((STREAM[i].inv() * STREAM[j]).translation))
-        return reach(i, j, given) if way < widest else replace(given, accepted=False, probability=0.0)
+        return reach(i, j, given) if way(i, j) < widest else replace(given, accepted=False, probability=0.0)
 
     def searched(workers: int) -> tuple[list[int], list[tuple[int, int]], list[int]]:
         here = Execution.here(KnowingRegistrar(STREAM, COVARIANCE, spoil), 2)
@@ -152,10 +152,8 @@ def test_a_survey_that_is_no_stream_is_registered_scan_by_scan() -> None:
 def test_fixes_of_scans_between_place_the_map() -> None:
     world = RigidTransform.from_exp_coords([0, 0, 1.2, 300.0, -200.0, -15.0])
     sigmas = np.array([np.inf, np.inf, np.inf, 0.1, 0.1, 0.05])
-    scans = [
-        replace(scan, prior=PosePrior(world * STREAM[k], sigmas)) if k % 10 == 7 else scan
-        for k, scan in enumerate(SCANS)
-    ]
+    priors = {k: PosePrior(world * STREAM[k], sigmas) for k in range(7, COUNT, 10)}
+    scans = [replace(scan, prior=priors.get(k)) for k, scan in enumerate(SCANS)]
     result, _ = mapped(scans)
     assert result.keys is not None
     away = result.trajectory.T_world_sensor.translation - (world * STREAM).translation
@@ -164,10 +162,8 @@ def test_fixes_of_scans_between_place_the_map() -> None:
 
 def test_a_wrong_fix_that_dead_reckoning_shows_is_told() -> None:
     sigmas = np.array([np.inf, np.inf, np.inf, 0.2, 0.2, 0.1])
-    scans = [
-        replace(scan, prior=PosePrior(RigidTransform.from_translation([20.0 * (k == 70), 0, 0]) * STREAM[k], sigmas))
-        for k, scan in enumerate(SCANS)
-    ]
+    scans = [replace(scan, prior=PosePrior(T, sigmas)) for scan, T in zip(SCANS, STREAM, strict=True)]
+    scans[70] = replace(SCANS[70], prior=PosePrior(RigidTransform.from_translation([20.0, 0, 0]) * STREAM[70], sigmas))
     result, _ = mapped(scans, odometry=Odometry(np.arange(COUNT), STREAM, 100.0 + np.arange(COUNT)))
     assert result.keys is not None
     assert [(fix.scan, fix.kind) for fix in result.wrong_fixes] == [(70, "position")]
@@ -190,6 +186,69 @@ def test_dead_reckoning_places_what_a_steady_motion_does_not() -> None:
     assert errors[1] < 0.5 * errors[0]
 
 
-def test_a_step_is_above_zero() -> None:
-    with pytest.raises(InputError, match="key_step"):
-        KeySettings(0.0)
+SHAKE = np.array([0.03, 0.01, 0.02, 0.02, 0.05, 0.01])
+STRIDE = 10  # scans from one key scan to the next
+
+
+def swinging(count: int, turn: float, shake: np.ndarray, seed: int = 2) -> RigidTransform:
+    """Scans a decimeter apart along a swinging that swings, with so much turn at most per scan [rad]."""
+    rng = np.random.default_rng(seed)
+    heading = np.cumsum(turn * np.sin(2 * np.pi * np.arange(count) / 150))
+    places = np.cumsum(0.1 * np.column_stack([np.cos(heading), np.sin(heading), np.zeros(count)]), axis=0)
+    smooth = RigidTransform.from_components(places, Rotation.from_euler("z", heading[:, None]))
+    return smooth * RigidTransform.from_exp_coords(shake * rng.standard_normal((count, 6)))
+
+
+def between(T: RigidTransform, k: int) -> np.ndarray:
+    """(6,) what scan k is off a steady motion from the key scan before it to the one behind."""
+    i = k // STRIDE * STRIDE
+    steady = T[i] * RigidTransform.from_exp_coords((k - i) / STRIDE * (T[i].inv() * T[i + STRIDE]).as_exp_coords())
+    return (steady.inv() * T[k]).as_exp_coords()
+
+
+@pytest.mark.parametrize("shake", [0.0 * SHAKE, 0.1 * SHAKE, SHAKE])
+@pytest.mark.parametrize("turn", [0.0, 0.02])
+def test_scans_between_are_as_far_off_as_key_scans_tell(turn: float, shake: np.ndarray) -> None:
+    """Of three hundred strides; the scans between have never been looked at."""
+    T = swinging(300 * STRIDE + 1, turn, shake)
+    keys = np.arange(0, len(T), STRIDE)
+    told = Unsteadiness.of(T[keys], keys.astype(float), np.zeros(len(keys), int))
+    for offset in (1, 5, 8):
+        off = np.array([between(T, k + offset) for k in keys[:-1]])
+        squares = (off**2).mean(axis=0)
+        # of what is assumed before, a 75th is left
+        left = 0.0134 * np.repeat([0.1 * max(turn * STRIDE, 0.05), 0.1], 3) ** 2
+        variance = told.variance(offset, STRIDE - offset)
+        assert (squares < 1.6 * variance + 1e-9).all()
+        assert (variance < 2.5 * squares + 6 * left).all()
+
+
+def test_what_is_of_two_runs_is_not_compared() -> None:
+    """The same swinging twice, the second time far away and turned around."""
+    T, count = swinging(400, 0.02, SHAKE)[::STRIDE], 40
+    elsewhere = RigidTransform.from_components([50.0, -20.0, 5.0], Rotation.from_euler("z", 2.5))
+    both = RigidTransform.concatenate([T, elsewhere * T])
+    times = np.arange(float(count))
+    one = Unsteadiness.of(T, times, np.zeros(count, int))
+    two = Unsteadiness.of(both, np.concatenate([times, times]), np.repeat([0, 1], count))
+    np.testing.assert_allclose(two.shaken, one.shaken * (72 / 76) / (36 / 40), rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_a_few_key_scans_tell_little(count: int) -> None:
+    T = swinging(STRIDE * count, 0.0, 0 * SHAKE)[::STRIDE]
+    told = Unsteadiness.of(T, np.arange(float(count)), np.zeros(count, int))
+    np.testing.assert_allclose(told.variance(0.5, 0.5)[3:], (0.1 * 1.0) ** 2, rtol=1e-6)
+    np.testing.assert_array_equal(told.shaken, 0)
+
+
+def test_a_steady_turn_at_uneven_times_is_no_shaking() -> None:
+    """The speed of one number changes steadily; half of that is what is found."""
+    times = np.array([0.0, 1.0, 3.0, 3.5, 6.0, 7.0, 9.0, 10.0, 12.0])
+    T = RigidTransform.from_components(
+        np.column_stack([0.5 * times, 0.01 * times**2, 0 * times]), Rotation.identity(len(times))
+    )
+    told = Unsteadiness.of(T, times, np.zeros(len(times), int))
+    np.testing.assert_allclose(told.shaken, 0, atol=1e-20)
+    # five key scans know, four are assumed
+    assert told.curved[4] - told.curved[5] == pytest.approx(5 / 9 * 0.01**2)

@@ -1,6 +1,5 @@
-"""The rotation's steps one by one: each finds the angle it is there for, with the sign of the conventions page."""
+"""The rotation's steps one by one, with the sign of the conventions page, and a peak's covariance."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import Array, Device, choose_device
 from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.pomf.peak import Peak
 from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.hemisphere.covariance import peak_covariance, peak_width
 from sonarmap.spectral.hemisphere.layers import Hemisphere
 from sonarmap.spectral.hemisphere.match import Match, differ
 from sonarmap.spectral.overlap import overlap, unwrap
@@ -20,6 +21,7 @@ from sonarmap.spectral.translation import Translation
 from tests.samples.structures import moved, structure
 
 EDGE, VOXEL = 64, 0.4
+Shift = tuple[float, float, float]
 
 
 class Room:
@@ -34,17 +36,13 @@ class Room:
         self.target, magnitude = self.preparer.prepare(Scan(self.points))
         self.layers = self.hemisphere.prepare(magnitude)
 
-    def turned(self, R_target_source: Rotation, shift: tuple[float, float, float] = (0.8, -1.2, 0.6)) -> Prepared:
-        """The structure as a source sees it whose R_target_source this is."""
-        return self._turned(R_target_source, shift)[0]
-
-    def magnitude(self, R_target_source: Rotation) -> Array:
-        """The magnitude spectrum of it."""
-        return self._turned(R_target_source, (0.8, -1.2, 0.6))[1]
-
-    def _turned(self, R_target_source: Rotation, shift: tuple[float, float, float]) -> tuple[Prepared, Array]:
+    def turned(self, R_target_source: Rotation, shift: Shift = (0.8, -1.2, 0.6)) -> tuple[Prepared, Array]:
+        """The structure as a source sees it whose R_target_source this is, and its magnitude spectrum."""
         T = RigidTransform.from_components(shift, R_target_source)
         return self.preparer.prepare(Scan(moved(self.points, T.inv())))
+
+    def magnitude(self, R_target_source: Rotation) -> Array:
+        return self.turned(R_target_source)[1]
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +92,7 @@ def test_heading_finds_the_yaw_that_is_left(room: Room, left: float) -> None:
 
 def test_translation_has_the_sign_and_unit_of_the_conventions(room: Room) -> None:
     R = Rotation.from_euler("ZYX", [30.0, 5.0, -8.0], degrees=True)
-    source = room.turned(R, shift=(2.0, -1.0, 0.5))
+    source, _ = room.turned(R, shift=(2.0, -1.0, 0.5))
     peak = room.translation.find(room.target, source, R)
     shift = room.target.center + peak.shift * VOXEL - R.apply(source.center)
     np.testing.assert_allclose(shift, [2.0, -1.0, 0.5], atol=0.3 * VOXEL)
@@ -104,7 +102,7 @@ def test_translation_has_the_sign_and_unit_of_the_conventions(room: Room) -> Non
 
 def test_search_climbs_back_to_the_rotation(room: Room) -> None:
     true = Rotation.from_euler("ZYX", [30.0, 5.0, -8.0], degrees=True)
-    source = room.turned(true)
+    source, _ = room.turned(true)
     begin = Rotation.from_rotvec(np.deg2rad([1.5, -2.0, 2.5])) * true
     peak = room.translation.find(room.target, source, begin)
     R, best = search_rotation(room.translation, room.target, source, begin, peak)
@@ -129,10 +127,8 @@ def test_a_shift_over_half_the_grid_is_told_from_its_wrapped_twin(room: Room, tr
     step = np.array(true) * VOXEL
     rng = np.random.default_rng(1)
     place = rng.uniform(-15, 15, (4000, 3)).astype(np.float32)
-    low = np.abs(place + step / 2).max(axis=1) < 11
-    high = np.abs(place - step / 2).max(axis=1) < 11
-    target, _ = room.preparer.prepare(Scan(place[low]))
-    source, _ = room.preparer.prepare(Scan(place[high]))
+    parts = (place[np.abs(place + side * step / 2).max(axis=1) < 11] for side in (1, -1))
+    target, source = (room.preparer.prepare(Scan(part))[0] for part in parts)
     shift = (source.center - target.center) / VOXEL
     cyclic = (shift + EDGE / 2) % EDGE - EDGE / 2
     unwrapped = unwrap(room.device, target, source, Rotation.identity(), cyclic, EDGE)
@@ -146,20 +142,14 @@ def test_a_stray_point_outside_the_grid_changes_nothing(room: Room) -> None:
     assert room.translation.find(room.target, prepared, Rotation.identity()).psr > 100
 
 
-def test_a_grid_that_holds_less_than_half_of_a_scan_is_refused() -> None:
-    device = choose_device()
-    preparer = Preparer(device, Grid(EDGE, 0.1), use_strength=False)
-    with pytest.raises(InputError, match=r"holds \d+\.\d% of its points.*larger `voxel`"):
+@pytest.mark.parametrize(
+    ("voxel", "words"), [(0.1, r"holds \d+\.\d% of its points.*larger `voxel`"), (1e-40, "larger `voxel`")]
+)
+@pytest.mark.filterwarnings("error")
+def test_a_grid_that_holds_less_than_half_of_a_scan_is_refused(voxel: float, words: str) -> None:
+    preparer = Preparer(choose_device(), Grid(EDGE, voxel), use_strength=False)
+    with pytest.raises(InputError, match=words):
         preparer.prepare(Scan(structure(2)))
-
-
-def test_a_tiny_voxel_is_refused_without_a_warning() -> None:
-    device = choose_device()
-    preparer = Preparer(device, Grid(EDGE, 1e-40), use_strength=False)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        with pytest.raises(InputError, match="larger `voxel`"):
-            preparer.prepare(Scan(structure(2)))
 
 
 def test_hypotheses_apart_by_a_whole_grid_are_one_answer(room: Room) -> None:
@@ -171,3 +161,48 @@ def test_hypotheses_apart_by_a_whole_grid_are_one_answer(room: Room) -> None:
     assert not differ(at((31.8, 0.0, 2.0)), at((-31.9, 1.0, 0.0)), EDGE)
     assert differ(at((31.8, 0.0, 2.0)), at((20.0, 0.0, 2.0)), EDGE)
     assert differ(at((0.0, 0.0, 0.0)), at((0.0, 0.0, 0.0), yaw=25.0), EDGE)
+
+
+def gaussian_peak(cov: np.ndarray, psr: float = 200.0) -> Peak:
+    steps = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1)
+    exponent = np.einsum("...i,ij,...j->...", steps, np.linalg.inv(cov), steps)
+    neighborhood = np.exp(-0.5 * exponent).astype(np.float32)
+    return Peak(np.zeros(3, int), np.zeros(3), 1.0, 1.0, psr, neighborhood, 0.0, 1.0)
+
+
+def test_width_is_that_of_the_gaussian() -> None:
+    cov = np.array([[1.5, 0.3, 0.0], [0.3, 2.0, -0.2], [0.0, -0.2, 1.2]])
+    np.testing.assert_allclose(peak_width(gaussian_peak(cov)), cov, rtol=1e-4, atol=1e-4)
+    # a ridge is as wide as the neighborhood can tell
+    ridge = gaussian_peak(np.diag([1.0, 1e6, 1.0]))
+    np.testing.assert_allclose(np.diag(peak_width(ridge)), [1, 9, 1], rtol=1e-3)
+
+
+def test_translation_is_turned_into_the_frame_of_the_source() -> None:
+    R = Rotation.from_euler("Z", 90, degrees=True)
+    wide_x = peak_covariance(gaussian_peak(np.diag([4.0, 1.0, 1.0])), R, np.zeros(3), Grid(128, 0.5), 0.02)
+    sigmas = np.diag(wide_x)[3:]
+    assert sigmas[1] == pytest.approx(4 * sigmas[0], rel=1e-3)  # the target's x is the source's -y
+    assert sigmas[2] == pytest.approx(sigmas[0], rel=1e-3)
+
+
+def test_covariance_is_about_the_sensor_and_holds_for_the_right_tangent() -> None:
+    """Against Monte Carlo: errors drawn about the grid's center, seen at the sensor."""
+    R, center, voxel, bin_angle = (Rotation.from_euler("ZYX", [0.5, -0.2, 0.1]), np.array([7.0, -3.0, 2.0]), 0.5, 0.03)
+    peak = gaussian_peak(np.diag([2.0, 1.0, 1.5]))
+    stated = peak_covariance(peak, R, center, Grid(128, voxel), bin_angle)
+    np.testing.assert_allclose(stated, stated.T)
+    rng = np.random.default_rng(5)
+    count = 20_000
+    turns = Rotation.from_rotvec(rng.normal(0, bin_angle / np.sqrt(12), (count, 3)))
+    shifts = rng.normal(size=(count, 3)) * np.sqrt(np.array([2.0, 1.0, 1.5]) * voxel**2 / 12)
+    T = RigidTransform.from_components([4.0, 5.0, 6.0], R)
+    place = T.apply(center) + shifts - (R * turns).apply(np.tile(center, (count, 1)))
+    xi = (T.inv() * RigidTransform.from_components(place, R * turns)).as_exp_coords()
+    np.testing.assert_allclose(np.cov(xi.T), stated, atol=0.03 * np.abs(stated).max())
+
+
+def test_a_low_peak_is_less_certain() -> None:
+    peaks = (gaussian_peak(np.eye(3), psr) for psr in (100.0, 30.0))
+    high, low = (peak_covariance(peak, Rotation.identity(), np.zeros(3), Grid(128, 1.0), 0.02) for peak in peaks)
+    assert np.all(np.diag(low) > 3.9 * np.diag(high))

@@ -1,4 +1,6 @@
-"""Expected poses as priors of a pair: what they say, and where instruments are surer."""
+"""Expected poses as priors of a pair, and a registration without what instruments said."""
+
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -7,7 +9,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.prior import relative_prior
+from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
+from tests.samples.surveys import random_covariance, random_transforms
 
 R_EXPECTED = Rotation.from_euler("ZYX", [0.5, 0.1, -0.2])
 EXPECTED = ExpectedPose(R_EXPECTED.as_rotvec(), np.array([2.0, -0.7, 0.3]), np.array([0.02, 0.03, 0.2, 0.5, 0.7, 1.1]))
@@ -15,25 +19,18 @@ T_TARGET = RigidTransform.from_components([100.0, 50.0, -9.0], Rotation.from_eul
 
 
 def measured(T: RigidTransform, *known: int, sigma: float = 0.01) -> PosePrior:
-    sigmas = np.full(6, np.inf)
-    sigmas[list(known)] = sigma
-    return PosePrior(T, sigmas)
+    return PosePrior(T, np.where(np.isin(np.arange(6), known), sigma, np.inf))
 
 
-def test_without_instruments_it_is_what_was_expected() -> None:
+def test_without_instruments_it_is_what_was_expected_and_fits_its_own_priors() -> None:
     target, source = EXPECTED.priors(None, None)
     expected = target.T_world_sensor.inv() * source.T_world_sensor
     np.testing.assert_allclose(expected.as_matrix(), EXPECTED.T_target_source.as_matrix(), atol=1e-12)
     np.testing.assert_array_equal(source.sigmas, EXPECTED.sigmas)
     assert target.sigmas.max() < 1e-3
-
-
-def test_the_expected_pose_fits_its_own_priors() -> None:
-    prior = relative_prior(*EXPECTED.priors(None, None))
+    prior = relative_prior(target, source)
     assert prior is not None
-    squared, count = prior.normalized(EXPECTED.T_target_source)
-    assert squared < 1e-12
-    assert count == 6
+    assert prior.normalized(EXPECTED.T_target_source) == (pytest.approx(0, abs=1e-12), 6)
 
 
 def test_a_measured_attitude_gives_the_tilt_and_the_motion_the_turn() -> None:
@@ -64,8 +61,7 @@ def test_sigmas_are_about_the_axes_of_the_world() -> None:
 
 def test_what_instruments_know_better_counts() -> None:
     T_source = T_TARGET * EXPECTED.T_target_source * RigidTransform.from_translation([0.4, 0.2, 0.1])
-    all_known = range(6)
-    target, source = EXPECTED.priors(measured(T_TARGET, *all_known), measured(T_source, *all_known))
+    target, source = EXPECTED.priors(measured(T_TARGET, *range(6)), measured(T_source, *range(6)))
     relative = target.T_world_sensor.inv() * source.T_world_sensor
     np.testing.assert_allclose(relative.as_matrix(), (T_TARGET.inv() * T_source).as_matrix(), atol=1e-9)
     np.testing.assert_allclose(source.sigmas[3:], np.hypot(0.01, 0.01))
@@ -85,3 +81,56 @@ def test_a_poor_position_does_not_replace_the_motion_but_a_depth_does() -> None:
 def test_bad_sigmas_are_refused(sigmas: np.ndarray) -> None:
     with pytest.raises(InputError, match="sigmas"):
         ExpectedPose(np.zeros(3), np.zeros(3), sigmas)
+
+
+RNG = np.random.default_rng(4)
+POSES, BY_SCANS = random_transforms(RNG, 3), random_transforms(RNG, 3)
+COVARIANCES, UNSURE = ([random_covariance(RNG) for _ in range(3)] for _ in range(2))
+
+
+def registration(n: int, by_scans: bool, alternatives: tuple[Registration, ...] = ()) -> Registration:
+    """Numbers of its own in every field."""
+    return Registration(
+        T_target_source=POSES[n],
+        covariance=COVARIANCES[n],
+        psr=20.0 + n,
+        overlap=0.3 + n / 10,
+        accepted=n != 1,
+        seconds=0.5 + n,
+        reason=f"reason {n}",
+        probability=0.9 - n / 10,
+        step_psr=(("rotation", 0.4 + n),),
+        alternatives=alternatives,
+        T_by_scans=BY_SCANS[n] if by_scans else None,
+        covariance_by_scans=UNSURE[n] if by_scans else None,
+        evidence=(("view", 0.7 + n),),
+    )
+
+
+def same(a: RigidTransform, b: RigidTransform) -> bool:
+    return bool((a.as_matrix() == b.as_matrix()).all())
+
+
+def test_pose_and_covariance_are_those_of_the_scans_of_the_alternatives_too() -> None:
+    third = registration(2, by_scans=True)
+    second = registration(1, by_scans=True, alternatives=(third,))
+    given = registration(0, by_scans=True, alternatives=(second,))
+    before, alone = replace(given), given.by_scans
+    replaced = {"T_target_source", "covariance", "T_by_scans", "covariance_by_scans", "alternatives"}
+    for n, of in enumerate((given, second, third)):
+        assert same(alone.T_target_source, BY_SCANS[n])
+        np.testing.assert_array_equal(alone.covariance, UNSURE[n])
+        for name in {each.name for each in fields(Registration)} - replaced:
+            assert getattr(alone, name) == getattr(of, name)
+        # it says no more about the scans alone, and twice is once
+        assert alone.T_by_scans is None
+        assert alone.covariance_by_scans is None
+        assert alone.by_scans is alone
+        alone = alone.alternatives[0] if alone.alternatives else alone
+    assert given == before
+    assert same(given.T_target_source, POSES[0])
+
+
+def test_without_instruments_it_is_the_registration_itself() -> None:
+    given = registration(0, by_scans=False, alternatives=(registration(1, by_scans=False),))
+    assert given.by_scans is given

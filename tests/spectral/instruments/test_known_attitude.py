@@ -14,12 +14,10 @@ from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.relative_priors import ALL, ATTITUDE, DEPTH, knowing, unexact
-from tests.samples.reliefs import above, relief, seen
-from tests.samples.structures import difference
+from tests.samples.reliefs import HERE, T_TRUE, THERE, relief, seen
+from tests.samples.structures import assert_near, difference
 
 EDGE, VOXEL = 64, 0.5
-HERE, THERE = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)
-T_TRUE = HERE.inv() * THERE
 SIGMAS = np.array([*np.deg2rad([1.0, 1.0, 3.0]), 1.0, 1.0, 0.15])
 RELATIVE = np.sqrt(2) * SIGMAS
 LEVEL = knowing(ATTITUDE, DEPTH, sigmas=SIGMAS)
@@ -68,13 +66,10 @@ class TestRelief:
         wrong = RigidTransform.from_exp_coords([*np.deg2rad([0.6, -0.5, 0.8]), 0.4, -0.3, 0.1])
         pair = scans[0], replace(scans[1], prior=PosePrior(THERE * wrong, precise))
         registration = registrar.register(replace(pair[0], prior=PosePrior(HERE, precise)), pair[1])
-        beside, alone = (
-            difference(T, plain) for T in (registration.T_target_source, registration.by_scans.T_target_source)
-        )
+        beside = difference(registration.T_target_source, plain)
         assert beside[0] > 0.2
         assert beside[1] > 0.1
-        assert alone[0] < 0.05
-        assert alone[1] < 0.015
+        assert_near(registration.by_scans.T_target_source, plain, 0.05, 0.015)
 
     @pytest.mark.parametrize("seed", [1, 2])
     def test_found_and_surer_than_by_the_scans_alone(self, registrar, scans, seed):
@@ -82,9 +77,7 @@ class TestRelief:
         measured = (unexact(T, rng, SIGMAS, most=1.5).T_world_sensor for T in (HERE, THERE))
         pair = [replace(scan, prior=PosePrior(T, LEVEL)) for scan, T in zip(scans, measured, strict=True)]
         registration = registrar.register(*pair)
-        angle, distance = difference(registration.T_target_source, T_TRUE)
-        assert angle < 0.4
-        assert distance < 0.15
+        assert_near(registration.T_target_source, T_TRUE, 0.4, 0.15)
         assert registration.accepted
         alone = registration.by_scans
         assert_not_larger(registration.covariance, alone.covariance)
@@ -94,16 +87,12 @@ class TestRelief:
         assert (sigmas(registration.covariance)[:2] < RELATIVE[:2] / 2).all()
         assert (np.abs(off(registration.T_target_source)) < 4 * sigmas(registration.covariance)).all()
 
-    def test_without_instruments_there_is_nothing_else_by_the_scans(self, registrar, scans):
+    def test_without_instruments_there_is_nothing_else_and_exact_ones_do_not_move_it(self, registrar, scans, upright):
         target, source = scans
         registration = registrar.register(target, replace(source, prior=None))
         assert registration.T_by_scans is None
         assert registration.by_scans is registration
-
-    def test_exact_instruments_do_not_move_it(self, upright: Registration) -> None:
-        difference_by_scans = difference(upright.T_target_source, upright.by_scans.T_target_source)
-        assert difference_by_scans[0] < 0.1
-        assert difference_by_scans[1] < 0.1 * VOXEL
+        assert_near(upright.T_target_source, upright.by_scans.T_target_source, 0.1, 0.1 * VOXEL)
 
     def test_the_rotations_that_are_followed_are_at_the_measured_tilt(self, registrar, scans):
         rotations = registrar.rotations(*scans)
@@ -140,20 +129,15 @@ def of_flat(registrar: SpectralRegistrar, flat: tuple[SpectralScan, SpectralScan
 
 
 class TestFlatBed:
-    def test_it_is_an_answer(self, of_flat: Registration) -> None:
+    def test_tilt_and_height_are_finer_than_the_instruments_and_the_rest_as_they_say(self, of_flat) -> None:
         assert of_flat.accepted
         assert 0.85 < of_flat.probability <= 1
-
-    def test_tilt_and_height_are_finer_than_the_instruments(self, of_flat: Registration) -> None:
         error, sigma = off(of_flat.T_target_source), sigmas(of_flat.covariance)
         assert np.linalg.norm(error[:2]) < np.linalg.norm(TILT) / 3
         assert (sigma[:2] < RELATIVE[:2] / 2).all()
         assert abs(error[5]) < 0.7 * SHIFT[2]
         assert sigma[5] < 0.85 * RELATIVE[5]
         assert (np.abs(error) < 3 * sigma).all()
-
-    def test_heading_and_horizontal_shift_are_as_the_instruments_say(self, of_flat: Registration) -> None:
-        error, sigma = off(of_flat.T_target_source), sigmas(of_flat.covariance)
         assert error[2] == pytest.approx(HEADING, abs=RELATIVE[2] / 3)
         np.testing.assert_allclose(error[3:5], SHIFT[:2], atol=RELATIVE[3] / 3)
         np.testing.assert_allclose(sigma[2:5], RELATIVE[2:5], rtol=0.1)

@@ -30,15 +30,11 @@ from tests.samples.relative_priors import (
 
 
 class TestWhichSayAnything:
-    def test_none_where_either_has_none(self) -> None:
+    def test_none_where_either_has_none_or_nothing_is_known_of_both(self) -> None:
         known = prior(T_TARGET, *ALL)
-        assert relative_prior(None, known) is None
-        assert relative_prior(known, None) is None
-        assert relative_prior(None, None) is None
-
-    def test_none_where_nothing_is_known_of_both(self) -> None:
-        assert relative_prior(prior(T_TARGET, ATTITUDE, DEPTH), prior(T_SOURCE, HEADING, POSITION)) is None
-        assert relative_prior(prior(T_TARGET), prior(T_SOURCE)) is None
+        parts = prior(T_TARGET, ATTITUDE, DEPTH), prior(T_SOURCE, HEADING, POSITION)
+        for priors in ((None, known), (known, None), (None, None), parts, (prior(T_TARGET), prior(T_SOURCE))):
+            assert relative_prior(*priors) is None
 
     @pytest.mark.parametrize("kind", ALL)
     def test_one_thing_known_of_both_will_do(self, kind: slice) -> None:
@@ -68,8 +64,7 @@ class TestRotations:
         tilts = Rotation.from_rotvec([[0.01, 0, 0], [0, 0.01, 0], [-0.01, 0, 0], [0, -0.01, 0]])
         assert not relative.allows(T_TARGET.rotation.inv() * tilts * T_SOURCE.rotation).any()
         assert not relative.allows(random_rotations(2000, 1)).any()
-
-    def test_about_the_targets_own_z_is_not_about_the_vertical(self) -> None:
+        # about the target's own z is not about the vertical
         assert not pair(ATTITUDE).allows(Rotation.from_euler("Z", 0.5) * T_TRUE.rotation)
 
     @pytest.mark.parametrize("sign", [1, -1])
@@ -166,11 +161,6 @@ class TestHeadingsWithoutAttitude:
 
 
 class TestNormalized:
-    def test_the_measured_pose_is_no_way_off(self) -> None:
-        chi2, dof = pair(*ALL).normalized(T_TRUE)
-        assert chi2 == pytest.approx(0, abs=1e-20)
-        assert dof == 6
-
     @pytest.mark.parametrize(
         ("kinds", "dof"),
         [
@@ -189,9 +179,10 @@ class TestNormalized:
         assert counted == dof
         assert (chi2 > 0.1) == (dof > 0)
 
-    def test_a_turn_of_one_sigma_is_1(self) -> None:
-        sigmas = np.array([1e-3, 1e-3, 0.03, INF, INF, INF])
-        relative = RelativePrior(PosePrior(T_TARGET, sigmas), PosePrior(T_SOURCE, replace_heading(sigmas, 0.04)))
+    def test_the_measured_pose_is_no_way_off_and_a_turn_of_one_sigma_is_1(self) -> None:
+        assert pair(*ALL).normalized(T_TRUE) == (pytest.approx(0, abs=1e-20), 6)
+        sigmas = [np.array([1e-3, 1e-3, heading, INF, INF, INF]) for heading in (0.03, 0.04)]
+        relative = RelativePrior(PosePrior(T_TARGET, sigmas[0]), PosePrior(T_SOURCE, sigmas[1]))
         turned = T_TARGET.rotation.inv() * Rotation.from_euler("Z", 0.05) * T_SOURCE.rotation
         assert relative.normalized(RigidTransform.from_rotation(turned))[0] == pytest.approx(1.0)
 
@@ -232,10 +223,19 @@ class TestNormalized:
         assert here[1] == 5
 
 
-def replace_heading(sigmas: np.ndarray, heading: float) -> np.ndarray:
-    changed = sigmas.copy()
-    changed[2] = heading
-    return changed
+def poses_near(seed: int) -> RigidTransform:
+    """500 of them, up to where the priors forbid them."""
+    rng = np.random.default_rng(seed)
+    rotations = T_TRUE.rotation * Rotation.from_rotvec(rng.normal(scale=0.5, size=(500, 3)))
+    return RigidTransform.from_components(T_TRUE.translation + rng.normal(scale=8, size=(500, 3)), rotations)
+
+
+def assert_alike(here: RelativePrior, there: RelativePrior, moved: RigidTransform) -> None:
+    rotations, shifts = moved.rotation, moved.translation
+    np.testing.assert_array_equal(here.allows(rotations), there.allows(rotations))
+    np.testing.assert_array_equal(here.allows_shift(shifts, rotations), there.allows_shift(shifts, rotations))
+    for k in range(20):
+        assert here.normalized(moved[k]) == pytest.approx(there.normalized(moved[k]))
 
 
 @pytest.mark.parametrize("kinds", [ALL, (ATTITUDE, DEPTH), (HEADING, POSITION), (ATTITUDE, POSITION)])
@@ -247,14 +247,7 @@ def test_where_the_world_begins_and_points_makes_no_difference(kinds: tuple[slic
     there = RelativePrior(
         prior(T_other_world * T_TARGET, *kinds, sigmas=sigmas), prior(T_other_world * T_SOURCE, *kinds, sigmas=sigmas)
     )
-    rng = np.random.default_rng(12)
-    rotations = T_TRUE.rotation * Rotation.from_rotvec(rng.normal(scale=0.5, size=(500, 3)))
-    shifts = T_TRUE.translation + rng.normal(scale=8, size=(500, 3))
-    moved = RigidTransform.from_components(shifts, rotations)
-    np.testing.assert_array_equal(here.allows(rotations), there.allows(rotations))
-    np.testing.assert_array_equal(here.allows_shift(shifts, rotations), there.allows_shift(shifts, rotations))
-    for k in range(20):
-        assert here.normalized(moved[k]) == pytest.approx(there.normalized(moved[k]))
+    assert_alike(here, there, poses_near(12))
 
 
 @pytest.mark.parametrize("of", ["target", "source"])
@@ -267,16 +260,9 @@ def test_a_heading_that_was_not_measured_makes_no_difference(of: str) -> None:
         RelativePrior(*(prior(T[name], ATTITUDE, DEPTH, sigmas=sigmas) for name in ("target", "source")))
         for T in (poses, turned)
     )
-    rng = np.random.default_rng(13)
-    rotations = T_TRUE.rotation * Rotation.from_rotvec(rng.normal(scale=0.5, size=(500, 3)))
-    shifts = T_TRUE.translation + rng.normal(scale=8, size=(500, 3))
-    allowed = here.allows(rotations)
-    assert 10 < allowed.sum() < 490
-    np.testing.assert_array_equal(there.allows(rotations), allowed)
-    np.testing.assert_array_equal(here.allows_shift(shifts, rotations), there.allows_shift(shifts, rotations))
-    moved = RigidTransform.from_components(shifts, rotations)
-    for k in range(20):
-        assert here.normalized(moved[k]) == pytest.approx(there.normalized(moved[k]))
+    moved = poses_near(13)
+    assert 10 < here.allows(moved.rotation).sum() < 490
+    assert_alike(here, there, moved)
 
 
 class TestPosePrior:
@@ -288,9 +274,7 @@ class TestPosePrior:
             (np.ones(6, dtype=np.float32), "float64"),
             ([1.0] * 6, "float64"),
             (np.array([1, 1, 1, 1, 1, 0.0]), "above 0"),
-            (np.array([1, 1, -0.1, 1, 1, 1]), "above 0"),
-            (np.array([1, 1, np.nan, 1, 1, 1]), "above 0"),
-            (np.array([1, 1, -INF, 1, 1, 1]), "above 0"),
+            *((np.array([1, 1, heading, 1, 1, 1]), "above 0") for heading in (-0.1, np.nan, -INF)),
             (np.array([1, INF, 1, 1, 1, 1]), "roll and pitch"),
             (np.array([INF, 1, 1, 1, 1, 1]), "roll and pitch"),
             (np.array([1, 1, 1, 1, INF, 1]), "East and North"),
@@ -301,8 +285,8 @@ class TestPosePrior:
             PosePrior(RigidTransform.identity(), sigmas)
 
     def test_poses_that_are_refused(self) -> None:
-        stack = RigidTransform.concatenate([T_TARGET, T_SOURCE])
-        for T in (stack, RigidTransform.from_translation([0, np.nan, 0]), RigidTransform.from_translation([INF, 0, 0])):
+        off = (RigidTransform.from_translation(t) for t in ([0, np.nan, 0], [INF, 0, 0]))
+        for T in (RigidTransform.concatenate([T_TARGET, T_SOURCE]), *off):
             with pytest.raises(InputError, match="finite"):
                 PosePrior(T, SIGMAS)
 

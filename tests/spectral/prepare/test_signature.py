@@ -1,5 +1,7 @@
 """Signatures of scans: what no rotation and no translation changes, and what tells places apart."""
 
+from itertools import combinations_with_replacement, product
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -33,12 +35,10 @@ class TestSignature:
         energies = np.square(np.abs(chosen)).sum(axis=2)
         shares = energies / energies.sum(axis=0)
         want = []
-        for degree in range(4):
-            for r in range(4):
-                for s in range(r, 4):
-                    product = np.vdot(chosen[degree, s], chosen[degree, r]).real
-                    correlation = product / np.sqrt(energies[degree, r] * energies[degree, s])
-                    want.append(correlation * (shares[degree, r] * shares[degree, s]) ** 0.25)
+        for degree, (r, s) in product(range(4), combinations_with_replacement(range(4), 2)):
+            shared = np.vdot(chosen[degree, s], chosen[degree, r]).real
+            correlation = shared / np.sqrt(energies[degree, r] * energies[degree, s])
+            want.append(correlation * (shares[degree, r] * shares[degree, s]) ** 0.25)
         got = signature(products(given))
         assert got.dtype == np.float32
         assert got.shape == (4 * 10,)
@@ -64,9 +64,7 @@ class TestSignature:
         other = given * np.array([3, 0.1, 20, 1, 1e-3, 5, 1, 9], np.float32)[:, None]
         other[0] += 7
         np.testing.assert_allclose(signature(products(other)), signature(products(given)), atol=1e-6)
-
-    def test_a_layer_that_holds_nothing_is_zero(self):
-        given = coefficients()
+        # a layer that holds nothing is zero
         given[:, 0] = 0
         per_degree = signature(products(given)).reshape(4, 10)
         assert not per_degree[:, :4].any()
@@ -121,12 +119,11 @@ class TestOfScans:
     Places differ by 0.79 (median; 0.57 at least), a place turned any way from itself by 0.18 (0.25 at most).
     """
 
-    def test_one_number_for_each_degree_and_two_layers(self, signatures):
+    def test_it_is_the_same_again_and_a_translation_changes_nothing(self, registrar, places, signatures):
         assert signatures.dtype == np.float32
         assert signatures.shape == (PLACES, 23 * 21)
         assert np.abs(signatures).max() <= 1
-
-    def test_a_translation_changes_nothing(self, registrar, places, signatures):
+        assert of(registrar, places[2]).tobytes() == signatures[2].tobytes()
         shifted = moved(places[0], RigidTransform.from_translation([3.25, -7.5, 12.0]))
         assert np.linalg.norm(of(registrar, shifted) - signatures[0]) < 0.05
 
@@ -145,6 +142,3 @@ class TestOfScans:
             seen = noisy[rng.random(len(noisy)) > 0.3]
             got = of(registrar, moved(seen, somewhere(rng)))
             assert np.argmin(np.linalg.norm(signatures - got, axis=1)) == number
-
-    def test_the_same_scan_gives_the_same_bytes(self, registrar, places, signatures):
-        assert of(registrar, places[2]).tobytes() == signatures[2].tobytes()

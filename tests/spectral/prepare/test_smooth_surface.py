@@ -43,12 +43,9 @@ def test_a_point_far_off_its_neighbors_plane_stays(height: float, moves: bool) -
     assert moves or left < 0.1
 
 
-def test_few_points_will_do() -> None:
+def test_few_points_will_do_and_the_cells_are_of_the_smoothed_points() -> None:
     surface = surface_of(np.array([[0.0, 0, 1], [2, 0, 1], [0, 3, 1]]))
     np.testing.assert_allclose(np.abs(surface.normals[:, 2]), 1)
-
-
-def test_the_cells_are_of_the_smoothed_points() -> None:
     surface = surface_of(noisy_plane())
     rows = surface.elements.cells.points.get()
     np.testing.assert_array_equal(rows[:, :3], surface.points[rows[:, 3].copy().view(np.int32)])

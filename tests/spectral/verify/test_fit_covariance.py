@@ -12,11 +12,11 @@ from sonarmap.kernels.device.device import choose_device
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
-from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.verify.covariance import covers, fit_covariance
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair
+from tests.samples.structures import registered
 
 T_TARGET_SOURCE = RigidTransform.from_components([2.0, -3.0, 1.5], Rotation.from_euler("ZYX", [8, 3, -4], degrees=True))
 COUNT, REACH = 12_000, 45.0  # points of a scan, and how far they go [m]
@@ -30,20 +30,14 @@ def plane(rng: np.random.Generator, noise: float) -> np.ndarray:
 def wall(rng: np.random.Generator, noise: float) -> np.ndarray:
     """Points of a wall at x = 30 that runs along y, and of the floor before it."""
     half = COUNT // 2
-    upright = np.column_stack(
-        [rng.normal(30.0, noise, half), rng.uniform(-REACH, REACH, half), rng.uniform(-15.0, 25.0, half)]
-    )
-    floor = np.column_stack(
-        [rng.uniform(-20.0, 30.0, half), rng.uniform(-REACH, REACH, half), rng.normal(-15.0, noise, half)]
-    )
-    return np.vstack([upright, floor])
+    upright = rng.normal(30.0, noise, half), rng.uniform(-REACH, REACH, half), rng.uniform(-15.0, 25.0, half)
+    floor = rng.uniform(-20.0, 30.0, half), rng.uniform(-REACH, REACH, half), rng.normal(-15.0, noise, half)
+    return np.hstack([upright, floor]).T
 
 
 def register(target: np.ndarray, source: np.ndarray, voxel: float = 1.0) -> Registration:
     """Two sets of points on a grid of 128 voxels."""
-    registrar = SpectralRegistrar(choose_device(None), Grid(128, voxel))
-    scans = [Scan(points.astype(np.float32), name=name) for points, name in ((target, "a"), (source, "b"))]
-    return registrar.register(*(registrar.prepare(scan) for scan in scans))
+    return registered(SpectralRegistrar(choose_device(None), Grid(128, voxel)), target, source)
 
 
 def about(covariance: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -77,10 +71,8 @@ def test_a_plane_leaves_three_directions_open() -> None:
 
 def corner(rng: np.random.Generator) -> np.ndarray:
     """Points of a wall and a floor, and of a second wall across the first: nothing is left open."""
-    across = np.column_stack(
-        [rng.uniform(-20.0, 30.0, COUNT), rng.normal(-40.0, 0.3, COUNT), rng.uniform(-15.0, 25.0, COUNT)]
-    )
-    return np.vstack([wall(rng, 0.3), across])
+    across = rng.uniform(-20.0, 30.0, COUNT), rng.normal(-40.0, 0.3, COUNT), rng.uniform(-15.0, 25.0, COUNT)
+    return np.vstack([wall(rng, 0.3), np.transpose(across)])
 
 
 def test_it_turns_with_the_source() -> None:
@@ -93,20 +85,15 @@ def test_it_turns_with_the_source() -> None:
     np.testing.assert_allclose(back @ turned @ back.T, plain, rtol=0.35, atol=0.05 * np.abs(plain).max())
 
 
-def test_it_grows_with_the_voxel() -> None:
+def test_it_is_symmetric_and_positive_and_grows_with_the_voxel() -> None:
     """The same scene, twice as large on voxels twice as large: turns as sure, shifts half as sure."""
     rng = np.random.default_rng(5)
     target, source = corner(rng), T_TARGET_SOURCE.inv().apply(corner(rng))
     small, large = register(target, source), register(2 * target, 2 * source, voxel=2.0)
     units = np.repeat([1.0, 2.0], 3)
     np.testing.assert_allclose(large.covariance, small.covariance * np.outer(units, units), rtol=1e-3, atol=1e-12)
-
-
-def test_it_is_symmetric_and_positive() -> None:
-    rng = np.random.default_rng(5)
-    covariance = register(corner(rng), T_TARGET_SOURCE.inv().apply(corner(rng))).covariance
-    np.testing.assert_array_equal(covariance, covariance.T)
-    assert np.linalg.eigvalsh(covariance).min() > 0
+    np.testing.assert_array_equal(small.covariance, small.covariance.T)
+    assert np.linalg.eigvalsh(small.covariance).min() > 0
 
 
 @pytest.mark.slow
@@ -141,16 +128,23 @@ def test_another_pose_is_covered_as_far_as_the_ellipsoid_reaches() -> None:
             assert covers(np.diag(sigmas**2), T, T * RigidTransform.from_exp_coords(away)) == inside
 
 
+def by_scans(fit: Fit) -> np.ndarray:
+    """(6, 6) of a fit with a clear peak."""
+    hypothesis: Any = SimpleNamespace(fit=fit, evidence=SimpleNamespace(psr=60.0))
+    return fit_covariance(hypothesis, (np.zeros(3), np.zeros(3)), Grid(128, 0.5)).by_scans
+
+
+def shift_sigmas(fit: Fit) -> np.ndarray:
+    return np.sqrt(np.linalg.eigvalsh(by_scans(fit)[3:, 3:]))
+
+
 def test_what_may_be_chance_holds_nothing() -> None:
     """A direction that is held by no more than the error of what holds it is open, one far above it is not."""
     share = np.array([1e-3, 0.02, 0.1, 0.2, 0.3, 0.4])
 
     def sigmas(doubt: float) -> np.ndarray:
-        fit = Fit(Rotation.identity(), np.zeros(3), np.diag(share) * 3000, 0.1, 3000.0, 0.3, np.full(6, doubt))
-        evidence = SimpleNamespace(psr=60.0)
-        hypothesis: Any = SimpleNamespace(fit=fit, evidence=evidence)
-        found = fit_covariance(hypothesis, (np.zeros(3), np.zeros(3)), Grid(128, 0.5))
-        return np.sqrt(np.linalg.eigvalsh(found.by_scans[3:, 3:]))
+        information = np.diag(share) * 3000
+        return shift_sigmas(Fit(Rotation.identity(), np.zeros(3), information, 0.1, 3000.0, 0.3, np.full(6, doubt)))
 
     np.testing.assert_allclose(sigmas(1e-5), sigmas(0.0), rtol=1e-2)
     assert (sigmas(0.03) >= sigmas(0.0)).all()
@@ -163,10 +157,8 @@ def test_what_noisy_normals_share_holds_nothing() -> None:
 
     def sigmas(first: float) -> np.ndarray:
         own = share * [first, 1.2, 1.1, 1.1, 1.1, 1.1]
-        fit = Fit(Rotation.identity(), np.zeros(3), np.diag(share[::-1]) * 3000, 0.1, 3000.0, 0.3, own=own)
-        hypothesis: Any = SimpleNamespace(fit=fit, evidence=SimpleNamespace(psr=60.0))
-        found = fit_covariance(hypothesis, (np.zeros(3), np.zeros(3)), Grid(128, 0.5))
-        return np.sqrt(np.linalg.eigvalsh(found.by_scans[3:, 3:]))
+        information = np.diag(share[::-1]) * 3000
+        return shift_sigmas(Fit(Rotation.identity(), np.zeros(3), information, 0.1, 3000.0, 0.3, own=own))
 
     usual = sigmas(1.5)
     assert sigmas(4.0)[-1] > 20 * usual[-1]
@@ -178,7 +170,4 @@ def test_where_no_points_are_near_anything_is_possible() -> None:
     """The refinement went where the scans have nothing in common: as far as a turn and the grid go."""
     zeros = {"doubt": np.zeros(6), "own": np.zeros(6), "stretch": np.zeros(2), "stretching": np.zeros((2, 8))}
     fit = Fit(Rotation.identity(), np.zeros(3), np.zeros((6, 6)), 0.0, 0.0, 0.3, **zeros)
-    hypothesis: Any = SimpleNamespace(fit=fit, evidence=SimpleNamespace(psr=60.0))
-    found = fit_covariance(hypothesis, (np.zeros(3), np.zeros(3)), Grid(128, 0.5)).by_scans
-    sigmas = np.sqrt(np.diag(found))
-    np.testing.assert_allclose(sigmas, np.repeat([np.pi, 64.0], 3), rtol=1e-3)
+    np.testing.assert_allclose(np.sqrt(np.diag(by_scans(fit))), np.repeat([np.pi, 64.0], 3), rtol=1e-3)

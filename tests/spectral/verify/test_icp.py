@@ -45,6 +45,25 @@ def off(fit: Fit, R: Rotation, shift: np.ndarray) -> tuple[float, float]:
     return float(np.rad2deg((fit.R * R.inv()).magnitude())), float(np.linalg.norm(fit.shift - shift))
 
 
+def assert_at(fit: Fit, R: Rotation, shift: np.ndarray, degrees: float, voxels: float) -> None:
+    angle, distance = off(fit, R, shift)
+    assert angle < degrees
+    assert distance < voxels
+
+
+def assert_same(fit: Fit, other: Fit, information: float = 1e-6) -> None:
+    np.testing.assert_allclose(fit.shift, other.shift, atol=1e-9)
+    np.testing.assert_allclose(fit.R.as_matrix(), other.R.as_matrix(), atol=1e-9)
+    np.testing.assert_allclose(fit.information, other.information, rtol=information, atol=1e-6)
+    assert fit.width == pytest.approx(other.width)
+
+
+def lattice(x: float, y: float, height: float = 0.0, slope: float = 0.0) -> np.ndarray:
+    """A point a voxel, from (-x, -y) to below (x, y)."""
+    at_x, at_y = (each.ravel() for each in np.meshgrid(np.arange(-x, x), np.arange(-y, y)))
+    return np.column_stack([at_x, at_y, height + slope * at_x])
+
+
 @pytest.fixture(scope="module")
 def pair() -> tuple[Surface, Surface]:
     """The corner, and other points of it as a source sees them."""
@@ -55,9 +74,7 @@ def pair() -> tuple[Surface, Surface]:
 def test_a_known_pose_is_found_from_nearby(pair: tuple[Surface, Surface], side: int) -> None:
     begin = Rotation.from_rotvec(side * np.deg2rad([1.5, -2.0, 1.0])) * R_TRUE
     fit = refine_one(*pair, begin, SHIFT_TRUE + side * np.array([1.0, 0.7, -0.9]), REACHES, 3000)
-    angle, distance = off(fit, R_TRUE, SHIFT_TRUE)
-    assert angle < 0.1
-    assert distance < 0.05
+    assert_at(fit, R_TRUE, SHIFT_TRUE, 0.1, 0.05)
     assert 0 < fit.residual < 0.2
 
 
@@ -65,9 +82,7 @@ def test_the_other_way_round_is_the_inverse(pair: tuple[Surface, Surface]) -> No
     target, source = pair
     there = refine_one(target, source, R_TRUE, SHIFT_TRUE + 0.5, REACHES, 3000)
     back = refine_one(source, target, R_TRUE.inv(), -R_TRUE.inv().apply(SHIFT_TRUE) - 0.3, REACHES, 3000)
-    angle, distance = off(back, there.R.inv(), -there.R.inv().apply(there.shift))
-    assert angle < 0.02
-    assert distance < 0.02
+    assert_at(back, there.R.inv(), -there.R.inv().apply(there.shift), 0.02, 0.02)
 
 
 def test_what_only_one_scan_shows_does_not_draw_it(pair: tuple[Surface, Surface]) -> None:
@@ -76,17 +91,12 @@ def test_what_only_one_scan_shows_does_not_draw_it(pair: tuple[Surface, Surface]
     plate = np.column_stack([5 * u[:, 0], 4 * u[:, 1], 0.1 * 5 * u[:, 0] - 5.0])
     points = np.vstack([corner(2), plate])
     source = surface_of(R_TRUE.inv().apply(points - SHIFT_TRUE))
-    angle, distance = off(refine_one(pair[0], source, R_TRUE, SHIFT_TRUE, REACHES, 4000), R_TRUE, SHIFT_TRUE)
-    assert angle < 0.15
-    assert distance < 0.1
+    assert_at(refine_one(pair[0], source, R_TRUE, SHIFT_TRUE, REACHES, 4000), R_TRUE, SHIFT_TRUE, 0.15, 0.1)
 
 
 def test_a_plane_alone_moves_along_its_normal_and_not_otherwise() -> None:
-    x, y = np.meshgrid(np.arange(-12.0, 12.0), np.arange(-12.0, 12.0))
-    plane = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    fit = refine_one(
-        surface_of(plane), surface_of(plane), Rotation.identity(), np.array([0.4, -0.3, 1.0]), REACHES, 3000
-    )
+    plane = surface_of(lattice(12, 12))
+    fit = refine_one(plane, plane, Rotation.identity(), np.array([0.4, -0.3, 1.0]), REACHES, 3000)
     np.testing.assert_allclose(fit.shift, [0.4, -0.3, 0.0], atol=1e-5)
     assert fit.R.magnitude() < 1e-6
     strength = np.linalg.eigvalsh(fit.information) / np.trace(fit.information)
@@ -96,8 +106,7 @@ def test_a_plane_alone_moves_along_its_normal_and_not_otherwise() -> None:
 
 def test_points_that_lie_on_the_planes_count_in_full() -> None:
     """Normals are unit vectors: the information about the shift sums to the points that took part, of both scans."""
-    x, y = np.meshgrid(np.arange(-12.0, 12.0), np.arange(-10.0, 10.0))
-    plane = surface_of(np.column_stack([x.ravel(), y.ravel(), 0.2 * x.ravel()]))
+    plane = surface_of(lattice(12, 10, slope=0.2))
     fit = refine_one(plane, plane, Rotation.identity(), np.zeros(3), (2.0,), 10_000)
     assert fit.pairs == pytest.approx(2 * 24 * 20)
     assert np.trace(fit.information[3:, 3:]) == pytest.approx(fit.pairs)
@@ -106,8 +115,9 @@ def test_points_that_lie_on_the_planes_count_in_full() -> None:
 
 def test_turns_are_about_the_sources_grid_center() -> None:
     """About an axis through it along a wall's normal, points far out have the longest arms: sum of the squares."""
-    x, y = np.meshgrid(np.arange(-12.0, 13.0), np.arange(-10.0, 11.0))
-    plane = surface_of(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 4.0)]))
+    points = lattice(12, 10, 4.0)
+    x, y, _ = points.T
+    plane = surface_of(points)
     fit = refine_one(plane, plane, Rotation.identity(), np.zeros(3), (2.0,), 10_000)
     # a turn about x lifts a point by y, one about y lowers it by x
     expected = 2 * np.array([np.sum(y**2), np.sum(x**2), 0])
@@ -173,18 +183,12 @@ def test_information_does_not_depend_on_how_many_points_took_part(pair: tuple[Su
 def test_several_places_are_refined_as_if_each_were_alone(pair: tuple[Surface, Surface]) -> None:
     places = [(R_TRUE, SHIFT_TRUE + 0.5), (Rotation.identity(), np.zeros(3)), (R_TRUE, SHIFT_TRUE + 300.0)]
     R = Rotation.concatenate([turn for turn, _ in places])
-    together = refine(
-        chosen_device(),
-        *pair,
-        Start(R, np.array([shift for _, shift in places]), np.array([0.0, 0.3, 0.0])),
-        [Stage(REACHES, 800)],
-    ).read()
+    start = Start(R, np.array([shift for _, shift in places]), np.array([0.0, 0.3, 0.0]))
+    together = refine(chosen_device(), *pair, start, [Stage(REACHES, 800)]).read()
     for (turn, shift), width, fit in zip(places, (0.0, 0.3, 0.0), together, strict=True):
         alone = refine_one(*pair, turn, shift, REACHES, 800, width)
-        np.testing.assert_allclose(fit.shift, alone.shift, atol=1e-9)
-        np.testing.assert_allclose(fit.R.as_matrix(), alone.R.as_matrix(), atol=1e-9)
-        np.testing.assert_allclose(fit.information, alone.information, atol=1e-6)
-        assert (fit.width, fit.pairs, fit.residual) == pytest.approx((alone.width, alone.pairs, alone.residual))
+        assert_same(fit, alone, 1e-7)
+        assert (fit.pairs, fit.residual) == pytest.approx((alone.pairs, alone.residual))
     far = together[2]
     assert far.pairs == 0
     np.testing.assert_array_equal(far.shift, SHIFT_TRUE + 300.0)
@@ -204,6 +208,10 @@ def stretch_of(fit: Fit) -> np.ndarray:
     return fit.stretch
 
 
+def rigid_and_stretched(pair: tuple[Surface, Surface], R: Rotation, shift: np.ndarray) -> list[Fit]:
+    return [refine_one(*pair, R, shift, REACHES, 3000, stretches=stretches) for stretches in (False, True)]
+
+
 class TestStretch:
     """Ranges of the source that are too long by a share; each scan is seen from its own place in the room."""
 
@@ -218,9 +226,7 @@ class TestStretch:
     def test_it_is_estimated_with_the_pose(self, stretched: tuple[Surface, Surface]) -> None:
         """Which of the scans is right cannot be told: each is taken to be off by half."""
         nothing = Rotation.identity(), np.zeros(3)
-        rigid, estimated = (
-            refine_one(*stretched, *nothing, REACHES, 3000, stretches=stretches) for stretches in (False, True)
-        )
+        rigid, estimated = rigid_and_stretched(stretched, *nothing)
         angles, distances = zip(*(off(fit, *nothing) for fit in (rigid, estimated)), strict=True)
         assert angles[1] < 0.5 * angles[0]
         assert distances[1] < distances[0]
@@ -232,10 +238,7 @@ class TestStretch:
 
     def test_what_both_scans_may_share_leaves_the_shift_less_sure(self, stretched: tuple[Surface, Surface]) -> None:
         """Two scans stretched alike about places apart fit at a shift that is off by a share of their distance."""
-        nothing = Rotation.identity(), np.zeros(3)
-        rigid, estimated = (
-            refine_one(*stretched, *nothing, REACHES, 3000, stretches=stretches) for stretches in (False, True)
-        )
+        rigid, estimated = rigid_and_stretched(stretched, Rotation.identity(), np.zeros(3))
         apart = self.SOURCE_VIEW - self.TARGET_VIEW
         left = by_stretch(estimated, np.linalg.inv(estimated.information), CALIBRATION)
         direction = np.concatenate([np.zeros(3), apart / np.linalg.norm(apart)])
@@ -260,15 +263,11 @@ class TestStretch:
         assert abs(np.mean(shorter)) < 0.03
 
     def test_scans_of_unknown_viewpoints_are_taken_as_they_are(self, pair: tuple[Surface, Surface]) -> None:
-        rigid, estimated = (
-            refine_one(*pair, R_TRUE, SHIFT_TRUE + 0.5, REACHES, 2000, stretches=stretches)
-            for stretches in (False, True)
-        )
+        rigid, estimated = rigid_and_stretched(pair, R_TRUE, SHIFT_TRUE + 0.5)
         np.testing.assert_allclose(estimated.shift, rigid.shift, atol=1e-9)
         np.testing.assert_allclose(estimated.information, rigid.information, rtol=1e-9)
         np.testing.assert_array_equal(stretch_of(estimated), 0)
-
-    def test_a_scan_of_itself_is_not_stretched(self) -> None:
+        # a scan of itself is not stretched
         scan = surface_of(corner(1), [self.TARGET_VIEW])
         fit = refine_one(scan, scan, Rotation.identity(), np.zeros(3), REACHES, 3000, stretches=True)
         np.testing.assert_allclose(stretch_of(fit), 0, atol=1e-9)
@@ -280,13 +279,6 @@ def test_stages_without_a_read_are_as_one_after_the_other(pair: tuple[Surface, S
     start = Start(Rotation.concatenate([R_TRUE]), SHIFT_TRUE[None] + 0.7, np.zeros(1))
     (together,) = refine(chosen_device(), *pair, start, [first, second]).read()
     (between,) = refine(chosen_device(), *pair, start, [first]).read()
-    (last,) = refine(
-        chosen_device(),
-        *pair,
-        Start(Rotation.concatenate([between.R]), between.shift[None], np.array([between.width])),
-        [second],
-    ).read()
-    np.testing.assert_allclose(together.shift, last.shift, atol=1e-9)
-    np.testing.assert_allclose(together.R.as_matrix(), last.R.as_matrix(), atol=1e-9)
-    np.testing.assert_allclose(together.information, last.information, rtol=1e-6, atol=1e-6)
-    assert together.width == pytest.approx(last.width)
+    start = Start(Rotation.concatenate([between.R]), between.shift[None], np.array([between.width]))
+    (last,) = refine(chosen_device(), *pair, start, [second]).read()
+    assert_same(together, last)

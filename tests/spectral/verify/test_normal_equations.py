@@ -52,25 +52,12 @@ class TestStretch:
         rng = np.random.default_rng(3)
         jacobian = rng.normal(size=(2, 80, 8)) * [20, 20, 20, 1, 1, 1, 10, 10]
         moving = jacobian.transpose(0, 2, 1) @ jacobian
-        equations = NormalEquations.of(
-            Record(
-                turn=BEGIN.turn,
-                shift=BEGIN.shift,
-                width=BEGIN.width,
-                stretch=np.zeros((2, 2)),
-                moving=moving,
-                whole=1.5 * moving,
-                shared=0.5 * moving,
-                gradient=0.2 * (rng.normal(size=(2, 1, 80)) @ jacobian)[:, 0],
-                total=np.full(2, 80.0),
-                squares=np.full(2, 0.3),
-                doubts=np.zeros((2, 6)),
-                next_turn=BEGIN.turn,
-                next_shift=BEGIN.shift,
-                next_stretch=np.zeros((2, 2)),
-            ),
-            BEGIN,
-        )
+        poses = {"turn": BEGIN.turn, "shift": BEGIN.shift, "width": BEGIN.width, "stretch": np.zeros((2, 2))}
+        ends = {"next_turn": BEGIN.turn, "next_shift": BEGIN.shift, "next_stretch": np.zeros((2, 2))}
+        sums = {"moving": moving, "whole": 1.5 * moving, "shared": 0.5 * moving, "doubts": np.zeros((2, 6))}
+        gradient = 0.2 * (rng.normal(size=(2, 1, 80)) @ jacobian)[:, 0]
+        record = Record(**poses, **sums, **ends, gradient=gradient, total=np.full(2, 80.0), squares=np.full(2, 0.3))
+        equations = NormalEquations.of(record, BEGIN)
         moved, alone = equations.moved(BEGIN)
         opposite = block_diag(np.eye(6), [[1.0], [-1.0]])
         hessian, gradient = opposite.T @ equations.hessian @ opposite, equations.gradient @ opposite

@@ -1,6 +1,7 @@
-"""Candidates under each rotation: shifts and what they mean, which are distinct, the evidence for and against."""
+"""Candidates and hypotheses of a pair: shifts, evidence, what the finalists lack, and how the best is refined."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +15,11 @@ from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.translation import Box
+from sonarmap.spectral.verify.bounds import Bounds
 from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Hypothesis, ranked
+from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
 from sonarmap.spectral.verify.observation import consistency
 from sonarmap.spectral.verify.verifier import Selection, Verifier
 from tests.samples.reliefs import above, relief, seen
@@ -33,23 +36,32 @@ def verifier() -> Verifier:
     return Verifier(choose_device(), EDGE)
 
 
-@pytest.fixture(scope="module")
-def pair() -> tuple[SpectralScan, SpectralScan]:
-    """Two scans whose grids' centers lie 18 and -18 voxels apart."""
+def two_scans() -> tuple[SpectralScan, SpectralScan]:
+    """Their grids' centers lie 18 and -18 voxels apart."""
     registrar = SpectralRegistrar(choose_device(), Grid(EDGE, VOXEL))
     target, source = (registrar.prepare(Scan(seen(relief(1), T, 15.0))) for T in (HERE, THERE))
     return target, source
+
+
+pair = pytest.fixture(scope="module")(two_scans)
+
+
+def observed(
+    verifier: Verifier, pair: tuple[SpectralScan, SpectralScan], hypotheses: list[Hypothesis], *most: int
+) -> list[Hypothesis]:
+    """With what the scans saw, in the same order."""
+    fits = [hypothesis.fit for hypothesis in hypotheses]
+    R = np.stack([fit.R.as_matrix() for fit in fits])
+    poses = upload_poses(verifier.device, R, np.stack([fit.shift for fit in fits]))
+    seen = verifier.observe(*pair, poses, *most).read()
+    return [replace(each, evidence=e) for each, e in zip(hypotheses, seen.evidence(fits), strict=True)]
 
 
 def looked_at(
     verifier: Verifier, pair: tuple[SpectralScan, SpectralScan], hypotheses: list[Hypothesis]
 ) -> list[Hypothesis]:
     """With what the scans saw, best first."""
-    fits = [hypothesis.fit for hypothesis in hypotheses]
-    R = np.stack([fit.R.as_matrix() for fit in fits])
-    poses = upload_poses(verifier.device, R, np.stack([fit.shift for fit in fits]))
-    seen = verifier.observe(*pair, poses).read()
-    return ranked([replace(each, evidence=e) for each, e in zip(hypotheses, seen.evidence(fits), strict=True)])
+    return ranked(observed(verifier, pair, hypotheses))
 
 
 def shift_of(pair: tuple[SpectralScan, SpectralScan], T: RigidTransform = TRUE) -> np.ndarray:
@@ -67,17 +79,9 @@ def hypothesis(R: Rotation, shift: np.ndarray, rotation_score: float = 0.5) -> H
 
 
 class TestConsistency:
-    def test_nothing_seen_is_no_consistency(self) -> None:
-        assert consistency(0.0, 0.0) == 0
-
-    @pytest.mark.parametrize(("agree", "contradict"), [(0.6, 0.02), (0.1, 0.3), (1.0, 0.0)])
+    @pytest.mark.parametrize(("agree", "contradict"), [(0.0, 0.0), (0.6, 0.02), (0.1, 0.3), (1.0, 0.0)])
     def test_a_contradiction_weighs_as_four_agreements(self, agree: float, contradict: float) -> None:
         assert consistency(agree, contradict) == pytest.approx(agree / (agree + 4 * contradict + 0.05))
-
-    def test_it_grows_with_agreement_and_falls_with_contradiction(self) -> None:
-        shares = np.linspace(0.01, 1, 20)
-        assert (np.diff(consistency(shares, 0.1)) > 0).all()
-        assert (np.diff(consistency(0.5, shares)) < 0).all()
 
 
 class TestCandidates:
@@ -106,9 +110,7 @@ class TestCandidates:
     def test_those_that_are_wanted_are_kept_in_order(self) -> None:
         R = Rotation.from_euler("Z", [[0], [10], [20], [30]], degrees=True)
         scores = np.array([0.4, 0.3, 0.2, 0.1])
-        all_four = Candidates(
-            np.array([0, 1, 2, 3]), R, np.arange(12.0).reshape(4, 3), np.array([9.0, 8, 7, 6]), scores
-        )
+        all_four = Candidates(np.arange(4), R, np.arange(12.0).reshape(4, 3), np.array([9.0, 8, 7, 6]), scores)
         some = all_four.select(np.array([False, True, False, True]))
         assert some.rotation.tolist() == [1, 3]
         np.testing.assert_array_equal(some.shifts, [[3, 4, 5], [9, 10, 11]])
@@ -133,13 +135,12 @@ class TestCandidates:
     def test_both_whitenings_name_candidates_on_one_scale(self, verifier, pair) -> None:
         """The usual highest peak of either stands for the same height."""
         candidates = verifier.candidates(*pair, peaks(WRONG, TRUE.rotation), ANYWHERE * 2)
-        half = len(candidates.psr) // 2
         assert sorted(set(candidates.rotation.tolist())) == [0, 1]
         off = np.linalg.norm(candidates.shifts - shift_of(pair), axis=1)
         heights = np.unique(candidates.psr[off < 2.0].round(6))
         assert len(heights) >= 2
         assert heights.max() < 2 * heights.min()
-        assert half > 0
+        assert len(candidates.psr) > 1
 
     def test_a_box_bounds_the_shifts_and_says_which_is_meant(self, verifier, pair) -> None:
         center = np.rint(shift_of(pair)) + np.array([2, -3, 1])
@@ -198,3 +199,78 @@ class TestEvidence:
         candidates = verifier.candidates(*blind, peaks(WRONG, TRUE.rotation), ANYWHERE * 2)
         best = verifier.best(*blind, candidates, Selection(1))
         assert np.linalg.norm(candidates.shifts[best[0]] - shift_of(pair)) < 3.0
+
+
+ASIDE = np.array([5.0, -4.0, 0.0])  # voxels
+
+
+@pytest.fixture(scope="module")
+def pair_test() -> HypothesisTest:
+    """Of two scans whose grids' centers lie 18 and -18 voxels apart."""
+    return HypothesisTest(Verifier(choose_device(), EDGE), Grid(EDGE, VOXEL), *two_scans(), Bounds(np.pi, None, VOXEL))
+
+
+def true_shift(pair_test: HypothesisTest) -> np.ndarray:
+    return shift_of((pair_test.target, pair_test.source))
+
+
+def with_evidence(pair_test: HypothesisTest, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
+    return observed(pair_test.verifier, (pair_test.target, pair_test.source), hypotheses, 500)
+
+
+def off(pair_test: HypothesisTest, hypothesis: Hypothesis) -> float:
+    """How far its shift is from the true one [voxels]."""
+    return float(np.linalg.norm(hypothesis.fit.shift - true_shift(pair_test)))
+
+
+class TestMissed:
+    def test_the_true_place_is_named_where_all_finalists_lie_beside_it(self, pair_test: HypothesisTest) -> None:
+        beside = [hypothesis(TRUE.rotation, true_shift(pair_test) + offset) for offset in (ASIDE, -ASIDE)]
+        missed = pair_test.find_missed(beside)
+        assert off(pair_test, missed[0]) < 1.0
+        assert len(missed) <= len(beside)
+
+    def test_neither_a_finalist_nor_what_is_forbidden_is_named(self, pair_test: HypothesisTest, monkeypatch) -> None:
+        level = replace(pair_test, bounds=Bounds(np.deg2rad(3.0), None, VOXEL))
+        for test, offset in ((pair_test, 0 * ASIDE), (level, ASIDE)):
+            missed = test.find_missed([hypothesis(TRUE.rotation, true_shift(pair_test) + offset)])
+            assert all(off(pair_test, each) > 2.0 for each in missed)
+        monkeypatch.setattr(Bounds, "allow_shifts", lambda _bounds, _R, shifts: np.zeros(len(shifts), dtype=bool))
+        assert pair_test.find_missed([hypothesis(TRUE.rotation, true_shift(pair_test))]) == []
+
+
+def test_the_true_place_wins_however_the_finalists_are_ordered(pair_test: HypothesisTest) -> None:
+    true, beside = (hypothesis(TRUE.rotation, true_shift(pair_test) + offset) for offset in (0 * ASIDE, 2 * ASIDE))
+    for both in ([true, beside], [beside, true]):
+        hypotheses = pair_test.compare(with_evidence(pair_test, both))
+        assert off(pair_test, hypotheses[0]) < 1.0
+        assert all(hypotheses[0].score > other.score for other in hypotheses[1:])
+
+
+def test_what_looks_hopeless_is_not_compared(pair_test: HypothesisTest, monkeypatch: pytest.MonkeyPatch) -> None:
+    both = [hypothesis(TRUE.rotation, true_shift(pair_test) + offset) for offset in (0 * ASIDE, 2 * ASIDE)]
+    true, beside = with_evidence(pair_test, both)
+    refined_again: list[int] = []
+    refine = HypothesisTest._refine
+
+    def counted(test: HypothesisTest, hypotheses: list[Hypothesis], *rest: Any) -> list[Hypothesis]:
+        refined_again.append(len(hypotheses))
+        return refine(test, hypotheses, *rest)
+
+    monkeypatch.setattr(HypothesisTest, "_refine", counted)
+    pair_test.compare([true, beside])
+    hopeless = replace(beside, evidence=replace(beside.evidence, width=50.0))
+    (only,) = pair_test.compare([hopeless, true])
+    assert refined_again == [2, 1]
+    assert off(pair_test, only) < 1.0
+
+
+def test_the_best_ends_nearer_and_stands_once(pair_test: HypothesisTest) -> None:
+    rough = hypothesis(Rotation.from_rotvec([0, 0, 0.01]) * TRUE.rotation, true_shift(pair_test) + 0.8)
+    first = pair_test.compare(with_evidence(pair_test, [rough]))[0]
+    best, *others = pair_test.finish([first, replace(first, candidate_psr=first.candidate_psr / 2)], spectral=False)
+    assert others == []
+    assert off(pair_test, best) < min(0.3, off(pair_test, rough))
+    T = pair_test.transform(best.fit)
+    np.testing.assert_allclose(T.translation, TRUE.translation, atol=0.3 * VOXEL)
+    assert np.rad2deg((T.rotation.inv() * TRUE.rotation).magnitude()) < 0.3

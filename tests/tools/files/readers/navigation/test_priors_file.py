@@ -174,7 +174,7 @@ class TestRefusals:
     def test_two_scans_for_one_row(self, path: Path) -> None:
         path.write_text("stamp,depth_m,depth_sigma_m\n0,1,1\n")
         scans = (Scan(POINTS, name="a"), Scan(POINTS, name="b"))
-        refuses("line 2: the stamp '0' fits 2 scans, among them a and b", with_priors, scans, path)
+        refuses("line 2: the stamp '0' fits 2 scans, among them a and b", navigate, scans, path)
 
     @pytest.mark.parametrize(
         ("stamp", "words"),
@@ -188,11 +188,11 @@ class TestRefusals:
         refused(path, f"stamp,depth_m,depth_sigma_m\n{stamp},1,1\n", *words)
 
     def test_files(self, path: Path, tmp_path: Path) -> None:
-        refuses("cannot read", with_priors, SCANS, tmp_path / "missing.csv")
+        refuses("cannot read", navigate, SCANS, tmp_path / "missing.csv")
         refused(path, FIRST, "no row below its heading")
         refused(path, FIRST + "rec#3,1,1,1,1\nfirst,1,1", "line 3", "3 cells", "may have been cut")
         path.write_bytes(FIRST.encode() + b"f\xffrst,1,1,1,1\n")
-        refuses(r"line 2 .* UTF-8", with_priors, SCANS, path)
+        refuses(r"line 2 .* UTF-8", navigate, SCANS, path)
 
 
 class TestOffices:
@@ -236,7 +236,7 @@ def interpolated(folder: Path, rows: str, *stamps: float) -> tuple[np.ndarray, n
     """Values and sigmas in the columns' units, (N, 6) each; NaN where a scan has no prior."""
     path = folder / "nav.csv"
     path.write_text(SERIES + rows)
-    found = [scan.prior for scan in with_priors(scans_at(*stamps), path)]
+    found = [scan.prior for scan in navigate(scans_at(*stamps), path).scans]
     nothing = np.full(6, np.nan)
     values = np.array([nothing if prior is None else values_of(prior.T_world_sensor) for prior in found])
     sigmas = np.array([nothing if prior is None else sigmas_of(prior) for prior in found])
