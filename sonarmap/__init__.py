@@ -7,6 +7,14 @@
 Names only: `__init__.pyi` lists them. Each is loaded when it is first used, so that `import sonarmap` takes no time.
 """
 
-import lazy_loader
+try:
+    import lazy_loader
+except ImportError as _error:  # the command imports this too, and `sonarmap doctor` is to say what is missing
+    _missing = str(_error)
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+    def __getattr__(name: str) -> object:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        raise ImportError(f"sonarmap lacks a library: {_missing}. 'sonarmap doctor' says what to do")
+else:
+    __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
