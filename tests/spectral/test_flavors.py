@@ -15,8 +15,8 @@ from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
-from tests.samples.reliefs import HERE, THERE, above, relief, seen
-from tests.samples.structures import assert_near, registered, structure
+from tests.samples.scenes.reliefs import HERE, THERE, above, relief, seen
+from tests.samples.scenes.structures import assert_near, registered, structure
 
 FLAVORS = ("cpu", "gpu")
 # step by step farther from the first: the last two share too little, or nothing

@@ -15,8 +15,8 @@ from sonarmap.spectral.grid import Grid, choose_grid, coarse_edge, image_edge, s
 from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.spectral.scan import PosePrior, Scan
-from tests.samples.reliefs import HERE, T_TRUE, THERE, relief, seen
-from tests.samples.structures import TURN, assert_near, moved, registered, structure
+from tests.samples.scenes.reliefs import HERE, T_TRUE, THERE, relief, seen
+from tests.samples.scenes.structures import TURN, assert_near, moved, registered, structure
 
 
 def box_scan(low: list[float], high: list[float], count: int = 5000, seed: int = 3) -> Scan:

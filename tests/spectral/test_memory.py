@@ -19,7 +19,7 @@ from sonarmap.spectral.memory import MemoryPlan, memory_plan, require_memory, sc
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
-from tests.samples.structures import structure
+from tests.samples.scenes.structures import structure
 
 TILT = float(np.deg2rad(35))
 # A registrar, and the plan for scans of so many points.

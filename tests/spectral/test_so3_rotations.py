@@ -11,8 +11,8 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.prepare.prepared import Preparer
 from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.so3 import PARTS, RotationPeaks, So3, Sweep, distinct_rotations
-from tests.samples.reliefs import HERE, T_TRUE, THERE, relief, seen
-from tests.samples.structures import structure
+from tests.samples.scenes.reliefs import HERE, T_TRUE, THERE, relief, seen
+from tests.samples.scenes.structures import structure
 
 EDGE = 32
 

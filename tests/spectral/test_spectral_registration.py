@@ -12,10 +12,10 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.spectral.scan import PosePrior, Scan
-from tests.samples import structures
-from tests.samples.reliefs import HERE, T_TRUE, THERE, above, relief, seen
-from tests.samples.structures import difference, moved
-from tests.samples.structures import registered as register
+from tests.samples.scenes import structures
+from tests.samples.scenes.reliefs import HERE, T_TRUE, THERE, above, relief, seen
+from tests.samples.scenes.structures import difference, moved
+from tests.samples.scenes.structures import registered as register
 
 EDGE, VOXEL = 64, 0.5
 UNKNOWN = np.inf

@@ -9,7 +9,7 @@ from scipy.special import sph_harm_y
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
 from tests.samples.refusals import refuses
-from tests.samples.sphere_layers import random_coefficients, turned
+from tests.samples.scenes.sphere_layers import random_coefficients, turned
 
 
 def relative(got, want):

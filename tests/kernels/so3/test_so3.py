@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.kernels.so3.correlation import RotationCorrelation, wigner_d
 from tests.samples.refusals import refuses
-from tests.samples.sphere_layers import evaluate, random_coefficients, turned
+from tests.samples.scenes.sphere_layers import evaluate, random_coefficients, turned
 
 
 class TestWigner:

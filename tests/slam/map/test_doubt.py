@@ -12,7 +12,7 @@ from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import PointMap, fuse
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.spectral.scan import Scan
-from tests.samples.room_scans import look, room_distance, room_poses
+from tests.samples.scenes.room_scans import look, room_distance, room_poses
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 VOXEL, COUNT = 0.25, 12

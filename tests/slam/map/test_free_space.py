@@ -11,7 +11,7 @@ from sonarmap.slam.map.free_space import Tiles, uncontradicted, votes
 from sonarmap.slam.map.placed import PlacedScans, beams_of
 from sonarmap.slam.map.point_map import PointMap, fuse
 from sonarmap.spectral.scan import Scan
-from tests.samples.room_scans import RADIUS, look, pole_distance, room_distance, room_poses
+from tests.samples.scenes.room_scans import RADIUS, look, pole_distance, room_distance, room_poses
 
 VOXEL, COUNT = 0.25, 16
 SIGMAS = np.repeat([0.003, 0.03], 3)  # of the poses [rad, m]

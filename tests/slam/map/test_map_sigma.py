@@ -12,7 +12,7 @@ from sonarmap.slam.map import point_map as point_maps
 from sonarmap.slam.map.placed import Beams, PlacedScans, beams_of, pose_variance
 from sonarmap.slam.map.point_map import PointMap, fuse
 from sonarmap.spectral.scan import Scan
-from tests.samples.room_scans import look, room_poses
+from tests.samples.scenes.room_scans import look, room_poses
 from tests.samples.surveys import drawn, random_covariance, random_transforms
 
 VOXEL, SPOTS, HITS, DRAWS = 2.0, 40, 6, 400

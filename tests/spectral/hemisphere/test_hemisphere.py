@@ -18,7 +18,7 @@ from sonarmap.spectral.prepare.prepared import Prepared, Preparer
 from sonarmap.spectral.rotation_search import search_rotation
 from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.translation import Translation
-from tests.samples.structures import moved, structure
+from tests.samples.scenes.structures import moved, structure
 
 EDGE, VOXEL = 64, 0.4
 Shift = tuple[float, float, float]

@@ -13,7 +13,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.shapes.structure import occupy, surface_points, voxel_scan
 from tests.samples.refusals import refuses
-from tests.samples.structures import TURN, assert_near, difference, moved, registered, structure
+from tests.samples.scenes.structures import TURN, assert_near, difference, moved, registered, structure
 
 EDGE = 64
 

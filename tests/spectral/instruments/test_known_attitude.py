@@ -14,8 +14,8 @@ from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.relative_priors import ALL, ATTITUDE, DEPTH, knowing, unexact
-from tests.samples.reliefs import HERE, T_TRUE, THERE, relief, seen
-from tests.samples.structures import assert_near, difference
+from tests.samples.scenes.reliefs import HERE, T_TRUE, THERE, relief, seen
+from tests.samples.scenes.structures import assert_near, difference
 
 EDGE, VOXEL = 64, 0.5
 SIGMAS = np.array([*np.deg2rad([1.0, 1.0, 3.0]), 1.0, 1.0, 0.15])

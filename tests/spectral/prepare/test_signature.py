@@ -12,8 +12,8 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.prepare.signature import signature
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import Scan
-from tests.samples.sphere_layers import random_coefficients, turned
-from tests.samples.structures import moved, structure
+from tests.samples.scenes.sphere_layers import random_coefficients, turned
+from tests.samples.scenes.structures import moved, structure
 
 PLACES = 5
 

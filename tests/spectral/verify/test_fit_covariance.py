@@ -16,7 +16,7 @@ from sonarmap.spectral.verify.covariance import covers, fit_covariance
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair
-from tests.samples.structures import registered
+from tests.samples.scenes.structures import registered
 
 T_TARGET_SOURCE = RigidTransform.from_components([2.0, -3.0, 1.5], Rotation.from_euler("ZYX", [8, 3, -4], degrees=True))
 COUNT, REACH = 12_000, 45.0  # points of a scan, and how far they go [m]

@@ -22,7 +22,7 @@ from sonarmap.spectral.verify.probability import (
     tolerance_probability,
 )
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_unrelated
-from tests.samples.structures import registered
+from tests.samples.scenes.structures import registered
 
 CLEAR = Clues(psr=1.4, view=-0.2, surface=-0.4, sharpness=0.5, firmness=0.8, lead=3.0, search=0.0)
 

@@ -22,7 +22,7 @@ from sonarmap.spectral.verify.hypothesis import Hypothesis, ranked
 from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
 from sonarmap.spectral.verify.observation import consistency
 from sonarmap.spectral.verify.verifier import Selection, Verifier
-from tests.samples.reliefs import above, relief, seen
+from tests.samples.scenes.reliefs import above, relief, seen
 
 EDGE, VOXEL = 64, 0.5
 HERE, THERE = above(-5, 3, 12), above(4.0, -6.0, 13, 25, 4, -7)

@@ -12,7 +12,7 @@ from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.tools.methods import reuse
 from sonarmap.tools.methods.registry import Setup
-from tests.samples.reliefs import above, relief, seen
+from tests.samples.scenes.reliefs import above, relief, seen
 
 HERE, THERE = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)
 

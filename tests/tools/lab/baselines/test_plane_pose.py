@@ -6,7 +6,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.lab.baselines.planes.fit import Patches
 from sonarmap.tools.lab.baselines.planes.pose import LOOSE_ROTATION, NO_SLACK, Slack, closed_form, refine, settle
-from tests.samples.plane_rooms import T_TARGET_SOURCE, disturbed, patches, seen_from
+from tests.samples.scenes.plane_rooms import T_TARGET_SOURCE, disturbed, patches, seen_from
 
 EXTENT = 80.0
 REST = ("middle", "spread", "area", "count")

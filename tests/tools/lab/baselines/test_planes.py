@@ -10,7 +10,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.baselines.planes.registrar import PlaneRegistrar
-from tests.samples.plane_rooms import CORRIDOR, ROOM, T_ROOM_TARGET, T_TARGET_SOURCE, look, look_twice
+from tests.samples.scenes.plane_rooms import CORRIDOR, ROOM, T_ROOM_TARGET, T_TARGET_SOURCE, look, look_twice
 
 VOXEL = 1.0
 REGISTRAR = PlaneRegistrar(VOXEL)

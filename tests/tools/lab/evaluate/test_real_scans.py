@@ -18,7 +18,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.scans import read_scans
 from sonarmap.tools.methods.registry import build
 from tests.samples.places import DATA
-from tests.samples.structures import difference
+from tests.samples.scenes.structures import difference
 
 SHARED = DATA
 KITCHEN, SHIP = SHARED / "redkitchen", SHARED / "sonar3d15" / "ship_short.sonar"

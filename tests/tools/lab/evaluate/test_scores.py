@@ -16,7 +16,7 @@ from sonarmap.tools.lab.evaluate.pose_calibration import PoseCalibration, calibr
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from sonarmap.tools.lab.simulate.folder import write_simulation
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
-from tests.samples.simulated import COARSE, QUIET
+from tests.samples.scenes.simulated import COARSE, QUIET
 
 LOOP_VOXEL = 0.7
 TRUE_PAIRS = {

@@ -30,7 +30,7 @@ from sonarmap.tools.lab.reproduce.survey.settings import SurveySettings
 from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.shapes.solids import Mesh
-from tests.samples.simulated import COARSE, QUIET
+from tests.samples.scenes.simulated import COARSE, QUIET
 from tests.samples.surveys import ring_poses
 
 COUNT, VOXEL = 8, 0.5

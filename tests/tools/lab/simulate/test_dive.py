@@ -18,7 +18,7 @@ from sonarmap.tools.lab.simulate.sensing.navigation import instruments_for, meas
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES, SimulationSettings, simulate
 from tests.samples.clutter_scans import said, sonarmap
-from tests.samples.simulated import COARSE
+from tests.samples.scenes.simulated import COARSE
 
 SETTINGS = SimulationSettings(trajectory="lawnmower", count=3, sensor=COARSE, seed=14)
 

@@ -13,7 +13,7 @@ from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, PAPER, SONAR_3D15, Echoes, Sensor, bare, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box
-from tests.samples.simulated import COARSE, QUIET
+from tests.samples.scenes.simulated import COARSE, QUIET
 
 ALL = Noise(sigma2=1.5, outliers=0.05, dropouts=0.1, ghosts=0.2, speckle=1.0)
 

@@ -14,7 +14,7 @@ from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
 from sonarmap.tools.lab.simulate.sensing.sensors import ABSORPTION_DB, ECLIPSE, Echoes, bare, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box, merge
 from sonarmap.tools.lab.simulate.simulation import settings_from_json
-from tests.samples.simulated import COARSE
+from tests.samples.scenes.simulated import COARSE
 
 WALL, BED = 30.0, -11.0  # x of the wall's face, height of the bed [m]
 BASIN = Scene("basin", merge([box((0, 0, BED - 2), (400, 400, 4)), box((WALL + 3, 0, 0), (6, 400, 80))]))

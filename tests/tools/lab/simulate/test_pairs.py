@@ -37,7 +37,7 @@ from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, bare
-from tests.samples.simulated import QUIET
+from tests.samples.scenes.simulated import QUIET
 
 STEEP = float(np.deg2rad(35.0))
 

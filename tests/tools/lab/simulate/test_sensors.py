@@ -13,7 +13,7 @@ from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
 from sonarmap.tools.lab.simulate.sensing.sensors import ABSORPTION_DB, ECLIPSE, PAPER, Echoes, bare, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box, merge
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, observe
-from tests.samples.simulated import COARSE, QUIET
+from tests.samples.scenes.simulated import COARSE, QUIET
 
 IDENTITY = RigidTransform.identity()
 FAN = bare(ECLIPSE)

@@ -24,7 +24,7 @@ from sonarmap.tools.lab.simulate.simulation import SimulationSettings, check_siz
 from tests.samples.clutter_scans import files_in, refused_with_reason, said, sonarmap
 from tests.samples.damage.pose_files import POSE_FILES
 from tests.samples.refusals import refuses
-from tests.samples.simulated import COARSE, QUIET
+from tests.samples.scenes.simulated import COARSE, QUIET
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from sonarmap.tools.lab.simulate.sensing.navigation import Instruments, instrume
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from tests.samples.refusals import refuses
-from tests.samples.simulated import QUIET
+from tests.samples.scenes.simulated import QUIET
 
 VIEWS = ("patch", "sonar3d15", "sound_speed", "range_bias", "moving")
 SWEEPS = ("swath", "imaging", "profiler")

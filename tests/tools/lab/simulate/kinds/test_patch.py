@@ -13,7 +13,7 @@ from sonarmap.tools.lab.simulate.kinds.draws import observer_of
 from sonarmap.tools.lab.simulate.pairs.viewpoints import first_view
 from sonarmap.tools.lab.simulate.sensing.overlap import overlap
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
-from tests.samples.simulated import QUIET
+from tests.samples.scenes.simulated import QUIET
 
 
 def _patch(scene: str = "rubble") -> tuple[patch.PathObserver, patch.PathView]:

@@ -17,7 +17,7 @@ from sonarmap.tools.lab.simulate.sensing.noise import Noise, pick_strongest
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, SONAR_3D15, Echoes, Sensor, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
-from tests.samples.simulated import QUIET
+from tests.samples.scenes.simulated import QUIET
 
 FEW = Sensor("few", np.deg2rad(60), np.deg2rad(40), 31, 21, 0.1, 40.0)
 

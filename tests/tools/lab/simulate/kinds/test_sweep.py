@@ -26,7 +26,7 @@ from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 from sonarmap.tools.lab.simulate.shapes.solids import box, merge
-from tests.samples.simulated import QUIET
+from tests.samples.scenes.simulated import QUIET
 
 SENSOR = Sensor("test", 1.0, 1.0, 2, 2, 0.5, 50.0, absorption=0.0, threshold=0.01)
 AHEAD = np.array((1.0, 0.0, 0.0))

@@ -16,7 +16,7 @@ from sonarmap.tools.lab.reproduce.run import run
 from tests.samples.clutter_scans import files_in, refused, said, sonarmap
 from tests.samples.damage.pose_files import POSE_FILES
 from tests.samples.experiments.fake_experiment import Fake, origin
-from tests.tools.command.test_nothing_lost import RESULTS
+from tests.tools.command.failing.test_nothing_lost import RESULTS
 
 GRID = ("--grid", "64")
 Removal = Callable[[Path], None]

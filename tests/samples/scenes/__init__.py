@@ -1,0 +1,1 @@
+"""What is scanned: rooms, reliefs, structures, layers of spheres, simulated scenes."""
