@@ -30,7 +30,8 @@ def write_simulation(
     """Write the scans, the truth and the description; the paths written.
 
     Written again, the same settings give the same bytes (on another processor the last digits may differ). Under
-    "scans" the description says which are "unusable": "empty", "noise", or null for a sound one.
+    "scans" the description says which are "unusable": "empty", "noise", or null for a sound one. Raises InputError: the
+    folder cannot be written, or holds scans or priors that are not part of this simulation.
 
     Args:
         simulation: what was simulated.
@@ -39,9 +40,6 @@ def write_simulation(
         fixes: how positions are fixed; None for every scan, and none of them wrong.
         drift: of dead reckoning, which is written as odometry.tum: share of the way, rotation [rad/s]; None for no such
             file.
-
-    Raises:
-        InputError: the folder cannot be written, or holds scans or priors that are not part of this simulation.
     """
     folder = Path(folder)
     paths = [folder / f"scan_{number:03d}.ply" for number in range(len(simulation.scans))]
@@ -92,11 +90,8 @@ def _write_files(simulation: Simulation, folder: Path, paths: list[Path]) -> Non
 
 
 def read_settings(path: Path) -> SimulationSettings:
-    """The settings of a description.json, from which `simulate` makes the same scans.
-
-    Raises:
-        InputError: no such file, no JSON, no settings in it, or settings that cannot be used.
-    """
+    """The settings of a description.json, from which `simulate` makes the same scans. Raises InputError: no such file,
+    no JSON, no settings in it, or settings that cannot be used."""
     content = read_json(path, "the description.json of a simulation")
     if not isinstance(content, dict) or "settings" not in content:
         raise InputError(f"{path} holds no settings; expected the description.json of a simulation")

@@ -24,18 +24,16 @@ TABLE1_SENSOR: Sensor = replace(PAPER, tilt=float(np.deg2rad(30.0)))
 def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed: int = 0) -> SimulationSettings:
     """Settings that suit a scene, so that only the scene need be chosen.
 
+    The spacing is 9 m in a scene of 256 m, and in proportion in a smaller one or with a sensor that sees less far than
+    the scene's; the standard deviation of the range is 1 m at 120 m, and in proportion for a sensor of shorter range. A
+    loop has as many scans as that spacing asks for. Raises InputError: an unknown name, or a sensor for Table 1, which
+    has its own.
+
     Args:
         scene: a key of SCENE_KINDS.
         trajectory: a key of TRAJECTORIES.
         sensor: a key of SENSORS; the one that suits the scene if left out.
         seed: of the scene, the waves and the noise.
-
-    The spacing is 9 m in a scene of 256 m, and in proportion in a smaller one or with a sensor that sees less far than
-    the scene's; the standard deviation of the range is 1 m at 120 m, and in proportion for a sensor of shorter range. A
-    loop has as many scans as that spacing asks for.
-
-    Raises:
-        InputError: an unknown name, or a sensor for Table 1, which has its own.
     """
     kind = scene_kind(scene)
     if trajectory == "table1":

@@ -17,18 +17,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ScanKind:
-    """A kind of scan.
+    """A kind of scan."""
 
-    Attributes:
-        summary: in a few words.
-        builder: the function that makes pair `number` of the set `seed`, as "module:function" of this folder; it takes
-            (number, seed, scene, overlaps) and returns a KindPair.
-        scenes: keys of SCENE_KINDS, in turns; every relief is among them.
-    """
-
-    summary: str
+    summary: str  # in a few words
+    # the function that makes pair `number` of the set `seed`, as "module:function" of this folder; it takes (number,
+    # seed, scene, overlaps) and returns a KindPair
     builder: str
-    scenes: tuple[str, ...]
+    scenes: tuple[str, ...]  # keys of SCENE_KINDS, in turns; every relief is among them
 
 
 # One flat, two weak, five rich ones, three with twins; an odd number, so that what alternates with the pairs' numbers
@@ -84,11 +79,7 @@ SCAN_KINDS: MappingProxyType[str, ScanKind] = MappingProxyType(
 
 
 def scan_kind(name: str) -> ScanKind:
-    """The kind called `name`.
-
-    Raises:
-        InputError: there is none.
-    """
+    """The kind called `name`. Raises InputError: there is none."""
     if name not in SCAN_KINDS:
         raise InputError(f"no kind of scan is called {name!r}; there are {', '.join(SCAN_KINDS)}")
     return SCAN_KINDS[name]
@@ -97,13 +88,12 @@ def scan_kind(name: str) -> ScanKind:
 def kind_pair(name: str, number: int, seed: int, overlaps: tuple[float, float] | None = None) -> "KindPair":
     """Pair `number`, 0, 1, 2, ..., of the set `seed` of one kind: scenes and overlaps take turns.
 
+    Raises InputError: there is no such kind, or its scene has no such pair.
+
     Args:
         name: a key of SCAN_KINDS.
         number, seed: >= 0; the same numbers, the same pair, bit for bit.
         overlaps: least and greatest share of the points in common; in turns those of OVERLAPS if left out.
-
-    Raises:
-        InputError: there is no such kind, or its scene has no such pair.
     """
     from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, KindPair
 

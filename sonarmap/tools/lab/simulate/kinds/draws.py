@@ -32,20 +32,13 @@ OPEN = ("sandflat", "shallow", "rubble")
 
 @dataclass(frozen=True, slots=True)
 class PairDraws:
-    """Of one pair.
+    """Of one pair."""
 
-    Attributes:
-        scene: the seed of the scene.
-        poses: draws both poses.
-        distortion: draws how the scans are distorted.
-        target, source: draw the noise of either scan.
-    """
-
-    scene: int
-    poses: np.random.Generator
-    distortion: np.random.Generator
-    target: np.random.Generator
-    source: np.random.Generator
+    scene: int  # the seed of the scene
+    poses: np.random.Generator  # draws both poses
+    distortion: np.random.Generator  # draws how the scans are distorted
+    target: np.random.Generator  # draws the noise of the target
+    source: np.random.Generator  # draws the noise of the source
 
 
 def pair_draws(kind: str, number: int, seed: int) -> PairDraws:
@@ -80,13 +73,12 @@ def draw_views(
 ) -> tuple[View, View]:
     """A target's view and a source's with an overlap within `overlaps`.
 
+    Raises InputError: no such pair of views was found from 8 places.
+
     Args:
         observers: the target's and the source's, of one scene.
         overlaps: least and greatest share of the points in common.
         rng: draws the poses: roll and pitch up to 10 degrees each, any heading that leaves such an overlap.
-
-    Raises:
-        InputError: no such pair of views was found from 8 places.
     """
     looker, partner = observers
     for _ in range(PLACES):

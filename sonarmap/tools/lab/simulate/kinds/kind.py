@@ -24,26 +24,18 @@ _TARGET_STREAM, _SOURCE_STREAM = 71, 72
 
 @dataclass(frozen=True, slots=True)
 class KindPair:
-    """One simulated pair.
+    """One simulated pair."""
 
-    Attributes:
-        kind: a key of SCAN_KINDS.
-        number, seed: which of the set, and of which set.
-        scene: a key of SCENE_KINDS.
-        target, source: the scans, each in its own frame (x forward, y left, z up), without priors.
-        T_world_target, T_world_source: where the frames truly were; world East-North-Up.
-        shared: share of the points, free of noise and distortion, that have a counterpart in the other scan, 0..1; the
-            smaller of both ways.
-    """
-
-    kind: str
-    number: int
-    seed: int
-    scene: str
-    target: Scan
-    source: Scan
-    T_world_target: RigidTransform
-    T_world_source: RigidTransform
+    kind: str  # a key of SCAN_KINDS
+    number: int  # which of the set
+    seed: int  # which set
+    scene: str  # a key of SCENE_KINDS
+    target: Scan  # in its own frame (x forward, y left, z up), without a prior
+    source: Scan  # likewise
+    T_world_target: RigidTransform  # where the frame truly was; world East-North-Up
+    T_world_source: RigidTransform  # likewise
+    # share of the points, free of noise and distortion, that have a counterpart in the other scan, 0..1; the smaller of
+    # both ways
     shared: float
 
     @property
@@ -93,11 +85,7 @@ RELIEF_OF: MappingProxyType[str, Relief] = MappingProxyType(
 
 
 def relief_of(scene: str) -> Relief:
-    """The relief of a scene of SCENE_KINDS.
-
-    Raises:
-        InputError: a scene that has no row here.
-    """
+    """The relief of a scene of SCENE_KINDS. Raises InputError: a scene that has no row here."""
     if scene not in RELIEF_OF:
         raise InputError(f"no relief is known of the scene {scene!r}; give it a row in `RELIEF_OF`")
     return RELIEF_OF[scene]

@@ -24,26 +24,17 @@ COARSE_LOOKS = 3  # that a coarse search takes: the first, a middle one and the 
 
 @dataclass(frozen=True, slots=True)
 class PathView(View):
-    """What is seen along a path; `echoes` are those of the middle look, `points` are of all, thinned.
+    """What is seen along a path; `echoes` are those of the middle look, `points` are of all, thinned."""
 
-    Attributes:
-        looks: from each pose of the path.
-    """
-
-    looks: tuple[View, ...]
+    looks: tuple[View, ...]  # from each pose of the path
 
 
 @dataclass(frozen=True)
 class PathObserver(Observer):
-    """An observer whose pose is that of the middle of a path.
+    """An observer whose pose is that of the middle of a path."""
 
-    Attributes:
-        T_middle_look: (K,) poses of the looks.
-        cell: of the grid that the points are thinned by [m].
-    """
-
-    T_middle_look: RigidTransform
-    cell: float
+    T_middle_look: RigidTransform  # (K,) poses of the looks
+    cell: float  # of the grid that the points are thinned by [m]
 
     @cached_property
     def _still(self) -> Observer:
@@ -119,11 +110,8 @@ DRIFT, TURNED = 0.2, np.deg2rad(0.3)  # each coordinate in a scene of 256 m [m];
 
 
 def patch_pair(number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
-    """A builder of SCAN_KINDS; the points of even numbers say from where they were seen.
-
-    Raises:
-        InputError: the scene has no such pair.
-    """
+    """A builder of SCAN_KINDS; the points of even numbers say from where they were seen. Raises InputError: the scene
+    has no such pair."""
     draws, noise = pair_draws("patch", number, seed), noise_of("patch", number, scene)
     still = observer_of(scene, draws.scene)
     observers = on_path(still, draws.poses), on_path(still, draws.poses)

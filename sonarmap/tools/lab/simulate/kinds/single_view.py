@@ -61,23 +61,14 @@ ROCK = np.deg2rad(2.0)  # about the level axes at most [rad/s]
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A view that is to be measured.
+    """A view that is to be measured."""
 
-    Attributes:
-        observer: the scene and the sensor.
-        view: the true one.
-        noise: besides the distortion.
-        distortion: draws how the measurement is distorted.
-        rng: draws the noise.
-        name: "target" or "source".
-    """
-
-    observer: Observer
-    view: View
-    noise: Noise
-    distortion: np.random.Generator
-    rng: np.random.Generator
-    name: str
+    observer: Observer  # the scene and the sensor
+    view: View  # the true one
+    noise: Noise  # besides the distortion
+    distortion: np.random.Generator  # draws how the measurement is distorted
+    rng: np.random.Generator  # draws the noise
+    name: str  # "target" or "source"
 
     @property
     def stamp(self) -> float:
@@ -102,10 +93,7 @@ def single_view_pair(
 ) -> KindPair:
     """Pair `number` of the set `seed`: two views from anywhere, measured as the kind does.
 
-    The scan's frame is the sensor's and its origin the viewpoint.
-
-    Raises:
-        InputError: the scene has no such pair.
+    The scan's frame is the sensor's and its origin the viewpoint. Raises InputError: the scene has no such pair.
     """
     draws, noise = pair_draws(kind, number, seed), noise_of(kind, number, scene)
     observer = observer_of(scene, draws.scene)
@@ -152,17 +140,11 @@ def real_scan(shot: Shot) -> Scan:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """How the sensor moves during a scan, evenly.
+    """How the sensor moves during a scan, evenly."""
 
-    Attributes:
-        velocity: (3,) [m/s], in the frame of the middle of the scan.
-        turning: (3,) rotation vector a second [rad/s], likewise.
-        seconds: from the first row to the last.
-    """
-
-    velocity: np.ndarray
-    turning: np.ndarray
-    seconds: float
+    velocity: np.ndarray  # (3,) [m/s], in the frame of the middle of the scan
+    turning: np.ndarray  # (3,) rotation vector a second [rad/s], likewise
+    seconds: float  # from the first row to the last
 
     def poses(self, rows: int) -> RigidTransform:
         """T_middle_row of every row, (rows,) poses, the lowest row's first."""

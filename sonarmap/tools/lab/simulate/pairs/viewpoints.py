@@ -35,17 +35,11 @@ DOUBT = 0.1  # an overlap by the coarse points is at most this far from the one 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What is seen from one place, free of noise.
+    """What is seen from one place, free of noise."""
 
-    Attributes:
-        T_world_sensor: the place and the attitude.
-        echoes: of all beams.
-        points: (N, 3) float64 [m], sensor frame, of the beams that meet something.
-    """
-
-    T_world_sensor: RigidTransform
-    echoes: Echoes
-    points: np.ndarray
+    T_world_sensor: RigidTransform  # the place and the attitude
+    echoes: Echoes  # of all beams
+    points: np.ndarray  # (N, 3) float64 [m], sensor frame, of the beams that meet something
 
 
 @dataclass(frozen=True)
@@ -127,11 +121,8 @@ class Observer:
 
 
 def first_view(observer: Observer, max_tilt: float, rng: np.random.Generator) -> View:
-    """From a pose in the inner part of the scene, above what stands there, with nothing near before it.
-
-    Raises:
-        InputError: there is none within TRIES.
-    """
+    """From a pose in the inner part of the scene, above what stands there, with nothing near before it. Raises
+    InputError: there is none within TRIES."""
     world, sensor = observer.world, observer.sensor
     kind = world.kind
     for _ in range(TRIES):

@@ -157,12 +157,11 @@ FAR_SIGHTED = 30.0
 def survey_path(scene: str, seed: int, reach: float = np.inf) -> Path:
     """The closed path of `scene`; round the ship and the manifold it follows their layout.
 
+    Raises InputError: a scene without a path.
+
     Args:
         scene, seed: as `build_scene` takes them.
         reach: the sensor's greatest range [m]; a short one is carried nearer to the ship.
-
-    Raises:
-        InputError: a scene without a path.
     """
     if scene == "ship" and reach < FAR_SIGHTED:
         return _close_round_the_ship(seed)
@@ -172,11 +171,8 @@ def survey_path(scene: str, seed: int, reach: float = np.inf) -> Path:
 
 
 def lawnmower_path(scene: str, seed: int, reach: float = np.inf) -> Path:
-    """The closed path of lanes and tie lines over `scene`; arguments as those of `survey_path`.
-
-    Raises:
-        InputError: a scene without lanes.
-    """
+    """The closed path of lanes and tie lines over `scene`; arguments as those of `survey_path`. Raises InputError: a
+    scene without lanes."""
     if scene == "ship" and reach < FAR_SIGHTED:
         return _under_the_hull(seed)
     return _path_of(LAWNMOWER_PATHS, scene, "lawnmower's path")(seed)

@@ -15,20 +15,14 @@ TURNING = 5.0  # bends that a lane's heading is averaged over
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Where the sensor is after a distance along the path.
+    """Where the sensor is after a distance along the path."""
 
-    Attributes:
-        length: of the path, once round if it is closed [m].
-        closed: whether it ends where it begins.
-        at: takes distances (N,) [m]; positions (N, 3) [m, scene] and headings (N,) [rad, from x toward y]. A
-            closed path goes round again and again.
-        pitch: of the sensor all along, positive nose down [rad].
-    """
-
-    length: float
-    closed: bool
+    length: float  # of the path, once round if it is closed [m]
+    closed: bool  # whether it ends where it begins
+    # takes distances (N,) [m]; positions (N, 3) [m, scene] and headings (N,) [rad, from x toward y]. A closed path goes
+    # round again and again.
     at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-    pitch: float = 0.0
+    pitch: float = 0.0  # of the sensor all along, positive nose down [rad]
 
 
 def spline_path(corners: np.ndarray, closed: bool = True, pitch: float = 0.0) -> Path:

@@ -21,11 +21,7 @@ _DRIFT = 38  # stream of the seed
 
 
 def check_dive(dive: int, trajectory: str) -> None:
-    """Refuse dives below 1, and others than the first of trajectories that have one alone.
-
-    Raises:
-        InputError: as said.
-    """
+    """Refuse dives below 1, and others than the first of trajectories that have one alone."""
     if dive < 1:
         raise InputError(f"the dive is {dive}; wanted a number >= 1")
     if dive > 1 and trajectory not in DIVING:
@@ -75,12 +71,10 @@ def survey(
 ) -> Trajectory:
     """Poses every `spacing` meters along the scene's closed path, with the motion of a small vessel.
 
-    Where the path ends it begins again: a long survey revisits its places. Roll, pitch, yaw and heave follow
-    sums of sines whose phases come from `seed`. Stamps count the scans: 0, 1, 2, ... Of the `dive` see
-    tools/lab/simulate/paths/trajectories.py, of the sensor's `reach` [m] `survey_path`.
-
-    Raises:
-        InputError: a scene without a path, no scan, or a spacing that is not positive.
+    Where the path ends it begins again: a long survey revisits its places. Roll, pitch, yaw and heave follow sums of
+    sines whose phases come from `seed`. Stamps count the scans: 0, 1, 2, ... Of the `dive` see
+    tools/lab/simulate/paths/trajectories.py, of the sensor's `reach` [m] `survey_path`. Raises InputError: a scene
+    without a path, no scan, or a spacing that is not positive.
     """
     path = survey_path(scene, seed, reach)
     _require_scans("survey", count, spacing)
@@ -92,10 +86,8 @@ def lawnmower(
 ) -> Trajectory:
     """Poses every `spacing` meters along lanes over the scene and tie lines across them, moved as in `survey`.
 
-    The sensor looks where it goes. Where the path ends it begins again; it crosses itself long before.
-
-    Raises:
-        InputError: a scene without lanes, no scan, or a spacing that is not positive.
+    The sensor looks where it goes. Where the path ends it begins again; it crosses itself long before. Raises
+    InputError: a scene without lanes, no scan, or a spacing that is not positive.
     """
     path = lawnmower_path(scene, seed, reach)
     _require_scans("lawnmower", count, spacing)
@@ -103,11 +95,8 @@ def lawnmower(
 
 
 def loop(scene: str, count: int, seed: int, dive: int = 1, reach: float = np.inf) -> Trajectory:
-    """Poses once round the scene's closed path, moved as in `survey`: the last is one step from the first.
-
-    Raises:
-        InputError: a scene without a path, or fewer than 3 scans.
-    """
+    """Poses once round the scene's closed path, moved as in `survey`: the last is one step from the first. Raises
+    InputError: a scene without a path, or fewer than 3 scans."""
     if count < LOOP_LEAST:
         raise InputError(f"a loop of {count} scans; wanted at least {LOOP_LEAST}, so that it goes round something")
     path = survey_path(scene, seed, reach)
@@ -132,11 +121,9 @@ def poses_along(path: Path, distance: np.ndarray, scene: str, seed: int, dive: i
 def table1_transform(index: int) -> RigidTransform:
     """Row S`index` of Table 1: p_target = R p_source + t in the grid frame [m].
 
-    R = Rz(yaw) Ry(pitch) Rx(roll). The grid is a cube of 256 m whose center is the origin; z is up.
-    The reference scan is the target. The table ends with S9; S10 to S12 continue it with the same steps.
-
-    Raises:
-        InputError: an index below 0 or above 12.
+    R = Rz(yaw) Ry(pitch) Rx(roll). The grid is a cube of 256 m whose center is the origin; z is up. The reference scan
+    is the target. The table ends with S9; S10 to S12 continue it with the same steps. Raises InputError: an index below
+    0 or above 12.
     """
     if not 0 <= index < TABLE1_MOST:
         raise InputError(

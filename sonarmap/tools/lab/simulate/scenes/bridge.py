@@ -29,21 +29,13 @@ REMNANT_TOP = (-9.0, -6.5)  # of what is left of an older bridge [m]: below the 
 
 @dataclass(frozen=True, slots=True)
 class BridgeLayout:
-    """What the seed decides of the bridge's plan.
+    """What the seed decides of the bridge's plan."""
 
-    Attributes:
-        river: that it crosses.
-        x: where its axis crosses y = 0 [m].
-        skew: of the axis against square to the river, counterclockwise [rad].
-        deck: height of the deck's underside [m], its width [m].
-        piers: from south to north.
-    """
-
-    river: River
-    x: float
-    skew: float
-    deck: tuple[float, float]
-    piers: tuple[Pier, ...]
+    river: River  # that it crosses
+    x: float  # where its axis crosses y = 0 [m]
+    skew: float  # of the axis against square to the river, counterclockwise [rad]
+    deck: tuple[float, float]  # height of the deck's underside [m], its width [m]
+    piers: tuple[Pier, ...]  # from south to north
 
     def axis_x(self, y: float) -> float:
         """x of the axis at `y` [m]."""

@@ -20,24 +20,15 @@ FULL_EDGE = 256.0  # side of the paper's grid, and of the scenes that fill it [m
 
 @dataclass(frozen=True, slots=True)
 class SceneKind:
-    """A scene that has not been built.
+    """A scene that has not been built."""
 
-    Attributes:
-        builder: the function that builds it, as "module:function" of this folder.
-        summary: what stands there, in a few words.
-        sensor: the sensor that suits its size, a key of SENSORS.
-        size: of the box around the origin that holds everything there is to see, along x and y [m].
-        lowest, highest: corners of the box in which the sensors of a random pair may be [m, scene].
-        inward: whether a random pair looks at the scene's middle rather than anywhere.
-    """
-
-    builder: str
-    summary: str
-    sensor: str
-    size: tuple[float, float]
-    lowest: tuple[float, float, float]
-    highest: tuple[float, float, float]
-    inward: bool = False
+    builder: str  # the function that builds it, as "module:function" of this folder
+    summary: str  # what stands there, in a few words
+    sensor: str  # the sensor that suits its size, a key of SENSORS
+    size: tuple[float, float]  # of the box around the origin that holds everything there is to see, along x and y [m]
+    lowest: tuple[float, float, float]  # corner of the box in which the sensors of a random pair may be [m, scene]
+    highest: tuple[float, float, float]  # the opposite corner [m, scene]
+    inward: bool = False  # whether a random pair looks at the scene's middle rather than anywhere
 
     @property
     def scale(self) -> float:
@@ -118,11 +109,7 @@ SCENE_KINDS: MappingProxyType[str, SceneKind] = MappingProxyType(
 
 
 def scene_kind(name: str) -> SceneKind:
-    """The scene called `name`, not built.
-
-    Raises:
-        InputError: there is none.
-    """
+    """The scene called `name`, not built. Raises InputError: there is none."""
     if name not in SCENE_KINDS:
         raise InputError(f"no scene is called {name!r}; there are {', '.join(SCENE_KINDS)}")
     return SCENE_KINDS[name]

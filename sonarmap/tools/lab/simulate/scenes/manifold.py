@@ -16,21 +16,14 @@ TUBE_RADIUS = 0.16  # of the frame's chords and posts [m]
 
 @dataclass(frozen=True, slots=True)
 class ManifoldLayout:
-    """Where a manifold stands and how large it is; its frame is x along the headers, z = 0 the mudmat's top.
+    """Where a manifold stands and how large it is; its frame is x along the headers, z = 0 the mudmat's top."""
 
-    Attributes:
-        middle: x, y and z of the middle of the mudmat's top [m].
-        R_scene_manifold: its heading, and its settling into the bed by up to 1.5 degrees.
-        length, width, height: of the frame [m].
-        bays: number of the frame's bays along its length.
-    """
-
-    middle: tuple[float, float, float]
-    R_scene_manifold: Rotation
-    length: float
-    width: float
-    height: float
-    bays: int
+    middle: tuple[float, float, float]  # x, y and z of the middle of the mudmat's top [m]
+    R_scene_manifold: Rotation  # its heading, and its settling into the bed by up to 1.5 degrees
+    length: float  # of the frame [m]
+    width: float  # [m]
+    height: float  # [m]
+    bays: int  # number of the frame's bays along its length
 
     def place(self, points: np.ndarray) -> np.ndarray:
         """Points (..., 3) of the manifold's frame in the scene's [m]."""

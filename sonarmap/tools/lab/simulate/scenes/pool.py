@@ -17,23 +17,14 @@ LANES = 5
 
 @dataclass(frozen=True, slots=True)
 class PoolLayout:
-    """What the seed decides of the pool's shape.
+    """What the seed decides of the pool's shape."""
 
-    Attributes:
-        knots: x of the floor's four corners from the deep end to the shallow one [m].
-        depths: at these [m].
-        drain: x and y of the drain's middle, in the deep end [m].
-        ladders: x of each of the four ladders [m], two on either long side.
-        steps: the corner at the shallow end with the steps, -1 or 1 along y.
-        side: on which of the short ends the starting blocks stand, -1 the deep one or 1.
-    """
-
-    knots: tuple[float, ...]
-    depths: tuple[float, ...]
-    drain: tuple[float, float]
-    ladders: tuple[float, ...]
-    steps: int
-    side: int
+    knots: tuple[float, ...]  # x of the floor's four corners from the deep end to the shallow one [m]
+    depths: tuple[float, ...]  # at these [m]
+    drain: tuple[float, float]  # x and y of the drain's middle, in the deep end [m]
+    ladders: tuple[float, ...]  # x of each of the four ladders [m], two on either long side
+    steps: int  # the corner at the shallow end with the steps, -1 or 1 along y
+    side: int  # on which of the short ends the starting blocks stand, -1 the deep one or 1
 
     def floor(self, x: float) -> float:
         """Height of the floor at `x` [m], the drain left out."""

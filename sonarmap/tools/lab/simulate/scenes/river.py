@@ -15,24 +15,16 @@ BANK_TOP = 5.0  # above the water [m]
 
 @dataclass(frozen=True, slots=True)
 class River:
-    """What the seed decides of a river's plan.
+    """What the seed decides of a river's plan."""
 
-    Attributes:
-        bed: mean height of its bed [m].
-        south, north: y of the banks' lines at x = 0 [m].
-        bend: amplitude [m], wave number [rad/m] and phase [rad] by which both wind.
-        channel_y, channel_width, channel_depth: of the channel at x = 0, and how deep it is below the bed [m].
-        shoals: (K, 4): x, y, radius and height [m] of each.
-    """
-
-    bed: float
-    south: float
-    north: float
-    bend: tuple[float, float, float]
-    channel_y: float
-    channel_width: float
-    channel_depth: float
-    shoals: np.ndarray
+    bed: float  # mean height of its bed [m]
+    south: float  # y of the banks' lines at x = 0 [m]
+    north: float  # likewise
+    bend: tuple[float, float, float]  # amplitude [m], wave number [rad/m] and phase [rad] by which both wind
+    channel_y: float  # of the channel at x = 0 [m]
+    channel_width: float  # [m]
+    channel_depth: float  # below the bed [m]
+    shoals: np.ndarray  # (K, 4): x, y, radius and height [m] of each
 
     def winding(self, x: np.ndarray) -> np.ndarray:
         """By how much the river lies farther north at `x` than at 0 [m]."""
@@ -86,27 +78,17 @@ FOOT = -34.0  # below the lowest bed: where piers and piles end [m]
 
 @dataclass(frozen=True, slots=True)
 class Pier:
-    """One pier.
+    """One pier."""
 
-    Attributes:
-        x, y: of its middle [m].
-        length, width: along and across the flow [m].
-        footing: how far its footing reaches beyond it on all sides [m].
-        footing_top: height of that [m].
-        round: whether its ends are round rather than pointed.
-        fenced: whether it stands beside the fairway and has fenders.
-        turned: its heading against the flow [rad].
-    """
-
-    x: float
-    y: float
-    length: float
-    width: float
-    footing: float
-    footing_top: float
-    round: bool
-    fenced: bool
-    turned: float
+    x: float  # of its middle [m]
+    y: float  # likewise
+    length: float  # along the flow [m]
+    width: float  # across the flow [m]
+    footing: float  # how far its footing reaches beyond it on all sides [m]
+    footing_top: float  # height of that [m]
+    round: bool  # whether its ends are round rather than pointed
+    fenced: bool  # whether it stands beside the fairway and has fenders
+    turned: float  # its heading against the flow [rad]
 
 
 def outline(length: float, width: float, is_round: bool) -> np.ndarray:

@@ -14,21 +14,14 @@ BLADES = 4
 
 @dataclass(frozen=True, slots=True)
 class ShipLayout:
-    """Where a ship lies and how large she is; the frame of the ship is x to the bow, y to port, z = 0 the water.
+    """Where a ship lies and how large she is; the frame of the ship is x to the bow, y to port, z = 0 the water."""
 
-    Attributes:
-        middle: x and y of her middle [m].
-        heading: of the bow, counterclockwise from x [rad].
-        length, beam, draft: [m].
-        bed: mean height of the bed [m].
-    """
-
-    middle: tuple[float, float]
-    heading: float
-    length: float
-    beam: float
-    draft: float
-    bed: float
+    middle: tuple[float, float]  # x and y of her middle [m]
+    heading: float  # of the bow, counterclockwise from x [rad]
+    length: float  # [m]
+    beam: float  # [m]
+    draft: float  # [m]
+    bed: float  # mean height of the bed [m]
 
     def place(self, mesh: Mesh) -> Mesh:
         """A mesh of the ship's frame in the scene's."""

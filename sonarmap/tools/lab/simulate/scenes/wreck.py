@@ -18,57 +18,35 @@ SCENE_REACH = 118.0  # nothing lies farther from the middle along x or y [m]
 
 @dataclass(frozen=True, slots=True)
 class Ledge:
-    """A rock outcrop that breaks off toward one side.
+    """A rock outcrop that breaks off toward one side."""
 
-    Attributes:
-        middle: x and y [m].
-        strike: direction of its edge, from x toward y [rad].
-        length, height, back: of the edge, of the break, and how far it slopes down behind [m].
-    """
-
-    middle: tuple[float, float]
-    strike: float
-    length: float
-    height: float
-    back: float
+    middle: tuple[float, float]  # x and y [m]
+    strike: float  # direction of its edge, from x toward y [rad]
+    length: float  # of the edge [m]
+    height: float  # of the break [m]
+    back: float  # how far it slopes down behind [m]
 
 
 @dataclass(frozen=True, slots=True)
 class HullPart:
-    """How one part of the hull lies.
+    """How one part of the hull lies."""
 
-    Attributes:
-        ends: of the part along the hull, in shares of its length from midships.
-        middle: x and y of its keel's middle [m].
-        R_scene_part: its heading, trim and heel.
-        sunk: how deep its lowest corner is in the bed [m].
-    """
-
-    ends: tuple[float, float]
-    middle: tuple[float, float]
-    R_scene_part: Rotation
-    sunk: float
+    ends: tuple[float, float]  # of the part along the hull, in shares of its length from midships
+    middle: tuple[float, float]  # x and y of its keel's middle [m]
+    R_scene_part: Rotation  # its heading, trim and heel
+    sunk: float  # how deep its lowest corner is in the bed [m]
 
 
 @dataclass(frozen=True, slots=True)
 class WreckLayout:
-    """What the seed decides of the wreck's plan.
+    """What the seed decides of the wreck's plan."""
 
-    Attributes:
-        bed: mean height of the sea bed [m].
-        slope: of the bed along x and y.
-        hulk: the ship that she was.
-        heading: in which she went down, from x toward y [rad].
-        parts: from stern to bow.
-        ledges: of rock.
-    """
-
-    bed: float
-    slope: tuple[float, float]
-    hulk: Hulk
-    heading: float
-    parts: tuple[HullPart, ...]
-    ledges: tuple[Ledge, ...]
+    bed: float  # mean height of the sea bed [m]
+    slope: tuple[float, float]  # of the bed along x and y
+    hulk: Hulk  # the ship that she was
+    heading: float  # in which she went down, from x toward y [rad]
+    parts: tuple[HullPart, ...]  # from stern to bow
+    ledges: tuple[Ledge, ...]  # of rock
 
 
 def wreck_layout(seed: int) -> WreckLayout:

@@ -16,28 +16,22 @@ NARROWEST, WIDEST = 0.05, 8.0  # of a lobe [beams]; in a narrower one no neighbo
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Noise of the ranges (paper Sect. 3, "Gaussian noise along virtual beams") and of the echoes' strengths.
-
-    Attributes:
-        sigma2: variance of range at the sensor's maximum range [m^2]; sigma2 r / max_range at range r.
-        outliers: share of the echoes whose range is instead uniform between the sensor's minimum and maximum.
-        dropouts: share of the echoes that are lost.
-        ghosts: share of the beams that report their second surface, seen in the first as in a mirror, where
-            there is one: the multipath of tools.lab.simulate.sensing.ghosts.
-        speckle: share of an echo's strength that fluctuates as speckle does, 0..1. At 1 the amplitude is
-            Rayleigh distributed and the strength, an intensity, exponentially; its mean stays (J. W. Goodman,
-            Statistical Properties of Laser Speckle Patterns, 1975, doi 10.1007/978-3-662-43205-1_2).
-        lobe: standard deviation of a beam's main lobe, in beams. Above 0 echoes fade by patches and every beam
-            reports the strongest echo of its lobe, as tools.lab.simulate.sensing.noise has it.
-    """
+    """Noise of the ranges (paper Sect. 3, "Gaussian noise along virtual beams") and of the echoes' strengths."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
-    sigma2: float = 0.0
-    outliers: float = 0.0
-    dropouts: float = 0.0
+    sigma2: float = 0.0  # variance of range at the sensor's maximum range [m^2]; sigma2 r / max_range at range r
+    outliers: float = 0.0  # share of the echoes whose range is instead uniform between the sensor's minimum and maximum
+    dropouts: float = 0.0  # share of the echoes that are lost
+    # share of the beams that report their second surface, seen in the first as in a mirror, where there is one: the
+    # multipath of tools.lab.simulate.sensing.ghosts
     ghosts: float = 0.0
+    # share of an echo's strength that fluctuates as speckle does, 0..1. At 1 the amplitude is Rayleigh distributed and
+    # the strength, an intensity, exponentially; its mean stays (J. W. Goodman, Statistical Properties of Laser Speckle
+    # Patterns, 1975, doi 10.1007/978-3-662-43205-1_2).
     speckle: float = 0.0
+    # standard deviation of a beam's main lobe, in beams. Above 0 echoes fade by patches and every beam reports the
+    # strongest echo of its lobe, as tools.lab.simulate.sensing.noise has it.
     lobe: float = 0.0
 
     def __post_init__(self) -> None:
@@ -58,8 +52,8 @@ def disturb(
 ) -> Echoes:
     """Echoes with noise; range inf and strength 0 where one was too weak, was lost or left the limits.
 
-    Every beam draws the same numbers whatever it meets and whatever the settings, so that two scans with one
-    seed differ only where their scene or their settings do.
+    Every beam draws the same numbers whatever it meets and whatever the settings, so that two scans with one seed
+    differ only where their scene or their settings do. Raises InputError: noise with ghosts, and none given.
 
     Args:
         echoes: the truth; any shape, ranges inf without an echo.
@@ -67,9 +61,6 @@ def disturb(
         noise: what disturbs.
         rng: draws it.
         ghosts: what the beams would see in their first surface (`simulate.sensing.ghosts.reflect`), as `echoes`.
-
-    Raises:
-        InputError: noise with ghosts, and none given.
     """
     if ghosts is None and noise.ghosts > 0:
         raise InputError(f"noise: ghosts is {noise.ghosts}, and no ghosts were given; wanted those of reflect()")
@@ -103,11 +94,8 @@ def _in_steps(ranges: np.ndarray, resolution: float) -> np.ndarray:
 
 
 def scan_of(echoes: Echoes, sensor: Sensor, *, stamp: float = 0.0, name: str = "scan") -> Scan:
-    """The scan of measured echoes: points in the sensor frame, without the empty beams.
-
-    Raises:
-        InputError: no beam brings an echo back.
-    """
+    """The scan of measured echoes: points in the sensor frame, without the empty beams. Raises InputError: no beam
+    brings an echo back."""
     kept = np.isfinite(echoes.ranges)
     if not kept.any():
         raise InputError(

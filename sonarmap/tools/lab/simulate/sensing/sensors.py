@@ -19,36 +19,24 @@ ABSORPTION_DB = 0.06  # of sea water at 240 kHz, one way [dB/m]
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A 3D sonar: one range a beam, the beams evenly spaced in azimuth and elevation over the field of view.
-
-    Attributes:
-        name: what to call it.
-        horizontal, vertical: field of view, the angle between the outer beams [rad].
-        columns, rows: beams in azimuth and in elevation.
-        min_range, max_range: [m]; what lies nearer or farther gives no echo.
-        tilt: angle of the fan's middle below the sensor's x axis [rad]; the frame itself stays level.
-        edge_loss: how much weaker an echo is, there and back, at half the horizontal field off the fan's middle
-            than in it [dB]; between and beyond it goes with the square of the angle, as a Gaussian main lobe
-            does. 0: all directions alike.
-        absorption: of the water at the sensor's frequency, one way [dB/m].
-        threshold: echoes weaker than this are discarded, linear as Echoes.strengths; 0 keeps all.
-        resolution: ranges come in steps of this [m]; 0: as they are.
-    """
+    """A 3D sonar: one range a beam, the beams evenly spaced in azimuth and elevation over the field of view."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
-    name: str
-    horizontal: float
-    vertical: float
-    columns: int
-    rows: int
-    min_range: float
-    max_range: float
-    tilt: float = 0.0
+    name: str  # what to call it
+    horizontal: float  # field of view, the angle between the outer beams [rad]
+    vertical: float  # field of view, likewise [rad]
+    columns: int  # beams in azimuth
+    rows: int  # beams in elevation
+    min_range: float  # what lies nearer gives no echo [m]
+    max_range: float  # what lies farther gives no echo [m]
+    tilt: float = 0.0  # angle of the fan's middle below the sensor's x axis [rad]; the frame itself stays level
+    # how much weaker an echo is, there and back, at half the horizontal field off the fan's middle than in it [dB];
+    # between and beyond it goes with the square of the angle, as a Gaussian main lobe does. 0: all directions alike.
     edge_loss: float = 0.0
-    absorption: float = ABSORPTION_DB
-    threshold: float = 0.0
-    resolution: float = 0.0
+    absorption: float = ABSORPTION_DB  # of the water at the sensor's frequency, one way [dB/m]
+    threshold: float = 0.0  # echoes weaker than this are discarded, linear as Echoes.strengths; 0 keeps all
+    resolution: float = 0.0  # ranges come in steps of this [m]; 0: as they are
 
     def __post_init__(self) -> None:
         fan = 0 < self.horizontal < 2 * math.pi and 0 < self.vertical < math.pi
@@ -114,15 +102,10 @@ SENSORS = MappingProxyType({sensor.name: sensor for sensor in (ECLIPSE, PAPER, S
 
 @dataclass(frozen=True, slots=True)
 class Echoes:
-    """What each beam brings back.
+    """What each beam brings back."""
 
-    Attributes:
-        ranges: (rows, columns) float64 [m]; inf where the beam meets nothing within the sensor's ranges.
-        strengths: (rows, columns) float64, linear, 0..1; 0 where there is no echo.
-    """
-
-    ranges: np.ndarray
-    strengths: np.ndarray
+    ranges: np.ndarray  # (rows, columns) float64 [m]; inf where the beam meets nothing within the sensor's ranges
+    strengths: np.ndarray  # (rows, columns) float64, linear, 0..1; 0 where there is no echo
 
 
 def cast(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> Echoes:

@@ -32,15 +32,10 @@ CYLINDER_SIDES = 24
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """A surface made of triangles.
+    """A surface made of triangles."""
 
-    Attributes:
-        vertices: (V, 3) float64 [m], frame of the scene (East-North-Up).
-        triangles: (T, 3) int64, indices into `vertices`; counterclockwise from outside where it is closed.
-    """
-
-    vertices: np.ndarray
-    triangles: np.ndarray
+    vertices: np.ndarray  # (V, 3) float64 [m], frame of the scene (East-North-Up)
+    triangles: np.ndarray  # (T, 3) int64, indices into `vertices`; counterclockwise from outside where it is closed
 
 
 def merge(meshes: Sequence[Mesh]) -> Mesh:
