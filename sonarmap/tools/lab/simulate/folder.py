@@ -30,16 +30,10 @@ def write_simulation(
     """Write the scans, the truth and the description; the paths written.
 
     Written again, the same settings give the same bytes (on another processor the last digits may differ). Under
-    "scans" the description says which are "unusable": "empty", "noise", or null for a sound one. Raises InputError: the
-    folder cannot be written, or holds scans or priors that are not part of this simulation.
-
-    Args:
-        simulation: what was simulated.
-        folder: made where it is missing.
-        instruments: whose measurements are written as priors.csv; None for no such file.
-        fixes: how positions are fixed; None for every scan, and none of them wrong.
-        drift: of dead reckoning, which is written as odometry.tum: share of the way, rotation [rad/s]; None for no such
-            file.
+    "scans" the description says which are "unusable": "empty", "noise", or null for a sound one. With `instruments`
+    their measurements are written as priors.csv, with positions as `fixes` has them (None: on every scan, none of them
+    wrong); with `drift`, the share of the way and the rotation [rad/s], dead reckoning as odometry.tum. Raises
+    InputError: the folder cannot be written, or holds scans or priors that are not part of this simulation.
     """
     folder = Path(folder)
     paths = [folder / f"scan_{number:03d}.ply" for number in range(len(simulation.scans))]

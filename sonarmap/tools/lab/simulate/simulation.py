@@ -38,14 +38,8 @@ _BEAM, _ECHO, _SCAN = 450, 16, 2000
 
 
 def check_size(count: int, columns: int, rows: int) -> None:
-    """Refuse more scans, or more beams, than this machine's memory holds.
-
-    Raises InputError: saying how many would fit.
-
-    Args:
-        count: of the scans, which are all kept until the last is done.
-        columns, rows: beams of the sensor.
-    """
+    """Refuse more scans, all kept until the last is done, or more beams than this machine's memory holds. Raises
+    InputError: saying how many would fit."""
     available, beams = available_memory(), columns * rows
     most_beams = available // (_BEAM + _ECHO)
     if beams > most_beams:
@@ -108,12 +102,8 @@ class Simulation:
 
 
 def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lambda done: None) -> Simulation:
-    """All scans of a simulation. Raises InputError: more scans than the trajectory has, a pose that sees nothing.
-
-    Args:
-        settings: what to simulate.
-        progress: called with the number of scans done, after each.
-    """
+    """All scans of a simulation; `progress` hears the number of scans done, after each. Raises InputError: more scans
+    than the trajectory has, a pose that sees nothing."""
     truth = TRAJECTORIES[settings.trajectory](settings)
     unusable = choose_unusable(settings.unusable, len(truth), settings.seed, settings.dive)
     scans = []

@@ -86,15 +86,9 @@ def scan_kind(name: str) -> ScanKind:
 
 
 def kind_pair(name: str, number: int, seed: int, overlaps: tuple[float, float] | None = None) -> "KindPair":
-    """Pair `number`, 0, 1, 2, ..., of the set `seed` of one kind: scenes and overlaps take turns.
-
-    Raises InputError: there is no such kind, or its scene has no such pair.
-
-    Args:
-        name: a key of SCAN_KINDS.
-        number, seed: >= 0; the same numbers, the same pair, bit for bit.
-        overlaps: least and greatest share of the points in common; in turns those of OVERLAPS if left out.
-    """
+    """Pair `number`, 0, 1, 2, ..., of the set `seed` of one kind of SCAN_KINDS: scenes take turns, and so do OVERLAPS
+    unless `overlaps` gives the least and greatest share of the points in common. The same numbers, the same pair, bit
+    for bit. Raises InputError: no such kind, a number below 0, or a scene that has no such pair."""
     from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, KindPair
 
     kind = scan_kind(name)

@@ -81,13 +81,8 @@ def pick(fan: Fan, ranges: np.ndarray, strengths: np.ndarray, cell: float = 0.0,
     """One echo a beam: the first whose energy, summed over ranges within `cell`, is a `share` of the largest.
 
     A wall that many rays meet at one range is thus stronger than ground that each meets at another. What stays below
-    the sensor's threshold gives no echo.
-
-    Args:
-        fan: whose beams.
-        ranges, strengths: (K, J, L), as from `meet`.
-        cell: the length of the sonar's pulse in range [m].
-        share: 1: the strongest; less: an earlier one that passes the detector's threshold.
+    the sensor's threshold gives no echo. Ranges and strengths are (K, J, L), as from `meet`; the cell is the length of
+    the sonar's pulse in range [m]; a share below 1 is an earlier echo that passes the detector's threshold.
     """
     energy = strengths
     if cell > 0:
@@ -140,14 +135,8 @@ SLOW = 1 / 30  # of a sweep: a walk's steps are alike over about this share of i
 
 
 def walk(count: int, sigmas: tuple[float, ...], rng: np.random.Generator) -> np.ndarray:
-    """A random walk that is 0 in the middle, with smooth steps: drift that grows with the square root of time.
-
-    Returns (count, len(sigmas)) float64.
-
-    Args:
-        count: of steps, over the whole sweep.
-        sigmas: standard deviation of each coordinate at either end.
-    """
+    """A random walk (count, len(sigmas)) that is 0 in the middle and has these standard deviations at either end, with
+    smooth steps: drift that grows with the square root of time."""
     steps = gaussian_filter1d(rng.standard_normal((count, len(sigmas))), max(SLOW * count, 1e-3), axis=0)
     path = np.cumsum(steps, axis=0) * np.sqrt(2 / count)
     return (path - path[count // 2]) * sigmas

@@ -92,13 +92,8 @@ class Water:
         return bool(np.isfinite(ranges).mean() >= least and ranges.min() >= CLEARANCE * self.sensor.max_range)
 
     def ends(self, fan: Fan, T_world_ping: RigidTransform, ranges: np.ndarray) -> bool:
-        """Whether more than a few middle rays miss ground that would go on beyond the scene's edge.
-
-        The edge would be in both scans of a pair, as plain as a wall: no sea has one.
-
-        Args:
-            ranges: (K, J) of the middle rays [m], inf without an echo.
-        """
+        """Whether more than a few middle rays, of `ranges` (K, J) [m], inf without an echo, miss ground that would go
+        on beyond the scene's edge. The edge would be in both scans of a pair, as plain as a wall: no sea has one."""
         rays = T_world_ping.rotation.as_matrix()[:, None] @ fan.rays[:, len(fan.gains) // 2, :, None]
         slope = -rays[..., 2, 0]
         start = T_world_ping.translation[:, None, :]

@@ -58,12 +58,8 @@ class UnrelatedPair:
 
 
 def evaluation_pair(number: int, seed: int, turn: Turn | None = None) -> EvaluationPair:
-    """Pair `number`, 0, 1, 2, ..., of the set `seed`. Raises InputError: a negative number or seed.
-
-    Args:
-        number, seed: >= 0.
-        turn: of all pairs; in turns those of SET_TURNS if left out. Otherwise the pair stays the same.
-    """
+    """Pair `number`, 0, 1, 2, ..., of the set `seed`; its turn, one of SET_TURNS in turns, may be given. Raises
+    InputError: a negative number or seed."""
     scene = _of_scenes(number, seed)
     return EvaluationPair(
         number,

@@ -99,20 +99,13 @@ def random_pair(
     sensor: Sensor | None = None,
     turning: Turning = LITTLE_TURNED,
 ) -> tuple[Scan, Scan, RigidTransform]:
-    """Two scans of one scene from random poses whose noise-free overlap lies within `overlaps`.
+    """Two scans of one scene from random poses whose noise-free overlap lies within `overlaps`: target Scan, source
+    Scan and T_target_source, all between the scans' frames, whose origins are the viewpoints.
 
-    Returns target Scan, source Scan, T_target_source, all between the scans' frames. Raises InputError: an unknown
-    turn, or no such pair was found from 8 places.
-
-    Args:
-        seed: of the scene, the poses and the noise.
-        overlaps: least and greatest share of the points within 2 m of the other scan (the smaller of both
-            ways); in a smaller scene the radius is smaller by the same factor.
-        noise, scene: what disturbs, a key of SCENE_KINDS.
-        sensor: what to see with; the bare fan of the one that suits the scene if left out. The overlap is of all
-            echoes, also of those under a sensor's threshold.
-        turning: how the source's frame is turned against the target's. The viewpoint is the origin of the scan's frame
-            in any case.
+    The overlap is the share of the points within 2 m of the other scan, the smaller of both ways, also of echoes under
+    a sensor's threshold; in a smaller scene the radius is smaller by the same factor. The seed decides the scene, the
+    poses and the noise. Without a sensor, the bare fan of the one that suits the scene is taken. Raises InputError: an
+    unknown turn, or no such pair was found from 8 places.
     """
     observer = _observer(scene, seed, sensor)
     pose_seed, target_seed, source_seed, turn_seed = np.random.SeedSequence([seed, 17]).spawn(4)
@@ -133,17 +126,13 @@ def random_pair(
 def unrelated_pair(
     seed: int, noise: Noise = NOISELESS, max_tilt: float = math.radians(35.0), scene: str | None = None
 ) -> tuple[Scan, Scan]:
-    """Two scans that share nothing: of two scenes of one size, seen with the same sensor from random poses.
+    """Two scans that share nothing, target and source: of two scenes of one size, seen with the same sensor from random
+    poses.
 
-    The scenes are of different kinds, or of one kind whose whole plan is drawn, from two seeds. The source's frame is
-    turned as random_pair's with the turn "yaw", about z by any angle and tilted by up to `max_tilt` [rad]. Returns
-    target Scan, source Scan. Raises InputError: no scene of that name, or one without a clear place.
-
-    Args:
-        seed: of the scenes, the poses and the noise.
-        noise: what disturbs.
-        max_tilt: largest roll and pitch between the frames, as if the poses' headings and heights were one world's.
-        scene: the target's, a key of SCENE_KINDS; any if left out.
+    The scenes, the target's `scene` or any, are of different kinds, or of one kind whose whole plan is drawn, from two
+    seeds. The source's frame is turned as random_pair's with the turn "yaw", about z by any angle and tilted by up to
+    `max_tilt` [rad], as if the poses' headings and heights were one world's. Raises InputError: no scene of that name,
+    or one without a clear place.
     """
     *view_seeds, draw_seed = np.random.SeedSequence([seed, 18]).spawn(3)
     rng = np.random.default_rng(draw_seed)

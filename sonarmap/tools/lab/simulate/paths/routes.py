@@ -160,12 +160,8 @@ FAR_SIGHTED = 30.0
 
 
 def survey_path(scene: str, seed: int, reach: float = np.inf) -> Path:
-    """The closed path of `scene`; round the ship and the manifold it follows their layout.
-
-    Args:
-        scene, seed: as `build_scene` takes them. InputError is raised for a scene without a path.
-        reach: the sensor's greatest range [m]; a short one is carried nearer to the ship.
-    """
+    """The closed path of `scene`; round the ship and the manifold it follows their layout. A sensor of short `reach`,
+    its greatest range [m], goes nearer to the ship. Raises InputError: a scene without a path."""
     if scene == "ship" and reach < FAR_SIGHTED:
         return _close_round_the_ship(seed)
     return _path_of(SURVEY_PATHS, scene, "survey path")(seed)

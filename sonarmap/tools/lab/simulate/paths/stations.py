@@ -27,8 +27,7 @@ def paper18(scene: str, count: int, seed: int, sensor: Sensor) -> Trajectory:
 
     The overlap is `shared_view`, measured on the scene itself without noise, with fewer beams; the wanted shares vary
     between 0.9 and 0.5 in a fixed order. The path shows the gate from shore to shore; the vessel moves as in `survey`.
-    Raises InputError: fewer scans than 1 or more than 18, a scene other than the flood gate, or a path that is too
-    short.
+    Raises InputError: fewer scans than 1 or more than 18, another scene, or a path that is too short.
     """
     if not 1 <= count <= PAPER_COUNT:
         raise InputError(f"the paper's survey has {PAPER_COUNT} scans; {count} were asked for")
@@ -48,15 +47,8 @@ def wanted_shares(count: int) -> np.ndarray:
 
 
 def stations(scene: Scene, path: Path, sensor: Sensor, shares: np.ndarray, seed: int) -> np.ndarray:
-    """Distances (N + 1,) [m] along `path`: each the last before the overlap with the one before falls below its share.
-
-    Raises InputError: a path too short for all of them.
-
-    Args:
-        scene, sensor: what is seen, and with what.
-        path, seed: of the poses, as `poses_along` takes them.
-        shares: (N,) wanted overlaps, 0..1.
-    """
+    """Distances (N + 1,) [m] along `path`: each the last before the overlap of what `sensor` sees with the one before
+    falls below its share, of (N,), 0..1. Raises InputError: a path too short for all of them."""
     step = STEP * scene.kind.scale
     distance = [0.0]
     for share in shares:

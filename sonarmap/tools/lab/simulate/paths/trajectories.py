@@ -72,9 +72,8 @@ def survey(
     """Poses every `spacing` meters along the scene's closed path, with the motion of a small vessel.
 
     Where the path ends it begins again: a long survey revisits its places. Roll, pitch, yaw and heave follow sums of
-    sines whose phases come from `seed`. Stamps count the scans: 0, 1, 2, ... Of the `dive` see
-    tools/lab/simulate/paths/trajectories.py, of the sensor's `reach` [m] `survey_path`. Raises InputError: a scene
-    without a path, no scan, or a spacing that is not positive.
+    sines whose phases come from `seed`. Stamps count the scans: 0, 1, 2, ... Of the sensor's `reach` [m] see
+    `survey_path`. Raises InputError: a scene without a path, no scan, or a spacing that is not positive.
     """
     path = survey_path(scene, seed, reach)
     _require_scans("survey", count, spacing)
@@ -84,11 +83,8 @@ def survey(
 def lawnmower(
     scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1, reach: float = np.inf
 ) -> Trajectory:
-    """Poses every `spacing` meters along lanes over the scene and tie lines across them, moved as in `survey`.
-
-    The sensor looks where it goes. Where the path ends it begins again; it crosses itself long before. Raises
-    InputError: a scene without lanes, no scan, or a spacing that is not positive.
-    """
+    """As `survey`, along lanes over the scene and tie lines across them, looking where it goes; the path crosses itself
+    long before it begins again."""
     path = lawnmower_path(scene, seed, reach)
     _require_scans("lawnmower", count, spacing)
     return _evenly(path, scene, count, seed, spacing, dive)
@@ -119,11 +115,10 @@ def poses_along(path: Path, distance: np.ndarray, scene: str, seed: int, dive: i
 
 
 def table1_transform(index: int) -> RigidTransform:
-    """Row S`index` of Table 1: p_target = R p_source + t in the grid frame [m].
+    """Row S`index` of Table 1: p_target = R p_source + t in the grid frame [m], R = Rz(yaw) Ry(pitch) Rx(roll).
 
-    R = Rz(yaw) Ry(pitch) Rx(roll). The grid is a cube of 256 m whose center is the origin; z is up. The reference scan
-    is the target. The table ends with S9; S10 to S12 continue it with the same steps. Raises InputError: an index below
-    0 or above 12.
+    The grid is a cube of 256 m whose center is the origin; z is up. The reference scan is the target. The table ends
+    with S9; S10 to S12 continue it with the same steps. Raises InputError: an index below 0 or above 12.
     """
     if not 0 <= index < TABLE1_MOST:
         raise InputError(

@@ -24,13 +24,8 @@ def harbor(seed: int) -> Mesh:
 
 
 def hull(middle: tuple[float, float], heading: float, length: float, beam: float, draft: float) -> list[Mesh]:
-    """A ship: a lofted hull with a fine bow and a raked stern, a rudder and a deck house.
-
-    Args:
-        middle: x and y of her middle [m].
-        heading: of the bow, counterclockwise from x [rad].
-        length, beam, draft: [m].
-    """
+    """A ship about `middle` [m], her bow to `heading`: a lofted hull with a fine bow and a raked stern, a rudder, a
+    deck house."""
     along = np.linspace(-0.5, 0.5, 33)
     half = 0.5 * beam * np.clip(1 - np.abs(2 * along) ** 5, 0.04, None) * np.clip(1 - np.maximum(along - 0.2, 0), 0, 1)
     keel = draft * np.clip(1 - np.maximum(-along - 0.3, 0) * 3.5, 0.2, 1)

@@ -48,14 +48,8 @@ def river_of(rng: np.random.Generator) -> River:
 
 
 def ground(river: River, piers: list[tuple[float, float, float, float]], rng: np.random.Generator) -> np.ndarray:
-    """Bed and banks on raster() x raster() [m].
-
-    Args:
-        river: the plan.
-        piers: x, y, length and width of each thing that stands along the flow [m]. The bed is scoured about its
-            upstream end and along its sides, and what was carried off lies behind it.
-        rng: of the relief, and of how deep the scour is.
-    """
+    """Bed and banks on raster() x raster() [m]. The bed is scoured about the upstream end and along the sides of each
+    pier (x, y, length and width [m]), and what was carried off lies behind it."""
     x, y = np.meshgrid(raster(), raster(), indexing="ij")
     wind = river.winding(x)
     bed = river.bed + 0.8 * relief(rng)

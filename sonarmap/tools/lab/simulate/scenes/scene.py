@@ -22,30 +22,16 @@ class Scene:
     mesh: Mesh  # its surface, East-North-Up [m]
 
     def intersect(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest surface along rays.
-
-        Returns (N,) float64 ranges [m], inf where a ray meets nothing, and (N,) sines of grazing angles, 0..1.
-
-        Args:
-            origins: (N, 3) [m].
-            directions: (N, 3) unit vectors.
-        """
+        """The nearest surface along rays from `origins` (N, 3) [m] in unit `directions` (N, 3): (N,) float64 ranges
+        [m], inf where a ray meets nothing, and (N,) sines of grazing angles, 0..1."""
         ranges, normals = self.intersect_with_normals(origins, directions)
         return ranges, np.minimum(np.abs(np.einsum("ij,ij->i", normals, directions)), 1.0)
 
     def intersect_with_normals(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest surface along rays, with its normal.
+        """As `intersect`, but with (N, 3) unit normals of what is met, zeros where nothing.
 
-        Open3D's ray caster says which triangle a ray meets; the point on its plane is then computed in
-        float64, so that the range is exact and does not depend on the machine's vector unit.
-
-        Args:
-            origins: (N, 3) [m].
-            directions: (N, 3) unit vectors.
-
-        Returns:
-            (N,) float64 ranges [m], inf where a ray meets nothing, and (N, 3) unit normals of what it meets,
-            zeros where nothing.
+        Open3D's ray caster says which triangle a ray meets; the point on its plane is then computed in float64, so that
+        the range is exact and does not depend on the machine's vector unit.
         """
         import open3d as o3d
 

@@ -40,14 +40,8 @@ KINDS = tuple(Instruments.__dataclass_fields__)
 
 
 def instruments_for(kinds: Sequence[str], fix_sigma: float | None = None) -> Instruments:
-    """A vehicle that carries only these KINDS of instruments, with the default standard deviations.
-
-    Raises InputError: an unknown kind, or none at all; a standard deviation that is not positive.
-
-    Args:
-        kinds: of KINDS.
-        fix_sigma: another standard deviation of positions [m].
-    """
+    """A vehicle that carries only these KINDS of instruments, with the default standard deviations but for that of
+    positions [m]. Raises InputError: an unknown kind, or none at all; a standard deviation that is not positive."""
     unknown = [kind for kind in kinds if kind not in KINDS]
     if unknown or not kinds:
         what = repr(unknown[0]) if unknown else "nothing"
@@ -118,13 +112,8 @@ class Fixes:
 def dead_reckoning(truth: Trajectory, drift: float, turn_drift: float, seed: int, dive: int = 1) -> Trajectory:
     """Where a vehicle believes it went: its log is off by a share of the way, its gyroscope by a turn per second.
 
-    Both are drawn once for the dive, with these standard deviations; from scan to scan comes a little more.
-
-    Args:
-        truth: the true poses, stamps in seconds.
-        drift: of the way, as a share of it.
-        turn_drift: of the heading [rad/s].
-        seed, dive: decide what is drawn.
+    Both are drawn once for the dive, with the standard deviations `drift`, a share, and `turn_drift` [rad/s]; from scan
+    to scan comes a little more. The truth's stamps are in seconds.
     """
     rng = np.random.default_rng(entropy_of(seed, STREAM, 1, dive=dive))
     scale, rate = drift * rng.standard_normal(), turn_drift * rng.standard_normal()

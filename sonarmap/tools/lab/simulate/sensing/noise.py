@@ -53,14 +53,8 @@ def disturb(
     """Echoes with noise; range inf and strength 0 where one was too weak, was lost or left the limits.
 
     Every beam draws the same numbers whatever it meets and whatever the settings, so that two scans with one seed
-    differ only where their scene or their settings do. Raises InputError: noise with ghosts, and none given.
-
-    Args:
-        echoes: the truth; any shape, ranges inf without an echo.
-        sensor: its limits, threshold and resolution.
-        noise: what disturbs.
-        rng: draws it.
-        ghosts: what the beams would see in their first surface (`simulate.sensing.ghosts.reflect`), as `echoes`.
+    differ only where their scene or their settings do. `ghosts` are what the beams would see in their first surface
+    (`simulate.sensing.ghosts.reflect`). Raises InputError: noise with ghosts, and none given.
     """
     if ghosts is None and noise.ghosts > 0:
         raise InputError(f"noise: ghosts is {noise.ghosts}, and no ghosts were given; wanted those of reflect()")
@@ -121,12 +115,8 @@ def fade(echoes: Echoes, rng: np.random.Generator) -> Echoes:
 
 
 def pick_strongest(echoes: Echoes, lobe: float) -> Echoes:
-    """For every beam range and strength of the strongest echo of its lobe, weighted by the lobe.
-
-    Args:
-        echoes: of thin beams, (rows, columns).
-        lobe: standard deviation of the main lobe, in beams; it is taken over twice as many to either side.
-    """
+    """For every beam of (rows, columns) range and strength of the strongest echo of its lobe, weighted by the lobe,
+    whose standard deviation is in beams; it is taken over twice as many to either side."""
     reach = int(np.ceil(2 * lobe))
     padded = Echoes(np.pad(echoes.ranges, reach, constant_values=np.inf), np.pad(echoes.strengths, reach))
     rows, columns = echoes.ranges.shape

@@ -15,13 +15,7 @@ ROUNDING = 1e-9  # of a direction [rad]: the outermost beams are in view
 def overlap(
     target: np.ndarray, source: np.ndarray, T_target_source: RigidTransform, radius: float = OVERLAP_RADIUS
 ) -> float:
-    """The share of the source's points that have a point of the target within `radius`, 0..1.
-
-    Args:
-        target, source: (M, 3) and (N, 3) points [m], each in its own sensor frame.
-        T_target_source: the truth.
-        radius: [m].
-    """
+    """The share of the source's points (N, 3) that have a point of the target (M, 3) within `radius` [m], 0..1."""
     return share_near(KDTree(target), T_target_source.apply(source), radius)
 
 

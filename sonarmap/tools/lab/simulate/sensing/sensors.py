@@ -129,16 +129,12 @@ def beams(sensor: Sensor, T_world_sensor: RigidTransform) -> tuple[np.ndarray, n
 
 
 def echoes_of(sensor: Sensor, ranges: np.ndarray, sine_grazing: np.ndarray) -> Echoes:
-    """The echoes from what the beams met.
+    """The echoes from what the beams met: ranges [m], inf where nothing, and sines of grazing angles, (rows *
+    columns,).
 
-    The strength is Lambert's law, the losses of the way and the beam pattern:
-    sin^2(grazing angle) * 10^(-2 a r / 10) * pattern, with the sensor's absorption a. The spreading loss is taken
-    as made good by the receiver's time-varied gain.
-
-    Args:
-        sensor: whose beams.
-        ranges: (rows * columns,) [m], inf where a beam meets nothing.
-        sine_grazing: (rows * columns,) sines of grazing angles, 0..1.
+    The strength is Lambert's law, the losses of the way and the beam pattern: sin^2(grazing angle) * 10^(-2 a r / 10) *
+    pattern, with the sensor's absorption a. The spreading loss is taken as made good by the receiver's time-varied
+    gain.
     """
     seen = (ranges >= sensor.min_range) & (ranges <= sensor.max_range)
     distance = np.where(seen, ranges, 0.0)

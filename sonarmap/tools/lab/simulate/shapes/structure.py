@@ -35,13 +35,8 @@ def surface_points(mesh: Mesh, spacing: float) -> np.ndarray:
 
 
 def occupy(points: np.ndarray, grid: Grid) -> np.ndarray:
-    """Which voxels of a grid about the origin hold a point; what lies outside is lost.
-
-    Returns (edge, edge, edge) bool; voxel i covers the coordinate (i - edge/2) voxel at its center.
-
-    Args:
-        points: (N, 3) [m].
-    """
+    """Which voxels of a grid about the origin hold one of `points` (N, 3) [m], (edge, edge, edge) bool; what lies
+    outside is lost. Voxel i covers the coordinate (i - edge/2) voxel at its center."""
     cells = np.floor(points / grid.voxel + (grid.edge / 2 + 0.5)).astype(np.int64)
     inside = ((cells >= 0) & (cells < grid.edge)).all(axis=1)
     volume = np.zeros((grid.edge,) * 3, bool)
@@ -91,16 +86,11 @@ NOISES: MappingProxyType[str, VoxelNoise] = MappingProxyType(
 
 
 def swap(occupied: np.ndarray, noise: VoxelNoise, rng: np.random.Generator) -> np.ndarray:
-    """A copy of a volume in which a share of the voxels became void where occupied, occupied where void.
+    """A copy of a volume (N, N, N) bool in which a share of the voxels became void where occupied, occupied where void;
+    the edges may also differ.
 
     "1 out of 25 voxel is flipped" (paper Sect. 3) is read by its word: exactly round(swap * region) different voxels of
-    the region flip, all choices being equally likely, whether occupied or void. Returns (N, N, N) bool. Raises
-    InputError: no boolean volume of three axes.
-
-    Args:
-        occupied: (N, N, N) bool, occupied[ix, iy, iz]; the edges may also differ. It is left as it is.
-        noise: how many and where; NOISES holds the paper's.
-        rng: decides which.
+    the region flip, all choices being equally likely. Raises InputError: no boolean volume of three axes.
     """
     reached = envelope(occupied, noise.envelope)
     noisy = np.ascontiguousarray(occupied).copy()
@@ -112,15 +102,11 @@ def swap(occupied: np.ndarray, noise: VoxelNoise, rng: np.random.Generator) -> n
 
 
 def envelope(occupied: np.ndarray, margin: int | None) -> np.ndarray:
-    """The structure and what lies within `margin` voxels of it.
+    """The structure and what lies within `margin` voxels of it, a new (N, N, N) bool; None: everywhere.
 
     The distance is the largest of the three index differences (Chebyshev): every occupied voxel brings the cube of 2
-    margin + 1 voxels about it. The grid's faces end it; nothing wraps around. Returns (N, N, N) bool, a new array.
-    Raises InputError: no boolean volume of three axes.
-
-    Args:
-        occupied: (N, N, N) bool; the edges may also differ.
-        margin: [voxels], >= 0; None: everywhere, though nothing be occupied.
+    margin + 1 voxels about it. The grid's faces end it; nothing wraps around. Raises InputError: no boolean volume of
+    three axes.
     """
     if occupied.dtype != bool or occupied.ndim != 3:
         raise InputError(
