@@ -23,12 +23,10 @@ _NOT_OURS = ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "CI", "TTY_COMPATIBL
 
 @dataclass(frozen=True)
 class Shown:
-    """Attributes:
-    lines: of the last screen, without spaces at their ends and without empty lines at the end.
+    """lines: of the last screen, without spaces at their ends and without empty lines at the end.
     scrolled: how many more have left at the top.
     moment: the lines of the screen when a line matched; none if none did.
-    exit_code: of the program.
-    """
+    exit_code: of the program."""
 
     lines: list[str]
     scrolled: int

@@ -240,7 +240,8 @@ def _under_the_hull(seed: int) -> Path:
     """Lanes 5 m under the bottom, looking up at it, where there is bottom ahead even in the turns."""
     ship = ship_layout(seed)
     x, y = 0.32 * ship.length, 0.2 * ship.beam
-    corners = _moved(*lanes((-x, -y), (x, y), 4, 4, east=True).T, ship.heading, ship.middle)
+    along, across = lanes((-x, -y), (x, y), 4, 4, east=True).T
+    corners = _moved(along, across, ship.heading, ship.middle)
     return lane_path(_level(corners, -ship.draft - 5.0), 1.0, -np.deg2rad(50))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.tools.lab.simulate.scenes.bed import raster, relief
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, prism
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, prism, rod
 
 SLOPE = 0.5  # of the banks
 TOE = 14.0  # from a bank's line to where its slope begins [m]
@@ -95,8 +95,7 @@ def outline(length: float, width: float, is_round: bool) -> np.ndarray:
 
 def _placed(pier: Pier, mesh: Mesh) -> Mesh:
     """A mesh of the pier's frame, x along it, in the scene's."""
-    turn = Rotation.from_euler("z", pier.turned)
-    return Mesh(turn.apply(mesh.vertices) + np.array((pier.x, pier.y, 0.0)), mesh.triangles)
+    return mesh.moved(Rotation.from_euler("z", pier.turned), (pier.x, pier.y, 0.0))
 
 
 def shaft(pier: Pier, deck: tuple[float, float], heading: float) -> list[Mesh]:
@@ -125,9 +124,7 @@ def fenders(pier: Pier, rng: np.random.Generator) -> list[Mesh]:
         middle = np.array((end * (pier.length / 2 + rng.uniform(6.0, 11.0)), rng.uniform(-1.5, 1.5), 0.0))
         for turn in 2 * np.pi * (np.arange(rng.integers(3, 6)) + rng.random()) / 5:
             lean = np.array((np.cos(turn), np.sin(turn), 0.0))
-            foot, head = (
-                middle + spread + np.array((0, 0, z)) for spread, z in ((2.2 * lean, FOOT), (0.6 * lean, 3.5))
-            )
+            foot, head = (middle + out * lean + np.array((0, 0, z)) for out, z in ((2.2, FOOT), (0.6, 3.5)))
             parts.append(cylinder(foot, head, 0.4, sides=10))
     return [_placed(pier, part) for part in parts]
 
@@ -139,5 +136,5 @@ def driftwood(pier: Pier, bed: float, rng: np.random.Generator) -> list[Mesh]:
         middle = np.array((-pier.length / 2 - rng.uniform(0.5, 3.0), rng.uniform(-3.0, 3.0), 0.0))
         middle[2] = max(pier.footing_top, bed) + rng.uniform(0.3, 3.0)
         reach = Rotation.from_euler("ZYX", rng.uniform((0.8, -0.4, 0), (2.3, 0.4, 0))).apply((rng.uniform(2, 6), 0, 0))
-        parts.append(cylinder(middle - reach, middle + reach, rng.uniform(0.2, 0.55), sides=8))
+        parts.append(rod(middle, reach, rng.uniform(0.2, 0.55), sides=8))
     return [_placed(pier, part) for part in parts]
