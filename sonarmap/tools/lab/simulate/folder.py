@@ -48,19 +48,19 @@ def write_simulation(
             f"{folder} already holds a {PRIORS}, which does not belong to these scans; remove it, simulate priors too "
             "(--priors), or choose another folder"
         )
+    settings, written = simulation.settings, [*paths, folder / TRUTH, folder / DESCRIPTION]
     with all_or_none():
         _write_files(simulation, folder, paths)
         if instruments is not None:
-            settings = simulation.settings
             measured = measure_poses(simulation.truth.T_world_sensor, instruments, settings.seed, settings.dive)
             priors = (fixes or Fixes()).of(measured, settings.seed, settings.dive)
             kept = [(path.name, prior) for path, prior in zip(paths, priors, strict=True) if prior is not None]
-            write_priors(folder / PRIORS, [name for name, _ in kept], [prior for _, prior in kept])
+            written.append(folder / PRIORS)
+            write_priors(written[-1], [name for name, _ in kept], [prior for _, prior in kept])
         if drift is not None:
-            reckoned = dead_reckoning(simulation.truth, *drift, simulation.settings.seed, simulation.settings.dive)
-            write_tum(folder / ODOMETRY, reckoned)
-    further = [*([] if instruments is None else [folder / PRIORS]), *([] if drift is None else [folder / ODOMETRY])]
-    return [*paths, folder / TRUTH, folder / DESCRIPTION, *further]
+            written.append(folder / ODOMETRY)
+            write_tum(written[-1], dead_reckoning(simulation.truth, *drift, settings.seed, settings.dive))
+    return written
 
 
 def _write_files(simulation: Simulation, folder: Path, paths: list[Path]) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -140,20 +139,6 @@ def settings_from_json(content: Any) -> SimulationSettings:
         raise InputError(f"the settings of the simulation cannot be used: {faults}") from error
 
 
-def _spaced(lay: Callable[..., Trajectory], settings: SimulationSettings) -> Trajectory:
-    """Of `survey` or `lawnmower`, which have a spacing."""
-    reach = settings.sensor.max_range
-    return lay(settings.scene, settings.count, settings.seed, settings.spacing, settings.dive, reach)
-
-
-def _loop(settings: SimulationSettings) -> Trajectory:
-    return loop(settings.scene, settings.count, settings.seed, settings.dive, settings.sensor.max_range)
-
-
-def _paper18(settings: SimulationSettings) -> Trajectory:
-    return paper18(settings.scene, settings.count, settings.seed, settings.sensor)
-
-
 def _table1(settings: SimulationSettings) -> Trajectory:
     poses = table1(TABLE1_MOST)
     if not 1 <= settings.count <= len(poses):
@@ -166,10 +151,10 @@ def _table1(settings: SimulationSettings) -> Trajectory:
 
 TRAJECTORIES: MappingProxyType[str, Callable[[SimulationSettings], Trajectory]] = MappingProxyType(
     {
-        "survey": partial(_spaced, survey),
-        "loop": _loop,
-        "lawnmower": partial(_spaced, lawnmower),
-        "paper18": _paper18,
+        "survey": lambda of: survey(of.scene, of.count, of.seed, of.spacing, of.dive, of.sensor.max_range),
+        "loop": lambda of: loop(of.scene, of.count, of.seed, of.dive, of.sensor.max_range),
+        "lawnmower": lambda of: lawnmower(of.scene, of.count, of.seed, of.spacing, of.dive, of.sensor.max_range),
+        "paper18": lambda of: paper18(of.scene, of.count, of.seed, of.sensor),
         "table1": _table1,
     }
 )

@@ -50,30 +50,22 @@ FROM_ABOVE = tuple({"ship": "pool", "pool": "rubble"}.get(scene, scene) for scen
 
 SCAN_KINDS: MappingProxyType[str, ScanKind] = MappingProxyType(
     {
-        "patch": ScanKind(
-            "a patch merged from 4 to 10 views along a path, placed by odometry", "patch:patch_pair", LARGE_AND_SMALL
-        ),
-        "sonar3d15": ScanKind(
-            "a view with the density and the dropouts of a real Sonar 3D-15", "single_view:sonar3d15_pair", SMALL
-        ),
-        "sound_speed": ScanKind(
-            "a view measured with a sound speed off by up to 2 %", "single_view:sound_speed_pair", LARGE_AND_SMALL
-        ),
-        "range_bias": ScanKind(
-            "a view whose ranges are all off by up to 1 % of the greatest",
-            "single_view:range_bias_pair",
-            LARGE_AND_SMALL,
-        ),
-        "moving": ScanKind(
-            "a view measured row by row by a sensor that moves meanwhile", "single_view:moving_pair", LARGE_AND_SMALL
-        ),
-        "swath": ScanKind("a swath of a multibeam echo sounder on a moving vessel", "swath:swath_pair", FROM_ABOVE),
-        "imaging": ScanKind(
-            "a stack of an imaging sonar's images, the elevation of echoes guessed", "imaging:imaging_pair", FROM_ABOVE
-        ),
-        "profiler": ScanKind(
-            "a sweep of a rotating profiler that is panned for minutes", "profiler:profiler_pair", LARGE_AND_SMALL
-        ),
+        name: ScanKind(summary, f"{module}:{name}_pair", scenes)
+        for name, module, scenes, summary in (
+            ("patch", "patch", LARGE_AND_SMALL, "a patch merged from 4 to 10 views along a path, placed by odometry"),
+            ("sonar3d15", "single_view", SMALL, "a view with the density and the dropouts of a real Sonar 3D-15"),
+            ("sound_speed", "single_view", LARGE_AND_SMALL, "a view measured with a sound speed off by up to 2 %"),
+            (
+                "range_bias",
+                "single_view",
+                LARGE_AND_SMALL,
+                "a view whose ranges are all off by up to 1 % of the greatest",
+            ),
+            ("moving", "single_view", LARGE_AND_SMALL, "a view measured row by row by a sensor that moves meanwhile"),
+            ("swath", "swath", FROM_ABOVE, "a swath of a multibeam echo sounder on a moving vessel"),
+            ("imaging", "imaging", FROM_ABOVE, "a stack of an imaging sonar's images, the elevation of echoes guessed"),
+            ("profiler", "profiler", LARGE_AND_SMALL, "a sweep of a rotating profiler that is panned for minutes"),
+        )
     }
 )
 

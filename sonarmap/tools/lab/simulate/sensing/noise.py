@@ -98,10 +98,7 @@ def scan_of(echoes: Echoes, sensor: Sensor, *, stamp: float = 0.0, name: str = "
         )
     points = sensor.directions()[kept] * echoes.ranges[kept][:, None]
     return Scan(
-        points=points.astype(np.float32),
-        strength=echoes.strengths[kept].astype(np.float32),
-        stamp=stamp,
-        name=name,
+        points=points.astype(np.float32), strength=echoes.strengths[kept].astype(np.float32), stamp=stamp, name=name
     )
 
 

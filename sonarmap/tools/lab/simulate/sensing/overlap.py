@@ -29,10 +29,7 @@ def mutual_overlap(
     target: np.ndarray, source: np.ndarray, T_target_source: RigidTransform, radius: float = OVERLAP_RADIUS
 ) -> float:
     """The smaller of both ways' overlaps, as Registration.overlap means it."""
-    return min(
-        overlap(target, source, T_target_source, radius),
-        overlap(source, target, T_target_source.inv(), radius),
-    )
+    return min(overlap(target, source, T_target_source, radius), overlap(source, target, T_target_source.inv(), radius))
 
 
 def shared_view(scene: Scene, sensor: Sensor, T_world_target: RigidTransform, T_world_source: RigidTransform) -> float:

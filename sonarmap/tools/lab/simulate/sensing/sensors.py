@@ -80,21 +80,10 @@ def bare(sensor: Sensor) -> Sensor:
 # degrees, here the beams' spacing, ranges in steps of 2.5 cm, weak echoes discarded), mounted under a vessel and
 # tilted toward the bed. The paper gives neither beam pattern nor threshold: 12 dB each way at the edge, and echoes
 # of a 500th of a wall's close by, leave about 90 of the 120 degrees, as it reports
-ECLIPSE = Sensor(
-    "eclipse",
-    math.radians(120),
-    math.radians(90),
-    columns=256,
-    rows=192,
-    min_range=0.4,
-    max_range=120.0,
-    tilt=math.radians(20),
-    edge_loss=24.0,
-    threshold=0.002,
-    resolution=0.025,
-)
+_FAN = math.radians(120), math.radians(90), 256, 192
+ECLIPSE = Sensor("eclipse", *_FAN, 0.4, 120.0, tilt=math.radians(20), edge_loss=24.0, threshold=0.002, resolution=0.025)
 # The paper's simulated sensor (Sect. 3): the same fan, its range as long as the 256 m grid
-PAPER = Sensor("paper", math.radians(120), math.radians(90), 256, 192, 0.4, 256.0)
+PAPER = Sensor("paper", *_FAN, 0.4, 256.0)
 # The Water Linked Sonar 3D-15: its fan and reach. Its maker gives no beam pattern: all directions count alike
 SONAR_3D15 = Sensor("sonar3d15", math.radians(90), math.radians(40), 256, 64, 0.2, 15.0)
 SENSORS = MappingProxyType({sensor.name: sensor for sensor in (ECLIPSE, PAPER, SONAR_3D15)})
