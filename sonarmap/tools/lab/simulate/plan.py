@@ -47,12 +47,7 @@ def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed
 def table1_settings(seed: int, sigma2: float, scene: str = "floodgate") -> SimulationSettings:
     """The simulation that writes the reference scan and S0..S9, eleven scans, with the paper's noise."""
     return SimulationSettings(
-        scene=scene,
-        trajectory="table1",
-        count=TABLE1_COUNT + 1,
-        sensor=TABLE1_SENSOR,
-        noise=Noise(sigma2=sigma2),
-        seed=seed,
+        scene, "table1", TABLE1_COUNT + 1, sensor=TABLE1_SENSOR, noise=Noise(sigma2=sigma2), seed=seed
     )
 
 

@@ -17,6 +17,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.tools.lab.simulate.kinds.partners import SweepKind
 from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, pick, walk
 from sonarmap.tools.lab.simulate.kinds.water import Water
+from sonarmap.tools.lab.simulate.pairs.viewpoints import heading_at
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 
 BEAMS, RAYS = 256, 11
@@ -58,7 +59,7 @@ class Imager:
     def target(self, rng: np.random.Generator) -> Sweep:
         """A stack anywhere in the scene, looking anywhere."""
         place = self.water.place(rng)
-        return self._stack(place, self.water.heading(place, rng), rng)
+        return self._stack(place, heading_at(place, self.water.scene.kind, rng), rng)
 
     def source(self, target: Sweep, overlaps: tuple[float, float], rng: np.random.Generator) -> Sweep:
         """A stack aside, the farther and the more turned the less is to be shared."""

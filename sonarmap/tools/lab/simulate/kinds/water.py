@@ -7,7 +7,6 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.tools.lab.simulate.kinds.sweep import Fan
-from sonarmap.tools.lab.simulate.pairs.viewpoints import ASIDE
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor
 
@@ -52,11 +51,6 @@ class Water:
     def place(self, rng: np.random.Generator) -> np.ndarray:
         """(2,) a place from where there is something to see, where the scene's sensors may be [m]."""
         return rng.uniform(self.scene.kind.lowest[:2], self.scene.kind.highest[:2])
-
-    def heading(self, place: np.ndarray, rng: np.random.Generator) -> float:
-        """A direction to look in from a place (2,) [rad]: any, or in an inward scene toward about its middle."""
-        any_way = rng.uniform(-np.pi, np.pi)
-        return float(np.arctan2(-place[1], -place[0]) + any_way * ASIDE / np.pi if self.scene.kind.inward else any_way)
 
     def height(self, place: np.ndarray, above: float, rng: np.random.Generator) -> float:
         """A height at a place (2,) [m]: anywhere between the scene's sensors, else `above` the ground, under water."""

@@ -51,19 +51,15 @@ def stations(scene: Scene, path: Path, sensor: Sensor, shares: np.ndarray, seed:
     falls below its share, of (N,), 0..1. Raises InputError: a path too short for all of them."""
     step = STEP * scene.kind.scale
     distance = [0.0]
+
+    def last_pose(distance: list[float]) -> RigidTransform:
+        return poses_along(path, np.array(distance), scene.name, seed)[-1]
+
     for share in shares:
-        before = poses_along(path, np.array(distance), scene.name, seed)[-1]
-        gone = distance[-1] + step
-        while _shared(scene, path, sensor, before, [*distance, gone + step], seed) >= share:
+        before, gone = last_pose(distance), distance[-1] + step
+        while shared_view(scene, sensor, before, last_pose([*distance, gone + step])) >= share:
             gone += step
             if gone > path.length:
                 raise InputError(f"the path through {scene.name} ends after {len(distance)} of {len(shares) + 1} scans")
         distance.append(gone)
     return np.array(distance)
-
-
-def _shared(
-    scene: Scene, path: Path, sensor: Sensor, before: RigidTransform, distance: list[float], seed: int
-) -> float:
-    """Overlap of the pose before with the last of the poses along `distance`."""
-    return shared_view(scene, sensor, before, poses_along(path, np.array(distance), scene.name, seed)[-1])

@@ -44,9 +44,13 @@ def drift(count: int, seed: int, dive: int) -> np.ndarray:
     if dive == 1:
         return np.zeros(count)
     rng = np.random.default_rng(np.random.SeedSequence(entropy_of(seed, _DRIFT, dive=dive)))
-    phase = rng.uniform(0, 2 * np.pi, (len(DRIFT_PERIODS), 1))
-    angle = 2 * np.pi * np.arange(count) / np.array(DRIFT_PERIODS)[:, None] + phase
-    return DRIFT_AMPLITUDE * np.sin(angle).sum(axis=0)
+    return DRIFT_AMPLITUDE * _sines(count, DRIFT_PERIODS, (), rng)
+
+
+def _sines(count: int, periods: tuple[float, ...], shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+    """Sums (*shape, N) of sines of these periods, in scans, with random phases."""
+    phase = rng.uniform(0, 2 * np.pi, (*shape, len(periods), 1))
+    return np.sin(2 * np.pi * np.arange(count) / np.array(periods)[:, None] + phase).sum(axis=-2)
 
 
 TABLE1_COUNT = 10
@@ -106,7 +110,8 @@ def poses_along(path: Path, distance: np.ndarray, scene: str, seed: int, dive: i
     """
     places, heading = path.at(distance)
     rng = np.random.default_rng(np.random.SeedSequence(entropy_of(seed, 4, dive=dive)))
-    heave, yaw, pitch, roll = _waves(len(distance), rng)
+    waves = np.array(WAVE_AMPLITUDE)[:, None] * _sines(len(distance), WAVE_PERIODS, (4,), rng)
+    heave, yaw, pitch, roll = waves
     scale = scene_kind(scene).scale
     aside = scale * drift(len(distance), seed, dive)
     moved = np.column_stack([-aside * np.sin(heading), aside * np.cos(heading), scale * heave])
@@ -147,10 +152,3 @@ def _evenly(path: Path, scene: str, count: int, seed: int, spacing: float, dive:
     start = start_of(min(count * spacing, path.length), dive)
     distance = start + spacing * np.arange(count)
     return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, distance, scene, seed, dive))
-
-
-def _waves(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Heave [m], yaw, pitch and roll [degrees] of each scan, (4, N)."""
-    phase = rng.uniform(0, 2 * np.pi, (4, len(WAVE_PERIODS), 1))
-    angle = 2 * np.pi * np.arange(count) / np.array(WAVE_PERIODS)[:, None] + phase
-    return np.array(WAVE_AMPLITUDE)[:, None] * np.sin(angle).sum(axis=1)

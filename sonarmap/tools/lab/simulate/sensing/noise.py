@@ -76,15 +76,12 @@ def disturb(
     seen = np.isfinite(echoes.ranges) & (strengths >= sensor.threshold)
     true = np.where(seen, echoes.ranges, 0.0)
     measured = true + gauss * np.sqrt(noise.sigma2 * true / sensor.max_range)
-    measured = _in_steps(np.where(wild < noise.outliers, wild_range, measured), sensor.resolution)
+    measured = np.where(wild < noise.outliers, wild_range, measured)
+    if sensor.resolution > 0:
+        measured = np.rint(measured / sensor.resolution) * sensor.resolution
     kept = seen & (lost >= noise.dropouts) & (measured >= sensor.min_range) & (measured <= sensor.max_range)
     noisy = Echoes(np.where(kept, measured, np.inf), np.where(kept, strengths, 0.0))
     return pick_strongest(noisy, noise.lobe) if noise.lobe > 0 else noisy
-
-
-def _in_steps(ranges: np.ndarray, resolution: float) -> np.ndarray:
-    """Ranges at the nearest multiples of `resolution` [m]; 0 leaves them."""
-    return ranges if resolution == 0 else np.rint(ranges / resolution) * resolution
 
 
 def scan_of(echoes: Echoes, sensor: Sensor, *, stamp: float = 0.0, name: str = "scan") -> Scan:
