@@ -43,15 +43,9 @@ def on_screen(
     sent: signal.Signals | None = None,
     folder: Path = ROOT,
 ) -> Shown:
-    """Run a Python program with a terminal as its stdin, stdout and stderr.
+    """Run a Python program with a terminal of these columns and rows as its stdin, stdout and stderr, in a folder.
 
-    Args:
-        program: for `python -c`.
-        arguments: its own.
-        columns, rows: of the terminal.
-        when: a pattern; when a line of the screen first matches it, the screen is kept.
-        sent: a signal for that moment.
-        folder: where it runs.
+    When a line of the screen first matches the pattern `when`, the screen is kept, and the signal `sent` is sent.
     """
     pyte = pytest.importorskip("pyte")
     screen = pyte.HistoryScreen(columns, rows, history=10_000)
