@@ -171,17 +171,8 @@ def las(
     crs: object = None,
     extra: dict[str, np.ndarray] | None = None,
 ) -> bytes:
-    """x, y, z and intensity of a table.
-
-    Args:
-        table: (N, 4).
-        form, version: of the points and of the file.
-        gps: (N,) times; None for none.
-        adjusted: whether these are adjusted standard GPS time, or seconds of a week.
-        offset: of the coordinates' integers [m].
-        crs: of pyproj, or None.
-        extra: more dimensions (N,), float64.
-    """
+    """x, y, z and intensity of a table (N, 4): `gps` times (N,) are adjusted standard GPS time or seconds of a week,
+    the offset [m] is of the coordinates' integers, `crs` of pyproj; `extra` are more dimensions (N,), float64."""
     header = laspy.LasHeader(point_format=form, version=version)
     header.scales, header.offsets = np.full(3, SCALE), np.array(offset)
     header.global_encoding.gps_time_type = GpsTimeType.STANDARD if adjusted else GpsTimeType.WEEK_TIME

@@ -22,26 +22,16 @@ PERIODS = 34.0, 21.0
 
 @dataclass(frozen=True, slots=True)
 class Dive:
-    """A recording of a vehicle along a scene's path.
+    """A recording of a vehicle along a scene's path."""
 
-    Attributes:
-        scene: a key of SCENE_KINDS.
-        shots: how many.
-        rate: shots per second.
-        speed: of the vehicle [m/s].
-        columns, rows: of the images.
-        first: the number of the first shot; numbers wrap at 2^32.
-        seed: of the scene and the noise.
-    """
-
-    scene: str
-    shots: int
-    rate: float = 20.0
-    speed: float = 0.1
-    columns: int = 128
-    rows: int = 32
-    first: int = 0
-    seed: int = 3
+    scene: str  # a key of SCENE_KINDS
+    shots: int  # how many
+    rate: float = 20.0  # shots per second
+    speed: float = 0.1  # of the vehicle [m/s]
+    columns: int = 128  # of the images
+    rows: int = 32  # likewise
+    first: int = 0  # the number of the first shot; numbers wrap at 2^32
+    seed: int = 3  # of the scene and the noise
 
     @property
     def sensor(self) -> Sensor:

@@ -13,12 +13,8 @@ SIGMAS = np.repeat([np.radians(0.1), 0.05], 3)  # of a registration, where the p
 
 
 def lawnmower(count: int, loops_per_pose: float, seed: int = 0) -> tuple[RigidTransform, PoseGraph]:
-    """The true poses, and a graph of measurements with the errors that they state, farther pairs less sure.
-
-    Args:
-        count: of the poses, in lanes that make the place about square.
-        loops_per_pose: at most; there are about 2.7 between lanes.
-    """
+    """The true poses, and a graph of measurements with the errors that they state, farther pairs less sure; the
+    lanes make the place about square, and of loops there are about 2.7 a pose between them, unless fewer are asked."""
     rng = np.random.default_rng(seed)
     T = _poses(count, rng)
     near = KDTree(T.translation).query_pairs(REACH, output_type="ndarray")

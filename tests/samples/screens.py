@@ -23,12 +23,10 @@ _NOT_OURS = ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "CI", "TTY_COMPATIBL
 
 @dataclass(frozen=True)
 class Shown:
-    """Attributes:
-    lines: of the last screen, without spaces at their ends and without empty lines at the end.
+    """lines: of the last screen, without spaces at their ends and without empty lines at the end.
     scrolled: how many more have left at the top.
     moment: the lines of the screen when a line matched; none if none did.
-    exit_code: of the program.
-    """
+    exit_code: of the program."""
 
     lines: list[str]
     scrolled: int
@@ -45,15 +43,9 @@ def on_screen(
     sent: signal.Signals | None = None,
     folder: Path = ROOT,
 ) -> Shown:
-    """Run a Python program with a terminal as its stdin, stdout and stderr.
+    """Run a Python program with a terminal of these columns and rows as its stdin, stdout and stderr, in a folder.
 
-    Args:
-        program: for `python -c`.
-        arguments: its own.
-        columns, rows: of the terminal.
-        when: a pattern; when a line of the screen first matches it, the screen is kept.
-        sent: a signal for that moment.
-        folder: where it runs.
+    When a line of the screen first matches the pattern `when`, the screen is kept, and the signal `sent` is sent.
     """
     pyte = pytest.importorskip("pyte")
     screen = pyte.HistoryScreen(columns, rows, history=10_000)

@@ -102,14 +102,8 @@ def measurements_of(count: int) -> Measurements:
 
 
 class KnowingRegistrar:
-    """Gives the true transform with noise of the covariance that it states; counts what it is asked.
-
-    Args:
-        T_world_sensor: the true poses, of scan0, scan1, ...
-        covariance: (6, 6), stated and drawn from.
-        spoil: of (i, j, registration), the registration to give instead, or an exception raised.
-        broken: names of scans that cannot be prepared.
-    """
+    """Gives the true transform between scan0, scan1, ... with noise of the covariance that it states; counts what it
+    is asked. `spoil` gives another registration instead, or raises; `broken` scans cannot be prepared."""
 
     def __init__(
         self,
@@ -171,12 +165,8 @@ GROUP = 20  # loops of an aliased place: as many consecutive poses see it
 
 
 def scattered(graph: PoseGraph, T: RigidTransform, count: int, seed: int) -> tuple[Edge, ...]:
-    """Random pairs of poses, each measured as a right loop of the graph might be, with that loop's covariance.
-
-    Args:
-        graph: whose loops say what a loop looks like.
-        T: its poses, right or nearly so; a pair that happens to be right within them is drawn again.
-    """
+    """Random pairs of poses, each measured as a right loop of the graph might be, with that loop's covariance; a pair
+    that happens to be right within its poses T, right or nearly so, is drawn again."""
     rng = np.random.default_rng(seed)
     loops, poses = [one for one in graph.edges if one.kind == "loop"], len(graph.trajectory)
     wrong: list[Edge] = []
@@ -190,12 +180,8 @@ def scattered(graph: PoseGraph, T: RigidTransform, count: int, seed: int) -> tup
 
 
 def aliased(graph: PoseGraph, T: RigidTransform, count: int, seed: int) -> tuple[Edge, ...]:
-    """Runs of consecutive poses that all take another place for theirs, at one and the same wrong offset.
-
-    Args:
-        graph: whose loops say what a loop looks like.
-        T: its poses, right or nearly so: the groups agree within them up to the noise of the covariances.
-    """
+    """Runs of consecutive poses that all take another place for theirs, at one and the same wrong offset; within the
+    poses T, right or nearly so, the groups agree up to the noise of the covariances, which are the graph's loops'."""
     rng = np.random.default_rng(seed)
     loops, poses = [one for one in graph.edges if one.kind == "loop"], len(graph.trajectory)
     wrong: list[Edge] = []

@@ -18,14 +18,8 @@ COVARIANCE = random_covariance(np.random.default_rng(0), 0.004, 0.03)
 
 
 class Knowing(KnowingRegistrar):
-    """It notes every pair in a file, as a line; signatures are a scan's mean point.
-
-    Args:
-        count: of the poses on the ring.
-        notes: the file.
-        ending: "kill 5 6" ends the process at this pair, "once 5 6" the first time only; "device 5 6", "input 5 6" and
-            "stop 5 6" raise.
-    """
+    """It notes every pair in a file, as a line; signatures are a scan's mean point. The ending "kill 5 6" ends the
+    process at this pair, "once 5 6" the first time only; "device 5 6", "input 5 6" and "stop 5 6" raise."""
 
     def __init__(self, count: int, notes: Path, ending: str = "") -> None:
         super().__init__(ring_poses(count), COVARIANCE, self._end, broken=("scan2",))

@@ -141,14 +141,8 @@ def _odometry(path: Path) -> object:
 
 
 def damage(folder: Path, each: int, seed: int, kinds: Sequence[str] = ()) -> Outcome:
-    """Damage every kind of file so many times; the same seed damages them alike.
-
-    Args:
-        folder: to write to; it has to be empty.
-        each: number of damaged files of a kind.
-        seed: of all draws.
-        kinds: those alone; none: all.
-    """
+    """Damage every kind of file, or some `kinds`, so many times each, in an empty folder; the same seed damages them
+    alike."""
     files, outcome = readables(), Outcome()
     contents = [file.content for file in files.values()]
     for kind, file in files.items():

@@ -15,13 +15,7 @@ _NUMBER = re.compile(rb"-?\d+(\.\d+)?([eE][-+]?\d+)?")
 
 
 def mutated(content: bytes, other: bytes, rng: np.random.Generator) -> bytes:
-    """The content with a damage, or two, drawn.
-
-    Args:
-        content: of a file.
-        other: of another one, from which pieces are taken.
-        rng: draws.
-    """
+    """The content of a file with a damage, or two, drawn; `other` is another one's, from which pieces are taken."""
     for _ in range(1 + (rng.random() < 0.3)):
         damage = _DAMAGES[rng.integers(len(_DAMAGES))]
         content = damage(content, other, rng) or b"\0"

@@ -42,14 +42,8 @@ def send(datagrams: Iterable[bytes], to: tuple[str, int], rate: float = np.inf, 
 
 
 def full_size(shots: int, rate: float, seed: int, start: float) -> Iterator[bytes]:
-    """Both images of each shot, and an IMU batch with every other: what the sonar sends, as large as it sends it.
-
-    Args:
-        shots: how many.
-        rate: shots per second by their stamps.
-        seed: of the images.
-        start: time of the first [s, UTC].
-    """
+    """Both images of each shot, and an IMU batch with every other: what the sonar sends, as large as it sends it;
+    stamped by a rate [shots/s] from `start` [s, UTC] on."""
     images = [_images(np.random.default_rng([seed, k])) for k in range(8)]
     for shot in range(shots):
         stamp = start + shot / rate

@@ -6,11 +6,8 @@ from scipy.special import sph_harm_y
 
 
 def random_coefficients(bandwidth: int, layers: int, seed: int, decay: float = 0.0) -> np.ndarray:
-    """(bandwidth / 2, layers, 2 bandwidth - 1) complex128 as `Harmonics.analyze` has them, of real layers.
-
-    Args:
-        decay: higher degrees are weaker by (1 + l)^-decay.
-    """
+    """(bandwidth / 2, layers, 2 bandwidth - 1) complex128 as `Harmonics.analyze` has them, of real layers, whose higher
+    degrees are weaker by (1 + l)^-decay."""
     rng = np.random.default_rng([seed, bandwidth, layers])
     result = np.zeros((bandwidth // 2, layers, 2 * bandwidth - 1), np.complex128)
     for half in range(bandwidth // 2):

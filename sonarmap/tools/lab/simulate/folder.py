@@ -30,18 +30,10 @@ def write_simulation(
     """Write the scans, the truth and the description; the paths written.
 
     Written again, the same settings give the same bytes (on another processor the last digits may differ). Under
-    "scans" the description says which are "unusable": "empty", "noise", or null for a sound one.
-
-    Args:
-        simulation: what was simulated.
-        folder: made where it is missing.
-        instruments: whose measurements are written as priors.csv; None for no such file.
-        fixes: how positions are fixed; None for every scan, and none of them wrong.
-        drift: of dead reckoning, which is written as odometry.tum: share of the way, rotation [rad/s]; None for no such
-            file.
-
-    Raises:
-        InputError: the folder cannot be written, or holds scans or priors that are not part of this simulation.
+    "scans" the description says which are "unusable": "empty", "noise", or null for a sound one. With `instruments`
+    their measurements are written as priors.csv, with positions as `fixes` has them (None: on every scan, none of them
+    wrong); with `drift`, the share of the way and the rotation [rad/s], dead reckoning as odometry.tum. Raises
+    InputError: the folder cannot be written, or holds scans or priors that are not part of this simulation.
     """
     folder = Path(folder)
     paths = [folder / f"scan_{number:03d}.ply" for number in range(len(simulation.scans))]
@@ -56,19 +48,19 @@ def write_simulation(
             f"{folder} already holds a {PRIORS}, which does not belong to these scans; remove it, simulate priors too "
             "(--priors), or choose another folder"
         )
+    settings, written = simulation.settings, [*paths, folder / TRUTH, folder / DESCRIPTION]
     with all_or_none():
         _write_files(simulation, folder, paths)
         if instruments is not None:
-            settings = simulation.settings
             measured = measure_poses(simulation.truth.T_world_sensor, instruments, settings.seed, settings.dive)
             priors = (fixes or Fixes()).of(measured, settings.seed, settings.dive)
             kept = [(path.name, prior) for path, prior in zip(paths, priors, strict=True) if prior is not None]
-            write_priors(folder / PRIORS, [name for name, _ in kept], [prior for _, prior in kept])
+            written.append(folder / PRIORS)
+            write_priors(written[-1], [name for name, _ in kept], [prior for _, prior in kept])
         if drift is not None:
-            reckoned = dead_reckoning(simulation.truth, *drift, simulation.settings.seed, simulation.settings.dive)
-            write_tum(folder / ODOMETRY, reckoned)
-    further = [*([] if instruments is None else [folder / PRIORS]), *([] if drift is None else [folder / ODOMETRY])]
-    return [*paths, folder / TRUTH, folder / DESCRIPTION, *further]
+            written.append(folder / ODOMETRY)
+            write_tum(written[-1], dead_reckoning(simulation.truth, *drift, settings.seed, settings.dive))
+    return written
 
 
 def _write_files(simulation: Simulation, folder: Path, paths: list[Path]) -> None:
@@ -92,11 +84,8 @@ def _write_files(simulation: Simulation, folder: Path, paths: list[Path]) -> Non
 
 
 def read_settings(path: Path) -> SimulationSettings:
-    """The settings of a description.json, from which `simulate` makes the same scans.
-
-    Raises:
-        InputError: no such file, no JSON, no settings in it, or settings that cannot be used.
-    """
+    """The settings of a description.json, from which `simulate` makes the same scans. Raises InputError: no such file,
+    no JSON, no settings in it, or settings that cannot be used."""
     content = read_json(path, "the description.json of a simulation")
     if not isinstance(content, dict) or "settings" not in content:
         raise InputError(f"{path} holds no settings; expected the description.json of a simulation")

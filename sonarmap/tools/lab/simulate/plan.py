@@ -22,20 +22,12 @@ TABLE1_SENSOR: Sensor = replace(PAPER, tilt=float(np.deg2rad(30.0)))
 
 
 def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed: int = 0) -> SimulationSettings:
-    """Settings that suit a scene, so that only the scene need be chosen.
-
-    Args:
-        scene: a key of SCENE_KINDS.
-        trajectory: a key of TRAJECTORIES.
-        sensor: a key of SENSORS; the one that suits the scene if left out.
-        seed: of the scene, the waves and the noise.
+    """Settings that suit a scene, so that only the scene need be chosen; without a `sensor`, the one that suits it.
 
     The spacing is 9 m in a scene of 256 m, and in proportion in a smaller one or with a sensor that sees less far than
     the scene's; the standard deviation of the range is 1 m at 120 m, and in proportion for a sensor of shorter range. A
-    loop has as many scans as that spacing asks for.
-
-    Raises:
-        InputError: an unknown name, or a sensor for Table 1, which has its own.
+    loop has as many scans as that spacing asks for. Raises InputError: an unknown name, or a sensor for Table 1, which
+    has its own.
     """
     kind = scene_kind(scene)
     if trajectory == "table1":
@@ -55,12 +47,7 @@ def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed
 def table1_settings(seed: int, sigma2: float, scene: str = "floodgate") -> SimulationSettings:
     """The simulation that writes the reference scan and S0..S9, eleven scans, with the paper's noise."""
     return SimulationSettings(
-        scene=scene,
-        trajectory="table1",
-        count=TABLE1_COUNT + 1,
-        sensor=TABLE1_SENSOR,
-        noise=Noise(sigma2=sigma2),
-        seed=seed,
+        scene, "table1", TABLE1_COUNT + 1, sensor=TABLE1_SENSOR, noise=Noise(sigma2=sigma2), seed=seed
     )
 
 
@@ -80,18 +67,11 @@ def _count(settings: SimulationSettings) -> int:
 
 
 def table1_pair(index: int, seed: int, sigma2: float, scene: str = "floodgate") -> tuple[Scan, Scan, RigidTransform]:
-    """The reference scan and S`index`, with the noise of the paper's Sect. 3, and the truth between them.
+    """The reference scan and S`index`, 0 to 12, with noise of variance `sigma2` at the maximum range (the paper's Sect.
+    3: 1 and 2 voxels), and T_target_source between their sensor frames; the reference is the same for every index.
 
-    Args:
-        index: 0..9, the row of Table 1; 10..12 continue it.
-        seed: of the scene and of the noise; the reference scan is the same for every index.
-        sigma2: variance of the range noise at the sensor's maximum range [m^2] (the paper: 1 and 2 voxels).
-        scene: a key of SCENE_KINDS.
-
-    Returns:
-        target Scan (the reference), source Scan (S`index`), both in their own sensor frames (level with the
-        grid, at TABLE1_RIG in it), and T_target_source between these. About the grid's center, the point
-        -TABLE1_RIG of either sensor frame, it is table1_transform(index).
+    The frames are level with the grid, at TABLE1_RIG in it. About the grid's center, the point -TABLE1_RIG of either
+    frame, the transform is table1_transform(index).
     """
     settings = table1_settings(seed, sigma2, scene)
     T_grid_rig = RigidTransform.from_translation(TABLE1_RIG)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -38,15 +37,8 @@ _BEAM, _ECHO, _SCAN = 450, 16, 2000
 
 
 def check_size(count: int, columns: int, rows: int) -> None:
-    """Refuse more scans, or more beams, than this machine's memory holds.
-
-    Args:
-        count: of the scans, which are all kept until the last is done.
-        columns, rows: beams of the sensor.
-
-    Raises:
-        InputError: saying how many would fit.
-    """
+    """Refuse more scans, all kept until the last is done, or more beams than this machine's memory holds. Raises
+    InputError: saying how many would fit."""
     available, beams = available_memory(), columns * rows
     most_beams = available // (_BEAM + _ECHO)
     if beams > most_beams:
@@ -71,30 +63,19 @@ SURVEY_NOISE = Noise(sigma2=1.0, outliers=0.01, dropouts=0.05, ghosts=0.02, spec
 
 @dataclass(frozen=True, slots=True)
 class SimulationSettings:
-    """Everything that decides what is simulated: equal settings give equal scans, bit for bit.
-
-    Attributes:
-        scene: a key of SCENE_KINDS.
-        trajectory: a key of TRAJECTORIES.
-        count: number of scans, from the start of the trajectory.
-        spacing: of a survey's or a lawnmower's scans along their path [m]; the others have their own.
-        sensor: what to see with; SENSORS holds the known ones.
-        noise: what it does to the echoes.
-        seed: of the scene, the waves and the noise.
-        dive: 1, or another pass over the same scene, see tools/lab/simulate/paths/trajectories.py.
-        unusable: share of the scans that show nothing of the scene, see tools/lab/simulate/sensing/unusable.py.
-    """
+    """Everything that decides what is simulated: equal settings give equal scans, bit for bit."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
-    scene: str = "floodgate"
-    trajectory: str = "survey"
-    count: int = 12
-    spacing: float = SPACING
-    sensor: Sensor = ECLIPSE
-    noise: Noise = field(default=SURVEY_NOISE)
-    seed: int = 0
-    dive: int = 1
+    scene: str = "floodgate"  # a key of SCENE_KINDS
+    trajectory: str = "survey"  # a key of TRAJECTORIES
+    count: int = 12  # number of scans, from the start of the trajectory
+    spacing: float = SPACING  # of a survey's or a lawnmower's scans along their path [m]; the others have their own
+    sensor: Sensor = ECLIPSE  # what to see with; SENSORS holds the known ones
+    noise: Noise = field(default=SURVEY_NOISE)  # what it does to the echoes
+    seed: int = 0  # of the scene, the waves and the noise
+    dive: int = 1  # 1, or another pass over the same scene, see tools/lab/simulate/paths/trajectories.py
+    # share of the scans that show nothing of the scene, see tools/lab/simulate/sensing/unusable.py
     unusable: float = 0.0
 
     def __post_init__(self) -> None:
@@ -110,31 +91,18 @@ class SimulationSettings:
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
-    """What the sensor wrote, and the truth.
+    """What the sensor wrote, and the truth."""
 
-    Attributes:
-        settings: from which the same scans come out again.
-        scans: one per pose, in sensor frames; their stamps are the truth's.
-        truth: T_world_sensor of every scan; the world is the scene's frame, East-North-Up.
-        faults: why a scan is unusable, by its number; none for the others.
-    """
-
-    settings: SimulationSettings
-    scans: tuple[Scan, ...]
-    truth: Trajectory
+    settings: SimulationSettings  # from which the same scans come out again
+    scans: tuple[Scan, ...]  # one per pose, in sensor frames; their stamps are the truth's
+    truth: Trajectory  # T_world_sensor of every scan; the world is the scene's frame, East-North-Up
+    # why a scan is unusable, by its number; none for the others
     faults: Mapping[int, Fault] = field(default_factory=dict)
 
 
 def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lambda done: None) -> Simulation:
-    """All scans of a simulation.
-
-    Args:
-        settings: what to simulate.
-        progress: called with the number of scans done, after each.
-
-    Raises:
-        InputError: more scans than the trajectory has, a pose that sees nothing.
-    """
+    """All scans of a simulation; `progress` hears the number of scans done, after each. Raises InputError: more scans
+    than the trajectory has, a pose that sees nothing."""
     truth = TRAJECTORIES[settings.trajectory](settings)
     unusable = choose_unusable(settings.unusable, len(truth), settings.seed, settings.dive)
     scans = []
@@ -159,11 +127,8 @@ def observe(settings: SimulationSettings, T_world_sensor: RigidTransform, number
 
 
 def settings_from_json(content: Any) -> SimulationSettings:
-    """Settings from what a description.json holds under "settings"; missing ones take their defaults.
-
-    Raises:
-        InputError: an unknown key or a value that does not fit, all of them named.
-    """
+    """Settings from what a description.json holds under "settings"; missing ones take their defaults. Raises
+    InputError: an unknown key or a value that does not fit, all of them named."""
     try:
         return TypeAdapter(SimulationSettings).validate_python(content)
     except ValidationError as error:
@@ -172,20 +137,6 @@ def settings_from_json(content: Any) -> SimulationSettings:
             for fault in error.errors()
         )
         raise InputError(f"the settings of the simulation cannot be used: {faults}") from error
-
-
-def _spaced(lay: Callable[..., Trajectory], settings: SimulationSettings) -> Trajectory:
-    """Of `survey` or `lawnmower`, which have a spacing."""
-    reach = settings.sensor.max_range
-    return lay(settings.scene, settings.count, settings.seed, settings.spacing, settings.dive, reach)
-
-
-def _loop(settings: SimulationSettings) -> Trajectory:
-    return loop(settings.scene, settings.count, settings.seed, settings.dive, settings.sensor.max_range)
-
-
-def _paper18(settings: SimulationSettings) -> Trajectory:
-    return paper18(settings.scene, settings.count, settings.seed, settings.sensor)
 
 
 def _table1(settings: SimulationSettings) -> Trajectory:
@@ -200,10 +151,10 @@ def _table1(settings: SimulationSettings) -> Trajectory:
 
 TRAJECTORIES: MappingProxyType[str, Callable[[SimulationSettings], Trajectory]] = MappingProxyType(
     {
-        "survey": partial(_spaced, survey),
-        "loop": _loop,
-        "lawnmower": partial(_spaced, lawnmower),
-        "paper18": _paper18,
+        "survey": lambda of: survey(of.scene, of.count, of.seed, of.spacing, of.dive, of.sensor.max_range),
+        "loop": lambda of: loop(of.scene, of.count, of.seed, of.dive, of.sensor.max_range),
+        "lawnmower": lambda of: lawnmower(of.scene, of.count, of.seed, of.spacing, of.dive, of.sensor.max_range),
+        "paper18": lambda of: paper18(of.scene, of.count, of.seed, of.sensor),
         "table1": _table1,
     }
 )

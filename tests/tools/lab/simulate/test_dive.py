@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.folder import read_settings
 from sonarmap.tools.lab.simulate.paths.routes import lawnmower_path
 from sonarmap.tools.lab.simulate.paths.trajectories import DRIFT_AMPLITUDE, DRIFT_PERIODS, drift, lawnmower, start_of
@@ -18,6 +17,7 @@ from sonarmap.tools.lab.simulate.sensing.navigation import instruments_for, meas
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES, SimulationSettings, simulate
 from tests.samples.clutter_scans import said, sonarmap
+from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import COARSE
 
 SETTINGS = SimulationSettings(trajectory="lawnmower", count=3, sensor=COARSE, seed=14)
@@ -85,8 +85,7 @@ def test_instruments_err_otherwise_on_another_dive() -> None:
     "change", [{"dive": 0}, {"dive": 2, "trajectory": "paper18"}, {"dive": 2, "trajectory": "table1"}]
 )
 def test_a_dive_that_cannot_be_is_refused(change: dict) -> None:
-    with pytest.raises(InputError, match="dive"):
-        replace(SETTINGS, **change)
+    refuses("dive", replace, SETTINGS, **change)
 
 
 def test_the_command_takes_a_dive_alone_or_beside_like(tmp_path: Path) -> None:

@@ -3,17 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
 from sonarmap.tools.lab.simulate.sensing.ghosts import MIRROR_LOSS_DB, reflect
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
 from sonarmap.tools.lab.simulate.sensing.sensors import ABSORPTION_DB, ECLIPSE, Echoes, bare, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box, merge
 from sonarmap.tools.lab.simulate.simulation import settings_from_json
+from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import COARSE
 
 WALL, BED = 30.0, -11.0  # x of the wall's face, height of the bed [m]
@@ -90,8 +89,7 @@ def test_a_share_of_the_beams_reports_its_ghost():
 
 def test_noise_with_ghosts_wants_them():
     echoes = Echoes(np.full((2, 3), 20.0), np.ones((2, 3)))
-    with pytest.raises(InputError, match=r"wanted those of reflect\(\)"):
-        disturb(echoes, ECLIPSE, Noise(ghosts=0.1), np.random.default_rng(4))
+    refuses(r"wanted those of reflect\(\)", disturb, echoes, ECLIPSE, Noise(ghosts=0.1), np.random.default_rng(4))
 
 
 def test_a_description_from_before_there_was_a_pattern_means_a_bare_sensor():

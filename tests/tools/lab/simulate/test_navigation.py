@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.lab.simulate.sensing.navigation import OUTLIER, Fixes, Instruments, dead_reckoning, measure_poses
+from tests.samples.refusals import refuses
 from tests.samples.surveys import ring_poses
 
 COUNT = 200
@@ -50,7 +50,5 @@ def test_dead_reckoning_drifts_as_it_is_told() -> None:
 
 
 def test_bad_shares_are_refused() -> None:
-    with pytest.raises(InputError, match="fix_every"):
-        Fixes(every=0)
-    with pytest.raises(InputError, match="fix_outliers"):
-        Fixes(outliers=1.5)
+    refuses("fix_every", Fixes, every=0)
+    refuses("fix_outliers", Fixes, outliers=1.5)

@@ -13,6 +13,7 @@ from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
 from sonarmap.tools.lab.simulate.sensing.sensors import ABSORPTION_DB, ECLIPSE, PAPER, Echoes, bare, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box, merge
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, observe
+from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import COARSE, QUIET
 
 IDENTITY = RigidTransform.identity()
@@ -108,8 +109,7 @@ BAD_SENSOR = {"edge_loss": -1.0, "absorption": np.nan, "threshold": np.inf, "res
 
 @pytest.mark.parametrize(("name", "value"), [(name, value) for name, bad in BAD_NOISE.items() for value in bad])
 def test_impossible_noise_is_refused(name: str, value: float):
-    with pytest.raises(InputError, match=name):
-        Noise(**{name: value})
+    refuses(name, Noise, **{name: value})
 
 
 @pytest.mark.parametrize(("name", "value"), BAD_SENSOR.items())
@@ -120,5 +120,4 @@ def test_an_impossible_sensor_is_refused(name: str, value: float):
 
 def test_a_sensor_that_sees_nothing_says_so():
     settings = SimulationSettings(scene="harbor")
-    with pytest.raises(InputError, match="sees nothing"):
-        observe(settings, RigidTransform.from_translation((0, 0, 4000.0)), 0, "lost")
+    refuses("sees nothing", observe, settings, RigidTransform.from_translation((0, 0, 4000.0)), 0, "lost")

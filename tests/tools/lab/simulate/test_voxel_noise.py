@@ -5,9 +5,9 @@ import pytest
 from numpy.testing import assert_array_equal
 from scipy.ndimage import distance_transform_cdt
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.shapes.structure import NOISES, VoxelNoise, envelope, swap
 from tests.samples.processor_time import processor_time
+from tests.samples.refusals import refuses
 
 SHAPE = (23, 40, 31)
 
@@ -93,14 +93,12 @@ def test_all_voxels_flip_where_the_share_is_one():
 
 @pytest.mark.parametrize("bad", [(-0.1, 5), (1.1, 5), (np.nan, 5), (0.1, -1)])
 def test_impossible_noise_is_refused(bad: tuple[float, int]):
-    with pytest.raises(InputError, match="wanted"):
-        VoxelNoise(*bad)
+    refuses("wanted", VoxelNoise, *bad)
 
 
 @pytest.mark.parametrize("volume", [np.zeros((4, 4, 4), np.float32), np.zeros((4, 4), bool)])
 def test_what_is_no_boolean_volume_is_refused(volume: np.ndarray):
-    with pytest.raises(InputError, match=r"bool \(N, N, N\)"):
-        swap(volume, NOISES["D0"], generator())
+    refuses(r"bool \(N, N, N\)", swap, volume, NOISES["D0"], generator())
 
 
 @pytest.mark.slow

@@ -17,18 +17,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ScanKind:
-    """A kind of scan.
+    """A kind of scan."""
 
-    Attributes:
-        summary: in a few words.
-        builder: the function that makes pair `number` of the set `seed`, as "module:function" of this folder; it takes
-            (number, seed, scene, overlaps) and returns a KindPair.
-        scenes: keys of SCENE_KINDS, in turns; every relief is among them.
-    """
-
-    summary: str
+    summary: str  # in a few words
+    # the function that makes pair `number` of the set `seed`, as "module:function" of this folder; it takes (number,
+    # seed, scene, overlaps) and returns a KindPair
     builder: str
-    scenes: tuple[str, ...]
+    scenes: tuple[str, ...]  # keys of SCENE_KINDS, in turns; every relief is among them
 
 
 # One flat, two weak, five rich ones, three with twins; an odd number, so that what alternates with the pairs' numbers
@@ -55,56 +50,37 @@ FROM_ABOVE = tuple({"ship": "pool", "pool": "rubble"}.get(scene, scene) for scen
 
 SCAN_KINDS: MappingProxyType[str, ScanKind] = MappingProxyType(
     {
-        "patch": ScanKind(
-            "a patch merged from 4 to 10 views along a path, placed by odometry", "patch:patch_pair", LARGE_AND_SMALL
-        ),
-        "sonar3d15": ScanKind(
-            "a view with the density and the dropouts of a real Sonar 3D-15", "single_view:sonar3d15_pair", SMALL
-        ),
-        "sound_speed": ScanKind(
-            "a view measured with a sound speed off by up to 2 %", "single_view:sound_speed_pair", LARGE_AND_SMALL
-        ),
-        "range_bias": ScanKind(
-            "a view whose ranges are all off by up to 1 % of the greatest",
-            "single_view:range_bias_pair",
-            LARGE_AND_SMALL,
-        ),
-        "moving": ScanKind(
-            "a view measured row by row by a sensor that moves meanwhile", "single_view:moving_pair", LARGE_AND_SMALL
-        ),
-        "swath": ScanKind("a swath of a multibeam echo sounder on a moving vessel", "swath:swath_pair", FROM_ABOVE),
-        "imaging": ScanKind(
-            "a stack of an imaging sonar's images, the elevation of echoes guessed", "imaging:imaging_pair", FROM_ABOVE
-        ),
-        "profiler": ScanKind(
-            "a sweep of a rotating profiler that is panned for minutes", "profiler:profiler_pair", LARGE_AND_SMALL
-        ),
+        name: ScanKind(summary, f"{module}:{name}_pair", scenes)
+        for name, module, scenes, summary in (
+            ("patch", "patch", LARGE_AND_SMALL, "a patch merged from 4 to 10 views along a path, placed by odometry"),
+            ("sonar3d15", "single_view", SMALL, "a view with the density and the dropouts of a real Sonar 3D-15"),
+            ("sound_speed", "single_view", LARGE_AND_SMALL, "a view measured with a sound speed off by up to 2 %"),
+            (
+                "range_bias",
+                "single_view",
+                LARGE_AND_SMALL,
+                "a view whose ranges are all off by up to 1 % of the greatest",
+            ),
+            ("moving", "single_view", LARGE_AND_SMALL, "a view measured row by row by a sensor that moves meanwhile"),
+            ("swath", "swath", FROM_ABOVE, "a swath of a multibeam echo sounder on a moving vessel"),
+            ("imaging", "imaging", FROM_ABOVE, "a stack of an imaging sonar's images, the elevation of echoes guessed"),
+            ("profiler", "profiler", LARGE_AND_SMALL, "a sweep of a rotating profiler that is panned for minutes"),
+        )
     }
 )
 
 
 def scan_kind(name: str) -> ScanKind:
-    """The kind called `name`.
-
-    Raises:
-        InputError: there is none.
-    """
+    """The kind called `name`. Raises InputError: there is none."""
     if name not in SCAN_KINDS:
         raise InputError(f"no kind of scan is called {name!r}; there are {', '.join(SCAN_KINDS)}")
     return SCAN_KINDS[name]
 
 
 def kind_pair(name: str, number: int, seed: int, overlaps: tuple[float, float] | None = None) -> "KindPair":
-    """Pair `number`, 0, 1, 2, ..., of the set `seed` of one kind: scenes and overlaps take turns.
-
-    Args:
-        name: a key of SCAN_KINDS.
-        number, seed: >= 0; the same numbers, the same pair, bit for bit.
-        overlaps: least and greatest share of the points in common; in turns those of OVERLAPS if left out.
-
-    Raises:
-        InputError: there is no such kind, or its scene has no such pair.
-    """
+    """Pair `number`, 0, 1, 2, ..., of the set `seed` of one kind of SCAN_KINDS: scenes take turns, and so do OVERLAPS
+    unless `overlaps` gives the least and greatest share of the points in common. The same numbers, the same pair, bit
+    for bit. Raises InputError: no such kind, a number below 0, or a scene that has no such pair."""
     from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, KindPair
 
     kind = scan_kind(name)

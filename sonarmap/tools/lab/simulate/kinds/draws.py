@@ -12,14 +12,16 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds.catalog import scan_kind
-from sonarmap.tools.lab.simulate.kinds.kind import relief_of
+from sonarmap.tools.lab.simulate.kinds.kind import KindPair, relief_of
 from sonarmap.tools.lab.simulate.pairs.pair_set import DROPOUTS, GHOSTS, OUTLIERS, SPECKLE
 from sonarmap.tools.lab.simulate.pairs.random_pairs import PLACES, POSE_TILT
 from sonarmap.tools.lab.simulate.pairs.viewpoints import FAR, TRIES, Observer, View, aside, attitude, first_view
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
+from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, bare
 
 SIGMA2 = (0.25, 1.0, 4.0)  # of the range at the sensor's maximum range in a scene of 256 m [m^2], in turns
@@ -32,20 +34,13 @@ OPEN = ("sandflat", "shallow", "rubble")
 
 @dataclass(frozen=True, slots=True)
 class PairDraws:
-    """Of one pair.
+    """Of one pair."""
 
-    Attributes:
-        scene: the seed of the scene.
-        poses: draws both poses.
-        distortion: draws how the scans are distorted.
-        target, source: draw the noise of either scan.
-    """
-
-    scene: int
-    poses: np.random.Generator
-    distortion: np.random.Generator
-    target: np.random.Generator
-    source: np.random.Generator
+    scene: int  # the seed of the scene
+    poses: np.random.Generator  # draws both poses
+    distortion: np.random.Generator  # draws how the scans are distorted
+    target: np.random.Generator  # draws the noise of the target
+    source: np.random.Generator  # draws the noise of the source
 
 
 def pair_draws(kind: str, number: int, seed: int) -> PairDraws:
@@ -71,6 +66,51 @@ def observer_of(scene: str, seed: int) -> Observer:
     return Observer(world, replace(sensor, tilt=float(MOUNTED)) if scene in OPEN else sensor)
 
 
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """A view that is to be measured."""
+
+    observer: Observer  # the scene and the sensor
+    view: View  # the true one
+    noise: Noise  # besides the distortion
+    distortion: np.random.Generator  # draws how the measurement is distorted
+    rng: np.random.Generator  # draws the noise
+    name: str  # "target" or "source"
+    number: int = 0  # of the pair
+
+    @property
+    def stamp(self) -> float:
+        """The source's is a second later."""
+        return float(self.name == "source")
+
+
+def view_pair(
+    kind: str,
+    measured: Callable[[Shot], Scan],
+    number: int,
+    seed: int,
+    scene: str,
+    overlaps: tuple[float, float],
+    equip: Callable[[Observer, np.random.Generator], Observer] = lambda still, rng: still,
+) -> KindPair:
+    """Pair `number` of the set `seed`: two views from anywhere, by observers that `equip` makes of the still one,
+    measured as the kind does. Raises InputError: the scene has no such pair."""
+    draws, noise = pair_draws(kind, number, seed), noise_of(kind, number, scene)
+    still = observer_of(scene, draws.scene)
+    observers = equip(still, draws.poses), equip(still, draws.poses)
+    views = draw_views(observers, overlaps, draws.poses)
+    scans = [
+        measured(Shot(observer, view, noise, draws.distortion, rng, name, number))
+        for observer, view, rng, name in zip(
+            observers, views, (draws.target, draws.source), ("target", "source"), strict=True
+        )
+    ]
+    poses = views[0].T_world_sensor, views[1].T_world_sensor
+    radius = OVERLAP_RADIUS * still.world.kind.scale
+    shared = mutual_overlap(views[0].points, views[1].points, poses[0].inv() * poses[1], radius)
+    return KindPair(kind, number, seed, scene, scans[0], scans[1], *poses, shared)
+
+
 ACROSS = 0.5  # share of the sources that look at the target's middle from anywhere; the others stand beside it
 REACH = (0.6, 1.3)  # of such a source from that middle, in shares of the target's own distance
 
@@ -78,16 +118,8 @@ REACH = (0.6, 1.3)  # of such a source from that middle, in shares of the target
 def draw_views(
     observers: tuple[Observer, Observer], overlaps: tuple[float, float], rng: np.random.Generator
 ) -> tuple[View, View]:
-    """A target's view and a source's with an overlap within `overlaps`.
-
-    Args:
-        observers: the target's and the source's, of one scene.
-        overlaps: least and greatest share of the points in common.
-        rng: draws the poses: roll and pitch up to 10 degrees each, any heading that leaves such an overlap.
-
-    Raises:
-        InputError: no such pair of views was found from 8 places.
-    """
+    """A target's view and a source's of one scene, sharing a part of their points within `overlaps`: roll and pitch up
+    to 10 degrees each, on any heading that leaves such an overlap. Raises InputError: none found from 8 places."""
     looker, partner = observers
     for _ in range(PLACES):
         target = first_view(looker, POSE_TILT, rng)

@@ -17,6 +17,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.tools.lab.simulate.kinds.partners import SweepKind
 from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, pick, walk
 from sonarmap.tools.lab.simulate.kinds.water import Water
+from sonarmap.tools.lab.simulate.pairs.viewpoints import heading_at
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 
 BEAMS, RAYS = 256, 11
@@ -46,27 +47,19 @@ SIDE_LOBES = (0.01, 0.04)  # share of the beams that hear the image's loudest ec
 
 @dataclass(frozen=True, slots=True)
 class Imager:
-    """An imaging sonar on its vehicle.
+    """An imaging sonar on its vehicle."""
 
-    Attributes:
-        water: that it looks at.
-        fan: its beams.
-        by_depth: whether images are stacked over depths, else over tilts.
-        detector: share of the strongest echo's energy that an earlier one needs.
-        multipath, side_lobes: shares of the beams.
-    """
-
-    water: Water
-    fan: Fan
-    by_depth: bool
-    detector: float
-    multipath: float
-    side_lobes: float
+    water: Water  # that it looks at
+    fan: Fan  # its beams
+    by_depth: bool  # whether images are stacked over depths, else over tilts
+    detector: float  # share of the strongest echo's energy that an earlier one needs
+    multipath: float  # share of the beams whose echo comes by way of a second surface
+    side_lobes: float  # share of the beams that hear the loudest echo through a side lobe
 
     def target(self, rng: np.random.Generator) -> Sweep:
         """A stack anywhere in the scene, looking anywhere."""
         place = self.water.place(rng)
-        return self._stack(place, self.water.heading(place, rng), rng)
+        return self._stack(place, heading_at(place, self.water.scene.kind, rng), rng)
 
     def source(self, target: Sweep, overlaps: tuple[float, float], rng: np.random.Generator) -> Sweep:
         """A stack aside, the farther and the more turned the less is to be shared."""

@@ -18,32 +18,24 @@ RELIEFS: tuple[Relief, ...] = ("flat", "weak", "rich", "twins")
 
 # Shares of the points in common between which pairs are drawn, in turns
 OVERLAPS = ((0.2, 0.4), (0.4, 0.6), (0.6, 0.9))
-# Streams of a pair's seed for the errors of instruments, apart from those that the scans are drawn from
-_TARGET_STREAM, _SOURCE_STREAM = 71, 72
+# Streams of a pair's seed for the errors of the target's and the source's instruments, apart from those of the scans
+_STREAMS = 71, 72
 
 
 @dataclass(frozen=True, slots=True)
 class KindPair:
-    """One simulated pair.
+    """One simulated pair."""
 
-    Attributes:
-        kind: a key of SCAN_KINDS.
-        number, seed: which of the set, and of which set.
-        scene: a key of SCENE_KINDS.
-        target, source: the scans, each in its own frame (x forward, y left, z up), without priors.
-        T_world_target, T_world_source: where the frames truly were; world East-North-Up.
-        shared: share of the points, free of noise and distortion, that have a counterpart in the other scan, 0..1; the
-            smaller of both ways.
-    """
-
-    kind: str
-    number: int
-    seed: int
-    scene: str
-    target: Scan
-    source: Scan
-    T_world_target: RigidTransform
-    T_world_source: RigidTransform
+    kind: str  # a key of SCAN_KINDS
+    number: int  # which of the set
+    seed: int  # which set
+    scene: str  # a key of SCENE_KINDS
+    target: Scan  # in its own frame (x forward, y left, z up), without a prior
+    source: Scan  # likewise
+    T_world_target: RigidTransform  # where the frame truly was; world East-North-Up
+    T_world_source: RigidTransform  # likewise
+    # share of the points, free of noise and distortion, that have a counterpart in the other scan, 0..1; the smaller of
+    # both ways
     shared: float
 
     @property
@@ -61,43 +53,29 @@ class KindPair:
 
         Their errors depend on the seed and the number alone: more instruments change nothing in the others' errors.
         """
+        generators = (np.random.default_rng([self.seed, self.number, stream]) for stream in _STREAMS)
         target, source = (
-            replace(
-                scan, prior=measure_pose(pose, instruments, np.random.default_rng([self.seed, self.number, stream]))
-            )
-            for scan, pose, stream in (
-                (self.target, self.T_world_target, _TARGET_STREAM),
-                (self.source, self.T_world_source, _SOURCE_STREAM),
+            replace(scan, prior=measure_pose(pose, instruments, rng))
+            for scan, pose, rng in zip(
+                (self.target, self.source), (self.T_world_target, self.T_world_source), generators, strict=True
             )
         )
         return replace(self, target=target, source=source)
 
 
+_SCENES_OF: dict[Relief, tuple[str, ...]] = {
+    "flat": ("flatbed", "sandflat"),
+    "weak": ("seabed", "shallow"),
+    "rich": ("floodgate", "harbor", "wreck", "bridge", "clutter", "rubble"),
+    "twins": ("ship", "manifold", "pool"),
+}
 RELIEF_OF: MappingProxyType[str, Relief] = MappingProxyType(
-    {
-        "flatbed": "flat",
-        "sandflat": "flat",
-        "seabed": "weak",
-        "shallow": "weak",
-        "floodgate": "rich",
-        "harbor": "rich",
-        "wreck": "rich",
-        "bridge": "rich",
-        "clutter": "rich",
-        "rubble": "rich",
-        "ship": "twins",
-        "manifold": "twins",
-        "pool": "twins",
-    }
+    {scene: relief for relief, scenes in _SCENES_OF.items() for scene in scenes}
 )
 
 
 def relief_of(scene: str) -> Relief:
-    """The relief of a scene of SCENE_KINDS.
-
-    Raises:
-        InputError: a scene that has no row here.
-    """
+    """The relief of a scene of SCENE_KINDS. Raises InputError: a scene that has no row here."""
     if scene not in RELIEF_OF:
         raise InputError(f"no relief is known of the scene {scene!r}; give it a row in `RELIEF_OF`")
     return RELIEF_OF[scene]

@@ -57,24 +57,14 @@ class Seen:
 
 @dataclass(frozen=True, slots=True)
 class SweepKind:
-    """Pairs of two sweeps of an instrument through one scene.
+    """Pairs of two sweeps of an instrument through one scene."""
 
-    Attributes:
-        name: a key of SCAN_KINDS.
-        equip: draws the instrument.
-        seen_from: whether the points of even numbers say where they were seen from.
-    """
-
-    name: str
-    equip: Callable[[Water, np.random.Generator], Instrument]
-    seen_from: bool = True
+    name: str  # a key of SCAN_KINDS
+    equip: Callable[[Water, np.random.Generator], Instrument]  # draws the instrument
+    seen_from: bool = True  # whether the points of even numbers say where they were seen from
 
     def pair(self, number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
-        """As `kind_pair` makes it.
-
-        Raises:
-            InputError: no such pair was found.
-        """
+        """As `kind_pair` makes it. Raises InputError: no such pair was found."""
         draws = pair_draws(self.name, number, seed)
         water = Water(build_scene(scene, draws.scene))
         instrument = self.equip(water, draws.poses)

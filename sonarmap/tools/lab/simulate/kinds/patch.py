@@ -6,44 +6,34 @@ frame is the patch's.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.kinds.draws import draw_views, noise_of, observer_of, pair_draws
-from sonarmap.tools.lab.simulate.kinds.kind import KindPair
+from sonarmap.tools.lab.simulate.kinds.draws import Shot, view_pair
 from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View
 from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
-from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
+from sonarmap.tools.lab.simulate.sensing.noise import disturb, scan_of
+from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS
 
 COARSE_LOOKS = 3  # that a coarse search takes: the first, a middle one and the last
 
 
 @dataclass(frozen=True, slots=True)
 class PathView(View):
-    """What is seen along a path; `echoes` are those of the middle look, `points` are of all, thinned.
+    """What is seen along a path; `echoes` are those of the middle look, `points` are of all, thinned."""
 
-    Attributes:
-        looks: from each pose of the path.
-    """
-
-    looks: tuple[View, ...]
+    looks: tuple[View, ...]  # from each pose of the path
 
 
 @dataclass(frozen=True)
 class PathObserver(Observer):
-    """An observer whose pose is that of the middle of a path.
+    """An observer whose pose is that of the middle of a path."""
 
-    Attributes:
-        T_middle_look: (K,) poses of the looks.
-        cell: of the grid that the points are thinned by [m].
-    """
-
-    T_middle_look: RigidTransform
-    cell: float
+    T_middle_look: RigidTransform  # (K,) poses of the looks
+    cell: float  # of the grid that the points are thinned by [m]
 
     @cached_property
     def _still(self) -> Observer:
@@ -118,28 +108,6 @@ STRAY = 3.0  # cells wide is where a point that is alone is a stray
 DRIFT, TURNED = 0.2, np.deg2rad(0.3)  # each coordinate in a scene of 256 m [m]; about each axis [rad]
 
 
-def patch_pair(number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
-    """A builder of SCAN_KINDS; the points of even numbers say from where they were seen.
-
-    Raises:
-        InputError: the scene has no such pair.
-    """
-    draws, noise = pair_draws("patch", number, seed), noise_of("patch", number, scene)
-    still = observer_of(scene, draws.scene)
-    observers = on_path(still, draws.poses), on_path(still, draws.poses)
-    views = draw_views(observers, overlaps, draws.poses)
-    target, source = (
-        merged_scan(observer, view, noise, (draws.distortion, rng), name, viewpoints=number % 2 == 0)
-        for observer, view, rng, name in zip(
-            observers, views, (draws.target, draws.source), ("target", "source"), strict=True
-        )
-    )
-    poses = views[0].T_world_sensor, views[1].T_world_sensor
-    radius = OVERLAP_RADIUS * still.world.kind.scale
-    shared = mutual_overlap(views[0].points, views[1].points, poses[0].inv() * poses[1], radius)
-    return KindPair("patch", number, seed, scene, target, source, *poses, shared)
-
-
 def on_path(still: Observer, rng: np.random.Generator) -> PathObserver:
     """The observer with fewer beams, carried along a path of its own."""
     sensor, scale = still.sensor, still.world.kind.scale
@@ -176,31 +144,21 @@ def believed_path(T_middle_look: RigidTransform, scale: float, rng: np.random.Ge
     return RigidTransform.from_components(shifts, T_middle_look.rotation * turns)
 
 
-def merged_scan(
-    observer: PathObserver,
-    view: View,
-    noise: Noise,
-    draws: tuple[np.random.Generator, np.random.Generator],
-    name: str,
-    *,
-    viewpoints: bool,
-) -> Scan:
-    """The patch that a front end makes of all looks.
-
-    Args:
-        observer, view: the path, and what is seen along it.
-        noise: of every look.
-        draws: of odometry's errors, and of the noise.
-        name: "target" or "source".
-        viewpoints: whether the points say from where they were seen, as odometry has it.
-    """
+def merged_scan(shot: Shot) -> Scan:
+    """The patch that a front end makes of all looks; on even numbers its points say from where they were seen, as
+    odometry has it."""
+    observer, view = shot.observer, shot.view
+    assert isinstance(observer, PathObserver)
     assert isinstance(view, PathView)  # a PathObserver's
-    distortion, rng = draws
-    believed = believed_path(observer.T_middle_look, observer.world.kind.scale, distortion)
+    believed = believed_path(observer.T_middle_look, observer.world.kind.scale, shot.distortion)
     looks = []
     for look in view.looks:
-        ghosts = reflect(observer.world, observer.sensor, look.T_world_sensor) if noise.ghosts > 0 else None
-        looks.append(scan_of(disturb(look.echoes, observer.sensor, noise, rng, ghosts), observer.sensor, name=name))
+        ghosts = reflect(observer.world, observer.sensor, look.T_world_sensor) if shot.noise.ghosts > 0 else None
+        looks.append(
+            scan_of(
+                disturb(look.echoes, observer.sensor, shot.noise, shot.rng, ghosts), observer.sensor, name=shot.name
+            )
+        )
     points = np.concatenate([believed[k].apply(look.points) for k, look in enumerate(looks)])
     number = np.repeat(np.arange(len(looks)), [len(look.points) for look in looks])
     strength = np.concatenate([look.strength for look in looks if look.strength is not None])
@@ -209,7 +167,10 @@ def merged_scan(
     return Scan(
         points[kept].astype(np.float32),
         strength[kept],
-        stamp=float(name == "source"),
-        name=name,
-        viewpoints=believed.translation[number[kept]].astype(np.float32) if viewpoints else None,
+        stamp=shot.stamp,
+        name=shot.name,
+        viewpoints=believed.translation[number[kept]].astype(np.float32) if shot.number % 2 == 0 else None,
     )
+
+
+patch_pair = partial(view_pair, "patch", merged_scan, equip=on_path)  # a builder of SCAN_KINDS

@@ -35,19 +35,12 @@ FRAME_TILT = math.radians(1.0)  # standard deviation of roll and pitch of a swee
 
 @dataclass(frozen=True, slots=True)
 class Profiler:
-    """A profiler on its vehicle.
+    """A profiler on its vehicle."""
 
-    Attributes:
-        water: that it looks at.
-        fan: one profile: the beam at all its steps.
-        pans: (K,) angles of the profiles about the vertical, 0 in the middle of the sweep [rad].
-        turning: whether the vehicle turns and goes on slowly, else it stands and the head is panned.
-    """
-
-    water: Water
-    fan: Fan
-    pans: np.ndarray
-    turning: bool
+    water: Water  # that it looks at
+    fan: Fan  # one profile: the beam at all its steps
+    pans: np.ndarray  # (K,) angles of the profiles about the vertical, 0 in the middle of the sweep [rad]
+    turning: bool  # whether the vehicle turns and goes on slowly, else it stands and the head is panned
 
     def target(self, rng: np.random.Generator) -> Sweep:
         """A sweep anywhere in the scene, on any heading."""

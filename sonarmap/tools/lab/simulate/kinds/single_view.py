@@ -33,12 +33,9 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.kinds.draws import draw_views, noise_of, observer_of, pair_draws
-from sonarmap.tools.lab.simulate.kinds.kind import KindPair
-from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View
+from sonarmap.tools.lab.simulate.kinds.draws import Shot, view_pair
 from sonarmap.tools.lab.simulate.sensing.ghosts import reflect, reflect_beams
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, fade, pick_strongest, scan_of
-from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
+from sonarmap.tools.lab.simulate.sensing.noise import disturb, fade, pick_strongest, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, cast_beams
 
 SPEED_ERROR = 0.02  # greatest relative error of the sound speed, each scan's its own
@@ -59,72 +56,18 @@ TURN = np.deg2rad(8.0)  # about the vertical at most [rad/s]
 ROCK = np.deg2rad(2.0)  # about the level axes at most [rad/s]
 
 
-@dataclass(frozen=True, slots=True)
-class Shot:
-    """A view that is to be measured.
-
-    Attributes:
-        observer: the scene and the sensor.
-        view: the true one.
-        noise: besides the distortion.
-        distortion: draws how the measurement is distorted.
-        rng: draws the noise.
-        name: "target" or "source".
-    """
-
-    observer: Observer
-    view: View
-    noise: Noise
-    distortion: np.random.Generator
-    rng: np.random.Generator
-    name: str
-
-    @property
-    def stamp(self) -> float:
-        """The source's is a second later."""
-        return float(self.name == "source")
-
-    @property
-    def ghosts(self) -> Echoes | None:
-        """Of the view; None where the noise has none."""
-        if self.noise.ghosts == 0:
-            return None
-        return reflect(self.observer.world, self.observer.sensor, self.view.T_world_sensor)
-
-
-def single_view_pair(
-    kind: str,
-    measured: Callable[[Shot], Scan],
-    number: int,
-    seed: int,
-    scene: str,
-    overlaps: tuple[float, float],
-) -> KindPair:
-    """Pair `number` of the set `seed`: two views from anywhere, measured as the kind does.
-
-    The scan's frame is the sensor's and its origin the viewpoint.
-
-    Raises:
-        InputError: the scene has no such pair.
-    """
-    draws, noise = pair_draws(kind, number, seed), noise_of(kind, number, scene)
-    observer = observer_of(scene, draws.scene)
-    views = draw_views((observer, observer), overlaps, draws.poses)
-    target, source = (
-        measured(Shot(observer, view, noise, draws.distortion, rng, name))
-        for view, rng, name in zip(views, (draws.target, draws.source), ("target", "source"), strict=True)
-    )
-    poses = views[0].T_world_sensor, views[1].T_world_sensor
-    radius = OVERLAP_RADIUS * observer.world.kind.scale
-    shared = mutual_overlap(views[0].points, views[1].points, poses[0].inv() * poses[1], radius)
-    return KindPair(kind, number, seed, scene, target, source, *poses, shared)
-
-
 def distorted_scan(shot: Shot, distort: Callable[[np.ndarray], np.ndarray]) -> Scan:
     """The scan of a still sonar that reports other ranges [m] than the true ones, its ghosts' included."""
-    ghosts = shot.ghosts and replace(shot.ghosts, ranges=distort(shot.ghosts.ranges))
+    ghosts = _ghosts(shot)
     echoes = replace(shot.view.echoes, ranges=distort(shot.view.echoes.ranges))
-    return _write(shot, echoes, ghosts)
+    return _write(shot, echoes, ghosts and replace(ghosts, ranges=distort(ghosts.ranges)))
+
+
+def _ghosts(shot: Shot) -> Echoes | None:
+    """Of the view; None where the noise has none."""
+    if shot.noise.ghosts == 0:
+        return None
+    return reflect(shot.observer.world, shot.observer.sensor, shot.view.T_world_sensor)
 
 
 def scaled_scan(shot: Shot) -> Scan:
@@ -142,7 +85,7 @@ def shifted_scan(shot: Shot) -> Scan:
 def real_scan(shot: Shot) -> Scan:
     """What a Sonar 3D-15 writes down of a view."""
     sensor, noise = shot.observer.sensor, replace(shot.noise, dropouts=0.0)
-    noisy = disturb(shot.view.echoes, sensor, noise, shot.rng, shot.ghosts)
+    noisy = disturb(shot.view.echoes, sensor, noise, shot.rng, _ghosts(shot))
     picked = pick_strongest(fade(noisy, shot.distortion), LOBE)
     weak = (picked.strengths < WEAKEST) | (shot.rng.random(picked.ranges.shape) < LOST)
     steps = np.rint(picked.ranges / STEP) * STEP
@@ -152,17 +95,11 @@ def real_scan(shot: Shot) -> Scan:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """How the sensor moves during a scan, evenly.
+    """How the sensor moves during a scan, evenly."""
 
-    Attributes:
-        velocity: (3,) [m/s], in the frame of the middle of the scan.
-        turning: (3,) rotation vector a second [rad/s], likewise.
-        seconds: from the first row to the last.
-    """
-
-    velocity: np.ndarray
-    turning: np.ndarray
-    seconds: float
+    velocity: np.ndarray  # (3,) [m/s], in the frame of the middle of the scan
+    turning: np.ndarray  # (3,) rotation vector a second [rad/s], likewise
+    seconds: float  # from the first row to the last
 
     def poses(self, rows: int) -> RigidTransform:
         """T_middle_row of every row, (rows,) poses, the lowest row's first."""
@@ -196,10 +133,10 @@ def scan_in_motion(shot: Shot, motion: Motion) -> Scan:
 
 
 # The builders of SCAN_KINDS
-sound_speed_pair = partial(single_view_pair, "sound_speed", scaled_scan)
-range_bias_pair = partial(single_view_pair, "range_bias", shifted_scan)
-sonar3d15_pair = partial(single_view_pair, "sonar3d15", real_scan)
-moving_pair = partial(single_view_pair, "moving", moving_scan)
+sound_speed_pair = partial(view_pair, "sound_speed", scaled_scan)
+range_bias_pair = partial(view_pair, "range_bias", shifted_scan)
+sonar3d15_pair = partial(view_pair, "sonar3d15", real_scan)
+moving_pair = partial(view_pair, "moving", moving_scan)
 
 
 def _write(shot: Shot, echoes: Echoes, ghosts: Echoes | None) -> Scan:

@@ -40,17 +40,11 @@ FRAME_TILT = math.radians(0.3)  # standard deviation of roll and pitch of a swat
 
 @dataclass(frozen=True, slots=True)
 class Sounder:
-    """A sounder on its vessel.
+    """A sounder on its vessel."""
 
-    Attributes:
-        water: that it surveys.
-        fan: its beams.
-        across: the fan's angle [rad].
-    """
-
-    water: Water
-    fan: Fan
-    across: float
+    water: Water  # that it surveys
+    fan: Fan  # its beams
+    across: float  # the fan's angle [rad]
 
     def target(self, rng: np.random.Generator) -> Sweep:
         """A line anywhere in the scene, on any heading."""

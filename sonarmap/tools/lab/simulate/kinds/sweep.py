@@ -16,19 +16,13 @@ from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor
 
 @dataclass(frozen=True, slots=True)
 class Fan:
-    """The beams of one ping, each a bundle of rays.
+    """The beams of one ping, each a bundle of rays."""
 
-    Attributes:
-        sensor: its ranges and its water.
-        beams: (J, 3) float64 unit vectors, sensor frame: where an echo of each beam is placed.
-        rays: (J, L, 3) float64 unit vectors, sensor frame: where each beam truly looks; the middle one is the beam's.
-        gains: (L,) float64, 0..1: strength of an echo along each ray against the middle one's, there and back.
-    """
-
-    sensor: Sensor
-    beams: np.ndarray
+    sensor: Sensor  # its ranges and its water
+    beams: np.ndarray  # (J, 3) float64 unit vectors, sensor frame: where an echo of each beam is placed
+    # (J, L, 3) float64 unit vectors, sensor frame: where each beam truly looks; the middle one is the beam's
     rays: np.ndarray
-    gains: np.ndarray
+    gains: np.ndarray  # (L,) float64, 0..1: strength of an echo along each ray against the middle one's, there and back
 
     def thinned(self, step: int) -> "Fan":
         """Every `step`-th beam from the middle of the first `step`, and of each only the middle ray."""
@@ -40,17 +34,11 @@ class Fan:
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """Where a scan's pings were.
+    """Where a scan's pings were."""
 
-    Attributes:
-        T_world_frame: of the scan's frame.
-        T_frame_ping: (K,) poses: where the sensor truly was at each ping.
-        T_frame_believed: (K,) poses: where the vehicle believed it was; the points are placed by these.
-    """
-
-    T_world_frame: RigidTransform
-    T_frame_ping: RigidTransform
-    T_frame_believed: RigidTransform
+    T_world_frame: RigidTransform  # of the scan's frame
+    T_frame_ping: RigidTransform  # (K,) poses: where the sensor truly was at each ping
+    T_frame_believed: RigidTransform  # (K,) poses: where the vehicle believed it was; the points are placed by these
 
     @property
     def T_world_ping(self) -> RigidTransform:
@@ -65,17 +53,11 @@ class Sweep:
 
 @dataclass(frozen=True, slots=True)
 class Returns:
-    """One echo a beam.
+    """One echo a beam."""
 
-    Attributes:
-        ranges: (K, J) float64 [m]; inf without an echo.
-        strengths: (K, J) float64, linear; 0 without an echo.
-        rays: (K, J) int: along which ray of the beam it truly came.
-    """
-
-    ranges: np.ndarray
-    strengths: np.ndarray
-    rays: np.ndarray
+    ranges: np.ndarray  # (K, J) float64 [m]; inf without an echo
+    strengths: np.ndarray  # (K, J) float64, linear; 0 without an echo
+    rays: np.ndarray  # (K, J) int: along which ray of the beam it truly came
 
 
 def meet(scene: Scene, fan: Fan, T_world_ping: RigidTransform) -> tuple[np.ndarray, np.ndarray]:
@@ -99,13 +81,8 @@ def pick(fan: Fan, ranges: np.ndarray, strengths: np.ndarray, cell: float = 0.0,
     """One echo a beam: the first whose energy, summed over ranges within `cell`, is a `share` of the largest.
 
     A wall that many rays meet at one range is thus stronger than ground that each meets at another. What stays below
-    the sensor's threshold gives no echo.
-
-    Args:
-        fan: whose beams.
-        ranges, strengths: (K, J, L), as from `meet`.
-        cell: the length of the sonar's pulse in range [m].
-        share: 1: the strongest; less: an earlier one that passes the detector's threshold.
+    the sensor's threshold gives no echo. Ranges and strengths are (K, J, L), as from `meet`; the cell is the length of
+    the sonar's pulse in range [m]; a share below 1 is an earlier echo that passes the detector's threshold.
     """
     energy = strengths
     if cell > 0:
@@ -136,10 +113,8 @@ def true_points(fan: Fan, sweep: Sweep, returns: Returns) -> np.ndarray:
 def write_scan(fan: Fan, sweep: Sweep, returns: Returns, noise: Noise, rng: np.random.Generator, name: str) -> Scan:
     """The scan that the vehicle writes: with noise, in the beams' believed directions, from the believed places.
 
-    Its viewpoints are where the sensor was believed to be when it saw each point.
-
-    Raises:
-        InputError: no beam brings an echo back.
+    Its viewpoints are where the sensor was believed to be when it saw each point. Raises InputError: no beam brings an
+    echo back.
     """
     noisy = disturb(Echoes(returns.ranges, returns.strengths), fan.sensor, noise, rng)
     kept = np.isfinite(noisy.ranges)
@@ -160,26 +135,16 @@ SLOW = 1 / 30  # of a sweep: a walk's steps are alike over about this share of i
 
 
 def walk(count: int, sigmas: tuple[float, ...], rng: np.random.Generator) -> np.ndarray:
-    """A random walk that is 0 in the middle, with smooth steps: drift that grows with the square root of time.
-
-    Args:
-        count: of steps, over the whole sweep.
-        sigmas: standard deviation of each coordinate at either end.
-
-    Returns:
-        (count, len(sigmas)) float64.
-    """
+    """A random walk (count, len(sigmas)) that is 0 in the middle and has these standard deviations at either end, with
+    smooth steps: drift that grows with the square root of time."""
     steps = gaussian_filter1d(rng.standard_normal((count, len(sigmas))), max(SLOW * count, 1e-3), axis=0)
     path = np.cumsum(steps, axis=0) * np.sqrt(2 / count)
     return (path - path[count // 2]) * sigmas
 
 
 def wobble(count: int, sigmas: tuple[float, ...], width: float, rng: np.random.Generator) -> np.ndarray:
-    """A stationary random motion, alike over about `width` steps, with these standard deviations.
-
-    Returns:
-        (count, len(sigmas)) float64.
-    """
+    """A stationary random motion, alike over about `width` steps, with these standard deviations. Returns (count,
+    len(sigmas)) float64."""
     smooth = gaussian_filter1d(rng.standard_normal((count, len(sigmas))), width, axis=0, mode="wrap")
     # the smoothing kernel's energy: what is left of the variance of white noise
     kernel = np.zeros(count)

@@ -7,7 +7,6 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.tools.lab.simulate.kinds.sweep import Fan
-from sonarmap.tools.lab.simulate.pairs.viewpoints import ASIDE
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor
 
@@ -53,11 +52,6 @@ class Water:
         """(2,) a place from where there is something to see, where the scene's sensors may be [m]."""
         return rng.uniform(self.scene.kind.lowest[:2], self.scene.kind.highest[:2])
 
-    def heading(self, place: np.ndarray, rng: np.random.Generator) -> float:
-        """A direction to look in from a place (2,) [rad]: any, or in an inward scene toward about its middle."""
-        any_way = rng.uniform(-np.pi, np.pi)
-        return float(np.arctan2(-place[1], -place[0]) + any_way * ASIDE / np.pi if self.scene.kind.inward else any_way)
-
     def height(self, place: np.ndarray, above: float, rng: np.random.Generator) -> float:
         """A height at a place (2,) [m]: anywhere between the scene's sensors, else `above` the ground, under water."""
         lowest, highest = self.scene.kind.lowest[2], self.scene.kind.highest[2]
@@ -92,13 +86,8 @@ class Water:
         return bool(np.isfinite(ranges).mean() >= least and ranges.min() >= CLEARANCE * self.sensor.max_range)
 
     def ends(self, fan: Fan, T_world_ping: RigidTransform, ranges: np.ndarray) -> bool:
-        """Whether more than a few middle rays miss ground that would go on beyond the scene's edge.
-
-        The edge would be in both scans of a pair, as plain as a wall: no sea has one.
-
-        Args:
-            ranges: (K, J) of the middle rays [m], inf without an echo.
-        """
+        """Whether more than a few middle rays, of `ranges` (K, J) [m], inf without an echo, miss ground that would go
+        on beyond the scene's edge. The edge would be in both scans of a pair, as plain as a wall: no sea has one."""
         rays = T_world_ping.rotation.as_matrix()[:, None] @ fan.rays[:, len(fan.gains) // 2, :, None]
         slope = -rays[..., 2, 0]
         start = T_world_ping.translation[:, None, :]

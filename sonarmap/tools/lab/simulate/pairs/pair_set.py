@@ -29,23 +29,14 @@ GHOSTS, SPECKLE = 0.02, 1.0  # as in a simulated survey
 
 @dataclass(frozen=True, slots=True)
 class EvaluationPair:
-    """One pair of a set, before it is simulated.
+    """One pair of a set, before it is simulated."""
 
-    Attributes:
-        number: which of the set.
-        scene: a key of SCENE_KINDS.
-        overlaps: least and greatest share of the points in common, as random_pair takes them.
-        turn: of the source's frame, as `Turning` has it.
-        noise: its sigma2 is 0, 1 or 2 m^2 times the square of the scene's scale.
-        seed: of the scene, the poses and the noise.
-    """
-
-    number: int
-    scene: str
-    overlaps: tuple[float, float]
-    turn: Turn
-    noise: Noise
-    seed: int
+    number: int  # which of the set
+    scene: str  # a key of SCENE_KINDS
+    overlaps: tuple[float, float]  # least and greatest share of the points in common, as random_pair takes them
+    turn: Turn  # of the source's frame, as `Turning` has it
+    noise: Noise  # its sigma2 is 0, 1 or 2 m^2 times the square of the scene's scale
+    seed: int  # of the scene, the poses and the noise
 
     def scans(self) -> tuple[Scan, Scan, RigidTransform]:
         """Target Scan, source Scan and T_target_source between their frames."""
@@ -54,19 +45,12 @@ class EvaluationPair:
 
 @dataclass(frozen=True, slots=True)
 class UnrelatedPair:
-    """One pair of a set of scans that share nothing, before it is simulated.
+    """One pair of a set of scans that share nothing, before it is simulated."""
 
-    Attributes:
-        number: which of the set.
-        scene: the target's; the source's is one of its `unrelated_scenes`, chosen by the seed.
-        noise: as EvaluationPair's.
-        seed: of the scenes, the poses and the noise.
-    """
-
-    number: int
-    scene: str
-    noise: Noise
-    seed: int
+    number: int  # which of the set
+    scene: str  # the target's; the source's is one of its `unrelated_scenes`, chosen by the seed
+    noise: Noise  # as EvaluationPair's
+    seed: int  # of the scenes, the poses and the noise
 
     def scans(self) -> tuple[Scan, Scan]:
         """Target Scan and source Scan; no transform is true between them."""
@@ -74,15 +58,8 @@ class UnrelatedPair:
 
 
 def evaluation_pair(number: int, seed: int, turn: Turn | None = None) -> EvaluationPair:
-    """Pair `number`, 0, 1, 2, ..., of the set `seed`.
-
-    Args:
-        number, seed: >= 0.
-        turn: of all pairs; in turns those of SET_TURNS if left out. Otherwise the pair stays the same.
-
-    Raises:
-        InputError: a negative number or seed.
-    """
+    """Pair `number`, 0, 1, 2, ..., of the set `seed`; its turn, one of SET_TURNS in turns, may be given. Raises
+    InputError: a negative number or seed."""
     scene = _of_scenes(number, seed)
     return EvaluationPair(
         number,
@@ -96,11 +73,7 @@ def evaluation_pair(number: int, seed: int, turn: Turn | None = None) -> Evaluat
 
 
 def evaluation_unrelated(number: int, seed: int) -> UnrelatedPair:
-    """Unrelated pair `number`, 0, 1, 2, ..., of the set `seed`.
-
-    Raises:
-        InputError: a negative number or seed.
-    """
+    """Unrelated pair `number`, 0, 1, 2, ..., of the set `seed`. Raises InputError: a negative number or seed."""
     scene = _of_scenes(number, seed)
     return UnrelatedPair(number, scene, _noise(number, scene), _seed_of(number, seed, 2))
 

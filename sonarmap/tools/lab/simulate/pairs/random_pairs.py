@@ -24,21 +24,15 @@ POSE_TILT = math.radians(10.0)  # of a vessel, largest roll and pitch
 
 @dataclass(frozen=True, slots=True)
 class FrameTurn:
-    """What is drawn of a pair's relative rotation before its poses are.
+    """What is drawn of a pair's relative rotation before its poses are."""
 
-    Attributes:
-        turn: "view": the frame is the sensor's own. "yaw": it is turned about z by any angle, and tilted, so that
-            roll and pitch of R_target_frame are those below. "any": R_target_frame is `R`.
-        about_z: by how much the frame is turned about its z, -pi..pi [rad].
-        pitch, roll: of R_target_frame = Rz(yaw) Ry(pitch) Rx(roll) [rad].
-        R: uniform on SO(3).
-    """
-
+    # "view": the frame is the sensor's own. "yaw": it is turned about z by any angle, and tilted, so that roll and
+    # pitch of R_target_frame are those below. "any": R_target_frame is `R`.
     turn: Turn
-    about_z: float
-    pitch: float
-    roll: float
-    R: Rotation
+    about_z: float  # by how much the frame is turned about its z, -pi..pi [rad]
+    pitch: float  # of R_target_frame = Rz(yaw) Ry(pitch) Rx(roll) [rad]
+    roll: float  # of the same [rad]
+    R: Rotation  # uniform on SO(3)
 
     def R_target_sensor(self, aside: float, share: float) -> Rotation:
         """The attitude of a source whose view differs by `aside` [rad] about z, and by a `share` of the tilt, 0..1.
@@ -60,19 +54,15 @@ class FrameTurn:
 
 @dataclass(frozen=True, slots=True)
 class Turning:
-    """How the source's frame may be turned against the target's.
+    """How the source's frame may be turned against the target's."""
 
-    Attributes:
-        kind: "view": it is its sensor's own, whose view is turned by up to 60 degrees.
-            "yaw": besides the difference of view the frame is turned about its own z by any angle, as that of a
-            sonar mounted otherwise. As much of the tilt as the overlap allows is the sensor's, the rest its
-            mounting's. The smaller the overlap, the farther the source is moved and turned aside.
-            "any": R_target_source is uniform on SO(3); places and views are those of "yaw".
-        max_tilt: largest roll and pitch of either pose [rad]; with "yaw" of R_target_source
-            = Rz(yaw) Ry(pitch) Rx(roll), over which they are spread evenly.
-    """
-
+    # "view": it is its sensor's own, whose view is turned by up to 60 degrees. "yaw": besides the difference of view
+    # the frame is turned about its own z by any angle, as that of a sonar mounted otherwise. As much of the tilt as the
+    # overlap allows is the sensor's, the rest its mounting's. The smaller the overlap, the farther the source is moved
+    # and turned aside. "any": R_target_source is uniform on SO(3); places and views are those of "yaw".
     kind: Turn = "view"
+    # largest roll and pitch of either pose [rad]; with "yaw" of R_target_source = Rz(yaw) Ry(pitch) Rx(roll), over
+    # which they are spread evenly
     max_tilt: float = POSE_TILT
 
 
@@ -80,11 +70,7 @@ LITTLE_TURNED = Turning()
 
 
 def draw_turn(turning: Turning, rng: np.random.Generator) -> FrameTurn:
-    """A frame's turn, its roll and pitch uniform up to the largest tilt.
-
-    Raises:
-        InputError: an unknown turn.
-    """
+    """A frame's turn, its roll and pitch uniform up to the largest tilt. Raises InputError: an unknown turn."""
     if turning.kind not in get_args(Turn):
         raise InputError(f"a pair's turn is {turning.kind!r}; wanted one of {', '.join(get_args(Turn))}")
     about_z = rng.uniform(-np.pi, np.pi)
@@ -113,23 +99,13 @@ def random_pair(
     sensor: Sensor | None = None,
     turning: Turning = LITTLE_TURNED,
 ) -> tuple[Scan, Scan, RigidTransform]:
-    """Two scans of one scene from random poses whose noise-free overlap lies within `overlaps`.
+    """Two scans of one scene from random poses whose noise-free overlap lies within `overlaps`: target Scan, source
+    Scan and T_target_source, all between the scans' frames, whose origins are the viewpoints.
 
-    Args:
-        seed: of the scene, the poses and the noise.
-        overlaps: least and greatest share of the points within 2 m of the other scan (the smaller of both
-            ways); in a smaller scene the radius is smaller by the same factor.
-        noise, scene: what disturbs, a key of SCENE_KINDS.
-        sensor: what to see with; the bare fan of the one that suits the scene if left out. The overlap is of all
-            echoes, also of those under a sensor's threshold.
-        turning: how the source's frame is turned against the target's. The viewpoint is the origin of the scan's frame
-            in any case.
-
-    Returns:
-        target Scan, source Scan, T_target_source, all between the scans' frames.
-
-    Raises:
-        InputError: an unknown turn, or no such pair was found from 8 places.
+    The overlap is the share of the points within 2 m of the other scan, the smaller of both ways, also of echoes under
+    a sensor's threshold; in a smaller scene the radius is smaller by the same factor. The seed decides the scene, the
+    poses and the noise. Without a sensor, the bare fan of the one that suits the scene is taken. Raises InputError: an
+    unknown turn, or no such pair was found from 8 places.
     """
     observer = _observer(scene, seed, sensor)
     pose_seed, target_seed, source_seed, turn_seed = np.random.SeedSequence([seed, 17]).spawn(4)
@@ -150,22 +126,13 @@ def random_pair(
 def unrelated_pair(
     seed: int, noise: Noise = NOISELESS, max_tilt: float = math.radians(35.0), scene: str | None = None
 ) -> tuple[Scan, Scan]:
-    """Two scans that share nothing: of two scenes of one size, seen with the same sensor from random poses.
+    """Two scans that share nothing, target and source: of two scenes of one size, seen with the same sensor from random
+    poses.
 
-    The scenes are of different kinds, or of one kind whose whole plan is drawn, from two seeds. The source's frame is
-    turned as random_pair's with the turn "yaw", about z by any angle and tilted by up to `max_tilt` [rad].
-
-    Args:
-        seed: of the scenes, the poses and the noise.
-        noise: what disturbs.
-        max_tilt: largest roll and pitch between the frames, as if the poses' headings and heights were one world's.
-        scene: the target's, a key of SCENE_KINDS; any if left out.
-
-    Returns:
-        target Scan, source Scan.
-
-    Raises:
-        InputError: no scene of that name, or one without a clear place.
+    The scenes, the target's `scene` or any, are of different kinds, or of one kind whose whole plan is drawn, from two
+    seeds. The source's frame is turned as random_pair's with the turn "yaw", about z by any angle and tilted by up to
+    `max_tilt` [rad], as if the poses' headings and heights were one world's. Raises InputError: no scene of that name,
+    or one without a clear place.
     """
     *view_seeds, draw_seed = np.random.SeedSequence([seed, 18]).spawn(3)
     rng = np.random.default_rng(draw_seed)
@@ -182,21 +149,15 @@ def unrelated_pair(
 
 
 def draw_strangers(scene: str | None, rng: np.random.Generator) -> tuple[str, str]:
-    """The scenes of an unrelated pair's target, any of STRANGERS if left out, and of its source.
-
-    Raises:
-        InputError: no scene of that name.
-    """
+    """The scenes of an unrelated pair's target, any of STRANGERS if left out, and of its source. Raises InputError: no
+    scene of that name."""
     name = str(rng.choice(STRANGERS)) if scene is None else scene
     return name, str(rng.choice(unrelated_scenes(name)))
 
 
 def unrelated_scenes(scene: str) -> tuple[str, ...]:
     """Those of STRANGERS of about the size of `scene` that, built from another seed, have nothing in common with it.
-
-    Raises:
-        InputError: no scene of that name.
-    """
+    Raises InputError: no scene of that name."""
     if scene not in SCENE_KINDS:
         raise InputError(f"no scene is called {scene!r}; there are {', '.join(SCENE_KINDS)}")
     sensor = SCENE_KINDS[scene].sensor

@@ -35,17 +35,11 @@ DOUBT = 0.1  # an overlap by the coarse points is at most this far from the one 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What is seen from one place, free of noise.
+    """What is seen from one place, free of noise."""
 
-    Attributes:
-        T_world_sensor: the place and the attitude.
-        echoes: of all beams.
-        points: (N, 3) float64 [m], sensor frame, of the beams that meet something.
-    """
-
-    T_world_sensor: RigidTransform
-    echoes: Echoes
-    points: np.ndarray
+    T_world_sensor: RigidTransform  # the place and the attitude
+    echoes: Echoes  # of all beams
+    points: np.ndarray  # (N, 3) float64 [m], sensor frame, of the beams that meet something
 
 
 @dataclass(frozen=True)
@@ -127,11 +121,8 @@ class Observer:
 
 
 def first_view(observer: Observer, max_tilt: float, rng: np.random.Generator) -> View:
-    """From a pose in the inner part of the scene, above what stands there, with nothing near before it.
-
-    Raises:
-        InputError: there is none within TRIES.
-    """
+    """From a pose in the inner part of the scene, above what stands there, with nothing near before it. Raises
+    InputError: there is none within TRIES."""
     world, sensor = observer.world, observer.sensor
     kind = world.kind
     for _ in range(TRIES):
@@ -139,7 +130,7 @@ def first_view(observer: Observer, max_tilt: float, rng: np.random.Generator) ->
         drop, _ = world.intersect(above[None, :], np.array([[0.0, 0.0, -1.0]]))
         place = above - (0, 0, drop[0] - rng.uniform(*HEIGHT) * sensor.max_range)
         place[2] = np.clip(place[2], kind.lowest[2], kind.highest[2])
-        pose = RigidTransform.from_components(place, attitude(_heading(place, kind, rng), max_tilt, rng))
+        pose = RigidTransform.from_components(place, attitude(heading_at(place, kind, rng), max_tilt, rng))
         view = observer.view(pose)
         if view is not None:
             return view
@@ -168,7 +159,7 @@ def attitude(yaw: float, max_tilt: float, rng: np.random.Generator) -> Rotation:
     return Rotation.from_euler("ZYX", (yaw, pitch, roll))
 
 
-def _heading(place: np.ndarray, kind: SceneKind, rng: np.random.Generator) -> float:
-    """A random heading, for an inward scene around the direction of its middle [rad]."""
+def heading_at(place: np.ndarray, kind: SceneKind, rng: np.random.Generator) -> float:
+    """A direction to look in from a place (2,) or (3,) [rad]: any, or in an inward scene about toward its middle."""
     heading = rng.uniform(-np.pi, np.pi)
     return np.arctan2(-place[1], -place[0]) + heading * ASIDE / np.pi if kind.inward else heading

@@ -1,14 +1,15 @@
 """The paths laid through each scene: closed ones to survey it, lanes to cover it, one before and behind the gate."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.paths.smooth_path import Path, lane_path, lanes, spline_path
-from sonarmap.tools.lab.simulate.scenes.bridge import BridgeLayout, bridge_layout
+from sonarmap.tools.lab.simulate.scenes.bridge import bridge_layout
 from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
 from sonarmap.tools.lab.simulate.scenes.manifold import manifold_layout
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
@@ -29,21 +30,30 @@ NOSE_DOWN = np.deg2rad(25)  # of a sensor whose fan is level
 def round_the_bed(scene: str, seed: int) -> Path:
     """A ring whose heading is that of travel."""
     angle = 2 * np.pi * np.arange(CORNERS) / CORNERS
-    places = _placed(np.column_stack([RING[0] * np.cos(angle), RING[1] * np.sin(angle)]), scene, seed)
+    places = _above(np.column_stack([RING[0] * np.cos(angle), RING[1] * np.sin(angle)]), scene, seed)
     return spline_path(np.column_stack([places, np.rad2deg(angle) + 90.0]), pitch=_pitch(scene))
 
 
 def over_the_bed(scene: str, seed: int) -> Path:
     """Lanes and tie lines over the middle of the bed."""
     corners = lanes((-REACH[0], -REACH[1]), REACH, 5, 4, east=True)
-    return lane_path(_placed(corners, scene, seed), scene_kind(scene).scale * BED_BEND, _pitch(scene))
+    return lane_path(_above(corners, scene, seed), scene_kind(scene).scale * BED_BEND, _pitch(scene))
 
 
-def _placed(corners: np.ndarray, scene: str, seed: int) -> np.ndarray:
+def _above(corners: np.ndarray, scene: str, seed: int) -> np.ndarray:
     """Corners (K, 2) of a scene of 256 m in this one's size, above everything and under the water, (K, 3) [m]."""
     scale = scene_kind(scene).scale
-    top = float(build_scene(scene, seed).mesh.vertices[:, 2].max())
-    return np.column_stack([scale * corners, np.full(len(corners), min(top + ABOVE * scale, -SUBMERGED * scale))])
+    return _level(scale * corners, min(_top(scene, seed) + ABOVE * scale, -SUBMERGED * scale))
+
+
+def _level(corners: np.ndarray, height: float) -> np.ndarray:
+    """Corners (K, 2) at one height, (K, 3) [m]."""
+    return np.column_stack([corners, np.full(len(corners), height)])
+
+
+def _top(scene: str, seed: int) -> float:
+    """The height of the highest thing in a scene [m]."""
+    return float(build_scene(scene, seed).mesh.vertices[:, 2].max())
 
 
 def _pitch(scene: str) -> float:
@@ -82,18 +92,13 @@ def bridge_lawnmower(seed: int) -> Path:
     ends = [layout.axis_x(y) for y in (-46.0, 46.0)]
     before = lanes((-102, -46), (min(ends) - OFF_PIERS, 46), 4, 3, east=False)
     behind = lanes((max(ends) + OFF_PIERS, -46), (102, 46), 4, 2, east=False)
-    corners = np.concatenate([before, _through(layout, there), behind, _through(layout, back)[::-1]])
-    return lane_path(np.column_stack([corners, np.full(len(corners), DEPTH)]), BRIDGE_BEND)
-
-
-def _through(layout: BridgeLayout, opening: float) -> np.ndarray:
-    """Corners (2, 2) before and behind an opening [m]."""
-    x = layout.axis_x(opening)
-    return np.array([(x - OFF_PIERS, opening), (x + OFF_PIERS, opening)])
+    through = [np.array([(layout.axis_x(y) + side * OFF_PIERS, y) for side in (-1, 1)]) for y in (there, back)]
+    corners = np.concatenate([before, through[0], behind, through[1][::-1]])
+    return lane_path(_level(corners, DEPTH), BRIDGE_BEND)
 
 
 # Closed paths through clear water: x, y, z [m] and heading [degrees from x toward y] of each corner
-SURVEY_LOOPS = MappingProxyType(
+LOOPS = MappingProxyType(
     {
         "floodgate": (
             (-90, -40, -2, -10),
@@ -155,28 +160,15 @@ FAR_SIGHTED = 30.0
 
 
 def survey_path(scene: str, seed: int, reach: float = np.inf) -> Path:
-    """The closed path of `scene`; round the ship and the manifold it follows their layout.
-
-    Args:
-        scene, seed: as `build_scene` takes them.
-        reach: the sensor's greatest range [m]; a short one is carried nearer to the ship.
-
-    Raises:
-        InputError: a scene without a path.
-    """
+    """The closed path of `scene`; round the ship and the manifold it follows their layout. A sensor of short `reach`,
+    its greatest range [m], goes nearer to the ship. Raises InputError: a scene without a path."""
     if scene == "ship" and reach < FAR_SIGHTED:
         return _close_round_the_ship(seed)
-    if scene in SURVEY_LOOPS:
-        return spline_path(np.array(SURVEY_LOOPS[scene], float))
     return _path_of(SURVEY_PATHS, scene, "survey path")(seed)
 
 
 def lawnmower_path(scene: str, seed: int, reach: float = np.inf) -> Path:
-    """The closed path of lanes and tie lines over `scene`; arguments as those of `survey_path`.
-
-    Raises:
-        InputError: a scene without lanes.
-    """
+    """The closed path of lanes and tie lines over `scene`; arguments and errors as those of `survey_path`."""
     if scene == "ship" and reach < FAR_SIGHTED:
         return _under_the_hull(seed)
     return _path_of(LAWNMOWER_PATHS, scene, "lawnmower's path")(seed)
@@ -187,77 +179,70 @@ def gate_path() -> Path:
     return spline_path(np.array(GATE_ROUTE, float), closed=False)
 
 
-def _path_of(table: MappingProxyType[str, Callable[[int], Path]], scene: str, what: str) -> Callable[[int], Path]:
+def _path_of(table: Mapping[str, Callable[[int], Path]], scene: str, what: str) -> Callable[[int], Path]:
     if scene not in table:
-        known = [*SURVEY_LOOPS, *SURVEY_PATHS] if table is SURVEY_PATHS else table
-        raise InputError(f"no {what} is laid through {scene!r}; there are {', '.join(known)}")
+        raise InputError(f"no {what} is laid through {scene!r}; there are {', '.join(table)}")
     return table[scene]
 
 
-def _round(radii: tuple[float, float], depths: tuple[float, float], count: int = 10) -> np.ndarray:
-    """Corners (K, 4) of an ellipse that looks inward, up and down between two heights, about the origin."""
-    angle = 2 * np.pi * np.arange(count) / count
+def _ring(
+    radii: tuple[float, float], heights: tuple[float, float], heading: float, middle: ArrayLike, pitch: float = 0.0
+) -> Path:
+    """An ellipse about `middle` (2,) that looks inward, up and down between two heights [m], turned to `heading`."""
+    angle = 2 * np.pi * np.arange(10) / 10
     x, y = radii[0] * np.cos(angle), radii[1] * np.sin(angle)
-    z = np.mean(depths) + 0.5 * np.ptp(depths) * np.sin(2 * angle)
-    return np.column_stack([x, y, z, np.rad2deg(np.arctan2(-y, -0.55 * x))])
+    z = np.mean(heights) + 0.5 * np.ptp(heights) * np.sin(2 * angle)
+    facing = np.rad2deg(np.arctan2(-y, -0.55 * x)) + np.rad2deg(heading)
+    return spline_path(np.column_stack([_moved(x, y, heading, middle), z, facing]), pitch=pitch)
+
+
+def _moved(x: np.ndarray, y: np.ndarray, heading: float, middle: ArrayLike) -> np.ndarray:
+    """Places (K, 2) of a thing's frame in the scene's."""
+    c, s = np.cos(heading), np.sin(heading)
+    return np.column_stack([c * x - s * y, s * x + c * y]) + np.asarray(middle)
 
 
 def _around_the_ship(seed: int) -> Path:
     """Round the hull some 25 m off it, below and at the depth of its keel."""
     ship = ship_layout(seed)
-    corners = _round((ship.length / 2 + 24, ship.beam / 2 + 26), (-13.0, -7.0))
-    return spline_path(_moved(corners, ship.heading, ship.middle))
+    return _ring((ship.length / 2 + 24, ship.beam / 2 + 26), (-13.0, -7.0), ship.heading, ship.middle)
 
 
 def _close_round_the_ship(seed: int) -> Path:
     """Round the hull some 8 m off its sides, looking at them."""
     ship = ship_layout(seed)
-    corners = _round((ship.length / 2 + 10, ship.beam / 2 + 8), (-0.8 * ship.draft, -0.4 * ship.draft))
-    return spline_path(_moved(corners, ship.heading, ship.middle))
+    heights = -0.8 * ship.draft, -0.4 * ship.draft
+    return _ring((ship.length / 2 + 10, ship.beam / 2 + 8), heights, ship.heading, ship.middle)
+
+
+def _around_the_manifold(seed: int) -> Path:
+    """Round the frame some 5 m off it, nose a little down, above the flowlines."""
+    layout = manifold_layout(seed)
+    radii, z = (layout.length / 2 + 5, layout.width / 2 + 5.5), layout.middle[2]
+    heading = float(layout.R_scene_manifold.as_euler("ZYX")[0])
+    return _ring(radii, (z + 3.2, z + 4.4), heading, layout.middle[:2], np.deg2rad(12))
+
+
+def _around_the_wreck(seed: int) -> Path:
+    """Round all of its parts, above everything, nose down."""
+    layout, height = wreck_layout(seed), _over_the_wreck(seed)
+    middle = np.mean([part.middle for part in layout.parts], axis=0)
+    radii = 0.62 * layout.hulk.length + 20, 44.0
+    return _ring(radii, (height, height + 1.0), layout.heading, middle, np.deg2rad(25))
+
+
+def _over_the_wreck(seed: int) -> float:
+    """A height clear of the wreck and the rocks, 9 m under the water or less [m]."""
+    return max(-9.0, _top("wreck", seed) + 4.5)
 
 
 def _under_the_hull(seed: int) -> Path:
     """Lanes 5 m under the bottom, looking up at it, where there is bottom ahead even in the turns."""
     ship = ship_layout(seed)
     x, y = 0.32 * ship.length, 0.2 * ship.beam
-    corners = lanes((-x, -y), (x, y), 4, 4, east=True)
-    placed = _moved(np.column_stack([corners, np.zeros((len(corners), 2))]), ship.heading, ship.middle)
-    return _lane_path(placed[:, :2], -ship.draft - 5.0, 1.0, -np.deg2rad(50))
-
-
-def _around_the_manifold(seed: int) -> Path:
-    """Round the frame some 5 m off it, nose a little down, above the flowlines."""
-    layout = manifold_layout(seed)
-    middle_z = layout.middle[2]
-    corners = _round((layout.length / 2 + 5, layout.width / 2 + 5.5), (middle_z + 3.2, middle_z + 4.4))
-    heading = float(layout.R_scene_manifold.as_euler("ZYX")[0])
-    return spline_path(_moved(corners, heading, layout.middle[:2]), pitch=np.deg2rad(12))
-
-
-def _around_the_wreck(seed: int) -> Path:
-    """Round all of its parts, above everything, nose down."""
-    layout = wreck_layout(seed)
-    middle = np.mean([part.middle for part in layout.parts], axis=0)
-    height = _over_the_wreck(seed)
-    corners = _round((0.62 * layout.hulk.length + 20, 44.0), (height, height + 1.0))
-    placed = _moved(corners, layout.heading, (float(middle[0]), float(middle[1])))
-    return spline_path(placed, pitch=np.deg2rad(25))
-
-
-def _over_the_wreck(seed: int) -> float:
-    """A height clear of the wreck and the rocks, 9 m under the water or less [m]."""
-    return max(-9.0, float(build_scene("wreck", seed).mesh.vertices[:, 2].max()) + 4.5)
-
-
-def _moved(corners: np.ndarray, heading: float, middle: tuple[float, float]) -> np.ndarray:
-    """Corners (K, 4) of a thing's frame in the scene's."""
-    (c, s), (x, y) = (np.cos(heading), np.sin(heading)), corners[:, :2].T
-    placed = np.column_stack([c * x - s * y, s * x + c * y]) + middle
-    return np.column_stack([placed, corners[:, 2], corners[:, 3] + np.rad2deg(heading)])
-
-
-def _lane_path(corners: np.ndarray, height: float, bend: float, pitch: float = 0.0) -> Path:
-    return lane_path(np.column_stack([corners, np.full(len(corners), height)]), bend, pitch)
+    along, across = lanes((-x, -y), (x, y), 4, 4, east=True).T
+    corners = _moved(along, across, ship.heading, ship.middle)
+    return lane_path(_level(corners, -ship.draft - 5.0), 1.0, -np.deg2rad(50))
 
 
 def _gate_lawnmower(seed: int) -> Path:
@@ -265,46 +250,35 @@ def _gate_lawnmower(seed: int) -> Path:
     before = lanes((-92, -34), (-14, 12), 5, 3, east=False)
     behind = lanes((46, -38), (94, 14), 4, 2, east=False)
     way_in, way_out = np.array([(-14, 2.5), (38, 2.5)]), np.array([(38, 1.5), (-14, 1.5), (-60, -10)])
-    return _lane_path(np.concatenate([before, way_in, behind, way_out]), -2.0, 11.0)
+    return lane_path(_level(np.concatenate([before, way_in, behind, way_out]), -2.0), 11.0)
 
 
 def _harbor_lawnmower(seed: int) -> Path:
     """The southern water and the eastern one before the ship and the jetty's head."""
     south = lanes((-62, -80), (44, -50), 3, 3, east=True)
     east = lanes((26, -26), (78, 26), 4, 3, east=False)
-    way_back = np.array([(48, -36), (26, -58)])
-    return _lane_path(np.concatenate([south, east, way_back]), -2.0, 8.0)
+    return lane_path(_level(np.concatenate([south, east, [(48, -36), (26, -58)]]), -2.0), 8.0)
 
 
-def _clutter_lawnmower(seed: int) -> Path:
-    """Over everything that stands there."""
-    top = float(build_scene("clutter", seed).mesh.vertices[:, 2].max())
-    return _lane_path(lanes((-66, -56), (66, 56), 5, 4, east=True), top + 8.0, 13.0)
-
-
-def _ship_lawnmower(seed: int) -> Path:
-    """Between the keel and the bed."""
-    return _lane_path(lanes((-62, -46), (62, 46), 5, 4, east=True), -15.5, 11.0)
-
-
-def _pool_lawnmower(seed: int) -> Path:
-    return _lane_path(lanes((-10, -4.2), (9, 4.2), 5, 4, east=True), -0.7, 1.0)
-
-
-def _manifold_lawnmower(seed: int) -> Path:
-    """Over the frame and its guide post, nose down, so that the bed is in reach."""
+def _over_the_manifold(seed: int) -> float:
+    """A height clear of the frame and its guide post [m]."""
     layout = manifold_layout(seed)
-    corners = lanes((-10, -9), (10, 9), 5, 4, east=True)
-    return _lane_path(corners, layout.middle[2] + layout.height + 2.6, 2.0, np.deg2rad(40))
+    return layout.middle[2] + layout.height + 2.6
 
 
-def _wreck_lawnmower(seed: int) -> Path:
-    """Over the wreck and the rocks about it, nose down."""
-    return _lane_path(lanes((-72, -60), (72, 60), 5, 4, east=True), _over_the_wreck(seed), 12.0, np.deg2rad(30))
+def _over(
+    reach: tuple[float, float], height: Callable[[int], float], bend: float, pitch: float = 0.0
+) -> Callable[[int], Path]:
+    """Five lanes and four tie lines over the middle of a scene, as far as `reach` to either side [m]."""
+    corners = lanes((-reach[0], -reach[1]), reach, 5, 4, east=True)
+    return lambda seed: lane_path(_level(corners, height(seed)), bend, pitch)
 
 
 SURVEY_PATHS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
     {
+        **{
+            name: lambda seed, corners=corners: spline_path(np.array(corners, float)) for name, corners in LOOPS.items()
+        },
         **{name: partial(round_the_bed, name) for name in BEDS},
         "ship": _around_the_ship,
         "manifold": _around_the_manifold,
@@ -317,11 +291,11 @@ LAWNMOWER_PATHS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType
         **{name: partial(over_the_bed, name) for name in BEDS},
         "floodgate": _gate_lawnmower,
         "harbor": _harbor_lawnmower,
-        "clutter": _clutter_lawnmower,
-        "ship": _ship_lawnmower,
-        "pool": _pool_lawnmower,
-        "manifold": _manifold_lawnmower,
+        "clutter": _over((66, 56), lambda seed: _top("clutter", seed) + 8.0, 13.0),
+        "ship": _over((62, 46), lambda seed: -15.5, 11.0),  # between the keel and the bed
+        "pool": lambda seed: lane_path(_level(lanes((-10, -4.2), (9, 4.2), 5, 4, east=True), -0.7), 1.0),
+        "manifold": _over((10, 9), _over_the_manifold, 2.0, np.deg2rad(40)),  # so that the bed is in reach
         "bridge": bridge_lawnmower,
-        "wreck": _wreck_lawnmower,
+        "wreck": _over((72, 60), _over_the_wreck, 12.0, np.deg2rad(30)),
     }
 )

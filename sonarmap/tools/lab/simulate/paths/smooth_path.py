@@ -15,20 +15,14 @@ TURNING = 5.0  # bends that a lane's heading is averaged over
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Where the sensor is after a distance along the path.
+    """Where the sensor is after a distance along the path."""
 
-    Attributes:
-        length: of the path, once round if it is closed [m].
-        closed: whether it ends where it begins.
-        at: takes distances (N,) [m]; positions (N, 3) [m, scene] and headings (N,) [rad, from x toward y]. A
-            closed path goes round again and again.
-        pitch: of the sensor all along, positive nose down [rad].
-    """
-
-    length: float
-    closed: bool
+    length: float  # of the path, once round if it is closed [m]
+    closed: bool  # whether it ends where it begins
+    # takes distances (N,) [m]; positions (N, 3) [m, scene] and headings (N,) [rad, from x toward y]. A closed path goes
+    # round again and again.
     at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-    pitch: float = 0.0
+    pitch: float = 0.0  # of the sensor all along, positive nose down [rad]
 
 
 def spline_path(corners: np.ndarray, closed: bool = True, pitch: float = 0.0) -> Path:
@@ -51,14 +45,10 @@ def spline_path(corners: np.ndarray, closed: bool = True, pitch: float = 0.0) ->
 
 
 def lane_path(corners: np.ndarray, bend: float, pitch: float = 0.0) -> Path:
-    """A closed path along straight legs between `corners` (K, 3) [m], looking where it goes, its turns rounded.
+    """A closed path along straight legs between `corners` (K, 3) [m, scene], looking where it goes, its turns rounded
+    from `bend` [m] before each corner on.
 
     The heading is the direction of travel, averaged over TURNING bends: neighbors on a sharp turn still share a view.
-
-    Args:
-        corners: [m, scene]; the last is joined to the first.
-        bend: how far from a corner its turn begins [m].
-        pitch: of the sensor all along [rad].
     """
     # from the middle of a leg on, so that every corner is an inner one
     start = (corners[-1] + corners[0]) / 2
@@ -86,13 +76,10 @@ def _smooth(heading: np.ndarray, count: int) -> np.ndarray:
 
 
 def lanes(low: tuple[float, float], high: tuple[float, float], count: int, ties: int, *, east: bool) -> np.ndarray:
-    """Corners (K, 2) of `count` lanes to and fro over a rectangle, then of `ties` lines across them [m].
+    """Corners (K, 2) of `count` lanes to and fro over a rectangle, along x or y, then of `ties` lines across them [m].
 
-    Args:
-        low, high: corners of the rectangle [m].
-        count, ties: at least 2 each; where the last tie line leads straight back to the start, as in a closed path, an
-            even number of them, so that no leg is gone back along.
-        east: lanes along x; else along y.
+    At least 2 each; where the last tie line leads straight back to the start, as in a closed path, an even number of
+    them, so that no leg is gone back along.
     """
     long, wide = (0, 1) if east else (1, 0)
     corners = _to_and_fro((low[long], high[long]), np.linspace(low[wide], high[wide], count))

@@ -27,10 +27,7 @@ def paper18(scene: str, count: int, seed: int, sensor: Sensor) -> Trajectory:
 
     The overlap is `shared_view`, measured on the scene itself without noise, with fewer beams; the wanted shares vary
     between 0.9 and 0.5 in a fixed order. The path shows the gate from shore to shore; the vessel moves as in `survey`.
-
-    Raises:
-        InputError: fewer scans than 1 or more than 18, a scene other than the flood gate, or a path that is
-            too short.
+    Raises InputError: fewer scans than 1 or more than 18, another scene, or a path that is too short.
     """
     if not 1 <= count <= PAPER_COUNT:
         raise InputError(f"the paper's survey has {PAPER_COUNT} scans; {count} were asked for")
@@ -50,31 +47,19 @@ def wanted_shares(count: int) -> np.ndarray:
 
 
 def stations(scene: Scene, path: Path, sensor: Sensor, shares: np.ndarray, seed: int) -> np.ndarray:
-    """Distances (N + 1,) [m] along `path`: each the last before the overlap with the one before falls below its share.
-
-    Args:
-        scene, sensor: what is seen, and with what.
-        path, seed: of the poses, as `poses_along` takes them.
-        shares: (N,) wanted overlaps, 0..1.
-
-    Raises:
-        InputError: a path too short for all of them.
-    """
+    """Distances (N + 1,) [m] along `path`: each the last before the overlap of what `sensor` sees with the one before
+    falls below its share, of (N,), 0..1. Raises InputError: a path too short for all of them."""
     step = STEP * scene.kind.scale
     distance = [0.0]
+
+    def last_pose(distance: list[float]) -> RigidTransform:
+        return poses_along(path, np.array(distance), scene.name, seed)[-1]
+
     for share in shares:
-        before = poses_along(path, np.array(distance), scene.name, seed)[-1]
-        gone = distance[-1] + step
-        while _shared(scene, path, sensor, before, [*distance, gone + step], seed) >= share:
+        before, gone = last_pose(distance), distance[-1] + step
+        while shared_view(scene, sensor, before, last_pose([*distance, gone + step])) >= share:
             gone += step
             if gone > path.length:
                 raise InputError(f"the path through {scene.name} ends after {len(distance)} of {len(shares) + 1} scans")
         distance.append(gone)
     return np.array(distance)
-
-
-def _shared(
-    scene: Scene, path: Path, sensor: Sensor, before: RigidTransform, distance: list[float], seed: int
-) -> float:
-    """Overlap of the pose before with the last of the poses along `distance`."""
-    return shared_view(scene, sensor, before, poses_along(path, np.array(distance), scene.name, seed)[-1])

@@ -21,11 +21,7 @@ _DRIFT = 38  # stream of the seed
 
 
 def check_dive(dive: int, trajectory: str) -> None:
-    """Refuse dives below 1, and others than the first of trajectories that have one alone.
-
-    Raises:
-        InputError: as said.
-    """
+    """Refuse dives below 1, and others than the first of trajectories that have one alone."""
     if dive < 1:
         raise InputError(f"the dive is {dive}; wanted a number >= 1")
     if dive > 1 and trajectory not in DIVING:
@@ -48,9 +44,13 @@ def drift(count: int, seed: int, dive: int) -> np.ndarray:
     if dive == 1:
         return np.zeros(count)
     rng = np.random.default_rng(np.random.SeedSequence(entropy_of(seed, _DRIFT, dive=dive)))
-    phase = rng.uniform(0, 2 * np.pi, (len(DRIFT_PERIODS), 1))
-    angle = 2 * np.pi * np.arange(count) / np.array(DRIFT_PERIODS)[:, None] + phase
-    return DRIFT_AMPLITUDE * np.sin(angle).sum(axis=0)
+    return DRIFT_AMPLITUDE * _sines(count, DRIFT_PERIODS, (), rng)
+
+
+def _sines(count: int, periods: tuple[float, ...], shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+    """Sums (*shape, N) of sines of these periods, in scans, with random phases."""
+    phase = rng.uniform(0, 2 * np.pi, (*shape, len(periods), 1))
+    return np.sin(2 * np.pi * np.arange(count) / np.array(periods)[:, None] + phase).sum(axis=-2)
 
 
 TABLE1_COUNT = 10
@@ -75,12 +75,9 @@ def survey(
 ) -> Trajectory:
     """Poses every `spacing` meters along the scene's closed path, with the motion of a small vessel.
 
-    Where the path ends it begins again: a long survey revisits its places. Roll, pitch, yaw and heave follow
-    sums of sines whose phases come from `seed`. Stamps count the scans: 0, 1, 2, ... Of the `dive` see
-    tools/lab/simulate/paths/trajectories.py, of the sensor's `reach` [m] `survey_path`.
-
-    Raises:
-        InputError: a scene without a path, no scan, or a spacing that is not positive.
+    Where the path ends it begins again: a long survey revisits its places. Roll, pitch, yaw and heave follow sums of
+    sines whose phases come from `seed`. Stamps count the scans: 0, 1, 2, ... Of the sensor's `reach` [m] see
+    `survey_path`. Raises InputError: a scene without a path, no scan, or a spacing that is not positive.
     """
     path = survey_path(scene, seed, reach)
     _require_scans("survey", count, spacing)
@@ -90,24 +87,16 @@ def survey(
 def lawnmower(
     scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1, reach: float = np.inf
 ) -> Trajectory:
-    """Poses every `spacing` meters along lanes over the scene and tie lines across them, moved as in `survey`.
-
-    The sensor looks where it goes. Where the path ends it begins again; it crosses itself long before.
-
-    Raises:
-        InputError: a scene without lanes, no scan, or a spacing that is not positive.
-    """
+    """As `survey`, along lanes over the scene and tie lines across them, looking where it goes; the path crosses itself
+    long before it begins again."""
     path = lawnmower_path(scene, seed, reach)
     _require_scans("lawnmower", count, spacing)
     return _evenly(path, scene, count, seed, spacing, dive)
 
 
 def loop(scene: str, count: int, seed: int, dive: int = 1, reach: float = np.inf) -> Trajectory:
-    """Poses once round the scene's closed path, moved as in `survey`: the last is one step from the first.
-
-    Raises:
-        InputError: a scene without a path, or fewer than 3 scans.
-    """
+    """Poses once round the scene's closed path, moved as in `survey`: the last is one step from the first. Raises
+    InputError: a scene without a path, or fewer than 3 scans."""
     if count < LOOP_LEAST:
         raise InputError(f"a loop of {count} scans; wanted at least {LOOP_LEAST}, so that it goes round something")
     path = survey_path(scene, seed, reach)
@@ -121,7 +110,8 @@ def poses_along(path: Path, distance: np.ndarray, scene: str, seed: int, dive: i
     """
     places, heading = path.at(distance)
     rng = np.random.default_rng(np.random.SeedSequence(entropy_of(seed, 4, dive=dive)))
-    heave, yaw, pitch, roll = _waves(len(distance), rng)
+    waves = np.array(WAVE_AMPLITUDE)[:, None] * _sines(len(distance), WAVE_PERIODS, (4,), rng)
+    heave, yaw, pitch, roll = waves
     scale = scene_kind(scene).scale
     aside = scale * drift(len(distance), seed, dive)
     moved = np.column_stack([-aside * np.sin(heading), aside * np.cos(heading), scale * heave])
@@ -130,13 +120,10 @@ def poses_along(path: Path, distance: np.ndarray, scene: str, seed: int, dive: i
 
 
 def table1_transform(index: int) -> RigidTransform:
-    """Row S`index` of Table 1: p_target = R p_source + t in the grid frame [m].
+    """Row S`index` of Table 1: p_target = R p_source + t in the grid frame [m], R = Rz(yaw) Ry(pitch) Rx(roll).
 
-    R = Rz(yaw) Ry(pitch) Rx(roll). The grid is a cube of 256 m whose center is the origin; z is up.
-    The reference scan is the target. The table ends with S9; S10 to S12 continue it with the same steps.
-
-    Raises:
-        InputError: an index below 0 or above 12.
+    The grid is a cube of 256 m whose center is the origin; z is up. The reference scan is the target. The table ends
+    with S9; S10 to S12 continue it with the same steps. Raises InputError: an index below 0 or above 12.
     """
     if not 0 <= index < TABLE1_MOST:
         raise InputError(
@@ -165,10 +152,3 @@ def _evenly(path: Path, scene: str, count: int, seed: int, spacing: float, dive:
     start = start_of(min(count * spacing, path.length), dive)
     distance = start + spacing * np.arange(count)
     return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, distance, scene, seed, dive))
-
-
-def _waves(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Heave [m], yaw, pitch and roll [degrees] of each scan, (4, N)."""
-    phase = rng.uniform(0, 2 * np.pi, (4, len(WAVE_PERIODS), 1))
-    angle = 2 * np.pi * np.arange(count) / np.array(WAVE_PERIODS)[:, None] + phase
-    return np.array(WAVE_AMPLITUDE)[:, None] * np.sin(angle).sum(axis=1)

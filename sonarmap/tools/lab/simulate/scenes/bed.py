@@ -1,10 +1,14 @@
 """The ground under the water: a rough bed, boulders and drowned debris, all from a random generator."""
 
+from collections.abc import Sequence
+from itertools import chain
+
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, ellipsoid, height_field, merge, rod
 
 SCENE_EDGE = 256.0  # side of every built scene [m]
 BED_CELL = 1.6  # raster of the bed [m]
@@ -28,28 +32,46 @@ def relief(rng: np.random.Generator) -> np.ndarray:
     return total
 
 
+def scene_of(height: np.ndarray, *parts: Sequence[Mesh]) -> Mesh:
+    """The bed `height` (on the raster) and all that stands and lies there."""
+    return merge([height_field(raster(), raster(), height), *chain(*parts)])
+
+
+def tilted(level: float, most: float, rng: np.random.Generator) -> np.ndarray:
+    """A plane at `level` in the middle of the raster [m], its slopes along x and y at most so large."""
+    x, y = np.meshgrid(raster(), raster(), indexing="ij")
+    slope = rng.uniform(-most, most, 2)
+    return level + slope[0] * x + slope[1] * y
+
+
 def boulders(height: np.ndarray, count: int, rng: np.random.Generator) -> list[Mesh]:
     """Stones of 0.6 to 3 m half axes, half sunk into the bed `height` (on the raster)."""
-    stones = []
-    for east, north in _places(count, rng):
-        radii = rng.uniform(0.6, 3.0) * rng.uniform(0.6, 1.0, 3)
-        stones.append(ellipsoid((east, north, height_at(height, east, north)), radii, _any_turn(rng), rings=6))
-    return stones
+    return [stone(height, place, (0.6, 3.0), rng) for place in _places(count, rng)]
+
+
+def stone(height: np.ndarray, place: np.ndarray, sizes: tuple[float, float], rng: np.random.Generator) -> Mesh:
+    """One stone, half sunk into the bed at a place, its largest half axis within `sizes` [m]."""
+    radii = rng.uniform(*sizes) * rng.uniform(0.6, 1.0, 3)
+    return ellipsoid(on_bed(height, place), radii, Rotation.from_quat(rng.standard_normal(4)), rings=6)
 
 
 def debris(height: np.ndarray, count: int, rng: np.random.Generator) -> list[Mesh]:
     """Drowned things on the bed `height`: crates lying askew and trunks, in turn."""
     things = []
     for number, (east, north) in enumerate(_places(count, rng)):
-        ground = height_at(height, east, north)
         if number % 2:
             size = rng.uniform((1.5, 1.0, 0.8), (7.0, 3.5, 2.5))
-            things.append(box((east, north, ground + size[2] / 3), size, _leaning_turn(rng)))
+            things.append(box(on_bed(height, (east, north), size[2] / 3), size, _leaning_turn(rng)))
         else:
             reach = _leaning_turn(rng).apply((rng.uniform(2, 6), 0, 0))
-            middle = np.array((east, north, ground + 0.5))
-            things.append(cylinder(middle - reach, middle + reach, rng.uniform(0.3, 0.8), sides=10))
+            things.append(rod(on_bed(height, (east, north), 0.5), reach, rng.uniform(0.3, 0.8), sides=10))
     return things
+
+
+def on_bed(height: np.ndarray, place: ArrayLike, above: float = 0.0) -> np.ndarray:
+    """(3,) [m] at a place (2,), so far above the bed `height`."""
+    east, north = np.asarray(place)
+    return np.array((east, north, height_at(height, east, north) + above))
 
 
 def height_at(height: np.ndarray, east: float, north: float) -> float:
@@ -65,7 +87,3 @@ def _places(count: int, rng: np.random.Generator) -> np.ndarray:
 
 def _leaning_turn(rng: np.random.Generator) -> Rotation:
     return Rotation.from_euler("ZYX", rng.uniform((0, -0.25, -0.25), (2 * np.pi, 0.25, 0.25)))
-
-
-def _any_turn(rng: np.random.Generator) -> Rotation:
-    return Rotation.from_quat(rng.standard_normal(4))

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.simulate.scenes.bed import SCENE_EDGE, boulders, debris, height_at, raster
+from sonarmap.tools.lab.simulate.scenes.bed import SCENE_EDGE, boulders, debris, height_at, on_bed, scene_of
 from sonarmap.tools.lab.simulate.scenes.river import (
     FOOT,
     Pier,
@@ -22,28 +22,20 @@ from sonarmap.tools.lab.simulate.scenes.river import (
     river_of,
     shaft,
 )
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, height_field, merge, prism, tube, wall
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, prism, rod, tube, wall
 
 REMNANT_TOP = (-9.0, -6.5)  # of what is left of an older bridge [m]: below the vessels
 
 
 @dataclass(frozen=True, slots=True)
 class BridgeLayout:
-    """What the seed decides of the bridge's plan.
+    """What the seed decides of the bridge's plan."""
 
-    Attributes:
-        river: that it crosses.
-        x: where its axis crosses y = 0 [m].
-        skew: of the axis against square to the river, counterclockwise [rad].
-        deck: height of the deck's underside [m], its width [m].
-        piers: from south to north.
-    """
-
-    river: River
-    x: float
-    skew: float
-    deck: tuple[float, float]
-    piers: tuple[Pier, ...]
+    river: River  # that it crosses
+    x: float  # where its axis crosses y = 0 [m]
+    skew: float  # of the axis against square to the river, counterclockwise [rad]
+    deck: tuple[float, float]  # height of the deck's underside [m], its width [m]
+    piers: tuple[Pier, ...]  # from south to north
 
     def axis_x(self, y: float) -> float:
         """x of the axis at `y` [m]."""
@@ -81,13 +73,7 @@ def bridge_layout(seed: int) -> BridgeLayout:
         )
         for number, y in enumerate(places)
     )
-    return BridgeLayout(
-        river=river,
-        x=x,
-        skew=skew,
-        deck=(rng.uniform(7.5, 12.0), rng.uniform(9.0, 14.0)),
-        piers=piers,
-    )
+    return BridgeLayout(river, x, skew, deck=(rng.uniform(7.5, 12.0), rng.uniform(9.0, 14.0)), piers=piers)
 
 
 def bridge(seed: int) -> Mesh:
@@ -103,7 +89,7 @@ def bridge(seed: int) -> Mesh:
         parts += driftwood(pier, layout.river.bed, rng)
         if pier.fenced:
             parts += fenders(pier, rng)
-    return merge([height_field(raster(), raster(), height), *parts, *loose])
+    return scene_of(height, parts, loose)
 
 
 def _deck(layout: BridgeLayout) -> list[Mesh]:
@@ -117,8 +103,7 @@ def _deck(layout: BridgeLayout) -> list[Mesh]:
         parts.append(box(place, (length, 0.6, 1.6), turn))
     for down in (0.4, 1.2):
         place = middle + turn.apply((0, -0.45 * width, underside - 0.1 + down))
-        along = turn.apply((length / 2, 0, 0))
-        parts.append(cylinder(place - along, place + along, 0.22, sides=10))
+        parts.append(rod(place, turn.apply((length / 2, 0, 0)), 0.22, sides=10))
     return parts
 
 
@@ -133,12 +118,8 @@ def _abutments(layout: BridgeLayout) -> list[Mesh]:
         parts.append(box((x, y, (underside + FOOT) / 2), (7.0, width + 2, underside - FOOT), turn))
         for along in (-1, 1):
             start = np.array((x + along * (width / 2 + 1), y - side * 2))
-            corners = [
-                start,
-                start + np.array((along * 9.0, side * 3.0)),
-                start + np.array((along * 16.0, side * 11.0)),
-            ]
-            parts.append(wall(corners, 1.4, FOOT, underside - 2.5))
+            splay = [np.array((along * x, side * y)) for x, y in ((0.0, 0.0), (9.0, 3.0), (16.0, 11.0))]
+            parts.append(wall([start + step for step in splay], 1.4, FOOT, underside - 2.5))
     return parts
 
 
@@ -158,7 +139,7 @@ def _lines(layout: BridgeLayout, height: np.ndarray, rng: np.random.Generator) -
     for north in rng.uniform(-60, 60, int(rng.integers(3, 8))):
         east = duct_x + 0.65 * (count - 1) + 0.1 * north
         turn = Rotation.from_euler("ZYX", (rng.uniform(-0.4, 0.4), *rng.uniform(-0.06, 0.06, 2)))
-        parts.append(box((east, north, height_at(height, east, north) + 0.45), (6.0, 3.0, 0.35), turn))
+        parts.append(box(on_bed(height, (east, north), 0.45), (6.0, 3.0, 0.35), turn))
     return parts
 
 
@@ -172,7 +153,7 @@ def _remnants(layout: BridgeLayout, height: np.ndarray, rng: np.random.Generator
     for sizes in (((7.0, 2.5, 2.2), (2.2, 2.4, 2.9)), ((19.0, 5.5, 1.6), (3.5, 4.5, 2.8))):
         east, north = rng.uniform((-100, -60), (100, 60))
         turn = Rotation.from_euler("ZYX", rng.uniform((-np.pi, -0.15, -0.3), (np.pi, 0.15, 0.3)))
-        floor = np.array((east, north, height_at(height, east, north)))
+        floor = on_bed(height, (east, north))
         body, cab = sizes
         parts.append(box(floor + np.array((0, 0, 0.35 * body[2])), body, turn))
         ahead = turn.apply(((body[0] + cab[0]) / 2 - 0.4, 0, 0.35 * cab[2]))

@@ -20,24 +20,15 @@ FULL_EDGE = 256.0  # side of the paper's grid, and of the scenes that fill it [m
 
 @dataclass(frozen=True, slots=True)
 class SceneKind:
-    """A scene that has not been built.
+    """A scene that has not been built."""
 
-    Attributes:
-        builder: the function that builds it, as "module:function" of this folder.
-        summary: what stands there, in a few words.
-        sensor: the sensor that suits its size, a key of SENSORS.
-        size: of the box around the origin that holds everything there is to see, along x and y [m].
-        lowest, highest: corners of the box in which the sensors of a random pair may be [m, scene].
-        inward: whether a random pair looks at the scene's middle rather than anywhere.
-    """
-
-    builder: str
-    summary: str
-    sensor: str
-    size: tuple[float, float]
-    lowest: tuple[float, float, float]
-    highest: tuple[float, float, float]
-    inward: bool = False
+    builder: str  # the function that builds it, as "module:function" of this folder
+    summary: str  # what stands there, in a few words
+    sensor: str  # the sensor that suits its size, a key of SENSORS
+    size: tuple[float, float]  # of the box around the origin that holds everything there is to see, along x and y [m]
+    lowest: tuple[float, float, float]  # corner of the box in which the sensors of a random pair may be [m, scene]
+    highest: tuple[float, float, float]  # the opposite corner [m, scene]
+    inward: bool = False  # whether a random pair looks at the scene's middle rather than anywhere
 
     @property
     def scale(self) -> float:
@@ -51,78 +42,59 @@ class SceneKind:
         return build(seed)
 
 
+def _kind(
+    builder: str,
+    summary: str,
+    size: tuple[float, float],
+    reach: tuple[float, float],
+    heights: tuple[float, float],
+    inward: bool = False,
+) -> SceneKind:
+    """A scene whose random pairs are seen from within `reach` of its middle along x and y, between two heights [m]."""
+    sensor, (x, y), (low, high) = "eclipse" if max(size) == FULL_EDGE else "sonar3d15", reach, heights
+    return SceneKind(builder, summary, sensor, size, (-x, -y, low), (x, y, high), inward)
+
+
 def _full(builder: str, summary: str) -> SceneKind:
     """A scene of 256 m by 256 m whose random pairs may also look from above the water."""
-    edge, reach, far = FULL_EDGE, FULL_EDGE * 35 / 128, float("inf")
-    return SceneKind(builder, summary, "eclipse", (edge, edge), (-reach, -reach, -far), (reach, reach, far))
+    reach, far = FULL_EDGE * 35 / 128, float("inf")
+    return _kind(builder, summary, _LARGE, (reach, reach), (-far, far))
 
 
 def _bed(name: str, summary: str, edge: float) -> SceneKind:
     """An open bed, square, its water as deep as 22 m at 256 m; pairs are seen from the water above it."""
     scale = edge / FULL_EDGE
-    sensor = "eclipse" if scale == 1.0 else "sonar3d15"
-    lowest, highest = (-80 * scale, -80 * scale, -20 * scale), (80 * scale, 80 * scale, -scale)
-    return SceneKind(f"open_bed:{name}", summary, sensor, (edge, edge), lowest, highest)
+    return _kind(f"open_bed:{name}", summary, (edge, edge), (80 * scale, 80 * scale), (-20 * scale, -scale))
 
 
-_LARGE = "eclipse", (FULL_EDGE, FULL_EDGE)
+_LARGE = FULL_EDGE, FULL_EDGE
+_WRECK = "a broken wreck among rock ledges, its plan drawn from the seed"
 
 SCENE_KINDS: MappingProxyType[str, SceneKind] = MappingProxyType(
     {
         "floodgate": _full("floodgate:floodgate", "a flood gate with piers, gates, a lock and shores"),
         "harbor": _full("harbor:harbor", "a harbor basin with quays, a jetty and a moored ship"),
         "clutter": _full("clutter:clutter", "solids strewn over a bed"),
-        "ship": SceneKind(
-            "ship:ship", "the underside of a ship over a bed", *_LARGE, (-80, -80, -22), (80, 80, -3), inward=True
-        ),
-        "pool": SceneKind(
-            "pool:pool",
-            "a swimming pool of 25 m by 12.5 m",
-            "sonar3d15",
-            (25, 12.5),
-            (-11.5, -5.2, -3),
-            (11.5, 5.2, -0.4),
-        ),
-        "manifold": SceneKind(
-            "manifold:manifold",
-            "a pipe manifold on the sea bed",
-            "sonar3d15",
-            (48, 48),
-            (-14, -14, -39.2),
-            (14, 14, -32),
-            inward=True,
+        "ship": _kind("ship:ship", "the underside of a ship over a bed", _LARGE, (80, 80), (-22, -3), inward=True),
+        "pool": _kind("pool:pool", "a swimming pool of 25 m by 12.5 m", (25, 12.5), (11.5, 5.2), (-3, -0.4)),
+        "manifold": _kind(
+            "manifold:manifold", "a pipe manifold on the sea bed", (48, 48), (14, 14), (-39.2, -32), inward=True
         ),
         "bridge": _full("bridge:bridge", "a road bridge over a river, its plan drawn from the seed"),
-        "wreck": SceneKind(
-            "wreck:wreck",
-            "a broken wreck among rock ledges, its plan drawn from the seed",
-            *_LARGE,
-            (-80, -80, -27),
-            (80, 80, -3),
-            inward=True,
-        ),
+        "wreck": _kind("wreck:wreck", _WRECK, _LARGE, (80, 80), (-27, -3), inward=True),
         "flatbed": _bed("flatbed", "a bed of sand, flat to a few centimeters", FULL_EDGE),
         "sandflat": _bed("sandflat", "the same, 40 m on a side", 40.0),
         "seabed": _bed("seabed", "a bed with dunes, scours and a few rocks, 0.5 to 2 m high", FULL_EDGE),
         "shallow": _bed("shallow", "the same made smaller, 40 m on a side", 40.0),
-        "rubble": SceneKind(
-            "clutter:rubble",
-            "the clutter made smaller, 40 m on a side",
-            "sonar3d15",
-            (40, 40),
-            (-12.5, -12.5, -9),
-            (12.5, 12.5, -0.3),
+        "rubble": _kind(
+            "clutter:rubble", "the clutter made smaller, 40 m on a side", (40, 40), (12.5, 12.5), (-9, -0.3)
         ),
     }
 )
 
 
 def scene_kind(name: str) -> SceneKind:
-    """The scene called `name`, not built.
-
-    Raises:
-        InputError: there is none.
-    """
+    """The scene called `name`, not built. Raises InputError: there is none."""
     if name not in SCENE_KINDS:
         raise InputError(f"no scene is called {name!r}; there are {', '.join(SCENE_KINDS)}")
     return SCENE_KINDS[name]

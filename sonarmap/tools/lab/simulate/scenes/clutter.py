@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.simulate.scenes.bed import SCENE_EDGE, boulders, height_at, raster, relief
+from sonarmap.tools.lab.simulate.scenes.bed import SCENE_EDGE, boulders, height_at, relief, scene_of, tilted
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, wall
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, wall
 
 BED_DEPTH = -18.0
 SOLIDS = 60
@@ -15,11 +15,9 @@ RUBBLE_DEPTH = -9.0  # of the bed of the scene made smaller [m]
 def clutter(seed: int) -> Mesh:
     """The scene from `seed`, 256 m on a side: boxes, cylinders, ellipsoids and bent walls at random."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 3]))
-    x, y = np.meshgrid(raster(), raster(), indexing="ij")
-    slope = rng.uniform(-0.04, 0.04, 2)
-    height = BED_DEPTH + slope[0] * x + slope[1] * y + 1.8 * relief(rng)
+    height = tilted(BED_DEPTH, 0.04, rng) + 1.8 * relief(rng)
     solids = [_solid(height, rng) for _ in range(SOLIDS)]
-    return merge([height_field(raster(), raster(), height), *solids, *boulders(height, 70, rng)])
+    return scene_of(height, solids, boulders(height, 70, rng))
 
 
 def rubble(seed: int) -> Mesh:

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.simulate.scenes.bed import boulders, debris, raster, relief
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, height_field, merge, prism, wall
+from sonarmap.tools.lab.simulate.scenes.bed import boulders, debris, raster, relief, scene_of
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, prism, wall
 
 BED_DEPTH = -19.0  # mean height of the river's bed [m]
 QUAY_TOP = 6.0
@@ -41,9 +41,8 @@ def floodgate(seed: int) -> Mesh:
     """The scene from `seed`, 256 m on a side, the water's surface at z = 0, its bed at about -19 m."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 1]))
     height = _ground(rng)
-    river = height_field(raster(), raster(), height)
     loose = boulders(height, 90, rng) + debris(height, 36, rng)
-    return merge([river, *_barrier(), *_lock(), *_banks(), *_dolphins(rng), *loose])
+    return scene_of(height, _barrier(), _lock(), _banks(), _dolphins(rng), loose)
 
 
 def _ground(rng: np.random.Generator) -> np.ndarray:

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.simulate.scenes.bed import boulders, debris, raster, relief
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, height_field, loft, merge, wall
+from sonarmap.tools.lab.simulate.scenes.bed import boulders, debris, raster, relief, scene_of
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, loft, wall
 
 BED_DEPTH = -14.0
 FOOT = -28.0
@@ -19,18 +19,12 @@ def harbor(seed: int) -> Mesh:
     height = BED_DEPTH + fairway + silt + 0.7 * relief(rng)
     loose = boulders(height, 50, rng) + debris(height, 40, rng)
     ship = hull((34.0, 62.0), 2.9, length=92.0, beam=15.0, draft=7.5)
-    parts = [*_quays(), *_jetty(rng), *_moorings(rng), *ship]
-    return merge([height_field(raster(), raster(), height), *parts, *loose])
+    return scene_of(height, _quays(), _jetty(rng), _moorings(rng), ship, loose)
 
 
 def hull(middle: tuple[float, float], heading: float, length: float, beam: float, draft: float) -> list[Mesh]:
-    """A ship: a lofted hull with a fine bow and a raked stern, a rudder and a deck house.
-
-    Args:
-        middle: x and y of her middle [m].
-        heading: of the bow, counterclockwise from x [rad].
-        length, beam, draft: [m].
-    """
+    """A ship about `middle` [m], her bow to `heading`: a lofted hull with a fine bow and a raked stern, a rudder, a
+    deck house."""
     along = np.linspace(-0.5, 0.5, 33)
     half = 0.5 * beam * np.clip(1 - np.abs(2 * along) ** 5, 0.04, None) * np.clip(1 - np.maximum(along - 0.2, 0), 0, 1)
     keel = draft * np.clip(1 - np.maximum(-along - 0.3, 0) * 3.5, 0.2, 1)
@@ -40,26 +34,20 @@ def hull(middle: tuple[float, float], heading: float, length: float, beam: float
         # a superellipse below the water, plumb sides above it
         across = width * np.sign(np.cos(girth)) * np.abs(np.cos(girth)) ** 0.5
         down = -depth * np.abs(np.sin(girth)) ** 0.6
-        ring = np.column_stack([across, down])
-        ring = np.concatenate([[[-width, 5.0]], ring, [[width, 5.0]]])
+        ring = np.concatenate([[[-width, 5.0]], np.column_stack([across, down]), [[width, 5.0]]])
         sections.append(np.column_stack([np.full(len(ring), station * length), ring]))
     turn = Rotation.from_euler("z", heading)
     skin = loft(sections)
     place = np.array((*middle, 0.0))
     rudder = box(turn.apply((-0.49 * length, 0, -0.55 * draft)) + place, (3.5, 0.5, 0.7 * draft), turn)
     house = box(turn.apply((-0.36 * length, 0, 9.0)) + place, (0.14 * length, 0.8 * beam, 9.0), turn)
-    return [Mesh(turn.apply(skin.vertices) + place, skin.triangles), rudder, house]
+    return [skin.moved(turn, place), rudder, house]
 
 
 def _quays() -> list[Mesh]:
     """Quay walls around the basin's corner, with a stair, a step in the line and a slipway."""
     return [
-        wall(
-            [(-120, 84), (-64, 84), (-64, 92), (58, 92), (96, 66), (96, -18), (110, -18), (110, -90)],
-            3.0,
-            FOOT,
-            4.0,
-        ),
+        wall([(-120, 84), (-64, 84), (-64, 92), (58, 92), (96, 66), (96, -18), (110, -18), (110, -90)], 3.0, FOOT, 4.0),
         wall([(-120, -70), (-86, -70), (-86, -112), (-20, -112)], 3.0, FOOT, 4.0),
         box((-100, 80, -7), (12, 6, 3), Rotation.from_euler("y", 0.5)),
         box((8, -110, -10), (30, 26, 2), Rotation.from_euler("x", 0.28)),
@@ -93,9 +81,4 @@ def _moorings(rng: np.random.Generator) -> list[Mesh]:
             parts.append(cylinder(foot, (east + np.cos(turn), north + np.sin(turn), 3.5), 0.5, sides=12))
         parts.append(box((east, north, 4.0), (3.2, 3.2, 1.2), Rotation.from_euler("z", rng.uniform(0, 1.5))))
     pontoon = box((60, -8, -12.0), (22, 9, 4), Rotation.from_euler("ZYX", (0.7, 0.12, -0.2)))
-    return [
-        *parts,
-        pontoon,
-        box((-20, -60, -13.5), (4, 4, 3)),
-        cylinder((-20, -60, -12.5), (14, -49, -14.5), 0.4),
-    ]
+    return [*parts, pontoon, box((-20, -60, -13.5), (4, 4, 3)), cylinder((-20, -60, -12.5), (14, -49, -14.5), 0.4)]

@@ -14,15 +14,11 @@ GIRTH = 19  # corners of a section from rail to rail
 
 @dataclass(frozen=True, slots=True)
 class Hulk:
-    """The hull's measures; its frame is x to the bow from midships, y to port, z up from the keel.
+    """The hull's measures; its frame is x to the bow from midships, y to port, z up from the keel."""
 
-    Attributes:
-        length, beam, depth: of the hull, the last from keel to rail [m].
-    """
-
-    length: float
-    beam: float
-    depth: float
+    length: float  # of the hull [m]
+    beam: float  # [m]
+    depth: float  # from keel to rail [m]
 
     def half_width(self, along: float) -> float:
         """At the rail, `along` in shares of the length from midships [m]."""

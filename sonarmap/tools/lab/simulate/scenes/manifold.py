@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.simulate.scenes.bed import SCENE_EDGE, boulders, height_at, raster, relief
+from sonarmap.tools.lab.simulate.scenes.bed import SCENE_EDGE, boulders, height_at, relief, scene_of
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, tube
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, merge, tube
 
 BED_DEPTH = -40.0
 SCALE = SCENE_KINDS["manifold"].scale  # of the bed, against the 256 m scenes' one
@@ -16,21 +16,14 @@ TUBE_RADIUS = 0.16  # of the frame's chords and posts [m]
 
 @dataclass(frozen=True, slots=True)
 class ManifoldLayout:
-    """Where a manifold stands and how large it is; its frame is x along the headers, z = 0 the mudmat's top.
+    """Where a manifold stands and how large it is; its frame is x along the headers, z = 0 the mudmat's top."""
 
-    Attributes:
-        middle: x, y and z of the middle of the mudmat's top [m].
-        R_scene_manifold: its heading, and its settling into the bed by up to 1.5 degrees.
-        length, width, height: of the frame [m].
-        bays: number of the frame's bays along its length.
-    """
-
-    middle: tuple[float, float, float]
-    R_scene_manifold: Rotation
-    length: float
-    width: float
-    height: float
-    bays: int
+    middle: tuple[float, float, float]  # x, y and z of the middle of the mudmat's top [m]
+    R_scene_manifold: Rotation  # its heading, and its settling into the bed by up to 1.5 degrees
+    length: float  # of the frame [m]
+    width: float  # [m]
+    height: float  # [m]
+    bays: int  # number of the frame's bays along its length
 
     def place(self, points: np.ndarray) -> np.ndarray:
         """Points (..., 3) of the manifold's frame in the scene's [m]."""
@@ -59,7 +52,7 @@ def manifold(seed: int) -> Mesh:
     height = 0.6 * relief(rng)
     # the mudmat was set down where no stones lay
     stones = [stone for stone in boulders(height, 110, rng) if np.hypot(*stone.vertices.mean(axis=0)[:2]) > 11 / SCALE]
-    bed = merge([height_field(raster(), raster(), height), *stones])
+    bed = scene_of(height, stones)
     ground = Mesh(SCALE * bed.vertices + np.array((0, 0, BED_DEPTH)), bed.triangles)
     headers = _headers(layout, rng)
     built = merge([*_frame(layout, rng), *_mudmat(layout), *_piping(layout, headers, rng)])
@@ -134,12 +127,12 @@ def _branch(root: np.ndarray, side: int, frame: ManifoldLayout, rng: np.random.G
     down = np.array((root[0], out, over[2]))
     hub = np.array((root[0], out, rng.uniform(0.6, 1.0)))
     valve = over + rng.uniform(0.4, 0.6) * (down - over)
-    parts = [tube([root, over, down, hub], radius, bend=0.35)]
-    parts += [
+    parts = [
+        tube([root, over, down, hub], radius, bend=0.35),
         cylinder(hub - np.array((0, 0, 0.25)), hub + np.array((0, 0, 0.15)), 2.2 * radius),
         cylinder(hub, (*hub[:2], 0), radius),
+        box(valve, (0.55, 0.7, 0.55)),
     ]
-    parts.append(box(valve, (0.55, 0.7, 0.55)))
     # a wheel on a stem, or an actuator's drum
     if rng.random() < 0.5:
         parts.append(cylinder(valve, valve + np.array((0, 0, 0.75)), 0.06, sides=12))
@@ -162,13 +155,9 @@ def _flowlines(
             lying = _on_bed(corners[1, :2], away, rng.uniform(-0.02, 0.02), height)
             parts.append(tube([*corners, *lying], 0.6 * radius, bend=0.5))
     block = frame.place(np.array((0.2 * frame.length, -frame.width / 2 - rng.uniform(2.5, 3.5), 0.1)))
-    buoy = ellipsoid(block + np.array((1.6, 0.7, 1.4)), (0.5, 0.5, 0.6), Rotation.identity())
-    return [
-        *parts,
-        box(block, (1.4, 1.0, 0.9)),
-        buoy,
-        cylinder(block, block + np.array((1.6, 0.7, 1.4)), 0.04, sides=8),
-    ]
+    buoy = block + np.array((1.6, 0.7, 1.4))
+    line = cylinder(block, buoy, 0.04, sides=8)
+    return [*parts, box(block, (1.4, 1.0, 0.9)), ellipsoid(buoy, (0.5, 0.5, 0.6)), line]
 
 
 def _on_bed(start: np.ndarray, away: np.ndarray, turn: float, height: np.ndarray) -> list[np.ndarray]:

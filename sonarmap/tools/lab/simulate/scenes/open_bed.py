@@ -4,13 +4,14 @@ The small ones are the large ones' plans made smaller in all three directions, b
 is that of sand whatever the size.
 """
 
+from functools import partial
+
 import numpy as np
 from scipy.ndimage import gaussian_filter
-from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.simulate.scenes.bed import BED_CELL, SCENE_EDGE, height_at, raster, relief
+from sonarmap.tools.lab.simulate.scenes.bed import BED_CELL, SCENE_EDGE, raster, relief, scene_of, stone, tilted
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, ellipsoid, height_field, merge
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh
 
 BED_DEPTH = -22.0  # mean height of the large beds; of the small ones that times their scale [m]
 ROUGHNESS = 0.025  # standard deviation of a flat bed's relief [m]
@@ -24,52 +25,34 @@ ROCKS, ROCK_RADIUS = (8, 17), (0.5, 1.3)
 BEND = 45.0  # over which the crests bend and the dunes come and go
 
 
-def flatbed(seed: int) -> Mesh:
-    """256 m on a side: sand with a relief of a few centimeters, nothing on it."""
-    return _flat(seed, "flatbed")
-
-
-def sandflat(seed: int) -> Mesh:
-    """40 m on a side: sand with a relief of a few centimeters, nothing on it."""
-    return _flat(seed, "sandflat")
-
-
-def seabed(seed: int) -> Mesh:
-    """256 m on a side: dunes, ripples and scours, 0.5 to 2 m in all, and a few rocks; its plan drawn from `seed`."""
-    return _weak(seed, "seabed")
-
-
-def shallow(seed: int) -> Mesh:
-    """40 m on a side: the plan of `seabed`, its relief 0.1 to 0.3 m."""
-    return _weak(seed, "shallow")
-
-
-def _flat(seed: int, name: str) -> Mesh:
+def _flat(name: str, seed: int) -> Mesh:
+    """Sand with a relief of a few centimeters, nothing on it."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 41]))
     rough = relief(rng)
     scale = SCENE_KINDS[name].scale
-    height = _slope(FLAT_SLOPE, rng) + ROUGHNESS / scale * rough / rough.std()
-    return _placed(height_field(raster(), raster(), height), scale)
+    height = tilted(0.0, FLAT_SLOPE, rng) + ROUGHNESS / scale * rough / rough.std()
+    return _placed(scene_of(height), scale)
 
 
-def _weak(seed: int, name: str) -> Mesh:
+def _weak(name: str, seed: int) -> Mesh:
+    """Dunes, ripples and scours, 0.5 to 2 m in all at 256 m on a side, and a few rocks; its plan drawn from `seed`."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 42]))
     dunes = _waves(DUNE_LENGTH, DUNE_HEIGHT, rng) * (0.3 + 0.7 * _patches(rng))
     ripples = _waves(RIPPLE_LENGTH, RIPPLE_HEIGHT, rng) * _patches(rng)
-    height = _slope(WEAK_SLOPE, rng) + dunes + ripples + _scours(rng) + 0.02 * relief(rng)
-    bed = merge([height_field(raster(), raster(), height), *_rocks(height, rng)])
-    return _placed(bed, SCENE_KINDS[name].scale)
+    height = tilted(0.0, WEAK_SLOPE, rng) + dunes + ripples + _scours(rng) + 0.02 * relief(rng)
+    places = rng.uniform(-0.45 * SCENE_EDGE, 0.45 * SCENE_EDGE, (rng.integers(*ROCKS), 2))
+    rocks = [stone(height, place, ROCK_RADIUS, rng) for place in places]
+    return _placed(scene_of(height, rocks), SCENE_KINDS[name].scale)
+
+
+# The builders of SCENE_KINDS
+flatbed, sandflat = partial(_flat, "flatbed"), partial(_flat, "sandflat")
+seabed, shallow = partial(_weak, "seabed"), partial(_weak, "shallow")
 
 
 def _placed(bed: Mesh, scale: float) -> Mesh:
     """The bed in its size and at its depth."""
     return Mesh(scale * (bed.vertices + np.array((0.0, 0.0, BED_DEPTH))), bed.triangles)
-
-
-def _slope(most: float, rng: np.random.Generator) -> np.ndarray:
-    x, y = np.meshgrid(raster(), raster(), indexing="ij")
-    along = rng.uniform(-most, most, 2)
-    return along[0] * x + along[1] * y
 
 
 def _smooth(rng: np.random.Generator) -> np.ndarray:
@@ -102,13 +85,3 @@ def _scours(rng: np.random.Generator) -> np.ndarray:
         wide = (y - north) * np.cos(heading) - (x - east) * np.sin(heading)
         total -= rng.uniform(*SCOUR_DEPTH) * np.exp(-0.5 * (long**2 + wide**2) / rng.uniform(*SCOUR_RADIUS) ** 2)
     return total
-
-
-def _rocks(height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
-    """A few stones, half sunk into the bed."""
-    stones = []
-    for east, north in rng.uniform(-0.45 * SCENE_EDGE, 0.45 * SCENE_EDGE, (rng.integers(*ROCKS), 2)):
-        radii = rng.uniform(*ROCK_RADIUS) * rng.uniform(0.6, 1.0, 3)
-        turn = Rotation.from_quat(rng.standard_normal(4))
-        stones.append(ellipsoid((east, north, height_at(height, east, north)), radii, turn, rings=6))
-    return stones

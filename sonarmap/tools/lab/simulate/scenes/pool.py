@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, height_field, merge
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, rod
 
 LENGTH, WIDTH = 25.0, 12.5  # of the water [m], along x and y; the deep end is at -x
 DECK_TOP = 0.3
@@ -17,23 +17,14 @@ LANES = 5
 
 @dataclass(frozen=True, slots=True)
 class PoolLayout:
-    """What the seed decides of the pool's shape.
+    """What the seed decides of the pool's shape."""
 
-    Attributes:
-        knots: x of the floor's four corners from the deep end to the shallow one [m].
-        depths: at these [m].
-        drain: x and y of the drain's middle, in the deep end [m].
-        ladders: x of each of the four ladders [m], two on either long side.
-        steps: the corner at the shallow end with the steps, -1 or 1 along y.
-        side: on which of the short ends the starting blocks stand, -1 the deep one or 1.
-    """
-
-    knots: tuple[float, ...]
-    depths: tuple[float, ...]
-    drain: tuple[float, float]
-    ladders: tuple[float, ...]
-    steps: int
-    side: int
+    knots: tuple[float, ...]  # x of the floor's four corners from the deep end to the shallow one [m]
+    depths: tuple[float, ...]  # at these [m]
+    drain: tuple[float, float]  # x and y of the drain's middle, in the deep end [m]
+    ladders: tuple[float, ...]  # x of each of the four ladders [m], two on either long side
+    steps: int  # the corner at the shallow end with the steps, -1 or 1 along y
+    side: int  # on which of the short ends the starting blocks stand, -1 the deep one or 1
 
     def floor(self, x: float) -> float:
         """Height of the floor at `x` [m], the drain left out."""
@@ -65,7 +56,7 @@ def pool(seed: int) -> Mesh:
 
 
 def _basin(layout: PoolLayout) -> list[Mesh]:
-    """The floor with its drain, and four walls as wide as the deck on them."""
+    """The floor, its drain under bars, four walls as wide as the deck on them, ledges along the long ones."""
     x, y = (np.linspace(-edge / 2, edge / 2, round(edge / FLOOR_CELL) + 1) for edge in (LENGTH, WIDTH))
     height = np.repeat(np.array([[layout.floor(east)] for east in x]), len(y), axis=1)
     sunk = (np.abs(x - layout.drain[0]) < 0.5)[:, None] & (np.abs(y - layout.drain[1]) < 0.5)
@@ -75,18 +66,11 @@ def _basin(layout: PoolLayout) -> list[Mesh]:
         for side in (-1, 1)
     ]
     walls += [box((0, side * (WIDTH + DECK_WIDTH) / 2, middle), (LENGTH, DECK_WIDTH, tall)) for side in (-1, 1)]
-    return [height_field(x, y, height - 0.25 * sunk), *walls, *_gutter(), *_grating(layout)]
-
-
-def _gutter() -> list[Mesh]:
-    """A ledge to rest the feet on along the long walls, 1.1 m under water."""
-    return [box((0, side * (WIDTH / 2 - 0.06), -1.05), (LENGTH, 0.12, 0.1)) for side in (-1, 1)]
-
-
-def _grating(layout: PoolLayout) -> list[Mesh]:
-    """Bars over the drain."""
+    # to rest the feet on along the long walls, 1.1 m under water
+    ledges = [box((0, side * (WIDTH / 2 - 0.06), -1.05), (LENGTH, 0.12, 0.1)) for side in (-1, 1)]
     east, north = layout.drain
-    return [box((east + step, north, layout.floor(east) - 0.03), (0.06, 1.2, 0.06)) for step in (-0.3, -0.1, 0.1, 0.3)]
+    bars = [box((east + step, north, layout.floor(east) - 0.03), (0.06, 1.2, 0.06)) for step in (-0.3, -0.1, 0.1, 0.3)]
+    return [height_field(x, y, height - 0.25 * sunk), *walls, *ledges, *bars]
 
 
 def _steps(layout: PoolLayout) -> list[Mesh]:
@@ -160,11 +144,10 @@ def _things(layout: PoolLayout, rng: np.random.Generator) -> list[Mesh]:
         elif number % 4 == 1:
             reach = turn.apply((rng.uniform(0.3, 0.9), 0, 0))
             radius = rng.uniform(0.06, 0.15)
-            middle = np.array((east, north, ground + radius))
-            parts.append(cylinder(middle - reach, middle + reach, radius, sides=16))
+            parts.append(rod((east, north, ground + radius), reach, radius, sides=16))
         elif number % 4 == 2:
             parts.append(cylinder((east, north, ground - 0.1), (east, north, ground + rng.uniform(0.1, 0.4)), 0.2))
         else:
             radius = rng.uniform(0.12, 0.22)
-            parts.append(ellipsoid((east, north, ground + radius), (radius, radius, radius), Rotation.identity()))
+            parts.append(ellipsoid((east, north, ground + radius), (radius, radius, radius)))
     return parts

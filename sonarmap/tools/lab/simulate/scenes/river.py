@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.tools.lab.simulate.scenes.bed import raster, relief
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, prism
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, prism, rod
 
 SLOPE = 0.5  # of the banks
 TOE = 14.0  # from a bank's line to where its slope begins [m]
@@ -15,24 +15,16 @@ BANK_TOP = 5.0  # above the water [m]
 
 @dataclass(frozen=True, slots=True)
 class River:
-    """What the seed decides of a river's plan.
+    """What the seed decides of a river's plan."""
 
-    Attributes:
-        bed: mean height of its bed [m].
-        south, north: y of the banks' lines at x = 0 [m].
-        bend: amplitude [m], wave number [rad/m] and phase [rad] by which both wind.
-        channel_y, channel_width, channel_depth: of the channel at x = 0, and how deep it is below the bed [m].
-        shoals: (K, 4): x, y, radius and height [m] of each.
-    """
-
-    bed: float
-    south: float
-    north: float
-    bend: tuple[float, float, float]
-    channel_y: float
-    channel_width: float
-    channel_depth: float
-    shoals: np.ndarray
+    bed: float  # mean height of its bed [m]
+    south: float  # y of the banks' lines at x = 0 [m]
+    north: float  # likewise
+    bend: tuple[float, float, float]  # amplitude [m], wave number [rad/m] and phase [rad] by which both wind
+    channel_y: float  # of the channel at x = 0 [m]
+    channel_width: float  # [m]
+    channel_depth: float  # below the bed [m]
+    shoals: np.ndarray  # (K, 4): x, y, radius and height [m] of each
 
     def winding(self, x: np.ndarray) -> np.ndarray:
         """By how much the river lies farther north at `x` than at 0 [m]."""
@@ -56,14 +48,8 @@ def river_of(rng: np.random.Generator) -> River:
 
 
 def ground(river: River, piers: list[tuple[float, float, float, float]], rng: np.random.Generator) -> np.ndarray:
-    """Bed and banks on raster() x raster() [m].
-
-    Args:
-        river: the plan.
-        piers: x, y, length and width of each thing that stands along the flow [m]. The bed is scoured about its
-            upstream end and along its sides, and what was carried off lies behind it.
-        rng: of the relief, and of how deep the scour is.
-    """
+    """Bed and banks on raster() x raster() [m]. The bed is scoured about the upstream end and along the sides of each
+    pier (x, y, length and width [m]), and what was carried off lies behind it."""
     x, y = np.meshgrid(raster(), raster(), indexing="ij")
     wind = river.winding(x)
     bed = river.bed + 0.8 * relief(rng)
@@ -86,27 +72,17 @@ FOOT = -34.0  # below the lowest bed: where piers and piles end [m]
 
 @dataclass(frozen=True, slots=True)
 class Pier:
-    """One pier.
+    """One pier."""
 
-    Attributes:
-        x, y: of its middle [m].
-        length, width: along and across the flow [m].
-        footing: how far its footing reaches beyond it on all sides [m].
-        footing_top: height of that [m].
-        round: whether its ends are round rather than pointed.
-        fenced: whether it stands beside the fairway and has fenders.
-        turned: its heading against the flow [rad].
-    """
-
-    x: float
-    y: float
-    length: float
-    width: float
-    footing: float
-    footing_top: float
-    round: bool
-    fenced: bool
-    turned: float
+    x: float  # of its middle [m]
+    y: float  # likewise
+    length: float  # along the flow [m]
+    width: float  # across the flow [m]
+    footing: float  # how far its footing reaches beyond it on all sides [m]
+    footing_top: float  # height of that [m]
+    round: bool  # whether its ends are round rather than pointed
+    fenced: bool  # whether it stands beside the fairway and has fenders
+    turned: float  # its heading against the flow [rad]
 
 
 def outline(length: float, width: float, is_round: bool) -> np.ndarray:
@@ -119,8 +95,7 @@ def outline(length: float, width: float, is_round: bool) -> np.ndarray:
 
 def _placed(pier: Pier, mesh: Mesh) -> Mesh:
     """A mesh of the pier's frame, x along it, in the scene's."""
-    turn = Rotation.from_euler("z", pier.turned)
-    return Mesh(turn.apply(mesh.vertices) + np.array((pier.x, pier.y, 0.0)), mesh.triangles)
+    return mesh.moved(Rotation.from_euler("z", pier.turned), (pier.x, pier.y, 0.0))
 
 
 def shaft(pier: Pier, deck: tuple[float, float], heading: float) -> list[Mesh]:
@@ -149,9 +124,7 @@ def fenders(pier: Pier, rng: np.random.Generator) -> list[Mesh]:
         middle = np.array((end * (pier.length / 2 + rng.uniform(6.0, 11.0)), rng.uniform(-1.5, 1.5), 0.0))
         for turn in 2 * np.pi * (np.arange(rng.integers(3, 6)) + rng.random()) / 5:
             lean = np.array((np.cos(turn), np.sin(turn), 0.0))
-            foot, head = (
-                middle + spread + np.array((0, 0, z)) for spread, z in ((2.2 * lean, FOOT), (0.6 * lean, 3.5))
-            )
+            foot, head = (middle + out * lean + np.array((0, 0, z)) for out, z in ((2.2, FOOT), (0.6, 3.5)))
             parts.append(cylinder(foot, head, 0.4, sides=10))
     return [_placed(pier, part) for part in parts]
 
@@ -163,5 +136,5 @@ def driftwood(pier: Pier, bed: float, rng: np.random.Generator) -> list[Mesh]:
         middle = np.array((-pier.length / 2 - rng.uniform(0.5, 3.0), rng.uniform(-3.0, 3.0), 0.0))
         middle[2] = max(pier.footing_top, bed) + rng.uniform(0.3, 3.0)
         reach = Rotation.from_euler("ZYX", rng.uniform((0.8, -0.4, 0), (2.3, 0.4, 0))).apply((rng.uniform(2, 6), 0, 0))
-        parts.append(cylinder(middle - reach, middle + reach, rng.uniform(0.2, 0.55), sides=8))
+        parts.append(rod(middle, reach, rng.uniform(0.2, 0.55), sides=8))
     return [_placed(pier, part) for part in parts]

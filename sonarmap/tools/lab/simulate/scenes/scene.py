@@ -16,42 +16,22 @@ UPWARD = np.array([0.0312, 0.0471, 1.0]) / np.linalg.norm([0.0312, 0.0471, 1.0])
 
 @dataclass(frozen=True)
 class Scene:
-    """A world to look at: centered in x and y, z up, the water's surface at z = 0.
+    """A world to look at: centered in x and y, z up, the water's surface at z = 0."""
 
-    Attributes:
-        name: a key of SCENE_KINDS, or a name of the caller's own.
-        mesh: its surface, East-North-Up [m].
-    """
-
-    name: str
-    mesh: Mesh
+    name: str  # a key of SCENE_KINDS, or a name of the caller's own
+    mesh: Mesh  # its surface, East-North-Up [m]
 
     def intersect(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest surface along rays.
-
-        Args:
-            origins: (N, 3) [m].
-            directions: (N, 3) unit vectors.
-
-        Returns:
-            (N,) float64 ranges [m], inf where a ray meets nothing, and (N,) sines of grazing angles, 0..1.
-        """
+        """The nearest surface along rays from `origins` (N, 3) [m] in unit `directions` (N, 3): (N,) float64 ranges
+        [m], inf where a ray meets nothing, and (N,) sines of grazing angles, 0..1."""
         ranges, normals = self.intersect_with_normals(origins, directions)
         return ranges, np.minimum(np.abs(np.einsum("ij,ij->i", normals, directions)), 1.0)
 
     def intersect_with_normals(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest surface along rays, with its normal.
+        """As `intersect`, but with (N, 3) unit normals of what is met, zeros where nothing.
 
-        Open3D's ray caster says which triangle a ray meets; the point on its plane is then computed in
-        float64, so that the range is exact and does not depend on the machine's vector unit.
-
-        Args:
-            origins: (N, 3) [m].
-            directions: (N, 3) unit vectors.
-
-        Returns:
-            (N,) float64 ranges [m], inf where a ray meets nothing, and (N, 3) unit normals of what it meets,
-            zeros where nothing.
+        Open3D's ray caster says which triangle a ray meets; the point on its plane is then computed in float64, so that
+        the range is exact and does not depend on the machine's vector unit.
         """
         import open3d as o3d
 
@@ -68,11 +48,7 @@ class Scene:
 
     @property
     def kind(self) -> SceneKind:
-        """Its row of SCENE_KINDS.
-
-        Raises:
-            InputError: a scene of the caller's own, which has no row.
-        """
+        """Its row of SCENE_KINDS. Raises InputError: a scene of the caller's own, which has no row."""
         return scene_kind(self.name)
 
     def is_solid(self, places: np.ndarray) -> np.ndarray:
@@ -101,9 +77,6 @@ class Scene:
 
 @lru_cache(maxsize=4)
 def build_scene(name: str, seed: int) -> Scene:
-    """The scene `name` of SCENE_KINDS built from `seed`: the same seed, the same surface.
-
-    Raises:
-        InputError: there is no such scene.
-    """
+    """The scene `name` of SCENE_KINDS built from `seed`: the same seed, the same surface. Raises InputError: there is
+    no such scene."""
     return Scene(name, scene_kind(name).build(seed))

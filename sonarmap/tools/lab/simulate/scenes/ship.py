@@ -5,35 +5,27 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.simulate.scenes.bed import boulders, debris, raster, relief
+from sonarmap.tools.lab.simulate.scenes.bed import boulders, debris, relief, scene_of, tilted
 from sonarmap.tools.lab.simulate.scenes.harbor import hull
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, height_field, loft, merge
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, loft, rod
 
 BLADES = 4
 
 
 @dataclass(frozen=True, slots=True)
 class ShipLayout:
-    """Where a ship lies and how large she is; the frame of the ship is x to the bow, y to port, z = 0 the water.
+    """Where a ship lies and how large she is; the frame of the ship is x to the bow, y to port, z = 0 the water."""
 
-    Attributes:
-        middle: x and y of her middle [m].
-        heading: of the bow, counterclockwise from x [rad].
-        length, beam, draft: [m].
-        bed: mean height of the bed [m].
-    """
-
-    middle: tuple[float, float]
-    heading: float
-    length: float
-    beam: float
-    draft: float
-    bed: float
+    middle: tuple[float, float]  # x and y of her middle [m]
+    heading: float  # of the bow, counterclockwise from x [rad]
+    length: float  # [m]
+    beam: float  # [m]
+    draft: float  # [m]
+    bed: float  # mean height of the bed [m]
 
     def place(self, mesh: Mesh) -> Mesh:
         """A mesh of the ship's frame in the scene's."""
-        turn = Rotation.from_euler("z", self.heading)
-        return Mesh(turn.apply(mesh.vertices) + np.array((*self.middle, 0.0)), mesh.triangles)
+        return mesh.moved(Rotation.from_euler("z", self.heading), (*self.middle, 0.0))
 
 
 def ship_layout(seed: int) -> ShipLayout:
@@ -54,13 +46,11 @@ def ship(seed: int) -> Mesh:
     """The scene from `seed`, 256 m on a side, the water's surface at z = 0, its bed at -24 to -27 m."""
     layout = ship_layout(seed)
     rng = np.random.default_rng(np.random.SeedSequence([seed, 22]))
-    x, y = np.meshgrid(raster(), raster(), indexing="ij")
-    slope = rng.uniform(-0.012, 0.012, 2)
-    height = layout.bed + slope[0] * x + slope[1] * y + 0.7 * relief(rng)
+    height = tilted(layout.bed, 0.012, rng) + 0.7 * relief(rng)
     loose = boulders(height, 90, rng) + debris(height, 40, rng)
     fittings = [*_keels(layout), *_stern_gear(layout, rng), *_openings(layout, rng)]
     skin = hull(layout.middle, layout.heading, layout.length, layout.beam, layout.draft)
-    return merge([height_field(raster(), raster(), height), *skin, *map(layout.place, fittings), *loose])
+    return scene_of(height, skin, [layout.place(fitting) for fitting in fittings], loose)
 
 
 def _keels(ship: ShipLayout) -> list[Mesh]:
@@ -69,11 +59,8 @@ def _keels(ship: ShipLayout) -> list[Mesh]:
     for side in (-1, 1):
         # where harbor.hull's section, a superellipse, turns from the bottom to the side
         turn = Rotation.from_euler("x", side * np.pi / 4)
-        parts.append(
-            box(
-                (0.01 * ship.length, side * 0.43 * ship.beam, -0.84 * ship.draft), (0.38 * ship.length, 0.25, 1.6), turn
-            )
-        )
+        middle = 0.01 * ship.length, side * 0.43 * ship.beam, -0.84 * ship.draft
+        parts.append(box(middle, (0.38 * ship.length, 0.25, 1.6), turn))
     return parts
 
 
@@ -83,15 +70,14 @@ def _stern_gear(ship: ShipLayout, rng: np.random.Generator) -> list[Mesh]:
     # ahead of the rudder's leading edge, below where the bottom rises to the stern
     hub = np.array((-0.49 * ship.length + 3.2, 0.0, -0.72 * ship.draft))
     parts = [
-        cylinder(hub - np.array((0.7, 0, 0)), hub + np.array((0.7, 0, 0)), 0.22 * reach, sides=12),
+        rod(hub, np.array((0.7, 0, 0)), 0.22 * reach, sides=12),
         cylinder(hub, hub + np.array((0.18 * ship.length, 0, 0)), 0.3, sides=12),
         box(hub + np.array((0.05 * ship.length, 0, 0.16 * ship.draft)), (0.5, 0.3, 0.32 * ship.draft)),
     ]
     first = rng.uniform(0, 2 * np.pi)
     for blade in range(BLADES):
         spin = Rotation.from_euler("x", first + 2 * np.pi * blade / BLADES)
-        skin = _blade(reach)
-        parts.append(Mesh(spin.apply(skin.vertices) + hub, skin.triangles))
+        parts.append(_blade(reach).moved(spin, hub))
     return parts
 
 
@@ -107,21 +93,15 @@ def _blade(reach: float) -> Mesh:
 
 def _openings(ship: ShipLayout, rng: np.random.Generator) -> list[Mesh]:
     """Sea chests' gratings, a bow thruster's rims, a bulb at the bow, a sounder's dome beside the keel."""
-    bottom = -ship.draft
+    bottom, bulb = -ship.draft, (0.045 * ship.length, 0.09 * ship.beam, 0.26 * ship.draft)
     parts = [
-        ellipsoid(
-            (0.478 * ship.length, 0, 0.66 * bottom),
-            (0.045 * ship.length, 0.09 * ship.beam, 0.26 * ship.draft),
-            Rotation.identity(),
-        ),
-        ellipsoid(
-            (0.3 * ship.length, rng.uniform(0.06, 0.12) * ship.beam, bottom), (1.0, 0.6, 0.6), Rotation.identity()
-        ),
+        ellipsoid((0.478 * ship.length, 0, 0.66 * bottom), bulb),
+        ellipsoid((0.3 * ship.length, rng.uniform(0.06, 0.12) * ship.beam, bottom), (1.0, 0.6, 0.6)),
     ]
     for along, across in ((-0.2, 1), (-0.12, -1), (0.12, 1)):
         spot = ((along + rng.uniform(-0.03, 0.03)) * ship.length, across * rng.uniform(0.12, 0.26) * ship.beam)
         parts.append(box((*spot, bottom), rng.uniform((1.6, 1.2, 0.7), (2.6, 1.8, 0.9))))
     rim = np.array((0.4 * ship.length, 0.0, 0.62 * bottom))
     half = 0.5 * ship.beam * (1 - 0.8**5) * 0.8 + 0.15
-    parts.append(cylinder(rim - np.array((0, half, 0)), rim + np.array((0, half, 0)), 0.16 * ship.draft))
+    parts.append(rod(rim, np.array((0, half, 0)), 0.16 * ship.draft))
     return parts

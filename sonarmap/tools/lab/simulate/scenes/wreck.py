@@ -9,66 +9,44 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.simulate.scenes.bed import boulders, debris, height_at, raster, relief
+from sonarmap.tools.lab.simulate.scenes.bed import boulders, debris, height_at, on_bed, raster, relief, scene_of
 from sonarmap.tools.lab.simulate.scenes.hulk import Hulk, bulkheads, gear, remains, skin
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, height_field, merge, tube
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, merge, rod, tube
 
 SCENE_REACH = 118.0  # nothing lies farther from the middle along x or y [m]
 
 
 @dataclass(frozen=True, slots=True)
 class Ledge:
-    """A rock outcrop that breaks off toward one side.
+    """A rock outcrop that breaks off toward one side."""
 
-    Attributes:
-        middle: x and y [m].
-        strike: direction of its edge, from x toward y [rad].
-        length, height, back: of the edge, of the break, and how far it slopes down behind [m].
-    """
-
-    middle: tuple[float, float]
-    strike: float
-    length: float
-    height: float
-    back: float
+    middle: tuple[float, float]  # x and y [m]
+    strike: float  # direction of its edge, from x toward y [rad]
+    length: float  # of the edge [m]
+    height: float  # of the break [m]
+    back: float  # how far it slopes down behind [m]
 
 
 @dataclass(frozen=True, slots=True)
 class HullPart:
-    """How one part of the hull lies.
+    """How one part of the hull lies."""
 
-    Attributes:
-        ends: of the part along the hull, in shares of its length from midships.
-        middle: x and y of its keel's middle [m].
-        R_scene_part: its heading, trim and heel.
-        sunk: how deep its lowest corner is in the bed [m].
-    """
-
-    ends: tuple[float, float]
-    middle: tuple[float, float]
-    R_scene_part: Rotation
-    sunk: float
+    ends: tuple[float, float]  # of the part along the hull, in shares of its length from midships
+    middle: tuple[float, float]  # x and y of its keel's middle [m]
+    R_scene_part: Rotation  # its heading, trim and heel
+    sunk: float  # how deep its lowest corner is in the bed [m]
 
 
 @dataclass(frozen=True, slots=True)
 class WreckLayout:
-    """What the seed decides of the wreck's plan.
+    """What the seed decides of the wreck's plan."""
 
-    Attributes:
-        bed: mean height of the sea bed [m].
-        slope: of the bed along x and y.
-        hulk: the ship that she was.
-        heading: in which she went down, from x toward y [rad].
-        parts: from stern to bow.
-        ledges: of rock.
-    """
-
-    bed: float
-    slope: tuple[float, float]
-    hulk: Hulk
-    heading: float
-    parts: tuple[HullPart, ...]
-    ledges: tuple[Ledge, ...]
+    bed: float  # mean height of the sea bed [m]
+    slope: tuple[float, float]  # of the bed along x and y
+    hulk: Hulk  # the ship that she was
+    heading: float  # in which she went down, from x toward y [rad]
+    parts: tuple[HullPart, ...]  # from stern to bow
+    ledges: tuple[Ledge, ...]  # of rock
 
 
 def wreck_layout(seed: int) -> WreckLayout:
@@ -94,16 +72,8 @@ def wreck(seed: int) -> Mesh:
     height = _ground(layout, rng)
     loose = boulders(height, int(rng.integers(40, 130)), rng) + debris(height, int(rng.integers(10, 40)), rng)
     parts = [mesh for part in layout.parts for mesh in _laid(layout, part, height, rng)]
-    return merge(
-        [
-            height_field(raster(), raster(), height),
-            *parts,
-            *_slabs(layout, height, rng),
-            *_spilled(layout, height, rng),
-            *_rigging(layout, height, rng),
-            *loose,
-        ]
-    )
+    strewn = [lay(layout, height, rng) for lay in (_slabs, _spilled, _rigging)]
+    return scene_of(height, parts, *strewn, loose)
 
 
 def _parts(hulk: Hulk, heading: float, rng: np.random.Generator) -> tuple[HullPart, ...]:
@@ -179,16 +149,11 @@ def _slabs(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) ->
         c, s = np.cos(ledge.strike), np.sin(ledge.strike)
         for _ in range(int(rng.integers(2, 8))):
             along, before = rng.uniform(-ledge.length / 2, ledge.length / 2), rng.uniform(-9.0, 3.0)
-            east, north = np.clip(
-                (ledge.middle[0] + c * along - s * before, ledge.middle[1] + s * along + c * before),
-                -SCENE_REACH,
-                SCENE_REACH,
-            )
-            turn = Rotation.from_euler(
-                "ZYX", rng.uniform((-0.5, -0.35, -0.35), (0.5, 0.35, 0.35)) + np.array((ledge.strike, 0, 0))
-            )
+            place = ledge.middle[0] + c * along - s * before, ledge.middle[1] + s * along + c * before
+            lying = rng.uniform((-0.5, -0.35, -0.35), (0.5, 0.35, 0.35)) + np.array((ledge.strike, 0, 0))
             size = rng.uniform((2.0, 1.5, 0.7), (8.0, 5.5, 2.2))
-            parts.append(box((east, north, height_at(height, east, north) + 0.2 * size[2]), size, turn))
+            middle = on_bed(height, np.clip(place, -SCENE_REACH, SCENE_REACH), 0.2 * size[2])
+            parts.append(box(middle, size, Rotation.from_euler("ZYX", lying)))
     return parts
 
 
@@ -198,7 +163,7 @@ def _spilled(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) 
     for number in range(int(rng.integers(10, 34))):
         part = layout.parts[int(rng.integers(len(layout.parts)))]
         east, north = np.clip(rng.normal(part.middle, 17.0), -SCENE_REACH, SCENE_REACH)
-        floor = np.array((east, north, height_at(height, east, north)))
+        floor = on_bed(height, (east, north))
         turn = Rotation.from_euler("ZYX", rng.uniform((-np.pi, -0.4, -0.5), (np.pi, 0.4, 0.5)))
         if number % 3 == 0:
             parts.append(box(floor + np.array((0, 0, 0.8)), (6.1 if rng.random() < 0.6 else 12.2, 2.44, 2.6), turn))
@@ -206,14 +171,7 @@ def _spilled(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) 
             parts.append(box(floor + np.array((0, 0, 0.4)), rng.uniform((2.0, 1.5, 0.25), (9.0, 5.0, 0.45)), turn))
         else:
             reach = turn.apply((rng.uniform(2.5, 6.0), 0, 0))
-            parts.append(
-                cylinder(
-                    floor + np.array((0, 0, 0.5)) - reach,
-                    floor + np.array((0, 0, 0.5)) + reach,
-                    rng.uniform(0.3, 0.8),
-                    12,
-                )
-            )
+            parts.append(rod(floor + np.array((0, 0, 0.5)), reach, rng.uniform(0.3, 0.8), 12))
     return parts
 
 
@@ -223,14 +181,14 @@ def _rigging(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) 
     for part in layout.parts[:2]:
         start = np.array(part.middle) + rng.uniform(-16.0, 16.0, 2)
         turn = Rotation.from_euler("ZYX", (rng.uniform(-np.pi, np.pi), rng.uniform(-0.25, -0.05), 0))
-        foot = np.array((*start, height_at(height, *start) + 0.3))
+        foot = on_bed(height, start, 0.3)
         reach = rng.uniform(12.0, 22.0)
         parts.append(cylinder(foot, foot + turn.apply((reach, 0, 0)), rng.uniform(0.3, 0.5), 12))
         yard = foot + turn.apply((0.7 * reach, 0, 0))
-        parts.append(cylinder(yard - turn.apply((0, 4.0, 0)), yard + turn.apply((0, 4.0, 0)), 0.25, 10))
+        parts.append(rod(yard, turn.apply((0, 4.0, 0)), 0.25, 10))
     steps = np.cumsum(rng.normal(0, 0.35, 9)) + layout.heading
     line = np.array(layout.parts[-1].middle) + np.cumsum(6.0 * np.column_stack([np.cos(steps), np.sin(steps)]), axis=0)
     line = np.clip(line, -SCENE_REACH, SCENE_REACH)
     kept = np.concatenate([[True], np.linalg.norm(np.diff(line, axis=0), axis=1) > 0.5])
-    chain = np.array([(*place, height_at(height, *place) + 0.25) for place in line[kept]])
+    chain = np.array([on_bed(height, place, 0.25) for place in line[kept]])
     return [*parts, tube(chain, 0.3, bend=2.0, sides=8), box(chain[-1] + np.array((0, 0, 0.4)), (2.6, 1.8, 0.9))]

@@ -17,11 +17,9 @@ def reflect(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> Ech
     comes back by the same path. The sonar knows of no mirror: it reports the length of the whole path, in the beam's
     own direction. Such a ghost lies where the second surface would be seen in the mirror, behind the first one.
 
-    For a sensor under water the surface z = 0 is a mirror, too, and what lies above it gives no ghost; a sensor
-    above it is taken for one in a world without. The strength is Lambert's law at the second surface, less 6 dB.
-
-    Returns:
-        ranges are the lengths of the whole paths [m], inf where there is no second surface within the sensor's ranges.
+    For a sensor under water the surface z = 0 is a mirror, too, and what lies above it gives no ghost; a sensor above
+    it is taken for one in a world without. The strength is Lambert's law at the second surface, less 6 dB. The ranges
+    are the lengths of the whole paths [m], inf where there is no second surface within the sensor's ranges.
     """
     origin, directions = beams(sensor, T_world_sensor)
     return reflect_beams(scene, sensor, np.broadcast_to(origin, directions.shape), directions)

@@ -23,19 +23,12 @@ INSTRUMENT_STREAM = 31  # of the seed: the errors are drawn apart from the scans
 
 @dataclass(frozen=True, slots=True)
 class Instruments:
-    """Standard deviations of what a vehicle carries; inf for what it does not.
+    """Standard deviations of what a vehicle carries; inf for what it does not."""
 
-    Attributes:
-        attitude: of roll and of pitch [rad]; an inertial sensor's.
-        heading: [rad]; a magnetic compass near steel.
-        depth: [m]; a pressure sensor's, with waves.
-        position: of East and of North [m]; acoustic positioning.
-    """
-
-    attitude: float = float(np.deg2rad(0.5))
-    heading: float = float(np.deg2rad(3.0))
-    depth: float = 0.1
-    position: float = 3.0
+    attitude: float = float(np.deg2rad(0.5))  # of roll and of pitch [rad]; an inertial sensor's
+    heading: float = float(np.deg2rad(3.0))  # [rad]; a magnetic compass near steel
+    depth: float = 0.1  # [m]; a pressure sensor's, with waves
+    position: float = 3.0  # of East and of North [m]; acoustic positioning
 
     @property
     def sigmas(self) -> np.ndarray:
@@ -47,15 +40,8 @@ KINDS = tuple(Instruments.__dataclass_fields__)
 
 
 def instruments_for(kinds: Sequence[str], fix_sigma: float | None = None) -> Instruments:
-    """A vehicle that carries only these KINDS of instruments, with the default standard deviations.
-
-    Args:
-        kinds: of KINDS.
-        fix_sigma: another standard deviation of positions [m].
-
-    Raises:
-        InputError: an unknown kind, or none at all; a standard deviation that is not positive.
-    """
+    """A vehicle that carries only these KINDS of instruments, with the default standard deviations but for that of
+    positions [m]. Raises InputError: an unknown kind, or none at all; a standard deviation that is not positive."""
     unknown = [kind for kind in kinds if kind not in KINDS]
     if unknown or not kinds:
         what = repr(unknown[0]) if unknown else "nothing"
@@ -99,18 +85,10 @@ _SHAKE = np.repeat([np.radians(0.02), 0.002], 3)
 
 @dataclass(frozen=True, slots=True)
 class Fixes:
-    """How positions are fixed.
+    """How positions are fixed. Raises InputError: a number below 1, or a share out of its range."""
 
-    Attributes:
-        every: only every so many-th scan has a position, beginning with the first.
-        outliers: share of the positions that are 20 m off, 0..1.
-
-    Raises:
-        InputError: a number below 1, or a share out of its range.
-    """
-
-    every: int = 1
-    outliers: float = 0.0
+    every: int = 1  # only every so many-th scan has a position, beginning with the first
+    outliers: float = 0.0  # share of the positions that are 20 m off, 0..1
 
     def __post_init__(self) -> None:
         if self.every < 1 or not 0 <= self.outliers <= 1:
@@ -134,13 +112,8 @@ class Fixes:
 def dead_reckoning(truth: Trajectory, drift: float, turn_drift: float, seed: int, dive: int = 1) -> Trajectory:
     """Where a vehicle believes it went: its log is off by a share of the way, its gyroscope by a turn per second.
 
-    Both are drawn once for the dive, with these standard deviations; from scan to scan comes a little more.
-
-    Args:
-        truth: the true poses, stamps in seconds.
-        drift: of the way, as a share of it.
-        turn_drift: of the heading [rad/s].
-        seed, dive: decide what is drawn.
+    Both are drawn once for the dive, with the standard deviations `drift`, a share, and `turn_drift` [rad/s]; from scan
+    to scan comes a little more. The truth's stamps are in seconds.
     """
     rng = np.random.default_rng(entropy_of(seed, STREAM, 1, dive=dive))
     scale, rate = drift * rng.standard_normal(), turn_drift * rng.standard_normal()

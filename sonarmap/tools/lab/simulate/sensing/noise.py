@@ -16,28 +16,22 @@ NARROWEST, WIDEST = 0.05, 8.0  # of a lobe [beams]; in a narrower one no neighbo
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Noise of the ranges (paper Sect. 3, "Gaussian noise along virtual beams") and of the echoes' strengths.
-
-    Attributes:
-        sigma2: variance of range at the sensor's maximum range [m^2]; sigma2 r / max_range at range r.
-        outliers: share of the echoes whose range is instead uniform between the sensor's minimum and maximum.
-        dropouts: share of the echoes that are lost.
-        ghosts: share of the beams that report their second surface, seen in the first as in a mirror, where
-            there is one: the multipath of tools.lab.simulate.sensing.ghosts.
-        speckle: share of an echo's strength that fluctuates as speckle does, 0..1. At 1 the amplitude is
-            Rayleigh distributed and the strength, an intensity, exponentially; its mean stays (J. W. Goodman,
-            Statistical Properties of Laser Speckle Patterns, 1975, doi 10.1007/978-3-662-43205-1_2).
-        lobe: standard deviation of a beam's main lobe, in beams. Above 0 echoes fade by patches and every beam
-            reports the strongest echo of its lobe, as tools.lab.simulate.sensing.noise has it.
-    """
+    """Noise of the ranges (paper Sect. 3, "Gaussian noise along virtual beams") and of the echoes' strengths."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
-    sigma2: float = 0.0
-    outliers: float = 0.0
-    dropouts: float = 0.0
+    sigma2: float = 0.0  # variance of range at the sensor's maximum range [m^2]; sigma2 r / max_range at range r
+    outliers: float = 0.0  # share of the echoes whose range is instead uniform between the sensor's minimum and maximum
+    dropouts: float = 0.0  # share of the echoes that are lost
+    # share of the beams that report their second surface, seen in the first as in a mirror, where there is one: the
+    # multipath of tools.lab.simulate.sensing.ghosts
     ghosts: float = 0.0
+    # share of an echo's strength that fluctuates as speckle does, 0..1. At 1 the amplitude is Rayleigh distributed and
+    # the strength, an intensity, exponentially; its mean stays (J. W. Goodman, Statistical Properties of Laser Speckle
+    # Patterns, 1975, doi 10.1007/978-3-662-43205-1_2).
     speckle: float = 0.0
+    # standard deviation of a beam's main lobe, in beams. Above 0 echoes fade by patches and every beam reports the
+    # strongest echo of its lobe, as tools.lab.simulate.sensing.noise has it.
     lobe: float = 0.0
 
     def __post_init__(self) -> None:
@@ -58,18 +52,9 @@ def disturb(
 ) -> Echoes:
     """Echoes with noise; range inf and strength 0 where one was too weak, was lost or left the limits.
 
-    Every beam draws the same numbers whatever it meets and whatever the settings, so that two scans with one
-    seed differ only where their scene or their settings do.
-
-    Args:
-        echoes: the truth; any shape, ranges inf without an echo.
-        sensor: its limits, threshold and resolution.
-        noise: what disturbs.
-        rng: draws it.
-        ghosts: what the beams would see in their first surface (`simulate.sensing.ghosts.reflect`), as `echoes`.
-
-    Raises:
-        InputError: noise with ghosts, and none given.
+    Every beam draws the same numbers whatever it meets and whatever the settings, so that two scans with one seed
+    differ only where their scene or their settings do. `ghosts` are what the beams would see in their first surface
+    (`simulate.sensing.ghosts.reflect`). Raises InputError: noise with ghosts, and none given.
     """
     if ghosts is None and noise.ghosts > 0:
         raise InputError(f"noise: ghosts is {noise.ghosts}, and no ghosts were given; wanted those of reflect()")
@@ -91,23 +76,17 @@ def disturb(
     seen = np.isfinite(echoes.ranges) & (strengths >= sensor.threshold)
     true = np.where(seen, echoes.ranges, 0.0)
     measured = true + gauss * np.sqrt(noise.sigma2 * true / sensor.max_range)
-    measured = _in_steps(np.where(wild < noise.outliers, wild_range, measured), sensor.resolution)
+    measured = np.where(wild < noise.outliers, wild_range, measured)
+    if sensor.resolution > 0:
+        measured = np.rint(measured / sensor.resolution) * sensor.resolution
     kept = seen & (lost >= noise.dropouts) & (measured >= sensor.min_range) & (measured <= sensor.max_range)
     noisy = Echoes(np.where(kept, measured, np.inf), np.where(kept, strengths, 0.0))
     return pick_strongest(noisy, noise.lobe) if noise.lobe > 0 else noisy
 
 
-def _in_steps(ranges: np.ndarray, resolution: float) -> np.ndarray:
-    """Ranges at the nearest multiples of `resolution` [m]; 0 leaves them."""
-    return ranges if resolution == 0 else np.rint(ranges / resolution) * resolution
-
-
 def scan_of(echoes: Echoes, sensor: Sensor, *, stamp: float = 0.0, name: str = "scan") -> Scan:
-    """The scan of measured echoes: points in the sensor frame, without the empty beams.
-
-    Raises:
-        InputError: no beam brings an echo back.
-    """
+    """The scan of measured echoes: points in the sensor frame, without the empty beams. Raises InputError: no beam
+    brings an echo back."""
     kept = np.isfinite(echoes.ranges)
     if not kept.any():
         raise InputError(
@@ -116,10 +95,7 @@ def scan_of(echoes: Echoes, sensor: Sensor, *, stamp: float = 0.0, name: str = "
         )
     points = sensor.directions()[kept] * echoes.ranges[kept][:, None]
     return Scan(
-        points=points.astype(np.float32),
-        strength=echoes.strengths[kept].astype(np.float32),
-        stamp=stamp,
-        name=name,
+        points=points.astype(np.float32), strength=echoes.strengths[kept].astype(np.float32), stamp=stamp, name=name
     )
 
 
@@ -133,12 +109,8 @@ def fade(echoes: Echoes, rng: np.random.Generator) -> Echoes:
 
 
 def pick_strongest(echoes: Echoes, lobe: float) -> Echoes:
-    """For every beam range and strength of the strongest echo of its lobe, weighted by the lobe.
-
-    Args:
-        echoes: of thin beams, (rows, columns).
-        lobe: standard deviation of the main lobe, in beams; it is taken over twice as many to either side.
-    """
+    """For every beam of (rows, columns) range and strength of the strongest echo of its lobe, weighted by the lobe,
+    whose standard deviation is in beams; it is taken over twice as many to either side."""
     reach = int(np.ceil(2 * lobe))
     padded = Echoes(np.pad(echoes.ranges, reach, constant_values=np.inf), np.pad(echoes.strengths, reach))
     rows, columns = echoes.ranges.shape

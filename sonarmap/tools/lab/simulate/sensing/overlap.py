@@ -15,13 +15,7 @@ ROUNDING = 1e-9  # of a direction [rad]: the outermost beams are in view
 def overlap(
     target: np.ndarray, source: np.ndarray, T_target_source: RigidTransform, radius: float = OVERLAP_RADIUS
 ) -> float:
-    """The share of the source's points that have a point of the target within `radius`, 0..1.
-
-    Args:
-        target, source: (M, 3) and (N, 3) points [m], each in its own sensor frame.
-        T_target_source: the truth.
-        radius: [m].
-    """
+    """The share of the source's points (N, 3) that have a point of the target (M, 3) within `radius` [m], 0..1."""
     return share_near(KDTree(target), T_target_source.apply(source), radius)
 
 
@@ -35,10 +29,7 @@ def mutual_overlap(
     target: np.ndarray, source: np.ndarray, T_target_source: RigidTransform, radius: float = OVERLAP_RADIUS
 ) -> float:
     """The smaller of both ways' overlaps, as Registration.overlap means it."""
-    return min(
-        overlap(target, source, T_target_source, radius),
-        overlap(source, target, T_target_source.inv(), radius),
-    )
+    return min(overlap(target, source, T_target_source, radius), overlap(source, target, T_target_source.inv(), radius))
 
 
 def shared_view(scene: Scene, sensor: Sensor, T_world_target: RigidTransform, T_world_source: RigidTransform) -> float:

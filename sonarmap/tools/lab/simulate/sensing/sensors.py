@@ -19,36 +19,24 @@ ABSORPTION_DB = 0.06  # of sea water at 240 kHz, one way [dB/m]
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A 3D sonar: one range a beam, the beams evenly spaced in azimuth and elevation over the field of view.
-
-    Attributes:
-        name: what to call it.
-        horizontal, vertical: field of view, the angle between the outer beams [rad].
-        columns, rows: beams in azimuth and in elevation.
-        min_range, max_range: [m]; what lies nearer or farther gives no echo.
-        tilt: angle of the fan's middle below the sensor's x axis [rad]; the frame itself stays level.
-        edge_loss: how much weaker an echo is, there and back, at half the horizontal field off the fan's middle
-            than in it [dB]; between and beyond it goes with the square of the angle, as a Gaussian main lobe
-            does. 0: all directions alike.
-        absorption: of the water at the sensor's frequency, one way [dB/m].
-        threshold: echoes weaker than this are discarded, linear as Echoes.strengths; 0 keeps all.
-        resolution: ranges come in steps of this [m]; 0: as they are.
-    """
+    """A 3D sonar: one range a beam, the beams evenly spaced in azimuth and elevation over the field of view."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
-    name: str
-    horizontal: float
-    vertical: float
-    columns: int
-    rows: int
-    min_range: float
-    max_range: float
-    tilt: float = 0.0
+    name: str  # what to call it
+    horizontal: float  # field of view, the angle between the outer beams [rad]
+    vertical: float  # field of view, likewise [rad]
+    columns: int  # beams in azimuth
+    rows: int  # beams in elevation
+    min_range: float  # what lies nearer gives no echo [m]
+    max_range: float  # what lies farther gives no echo [m]
+    tilt: float = 0.0  # angle of the fan's middle below the sensor's x axis [rad]; the frame itself stays level
+    # how much weaker an echo is, there and back, at half the horizontal field off the fan's middle than in it [dB];
+    # between and beyond it goes with the square of the angle, as a Gaussian main lobe does. 0: all directions alike.
     edge_loss: float = 0.0
-    absorption: float = ABSORPTION_DB
-    threshold: float = 0.0
-    resolution: float = 0.0
+    absorption: float = ABSORPTION_DB  # of the water at the sensor's frequency, one way [dB/m]
+    threshold: float = 0.0  # echoes weaker than this are discarded, linear as Echoes.strengths; 0 keeps all
+    resolution: float = 0.0  # ranges come in steps of this [m]; 0: as they are
 
     def __post_init__(self) -> None:
         fan = 0 < self.horizontal < 2 * math.pi and 0 < self.vertical < math.pi
@@ -92,21 +80,10 @@ def bare(sensor: Sensor) -> Sensor:
 # degrees, here the beams' spacing, ranges in steps of 2.5 cm, weak echoes discarded), mounted under a vessel and
 # tilted toward the bed. The paper gives neither beam pattern nor threshold: 12 dB each way at the edge, and echoes
 # of a 500th of a wall's close by, leave about 90 of the 120 degrees, as it reports
-ECLIPSE = Sensor(
-    "eclipse",
-    math.radians(120),
-    math.radians(90),
-    columns=256,
-    rows=192,
-    min_range=0.4,
-    max_range=120.0,
-    tilt=math.radians(20),
-    edge_loss=24.0,
-    threshold=0.002,
-    resolution=0.025,
-)
+_FAN = math.radians(120), math.radians(90), 256, 192
+ECLIPSE = Sensor("eclipse", *_FAN, 0.4, 120.0, tilt=math.radians(20), edge_loss=24.0, threshold=0.002, resolution=0.025)
 # The paper's simulated sensor (Sect. 3): the same fan, its range as long as the 256 m grid
-PAPER = Sensor("paper", math.radians(120), math.radians(90), 256, 192, 0.4, 256.0)
+PAPER = Sensor("paper", *_FAN, 0.4, 256.0)
 # The Water Linked Sonar 3D-15: its fan and reach. Its maker gives no beam pattern: all directions count alike
 SONAR_3D15 = Sensor("sonar3d15", math.radians(90), math.radians(40), 256, 64, 0.2, 15.0)
 SENSORS = MappingProxyType({sensor.name: sensor for sensor in (ECLIPSE, PAPER, SONAR_3D15)})
@@ -114,15 +91,10 @@ SENSORS = MappingProxyType({sensor.name: sensor for sensor in (ECLIPSE, PAPER, S
 
 @dataclass(frozen=True, slots=True)
 class Echoes:
-    """What each beam brings back.
+    """What each beam brings back."""
 
-    Attributes:
-        ranges: (rows, columns) float64 [m]; inf where the beam meets nothing within the sensor's ranges.
-        strengths: (rows, columns) float64, linear, 0..1; 0 where there is no echo.
-    """
-
-    ranges: np.ndarray
-    strengths: np.ndarray
+    ranges: np.ndarray  # (rows, columns) float64 [m]; inf where the beam meets nothing within the sensor's ranges
+    strengths: np.ndarray  # (rows, columns) float64, linear, 0..1; 0 where there is no echo
 
 
 def cast(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> Echoes:
@@ -146,16 +118,12 @@ def beams(sensor: Sensor, T_world_sensor: RigidTransform) -> tuple[np.ndarray, n
 
 
 def echoes_of(sensor: Sensor, ranges: np.ndarray, sine_grazing: np.ndarray) -> Echoes:
-    """The echoes from what the beams met.
+    """The echoes from what the beams met: ranges [m], inf where nothing, and sines of grazing angles, (rows *
+    columns,).
 
-    The strength is Lambert's law, the losses of the way and the beam pattern:
-    sin^2(grazing angle) * 10^(-2 a r / 10) * pattern, with the sensor's absorption a. The spreading loss is taken
-    as made good by the receiver's time-varied gain.
-
-    Args:
-        sensor: whose beams.
-        ranges: (rows * columns,) [m], inf where a beam meets nothing.
-        sine_grazing: (rows * columns,) sines of grazing angles, 0..1.
+    The strength is Lambert's law, the losses of the way and the beam pattern: sin^2(grazing angle) * 10^(-2 a r / 10) *
+    pattern, with the sensor's absorption a. The spreading loss is taken as made good by the receiver's time-varied
+    gain.
     """
     seen = (ranges >= sensor.min_range) & (ranges <= sensor.max_range)
     distance = np.where(seen, ranges, 0.0)

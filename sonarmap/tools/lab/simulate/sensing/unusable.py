@@ -24,16 +24,11 @@ WEAK = 0.002  # strength about which stray echoes lie, where the sensor's thresh
 
 @dataclass(frozen=True, slots=True)
 class UnusableScans:
-    """The unusable scans of a survey.
+    """The unusable scans of a survey."""
 
-    Attributes:
-        faults: the kind of each, by its number.
-        seed, dive: of the survey; they decide what the unusable scans hold.
-    """
-
-    faults: Mapping[int, Fault]
-    seed: int
-    dive: int = 1
+    faults: Mapping[int, Fault]  # the kind of each, by its number
+    seed: int  # of the survey; with `dive` it decides what the unusable scans hold
+    dive: int = 1  # of the survey
 
     def scan(self, sensor: Sensor, number: int, stamp: float, name: str) -> Scan:
         """The unusable scan `number`: echoes that no surface gave, spread evenly over the beams and the ranges."""
@@ -49,10 +44,7 @@ class UnusableScans:
 
 def choose_unusable(share: float, count: int, seed: int, dive: int = 1) -> UnusableScans:
     """Choose round(share * count) of `count` scans, never the first; a larger share keeps those of a smaller one.
-
-    Raises:
-        InputError: not a share, or one that leaves no two usable scans.
-    """
+    Raises InputError: not a share, or one that leaves no two usable scans."""
     if not 0 <= share < 1:
         raise InputError(f"unusable is {share}; wanted a share of the scans, 0 <= share < 1")
     number = round(share * count)

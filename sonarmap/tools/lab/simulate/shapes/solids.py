@@ -32,15 +32,14 @@ CYLINDER_SIDES = 24
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """A surface made of triangles.
+    """A surface made of triangles."""
 
-    Attributes:
-        vertices: (V, 3) float64 [m], frame of the scene (East-North-Up).
-        triangles: (T, 3) int64, indices into `vertices`; counterclockwise from outside where it is closed.
-    """
+    vertices: np.ndarray  # (V, 3) float64 [m], frame of the scene (East-North-Up)
+    triangles: np.ndarray  # (T, 3) int64, indices into `vertices`; counterclockwise from outside where it is closed
 
-    vertices: np.ndarray
-    triangles: np.ndarray
+    def moved(self, turn: Rotation, place: ArrayLike) -> "Mesh":
+        """The mesh turned about its frame's origin, and that origin put to a place (3,) [m]."""
+        return Mesh(turn.apply(self.vertices) + np.asarray(place, float), self.triangles)
 
 
 def merge(meshes: Sequence[Mesh]) -> Mesh:
@@ -94,7 +93,12 @@ def cylinder(start: ArrayLike, end: ArrayLike, radius: float, sides: int = CYLIN
     return loft([foot + ring, head + ring])
 
 
-def ellipsoid(center: ArrayLike, radii: ArrayLike, R_scene_solid: Rotation, rings: int = 9) -> Mesh:
+def rod(middle: ArrayLike, reach: np.ndarray, radius: float, sides: int = CYLINDER_SIDES) -> Mesh:
+    """A closed cylinder that reaches by (3,) [m] to either side of its middle."""
+    return cylinder(np.asarray(middle, float) - reach, np.asarray(middle, float) + reach, radius, sides)
+
+
+def ellipsoid(center: ArrayLike, radii: ArrayLike, R_scene_solid: Rotation | None = None, rings: int = 9) -> Mesh:
     """An ellipsoid of half axes `radii` [m], cut into `rings` bands of latitude."""
     latitude = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)[1:-1, None]
     longitude = np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False)[None, :]
@@ -106,10 +110,9 @@ def ellipsoid(center: ArrayLike, radii: ArrayLike, R_scene_solid: Rotation, ring
         ],
         axis=-1,
     )
-    sections = R_scene_solid.apply((unit * np.asarray(radii, float)).reshape(-1, 3)).reshape(unit.shape) + np.asarray(
-        center, float
-    )
-    return loft(list(sections))
+    own = (unit * np.asarray(radii, float)).reshape(-1, 3)
+    turned = (R_scene_solid or Rotation.identity()).apply(own)
+    return loft(list(turned.reshape(unit.shape) + np.asarray(center, float)))
 
 
 def loft(sections: Sequence[np.ndarray]) -> Mesh:

@@ -17,9 +17,7 @@ def surface_points(mesh: Mesh, spacing: float) -> np.ndarray:
     """Points all over a surface, no farther apart than `spacing` [m], its height about zero.
 
     Every triangle carries the same raster as its neighbor of that size, corners and edges included: nothing random.
-
-    Returns:
-        (N, 3) float32 [m], frame of the scene, its lowest and highest points equally far from z = 0.
+    Returns (N, 3) float32 [m], frame of the scene, its lowest and highest points equally far from z = 0.
     """
     corners = mesh.vertices[mesh.triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -37,14 +35,8 @@ def surface_points(mesh: Mesh, spacing: float) -> np.ndarray:
 
 
 def occupy(points: np.ndarray, grid: Grid) -> np.ndarray:
-    """Which voxels of a grid about the origin hold a point; what lies outside is lost.
-
-    Args:
-        points: (N, 3) [m].
-
-    Returns:
-        (edge, edge, edge) bool; voxel i covers the coordinate (i - edge/2) voxel at its center.
-    """
+    """Which voxels of a grid about the origin hold one of `points` (N, 3) [m], (edge, edge, edge) bool; what lies
+    outside is lost. Voxel i covers the coordinate (i - edge/2) voxel at its center."""
     cells = np.floor(points / grid.voxel + (grid.edge / 2 + 0.5)).astype(np.int64)
     inside = ((cells >= 0) & (cells < grid.edge)).all(axis=1)
     volume = np.zeros((grid.edge,) * 3, bool)
@@ -67,15 +59,10 @@ def _barycentric(count: int) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class VoxelNoise:
-    """Uniform noise of a volume (paper Sect. 3, Fig. 11).
+    """Uniform noise of a volume (paper Sect. 3, Fig. 11)."""
 
-    Attributes:
-        swap: share of the region's voxels that are flipped, 0..1.
-        envelope: how far around the structure the region reaches [voxels]; None: the whole grid.
-    """
-
-    swap: float
-    envelope: int | None
+    swap: float  # share of the region's voxels that are flipped, 0..1
+    envelope: int | None  # how far around the structure the region reaches [voxels]; None: the whole grid
 
     def __post_init__(self) -> None:
         if not 0 <= self.swap <= 1:
@@ -99,21 +86,11 @@ NOISES: MappingProxyType[str, VoxelNoise] = MappingProxyType(
 
 
 def swap(occupied: np.ndarray, noise: VoxelNoise, rng: np.random.Generator) -> np.ndarray:
-    """A copy of a volume in which a share of the voxels became void where occupied, occupied where void.
+    """A copy of a volume (N, N, N) bool in which a share of the voxels became void where occupied, occupied where void;
+    the edges may also differ.
 
-    "1 out of 25 voxel is flipped" (paper Sect. 3) is read by its word: exactly round(swap * region) different
-    voxels of the region flip, all choices being equally likely, whether occupied or void.
-
-    Args:
-        occupied: (N, N, N) bool, occupied[ix, iy, iz]; the edges may also differ. It is left as it is.
-        noise: how many and where; NOISES holds the paper's.
-        rng: decides which.
-
-    Returns:
-        (N, N, N) bool.
-
-    Raises:
-        InputError: no boolean volume of three axes.
+    "1 out of 25 voxel is flipped" (paper Sect. 3) is read by its word: exactly round(swap * region) different voxels of
+    the region flip, all choices being equally likely. Raises InputError: no boolean volume of three axes.
     """
     reached = envelope(occupied, noise.envelope)
     noisy = np.ascontiguousarray(occupied).copy()
@@ -125,20 +102,11 @@ def swap(occupied: np.ndarray, noise: VoxelNoise, rng: np.random.Generator) -> n
 
 
 def envelope(occupied: np.ndarray, margin: int | None) -> np.ndarray:
-    """The structure and what lies within `margin` voxels of it.
+    """The structure and what lies within `margin` voxels of it, a new (N, N, N) bool; None: everywhere.
 
-    The distance is the largest of the three index differences (Chebyshev): every occupied voxel brings the cube
-    of 2 margin + 1 voxels about it. The grid's faces end it; nothing wraps around.
-
-    Args:
-        occupied: (N, N, N) bool; the edges may also differ.
-        margin: [voxels], >= 0; None: everywhere, though nothing be occupied.
-
-    Returns:
-        (N, N, N) bool, a new array.
-
-    Raises:
-        InputError: no boolean volume of three axes.
+    The distance is the largest of the three index differences (Chebyshev): every occupied voxel brings the cube of 2
+    margin + 1 voxels about it. The grid's faces end it; nothing wraps around. Raises InputError: no boolean volume of
+    three axes.
     """
     if occupied.dtype != bool or occupied.ndim != 3:
         raise InputError(

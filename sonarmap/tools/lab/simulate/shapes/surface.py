@@ -8,14 +8,7 @@ from sonarmap.tools.lab.simulate.shapes.solids import Mesh
 
 
 def surface_distance(mesh: Mesh, points: np.ndarray) -> np.ndarray:
-    """The distance of every point to the nearest triangle, on whichever side of it the point lies.
-
-    Args:
-        mesh: the true surface.
-        points: (N, 3) [m], in the mesh's frame.
-
-    Returns:
-        (N,) float64 distances [m].
+    """The distance (N,) float64 [m] of every point (N, 3) to the mesh's nearest triangle, on whichever side of it.
 
     Open3D's search says which triangle is nearest; the distance to it is then computed in float64, so that it is exact
     and the same whatever the machine's vector unit.

@@ -7,9 +7,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds import patch
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
-from sonarmap.tools.lab.simulate.kinds.draws import observer_of
+from sonarmap.tools.lab.simulate.kinds.draws import Shot, observer_of
 from sonarmap.tools.lab.simulate.pairs.viewpoints import first_view
 from sonarmap.tools.lab.simulate.sensing.overlap import overlap
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
@@ -25,8 +26,9 @@ def _patch(scene: str = "rubble") -> tuple[patch.PathObserver, patch.PathView]:
     return observer, view
 
 
-def _generators() -> tuple[np.random.Generator, np.random.Generator]:
-    return np.random.default_rng(1), np.random.default_rng(2)
+def _merged(observer: patch.PathObserver, view: patch.PathView, number: int = 0) -> Scan:
+    draws = np.random.default_rng(1), np.random.default_rng(2)
+    return patch.merged_scan(Shot(observer, view, QUIET, *draws, "target", number))
 
 
 @pytest.mark.parametrize("scene", ["rubble", "seabed"])
@@ -34,7 +36,7 @@ def test_with_true_odometry_a_patch_lies_on_the_scenes_surface(scene: str, monke
     monkeypatch.setattr(patch, "DRIFT", 0.0)
     monkeypatch.setattr(patch, "TURNED", 0.0)
     observer, view = _patch(scene)
-    scan = patch.merged_scan(observer, view, QUIET, _generators(), "target", viewpoints=True)
+    scan = _merged(observer, view)
     for points in (scan.points.astype(np.float64), view.points):
         placed = view.T_world_sensor.apply(points)
         assert surface_distance(observer.world.mesh, placed).max() < 2e-4
@@ -48,7 +50,7 @@ def _sorted(places: np.ndarray) -> np.ndarray:
 
 def test_points_were_seen_from_where_their_viewpoints_are():
     observer, view = _patch()
-    scan = patch.merged_scan(observer, view, QUIET, _generators(), "target", viewpoints=True)
+    scan = _merged(observer, view)
     assert scan.viewpoints is not None
     # within the fan of one of the looks: none nearer than the least range, none farther than the greatest
     ranges = np.linalg.norm(scan.points - scan.viewpoints, axis=1)
@@ -57,7 +59,7 @@ def test_points_were_seen_from_where_their_viewpoints_are():
     assert ranges.min() >= min(nearest) - 1e-3
     # odometry's errors move them off the true path
     assert_allclose(np.unique(scan.viewpoints, axis=0), _sorted(observer.T_middle_look.translation), atol=0.3)
-    assert patch.merged_scan(observer, view, QUIET, _generators(), "target", viewpoints=False).viewpoints is None
+    assert _merged(observer, view, 1).viewpoints is None
 
 
 def test_odometry_drifts_away_from_the_middle_by_what_it_says():

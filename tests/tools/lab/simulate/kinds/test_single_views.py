@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds import single_view
-from sonarmap.tools.lab.simulate.kinds.draws import SIGMA2, noise_of, observer_of
+from sonarmap.tools.lab.simulate.kinds.draws import SIGMA2, Shot, noise_of, observer_of
 from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View, first_view
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, pick_strongest
@@ -22,11 +22,11 @@ from tests.samples.scenes.simulated import QUIET
 FEW = Sensor("few", np.deg2rad(60), np.deg2rad(40), 31, 21, 0.1, 40.0)
 
 
-def _shot(scene: str = "shallow", noise: Noise = QUIET, seed: int = 3) -> single_view.Shot:
+def _shot(scene: str = "shallow", noise: Noise = QUIET, seed: int = 3) -> Shot:
     observer = observer_of(scene, 9)
     few = Observer(observer.world, replace(observer.sensor, columns=64, rows=32))
     view = first_view(few, 0.15, np.random.default_rng(2))
-    return single_view.Shot(few, view, noise, np.random.default_rng(seed), np.random.default_rng(1), "source")
+    return Shot(few, view, noise, np.random.default_rng(seed), np.random.default_rng(1), "source")
 
 
 def _ranges(points: np.ndarray) -> np.ndarray:
@@ -51,7 +51,7 @@ def test_without_distortion_the_points_lie_on_the_scenes_surface(scene: str):
     ids=["a wrong sound speed", "a bias"],
 )
 def test_all_ranges_change_alike_by_two_percent_or_a_hundredth_of_the_greatest(
-    distort: Callable[[single_view.Shot], Scan], change: np.ufunc, undo: np.ufunc, within: tuple, bounds: tuple
+    distort: Callable[[Shot], Scan], change: np.ufunc, undo: np.ufunc, within: tuple, bounds: tuple
 ):
     true = _ranges(_shot().view.points)
     found = []
@@ -72,12 +72,12 @@ def test_ghosts_are_distorted_as_everything_else_is():
     assert len(plain.points) < 1.1 * len(single_view.distorted_scan(_shot("rubble"), lambda ranges: ranges).points)
 
 
-def _wall_shot() -> single_view.Shot:
+def _wall_shot() -> Shot:
     """Before an upright wall 10 m ahead."""
     observer = Observer(Scene("wall", box((10.5, 0, -20), (1.0, 90.0, 90.0))), FEW)
     pose = RigidTransform.from_translation((0.0, 0.0, -20.0))
     view = View(pose, cast(observer.world, FEW, pose), np.empty((0, 3)))
-    return single_view.Shot(observer, view, QUIET, np.random.default_rng(0), np.random.default_rng(0), "target")
+    return Shot(observer, view, QUIET, np.random.default_rng(0), np.random.default_rng(0), "target")
 
 
 def test_a_sensor_at_rest_measures_what_a_still_one_does():
@@ -132,7 +132,7 @@ def _images(seed: int) -> tuple[np.ndarray, np.ndarray]:
     observer = observer_of("rubble", seed)
     view = first_view(observer, 0.15, np.random.default_rng(seed))
     draws = (np.random.default_rng(seed + 1), np.random.default_rng(seed + 2))
-    scan = single_view.real_scan(single_view.Shot(observer, view, replace(QUIET, speckle=1.0), *draws, "target"))
+    scan = single_view.real_scan(Shot(observer, view, replace(QUIET, speckle=1.0), *draws, "target"))
     # the fan is mounted nose down
     points = np.einsum("ij,ni->nj", _tilted(observer.sensor.tilt), scan.points.astype(np.float64))
     ranges = np.linalg.norm(points, axis=1)
@@ -169,7 +169,7 @@ def test_ranges_come_in_steps_and_lie_near_the_surface_of_their_lobe():
     observer = observer_of("shallow", 4)
     view = first_view(observer, 0.1, np.random.default_rng(4))
     draws = (np.random.default_rng(1), np.random.default_rng(2))
-    scan = single_view.real_scan(single_view.Shot(observer, view, Noise(), *draws, "target"))
+    scan = single_view.real_scan(Shot(observer, view, Noise(), *draws, "target"))
     placed = view.T_world_sensor.apply(scan.points.astype(np.float64))
     assert np.percentile(surface_distance(observer.world.mesh, placed), 95) < 0.15
 

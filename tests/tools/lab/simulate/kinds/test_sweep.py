@@ -7,7 +7,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.kinds import imaging, profiler, swath
 from sonarmap.tools.lab.simulate.kinds.partners import Instrument
 from sonarmap.tools.lab.simulate.kinds.sweep import (
@@ -26,6 +25,7 @@ from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 from sonarmap.tools.lab.simulate.shapes.solids import box, merge
+from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import QUIET
 
 SENSOR = Sensor("test", 1.0, 1.0, 2, 2, 0.5, 50.0, absorption=0.0, threshold=0.01)
@@ -88,8 +88,7 @@ def test_points_are_placed_where_the_vehicle_believed_and_came_from_where_it_was
 
 def test_a_sweep_that_hears_nothing_is_refused():
     nothing = Returns(np.array([[np.inf]]), np.array([[0.0]]), np.array([[0]]))
-    with pytest.raises(InputError, match="no beam"):
-        write_scan(_fan((0.0,)), _still((0, 0, 0)), nothing, QUIET, np.random.default_rng(1), "source")
+    refuses("no beam", write_scan, _fan((0.0,)), _still((0, 0, 0)), nothing, QUIET, np.random.default_rng(1), "source")
 
 
 def test_a_walk_starts_in_the_middle_and_ends_about_its_sigma_away():
