@@ -32,6 +32,15 @@ def reading(path: Path) -> Iterator[None]:
         raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
 
 
+@contextmanager
+def unreadable() -> Iterator[None]:
+    """As `reading`, where whoever catches the InputError names the file."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error}); check its permissions") from error
+
+
 def read_content(path: Path, pipe: bool = False) -> bytes:
     """The bytes of a file. `pipe`: whether a pipe will do, which can be read only once: /dev/stdin or, of a shell,
     <(...). Raises InputError: it cannot be read, is larger than memory or, of a pipe, than 256 MiB, or is a device."""

@@ -117,9 +117,8 @@ def contradiction(priors: Sequence[PosePrior | None], registered: Registered) ->
     Something is named only if many pairs contradict the navigation as it is, most agree with it changed, and the
     evidence is overwhelming. Hypotheses that agree alike are named together; where there are many, none is.
 
-    Args:
-        priors: of the scans, in the order of their times; None where nothing was measured.
-        registered: pairs of scans that registrations without any prior are sure of.
+    `priors` are of the scans in the order of their times, `registered` pairs that registrations without any prior are
+    sure of.
     """
     values, sigmas = _table(priors)
     given = pair_costs(values, sigmas, registered)
@@ -128,10 +127,8 @@ def contradiction(priors: Sequence[PosePrior | None], registered: Registered) ->
         return None
     costs: dict[str, np.ndarray] = {}
     for name, change in _NAVIGATION.items():
-        changed = change(values)
-        if not np.array_equal(changed, values, equal_nan=True):
-            # standard deviations stay with their columns and rows
-            costs[name] = pair_costs(changed, sigmas, registered)
+        if not np.array_equal(changed := change(values), values, equal_nan=True):
+            costs[name] = pair_costs(changed, sigmas, registered)  # deviations stay with their columns and rows
     for name, (axes, scale) in _SCANS.items():
         costs[name] = pair_costs(values, sigmas, registered.changed(axes, scale))
     return _verdict(given, costs)
@@ -163,11 +160,7 @@ def pair_costs(values: Values, sigmas: np.ndarray, registered: Registered) -> np
     """(n, 2) chi-squared, capped, and degrees of freedom, of each registration beside what was measured of its scans.
 
     As `spectral.prior_pair.PriorPair` has them, for many pairs at once; errors of roll and pitch are taken to be alike.
-
-    Args:
-        values: (N, 6) of the scans, in the order of COLUMNS; NaN where not measured.
-        sigmas: (N, 6) [rad, m].
-        registered: n pairs.
+    `values` (N, 6) are in the order of COLUMNS, NaN where not measured; `sigmas` (N, 6) [rad, m].
     """
     i, j, T = registered.i, registered.j, registered.T_i_j
     measured = np.isfinite(values)

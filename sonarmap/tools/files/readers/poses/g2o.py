@@ -152,9 +152,7 @@ def _edges(path: Path, lines: list[Line], index: dict[int, int], repairs: list[R
     for (number, _), pair, T_i_j, covariance in zip(lines, ends.tolist(), measured, covariances, strict=True):
         where = f"{path}: line {number}"
         i, j = (_known(index, vertex, where) for vertex in pair)
-        registration = Registration(
-            T_i_j, covariance, float("nan"), float("nan"), accepted=True, seconds=0.0, reason="read from a file"
-        )
+        registration = Registration(T_i_j, covariance, np.nan, np.nan, True, 0.0, "read from a file")
         with naming(where):
             edges.append(Edge(i, j, registration, "sequential" if abs(i - j) == 1 else "loop"))
     return tuple(edges)

@@ -67,14 +67,8 @@ def rotation_faults(R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rigid_transform(rows: Any, what: str) -> RigidTransform:
-    """The transform of a matrix (4, 4), its rotation the nearest one.
-
-    Args:
-        rows: of the matrix.
-        what: of what it is, for messages.
-
-    Raises InputError: another shape, numbers beyond any use, or no rigid transform; ValueError, TypeError: no numbers.
-    """
+    """The transform of a matrix (4, 4) of `what`, its rotation the nearest one. Raises InputError: another shape,
+    numbers beyond any use, or no rigid transform; ValueError, TypeError: no numbers."""
     matrix = np.array(rows, np.float64)
     if matrix.shape != (4, 4):
         raise InputError(f"the matrix of {what} has shape {matrix.shape}; wanted (4, 4)")
