@@ -94,8 +94,7 @@ def column_of(index: int, heading: str, quantity: str | None = None) -> Column |
     if quantity is None and len(words) > 1 and _SIGMA_WORDS.intersection(words):
         if known not in SIGMA_OF:
             return None
-        own = SIGMA_COLUMNS[SIGMA_OF[known]]
-        return Column(index, heading, own, _factor(heading, own, unit), word, unit)
+        known = SIGMA_COLUMNS[SIGMA_OF[known]]
     return Column(index, heading, known, _factor(heading, known, unit), word, unit)
 
 
