@@ -12,6 +12,7 @@ from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.corrections import FRAMES, UNITS, Corrections, PointFrame
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.cloud_files import TABLE, npz, range_image
+from tests.samples.refusals import refuses
 
 POINTS = np.array([[1.5, -2.25, 0.75], [6.75, 0.125, -3.5]])
 
@@ -82,8 +83,7 @@ def test_a_shot_without_one_is_a_gap(tmp_path: Path) -> None:
     ],
 )
 def test_refuses_other_numbers_and_names(made: Callable[..., object], given: tuple, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        made(*given)
+    refuses(words, made, *given)
 
 
 def test_axes_and_units_come_before_ranges(tmp_path: Path) -> None:

@@ -87,8 +87,7 @@ def test_chunks_unpack_to_a_limit(monkeypatch: pytest.MonkeyPatch, compression: 
 
 
 def test_a_chunk_of_a_compression_that_nobody_knows() -> None:
-    with pytest.raises(InputError, match="its compression is 'brotli'; wanted bz2, lz4 or zstd"):
-        Unpacker(0)(b"", "brotli")
+    refuses("its compression is 'brotli'; wanted bz2, lz4 or zstd", Unpacker(0), b"", "brotli")
 
 
 def test_bombs_within_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
