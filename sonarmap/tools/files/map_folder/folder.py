@@ -16,7 +16,7 @@ from sonarmap.tools.files.map_folder.names import FULL_GRAPH, SUMMARY
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
 from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.readers.poses.graph_json import trajectory_of
-from sonarmap.tools.files.user_file import read_content
+from sonarmap.tools.files.user_file import naming, read_content
 
 COLUMNS = ("count", "seen", "sigma", "scan", "survey")  # that every map has
 
@@ -121,15 +121,11 @@ def read_map_folder(path: Path) -> MapFolder:
 def _points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """The points and columns of a map of these scans."""
     content = read_content(path)
-    try:
+    with naming(path):
         columns = read_ply_columns(content)
-        points = np.column_stack([columns.pop(axis).astype(np.float64) for axis in "xyz"])
-    except KeyError as error:
-        raise InputError(f"{path} has no column {error}; wanted a map that `sonarmap map` wrote") from error
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    if missing := [name for name in COLUMNS if name not in columns]:
+    if missing := [name for name in (*"xyz", *COLUMNS) if name not in columns]:
         raise InputError(f"{path} has no column {missing[0]!r}; wanted a map that `sonarmap map` wrote")
+    points = np.column_stack([columns.pop(axis).astype(np.float64) for axis in "xyz"])
     usable = np.isfinite(points).all() and np.isin(columns["scan"], scans).all()
     if not (usable and all((columns[name] >= 0).all() for name in COLUMNS)):  # NaN is not
         raise InputError(

@@ -74,23 +74,24 @@ def _columns(table: CsvTable) -> dict[str, int]:
 
 def _scan(cells: Mapping[str, str], column: str, scans: int) -> int:
     cell = cells[column]
-    if not (cell.isascii() and cell.isdigit() and len(cell) < 10 and int(cell) < scans):
-        raise InputError(f"{column} is {cell[:40]!r}; wanted the number of a scan, 0 to {scans - 1}")
+    is_scan = cell.isascii() and cell.isdigit() and len(cell) < 10 and int(cell) < scans
+    _require(is_scan, cells, column, f"the number of a scan, 0 to {scans - 1}")
     return int(cell)
 
 
 def _one_of(cells: Mapping[str, str], column: str, known: Collection[str], wanted: str) -> str:
-    if cells[column] not in known:
-        raise InputError(f"{column} is {cells[column][:40]!r}; wanted {wanted}")
+    _require(cells[column] in known, cells, column, wanted)
     return cells[column]
 
 
 def _number(cells: Mapping[str, str], column: str) -> float:
     largest = _MOST_DEGREES if column.endswith("deg") else LARGEST
     value = number(cells[column])
-    if not abs(value) <= largest:
-        raise InputError(
-            f"{column} is {cells[column][:40]!r}; wanted a number within {largest:g}, or all of "
-            f"{', '.join(POSE_COLUMNS)} empty"
-        )
+    wanted = f"a number within {largest:g}, or all of {', '.join(POSE_COLUMNS)} empty"
+    _require(abs(value) <= largest, cells, column, wanted)
     return value
+
+
+def _require(is_right: bool, cells: Mapping[str, str], column: str, wanted: str) -> None:
+    if not is_right:
+        raise InputError(f"{column} is {cells[column][:40]!r}; wanted {wanted}")

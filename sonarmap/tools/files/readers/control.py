@@ -46,10 +46,8 @@ def read_control(
     """The control points of a CSV file with the columns name, scan, POINT (in that scan's sensor frame), LOCAL, EARTH
     or GRID, and one of UP; if need be SIGMAS [m] and `use`, control or check. Lines that begin with # are comments.
 
-    Args:
-        georeference: of the map so far; None where it is not known: then the first latitude and longitude are
-            it, rounded.
-        crs: of eastings and northings, as EPSG:25832.
+    The georeference is that of the map so far; where it is None the first latitude and longitude are it, rounded. `crs`
+    is of eastings and northings, as EPSG:25832.
 
     Raises InputError: naming the file and the line: a column or cell that cannot be used, or two rows that contradict
     each other; or that the map's x axis is not to be East.
@@ -124,12 +122,11 @@ def _sigmas(cells: Mapping[str, str], where: str) -> np.ndarray:
     """(3,) along East, North and Up [m]."""
     wanted = f"a standard deviation from {_SIGMA_BOUNDS[0]:g} to {_SIGMA_BOUNDS[1]:g} m"
     given = {name: number_within(where, name, cells[name], _SIGMA_BOUNDS, wanted) for name in SIGMAS if cells.get(name)}
+    both = f"{SIGMAS[1]} {{}} {SIGMAS[2]}"
     if "sigma_m" in given and len(given) > 1:
-        raise InputError(f"{where}: there are sigma_m and {SIGMAS[1]} or {SIGMAS[2]}; wanted one way; fix that line")
+        raise InputError(f"{where}: there are sigma_m and {both.format('or')}; wanted one way; fix that line")
     if len(given) == 1 and "sigma_m" not in given:
-        raise InputError(
-            f"{where}: {SIGMAS[1]} and {SIGMAS[2]} can only be used together, and one is empty; fix that line"
-        )
+        raise InputError(f"{where}: {both.format('and')} can only be used together, and one is empty; fix that line")
     level, upright = (given.get(name, given.get("sigma_m", DEFAULT_SIGMA)) for name in SIGMAS[1:])
     return np.array([level, level, upright])
 

@@ -126,13 +126,11 @@ def _believable(clouds: Iterator[Cloud], path: Path) -> Iterator[Cloud]:
 
 def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) -> Iterator[NamedCloud]:
     """The clouds with points that were selected; numbered where the file holds several."""
-    place, count, empty = selected.place, 0, list[str]()
+    count, empty, first = 0, list[str](), list(islice(clouds, 2))
     stem = selected.path.name if selected.path.is_dir() else selected.path.stem
-    first = list(islice(clouds, 2))
-    label = "#{}" if len(first) > 1 else ""
     for k, cloud in enumerate(chain(first, clouds)):
-        count += 1
-        named = NamedCloud(selected.path, f"{place}{label.format(k)}", f"{stem}{label.format(k)}", cloud)
+        count, label = count + 1, f"#{k}" if len(first) > 1 else ""
+        named = NamedCloud(selected.path, f"{selected.place}{label}", f"{stem}{label}", cloud)
         if selected.index is not None:
             if k == selected.index:
                 yield named
@@ -140,7 +138,7 @@ def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) ->
         elif len(cloud.points):
             yield named
         else:
-            empty.append(label.format(k))
+            empty.append(label)
     if selected.index is not None:
         raise InputError(f"the file holds scans #0 to #{count - 1}, not #{selected.index}; choose one of them")
     if len(empty) == count:

@@ -50,8 +50,8 @@ def same_points(scans: Sequence[Scan]) -> list[tuple[int, int]]:
     pairs: list[tuple[int, int]] = []
     for k, scan in enumerate(scans):
         alike = firsts.setdefault((len(scan.points), scan.points[:_FIRST].tobytes()), [])
-        earlier = next((j for j in alike if np.array_equal(scans[j].points, scan.points)), None)
-        if earlier is None:
+        earlier = next((j for j in alike if np.array_equal(scans[j].points, scan.points)), k)
+        if earlier == k:
             alike.append(k)
         else:
             pairs.append((earlier, k))

@@ -91,13 +91,13 @@ def read_scan(path: str | Path) -> Scan:
 
 def only_scan(path: str | Path, read: ReadScans) -> Scan:
     """The one scan that was read from `path`; InputError where there are several."""
-    scans = read.scans
-    if len(scans) != 1:
+    first, last = read.scans[0], read.scans[-1]
+    if len(read.scans) > 1:
         raise InputError(
-            f"{path} holds {len(scans)} scans ({scans[0].name} to {scans[-1].name}), and one is needed here: "
-            "choose one, as in file.sonar#3, or map them all with `sonarmap map`"
+            f"{path} holds {len(read.scans)} scans ({first.name} to {last.name}), and one is needed here: choose one, as "
+            "in file.sonar#3, or map them all with `sonarmap map`"
         )
-    return scans[0]
+    return first
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,8 +152,7 @@ def _is_remark(path: Path, files: Sequence[Path]) -> bool:
 def _require_known(files: Sequence[Path], corrections: Corrections) -> None:
     """Refuse corrections of what a format does not say, or says itself."""
     for path in files:
-        known = FORMATS.get(path.suffix.lower())
-        if known is None:
+        if (known := FORMATS.get(path.suffix.lower())) is None:
             continue
         if known.has_axes and not corrections.frame.is_default:
             raise InputError(

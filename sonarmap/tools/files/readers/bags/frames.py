@@ -76,11 +76,8 @@ def is_named(frame: str, name: str) -> bool:
 
 
 class Frames:
-    """Where sensors are mounted, as a recording's tf_static says.
-
-    Attributes:
-        notes: what was done about each frame that was asked for, and what of tf_static is damaged, in words.
-    """
+    """Where sensors are mounted, as a recording's tf_static says; `notes` say what was done about each frame that was
+    asked for, and what of tf_static is damaged."""
 
     def __init__(self, recording: Recording) -> None:
         self.notes: list[str] = []

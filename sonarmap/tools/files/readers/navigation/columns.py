@@ -46,7 +46,7 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     """
     mapped = _mapped(header, settings.columns)
     taken = {column.index for column in mapped.values()}
-    read = [column_of(k, heading) for k, heading in enumerate(header) if k not in taken and heading]
+    read = (column_of(k, heading) for k, heading in enumerate(header) if k not in taken and heading)
     known = [column for column in read if column is not None and column.quantity not in mapped]
     is_own = not mapped and all(column.is_own for column in known)
     _refuse_misspelled(header, known, mapped, is_own)
@@ -61,9 +61,7 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     _check_measured(of, sigmas, is_own)
     used = {column.index for column in of.values()}
     left = [heading for k, heading in enumerate(header) if heading and k not in used]
-    if is_own and left == ["stamp"]:
-        left = []  # `sonarmap template` writes it beside the name, which counts
-    if left:
+    if left and not (is_own and left == ["stamp"]):  # `sonarmap template` writes it beside the name, which counts
         notes.append(f"not used: the columns {', '.join(repr(heading) for heading in left)}")
     return Columns(of, is_own, tuple(notes))
 

@@ -141,11 +141,8 @@ def _verdict(given: np.ndarray, costs: Mapping[str, np.ndarray]) -> Contradictio
         both = (cost[:, 1] > 0) & (given[:, 1] > 0)  # rows shifted by one leave a pair at the end
         if both.sum() >= LEAST_PAIRS and _agreeing(cost[both]) >= _AGREE:
             falls[name] = float((given[both, 0] - cost[both, 0]).sum())
-    if not falls:
-        return None
-    ranked = sorted(falls, key=lambda name: -falls[name])
-    best = falls[ranked[0]]
-    named = tuple(name for name in ranked if falls[name] > best - _TIE)
+    best = max(falls.values(), default=0.0)
+    named = tuple(name for name in sorted(falls, key=lambda name: -falls[name]) if falls[name] > best - _TIE)
     if best < _LEAST_SIGMAS**2 or len(named) > _MOST_NAMED:
         return None
     return Contradiction(float(np.sqrt(best)), named)
@@ -173,9 +170,8 @@ def pair_costs(values: Values, sigmas: np.ndarray, registered: Registered) -> np
     shift = R_target.apply(T.translation)
     residual = np.column_stack([tilt, turn, shift - places[j] + places[i]])
     both = measured[i] & measured[j]
-    attitude, heading = measured[i, 0] & measured[i, 1], measured[i, 2]
-    turned = both[:, 0] & both[:, 1]
-    moved = both[:, 3] & both[:, 4] & attitude & heading
+    attitude, turned = measured[i, :2].all(axis=1), both[:, :2].all(axis=1)
+    moved = both[:, 3:5].all(axis=1) & attitude & measured[i, 2]
     known = np.column_stack([turned, turned, turned & both[:, 2], moved, moved, both[:, 5] & attitude])
     covariance = _covariance(np.where(measured, sigmas, 0.0), shift, R_target * T.rotation, registered)
     # what is not known stands apart from the rest, and is 0

@@ -68,17 +68,15 @@ class Mount:
         lever = R.apply(arm)
         flat, length = float(np.hypot(lever[0], lever[1])), float(np.linalg.norm(lever))
         tilt = float(vehicle.sigmas[:2].max()) if vehicle.knows_attitude else _LEVEL
-        sigmas = vehicle.sigmas.copy()
+        sigmas, place = vehicle.sigmas.copy(), T_world_sensor.translation.copy()
         sigmas[3:5] = np.hypot(sigmas[3:5], abs(float(lever[2])) * tilt)
         sigmas[5] = np.hypot(sigmas[5], flat * tilt)
-        places = T_world_sensor.translation
-        if vehicle.knows_heading:
-            sigmas[3:5] = np.hypot(sigmas[3:5], flat * min(float(vehicle.sigmas[2]), 1.0))
-        else:
-            sigmas[3:5] = np.hypot(sigmas[3:5], length)
-            places = np.array([*vehicle.T_world_sensor.translation[:2], places[2]])
+        off = flat * min(float(vehicle.sigmas[2]), 1.0) if vehicle.knows_heading else length
+        sigmas[3:5] = np.hypot(sigmas[3:5], off)
+        if not vehicle.knows_heading:
+            place[:2] = vehicle.T_world_sensor.translation[:2]
         sigmas[:2] = sigmas[:2].max()  # a sonar that looks sideways has its roll where the vehicle's pitch is
-        return PosePrior(RigidTransform.from_components(places, T_world_sensor.rotation), sigmas)
+        return PosePrior(RigidTransform.from_components(place, T_world_sensor.rotation), sigmas)
 
 
 @dataclass(frozen=True, slots=True)

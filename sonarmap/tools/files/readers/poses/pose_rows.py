@@ -19,8 +19,7 @@ def read_lines(path: Path) -> list[Line]:
     cannot be read, is empty, or its last line has no end and may have been cut."""
     content = read_content(Path(path))
     with naming(path):
-        lines = whole_lines(content, 1)
-    lines = [(number, line) for number, line in lines if not line.lstrip().startswith(b"#")]
+        lines = [line for line in whole_lines(content, 1) if not line[1].lstrip().startswith(b"#")]
     if not lines:
         raise InputError(f"{path} holds no line but comments; wanted poses")
     return lines

@@ -118,8 +118,7 @@ def attitude_at(stamp: float, samples: ImuSamples) -> PosePrior | None:
     pitch, roll = -np.arcsin(np.clip(up[0], -1, 1)), np.arctan2(up[1], up[2])
     sigma = float(np.sqrt(_UNSEEN**2 + unsteady**2 + off**2))
     R_world_sensor = Rotation.from_euler("ZYX", [0.0, pitch, roll])
-    sigmas = np.array([sigma, sigma, np.inf, np.inf, np.inf, np.inf])
-    return PosePrior(RigidTransform.from_rotation(R_world_sensor), sigmas)
+    return PosePrior(RigidTransform.from_rotation(R_world_sensor), np.array([sigma] * 2 + [np.inf] * 4))
 
 
 def turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -159,13 +158,11 @@ def vertical_turn_rates(paths: Sequence[Path]) -> tuple[np.ndarray, np.ndarray] 
     For a sensor that is about level these are the turns of its heading.
     """
     measured: list[tuple[np.ndarray, np.ndarray]] = []
-    for path in paths:
-        if path.suffix.lower() == ".sonar":
-            with suppress(InputError):  # without an IMU
-                times, rates = turn_rates(path)
-                measured.append((times, rates[:, 2]))
+    for path in (path for path in paths if path.suffix.lower() == ".sonar"):
+        with suppress(InputError):  # without an IMU
+            measured.append(turn_rates(path))
     if not measured:
         return None
-    all_times, all_rates = (np.concatenate(columns) for columns in zip(*measured, strict=True))
-    order = np.argsort(all_times, kind="stable")
-    return all_times[order], all_rates[order]
+    times, rates = (np.concatenate(columns) for columns in zip(*measured, strict=True))
+    order = np.argsort(times, kind="stable")
+    return times[order], rates[order, 2]

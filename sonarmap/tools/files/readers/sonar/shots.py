@@ -111,8 +111,7 @@ class ShotQueue:
     def add_frame(self, frame: Frame) -> None:
         """A range image has come. Raises InputError: its strength image came before, and does not fit; the shot is kept
         without it."""
-        key = (frame.number, frame.stamp or zlib.crc32(frame.points.tobytes()))
-        if not self._frames.is_new(key):
+        if not self._frames.is_new((frame.number, frame.stamp or zlib.crc32(frame.points.tobytes()))):
             self.doubled += 1
             return
         arrival = next(self._arrivals)
@@ -128,8 +127,7 @@ class ShotQueue:
     def add_strength(self, image: rip.BitmapImageGreyscale8) -> None:
         """A strength image has come. Raises InputError: it does not fit the range image of its shot."""
         number = image.header.sequence_id
-        key = (number, stamp_of(image) or zlib.crc32(image.image_pixel_data))
-        if not self._strengths.is_new(key):
+        if not self._strengths.is_new((number, stamp_of(image) or zlib.crc32(image.image_pixel_data))):
             self.doubled += 1
             return
         arrival = self._latest.get(number)
