@@ -94,8 +94,8 @@ def only_scan(path: str | Path, read: ReadScans) -> Scan:
     first, last = read.scans[0], read.scans[-1]
     if len(read.scans) > 1:
         raise InputError(
-            f"{path} holds {len(read.scans)} scans ({first.name} to {last.name}), and one is needed here: choose one, as "
-            "in file.sonar#3, or map them all with `sonarmap map`"
+            f"{path} holds {len(read.scans)} scans ({first.name} to {last.name}), and one is needed here: choose one, "
+            "as in file.sonar#3, or map them all with `sonarmap map`"
         )
     return first
 
