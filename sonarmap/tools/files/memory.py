@@ -16,15 +16,8 @@ _PROGRAM, _ADDRESSES = 400 << 20, 1400 << 20
 
 
 def require_memory(what: str, needed: int, remedy: str) -> None:
-    """Refuse what this machine's memory cannot hold.
-
-    Args:
-        what: that needs memory, in words.
-        needed: how much [bytes].
-        remedy: what to do instead, in words.
-
-    Raises InputError: it needs more than `available_memory`.
-    """
+    """Refuse `what`, if it takes more than this machine's memory can hold (`available_memory`); `needed` [bytes]. The
+    InputError says its `remedy`."""
     if needed > (available := available_memory()):
         raise InputError(
             f"{what} takes {in_gib(needed)} of memory, and this machine has {in_gib(available)} to spare; {remedy}"
@@ -32,10 +25,8 @@ def require_memory(what: str, needed: int, remedy: str) -> None:
 
 
 def available_memory() -> int:
-    """What this process can take before the machine swaps or a limit stops it [bytes].
-
-    All of the machine's memory where the system says no more.
-    """
+    """What this process can take before the machine swaps or a limit stops it [bytes]; all of the machine's memory
+    where the system says no more."""
     left = [max(0, limit - used) for limit, used in memory_limits().values()]
     return min([_spare(), *left])
 
@@ -131,14 +122,12 @@ def _limit_of_container() -> dict[str, tuple[int, int]]:
 def _groups() -> list[Path]:
     """The folders of this process' group: as it is named, and, within a container, the top."""
     tops = {"": _GROUPS, "memory": _GROUPS / "memory"}
-    folders: list[Path] = []
     try:
-        lines = _OWN_GROUP.read_text(encoding="ascii").splitlines()
+        lines = [line.split(":", 2) for line in _OWN_GROUP.read_text(encoding="ascii").splitlines()]
     except (OSError, ValueError):
         return []
-    for _, controllers, path in (line.split(":", 2) for line in lines if line.count(":") >= 2):
-        folders += [top / path.lstrip("/") for name, top in tops.items() if name in controllers.split(",")]
-    return [*folders, *tops.values()]
+    own = [(controllers.split(","), path.lstrip("/")) for _, controllers, path in (x for x in lines if len(x) == 3)]
+    return [top / path for known, path in own for name, top in tops.items() if name in known] + [*tops.values()]
 
 
 def _given_back(group: Path) -> int:

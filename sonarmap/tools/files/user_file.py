@@ -32,6 +32,15 @@ def reading(path: Path) -> Iterator[None]:
         raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
 
 
+@contextmanager
+def unreadable() -> Iterator[None]:
+    """As `reading`, where whoever catches the InputError names the file."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error}); check its permissions") from error
+
+
 def read_content(path: Path, pipe: bool = False) -> bytes:
     """The bytes of a file. `pipe`: whether a pipe will do, which can be read only once: /dev/stdin or, of a shell,
     <(...). Raises InputError: it cannot be read, is larger than memory or, of a pipe, than 256 MiB, or is a device."""
@@ -47,12 +56,8 @@ def read_content(path: Path, pipe: bool = False) -> bytes:
 
 
 def require_file(path: Path, pipe: bool = False) -> None:
-    """Refuse a device, which may never end, and a pipe, for which one may wait for ever, before it is opened.
-
-    A folder, and what is not there, are left to who opens it.
-
-    Args:
-        pipe: whether a pipe that the command was given will do.
+    """Refuse a device, which may never end, and a pipe, for which one may wait for ever, before it is opened; with
+    `pipe` one that the command was given will do. A folder, and what is not there, are left to who opens it.
 
     Raises InputError: it is one of these, or a name that no file can have.
     """

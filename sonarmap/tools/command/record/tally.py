@@ -35,10 +35,9 @@ class Numbered:
     def add(self, number: int, stamp: float | None, content: bytes) -> None:
         """A packet has come, with its number and its time [s, UTC]."""
         key = (number, zlib.crc32(content) if stamp is None else stamp)
-        if key in self._seen:
+        if not self._seen.is_new(key):
             self.doubled += 1
             return
-        self._seen.add(key)
         self.came += 1
         self.numbers.place(number, stamp)
 

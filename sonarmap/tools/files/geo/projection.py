@@ -8,6 +8,7 @@ degrees at 60 degrees north at the edge of a UTM zone, 22 m after 500 m), and th
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -129,11 +130,8 @@ class Projection:
     def crosses_zone(self, geodetic: np.ndarray) -> bool:
         """Whether some of the places (N, 3) lie in another UTM zone than the map's."""
         latitude, longitude, _ = np.asarray(geodetic, np.float64).T
-        corners = {
-            utm_epsg(lat, lon)
-            for lat in (float(latitude.min()), float(latitude.max()))
-            for lon in (float(longitude.min()), float(longitude.max()))
-        }
+        ends = ([float(x.min()), float(x.max())] for x in (latitude, longitude))
+        corners = {utm_epsg(*corner) for corner in product(*ends)}
         # of any datum: EPSG:25832 is zone 32N too
         zones = {f"{epsg % 100}{'N' if epsg < _SOUTH else 'S'}" for epsg in corners}
         return self.crs.utm_zone is not None and zones != {self.crs.utm_zone}

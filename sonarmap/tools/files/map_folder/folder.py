@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -16,8 +15,8 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH, SUMMARY
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
 from sonarmap.tools.files.readers.json_file import read_json
-from sonarmap.tools.files.readers.poses.pose_rows import rigid_transform
-from sonarmap.tools.files.user_file import read_content
+from sonarmap.tools.files.readers.poses.graph_json import trajectory_of
+from sonarmap.tools.files.user_file import naming, read_content
 
 COLUMNS = ("count", "seen", "sigma", "scan", "survey")  # that every map has
 
@@ -71,8 +70,7 @@ class MapFolder:
     loops: tuple[Loop, ...]  # every loop that was tried
     voxel: float  # edge of a voxel of the maps [m]
     summary: Mapping[str, Any]  # what summary.json says
-    # where the frame of the parts that instruments placed, or else of the first part, lies on the Earth; None where it
-    # is not known
+    # of the frame of the parts that instruments placed, or else of the first part; None where it is not known
     georeference: Georeference | None
     graph: Mapping[str, Any]  # what graph.json says
 
@@ -91,26 +89,26 @@ def read_map_folder(path: Path) -> MapFolder:
     summary, graph = (read_json(path / name, f"a file of {expected}") for name in (SUMMARY, FULL_GRAPH))
     try:
         poses = graph["poses"]
-        T = RigidTransform.concatenate([rigid_transform(pose["T_world_sensor"], "a pose") for pose in poses])
-        stamps = np.array([pose["stamp"] for pose in poses], dtype=np.float64)
-        everything = Trajectory(stamps, T)
+        everything = trajectory_of(poses)
         covariances = np.array([pose["covariance"] for pose in poses], dtype=np.float64).reshape(-1, 6, 6)
         rows = summary["components"]
         parts = []
         for number, row in enumerate(rows, 1):
             suffix = "" if number == 1 else f"_{number}"
             scans = tuple(int(scan) for scan in row["scans"])
-            points, columns = _points(path / f"map{suffix}.ply", scans)
-            in_world = bool(poses[scans[0]]["in_world"])
-            trajectory, own = everything.take(scans), covariances[list(scans)]
-            unmeasured = tuple(str(name) for name in row["unmeasured"])
-            parts.append(MapPart(suffix, points, columns, scans, trajectory, own, in_world, unmeasured))
+            cloud = _points(path / f"map{suffix}.ply", scans)
+            placed = everything.take(scans), covariances[list(scans)], bool(poses[scans[0]]["in_world"])
+            parts.append(MapPart(suffix, *cloud, scans, *placed, tuple(str(name) for name in row["unmeasured"])))
         where = summary.get("georeference")
         return MapFolder(
             path=path,
             names=tuple(str(pose["name"]) for pose in poses),
             parts=tuple(parts),
-            loops=tuple(_loop(pair) for pair in graph["pairs"] if pair["role"] == "loop"),
+            loops=tuple(
+                Loop(int(pair["target"]), int(pair["source"]), bool(pair["kept"]), str(pair["reason"]))
+                for pair in graph["pairs"]
+                if pair["role"] == "loop"
+            ),
             voxel=float(rows[0]["map"]["voxel_m"]),
             summary=summary,
             georeference=None if where is None else Georeference.of_json(where),
@@ -123,15 +121,11 @@ def read_map_folder(path: Path) -> MapFolder:
 def _points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """The points and columns of a map of these scans."""
     content = read_content(path)
-    try:
+    with naming(path):
         columns = read_ply_columns(content)
-        points = np.column_stack([columns.pop(axis).astype(np.float64) for axis in "xyz"])
-    except KeyError as error:
-        raise InputError(f"{path} has no column {error}; wanted a map that `sonarmap map` wrote") from error
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    if missing := [name for name in COLUMNS if name not in columns]:
+    if missing := [name for name in (*"xyz", *COLUMNS) if name not in columns]:
         raise InputError(f"{path} has no column {missing[0]!r}; wanted a map that `sonarmap map` wrote")
+    points = np.column_stack([columns.pop(axis).astype(np.float64) for axis in "xyz"])
     usable = np.isfinite(points).all() and np.isin(columns["scan"], scans).all()
     if not (usable and all((columns[name] >= 0).all() for name in COLUMNS)):  # NaN is not
         raise InputError(
@@ -139,7 +133,3 @@ def _points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, np.
             "damaged: map again"
         )
     return points, columns
-
-
-def _loop(pair: Mapping[str, Any]) -> Loop:
-    return Loop(int(pair["target"]), int(pair["source"]), bool(pair["kept"]), str(pair["reason"]))

@@ -47,10 +47,7 @@ def earlier_files(folder: Path) -> set[str]:
     try:
         names = set(read_json(folder / SUMMARY, "the summary.json of an earlier map")["files"])
         exported = {name for name in names if Path(name).name == name and side_car(name) in names}
-        return (
-            {name for name in names if _OF_PART.fullmatch(name) or name == REPORT}
-            | exported
-            | {side_car(name) for name in exported}
-        )
+        own = {name for name in names if _OF_PART.fullmatch(name) or name == REPORT}
+        return own | exported | {side_car(name) for name in exported}
     except (ValueError, LookupError, TypeError):  # missing, or not ours: nothing is removed
         return set()

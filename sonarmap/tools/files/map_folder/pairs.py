@@ -1,6 +1,5 @@
 """Reads `pairs.csv`, the table of a map's pairs."""
 
-import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,33 +37,36 @@ def read_pairs(path: Path, scans: int) -> tuple[TriedPair, ...]:
     """The pairs of a table; columns that an evaluation does not need are ignored. `scans`: how many the survey has.
     Raises InputError: the file cannot be read; or a column is missing, or a cell cannot be used, naming the line."""
     table = read_csv_table(path)
-    columns = _columns(path, table)
-    table.require_even(path)
+    columns = _columns(table)
+    table.require_even()
     read: list[tuple[int, int, str, bool]] = []
     poses = np.empty((len(table.rows), len(POSE_COLUMNS)))
     for k, row in enumerate(table.rows):
         cells = {name: row.cells[column] for name, column in columns.items()}
-        with naming(f"{path}: line {row.line}", "; fix that line, or map again"):
+        with naming(table.where(row), "; fix that line, or map again"):
             target, source = (_scan(cells, column, scans) for column in ("target", "source"))
             role = _one_of(cells, "role", get_args(Role), f"one of {', '.join(get_args(Role))}")
-            kept = ANSWERS[_one_of(cells, "kept", ANSWERS, " or ".join(ANSWERS))]
-            read.append((target, source, role, kept))
-            poses[k] = _pose(cells)
+            read.append((target, source, role, ANSWERS[_one_of(cells, "kept", ANSWERS, " or ".join(ANSWERS))]))
+            # NaN, all of them, where all cells are empty
+            is_bare = not any(cells[column] for column in POSE_COLUMNS)
+            poses[k] = np.nan if is_bare else [_number(cells, column) for column in POSE_COLUMNS]
     known = ~np.isnan(poses[:, 0])
-    transforms = iter(_transforms(poses[known]))
+    # the angles are turned in the order yaw, pitch, roll
+    R = Rotation.from_euler("ZYX", poses[known][:, :2:-1], degrees=True)
+    transforms = iter(RigidTransform.from_components(poses[known, :3], R))
     return tuple(
         TriedPair(*pair, next(transforms) if registered else None)
         for pair, registered in zip(read, known.tolist(), strict=True)
     )
 
 
-def _columns(path: Path, table: CsvTable) -> dict[str, int]:
+def _columns(table: CsvTable) -> dict[str, int]:
     """Where the columns are that are needed."""
     heading = table.heading.cells
     for name in _COLUMNS:
         if heading.count(name) != 1:
             raise InputError(
-                f"{path}: line {table.heading.line}: the column {name} is there {heading.count(name)} times; wanted "
+                f"{table.where()}: the column {name} is there {heading.count(name)} times; wanted "
                 f"the columns {', '.join(_COLUMNS)} once each, as `sonarmap map` writes them"
             )
     return {name: heading.index(name) for name in _COLUMNS}
@@ -72,36 +74,24 @@ def _columns(path: Path, table: CsvTable) -> dict[str, int]:
 
 def _scan(cells: Mapping[str, str], column: str, scans: int) -> int:
     cell = cells[column]
-    if not (cell.isascii() and cell.isdigit() and len(cell) < 10 and int(cell) < scans):
-        raise InputError(f"{column} is {cell[:40]!r}; wanted the number of a scan, 0 to {scans - 1}")
+    is_scan = cell.isascii() and cell.isdigit() and len(cell) < 10 and int(cell) < scans
+    _require(is_scan, cells, column, f"the number of a scan, 0 to {scans - 1}")
     return int(cell)
 
 
 def _one_of(cells: Mapping[str, str], column: str, known: Collection[str], wanted: str) -> str:
-    if cells[column] not in known:
-        raise InputError(f"{column} is {cells[column][:40]!r}; wanted {wanted}")
+    _require(cells[column] in known, cells, column, wanted)
     return cells[column]
-
-
-def _pose(cells: Mapping[str, str]) -> list[float]:
-    """The numbers of POSE_COLUMNS; NaN, all of them, where all cells are empty."""
-    if not any(cells[column] for column in POSE_COLUMNS):
-        return [math.nan] * len(POSE_COLUMNS)
-    return [_number(cells, column) for column in POSE_COLUMNS]
 
 
 def _number(cells: Mapping[str, str], column: str) -> float:
     largest = _MOST_DEGREES if column.endswith("deg") else LARGEST
     value = number(cells[column])
-    if not abs(value) <= largest:
-        raise InputError(
-            f"{column} is {cells[column][:40]!r}; wanted a number within {largest:g}, or all of "
-            f"{', '.join(POSE_COLUMNS)} empty"
-        )
+    wanted = f"a number within {largest:g}, or all of {', '.join(POSE_COLUMNS)} empty"
+    _require(abs(value) <= largest, cells, column, wanted)
     return value
 
 
-def _transforms(poses: np.ndarray) -> RigidTransform:
-    """T_target_source of (N, 6) numbers of POSE_COLUMNS."""
-    yaw_pitch_roll = poses[:, :2:-1]
-    return RigidTransform.from_components(poses[:, :3], Rotation.from_euler("ZYX", yaw_pitch_roll, degrees=True))
+def _require(is_right: bool, cells: Mapping[str, str], column: str, wanted: str) -> None:
+    if not is_right:
+        raise InputError(f"{column} is {cells[column][:40]!r}; wanted {wanted}")

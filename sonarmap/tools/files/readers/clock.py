@@ -46,25 +46,14 @@ def clock_of(stamps: np.ndarray) -> Clock:
     ahead = steps[steps > 0]
     still = int((steps == 0).sum())
     period = float(np.median(ahead)) if len(ahead) > still else 0.0
-    return Clock(
-        start=float(stamps[0]),
-        end=float(stamps[-1]),
-        period=period,
-        gaps=int((steps > _GAP * period).sum()) if period else 0,
-        longest=float(steps.max(initial=0.0)),
-        backward=int((steps <= 0).sum()),
-        still=still,
-        steps=len(steps),
-    )
+    gaps = int((steps > _GAP * period).sum()) if period else 0
+    longest, backward = float(steps.max(initial=0.0)), int((steps <= 0).sum())
+    return Clock(float(stamps[0]), float(stamps[-1]), period, gaps, longest, backward, still, len(steps))
 
 
 def clock_faults(clock: Clock, changed: float | None = None) -> list[str]:
-    """What is wrong with a clock that should show UTC, in words.
-
-    Args:
-        clock: of a recording.
-        changed: when its file was last changed [s, UTC], if that is known.
-    """
+    """What is wrong with a clock that should show UTC, in words. `changed`: when the recording's file was last changed
+    [s, UTC], if that is known."""
     if clock.stands_still:
         return [f"the clock stands still: {clock.still:,} of {clock.steps:,} stamps are those of the shot before"]
     faults = []

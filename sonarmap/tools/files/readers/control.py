@@ -12,7 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.control import ControlPoint, Use
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.readers.csv_table import CsvRow, declared_columns, read_csv_table
+from sonarmap.tools.files.readers.csv_table import CsvRow, CsvTable, read_csv_table
 from sonarmap.tools.files.readers.navigation.cells import degrees, number, number_within, refuse
 from sonarmap.tools.files.readers.navigation.match import named_scan
 from sonarmap.tools.files.user_file import naming
@@ -35,8 +35,7 @@ _MOST = 1000  # points; a survey has tens, and every estimate of the map weighs 
 class Control:
     """What a file of control points says."""
 
-    # in the file's order, in the world of `georeference`, or of an origin that nobody told
-    points: tuple[ControlPoint, ...]
+    points: tuple[ControlPoint, ...]  # in the file's order, in the world of `georeference`, or of an unknown origin
     georeference: Georeference | None  # where the world's origin lies on the Earth; None where that is not known
     notes: tuple[str, ...]  # what a user should know, in words
 
@@ -45,13 +44,10 @@ def read_control(
     path: Path, scans: Sequence[Scan], georeference: Georeference | None = None, crs: str | None = None
 ) -> Control:
     """The control points of a CSV file with the columns name, scan, POINT (in that scan's sensor frame), LOCAL, EARTH
-    or GRID, and one of UP; if need be SIGMAS [m] and `use`, control or check.
+    or GRID, and one of UP; if need be SIGMAS [m] and `use`, control or check. Lines that begin with # are comments.
 
-    Args:
-        path: of the file. Lines that begin with # are comments.
-        georeference: of the map so far; None where it is not known: then the first latitude and longitude are
-            it, rounded.
-        crs: of eastings and northings, as EPSG:25832.
+    The georeference is that of the map so far; where it is None the first latitude and longitude are it, rounded. `crs`
+    is of eastings and northings, as EPSG:25832.
 
     Raises InputError: naming the file and the line: a column or cell that cannot be used, or two rows that contradict
     each other; or that the map's x axis is not to be East.
@@ -61,49 +57,46 @@ def read_control(
             "--origin-heading has no effect where control points place the map, whose x is East; leave it out"
         )
     table = read_csv_table(path)
-    heading = f"{path}: line {table.heading.line}"
-    columns, across, up = _columns(table.heading, path)
+    columns, across, up = _columns(table)
     if (across == GRID) != (crs is not None):
-        raise InputError(
-            f"{heading}: easting_m and northing_m want to know of which grid: give --control-crs, as EPSG:25832"
-            if crs is None
-            else f"{heading}: --control-crs has no effect without the columns easting_m and northing_m; leave it out"
-        )
-    table.require_even(path)
+        wrong = "--control-crs has no effect without the columns easting_m and northing_m; leave it out"
+        if crs is None:
+            wrong = "easting_m and northing_m want to know of which grid: give --control-crs, as EPSG:25832"
+        raise InputError(f"{table.where()}: {wrong}")
+    table.require_even()
     if not table.rows:
         raise InputError(f"{path} has no row below its heading; wanted a control point in each")
     if len(table.rows) > _MOST:
         raise InputError(f"{path} has {len(table.rows):,} control points; wanted at most {_MOST:,}; leave some out")
-    points = [_point(row, columns, scans, (*across, up), f"{path}: line {row.line}") for row in table.rows]
+    points = [
+        _point({name: row.cells[k] for name, k in columns.items()}, scans, (*across, up), table.where(row))
+        for row in table.rows
+    ]
     notes = list(table.notes)
     with naming(path):
         places, georeference = _local(np.array([point.known for point in points]), across, up, georeference, crs, notes)
     _refuse_twins(path, table.rows, points)
-    placed = tuple(replace(point, known=place) for point, place in zip(points, places, strict=True))
-    return Control(placed, georeference, tuple(notes))
+    placed = (replace(point, known=place) for point, place in zip(points, places, strict=True))
+    return Control(tuple(placed), georeference, tuple(notes))
 
 
-def _columns(heading: CsvRow, path: Path) -> tuple[dict[str, int], tuple[str, str], str]:
+def _columns(table: CsvTable) -> tuple[dict[str, int], tuple[str, str], str]:
     """The place of each column, which pair says East and North, and which column says Up."""
-    where = f"{path}: line {heading.line}"
-    columns = declared_columns(heading, path, COLUMNS, ("name", "scan", *POINT), f"of {', '.join(COLUMNS)}", "")
+    columns = table.declared_columns(COLUMNS, ("name", "scan", *POINT), f"of {', '.join(COLUMNS)}")
     pairs = [pair for pair in (LOCAL, EARTH, GRID) if set(pair).intersection(columns)]
     if len(pairs) != 1 or not set(pairs[0]).issubset(columns):
         raise InputError(
-            f"{where}: wanted both columns of one of these, and none of the others: "
+            f"{table.where()}: wanted both columns of one of these, and none of the others: "
             f"{'; '.join(', '.join(pair) for pair in (LOCAL, EARTH, GRID))}"
         )
     ups = [name for name in UP if name in columns]
     if len(ups) != 1:
-        raise InputError(f"{where}: wanted one of the columns {', '.join(UP)}, and there are {len(ups)}")
+        raise InputError(f"{table.where()}: wanted one of the columns {', '.join(UP)}, and there are {len(ups)}")
     return columns, pairs[0], ups[0]
 
 
-def _point(
-    row: CsvRow, columns: Mapping[str, int], scans: Sequence[Scan], place: Sequence[str], where: str
-) -> ControlPoint:
+def _point(cells: Mapping[str, str], scans: Sequence[Scan], place: Sequence[str], where: str) -> ControlPoint:
     """The point of a row as it stands: known are the numbers of the columns `place`."""
-    cells = {name: row.cells[k] for name, k in columns.items()}
     if not cells["name"]:
         raise InputError(f"{where}: the point has no name; fix that line")
     use = USES.get(cells.get("use", "").lower() or "control")
@@ -129,12 +122,11 @@ def _sigmas(cells: Mapping[str, str], where: str) -> np.ndarray:
     """(3,) along East, North and Up [m]."""
     wanted = f"a standard deviation from {_SIGMA_BOUNDS[0]:g} to {_SIGMA_BOUNDS[1]:g} m"
     given = {name: number_within(where, name, cells[name], _SIGMA_BOUNDS, wanted) for name in SIGMAS if cells.get(name)}
+    both = f"{SIGMAS[1]} {{}} {SIGMAS[2]}"
     if "sigma_m" in given and len(given) > 1:
-        raise InputError(f"{where}: there are sigma_m and {SIGMAS[1]} or {SIGMAS[2]}; wanted one way; fix that line")
+        raise InputError(f"{where}: there are sigma_m and {both.format('or')}; wanted one way; fix that line")
     if len(given) == 1 and "sigma_m" not in given:
-        raise InputError(
-            f"{where}: {SIGMAS[1]} and {SIGMAS[2]} can only be used together, and one is empty; fix that line"
-        )
+        raise InputError(f"{where}: {both.format('and')} can only be used together, and one is empty; fix that line")
     level, upright = (given.get(name, given.get("sigma_m", DEFAULT_SIGMA)) for name in SIGMAS[1:])
     return np.array([level, level, upright])
 

@@ -62,8 +62,7 @@ class Corrections:
     """How to correct the points of scans. Raises InputError: a speed that is not water's, or a factor that is not above
     0."""
 
-    # the right one [m/s]; ranges are multiplied by its ratio to that with which they were computed, each scan by its
-    # own. None: they are right.
+    # the right one [m/s], by whose ratio to that with which they were computed ranges are multiplied; None: are right
     sound_speed: float | None = None
     scale: float = 1.0  # a factor on the ranges besides, of any format
     frame: PointFrame = AS_WE_HAVE_THEM  # along which axes and in which unit files have their points

@@ -27,48 +27,49 @@ class CsvRow:
 class CsvTable:
     """A table with a heading."""
 
+    path: Path
     heading: CsvRow  # the names of the columns
     rows: list[CsvRow]  # that are not blank, in the file's order
     notes: tuple[str, ...]  # what a user should know of how it was read, in words
     is_whole: bool  # whether the last line ends with a line break
 
-    def require_even(self, path: Path) -> None:
+    def where(self, row: CsvRow | None = None) -> str:
+        """The file and line of a row, or of the heading, for messages."""
+        return f"{self.path}: line {(row or self.heading).line}"
+
+    def require_even(self) -> None:
         """Refuse rows with more or fewer cells than the heading."""
         wanted = len(self.heading.cells)
         for row in self.rows:
             if len(row.cells) != wanted:
                 cut = "" if self.is_whole or row is not self.rows[-1] else "; the file may have been cut there"
                 raise InputError(
-                    f"{path}: line {row.line}: it has {len(row.cells)} cells where the heading has {wanted}{cut}; fix "
-                    "that line"
+                    f"{self.where(row)}: it has {len(row.cells)} cells where the heading has {wanted}{cut}; fix that "
+                    "line"
                 )
 
+    def declared_columns(
+        self, known: Sequence[str], required: Sequence[str], words: str, missing: str = ""
+    ) -> dict[str, int]:
+        """The place of each column of a table that a person fills in, by its name in small letters.
 
-def declared_columns(
-    heading: CsvRow, path: Path, known: Sequence[str], required: Sequence[str], words: str, missing: str
-) -> dict[str, int]:
-    """The place of each column of a table that a person fills in, by its name in small letters.
+        `words` say what is wanted where a column has another name, `missing` where one of `required` is not there.
 
-    Args:
-        known: names that it may have.
-        required: those that it has to have.
-        words: what is wanted where a column has another name.
-        missing: what is wanted where one of `required` is not there.
-
-    Raises InputError: a column that is not known, there twice, or missing.
-    """
-    where, names = f"{path}: line {heading.line}", [cell.lower() for cell in heading.cells]
-    for k, name in enumerate(names):
-        if name not in known:
-            raise InputError(
-                f"{where}: there is a column {heading.cells[k][:40]!r}; wanted {words}; rename or delete it"
-            )
-        if name in names[:k]:
-            raise InputError(f"{where}: there are two columns {name}; delete one")
-    for name in required:
-        if name not in names:
-            raise InputError(f"{where}: there is no column {name}; {missing}add it")
-    return {name: k for k, name in enumerate(names)}
+        Raises InputError: a column that is not known, there twice, or missing.
+        """
+        names = [cell.lower() for cell in self.heading.cells]
+        for k, name in enumerate(names):
+            if name not in known:
+                raise InputError(
+                    f"{self.where()}: there is a column {self.heading.cells[k][:40]!r}; wanted {words}; rename or "
+                    "delete it"
+                )
+            if name in names[:k]:
+                raise InputError(f"{self.where()}: there are two columns {name}; delete one")
+        for name in required:
+            if name not in names:
+                raise InputError(f"{self.where()}: there is no column {name}; {missing}add it")
+        return {name: k for k, name in enumerate(names)}
 
 
 def read_csv_table(path: Path) -> CsvTable:
@@ -86,7 +87,7 @@ def read_csv_table(path: Path) -> CsvTable:
     heading, *rows = (_row(path, number, line, separator) for number, line in lines)
     rows = [row for row in rows if any(row.cells)]
     note = f"{path}: its last line has no line break; if the file was cut, a number there may have lost digits"
-    return CsvTable(heading, rows, () if whole else (note,), whole)
+    return CsvTable(path, heading, rows, () if whole else (note,), whole)
 
 
 def _lines(path: Path) -> tuple[list[tuple[int, str]], bool]:

@@ -18,6 +18,7 @@ from sonarmap.tools.files.readers.clouds.rows import require_believable
 from sonarmap.tools.files.readers.clouds.text import read_text
 from sonarmap.tools.files.readers.selection import SelectedFile
 from sonarmap.tools.files.readers.trajectory_beside import TRAJECTORY, with_viewpoints
+from sonarmap.tools.files.user_file import naming, unreadable
 
 _HEAD = 4096  # bytes that are looked at to recognize a format
 _LISTED = 3  # scans without points that a note names
@@ -40,14 +41,17 @@ class Format:
 
 
 def _stream_sonar(path: Path, _: str | None, notes: list[str]) -> Iterator[Cloud]:
-    from sonarmap.tools.files.readers.sonar.recording import (
-        stream_sonar,  # wlsonar imports an HTTP client, for a third of a second
-    )
+    # wlsonar imports an HTTP client, for a third of a second
+    from sonarmap.tools.files.readers.sonar.recording import stream_sonar
 
     return stream_sonar(path, notes)
 
 
-_BAG_FOLDER = Format("a ROS 2 bag", b"", stream=stream_recording, has_topics=True)
+def _recording(kind: str, start: bytes) -> Format:
+    return Format(kind, start, stream=stream_recording, has_topics=True)
+
+
+_BAG_FOLDER = _recording("a ROS 2 bag", b"")
 _LAS = Format("a LAS or LAZ file", rb"LASF", read_las)
 _TEXT = Format("text", rb"[^\x00-\x08\x0e-\x1f\x7f]*\Z", read_text)
 
@@ -60,11 +64,9 @@ FORMATS = {
     ".las": _LAS,
     ".laz": _LAS,
     ".sonar": Format("a Sonar 3D-15 recording", rb"RIP[12]", stream=_stream_sonar, has_sound_speed=True, has_axes=True),
-    ".bag": Format("a ROS 1 bag", rb"#ROSBAG V", stream=stream_recording, has_topics=True),
-    ".mcap": Format("an MCAP file", rb"\x89MCAP0\r\n", stream=stream_recording, has_topics=True),
-    ".db3": Format(
-        "an SQLite database, as ROS 2 bags have", rb"SQLite format 3\x00", stream=stream_recording, has_topics=True
-    ),
+    ".bag": _recording("a ROS 1 bag", rb"#ROSBAG V"),
+    ".mcap": _recording("an MCAP file", rb"\x89MCAP0\r\n"),
+    ".db3": _recording("an SQLite database, as ROS 2 bags have", rb"SQLite format 3\x00"),
     ".xyz": _TEXT,
     ".txt": _TEXT,
     ".csv": _TEXT,
@@ -86,13 +88,11 @@ def clouds_of(selected: SelectedFile, notes: list[str]) -> Iterator[NamedCloud]:
 
     A trajectory NAME.tum beside NAME.ply, or whatever its suffix, says where the sensor was at each point's time.
     """
-    path = selected.path
-    try:
-        yield from _named(selected, _clouds_in(selected, notes), notes)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    except MemoryError as error:
-        raise InputError(f"{path}: too large for this machine's memory; thin its points out first") from error
+    with naming(selected.path):
+        try:
+            yield from _named(selected, _clouds_in(selected, notes), notes)
+        except MemoryError as error:
+            raise InputError("too large for this machine's memory; thin its points out first") from error
 
 
 def _clouds_in(selected: SelectedFile, notes: list[str]) -> Iterator[Cloud]:
@@ -107,7 +107,10 @@ def _clouds_in(selected: SelectedFile, notes: list[str]) -> Iterator[Cloud]:
         clouds = known.stream(path, selected.topic, notes)
     else:
         assert known.read is not None, "a format is read at once or streamed"
-        clouds = iter(known.read(_content_of(path)))
+        with unreadable():
+            require_memory("the file", path.stat().st_size, "thin its points out first")
+            content = path.read_bytes()
+        clouds = iter(known.read(content))
     beside = path.with_suffix(TRAJECTORY)
     believable = _believable(clouds, path)
     return (with_viewpoints(cloud, beside) for cloud in believable) if beside.is_file() else believable
@@ -123,13 +126,11 @@ def _believable(clouds: Iterator[Cloud], path: Path) -> Iterator[Cloud]:
 
 def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) -> Iterator[NamedCloud]:
     """The clouds with points that were selected; numbered where the file holds several."""
-    place, count, empty = selected.place, 0, list[str]()
+    count, empty, first = 0, list[str](), list(islice(clouds, 2))
     stem = selected.path.name if selected.path.is_dir() else selected.path.stem
-    first = list(islice(clouds, 2))
-    label = "#{}" if len(first) > 1 else ""
     for k, cloud in enumerate(chain(first, clouds)):
-        count += 1
-        named = NamedCloud(selected.path, f"{place}{label.format(k)}", f"{stem}{label.format(k)}", cloud)
+        count, label = count + 1, f"#{k}" if len(first) > 1 else ""
+        named = NamedCloud(selected.path, f"{selected.place}{label}", f"{stem}{label}", cloud)
         if selected.index is not None:
             if k == selected.index:
                 yield named
@@ -137,7 +138,7 @@ def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) ->
         elif len(cloud.points):
             yield named
         else:
-            empty.append(label.format(k))
+            empty.append(label)
     if selected.index is not None:
         raise InputError(f"the file holds scans #0 to #{count - 1}, not #{selected.index}; choose one of them")
     if len(empty) == count:
@@ -149,23 +150,17 @@ def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) ->
 
 
 def _format_of(path: Path) -> Format:
-    try:
-        return FORMATS[path.suffix.lower()]
-    except KeyError:
-        raise InputError(
-            f"unknown format {path.suffix or '(no suffix)'!r}; known formats are {', '.join(FORMATS)}"
-        ) from None
+    if (known := FORMATS.get(path.suffix.lower())) is None:
+        raise InputError(f"unknown format {path.suffix or '(no suffix)'!r}; known formats are {', '.join(FORMATS)}")
+    return known
 
 
 def _check_start(path: Path) -> None:
     """Refuse a file that does not start as its suffix says."""
-    try:
-        if not path.is_file():
-            raise InputError("it is not a regular file; give a file, a folder or a pattern")
-        with path.open("rb") as file:
-            head = file.read(_HEAD)
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror or error}); check its permissions") from error
+    if not path.is_file():
+        raise InputError("it is not a regular file; give a file, a folder or a pattern")
+    with unreadable(), path.open("rb") as file:
+        head = file.read(_HEAD)
     if not head:
         raise InputError("the file is empty (0 bytes); write or copy it again")
     expected, kind = FORMATS[path.suffix.lower()].kind, _kind_of(head)
@@ -173,14 +168,6 @@ def _check_start(path: Path) -> None:
         suffixes = [suffix for suffix, known in FORMATS.items() if known.kind == kind]
         hint = f"rename it to {' or '.join(suffixes)} if that is what it is" if suffixes else "write or copy it again"
         raise InputError(f"it is called {path.suffix} but holds {kind}; wanted {expected}: {hint}")
-
-
-def _content_of(path: Path) -> bytes:
-    try:
-        require_memory("the file", path.stat().st_size, "thin its points out first")
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror or error}); check its permissions") from error
 
 
 def _kind_of(head: bytes) -> str:

@@ -26,14 +26,8 @@ _UNITS = np.array([np.pi / 180] * 3 + [1.0] * 3)  # of the columns, in radians a
 
 
 def check_measured(column: str, number: float) -> None:
-    """Refuse a number that no instrument gives.
-
-    Args:
-        column: of COLUMNS or SIGMA_COLUMNS.
-        number: in its unit; NaN where nothing was measured.
-
-    Raises InputError: it is too large, or a standard deviation that is not above 0, or next to 0.
-    """
+    """Refuse a number of a column, in its unit, that no instrument gives; NaN says that nothing was measured. Raises
+    InputError: it is too large, or a standard deviation that is not above 0, or next to 0."""
     if column in SIGMA_COLUMNS and number < LEAST_SIGMA:
         raise InputError(f"{column} is {number:g}; wanted a standard deviation above 0, at least {LEAST_SIGMA:g}")
     if abs(number) > (largest := LARGEST_OF.get(column, LARGEST)):
@@ -42,14 +36,9 @@ def check_measured(column: str, number: float) -> None:
 
 
 def prior_of(values: np.ndarray, sigmas: np.ndarray) -> PosePrior:
-    """The prior of a row.
-
-    Args:
-        values: (6,) in the columns' order and units; NaN where not measured.
-        sigmas: (6,) standard deviations in the same units; ignored where the value is NaN.
-
-    Raises InputError: sigmas that are not above 0, or one of roll and pitch, or of x and y, without the other.
-    """
+    """The prior of a row: (6,) values in the columns' order and units, NaN where not measured, and their standard
+    deviations. Raises InputError: sigmas that are not above 0, or one of roll and pitch, or of x and y, without the
+    other."""
     known = np.isfinite(values)
     measured = np.where(known, sigmas, np.inf).astype(np.float64) * _UNITS
     return PosePrior(pose_of(np.where(known, values, 0.0)), measured)

@@ -13,10 +13,8 @@ _LARGEST_INTEGER = 2**63 - 1
 
 
 def read_json(path: Path, expected: str) -> Any:
-    """What the file holds, its numbers finite and of a size that can be computed with.
-
-    Args:
-        expected: what file it should be, for the message.
+    """What the file, which should be what is `expected`, holds, its numbers finite and of a size that can be computed
+    with.
 
     Raises InputError: it cannot be read, is no JSON in UTF-8, is nested too deeply, or holds NaN, Infinity or a number
     beyond 1e30 (a whole one: 2^63).

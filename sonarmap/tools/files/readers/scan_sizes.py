@@ -24,11 +24,8 @@ def strange_sizes(scans: Sequence[Scan]) -> dict[int, str]:
     if len(sizes) < _LEAST_SCANS:
         return {}
     usual = float(np.median(list(sizes.values())))
-    return {
-        k: _in_words(size, usual, size / usual)
-        for k, size in sizes.items()
-        if not 1 / _STRANGE < size / usual < _STRANGE
-    }
+    strange = {k: size for k, size in sizes.items() if not 1 / _STRANGE < size / usual < _STRANGE}
+    return {k: _in_words(size, usual, size / usual) for k, size in strange.items()}
 
 
 def _size(scan: Scan) -> float:
@@ -53,8 +50,8 @@ def same_points(scans: Sequence[Scan]) -> list[tuple[int, int]]:
     pairs: list[tuple[int, int]] = []
     for k, scan in enumerate(scans):
         alike = firsts.setdefault((len(scan.points), scan.points[:_FIRST].tobytes()), [])
-        earlier = next((j for j in alike if np.array_equal(scans[j].points, scan.points)), None)
-        if earlier is None:
+        earlier = next((j for j in alike if np.array_equal(scans[j].points, scan.points)), k)
+        if earlier == k:
             alike.append(k)
         else:
             pairs.append((earlier, k))
@@ -62,18 +59,12 @@ def same_points(scans: Sequence[Scan]) -> list[tuple[int, int]]:
 
 
 def repeated_in_words(given_twice: Sequence[Path], scans: Sequence[Scan]) -> list[str]:
-    """What to tell the user of files that were given twice, and of scans that are another's copy; none if all is well.
-
-    Args:
-        given_twice: files that several of the given paths name; each is read once.
-        scans: that were read.
-    """
+    """What to tell the user of files that several of the given paths name, and are read once, and of scans that are
+    another's copy; none if all is well."""
     words: list[str] = []
     if given_twice:
-        files = _listed([str(path) for path in given_twice])
-        words.append(f"given more than once, and used once: {files}")
-    copies = same_points(scans)
-    if copies:
+        words.append(f"given more than once, and used once: {_listed([str(path) for path in given_twice])}")
+    if copies := same_points(scans):
         named = _listed([f"{scans[later].name} of {scans[earlier].name}" for earlier, later in copies])
         words.append(f"the same points twice: {named}; leave the copies out, or the map believes them twice")
     return words

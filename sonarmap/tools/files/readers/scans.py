@@ -38,17 +38,14 @@ class ReadScans:
     notes: tuple[str, ...]  # what the user should know about the files, in words: dropped points, corrected strengths
     files: tuple[Path, ...]  # all files that the paths name, in order
     unread: tuple[Unread, ...] = ()  # what could not be read, in the same order
-    # the number of each scan's survey, 0, 1, ...: the scans of a folder are one survey; if each scan has a folder of
-    # its own, all of them are one
+    # of each scan, 0, 1, ...: a folder is one survey; if each scan has a folder of its own, all of them are one
     surveys: tuple[int, ...] = ()
     repeated: tuple[str, ...] = ()  # what was given twice, in words
 
 
 def read_scans(paths: Sequence[str | Path], corrections: Corrections = AS_RECORDED) -> ReadScans:
-    """Every scan of the files, folders and patterns in `paths`, in natural order.
-
-    Like `read_survey`, but all of them have to be readable.
-    """
+    """Every scan of the files, folders and patterns in `paths`, in natural order, as `read_survey` has them; all of
+    them have to be readable."""
     read = read_survey(paths, corrections=corrections)
     if read.unread:
         raise InputError(read.unread[0].reason)
@@ -94,13 +91,13 @@ def read_scan(path: str | Path) -> Scan:
 
 def only_scan(path: str | Path, read: ReadScans) -> Scan:
     """The one scan that was read from `path`; InputError where there are several."""
-    scans = read.scans
-    if len(scans) != 1:
+    first, last = read.scans[0], read.scans[-1]
+    if len(read.scans) > 1:
         raise InputError(
-            f"{path} holds {len(scans)} scans ({scans[0].name} to {scans[-1].name}), and one is needed here: "
-            "choose one, as in file.sonar#3, or map them all with `sonarmap map`"
+            f"{path} holds {len(read.scans)} scans ({first.name} to {last.name}), and one is needed here: choose one, "
+            "as in file.sonar#3, or map them all with `sonarmap map`"
         )
-    return scans[0]
+    return first
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,12 +118,8 @@ class ScanEntry:
 def read_entries(
     selection: Selection, notes: list[str], progress: Progress | None = None, corrections: Corrections = AS_RECORDED
 ) -> Iterator[ScanEntry]:
-    """Every scan of the files one by one, and the places of those that could not be read.
-
-    Args:
-        selection: the files.
-        notes: to which is added what the user should know about files as a whole.
-        progress, corrections: as of `read_survey`.
+    """Every scan of the files one by one, and the places of those that could not be read. What the user should know of
+    files as a whole is added to the notes; `progress` and `corrections` are as of `read_survey`.
 
     Raises InputError: a speed of sound for files that say none.
     """
@@ -159,8 +152,7 @@ def _is_remark(path: Path, files: Sequence[Path]) -> bool:
 def _require_known(files: Sequence[Path], corrections: Corrections) -> None:
     """Refuse corrections of what a format does not say, or says itself."""
     for path in files:
-        known = FORMATS.get(path.suffix.lower())
-        if known is None:
+        if (known := FORMATS.get(path.suffix.lower())) is None:
             continue
         if known.has_axes and not corrections.frame.is_default:
             raise InputError(
@@ -194,13 +186,11 @@ def _kept(entry: ScanEntry, store: PointStore) -> ScanEntry:
 
 def _of_one_size(entries: list[ScanEntry]) -> list[ScanEntry]:
     """The entries, without the scans that are in another unit than most."""
-    usable = [k for k, entry in enumerate(entries) if entry.scan is not None]
-    strange = strange_sizes([scan for entry in entries if (scan := entry.scan) is not None])
-    reasons = {usable[k]: reason for k, reason in strange.items()}
-    return [
-        replace(entry, scan=None, reason=f"{entry.where}: {reasons[k]}") if k in reasons else entry
-        for k, entry in enumerate(entries)
-    ]
+    usable = {k: scan for k, entry in enumerate(entries) if (scan := entry.scan) is not None}
+    for number, reason in strange_sizes(list(usable.values())).items():
+        k = list(usable)[number]
+        entries[k] = replace(entries[k], scan=None, reason=f"{entries[k].where}: {reason}")
+    return entries
 
 
 def _all_of(
@@ -233,12 +223,8 @@ def _label(entry: ScanEntry) -> str:
 
 
 def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[list[float], list[str]]:
-    """The clouds' own stamps if all of them have one, otherwise their positions in the input; and a note about it.
-
-    Args:
-        own: stamps of scans, and of those that could not be read [s].
-        are_clouds: which of them their files have, usable or not.
-    """
+    """The clouds' own stamps [s] if all of them have one, otherwise their positions in the input; and a note about it.
+    `are_clouds`: which of them their files have, usable or not."""
     stamps = [stamp for stamp, is_cloud in zip(own, are_clouds, strict=True) if is_cloud]
     without = stamps.count(None)
     if without == 0:

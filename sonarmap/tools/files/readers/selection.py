@@ -65,12 +65,9 @@ def part_of_file(text: str) -> SelectedFile | None:
 def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_scans: Collection[Path] = ()) -> Selection:
     """The files that `paths` name, each once whatever its path, in natural order (scan2 before scan10).
 
-    Args:
-        paths: files (`recording.sonar#3` is its scan 3, from 0, `dive.bag::/sonar/points` the clouds of a topic),
-            ROS 2 bags, folders, and patterns such as `scans/*.ply`.
-        suffixes: of the files to take from folders and patterns; others there are skipped, and so are
-            priors.csv and pairs.csv.
-        not_scans: more files to skip there, whatever their suffix.
+    These are files (`recording.sonar#3` is its scan 3, from 0, `dive.bag::/sonar/points` the clouds of a topic), ROS 2
+    bags, folders, and patterns such as `scans/*.ply`. Of folders and patterns files with one of the suffixes are taken,
+    but for priors.csv, pairs.csv and those in `not_scans`.
 
     Raises InputError: a path that does not exist, a folder or pattern without such a file, no path at all.
     """
@@ -119,13 +116,12 @@ def _expand(text: str, suffixes: Collection[str], skipped: Collection[Path]) -> 
 def _scans_among(
     paths: Iterable[Path], suffixes: Collection[str], skipped: Collection[Path], where: str
 ) -> list[SelectedFile]:
-    seen = [path for path in paths if not path.name.startswith(".")]
-    files = [
-        path
-        for path in seen
-        if (path.suffix.lower() in suffixes and path.is_file() and path.name not in _TABLES) or is_bag_folder(path)
-    ]
-    files = [path for path in files if path.resolve() not in skipped]
+
+    def is_scan(path: Path) -> bool:
+        is_file = path.suffix.lower() in suffixes and path.is_file() and path.name not in _TABLES
+        return not path.name.startswith(".") and (is_file or is_bag_folder(path)) and path.resolve() not in skipped
+
+    files = [SelectedFile(path) for path in paths if is_scan(path)]
     if not files:
         raise InputError(f"{where} holds no scans; known formats are {', '.join(suffixes)}")
-    return [SelectedFile(path) for path in files]
+    return files

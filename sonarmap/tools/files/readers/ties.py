@@ -12,7 +12,7 @@ from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.tie import VERDICTS, Tie, Verdict
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.csv_table import CsvRow, declared_columns, read_csv_table
+from sonarmap.tools.files.readers.csv_table import CsvTable, read_csv_table
 from sonarmap.tools.files.readers.navigation.cells import number_within, refuse
 from sonarmap.tools.files.readers.navigation.match import named_scan
 
@@ -31,23 +31,19 @@ _LARGEST = {"sigma_m": 1e4, "sigma_deg": 180.0} | dict.fromkeys(POSE[:3], 1e5) |
 def read_ties(path: Path, scans: Sequence[Scan]) -> tuple[Tie, ...]:
     """The ties of a CSV file with the columns target, source and verdict; for pairs with a transform POSE and SIGMAS.
 
-    Args:
-        path: of the file. A transform is T_target_source (angles as docs/conventions.md has them), its standard
-            deviation the same along and about all axes. Lines that begin with # are comments.
-
-    Returns:
-        In the file's order, the scans of each in theirs: a transform of a later scan to an earlier is turned around.
+    A transform is T_target_source (angles as docs/conventions.md has them), its standard deviation the same along and
+    about all axes. Lines that begin with # are comments. Ties are in the file's order, the scans of each in theirs: a
+    transform of a later scan to an earlier is turned around.
 
     Raises InputError: naming the file and the line: a column or cell that cannot be used, or two verdicts on a pair.
     """
     table = read_csv_table(path)
-    columns = _columns(table.heading, path)
-    table.require_even(path)
+    columns = _columns(table)
+    table.require_even()
     ties: list[Tie] = []
     lines: dict[tuple[int, int], int] = {}
     for row in table.rows:
-        where = f"{path}: line {row.line}"
-        tie = _tie(row, columns, scans, where)
+        tie = _tie({name: row.cells[k] for name, k in columns.items()}, scans, table.where(row))
         if tie.scans in lines:
             raise InputError(
                 f"{path}: lines {lines[tie.scans]} and {row.line} both have a verdict on {scans[tie.i].name} and "
@@ -58,22 +54,19 @@ def read_ties(path: Path, scans: Sequence[Scan]) -> tuple[Tie, ...]:
     return tuple(ties)
 
 
-def _columns(heading: CsvRow, path: Path) -> dict[str, int]:
-    """The place of each column."""
+def _columns(table: CsvTable) -> dict[str, int]:
     words = f"{', '.join(NAMES)}, and if need be {', '.join(COLUMNS[3:])}"
-    columns = declared_columns(heading, path, COLUMNS, NAMES, words, f"wanted {', '.join(NAMES)}; ")
+    columns = table.declared_columns(COLUMNS, NAMES, words, f"wanted {', '.join(NAMES)}; ")
     transform = [name for name in TRANSFORM if name in columns]
     missing = [name for name in TRANSFORM if name not in columns]
     if transform and missing:
         raise InputError(
-            f"{path}: line {heading.line}: a transform wants a column {missing[0]} too; add it, or delete "
-            f"{transform[0]}"
+            f"{table.where()}: a transform wants a column {missing[0]} too; add it, or delete {transform[0]}"
         )
     return columns
 
 
-def _tie(row: CsvRow, columns: Mapping[str, int], scans: Sequence[Scan], where: str) -> Tie:
-    cells = {name: row.cells[k] for name, k in columns.items()}
+def _tie(cells: Mapping[str, str], scans: Sequence[Scan], where: str) -> Tie:
     target, source = (named_scan(scans, cells[name], f"{where}: {name}") for name in NAMES[:2])
     if target == source:
         raise InputError(f"{where}: it ties {scans[target].name} to itself; wanted two scans; fix that line")

@@ -8,6 +8,7 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.clouds.cloud import TIME_NAMES, Cloud
+from sonarmap.tools.files.readers.poses.trajectory import places_at
 from sonarmap.tools.files.readers.poses.tum import read_tum
 
 TRAJECTORY = ".tum"
@@ -15,13 +16,10 @@ _COARSEST = 0.01  # seconds between two numbers of a point's time; a vehicle mov
 
 
 def with_viewpoints(cloud: Cloud, path: Path) -> Cloud:
-    """The cloud with a viewpoint per point, interpolated between the positions of the trajectory at `path`.
+    """The cloud with a viewpoint per point, interpolated between the positions of the trajectory at `path`: a TUM file
+    whose poses are T_scan_sensor, by the clock of the cloud's times [s].
 
     A cloud that has viewpoints keeps them, and one without times stays as it is; a note says so.
-
-    Args:
-        cloud: its times are in seconds by the trajectory's clock.
-        path: a TUM file whose poses are T_scan_sensor: they place the sensor in the frame of the points.
 
     Raises InputError: the trajectory cannot be used, its stamps do not ascend, or points were seen outside of its time.
     """
@@ -35,9 +33,7 @@ def with_viewpoints(cloud: Cloud, path: Path) -> Cloud:
         later = int(np.argmin(np.diff(trajectory.stamps) > 0)) + 1
         raise InputError(f"{path}: the stamps do not ascend (pose {later}); sort its lines")
     _require_within(cloud, cloud.times, trajectory, path)
-    times, places = cloud.times.astype(np.float64), trajectory.T_world_sensor.translation
-    viewpoints = np.stack([np.interp(times, trajectory.stamps, places[:, axis]) for axis in range(3)], axis=1)
-    return replace(cloud, viewpoints=viewpoints)
+    return replace(cloud, viewpoints=places_at(trajectory, cloud.times.astype(np.float64)))
 
 
 def _require_within(cloud: Cloud, times: np.ndarray, trajectory: Trajectory, path: Path) -> None:

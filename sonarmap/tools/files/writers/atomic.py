@@ -52,10 +52,8 @@ def all_or_none() -> Iterator[Sequence[tuple[Path, Path]]]:
 
     The disk may fill up or the user stop it halfway: results that belong together are never of two runs. Only the
     renaming of files that are already whole on disk, one right after the other, is left for the end. A block inside
-    another is a part of it.
-
-    Yields:
-        What has been written so far, growing: the temporary name under which it is whole on disk, and its own.
+    another is a part of it. It gives what has been written so far, growing: the temporary name under which it is whole
+    on disk, and its own.
     """
     outer = _waiting.get()
     if outer is not None:

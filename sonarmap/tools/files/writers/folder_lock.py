@@ -10,13 +10,10 @@ from sonarmap.kernels.errors import InputError
 
 @contextmanager
 def locked(folder: Path, writing: bool) -> Iterator[None]:
-    """Keep other runs of sonarmap from a folder while the block lasts; the lock ends with the process at the latest.
+    """Keep other runs of sonarmap from a folder, whose files are to be of one run, while the block lasts; with
+    `writing` those that read it too. The lock ends with the process at the latest.
 
     Nothing is locked where there is no such folder, or no such locks, as on some network file systems.
-
-    Args:
-        folder: whose files are to be of one run.
-        writing: whether this run writes to it, so that no other may read it either.
 
     Raises InputError: another run has the folder.
     """

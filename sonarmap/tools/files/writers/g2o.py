@@ -21,14 +21,11 @@ _NONE: Mapping[int, Edge] = MappingProxyType({})
 
 
 def write_g2o(path: Path, graph: PoseGraph, left_out: Container[int] = ()) -> None:
-    """Write poses, fixed poses, what is known of single ones, and edges; vertex k is pose k.
+    """Write poses, fixed poses, what is known of single ones (lines of EDGE_SE3_PRIOR), and edges; vertex k is pose k,
+    without those `left_out`, which nothing places.
 
-    Translations are kept to the last bit, quaternions to its rounding, covariances to that of inverting
-    them. Stamps have no place in the format.
-
-    Args:
-        graph: its priors, and what is held beside them, become lines of EDGE_SE3_PRIOR.
-        left_out: poses that are no vertices: those that nothing places.
+    Translations are kept to the last bit, quaternions to its rounding, covariances to that of inverting them. Stamps
+    have no place in the format.
 
     Raises InputError: the graph holds an edge of kind "prior", or the file cannot be written.
     """
@@ -55,13 +52,12 @@ def rewrite_g2o(
     left_out: Container[int] = (),
     repaired: Mapping[int, Edge] = _NONE,
 ) -> None:
-    """Write a file again with other poses; all else, comments and the edges' digits too, stays as it is.
+    """Write `source`, a file that `read_g2o` has read, again with other poses; all else, comments and the edges' digits
+    too, stays as it is.
 
-    Args:
-        source: a file that `read_g2o` has read.
-        trajectory: the poses of its vertices, each with its vertex's id for a stamp, as `read_g2o` gives them.
-        left_out: edges to drop, counted from 0 in the file's order.
-        repaired: edges to write with the information that they have now, by the same numbers.
+    `trajectory` has the poses of its vertices, each with its vertex's id for a stamp, as `read_g2o` gives them. Edges
+    are counted from 0 in the file's order: those `left_out` are dropped, those `repaired` are written with the
+    information that they have now.
     """
     numbers = pose_numbers(trajectory.T_world_sensor).tolist()
     poses = {int(stamp): pose for stamp, pose in zip(trajectory.stamps.tolist(), numbers, strict=True)}

@@ -13,12 +13,9 @@ from sonarmap.tools.files.writers.atomic import atomic_path
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a mapping as JSON: NaN and infinity become null, NumPy's types become Python's.
+    """Write a mapping of anything that `to_json` takes as JSON.
 
     Every name of a mapping has a line of its own, and so has every item of a list that is a list or a mapping itself.
-
-    Args:
-        content: names and values, anything that `to_json` takes.
 
     Raises TypeError: a value that JSON has no form for; InputError: the file cannot be written.
     """

@@ -32,10 +32,7 @@ def write_ply(path: str | Path, points: np.ndarray, columns: Mapping[str, np.nda
     records = pack_records(points, columns)
     fields = [(name, records.dtype[name]) for name in records.dtype.names or ()]
     lines = [
-        "ply",
-        "format binary_little_endian 1.0",
-        "comment written by sonarmap",
-        f"element vertex {len(records)}",
+        *("ply", "format binary_little_endian 1.0", "comment written by sonarmap", f"element vertex {len(records)}"),
         *(f"property {_PLY_TYPES[dtype.kind + str(dtype.itemsize)]} {name}" for name, dtype in fields),
         "end_header",
     ]
@@ -80,12 +77,10 @@ def _write(path: Path, header: list[str], records: np.ndarray) -> None:
 
 
 def pack_records(points: np.ndarray, columns: Mapping[str, np.ndarray] | None) -> np.ndarray:
-    """(N,) packed little-endian records: x, y, z, then every column in its order.
+    """(N,) packed little-endian records: x, y, z, then every column {name: (N,)} of numbers in its order.
 
-    Args:
-        points: (N, 3), float64 kept, anything else as float32 [m].
-        columns: {name: (N,)} of numbers. 64-bit integers, which PLY does not know, become 32-bit ones where
-            they all fit and float64 where they don't; booleans become 0 and 1.
+    Points (N, 3) [m] of float64 are kept, any others become float32. 64-bit integers, which PLY does not know, become
+    32-bit ones where they all fit and float64 where they don't; booleans become 0 and 1.
 
     Raises InputError: another shape, a column of another length or without numbers, a name no header can hold.
     """

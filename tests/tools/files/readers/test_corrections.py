@@ -12,6 +12,7 @@ from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.corrections import FRAMES, UNITS, Corrections, PointFrame
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.cloud_files import TABLE, npz, range_image
+from tests.samples.refusals import refuses
 
 POINTS = np.array([[1.5, -2.25, 0.75], [6.75, 0.125, -3.5]])
 
@@ -82,8 +83,7 @@ def test_a_shot_without_one_is_a_gap(tmp_path: Path) -> None:
     ],
 )
 def test_refuses_other_numbers_and_names(made: Callable[..., object], given: tuple, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        made(*given)
+    refuses(words, made, *given)
 
 
 def test_axes_and_units_come_before_ranges(tmp_path: Path) -> None:
@@ -113,13 +113,12 @@ def test_axes(axes: str) -> None:
     np.testing.assert_allclose(np.linalg.det(FRAMES[axes]), 1)  # no convention mirrors
 
 
-@pytest.mark.parametrize(
-    ("unit", "meters"), [("m", 1), ("cm", 0.01), ("mm", 0.001), ("ft", 0.3048), ("us-ft", 0.30480061)]
-)
-def test_units(unit: str, meters: float) -> None:
-    turned = PointFrame("flu", unit).turned(Cloud(np.array([[1000.0, -2000, 3000]])))
-    np.testing.assert_allclose(turned.points, [[1000 * meters, -2000 * meters, 3000 * meters]], rtol=1e-8)
-    assert unit in UNITS
+def test_units() -> None:
+    meters = {"m": 1, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 0.30480061}
+    assert meters.keys() == UNITS.keys()
+    for unit, size in meters.items():
+        turned = PointFrame("flu", unit).turned(Cloud(np.array([[1000.0, -2000, 3000]])))
+        np.testing.assert_allclose(turned.points, np.multiply([[1000, -2000, 3000]], size), rtol=1e-8)
 
 
 def test_integers_and_what_is_not_finite() -> None:

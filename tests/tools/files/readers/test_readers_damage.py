@@ -66,8 +66,7 @@ class TestDamageOfEveryKindOfFile:
         ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
         assert ended.returncode == 0, ended.stderr
         ends, faults, longest, largest = json.loads(ended.stdout)
-        for kind, counts in ends.items():
-            print(f"{kind:24} {counts}")
+        print("\n".join(f"{kind:24} {counts}" for kind, counts in ends.items()))
         print(f"{sum(sum(counts.values()) for counts in ends.values())} damaged files, {len(faults)} faults")
         print(f"longest {longest[0]:.2f} s ({longest[1]}), memory {largest[0] / 2**20:.0f} MiB ({largest[1]})")
         assert faults == []

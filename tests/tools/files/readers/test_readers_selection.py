@@ -108,9 +108,6 @@ def test_paths_that_lead_nowhere(tmp_path, name, said):
     (tmp_path / "hollow").mkdir()
     (tmp_path / "hollow.ply").mkdir()
     refuses(said, read_scans, [f"{tmp_path}/{name}"])
-
-
-def test_no_path_at_all_is_refused():
     refuses("no scans given", read_scans, [])
 
 

@@ -97,16 +97,13 @@ class TestTrajectoryBeside:
         (tmp_path / "a.npz").write_bytes(npz(points=POINTS, times=TIMES))
         np.testing.assert_array_equal(read_scan(tmp_path / "a.npz").viewpoints, SEEN_FROM)
 
-    def test_fields_win_and_a_note_says_so(self, tmp_path: Path) -> None:
+    def test_fields_win_points_without_time_stay_and_notes_say_so(self, tmp_path: Path) -> None:
         write_points(tmp_path / "a.ply", POINTS, {"time": TIMES, **columns_of(SCAN)})
         (tmp_path / "a.tum").write_text(TRAJECTORY)
         read = read_scans([tmp_path / "a.ply"])
         np.testing.assert_array_equal(read.scans[0].viewpoints, VIEWPOINTS)
         assert read.notes == ("a.ply: a.tum is not used: the points have viewpoints of their own",)
-
-    def test_points_without_time_stay_as_they_are_and_a_note_says_so(self, tmp_path: Path) -> None:
         (tmp_path / "a.ply").write_bytes(ply())
-        (tmp_path / "a.tum").write_text(TRAJECTORY)
         read = read_scans([tmp_path])
         assert read.scans[0].viewpoints is None
         assert "a.tum is not used: the points have no time (a field gps_time or" in read.notes[0]

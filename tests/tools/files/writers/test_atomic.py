@@ -107,15 +107,12 @@ def test_another_process_holds_it_until_it_ends_however_it_ends(tmp_path: Path) 
         pass
 
 
-@pytest.mark.parametrize("kind", ["missing", "file", "fifo"])
-def test_what_is_no_folder_is_not_locked_and_not_waited_for(tmp_path: Path, kind: str) -> None:
-    path = tmp_path / kind
-    if kind == "file":
-        path.touch()
-    if kind == "fifo":
-        os.mkfifo(path)
-    with locked(path, writing=True), locked(path, writing=True):
-        pass
+def test_what_is_no_folder_is_not_locked_and_not_waited_for(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    os.mkfifo(tmp_path / "fifo")
+    for path in (tmp_path / "missing", tmp_path / "file", tmp_path / "fifo"):
+        with locked(path, writing=True), locked(path, writing=True):
+            pass
 
 
 def test_a_file_system_without_locks_is_used_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

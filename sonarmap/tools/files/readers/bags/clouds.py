@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.bags.frames import Frames
+from sonarmap.tools.files.readers.bags.frames import Frames, numbers_of, stamp_of
 from sonarmap.tools.files.readers.bags.open import open_recording
 from sonarmap.tools.files.readers.bags.recording import (
     FOXGLOVE_CLOUD,
@@ -32,13 +32,10 @@ _LARGEST_SECONDS, _SINCE_THE_STAMP = 1e14, 1e6
 
 
 def stream_recording(path: Path, topic: str | None, notes: list[str]) -> Iterator[Cloud]:
-    """The clouds of a topic, one per message, stamped by their headers.
+    """The clouds of a topic (None: the only one with clouds), one per message, stamped by their headers.
 
     They are in base_link where tf_static has the sensor's mounting, and else in the sensor's frame. A message that
     cannot be used is an empty cloud.
-
-    Args:
-        topic: None for the only one with clouds.
 
     Raises InputError: no such topic, several of which none is named, or none of its messages can be used.
     """
@@ -49,8 +46,8 @@ def stream_recording(path: Path, topic: str | None, notes: list[str]) -> Iterato
     usable = unstamped = 0
     for number, message in enumerate(recording.messages([chosen.name], faults)):
         try:
-            stamped = cloud_of(message)
-            cloud = moved(stamped.cloud, frames.T_base(stamped.frame))
+            frame, cloud = cloud_of(message)
+            cloud = moved(cloud, frames.T_base(frame))
         except InputError as error:
             faults.append(f"message {number} of {chosen.name}: {error}")
             yield Cloud(np.empty((0, 3), np.float32), stamp=message.time / 10**9)
@@ -71,14 +68,6 @@ def _shortened(notes: list[str]) -> list[str]:
 
 
 @dataclass(frozen=True, slots=True)
-class StampedCloud:
-    """A cloud in the frame of that name; its stamp is None where the message has none."""
-
-    frame: str
-    cloud: Cloud
-
-
-@dataclass(frozen=True, slots=True)
 class _Packed:
     """Points as they are packed in a message."""
 
@@ -89,50 +78,46 @@ class _Packed:
     has_gaps: bool  # points that are not finite stand for beams without an echo
 
 
-def cloud_of(message: Message) -> StampedCloud:
-    """The cloud of a message. Raises InputError: the message is damaged or contradicts itself, or has no fields x, y
-    and z."""
+def cloud_of(message: Message) -> tuple[str, Cloud]:
+    """The frame and the cloud of a message; without a stamp where the message has none. Raises InputError: the message
+    is damaged or contradicts itself, or has no fields x, y and z."""
     content = decode(message)
     with refused(f"its {message.kind} contradicts itself"):
         if message.kind == FOXGLOVE_CLOUD:
             stamp = content.timestamp.seconds * 10**9 + content.timestamp.nanos
-            cloud = _moved(_cloud(_packed_by_foxglove(content), stamp), content)
-            return StampedCloud(content.frame_id.lstrip("/"), cloud)
-        stamp = content.header.stamp.sec * 10**9 + content.header.stamp.nanosec
-        return StampedCloud(content.header.frame_id.lstrip("/"), _cloud(_packed_by_ros(content), stamp))
+            return content.frame_id.lstrip("/"), _moved(_cloud(_packed_by_foxglove(content), stamp), content)
+        return content.header.frame_id.lstrip("/"), _cloud(_packed_by_ros(content), stamp_of(content.header))
 
 
 def _packed_by_ros(content: Any) -> _Packed:
     order = ">" if content.is_bigendian else "<"
-    counted = [field.name for field in content.fields if field.count > 1]
-    fields = {
-        field.name: (order + _ROS_TYPES[field.datatype] if field.datatype in _ROS_TYPES else "", field.offset)
-        for field in content.fields
-        if field.name not in counted
-    }
+    single = [(field.name, field.datatype, field.offset) for field in content.fields if field.count <= 1]
     shape, strides = (content.height, content.width), (content.row_step, content.point_step)
-    return _Packed(fields, shape, strides, np.asarray(content.data, np.uint8), has_gaps=not content.is_dense)
+    octets = np.asarray(content.data, np.uint8)
+    return _Packed(_layout(single, _ROS_TYPES, order), shape, strides, octets, has_gaps=not content.is_dense)
 
 
 def _packed_by_foxglove(content: Any) -> _Packed:
-    fields = {
-        field.name: ("<" + _FOXGLOVE_TYPES[field.type] if field.type in _FOXGLOVE_TYPES else "", field.offset)
-        for field in content.fields
-    }
-    stride, held = content.point_stride, np.frombuffer(content.data, np.uint8)
-    if stride < 1 or len(held) % stride:
-        raise InputError(f"it holds {len(held):,} bytes, which is not a number of points of {stride:,} bytes each")
-    return _Packed(fields, (1, len(held) // stride), (len(held), stride), held, has_gaps=True)
+    fields = [(field.name, field.type, field.offset) for field in content.fields]
+    stride, octets = content.point_stride, np.frombuffer(content.data, np.uint8)
+    if stride < 1 or len(octets) % stride:
+        raise InputError(f"it holds {len(octets):,} bytes, which is not a number of points of {stride:,} bytes each")
+    shape, strides = (1, len(octets) // stride), (len(octets), stride)
+    return _Packed(_layout(fields, _FOXGLOVE_TYPES, "<"), shape, strides, octets, has_gaps=True)
+
+
+def _layout(fields: list[tuple[str, int, int]], types: dict[int, str], order: str) -> dict[str, tuple[str, int]]:
+    return {name: (order + types[kind] if kind in types else "", offset) for name, kind, offset in fields}
 
 
 def _cloud(packed: _Packed, stamp: int) -> Cloud:
     """The columns of the points; `stamp` is in nanoseconds, 0 where there is none."""
+    seconds = stamp / 10**9 if stamp else None
     if 0 in packed.shape:
-        return Cloud(np.empty((0, 3), np.float32), stamp=stamp / 10**9 if stamp else None)
-    roles = column_roles(list(packed.fields))
+        return Cloud(np.empty((0, 3), np.float32), stamp=seconds)
     names = list(packed.fields)
-    layout = {role: packed.fields[names[column]] for role, column in roles.items()}
-    unknown = [names[column] for column in roles.values() if not packed.fields[names[column]][0]]
+    layout = {role: packed.fields[names[column]] for role, column in column_roles(names).items()}
+    unknown = [names[column] for column in column_roles(names).values() if not packed.fields[names[column]][0]]
     if unknown:
         raise InputError(f"its field {unknown[0]} has a type of no known number; wanted integers or floats")
     _require_room(packed, layout)
@@ -147,10 +132,7 @@ def _cloud(packed: _Packed, stamp: int) -> Cloud:
         columns = {role: column[echo] for role, column in columns.items()}
     if "time" in columns:
         columns["time"] = _seconds(columns["time"], stamp)
-    cloud = cloud_of_columns(columns)
-    return Cloud(
-        cloud.points, cloud.strength, stamp / 10**9 if stamp else None, (), cloud.viewpoints, columns.get("time")
-    )
+    return replace(cloud_of_columns(columns), stamp=seconds)
 
 
 def _require_room(packed: _Packed, layout: dict[str, tuple[str, int]]) -> None:
@@ -178,10 +160,9 @@ def _seconds(times: np.ndarray, stamp: int) -> np.ndarray:
 
 def _moved(cloud: Cloud, content: Any) -> Cloud:
     """By the pose that a foxglove.PointCloud may have in its frame."""
-    place, turn = content.pose.position, content.pose.orientation
-    quaternion = np.array([turn.x, turn.y, turn.z, turn.w])
-    rotation = Rotation.from_quat(quaternion) if quaternion.any() else Rotation.identity()
-    return moved(cloud, RigidTransform.from_components([place.x, place.y, place.z], rotation))
+    numbers = np.array(numbers_of(content.pose.position, content.pose.orientation))
+    rotation = Rotation.from_quat(numbers[3:]) if numbers[3:].any() else Rotation.identity()
+    return moved(cloud, RigidTransform.from_components(numbers[:3], rotation))
 
 
 def moved(cloud: Cloud, T_target_cloud: RigidTransform) -> Cloud:
@@ -191,6 +172,4 @@ def moved(cloud: Cloud, T_target_cloud: RigidTransform) -> Cloud:
     points = T_target_cloud.apply(cloud.points.astype(np.float64))
     seen_from = np.zeros_like(points) if cloud.viewpoints is None else cloud.viewpoints.astype(np.float64)
     viewpoints = T_target_cloud.apply(seen_from)
-    return Cloud(
-        points, cloud.strength, cloud.stamp, cloud.notes, viewpoints if viewpoints.any() else None, cloud.times
-    )
+    return replace(cloud, points=points, viewpoints=viewpoints if viewpoints.any() else None)

@@ -39,9 +39,13 @@ def numbers_of(place: Any, turn: Any) -> tuple[float, ...]:
     return place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
 
 
+def stamp_of(header: Any) -> int:
+    """The time of a ROS header [ns since 1970]; 0 where it has none."""
+    return header.stamp.sec * 10**9 + header.stamp.nanosec
+
+
 def rigid(rows: Sequence[tuple[float, ...]], what: str) -> RigidTransform:
-    """A stack of transforms from x, y, z and quaternions. Raises InputError: naming `what` and the number of the first
-    whose numbers are not finite, or no quaternion."""
+    """A stack of transforms from x, y, z and quaternions. Raises InputError: naming `what` and the first bad one."""
     numbers = np.array(rows, np.float64)
     length = np.linalg.norm(np.clip(numbers[:, 3:], -2, 2), axis=1)  # beyond it is none, and its square overflows
     good = (np.abs(numbers[:, :3]) <= LARGEST).all(axis=1) & (length > 0.5) & (length < 2)
@@ -55,16 +59,13 @@ def rigid(rows: Sequence[tuple[float, ...]], what: str) -> RigidTransform:
 def links(recording: Recording, last_name: str, faults: list[str]) -> Iterator[Link]:
     """All transforms of the topics of tf whose names end so: tf_static, or tf."""
     names = [topic.name for topic in recording.of_kinds((TRANSFORMS,)) if topic.name.split("/")[-1] == last_name]
-    if not names:
-        return
-    for message in recording.messages(names, faults):
+    for message in recording.messages(names, faults) if names else ():
         try:
             with refused("its transforms contradict each other"):
                 for stamped in decode(message).transforms:
-                    stamp = stamped.header.stamp.sec * 10**9 + stamped.header.stamp.nanosec
                     parent, child = stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/")
                     numbers = numbers_of(stamped.transform.translation, stamped.transform.rotation)
-                    yield Link(parent, child, stamp, numbers, fixed=last_name == "tf_static")
+                    yield Link(parent, child, stamp_of(stamped.header), numbers, fixed=last_name == "tf_static")
         except InputError as error:
             faults.append(f"{message.topic}: {error}")
 
@@ -75,11 +76,8 @@ def is_named(frame: str, name: str) -> bool:
 
 
 class Frames:
-    """Where sensors are mounted, as a recording's tf_static says.
-
-    Attributes:
-        notes: what was done about each frame that was asked for, and what of tf_static is damaged, in words.
-    """
+    """Where sensors are mounted, as a recording's tf_static says; `notes` say what was done about each frame that was
+    asked for, and what of tf_static is damaged."""
 
     def __init__(self, recording: Recording) -> None:
         self.notes: list[str] = []
@@ -90,29 +88,28 @@ class Frames:
         """T_base_frame to base_link where tf_static has it, else to the same frame with x forward, y left, z up. Raises
         InputError: the transforms of tf_static between the two are damaged."""
         if frame not in self._known:
-            self._known[frame] = self._to_base(frame)
+            T, note = self._to_base(frame)
+            self._known[frame] = T
+            self.notes += note
         return self._known[frame]
 
-    def _to_base(self, frame: str) -> RigidTransform:
-        mounted = self._by_tf(frame)
-        if mounted is not None:
-            base, T = mounted
-            if base != frame:
-                yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
-                x, y, z = T.translation
-                self.notes.append(
-                    f"points are in {base}, by tf_static: {frame} is there at {x:.3f}, {y:.3f}, {z:.3f} m, with roll "
-                    f"{roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f} degrees"
-                )
-            return T
+    def _to_base(self, frame: str) -> tuple[RigidTransform, list[str]]:
+        base, T = self._by_tf(frame)
+        if base == frame:
+            return T, []
+        if base:
+            yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
+            x, y, z = T.translation
+            where = f"{x:.3f}, {y:.3f}, {z:.3f} m, with roll {roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f} degrees"
+            return T, [f"points are in {base}, by tf_static: {frame} is there at {where}"]
         for suffix, turn in R_FLU.items():
             if frame.endswith(suffix):
-                self.notes.append(f"points in {frame} are turned to x forward, y left, z up, as its name {suffix} says")
-                return RigidTransform.from_rotation(turn)
-        return RigidTransform.identity()
+                note = f"points in {frame} are turned to x forward, y left, z up, as its name {suffix} says"
+                return RigidTransform.from_rotation(turn), [note]
+        return T, []
 
-    def _by_tf(self, frame: str) -> tuple[str, RigidTransform] | None:
-        """The nearest frame that is called base_link, and T_base_frame."""
+    def _by_tf(self, frame: str) -> tuple[str, RigidTransform]:
+        """The nearest frame that is called base_link, and T_base_frame; "" and the identity where there is none."""
         neighbors: dict[str, list[tuple[str, Link, bool]]] = {}
         for link in self._links.values():
             neighbors.setdefault(link.child, []).append((link.parent, link, True))
@@ -127,4 +124,4 @@ class Frames:
                     seen.add(there)
                     T_there_here = link.T_parent_child() if up else link.T_parent_child().inv()
                     waiting.append((there, T_there_here * T_here_frame))
-        return None
+        return "", RigidTransform.identity()

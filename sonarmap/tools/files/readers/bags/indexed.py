@@ -22,13 +22,9 @@ def open_ros1(path: Path) -> Recording:
 
 
 def open_sqlite(path: Path, packed: int | None = None) -> Recording:
-    """The recording of a .db3 file, whose messages may be compressed one by one.
-
-    Args:
-        packed: its bytes before it was unpacked, if it was.
-
-    Raises InputError: it is no database of ROS 2 messages, or damaged, or has too many messages for its bytes.
-    """
+    """The recording of a .db3 file, whose messages may be compressed one by one. `packed`: its bytes before it was
+    unpacked, if it was. Raises InputError: it is no database of ROS 2 messages, or damaged, or has too many messages
+    for its bytes."""
     size = path.stat().st_size if packed is None else packed
     recording = _recording(path, _opened_sqlite, "cdr", partial(_plain, Unpacker(size)))
     if sum(topic.count for topic in recording.topics) > most_records(size):

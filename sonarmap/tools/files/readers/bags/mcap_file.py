@@ -24,16 +24,6 @@ _RECORD = 512  # bytes of memory that a record takes beside its content
 _READS = 8  # that a record takes at most
 
 
-@dataclass(frozen=True, slots=True)
-class _Channel:
-    """A topic, the type of its messages, their encoding, and what protobuf needs to decode them."""
-
-    topic: str
-    kind: str
-    encoding: str
-    schema: bytes
-
-
 def open_mcap(path: Path, packed: int | None = None) -> Recording:
     """The recording of an MCAP file. `packed`: its bytes before it was unpacked, if it was. Raises InputError: there is
     no message in it."""
@@ -52,30 +42,28 @@ def open_mcap(path: Path, packed: int | None = None) -> Recording:
             written[record.id] = record
         elif isinstance(record, Record):
             counts[record.channel_id] += 1
-    channels = {number: _channel(channel, schemas.get(channel.schema_id)) for number, channel in written.items()}
+    empty: dict[int, Message] = {}  # of each channel, without time and content
     known = Counter[tuple[str, str]]()
-    for number, channel in channels.items():
-        known[channel.topic, channel.kind] += counts[number]
+    for number, channel in written.items():
+        schema, encoding = schemas.get(channel.schema_id), channel.message_encoding
+        kind = ros_name(schema.name) if schema else "(no type)"
+        needed = schema.data if schema and encoding == "protobuf" else b""
+        empty[number] = Message(channel.topic, kind, 0, b"", encoding, needed)
+        known[channel.topic, kind] += counts[number]
     if not known.total():
         raise InputError(faults[0] if faults else "there is no message in it; record its topics again")
-    return Recording(topics_of(known), partial(_messages, path, most, channels))
-
-
-def _channel(channel: Channel, schema: Schema | None) -> _Channel:
-    kind = ros_name(schema.name) if schema else "(no type)"
-    content = schema.data if schema and channel.message_encoding == "protobuf" else b""
-    return _Channel(channel.topic, kind, channel.message_encoding, content)
+    return Recording(topics_of(known), partial(_messages, path, most, empty))
 
 
 def _messages(
-    path: Path, most: int, channels: Mapping[int, _Channel], names: Collection[str], faults: list[str]
+    path: Path, most: int, empty: Mapping[int, Message], names: Collection[str], faults: list[str]
 ) -> Iterator[Message]:
     """In the order of the file, and by their times within a chunk."""
     from mcap.records import Message as Record
 
     for record in _records(path, most, faults):
-        if isinstance(record, Record) and (channel := channels.get(record.channel_id)) and channel.topic in names:
-            yield Message(channel.topic, channel.kind, record.log_time, record.data, channel.encoding, channel.schema)
+        if isinstance(record, Record) and (of := empty.get(record.channel_id)) and of.topic in names:
+            yield replace(of, time=record.log_time, content=record.data)
 
 
 def ros_name(name: str) -> str:

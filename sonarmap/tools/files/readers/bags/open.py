@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
+from itertools import chain
 from math import inf
 from pathlib import Path, PurePath
 
@@ -16,26 +17,28 @@ from sonarmap.tools.files.readers.bags.unpack import Room
 from sonarmap.tools.files.readers.selection import BAG_METADATA, BAG_TITLE, is_bag_folder
 from sonarmap.tools.files.user_file import naming
 
-RECORDINGS: dict[str, Callable[[Path], Recording]] = {".bag": open_ros1, ".mcap": open_mcap, ".db3": open_sqlite}
 _LARGEST = 1 << 18  # bytes of metadata, of which YAML reads 100 KB in a second
 _COMPRESSED = (".zstd", ".zst")
-_OPENERS: dict[str, Callable[[Path, int], Recording]] = {".db3": open_sqlite, ".mcap": open_mcap}
+# of a bag's files; a second argument is their bytes before they were unpacked
+_OPENERS: dict[str, Callable[[Path, int | None], Recording]] = {".db3": open_sqlite, ".mcap": open_mcap}
 
 
 def is_recording(path: Path) -> bool:
     """Whether a file is a recording by its suffix, or a folder is a ROS 2 bag."""
-    return path.suffix.lower() in RECORDINGS or is_bag_folder(path)
+    return path.suffix.lower() in (".bag", *_OPENERS) or is_bag_folder(path)
 
 
 def open_recording(path: Path, notes: list[str]) -> Recording:
     """The recording of a file that `is_recording`, or of a folder; notes about it are added to the list. Raises
     InputError: it is damaged, or there is no message in it."""
-    return open_folder(path, notes) if path.is_dir() else RECORDINGS[path.suffix.lower()](path)
+    if path.is_dir():
+        return _open_folder(path, notes)
+    suffix = path.suffix.lower()
+    return open_ros1(path) if suffix == ".bag" else _OPENERS[suffix](path, None)
 
 
-def open_folder(folder: Path, notes: list[str]) -> Recording:
-    """The recording of all files of a bag, in the order of their times; notes name those that are missing or left out.
-    Raises InputError: there is none, or one cannot be opened."""
+def _open_folder(folder: Path, notes: list[str]) -> Recording:
+    """Of all files of a bag, in the order of their times; notes name those that are missing or left out."""
     files = _files_of(folder, notes)
     present = [file for file in files if file.is_file()]
     notes += [f"{file.name}, which {BAG_METADATA} names, is missing" for file in files if file not in present]
@@ -44,10 +47,9 @@ def open_folder(folder: Path, notes: list[str]) -> Recording:
     packed = [file.stat().st_size for file in present if file.suffix in _COMPRESSED]
     room = Room(sum(packed)) if packed else None
     parts = sorted((_open_part(file, room) for file in present), key=_start)
-    counts: Counter[tuple[str, str]] = Counter()
-    for part in parts:
-        for topic in part.topics:
-            counts[topic.name, topic.kind] += topic.count
+    counts = Counter[tuple[str, str]]()
+    for topic in chain.from_iterable(part.topics for part in parts):
+        counts[topic.name, topic.kind] += topic.count
     return Recording(topics_of(counts), partial(_messages, parts, room))
 
 
@@ -81,11 +83,8 @@ def _files_of(folder: Path, notes: list[str]) -> list[Path]:
         notes.append(f"{BAG_METADATA} cannot be read; all recordings of the folder are taken")
         return there
     known = {_plain_name(file) for file in listed}  # a file may be there compressed and unpacked
-    notes += [
-        f"{file.name} is left out, as {BAG_METADATA} does not name it"
-        for file in there
-        if _plain_name(file) not in known
-    ]
+    left = [file.name for file in there if _plain_name(file) not in known]
+    notes += [f"{name} is left out, as {BAG_METADATA} does not name it" for name in left]
     return listed
 
 

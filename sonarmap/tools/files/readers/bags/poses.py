@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.readers.bags.frames import BASE, Frames, Link, is_named, links, numbers_of, rigid
+from sonarmap.tools.files.readers.bags.frames import BASE, Frames, Link, is_named, links, numbers_of, rigid, stamp_of
 from sonarmap.tools.files.readers.bags.open import open_recording
 from sonarmap.tools.files.readers.bags.recording import (
     ODOMETRY,
@@ -28,13 +28,10 @@ _R_ENU_NED = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 
 def read_recorded_odometry(path: Path, topic: str | None, notes: list[str]) -> Trajectory:
-    """Where dead reckoning had the vehicle.
+    """Where dead reckoning had the vehicle: T_odom_base with stamps that ascend; of base_link where tf_static has the
+    frame that moves.
 
-    Args:
-        topic: of nav_msgs/Odometry; None for the only one, or for tf where there is none.
-
-    Returns:
-        T_odom_base with stamps that ascend; of base_link where tf_static has the frame that moves.
+    `topic` is of nav_msgs/Odometry; None for the only one, or for tf where there is none.
 
     Raises InputError: naming the file: there is no odometry in it, or several of which none is named.
     """
@@ -55,7 +52,7 @@ def _of_odometry(recording: Recording, topic: str, faults: list[str]) -> Traject
     for number, message in enumerate(recording.messages([topic], faults)):
         content = decode(message)
         with refused(f"message {number} of {topic} contradicts itself"):
-            stamps.append(content.header.stamp.sec * 10**9 + content.header.stamp.nanosec or message.time)
+            stamps.append(stamp_of(content.header) or message.time)
             rows.append(numbers_of(content.pose.pose.position, content.pose.pose.orientation))
             world, child = content.header.frame_id, content.child_frame_id.lstrip("/")
     T_base_child = Frames(recording).T_base(child)
@@ -86,15 +83,10 @@ def _of_tf(recording: Recording, faults: list[str]) -> Trajectory:
 
 def _composed(chain: Sequence[Sequence[Link]], faults: list[str]) -> Trajectory:
     """T of the whole chain, where all of its links that move are known."""
-    parts = [
-        _ascending(
-            [link.stamp for link in steps],
-            [link.numbers for link in steps],
-            f"the transform {steps[0].parent} to {steps[0].child}",
-            faults,
-        )
-        for steps in chain
-    ]
+    parts: list[Trajectory] = []
+    for steps in chain:
+        stamps, rows = [link.stamp for link in steps], [link.numbers for link in steps]
+        parts.append(_ascending(stamps, rows, f"the transform {steps[0].parent} to {steps[0].child}", faults))
     moving = [part for part, steps in zip(parts, chain, strict=True) if not steps[-1].fixed]
     if not moving:
         raise InputError(f"in its tf {BASE} does not move in {_ODOM}; record tf too, not only tf_static")

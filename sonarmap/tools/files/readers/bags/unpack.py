@@ -29,15 +29,8 @@ class Unpacker:
     plain: int = 0  # bytes that came of it so far
 
     def __call__(self, content: bytes, compression: str) -> bytes:
-        """The plain bytes of a chunk.
-
-        Args:
-            content: compressed.
-            compression: none (or empty), bz2, lz4 (frames) or zstd.
-
-        Raises:
-            InputError: a compression of another name, a chunk that was cut, or more bytes come of it than can be right.
-        """
+        """The plain bytes of a chunk. `compression`: none (or empty), bz2, lz4 (frames) or zstd. Raises InputError:
+        another one, a chunk that was cut, or more bytes come of it than can be right."""
         if compression in ("", "none"):
             return content
         if self.plain > max(LARGEST, _ALL * self.size):

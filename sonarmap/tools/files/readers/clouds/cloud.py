@@ -70,9 +70,8 @@ def cloud_of_columns(columns: Mapping[str, np.ndarray], notes: Sequence[str] = (
     """The cloud of columns as `column_roles` calls them, each (N,), whatever else there is."""
     with np.errstate(invalid="ignore"):  # a signaling NaN is dropped later like any other
         points = np.stack([columns[axis] for axis in "xyz"], axis=1)
-    viewpoints = None
-    if VIEWPOINT_NAMES[0] in columns:
-        viewpoints = np.stack([columns[name] for name in VIEWPOINT_NAMES], axis=1)
+    seen_from = [columns[name] for name in VIEWPOINT_NAMES if name in columns]
+    viewpoints = np.stack(seen_from, axis=1) if seen_from else None
     return Cloud(points, columns.get("strength"), notes=tuple(notes), viewpoints=viewpoints, times=columns.get("time"))
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import struct
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -48,9 +49,8 @@ _DAMAGED = "the file is cut or damaged; copy it again"
 def read_las(content: bytes) -> list[Cloud]:
     """The points of a LAS or LAZ file, their intensity as strength, and their GPS times as they are.
 
-    Compressed points are read in a process of its own, as damage can crash lazrs.
-
-    The stamp is the first of these times in UTC, where the header says that they are adjusted standard GPS time.
+    Compressed points are read in a process of its own, as damage can crash lazrs. The stamp is the first of these times
+    in UTC, where the header says that they are adjusted standard GPS time.
 
     Raises InputError: a damaged or cut file, or map coordinates.
     """
@@ -72,7 +72,7 @@ def _read(content: bytes) -> list[Cloud]:
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":  # lazrs's last resort
             raise
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InputError(f"it cannot be read ({reason[:200]}): the file is cut or damaged; copy it again") from error
+        raise InputError(f"it cannot be read ({reason[:200]}): {_DAMAGED}") from error
     times = columns.get("gps_time")
     roles = {"strength": columns["intensity"], **({} if times is None else {"time": times})}
     cloud = cloud_of_columns(columns | roles, _surplus(content, header))
@@ -120,8 +120,7 @@ def _columns(reader: LasReader) -> dict[str, np.ndarray]:
     columns = {name: np.concatenate(arrays) for name, arrays in pieces.items()}
     if len(columns["x"]) != reader.header.point_count:
         raise InputError(
-            f"the header promises {reader.header.point_count:,} points, and {len(columns['x']):,} follow: the file is "
-            "cut or damaged; copy it again"
+            f"the header promises {reader.header.point_count:,} points, and {len(columns['x']):,} follow: {_DAMAGED}"
         )
     return columns
 
@@ -151,11 +150,10 @@ def _refuse_map_coordinates(points: np.ndarray, header: LasHeader) -> None:
 
 
 def _crs_of(header: LasHeader) -> str:
-    try:
-        crs = header.parse_crs()
-    except Exception:  # noqa: BLE001 - pyproj and laspy answer damage with errors of any kind; it is for a message
-        crs = None
-    return "an unnamed system" if crs is None else str(crs.name)[:100]
+    with suppress(Exception):  # pyproj and laspy answer damage with errors of any kind; it is for a message
+        if (crs := header.parse_crs()) is not None:
+            return str(crs.name)[:100]
+    return "an unnamed system"
 
 
 def require_sound_chunks(content: bytes, header: LasHeader) -> None:
@@ -204,15 +202,9 @@ def _chunk_table_place(content: bytes, start: int, points: int) -> int:
 
 
 def _points_of_layers(content: bytes, start: int, chunks: Sequence[int], layout: Sequence[tuple[int, int]]) -> int:
-    """How many points chunks hold: each is its first point as it is, their number, the layers' sizes, and the layers.
-
-    Args:
-        start: the byte at which the first chunk begins.
-        chunks: their bytes.
-        layout: type and bytes of each item of a point.
-
-    Raises InputError: layers that claim more than their chunk has.
-    """
+    """How many points chunks of so many bytes, from byte `start` on, hold: each is its first point as it is, their
+    number, the layers' sizes, and the layers. `layout`: type and bytes of each item of a point. Raises InputError:
+    layers that claim more than their chunk has."""
     points, plain = 0, sum(size for _, size in layout)
     layers = sum(size if kind == _BYTE14 else _LAYERS.get(kind, 0) for kind, size in layout)
     for number, held in enumerate(chunks):

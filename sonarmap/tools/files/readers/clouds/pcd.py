@@ -67,11 +67,9 @@ def read_pcd(content: bytes) -> list[Cloud]:
         raise InputError(f"field {', '.join(wide)} has more than one value per point (COUNT); wanted one")
     read = {b"ascii": _read_ascii, b"binary": _read_binary, b"binary_compressed": _read_compressed}[match[2]]
     columns, surplus = read(content, match.end(), header, roles)
-    if header.origin.any():
-        with np.errstate(invalid="ignore"):  # a signaling NaN is dropped later like any other
-            columns |= {
-                axis: columns[axis].astype(np.float64) + x for axis, x in zip("xyz", header.origin, strict=True)
-            }
+    with np.errstate(invalid="ignore"):  # a signaling NaN is dropped later like any other
+        for axis, x in zip("xyz" if header.origin.any() else "", header.origin, strict=False):
+            columns[axis] = columns[axis].astype(np.float64) + x
     cloud = cloud_of_columns(columns, surplus)
     if cloud.viewpoints is None and header.viewpoint.any():
         viewpoints = np.tile(header.viewpoint + header.origin, (len(cloud.points), 1))
@@ -108,7 +106,7 @@ def _parse_header(text: bytes) -> _Header:
     return _Header(
         names=names,
         dtypes=[_dtype(kind, size) for kind, size in zip(kinds, sizes, strict=True)],
-        counts=[_positive(count, "COUNT") for count in counts],
+        counts=[_integer(count, "COUNT", least=1) for count in counts],
         points=points,
         lines=text.count(b"\n") + 1,
         origin=origin,
@@ -120,10 +118,10 @@ def _parse_header(text: bytes) -> _Header:
 def _count(entries: dict[str, list[str]], name: str) -> int:
     if len(entries[name]) != 1:
         raise InputError(f"{name} of its PCD header has {len(entries[name])} values; wanted one")
-    return _positive(entries[name][0], name, least=0)
+    return _integer(entries[name][0], name, least=0)
 
 
-def _positive(text: str, name: str, least: int = 1) -> int:
+def _integer(text: str, name: str, least: int) -> int:
     if re.fullmatch(r"\d{1,18}", text, re.ASCII) is None or int(text) < least:
         raise InputError(f"its PCD header says {name} {rows.shown(text.encode())}; wanted an integer >= {least}")
     return int(text)

@@ -115,14 +115,9 @@ def _parse_header(lines: list[list[str]]) -> tuple[str, list[_Element]]:
                 elements[-1].properties.append(_Property(name, *kinds))
             case _:
                 # a property is named where it alone is wrong
-                known, rest = (
-                    ("property ", words[1:])
-                    if words[0] == "property" and elements and order is not None
-                    else ("", words)
-                )
-                raise InputError(
-                    f"line {number} of its PLY header is not understood: {known}{rows.shown(' '.join(rest).encode())}"
-                )
+                known = "property " * (words[0] == "property" and bool(elements) and order is not None)
+                rest = rows.shown(" ".join(words[1:] if known else words).encode())
+                raise InputError(f"line {number} of its PLY header is not understood: {known}{rest}")
     if order is None:
         raise InputError("its PLY header has no line 'format ... 1.0'; write the file again")
     return order, elements

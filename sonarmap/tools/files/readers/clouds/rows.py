@@ -45,17 +45,14 @@ def parse_rows(lines: Iterable[Line], columns: int, separator: bytes | None = No
 def is_number(token: bytes) -> bool:
     """Whether `token` is a number as these files write it (NaN and inf are)."""
     try:
-        _number(token)
+        return _number(token) is not None
     except ValueError:
         return False
-    return True
 
 
 def _number(token: bytes) -> float:
-    if b"_" in token:  # 1_000 is a number to Python, to nobody else
-        raise ValueError(f"{shown(token)} is not a number")
     try:
-        return float(token)
+        return float(token if b"_" not in token else b"")  # 1_000 is a number to Python, to nobody else
     except ValueError:
         raise ValueError(f"{shown(token)} is not a number") from None
 
@@ -71,9 +68,7 @@ def unpack_records(
 ) -> dict[str, np.ndarray]:
     """Columns of `count` packed records, from byte `start` on: {role: (count,)}.
 
-    Args:
-        fields: dtype and bytes of each field of a record.
-        roles: which of the fields are wanted.
+    `fields` are dtype and bytes of each field of a record, `roles` those that are wanted.
 
     Raises InputError: the content is shorter than that, or a record beyond any sense; nothing is allocated before this
     is known.
@@ -122,15 +117,8 @@ def most_unpacked(packed: int) -> int:
 
 
 def require_believable(what: str, packed: int, plain: int) -> None:
-    """Refuse what would take memory out of all proportion to the file.
-
-    Args:
-        what: claims it, in words.
-        packed: its bytes in the file.
-        plain: those in memory.
-
-    Raises InputError: `plain` is more than `most_unpacked`.
-    """
+    """Refuse what would take memory out of all proportion to the file: `plain` bytes in memory, of `packed` ones in the
+    file, that `what` claims. Raises InputError: these are more than `most_unpacked`."""
     if plain > most_unpacked(packed):
         raise InputError(
             f"{what} would make {plain:,} bytes of {packed:,}, which is not believable: the file is damaged, copy it "

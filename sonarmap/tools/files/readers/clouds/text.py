@@ -32,8 +32,7 @@ def read_text(content: bytes) -> list[Cloud]:
     first, line = rows[0]
     separator = _separator(line)
     width = len(line.split(separator))
-    is_point = all(is_number(token) for token in line.split(separator))
-    names = None if is_point else _names_in(line, separator)
+    names = None if all(map(is_number, line.split(separator))) else _names_in(line, separator)
     if names is not None:
         rows, width = rows[1:], len(names)
     else:

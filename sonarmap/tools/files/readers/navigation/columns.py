@@ -34,21 +34,19 @@ class Columns:
 
 
 def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapping[str, float] | None) -> Columns:
-    """The columns of a file.
+    """The columns of a file by its headings.
 
     A file is of this program's own kind if all columns that say something have exactly its names (`stamp`, `depth_m`,
-    ...) and none is mapped by the user: then any other column is taken for a misspelled one and refused. In a log
-    other columns are left out, and only those are refused that are nearly spelled as an own one.
+    ...) and none is mapped by the user: then any other column is taken for a misspelled one and refused. In a log other
+    columns are left out, and only those are refused that are nearly spelled as an own one.
 
-    Args:
-        header: the headings.
-        sigmas: {quantity of COLUMNS: standard deviation}, where the file has none; None where none is needed.
+    `sigmas` are {quantity of COLUMNS: standard deviation}, where the file has none; None where none is needed.
 
     Raises InputError: a column that may be two things, is there twice, or is missing.
     """
     mapped = _mapped(header, settings.columns)
     taken = {column.index for column in mapped.values()}
-    read = [column_of(k, heading) for k, heading in enumerate(header) if k not in taken and heading]
+    read = (column_of(k, heading) for k, heading in enumerate(header) if k not in taken and heading)
     known = [column for column in read if column is not None and column.quantity not in mapped]
     is_own = not mapped and all(column.is_own for column in known)
     _refuse_misspelled(header, known, mapped, is_own)
@@ -63,9 +61,7 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     _check_measured(of, sigmas, is_own)
     used = {column.index for column in of.values()}
     left = [heading for k, heading in enumerate(header) if heading and k not in used]
-    if is_own and left == ["stamp"]:
-        left = []  # `sonarmap template` writes it beside the name, which counts
-    if left:
+    if left and not (is_own and left == ["stamp"]):  # `sonarmap template` writes it beside the name, which counts
         notes.append(f"not used: the columns {', '.join(repr(heading) for heading in left)}")
     return Columns(of, is_own, tuple(notes))
 
@@ -149,16 +145,14 @@ def _choose_heading(of: dict[str, Column], settings: NavigationSettings, notes: 
 
 
 def _choose_depth(of: dict[str, Column], settings: NavigationSettings) -> None:
-    if "depth_m" in of:
-        of.pop("z_m", None)
-        of.pop("height_m", None)
-    elif "height_m" in of:
-        of.pop("z_m", None)
-    elif "z_m" in of and settings.frame is None:
+    if "z_m" in of and settings.frame is None and not ("depth_m" in of or "height_m" in of):
         raise InputError(
             f"the column {of['z_m'].heading!r} may count downward (--nav-frame ned) or upward (--nav-frame enu); say "
             f"which, or --nav-columns depth_m={of['z_m'].heading} or height_m={of['z_m'].heading}"
         )
+    there = [name for name in ("depth_m", "height_m", "z_m") if name in of]
+    for name in there[1:]:
+        of.pop(name)
 
 
 def _choose_place(
@@ -208,11 +202,9 @@ def _check_keys(of: dict[str, Column], is_own: bool) -> None:
 
 def _drop_lone(of: dict[str, Column], notes: list[str]) -> None:
     """In a log roll without pitch is left out."""
-    first, second = PAIRS[0]
-    for lone, other in ((first, second), (second, first)):
+    for lone, other in (PAIRS[0], PAIRS[0][::-1]):
         if lone in of and other not in of:
-            notes.append(f"{of[lone].heading!r} is not used without a column of {other}")
-            del of[lone]
+            notes.append(f"{of.pop(lone).heading!r} is not used without a column of {other}")
 
 
 def _check_measured(of: Mapping[str, Column], sigmas: Mapping[str, float] | None, is_own: bool) -> None:

@@ -117,9 +117,8 @@ def contradiction(priors: Sequence[PosePrior | None], registered: Registered) ->
     Something is named only if many pairs contradict the navigation as it is, most agree with it changed, and the
     evidence is overwhelming. Hypotheses that agree alike are named together; where there are many, none is.
 
-    Args:
-        priors: of the scans, in the order of their times; None where nothing was measured.
-        registered: pairs of scans that registrations without any prior are sure of.
+    `priors` are of the scans in the order of their times, `registered` pairs that registrations without any prior are
+    sure of.
     """
     values, sigmas = _table(priors)
     given = pair_costs(values, sigmas, registered)
@@ -128,10 +127,8 @@ def contradiction(priors: Sequence[PosePrior | None], registered: Registered) ->
         return None
     costs: dict[str, np.ndarray] = {}
     for name, change in _NAVIGATION.items():
-        changed = change(values)
-        if not np.array_equal(changed, values, equal_nan=True):
-            # standard deviations stay with their columns and rows
-            costs[name] = pair_costs(changed, sigmas, registered)
+        if not np.array_equal(changed := change(values), values, equal_nan=True):
+            costs[name] = pair_costs(changed, sigmas, registered)  # deviations stay with their columns and rows
     for name, (axes, scale) in _SCANS.items():
         costs[name] = pair_costs(values, sigmas, registered.changed(axes, scale))
     return _verdict(given, costs)
@@ -144,11 +141,8 @@ def _verdict(given: np.ndarray, costs: Mapping[str, np.ndarray]) -> Contradictio
         both = (cost[:, 1] > 0) & (given[:, 1] > 0)  # rows shifted by one leave a pair at the end
         if both.sum() >= LEAST_PAIRS and _agreeing(cost[both]) >= _AGREE:
             falls[name] = float((given[both, 0] - cost[both, 0]).sum())
-    if not falls:
-        return None
-    ranked = sorted(falls, key=lambda name: -falls[name])
-    best = falls[ranked[0]]
-    named = tuple(name for name in ranked if falls[name] > best - _TIE)
+    best = max(falls.values(), default=0.0)
+    named = tuple(name for name in sorted(falls, key=lambda name: -falls[name]) if falls[name] > best - _TIE)
     if best < _LEAST_SIGMAS**2 or len(named) > _MOST_NAMED:
         return None
     return Contradiction(float(np.sqrt(best)), named)
@@ -163,11 +157,7 @@ def pair_costs(values: Values, sigmas: np.ndarray, registered: Registered) -> np
     """(n, 2) chi-squared, capped, and degrees of freedom, of each registration beside what was measured of its scans.
 
     As `spectral.prior_pair.PriorPair` has them, for many pairs at once; errors of roll and pitch are taken to be alike.
-
-    Args:
-        values: (N, 6) of the scans, in the order of COLUMNS; NaN where not measured.
-        sigmas: (N, 6) [rad, m].
-        registered: n pairs.
+    `values` (N, 6) are in the order of COLUMNS, NaN where not measured; `sigmas` (N, 6) [rad, m].
     """
     i, j, T = registered.i, registered.j, registered.T_i_j
     measured = np.isfinite(values)
@@ -180,9 +170,8 @@ def pair_costs(values: Values, sigmas: np.ndarray, registered: Registered) -> np
     shift = R_target.apply(T.translation)
     residual = np.column_stack([tilt, turn, shift - places[j] + places[i]])
     both = measured[i] & measured[j]
-    attitude, heading = measured[i, 0] & measured[i, 1], measured[i, 2]
-    turned = both[:, 0] & both[:, 1]
-    moved = both[:, 3] & both[:, 4] & attitude & heading
+    attitude, turned = measured[i, :2].all(axis=1), both[:, :2].all(axis=1)
+    moved = both[:, 3:5].all(axis=1) & attitude & measured[i, 2]
     known = np.column_stack([turned, turned, turned & both[:, 2], moved, moved, both[:, 5] & attitude])
     covariance = _covariance(np.where(measured, sigmas, 0.0), shift, R_target * T.rotation, registered)
     # what is not known stands apart from the rest, and is 0

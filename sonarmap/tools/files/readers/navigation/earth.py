@@ -22,11 +22,8 @@ def local_places(
 ) -> tuple[np.ndarray, Georeference]:
     """Rows with x East and y North of the map's origin, and where that is.
 
-    Args:
-        values: (n, 6) in the order of `readers.instruments.COLUMNS`, with longitude and latitude [deg] or easting
-            and northing [m] in place of x and y.
-        are_degrees: which of both.
-        settings: of the user: CRS and origin.
+    `values`: (n, 6) in the order of `readers.instruments.COLUMNS`, with longitude and latitude [deg] (`are_degrees`) or
+    easting and northing [m] in place of x and y.
 
     Raises InputError: a place that the CRS does not cover, or far from the others.
     """
@@ -67,14 +64,9 @@ def rounded_origin(geodetic: np.ndarray, what: str, notes: list[str]) -> Georefe
 
 
 def on_the_earth(projected: np.ndarray, crs: str | None, option: str) -> np.ndarray:
-    """(n, 3) latitude, longitude [deg] and height [m] of (n, 3) easting, northing and height [m].
+    """(n, 3) latitude, longitude [deg] and height [m] of (n, 3) easting, northing, height [m] in a CRS as EPSG:32632.
 
-    Args:
-        projected: of places in the CRS.
-        crs: as EPSG:32632.
-        option: of the command line that gives the CRS, for messages.
-
-    Raises InputError: no such CRS, or one that does not hold at the first of the places.
+    Raises InputError: no such CRS, or one that does not hold at the first of the places, naming the `option`.
     """
     try:
         return Projection.of(_about(crs, *projected[0, :2].tolist()), crs).unproject(projected)
@@ -109,10 +101,7 @@ def by_the_maps_north(
 ) -> list[PosePrior | None]:
     """Priors of a vehicle with headings by the North of the map's origin, where they were by that of their own places.
 
-    Args:
-        priors: whose places are taken to be the origin where none is measured.
-        georeference: of the map.
-        grid: that headings are by; None for true North.
+    The place of a prior that has none is taken to be the origin; `grid` is what headings are by, None for true North.
     """
     changed = list(priors)
     headed = [(k, prior) for k, prior in enumerate(priors) if prior is not None and prior.knows_heading]

@@ -44,10 +44,10 @@ SIGMA_OF = {
 
 _QUANTITY_OF = {synonym: quantity for quantity, synonyms in SYNONYMS.items() for synonym in synonyms.split()}
 _SIGMA_WORDS = frozenset(("sigma", "std", "stddev", "stdev", "sd"))
-_ANGLES = {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": 180 / np.pi, "radian": 180 / np.pi}
-_ANGLES |= {"radians": 180 / np.pi}
-_LENGTHS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0}
-_LENGTHS |= {"ft": FOOT, "feet": FOOT, "foot": FOOT}
+_ANGLES = dict.fromkeys(("deg", "degree", "degrees", "°"), 1.0)
+_ANGLES |= dict.fromkeys(("rad", "radian", "radians"), 180 / np.pi)
+_LENGTHS = dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0) | {"cm": 0.01, "mm": 0.001, "km": 1000.0}
+_LENGTHS |= dict.fromkeys(("ft", "feet", "foot"), FOOT)
 _TIMES = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _UNITS = {"deg": _ANGLES, "m": _LENGTHS, "s": _TIMES}
 _REFERENCES = ("true", "t")  # of a heading, where its unit would stand
@@ -94,8 +94,7 @@ def column_of(index: int, heading: str, quantity: str | None = None) -> Column |
     if quantity is None and len(words) > 1 and _SIGMA_WORDS.intersection(words):
         if known not in SIGMA_OF:
             return None
-        own = SIGMA_COLUMNS[SIGMA_OF[known]]
-        return Column(index, heading, own, _factor(heading, own, unit), word, unit)
+        known = SIGMA_COLUMNS[SIGMA_OF[known]]
     return Column(index, heading, known, _factor(heading, known, unit), word, unit)
 
 

@@ -45,17 +45,13 @@ def with_defaults(sigmas: np.ndarray, defaults: Mapping[str, float]) -> np.ndarr
 
 
 def at_scans(stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray) -> "AtScans":
-    """What rows at `times` say of each scan.
+    """What rows at `times` (n,) [s], in any order, say of each scan: `values` (n, 6) in the order and units of
+    `tools.files.readers.instruments.COLUMNS`, NaN where not measured, and standard deviations in the same units.
 
     Attitude, heading, position and depth may be in rows of their own. Each is interpolated between the measurements
     before and after a scan if these are at most 5 s apart; the larger of both standard deviations counts. A position or
     depth that is farther from the next one belongs to the scan next to it, if that is nearer than half the usual time
     between scans, and is less sure by a meter per second.
-
-    Args:
-        times: (n,) of the rows [s], in any order.
-        values: (n, 6) in the order and units of `tools.files.readers.instruments.COLUMNS`; NaN where not measured.
-        sigmas: (n, 6) standard deviations in the same units; ignored where not measured.
     """
     order = np.argsort(times, kind="stable")
     times, values, sigmas = times[order], values[order], sigmas[order]

@@ -16,19 +16,16 @@ _SUFFIX = re.compile(rf"(.+)({'|'.join(map(re.escape, FORMATS))})(#\d+)?", re.IG
 def find_scan(scans: Sequence[Scan], by: str, key: str, time: float, where: str, allow_unknown: bool) -> int | None:
     """The index of the scan with a row's name or stamp; None if there is none and `allow_unknown`.
 
-    Args:
-        by: "name" (with or without the suffix of the scan's file, as `recording.sonar#3`) or "stamp" [s].
-        key: the name or stamp as it stands in the row.
-        time: the stamp in seconds, UTC.
-        allow_unknown: whether a row may belong to none of the scans.
+    `by` is "name" (with or without the suffix of the scan's file, as `recording.sonar#3`) or "stamp"; `key` is what the
+    row has, `time` its stamp [s, UTC].
 
     Raises InputError: a row that fits several scans or none.
     """
-    indices = (
-        _by_name(scans, key)
-        if by == "name"
-        else [k for k, scan in enumerate(scans) if abs(scan.stamp - time) <= SAME_STAMP]
-    )
+    indices = [k for k, scan in enumerate(scans) if abs(scan.stamp - time) <= SAME_STAMP]
+    if by == "name":
+        match = _SUFFIX.fullmatch(key)
+        bare = match[1] + (match[3] or "") if match else key
+        indices = _called(scans, key) or _called(scans, bare)
     if len(indices) > 1:
         both = " and ".join(scans[index].name for index in indices[:2])
         raise InputError(
@@ -43,19 +40,13 @@ def find_scan(scans: Sequence[Scan], by: str, key: str, time: float, where: str,
     return indices[0] if indices else None
 
 
-def _by_name(scans: Sequence[Scan], name: str) -> list[int]:
-    exact = [index for index, scan in enumerate(scans) if _is_called(scan, name)]
-    match = _SUFFIX.fullmatch(name)
-    if exact or not match:
-        return exact
-    bare = match[1] + (match[3] or "")
-    return [index for index, scan in enumerate(scans) if _is_called(scan, bare)]
+def _called(scans: Sequence[Scan], name: str) -> list[int]:
+    """The scans with a name as a table can have it, which is the scan's own but for line breaks and the like."""
 
+    def fits(own: str) -> bool:
+        return own == name or ((not own.isprintable() or own != own.strip()) and plain_text(own) == name)
 
-def _is_called(scan: Scan, name: str) -> bool:
-    """Whether a scan has a name as a table can have it, which is the scan's own but for line breaks and the like."""
-    own = scan.name
-    return own == name or ((not own.isprintable() or own != own.strip()) and plain_text(own) == name)
+    return [index for index, scan in enumerate(scans) if fits(scan.name)]
 
 
 def named_scan(scans: Sequence[Scan], cell: str, where: str) -> int:

@@ -31,7 +31,7 @@ class _Sentences:
     """What was read so far: of each kind the lines, and what they say."""
 
     timed: list[tuple[int, float, float]] = field(default_factory=list)  # line, second of the day, Unix day or NaN
-    places: dict[str, list[tuple[int, float, float, float]]] = field(default_factory=lambda: {"GGA": [], "RMC": []})
+    places: dict[str, list[tuple[int, float, float]]] = field(default_factory=lambda: {"GGA": [], "RMC": []})
     headings: list[tuple[int, float]] = field(default_factory=list)
     left: Counter[str] = field(default_factory=Counter)
     damaged: int = 0
@@ -51,14 +51,13 @@ def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes
     with reading(path), path.open(encoding="latin-1") as file:
         for number, line in enumerate(file, 1):
             _read_line(number, line, read)
-    places = read.places["GGA"] or read.places["RMC"]
-    if not (places or read.headings) or not read.timed:
+    if not (any(read.places.values()) or read.headings) or not read.timed:
         raise InputError(
             f"{path} has no sentence with a fix or a heading and a time ({read.damaged} have a wrong checksum, "
             f"{read.unfixed} are without a fix); wanted GGA or RMC, and HDT"
         )
     _say(path, read, notes)
-    return _log(path, read, places, settings, scans, notes)
+    return _log(path, read, settings, scans, notes)
 
 
 def _read_line(number: int, line: str, read: _Sentences) -> None:
@@ -79,15 +78,14 @@ def _read_line(number: int, line: str, read: _Sentences) -> None:
 def _take(number: int, kind: str, fields: list[str], read: _Sentences) -> None:
     """One sentence; ValueError, IndexError or OverflowError where its fields are not as they should be."""
     if kind in ("HDT", "THS"):
-        heading = float(fields[0]) if fields[0] else np.nan
-        if kind == "THS" and fields[1] != "A":
-            heading = np.nan
-        if np.isfinite(heading):
-            if not 0 <= heading <= 360:
-                raise ValueError
+        is_valid = kind == "HDT" or fields[1] == "A"
+        heading = float(fields[0] or np.nan)
+        if not (is_valid and np.isfinite(heading)):
+            read.unfixed += 1
+        elif 0 <= heading <= 360:
             read.headings.append((number, heading))
         else:
-            read.unfixed += 1
+            raise ValueError
         return
     if not fields[0]:
         read.unfixed += 1  # before the receiver knows the time
@@ -95,24 +93,21 @@ def _take(number: int, kind: str, fields: list[str], read: _Sentences) -> None:
     of_day = time_of_day(fields[0])
     if of_day is None:
         raise ValueError
-    day = np.nan
+    day, place = np.nan, None
     if kind == "ZDA" and all(fields[1:4]):
         day = _day(int(fields[3]), int(fields[2]), int(fields[1]))
     if kind == "RMC" and fields[8]:
         date = fields[8]
         year = int(date[4:6])
         day = _day(year + (2000 if year < 80 else 1900), int(date[2:4]), int(date[:2]))
-    place = None
-    if kind in ("GGA", "RMC"):
-        is_fixed = fields[5] not in ("", "0") if kind == "GGA" else fields[1] == "A"
+    if kind != "ZDA":
+        is_fixed, k = (fields[5] not in ("", "0"), 1) if kind == "GGA" else (fields[1] == "A", 2)
         if is_fixed:
-            k = 1 if kind == "GGA" else 2
             place = (_angle(fields[k], fields[k + 1], "NS"), _angle(fields[k + 2], fields[k + 3], "EW"))
-        else:
-            read.unfixed += 1
+        read.unfixed += not is_fixed
     read.timed.append((number, of_day, day))
     if place is not None:
-        read.places[kind].append((number, of_day, *place))
+        read.places[kind].append((number, *place))
 
 
 def _day(year: int, month: int, day: int) -> float:
@@ -146,21 +141,17 @@ def _say(path: Path, read: _Sentences, notes: list[str]) -> None:
 
 
 def _log(
-    path: Path,
-    read: _Sentences,
-    places: list[tuple[int, float, float, float]],
-    settings: NavigationSettings,
-    scans: np.ndarray,
-    notes: list[str],
+    path: Path, read: _Sentences, settings: NavigationSettings, scans: np.ndarray, notes: list[str]
 ) -> NavigationLog:
     """Rows of places and of headings, each at its time."""
+    places = read.places["GGA"] or read.places["RMC"]
     timed = np.array(read.timed)
     times = _dates(timed, path, scans, notes)
     at = dict(zip(timed[:, 0].astype(int).tolist(), times.tolist(), strict=True))
     values = np.full((len(places) + len(read.headings), 6), np.nan)
     stamps = np.empty(len(values))
-    lines = np.array([row[0] for row in places] + [row[0] for row in read.headings], np.int64)
-    for k, (line, _, latitude, longitude) in enumerate(places):
+    lines = np.array([row[0] for row in (*places, *read.headings)], np.int64)
+    for k, (line, latitude, longitude) in enumerate(places):
         values[k, 3:5], stamps[k] = (longitude, latitude), at[line]
     if read.headings:
         values[len(places) :, 2] = [heading for _, heading in read.headings]

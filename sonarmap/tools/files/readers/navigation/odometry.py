@@ -35,15 +35,13 @@ def read_odometry(
     notes: list[str] | None = None,
     settings: NavigationSettings = AS_IT_SAYS,
 ) -> Odometry:
-    """Where dead reckoning has the scans.
+    """Where dead reckoning has the scans, whose stamps are by the same clock.
 
     Args:
         path: a TUM file, a CSV file with a time and all columns of a priors file, all filled, or a ROS bag or MCAP
             file, perhaps with ::TOPIC behind it.
-        scans: with stamps by the same clock.
-        drift: standard deviation of the way, as a share of it.
+        drift: standard deviation of the distance, as a share of it.
         turn_drift: standard deviation of the rotation [rad/s].
-        settings: how to understand the file.
 
     Raises InputError: naming the file: it cannot be used, its stamps do not ascend, or fewer than two scans lie within
     its time.
@@ -94,12 +92,11 @@ def _read_log(
 ) -> tuple[RigidTransform, np.ndarray]:
     """Poses of the vehicle, and when."""
     log = read_navigation(path, settings, None, stamps, notes)
-    known = np.any(np.isfinite(log.values), axis=0)
-    missing = [COLUMNS[k] for k in range(len(COLUMNS)) if not known[k]]
-    if log.key == "name" or missing:
+    missing = ["stamp"] * (log.key == "name")
+    missing += [COLUMNS[k] for k in np.flatnonzero(np.isnan(log.values).all(axis=0)).tolist()]
+    if missing:
         raise InputError(
-            f"{path}: odometry needs times and the columns {', '.join(COLUMNS)}; "
-            f"{', '.join([*(['stamp'] if log.key == 'name' else []), *missing])} not found"
+            f"{path}: odometry needs times and the columns {', '.join(COLUMNS)}; {', '.join(missing)} not found"
         )
     for row, column in np.argwhere(np.isnan(log.values)).tolist():
         raise InputError(

@@ -28,8 +28,7 @@ class Navigated:
     """Scans with their priors."""
 
     scans: tuple[Scan, ...]  # as they were given, with priors where the file says something of them
-    # where the world's origin is on the Earth; None where neither the file nor the user says it
-    georeference: Georeference | None
+    georeference: Georeference | None  # of the world's origin; None where neither the file nor the user says it
 
 
 def navigate(
@@ -43,7 +42,6 @@ def navigate(
     """The scans with their priors from a file of navigation; a scan of which it says nothing has none.
 
     Args:
-        settings: how to understand it.
         allow_unknown: whether rows may belong to scans that are not among these.
         turn_rates: times by the scans' clock (m,) [s], and the sonar's turn rates about the vertical (m,) [rad/s], from
             which the offset of the navigation's clock is estimated if the settings ask for it.
@@ -61,12 +59,13 @@ def navigate(
     else:
         priors = _from_rows(scans, path, log, allow_unknown)
     georeference = log.georeference or settings.origin
-    corrected = _by_the_maps_north(priors, log, settings, georeference)
+    grid = grid_of(settings, georeference) if settings.heading_reference == "grid" else None
+    if georeference is not None and (grid is not None or log.georeference is not None):
+        priors = by_the_maps_north(priors, georeference, grid)
     if settings.mount is not None:
-        corrected = [prior and settings.mount.of_sensor(prior) for prior in corrected]
-    return Navigated(
-        tuple(replace(scan, prior=prior) for scan, prior in zip(scans, corrected, strict=True)), georeference
-    )
+        priors = [prior and settings.mount.of_sensor(prior) for prior in priors]
+    placed = tuple(replace(scan, prior=prior) for scan, prior in zip(scans, priors, strict=True))
+    return Navigated(placed, georeference)
 
 
 def _estimated_offset(
@@ -81,19 +80,6 @@ def _estimated_offset(
         f"{offset.sigma:.2g} s, correlation {offset.correlation:.2f})"
     )
     return offset.seconds
-
-
-def _by_the_maps_north(
-    priors: Sequence[PosePrior | None],
-    log: NavigationLog,
-    settings: NavigationSettings,
-    georeference: Georeference | None,
-) -> list[PosePrior | None]:
-    """Priors whose headings were measured by true or grid North of their own places."""
-    grid = grid_of(settings, georeference) if settings.heading_reference == "grid" else None
-    if georeference is None or (grid is None and log.georeference is None):
-        return list(priors)
-    return by_the_maps_north(priors, georeference, grid)
 
 
 def _from_rows(scans: Sequence[Scan], path: Path, log: NavigationLog, allow_unknown: bool) -> list[PosePrior | None]:

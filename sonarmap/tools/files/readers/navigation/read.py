@@ -32,10 +32,9 @@ def read_navigation(
         log = _of_tum(path, settings)
     else:
         return read_table(path, settings, sigmas, scans, notes)
-    if sigmas is not None:
-        for k, column in enumerate(COLUMNS):
-            if np.isfinite(log.values[:, k]).any() and column not in sigmas:
-                raise InputError(f"{path} has no standard deviations; give --prior-sigmas")
+    measured = [COLUMNS[k] for k in np.flatnonzero(np.isfinite(log.values).any(axis=0)).tolist()]
+    if sigmas is not None and not set(measured).issubset(sigmas):
+        raise InputError(f"{path} has no standard deviations; give --prior-sigmas")
     return log
 
 

@@ -38,13 +38,8 @@ class Mount:
 
     @classmethod
     def of(cls, angles: np.ndarray, lever: np.ndarray, up: bool) -> "Mount":
-        """Of roll, pitch, heading (3,) [deg] and the lever arm (3,) [m], from the vehicle's point to the sonar.
-
-        Args:
-            angles: turned in the order heading, pitch, roll; in the vehicle's axes.
-            lever: forward, starboard, down.
-            up: whether the vehicle's axes are forward, left, up instead, for the angles and the lever arm alike.
-        """
+        """Of roll, pitch, heading (3,) [deg], turned in the order heading, pitch, roll, and the lever arm (3,) [m] from
+        the vehicle's point to the sonar, both along forward, starboard, down; with `up` along forward, left, up."""
         signs = np.ones(3) if up else _TURN
         R_vehicle_sensor = Rotation.from_euler("ZYX", (angles * signs)[::-1], degrees=True)
         return cls(RigidTransform.from_components(lever * signs, R_vehicle_sensor))
@@ -73,17 +68,15 @@ class Mount:
         lever = R.apply(arm)
         flat, length = float(np.hypot(lever[0], lever[1])), float(np.linalg.norm(lever))
         tilt = float(vehicle.sigmas[:2].max()) if vehicle.knows_attitude else _LEVEL
-        sigmas = vehicle.sigmas.copy()
+        sigmas, place = vehicle.sigmas.copy(), T_world_sensor.translation.copy()
         sigmas[3:5] = np.hypot(sigmas[3:5], abs(float(lever[2])) * tilt)
         sigmas[5] = np.hypot(sigmas[5], flat * tilt)
-        places = T_world_sensor.translation
-        if vehicle.knows_heading:
-            sigmas[3:5] = np.hypot(sigmas[3:5], flat * min(float(vehicle.sigmas[2]), 1.0))
-        else:
-            sigmas[3:5] = np.hypot(sigmas[3:5], length)
-            places = np.array([*vehicle.T_world_sensor.translation[:2], places[2]])
+        off = flat * min(float(vehicle.sigmas[2]), 1.0) if vehicle.knows_heading else length
+        sigmas[3:5] = np.hypot(sigmas[3:5], off)
+        if not vehicle.knows_heading:
+            place[:2] = vehicle.T_world_sensor.translation[:2]
         sigmas[:2] = sigmas[:2].max()  # a sonar that looks sideways has its roll where the vehicle's pitch is
-        return PosePrior(RigidTransform.from_components(places, T_world_sensor.rotation), sigmas)
+        return PosePrior(RigidTransform.from_components(place, T_world_sensor.rotation), sigmas)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,11 +89,9 @@ class NavigationSettings:
     time_scale: TimeScale | None = None  # of times that do not name their zone; None for UTC, and GPS time for weeks
     offset: float | None = 0.0  # to be added to its times [s]; None to have it estimated from turn rates
     crs: str | None = None  # of eastings and northings, as EPSG:32632
-    # of the map's frame; None for the first fix, if the file has places on the Earth
-    origin: Georeference | None = None
+    origin: Georeference | None = None  # of the map's frame; None for the first fix, if the file has any on the Earth
     heading_reference: str = "true"  # "true" or "grid" (the North of `crs`, or of the UTM zone)
-    # to be added to headings that are magnetic [deg], East positive; None where they are not
-    declination: float | None = None
+    declination: float | None = None  # to be added to magnetic headings [deg], East positive; None where they are not
     # of NAV_FRAMES, the convention of roll, pitch, yaw and of x, y, z; None for headings, pitch nose up, and no yaw and
     # no z
     frame: NavFrame | None = None
@@ -119,11 +110,13 @@ class NavigationSettings:
         _require_one_of("--heading-reference", self.heading_reference, HEADING_REFERENCES)
         if self.offset is not None and not abs(self.offset) <= _MOST_OFFSET:
             raise InputError(f"--nav-offset is {self.offset:g}; wanted seconds within {_MOST_OFFSET:g}")
-        if self.declination is not None and not abs(self.declination) <= 180:
+        if self.declination is None:
+            return
+        if not abs(self.declination) <= 180:
             raise InputError(
                 f"--magnetic-declination is {self.declination:g}; wanted degrees within 180, East positive"
             )
-        if self.declination is not None and self.heading_reference == "grid":
+        if self.heading_reference == "grid":
             raise InputError(
                 "--magnetic-declination is of magnetic headings, not of grid headings; give only one of both"
             )
@@ -155,12 +148,8 @@ AS_IT_SAYS = NavigationSettings()
 
 
 def parse_columns(text: str) -> MappingProxyType[str, str]:
-    """{quantity: heading} of "depth_m=KP_DEPTH,heading_deg=Gyro"; a part with a comma in its heading is quoted.
-
-    An empty text maps nothing.
-
-    Raises InputError: a part without an equals sign, a quantity that is not known or that is given twice.
-    """
+    """{quantity: heading} of "depth_m=KP_DEPTH,heading_deg=Gyro"; a part with a comma in its heading is quoted; of an
+    empty text none. Raises InputError: a part without an equals sign, a quantity not known or given twice."""
     mapped: dict[str, str] = {}
     for part in next(csv.reader([text]), ()):
         quantity, equals, heading = (piece.strip() for piece in part.partition("="))

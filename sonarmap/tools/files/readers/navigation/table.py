@@ -8,7 +8,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.readers.csv_table import CsvRow, CsvTable, read_csv_table
+from sonarmap.tools.files.readers.csv_table import CsvRow, read_csv_table
 from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST_OF, SIGMA_COLUMNS, check_measured
 from sonarmap.tools.files.readers.limits import LARGEST
 from sonarmap.tools.files.readers.navigation.cells import MISSING, degrees, numbers, refuse
@@ -32,11 +32,7 @@ class _Table:
     path: Path
     columns: Columns
     rows: Sequence[CsvRow]
-
-    def cells(self, quantity: str) -> list[str]:
-        """Of a column, for each row."""
-        index = self.columns.of[quantity].index
-        return [row.cells[index] for row in self.rows]
+    cells: Mapping[str, list[str]]  # of each column that is read, for each row
 
     def where(self, row: int) -> str:
         """The file and line, for messages."""
@@ -48,9 +44,14 @@ def read_table(
 ) -> NavigationLog:
     """The rows of a CSV file, as `tools.files.readers.navigation.read.read_navigation` has them."""
     raw = read_csv_table(path)
-    with naming(f"{path}: line {raw.heading.line}"):
+    with naming(raw.where()):
         columns = columns_of(raw.heading.cells, settings, sigmas)
-    table = _Table(path, columns, _even(raw, path, columns.is_own))
+    for row in () if columns.is_own else raw.rows:  # in a log empty cells at the end do not count
+        while len(row.cells) > len(raw.heading.cells) and not row.cells[-1]:
+            row.cells.pop()
+    raw.require_even()
+    cells = {name: [row.cells[column.index] for row in raw.rows] for name, column in columns.of.items()}
+    table = _Table(path, columns, raw.rows, cells)
     if not table.rows:
         raise InputError(f"{path} has no row below its heading; wanted one per scan")
     notes += [f"{path}: {note}" for note in columns.notes]
@@ -58,28 +59,16 @@ def read_table(
     values, georeference = _values(table, settings, notes)
     deviations = _sigmas(table, settings)
     _check_rows(table, values, deviations, sigmas)
-    keys = table.cells(columns.key)
+    keys = cells[columns.key]
     for row, key in enumerate(keys):
         if not key:
             raise InputError(f"{table.where(row)}: its {columns.key} is empty; fix that line")
     lines = np.array([row.line for row in table.rows])
     times = np.full(len(keys), np.nan)
     if columns.key == "stamp":
-        dates, weeks = (table.cells(name) if name in columns.of else None for name in ("date", "gps_week"))
-        cells = TimeCells(path, lines, keys, columns.of["stamp"], dates, weeks)
-        times = times_of(cells, settings.time_scale, scans, notes)
+        written = TimeCells(path, lines, keys, columns.of["stamp"], cells.get("date"), cells.get("gps_week"))
+        times = times_of(written, settings.time_scale, scans, notes)
     return NavigationLog(columns.key, lines, tuple(keys), times, values, deviations, georeference)
-
-
-def _even(table: CsvTable, path: Path, is_own: bool) -> Sequence[CsvRow]:
-    """The rows, of as many cells as the heading has; in a log empty ones at the end do not count."""
-    wanted = len(table.heading.cells)
-    if not is_own:
-        for row in table.rows:
-            while len(row.cells) > wanted and not row.cells[-1]:
-                row.cells.pop()
-    table.require_even(path)
-    return table.rows
 
 
 def _values(table: _Table, settings: NavigationSettings, notes: list[str]) -> tuple[np.ndarray, Georeference | None]:
@@ -115,7 +104,7 @@ def _is_north_first(table: _Table, settings: NavigationSettings) -> bool:
 
 def _column(table: _Table, name: str) -> np.ndarray:
     """(n,) of one column in the unit of its quantity, NaN where it says nothing."""
-    cells, column = table.cells(name), table.columns.of[name]
+    cells, column = table.cells[name], table.columns.of[name]
     if name in _ON_EARTH:
         values = np.array([degrees(cell, name) for cell in cells])
         bad = np.isnan(values) & np.array([cell.lower() not in MISSING for cell in cells])
@@ -123,8 +112,7 @@ def _column(table: _Table, name: str) -> np.ndarray:
     else:
         values, bad = numbers(cells, table.columns.is_own)
         wanted = "a finite number, or an empty cell for what was not measured"
-    _refuse_cells(table, name, bad, wanted)
-    values = values * column.factor
+    values = _usable(table, name, values, bad, wanted)
     if name in _ON_EARTH and (beyond := np.abs(values) > _ON_EARTH[name]).any():
         row = int(np.argmax(beyond))
         raise InputError(
@@ -141,10 +129,11 @@ def _column(table: _Table, name: str) -> np.ndarray:
     return values
 
 
-def _refuse_cells(table: _Table, name: str, bad: np.ndarray, wanted: str) -> None:
-    """Refuse the first cell of a column that cannot be used."""
+def _usable(table: _Table, name: str, values: np.ndarray, bad: np.ndarray, wanted: str) -> np.ndarray:
+    """The numbers of a column in the unit of its quantity. Raises InputError: naming its first `bad` cell."""
     for row in np.flatnonzero(bad).tolist():
-        raise refuse(table.where(row), table.columns.heading(name), table.cells(name)[row], wanted)
+        raise refuse(table.where(row), table.columns.heading(name), table.cells[name][row], wanted)
+    return values * table.columns.of[name].factor
 
 
 def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
@@ -153,9 +142,8 @@ def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
     for k, name in enumerate(SIGMA_COLUMNS):
         if name not in table.columns.of:
             continue
-        values, bad = numbers(table.cells(name), table.columns.is_own)
-        _refuse_cells(table, name, bad, "a finite number, or an empty cell")
-        sigmas[:, k] = values * table.columns.of[name].factor
+        values, bad = numbers(table.cells[name], table.columns.is_own)
+        sigmas[:, k] = _usable(table, name, values, bad, "a finite number, or an empty cell")
         for row in np.flatnonzero(np.isfinite(values)).tolist():
             with naming(table.where(row), "; fix that line"):
                 check_measured(name, float(sigmas[row, k]))
@@ -175,13 +163,14 @@ def _check_rows(table: _Table, values: np.ndarray, deviations: np.ndarray, sigma
                 "or give --prior-sigmas; fix that line"
             )
     for first, second in PAIRS:
-        lone = measured[:, COLUMNS.index(first)] != measured[:, COLUMNS.index(second)]
+        both = [COLUMNS.index(first), COLUMNS.index(second)]
+        lone = measured[:, both].sum(axis=1) == 1
         if lone.any() and table.columns.is_own:
             raise InputError(
                 f"{table.where(int(np.argmax(lone)))}: {first} and {second} can only be used together, and one is "
                 "empty; fix that line"
             )
-        values[np.ix_(lone, [COLUMNS.index(first), COLUMNS.index(second)])] = np.nan
+        values[np.ix_(lone, both)] = np.nan
 
 
 def _refuse_degrees(table: _Table, values: np.ndarray) -> None:
@@ -190,7 +179,7 @@ def _refuse_degrees(table: _Table, values: np.ndarray) -> None:
     if len(np.unique(places, axis=0)) < 3 or not (np.abs(places) <= [180, 90]).all():
         return
     names = [name for k in (3, 4) for name in SOURCES[k] if name in table.columns.of]
-    fine = [cell for name in names for cell in table.cells(name) if len(cell.partition(".")[2]) >= _DIGITS]
+    fine = [cell for name in names for cell in table.cells[name] if len(cell.partition(".")[2]) >= _DIGITS]
     if np.ptp(places, axis=0).max() >= _DEGREES_RANGE or len(fine) < len(places) or np.abs(places).max() < 1:
         return
     low, high = places.min(axis=0), places.max(axis=0)
@@ -205,9 +194,9 @@ def _refuse_grid(table: _Table, values: np.ndarray, notes: list[str]) -> None:
     """Without a CRS eastings and northings are meters from an origin of their own, if they are small enough."""
     largest = np.nanmax(np.abs(values[:, 3:5]), initial=0.0)
     if largest > _GRID:
+        both = " and ".join(table.columns.heading(name) for name in ("easting_m", "northing_m"))
         raise InputError(
-            f"{table.path}: {table.columns.heading('easting_m')} and {table.columns.heading('northing_m')} "
-            f"reach {largest:.0f} "
-            "m, as those of a grid do, whose North is not true North; say which grid, as in --nav-crs EPSG:32632"
+            f"{table.path}: {both} reach {largest:.0f} m, as those of a grid do, whose North is not true North; say "
+            "which grid, as in --nav-crs EPSG:32632"
         )
     notes.append(f"{table.path}: eastings and northings are taken as meters from an origin of their own, by true North")

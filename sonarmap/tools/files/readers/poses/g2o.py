@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.edge import Edge, check_definite
@@ -56,12 +57,10 @@ class Repair:
 def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:
     """A pose graph; pose k is the vertex of k-th smallest id, and its stamp is that id.
 
-    Edges between consecutive poses are "sequential", others "loop". Quaternions are normalized.
-
-    Args:
-        repairs: where information matrices of edges that are not positive definite are to be made so: what was done is
-            added to it. Their eigenvalues below a millionth of the largest are raised to it: what the edge would push
-            away from, or does not know, is as good as unknown then. None refuses such edges.
+    Edges between consecutive poses are "sequential", others "loop". Quaternions are normalized. Edges whose information
+    matrix is not positive definite are refused without `repairs`; else its eigenvalues below a millionth of the largest
+    are raised to it, so that what the edge would push away from, or does not know, is as good as unknown, and what was
+    done is added to `repairs`.
 
     Raises InputError: naming the file and the line: an unknown tag, too few or too many numbers, NaN, infinity, no
     number, an id that is not a whole number or stands twice, an edge, prior or FIX without its vertex, an information
@@ -141,10 +140,7 @@ def _ids(path: Path, lines: list[Line], numbers: np.ndarray) -> np.ndarray:
 def _edges(path: Path, lines: list[Line], index: dict[int, int], repairs: list[Repair] | None) -> tuple[Edge, ...]:
     if not lines:
         return ()
-    rows = finite_rows(path, lines, _EDGE_LAYOUT)
-    ends = _ids(path, lines, rows[:, :2])
-    measured = transforms(path, lines, rows[:, 2:9])
-    information = _symmetric(rows[:, 9:])
+    ends, measured, information = _measured(path, lines)
     if repairs is not None:
         information = _repaired(information, lines, ends, repairs)
     covariances = _covariances(path, lines, information)
@@ -152,9 +148,7 @@ def _edges(path: Path, lines: list[Line], index: dict[int, int], repairs: list[R
     for (number, _), pair, T_i_j, covariance in zip(lines, ends.tolist(), measured, covariances, strict=True):
         where = f"{path}: line {number}"
         i, j = (_known(index, vertex, where) for vertex in pair)
-        registration = Registration(
-            T_i_j, covariance, float("nan"), float("nan"), accepted=True, seconds=0.0, reason="read from a file"
-        )
+        registration = Registration(T_i_j, covariance, np.nan, np.nan, True, 0.0, "read from a file")
         with naming(where):
             edges.append(Edge(i, j, registration, "sequential" if abs(i - j) == 1 else "loop"))
     return tuple(edges)
@@ -198,11 +192,13 @@ def _covariances(path: Path, lines: list[Line], information: np.ndarray) -> np.n
     return (covariances + covariances.transpose(0, 2, 1)) / 2
 
 
-def _symmetric(upper: np.ndarray) -> np.ndarray:
-    """(m, 6, 6) from the (m, 21) numbers of their upper triangles."""
-    information = np.zeros((len(upper), 6, 6))
-    information[:, *UPPER] = upper
-    return information + np.triu(information, 1).transpose(0, 2, 1)
+def _measured(path: Path, lines: list[Line]) -> tuple[np.ndarray, RigidTransform, np.ndarray]:
+    """Of m edges or priors: (m, 2) ids, the transforms, and (m, 6, 6) information matrices in the file's order."""
+    rows = finite_rows(path, lines, _EDGE_LAYOUT)
+    ids, measured = _ids(path, lines, rows[:, :2]), transforms(path, lines, rows[:, 2:9])
+    information = np.zeros((len(lines), 6, 6))
+    information[:, *UPPER] = rows[:, 9:]
+    return ids, measured, information + np.triu(information, 1).transpose(0, 2, 1)
 
 
 def _known_poses(path: Path, lines: dict[str, list[Line]], index: dict[int, int]) -> tuple[KnownPose, ...]:
@@ -210,12 +206,12 @@ def _known_poses(path: Path, lines: dict[str, list[Line]], index: dict[int, int]
     if not lines[PRIOR]:
         return ()
     _require_no_offset(path, lines[OFFSET])
-    rows = finite_rows(path, lines[PRIOR], _EDGE_LAYOUT)
-    vertices = _ids(path, lines[PRIOR], rows[:, :2])[:, 0].tolist()
-    measured = transforms(path, lines[PRIOR], rows[:, 2:9])
-    informations = _symmetric(rows[:, 9:])[:, *np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
+    ids, measured, informations = _measured(path, lines[PRIOR])
+    informations = informations[:, *np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
     known = []
-    for (number, _), vertex, T, information in zip(lines[PRIOR], vertices, measured, informations, strict=True):
+    for (number, _), (vertex, _), T, information in zip(
+        lines[PRIOR], ids.tolist(), measured, informations, strict=True
+    ):
         where = f"{path}: line {number}"
         pose = _known(index, vertex, where)
         with naming(where):

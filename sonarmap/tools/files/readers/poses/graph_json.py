@@ -29,11 +29,7 @@ def read_graph_json(path: Path) -> PoseGraph:
     try:
         if content["format"] != FORMAT:
             raise InputError(f"{path} is of format {content['format']!r}; wanted {FORMAT!r}")
-        poses = content["poses"]
-        trajectory = Trajectory(
-            np.array([pose["stamp"] for pose in poses], dtype=np.float64),
-            RigidTransform.concatenate([rigid_transform(pose["T_world_sensor"], "a pose") for pose in poses]),
-        )
+        trajectory = trajectory_of(content["poses"])
         edges = tuple(_edge(row) for row in content["edges"])
         priors = tuple((int(row["pose"]), _prior(row)) for row in content["priors"])
         control = tuple(_control(row) for row in content.get("control_points", ()))
@@ -42,13 +38,18 @@ def read_graph_json(path: Path) -> PoseGraph:
         raise InputError(f"{path} is not the graph.json of a map ({error})") from error
 
 
+def trajectory_of(poses: Any) -> Trajectory:
+    """The poses as graph.json lists them. Raises InputError: no rigid transform; ValueError, LookupError, TypeError."""
+    T = RigidTransform.concatenate([rigid_transform(pose["T_world_sensor"], "a pose") for pose in poses])
+    return Trajectory(np.array([pose["stamp"] for pose in poses], dtype=np.float64), T)
+
+
 def _edge(row: dict[str, Any]) -> Edge:
     T = rigid_transform(row["T_i_j"], "an edge")
     probability = np.nan if row["probability"] is None else float(row["probability"])
-    told = Registration(
-        T, np.array(row["covariance"]), np.nan, np.nan, True, 0.0, reason=row["reason"], probability=probability
-    )
-    return Edge(int(row["i"]), int(row["j"]), told, row["kind"])
+    covariance = np.array(row["covariance"])
+    measured = Registration(T, covariance, np.nan, np.nan, True, 0.0, row["reason"], probability)
+    return Edge(int(row["i"]), int(row["j"]), measured, row["kind"])
 
 
 def _control(row: dict[str, Any]) -> ControlPoint:

@@ -19,8 +19,7 @@ def read_lines(path: Path) -> list[Line]:
     cannot be read, is empty, or its last line has no end and may have been cut."""
     content = read_content(Path(path))
     with naming(path):
-        lines = whole_lines(content, 1)
-    lines = [(number, line) for number, line in lines if not line.lstrip().startswith(b"#")]
+        lines = [line for line in whole_lines(content, 1) if not line[1].lstrip().startswith(b"#")]
     if not lines:
         raise InputError(f"{path} holds no line but comments; wanted poses")
     return lines
@@ -67,14 +66,8 @@ def rotation_faults(R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rigid_transform(rows: Any, what: str) -> RigidTransform:
-    """The transform of a matrix (4, 4), its rotation the nearest one.
-
-    Args:
-        rows: of the matrix.
-        what: of what it is, for messages.
-
-    Raises InputError: another shape, numbers beyond any use, or no rigid transform; ValueError, TypeError: no numbers.
-    """
+    """The transform of a matrix (4, 4) of `what`, its rotation the nearest one. Raises InputError: another shape,
+    numbers beyond any use, or no rigid transform; ValueError, TypeError: no numbers."""
     matrix = np.array(rows, np.float64)
     if matrix.shape != (4, 4):
         raise InputError(f"the matrix of {what} has shape {matrix.shape}; wanted (4, 4)")

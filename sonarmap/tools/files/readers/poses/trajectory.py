@@ -18,13 +18,10 @@ _KITTI = "r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz"
 
 
 def read_pair(estimate: Path, *truths: Path) -> tuple[Trajectory, Trajectory]:
-    """Two trajectories whose poses belong together: by stamp in TUM files, by line in KITTI files.
+    """The trajectories of one map's estimate and of its truth, whose poses belong together: by stamp in TUM files, by
+    line in KITTI files. The truth is one file, or one for each dive in the map's order, see `in_order`.
 
     A file is KITTI where its suffix says so or its first line has twelve columns; any other is taken for TUM.
-
-    Args:
-        estimate: of one map.
-        truths: one file, or one for each dive that the map is of, in the map's order, see `in_order`.
 
     Raises InputError: naming the file and the line that is not as it should be; or only one of the two has stamps.
     """
@@ -53,11 +50,16 @@ def in_order(trajectories: Sequence[Trajectory]) -> Trajectory:
     return Trajectory(np.concatenate(stamps), poses)
 
 
+def places_at(trajectory: Trajectory, times: np.ndarray) -> np.ndarray:
+    """(N, 3) places [m] at times (N,) [s] between those of a trajectory."""
+    places = trajectory.T_world_sensor.translation
+    return np.column_stack([np.interp(times, trajectory.stamps, places[:, axis]) for axis in range(3)])
+
+
 def poses_at(trajectory: Trajectory, times: np.ndarray) -> RigidTransform:
     """(N,) T_world_sensor at times (N,) [s] between those of a trajectory of two poses or more."""
-    places, turns = trajectory.T_world_sensor.translation, trajectory.T_world_sensor.rotation
-    places = np.column_stack([np.interp(times, trajectory.stamps, places[:, axis]) for axis in range(3)])
-    return RigidTransform.from_components(places, Slerp(trajectory.stamps, turns)(times))
+    turns = Slerp(trajectory.stamps, trajectory.T_world_sensor.rotation)(times)
+    return RigidTransform.from_components(places_at(trajectory, times), turns)
 
 
 def _is_kitti(path: Path) -> bool:

@@ -40,6 +40,10 @@ class ImuSamples:
     rates: np.ndarray  # (n, 3) float64 turn rates [rad/s], about the same axes
 
 
+def _joined(parts: Sequence[ImuSamples]) -> ImuSamples:
+    return ImuSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in ImuSamples.__slots__))
+
+
 def samples_of(batch: rip.ImuBatch) -> ImuSamples:
     """The samples of a message. Raises InputError: their numbers contradict each other, or are not finite."""
     times = np.array([time.seconds + time.nanos * 1e-9 for time in batch.timestamp])
@@ -72,30 +76,24 @@ class ImuWindow:
 
     def prior_at(self, stamp: float | None) -> PosePrior | None:
         """Roll and pitch at a time [s]; None where too few samples are near it, or the vehicle accelerates."""
-        if stamp is None or not self._batches:
+        if stamp is None:
             return None
         low, high = stamp - _AROUND, stamp + _AROUND
         near = [samples for first, last, samples in self._batches if first <= high and last >= low]
         if not near:
             return None
-        times = np.concatenate([samples.times for samples in near])
-        forces = np.concatenate([samples.forces for samples in near])
-        rates = np.concatenate([samples.rates for samples in near])
-        order = np.argsort(times, kind="stable")
-        order = order[np.abs(times[order] - stamp) <= _AROUND]
-        return attitude_at(stamp, ImuSamples(times[order], forces[order], rates[order]))
+        samples = _joined(near)
+        order = np.argsort(samples.times, kind="stable")
+        order = order[np.abs(samples.times[order] - stamp) <= _AROUND]
+        return attitude_at(stamp, ImuSamples(samples.times[order], samples.forces[order], samples.rates[order]))
 
 
 def attitude_at(stamp: float, samples: ImuSamples) -> PosePrior | None:
-    """Roll and pitch at a time, from samples around it; None where they do not tell.
+    """Roll and pitch at a time [s], from ascending samples around it; None where they do not tell.
 
     Each force is turned to the sensor's frame at that time by the turn rates in between, and their mean points up. What
     means of five parts scatter, and what the mean's length is off gravity, is acceleration, and part of the standard
     deviation, beside what neither shows.
-
-    Args:
-        stamp: the time [s].
-        samples: ascending.
     """
     times, forces = samples.times, samples.forces
     if len(times) < _LEAST or np.abs(times - stamp).min() > _NEAR:
@@ -120,19 +118,12 @@ def attitude_at(stamp: float, samples: ImuSamples) -> PosePrior | None:
     pitch, roll = -np.arcsin(np.clip(up[0], -1, 1)), np.arctan2(up[1], up[2])
     sigma = float(np.sqrt(_UNSEEN**2 + unsteady**2 + off**2))
     R_world_sensor = Rotation.from_euler("ZYX", [0.0, pitch, roll])
-    sigmas = np.array([sigma, sigma, np.inf, np.inf, np.inf, np.inf])
-    return PosePrior(RigidTransform.from_rotation(R_world_sensor), sigmas)
+    return PosePrior(RigidTransform.from_rotation(R_world_sensor), np.array([sigma] * 2 + [np.inf] * 4))
 
 
 def turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """The turn rates that the IMU of a recording measured.
-
-    Args:
-        path: of a `.sonar` file; it is read packet by packet.
-
-    Returns:
-        Times (n,) float64 [s, UTC by the sonar's clock], ascending, and rates (n, 3) float64 [rad/s] about the sensor's
-        axes, x forward, y left, z up.
+    """The turn rates that the IMU of a `.sonar` file measured: times (n,) [s, UTC by the sonar's clock], ascending, and
+    rates (n, 3) [rad/s] about x forward, y left, z up.
 
     Raises InputError: the file cannot be read, or holds no IMU batch.
     """
@@ -146,15 +137,13 @@ def turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
             samples = samples_of(message)
         except InputError:
             continue  # told where the recording is read
-        key = batch_key(message, samples)
-        if key not in seen:
-            seen.add(key)
+        if seen.is_new(batch_key(message, samples)):
             batches.append(samples)
-    times = np.concatenate([np.zeros(0), *(batch.times for batch in batches)])
-    if not len(times):
+    if not any(len(batch.times) for batch in batches):
         raise InputError(f"{path}: no IMU batch in it; record with the output of IMU batches enabled")
-    times, first = np.unique(times, return_index=True)
-    return times, np.concatenate([batch.rates for batch in batches])[first]
+    samples = _joined(batches)
+    times, first = np.unique(samples.times, return_index=True)
+    return times, samples.rates[first]
 
 
 def batch_key(batch: rip.ImuBatch, samples: ImuSamples) -> tuple[int, float | None]:
@@ -163,24 +152,17 @@ def batch_key(batch: rip.ImuBatch, samples: ImuSamples) -> tuple[int, float | No
 
 
 def vertical_turn_rates(paths: Sequence[Path]) -> tuple[np.ndarray, np.ndarray] | None:
-    """Turn rates about the sensor's z axis, of all recordings that have an IMU; None where no file has one.
+    """Turn rates about the sensor's z axis, of all recordings among files of any format that have an IMU: times (n,)
+    [s], ascending, and rates (n,) [rad/s], positive to the left; None where no file has one.
 
     For a sensor that is about level these are the turns of its heading.
-
-    Args:
-        paths: of files of any format.
-
-    Returns:
-        Times (n,) [s], ascending, and rates (n,) [rad/s], positive to the left.
     """
     measured: list[tuple[np.ndarray, np.ndarray]] = []
-    for path in paths:
-        if path.suffix.lower() == ".sonar":
-            with suppress(InputError):  # without an IMU
-                times, rates = turn_rates(path)
-                measured.append((times, rates[:, 2]))
+    for path in (path for path in paths if path.suffix.lower() == ".sonar"):
+        with suppress(InputError):  # without an IMU
+            measured.append(turn_rates(path))
     if not measured:
         return None
-    all_times, all_rates = (np.concatenate(columns) for columns in zip(*measured, strict=True))
-    order = np.argsort(all_times, kind="stable")
-    return all_times[order], all_rates[order]
+    times, rates = (np.concatenate(columns) for columns in zip(*measured, strict=True))
+    order = np.argsort(times, kind="stable")
+    return times[order], rates[order, 2]

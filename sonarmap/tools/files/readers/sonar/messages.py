@@ -16,14 +16,8 @@ _LONGEST = 3  # bytes that a number of 16 bits takes
 
 
 def message_of(content: bytes, *kinds: type[Message]) -> Message | None:
-    """The message of a packet whose checksum is right; None for one of another kind.
-
-    Args:
-        content: the whole packet.
-        kinds: messages that are wanted, as `range_image_type()` and those of wlsonar.
-
-    Raises InputError: what is packed in it is damaged; the message says how.
-    """
+    """The message of a packet whose checksum is right, of one of the `kinds` (`range_image_type()` and those of
+    wlsonar); None for another kind. Raises InputError: what is packed in it is damaged; the message says how."""
     try:
         _require_believable(content)
         return rip.unpackb(content, known_message_types=kinds, max_packet_size=LARGEST_PACKET)

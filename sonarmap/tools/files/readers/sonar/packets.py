@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.rows import shown
+from sonarmap.tools.files.user_file import unreadable
 
 MAGICS = (b"RIP1", b"RIP2")
 LARGEST_PACKET = 1 << 18  # bytes; four times what a datagram, in which the sonar sends it, can hold
@@ -37,34 +37,21 @@ class Damage:
     first: str = ""  # where the first one is and what is wrong with it, in words
     cut: int = 0  # size of a packet at the end whose rest is missing [bytes]
 
-    def add(self, number: int, start: int, size: int, reason: str) -> None:
-        """Count a packet, or bytes that are none."""
-        self.packets += 1
-        self.size += size
-        self.first = self.first or _named(number, start, reason)
-
-    def end_within(self, number: int, start: int, size: int, reason: str) -> None:
-        """The recording ends within a packet."""
-        self.cut = size
-        self.first = self.first or _named(number, start, reason)
-
-
-def _named(number: int, start: int, reason: str) -> str:
-    return f"packet {number} at byte {start:,} {reason}"
+    def add(self, number: int, start: int, size: int, reason: str, is_cut: bool = False) -> None:
+        """Count a packet, or bytes that are none; or the recording ends within one."""
+        if is_cut:
+            self.cut = size
+        else:
+            self.packets += 1
+            self.size += size
+        self.first = self.first or f"packet {number} at byte {start:,} {reason}"
 
 
 def packets_in(path: Path, damage: Damage) -> Iterator[Packet]:
-    """Every packet with a right checksum; after damage reading goes on at the next one.
-
-    Args:
-        path: of the recording; never more than a few MB of it are in memory.
-        damage: to which bytes that are no packet are added.
-    """
-    try:
-        with path.open("rb", buffering=0) as file:
-            yield from _packets(_Window(file), damage)
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror or error}); check its permissions") from error
+    """Every packet with a right checksum, of a file of which a few MB are in memory at a time; after `damage`, to which
+    bytes that are no packet are added, reading goes on at the next one."""
+    with unreadable(), path.open("rb", buffering=0) as file:
+        yield from _packets(_Window(file), damage)
 
 
 class _Window:
@@ -95,8 +82,7 @@ def _packets(window: _Window, damage: Damage) -> Iterator[Packet]:
             continue
         reason, is_cut = _fault_at(window, start)
         following, end = _next_packet(window, start + 1)
-        note = damage.end_within if is_cut and following is None else damage.add
-        note(number, start, end - start, reason)
+        damage.add(number, start, end - start, reason, is_cut and following is None)
         start = end
 
 

@@ -68,12 +68,11 @@ class Recording:
         elif isinstance(message, rip.ImuBatch):
             samples = samples_of(message)
             key = batch_key(message, samples)
-            if key in self._seen:
+            if self._seen.is_new(key):
+                self.batches.place(*key)
+                self.imu.add(samples)
+            else:
                 self.doubled_batches += 1
-                return
-            self._seen.add(key)
-            self.batches.place(*key)
-            self.imu.add(samples)
 
     def _counted(self, shot: Shot) -> Shot:
         self.shots += 1
@@ -167,14 +166,8 @@ def stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
     """
     recording = Recording()
     for shot in recording.read(path):
-        frame = shot.frame
-        yield Cloud(
-            frame.points,
-            shot.strength,
-            frame.stamp,
-            prior=recording.imu.prior_at(frame.stamp),
-            sound_speed=frame.sound_speed,
-        )
+        frame, prior = shot.frame, recording.imu.prior_at(shot.frame.stamp)
+        yield Cloud(frame.points, shot.strength, frame.stamp, prior=prior, sound_speed=frame.sound_speed)
     if not recording.shots:
         first = recording.damage.first
         raise InputError(

@@ -23,15 +23,11 @@ _REMEMBERED = 1 << 16
 
 
 class ShotNumbers:
-    """Puts wrapping numbers in one order as they come, and counts.
+    """Puts wrapping numbers in one order as they come, and counts: shots that came `late`, after a later one, how often
+    the numbers wrapped, and how often they started again (`restarts`).
 
     A fall by more than half of 2^32 is a wrap, one by a few a packet that came late, any other that the count started
     again, as after a restart of the sonar.
-
-    Attributes:
-        late: shots that came after a later one.
-        wraps: how often the numbers wrapped.
-        restarts: how often they started again.
     """
 
     def __init__(self) -> None:
@@ -46,12 +42,8 @@ class ShotNumbers:
         return self._missing_before + (self._place - self._lowest + 1 - self._count if self._count else 0)
 
     def place(self, number: int, stamp: float | None) -> int:
-        """Where the shot belongs: ascends in the order in which shots were taken, by 1 if none is missing.
-
-        Args:
-            number: of a shot that did not come before, 0 to 2^32 - 1.
-            stamp: its time [s], or None.
-        """
+        """Where a shot that did not come before belongs, by its number, 0 to 2^32 - 1, and its time [s]: ascends in the
+        order in which shots were taken, by 1 if none is missing."""
         step = (number - self._number + _RANGE // 2) % _RANGE - _RANGE // 2
         is_later = stamp is not None and self._stamp is not None and stamp > self._stamp
         if self._count and -REACH <= step < 0 and not is_later:
@@ -82,14 +74,13 @@ class Remembered:
         self._keys: dict[Hashable, None] = {}
         self._most = most
 
-    def __contains__(self, key: Hashable) -> bool:
-        return key in self._keys
-
-    def add(self, key: Hashable) -> None:
-        """Remember it, and forget the oldest where there are too many."""
-        self._keys[key] = None
+    def is_new(self, key: Hashable) -> bool:
+        """Whether the key did not come before; it is remembered, and the oldest forgotten where there are too many."""
+        is_new = key not in self._keys
+        self._keys.setdefault(key)
         if len(self._keys) > self._most:
             del self._keys[next(iter(self._keys))]
+        return is_new
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,10 +95,7 @@ class Shot:
 class ShotQueue:
     """Shots wait here until seventeen have come after them: for strength images, and for shots that come late.
 
-    Attributes:
-        numbers: of the shots.
-        doubled: images that came twice, and were left out.
-        alone: strength images whose range image never came.
+    `doubled` images came twice, and were left out; the range image of a strength image that is `alone` never came.
     """
 
     def __init__(self) -> None:
@@ -123,11 +111,9 @@ class ShotQueue:
     def add_frame(self, frame: Frame) -> None:
         """A range image has come. Raises InputError: its strength image came before, and does not fit; the shot is kept
         without it."""
-        key = (frame.number, frame.stamp or zlib.crc32(frame.points.tobytes()))
-        if key in self._frames:
+        if not self._frames.is_new((frame.number, frame.stamp or zlib.crc32(frame.points.tobytes()))):
             self.doubled += 1
             return
-        self._frames.add(key)
         arrival = next(self._arrivals)
         place = self.numbers.place(frame.number, frame.stamp)
         self._shots[arrival] = Shot(place, frame)
@@ -141,11 +127,9 @@ class ShotQueue:
     def add_strength(self, image: rip.BitmapImageGreyscale8) -> None:
         """A strength image has come. Raises InputError: it does not fit the range image of its shot."""
         number = image.header.sequence_id
-        key = (number, stamp_of(image) or zlib.crc32(image.image_pixel_data))
-        if key in self._strengths:
+        if not self._strengths.is_new((number, stamp_of(image) or zlib.crc32(image.image_pixel_data))):
             self.doubled += 1
             return
-        self._strengths.add(key)
         arrival = self._latest.get(number)
         if arrival is not None and _together(self._shots[arrival].frame, image):
             self._join(arrival, image)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import prior_of, sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.settings import NavFrame, parse_mount
+from tests.samples.refusals import refuses
 
 SIGMAS = np.array([1.0, 2.0, 3.0, 0.5, 0.5, 0.1])
 
@@ -94,12 +94,10 @@ class TestUncertainty:
 
     def test_a_heading_alone_beside_a_tilted_mount(self) -> None:
         alone = vehicle(np.nan, np.nan, 30, 1, 2, 3)
-        with pytest.raises(InputError, match=r"mounted at a tilt of 40 degrees.*columns of roll and pitch"):
-            parse_mount("0,-40,0").of_sensor(alone)
+        refuses(r"mounted at a tilt of 40 degrees.*columns of roll and pitch", parse_mount("0,-40,0").of_sensor, alone)
         assert parse_mount("0,-20,0").of_sensor(alone).knows_heading
 
 
 @pytest.mark.parametrize("text", ["", "1,2", "1,2,3,4", "1,2,x", "1,2,nan", "400,0,0", "0,0,0,0,0,200"])
 def test_what_is_no_mount(text: str) -> None:
-    with pytest.raises(InputError, match=r"--mount is .* as in --mount 0,-30,0,0\.4,0,0\.2"):
-        parse_mount(text)
+    refuses(r"--mount is .* as in --mount 0,-30,0,0\.4,0,0\.2", parse_mount, text)

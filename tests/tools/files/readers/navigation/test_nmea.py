@@ -131,8 +131,7 @@ def test_a_trajectory_is_navigation(path: Path) -> None:
     write_tum(path, Trajectory(times, poses))
     sigmas: dict[str, float] = dict(zip(COLUMNS, (0.5, 0.5, 3.0, 2.0, 2.0, 0.1), strict=True))
     scans = scans_at(START + 3, START + 6.5)
-    notes: list[str] = []
-    first, second = (scan.prior for scan in navigate(scans, path, NavigationSettings(sigmas=sigmas), notes=notes).scans)
+    first, second = (scan.prior for scan in navigate(scans, path, NavigationSettings(sigmas=sigmas)).scans)
     assert first is not None
     assert second is not None
     np.testing.assert_allclose(first.T_world_sensor.as_matrix(), poses[3].as_matrix(), atol=1e-6)

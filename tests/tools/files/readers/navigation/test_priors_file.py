@@ -93,13 +93,10 @@ class TestRows:
         for name in names:
             assert told(read(path, FIRST + f"{name},1,1,1,1\n")[scan]).knows_heading
 
-    def test_stamps(self, path: Path) -> None:
+    def test_stamps_and_where_there_are_names_too_these_count(self, path: Path) -> None:
         scans = read(path, "stamp,depth_m,depth_sigma_m\n120.0004,3,0.1\n1e2,4,0.1\n")
         assert [scan.prior and -scan.prior.T_world_sensor.translation[2] for scan in scans] == [4, None, 3]
-
-    def test_where_there_are_names_and_stamps_names_count(self, path: Path) -> None:
-        """As in a template; nothing has to be said of it."""
-        notes: list[str] = []
+        notes: list[str] = []  # as in a template; nothing has to be said of it
         scans = read(path, "name,stamp,depth_m,depth_sigma_m\nfirst,100,1.5,0.1\nrec#3,7,,\n", notes=notes)
         assert [scan.prior is None for scan in scans] == [False, True, True]
         assert not notes

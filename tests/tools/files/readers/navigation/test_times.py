@@ -246,5 +246,4 @@ def test_navigation_is_moved_to_the_scans_clock(tmp_path: Path) -> None:
         assert scan.prior is not None
         yaw = scan.prior.T_world_sensor.rotation.as_euler("ZYX", degrees=True)[0]
         assert (90 - yaw - value + 180) % 360 - 180 == pytest.approx(0, abs=0.5)
-    with pytest.raises(InputError, match="--nav-offset auto needs the sonar's own turn rates"):
-        navigate(scans, tmp_path / "log.csv", settings)
+    refuses("--nav-offset auto needs the sonar's own turn rates", navigate, scans, tmp_path / "log.csv", settings)

@@ -7,12 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 from wlsonar import range_image_protocol as rip
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import values_of
 from sonarmap.tools.files.readers.sonar.imu import turn_rates
 from tests.samples.cloud_files import range_image
 from tests.samples.recordings import START, imu_batch, imu_packets, read_sonar
+from tests.samples.refusals import refuses
 
 pytestmark = pytest.mark.filterwarnings("error")
 GRAVITY = 9.82
@@ -159,5 +159,4 @@ class TestTurnRates:
     def test_without_any_is_said(self, tmp_path: Path) -> None:
         path = tmp_path / "dive.sonar"
         path.write_bytes(shot(0.5))
-        with pytest.raises(InputError, match=r"dive\.sonar: no IMU batch in it; record with the output of IMU"):
-            turn_rates(path)
+        refuses(r"dive\.sonar: no IMU batch in it; record with the output of IMU", turn_rates, path)

@@ -34,12 +34,8 @@ class TimeOffset:
 
 
 def heading_rates(times: np.ndarray, headings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Turn rates of compass headings: (m,) times [s] and rates [rad/s], positive to the left, as about the vertical.
-
-    Args:
-        times: (n,) [s], in any order; several rows at one time count once.
-        headings: (n,) [deg]; NaN where there is none.
-    """
+    """Turn rates of compass headings (n,) [deg], NaN where there is none, at times (n,) [s] in any order: (m,) times
+    [s] and rates [rad/s], positive to the left, as about the vertical. Several rows at one time count once."""
     known = np.isfinite(headings)
     times, first = np.unique(times[known], return_index=True)
     angles = -np.unwrap(np.radians(headings[known][first]))
@@ -122,13 +118,8 @@ def _estimate(of_a: _Rates, of_b: _Rates, step: float, width: float, most: float
 
 
 def _sigma(a: np.ndarray, b: np.ndarray, known: np.ndarray, step: float, width: float) -> float:
-    """[s] of the offset at which rates agree.
-
-    Args:
-        a, b: (n,) rates on one grid, moved to agree.
-        known: (n,) bool, where both are.
-        step, width: of the grid, and over which both are averaged [s].
-    """
+    """[s] of the offset at which rates (n,) on one grid of `step` [s], moved to agree, averaged over `width` [s] and
+    `known` in both, agree."""
     a, b = (np.where(known, x - x[known].mean(), 0.0) for x in (a, b))
     slope_a, slope_b = (np.where(known, np.gradient(x, step), 0.0) for x in (a, b))
     # the derivative of the correlation, of which what both share is 0 in every block; its errors are not
@@ -170,11 +161,8 @@ def _on_grid(times: np.ndarray, rates: np.ndarray, step: float, width: float) ->
 def _correlations(
     a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray, most: int, least: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pearson's correlation of a, moved by each lag from -most to most, with b, where both are known.
-
-    Returns:
-        (2 most + 1,) lags, and correlations, -inf where too little is known or nothing changes.
-    """
+    """Lags from -most to most, and Pearson's correlation of a, moved by each, with b, where both are known; -inf where
+    too little is known or nothing changes."""
     a = a - known_a * (a.sum() / max(known_a.sum(), 1.0))
     b = b - known_b * (b.sum() / max(known_b.sum(), 1.0))
     size = 1 << (len(a) + len(b) + most).bit_length()
@@ -226,17 +214,19 @@ def _cause(times: np.ndarray, stamps: np.ndarray) -> str:
         return "; the navigation's clock counts from a start of its own: add it by --nav-offset"
     leap = float(tai_minus_utc(stamps.min(keepdims=True))[0])
     gps = GPS_EPOCH - (leap - 19)
-    causes = [(-(leap - 19), f"in GPS time, {leap - 19:.0f} s ahead of UTC: --time-scale gps")]
-    causes += [(-leap, f"in TAI, {leap:.0f} s ahead of UTC: --time-scale tai")]
-    causes += [(gps, "in seconds since 1980, as GPS counts them: --time-scale gps")]
-    causes += [(1e9 + gps, f"in GPS seconds less 1e9, as LAS files have: --nav-offset={1e9 + gps:.0f}")]
+    causes = [
+        (-(leap - 19), f"in GPS time, {leap - 19:.0f} s ahead of UTC: --time-scale gps"),
+        (-leap, f"in TAI, {leap:.0f} s ahead of UTC: --time-scale tai"),
+        (gps, "in seconds since 1980, as GPS counts them: --time-scale gps"),
+        (1e9 + gps, f"in GPS seconds less 1e9, as LAS files have: --nav-offset={1e9 + gps:.0f}"),
+    ]
     # whole hours before the others, and near ones before far ones
-    quarters = [q for q in range(-4 * _MOST_ZONE, 4 * _MOST_ZONE + 1) if q]
-    for q in sorted(quarters, key=lambda q: (q % 4 != 0, abs(q))):
-        side = "behind" if q > 0 else "ahead of"
-        causes.append((900.0 * q, f"in local time, {abs(q) / 4:g} h {side} UTC: --nav-offset={900 * q}"))
-    day = round(float(np.median(stamps) - np.median(times)) / _DAY)
-    causes += [(day * _DAY, f"of another day: --nav-offset={day * _DAY:.0f}")] if day else []
+    for q in sorted(range(-4 * _MOST_ZONE, 4 * _MOST_ZONE + 1), key=lambda q: (q % 4 != 0, abs(q))):
+        if q:
+            side = "behind" if q > 0 else "ahead of"
+            causes.append((900.0 * q, f"in local time, {abs(q) / 4:g} h {side} UTC: --nav-offset={900 * q}"))
+    if day := round(float(np.median(stamps) - np.median(times)) / _DAY):
+        causes.append((day * _DAY, f"of another day: --nav-offset={day * _DAY:.0f}"))
     covered = [((stamps >= times.min() + s) & (stamps <= times.max() + s)).mean() for s, _ in causes]
     best = int(np.argmax(covered))
     return f"; the navigation may be {causes[best][1]}" if covered[best] > 0 else ""

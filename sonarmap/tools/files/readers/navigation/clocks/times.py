@@ -9,7 +9,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.limits import LARGEST_STAMP
-from sonarmap.tools.files.readers.navigation.cells import number
+from sonarmap.tools.files.readers.navigation.cells import number, refuse
 from sonarmap.tools.files.readers.navigation.headings import GPS_NAMES, Column, zone_of
 from sonarmap.tools.files.time_scales import WEEK, TimeScale, utc_of_calendar, utc_of_gps, utc_of_tai
 
@@ -38,21 +38,13 @@ class TimeCells:
 
     def refuse(self, row: int, wanted: str) -> InputError:
         """The error of a row whose time cannot be used."""
-        return InputError(
-            f"{self.path}: line {self.lines[row]}: the {self.column.heading} is {self.stamps[row][:40]!r}; wanted "
-            f"{wanted}; fix that line"
-        )
+        return refuse(f"{self.path}: line {self.lines[row]}", f"the {self.column.heading}", self.stamps[row], wanted)
 
 
 def times_of(cells: TimeCells, scale: TimeScale | None, scans: np.ndarray, notes: list[str]) -> np.ndarray:
-    """(n,) UTC [s] of the rows.
-
-    Args:
-        scale: of the user; None for UTC, and GPS time where there are weeks.
-        scans: (N,) stamps of the scans [s], for times without a date.
-
-    Raises InputError: naming the file and the line: what is no time, or may be several.
-    """
+    """(n,) UTC [s] of the rows. `scale`: of the user; None for UTC, and GPS time where there are weeks. `scans`: (N,)
+    stamps of the scans [s], for times without a date. Raises InputError: naming the file and the line: what is no time,
+    or may be several."""
     if cells.column.word in GPS_NAMES and scale is None and cells.weeks is None:
         raise InputError(
             f"{cells.path}: {cells.column.heading!r} may be GPS time, or the UTC that a GPS receiver gives; say which, "
@@ -89,15 +81,14 @@ def _of_weeks(cells: TimeCells, values: np.ndarray, weeks: Sequence[str], scale:
         raise InputError(f"{cells.path} has GPS weeks, which are GPS time; leave --time-scale {scale} out")
     numbers = np.array([number(cell) for cell in weeks])
     seconds = values * cells.column.factor
-    for row in np.flatnonzero(
-        ~(np.isfinite(numbers) & (numbers % 1 == 0) & (seconds >= 0) & (seconds <= WEEK))
-    ).tolist():
-        raise cells.refuse(
-            row, f"seconds from 0 to {WEEK:.0f} in a GPS week, a whole number (here {weeks[row][:20]!r})"
-        )
+    usable = np.isfinite(numbers) & (numbers % 1 == 0) & (seconds >= 0) & (seconds <= WEEK)
+    for row in np.flatnonzero(~usable).tolist():
+        week = repr(weeks[row][:20])
+        raise cells.refuse(row, f"seconds from 0 to {WEEK:.0f} in a GPS week, a whole number (here {week})")
     for row in np.flatnonzero((numbers < _ROLLOVER) | (numbers > 10_000)).tolist():
+        week = repr(weeks[row][:20])
         raise cells.refuse(
-            row, f"weeks counted from 1980 on, of four digits, not {weeks[row][:20]!r}, which begins again every 1024"
+            row, f"weeks counted from 1980 on, of four digits, not {week}, which begins again every 1024"
         )
     return utc_of_gps(numbers * WEEK + seconds)
 
