@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.poses_csv import COLUMNS, write_poses_csv
+from sonarmap.tools.products.export.tables import COLUMNS, write_poses_csv
 from tests.tools.products.export.finished import georeferenced
 from tests.tools.products.export.poses import (
     PLACES,

@@ -17,9 +17,8 @@ from sonarmap.tools.files.map_folder.folder import MapFolder
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.time_scales import GPS_EPOCH, are_times, gps_of_utc, utc_text
 from sonarmap.tools.files.writers.g2o import write_g2o
-from sonarmap.tools.products.export.eiva import write_eiva_attitude, write_eiva_position
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.graph_csv import write_graph
+from sonarmap.tools.products.export.tables import write_eiva_attitude, write_eiva_position, write_graph
 from tests.tools.products.export.poses import dive, with_part
 
 
