@@ -10,19 +10,20 @@ import numpy as np
 
 from sonarmap.tools.files.geo.georeference import VERTICALS
 from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
-from sonarmap.tools.products.report.page.byhand import control_rows, map_key, tie_rows
 from sonarmap.tools.products.report.page.command import inputs_of, map_command
-from sonarmap.tools.products.report.page.doubtful import doubtful_of
 from sonarmap.tools.products.report.page.evidence import (
     ANGLES,
     AXES,
+    control_rows,
     crossing_rows,
     kept_sequential,
+    map_key,
     navigation_rows,
     pair_rows,
+    tie_rows,
     track_of,
 )
-from sonarmap.tools.products.report.page.points import MOST_CODE, Packed, codes, pack
+from sonarmap.tools.products.report.page.points import MOST_CODE, Packed, codes, doubtful_of, pack
 from sonarmap.tools.products.report.page.provenance import citation, setting_rows, title
 from sonarmap.tools.products.report.page.verdict import verdict
 
