@@ -21,12 +21,7 @@ class Verdict:
 
 
 def verdict(summary: Mapping[str, Any], names: Sequence[str]) -> Verdict:
-    """What summary.json says, in words.
-
-    Args:
-        summary: its content.
-        names: of the scans of the survey.
-    """
+    """What summary.json says, in words; names are of all the survey's scans."""
     unplaced, parts = summary["unplaced"], summary["components"]
     inside = len(names) - len(unplaced)
     place = "one map" if len(parts) == 1 else f"{len(parts)} separate maps"
