@@ -23,12 +23,11 @@ class ExportFormat:
 
     Attributes:
         file: its name, with a place for the part's suffix.
-        writer: "module:function" of tools/products/export, loaded when it is called with the file's path and the part
-            of a map: as `Georeferenced` where the format needs a place, else as folder, part, and `Georeferenced` or
-            None. It raises an InputError where a file cannot be written.
+        writer: "module:function" of tools/products/export, called with the file's path and a `Georeferenced` where the
+            format needs a place, else folder, part, and `Georeferenced` or None.
         words: what it is.
         coordinates: which its numbers are: projected, latitude and longitude, or the map's own.
-        details: "module:function" that returns what the side-car of a `Georeferenced` says beside what all of them say.
+        details: "module:function" that returns what the side-car of a `Georeferenced` says beyond what all say.
         of_all_parts: whether one file is about all parts of a map.
         beside: the names of further files that the writer may write.
         stamps: from where on and up to where the scans' stamps must lie [s].
@@ -90,26 +89,26 @@ FORMATS = {
         details="kml:kmz_details",
     ),
     "csv": ExportFormat(
-        "poses{}.csv", "poses_csv:write_poses_csv", "the scans' positions, attitudes and covariances, CSV"
+        "poses{}.csv", "tables:write_poses_csv", "the scans' positions, attitudes and covariances, CSV"
     ),
     "eiva-position": ExportFormat(
         "eiva_position{}.txt",
-        "eiva:write_eiva_position",
+        "tables:write_eiva_position",
         "the scans' positions for EIVA NaviEdit",
         "geographic",
         stamps=TIMES,  # NaviEdit merges by them
     ),
     "eiva-attitude": ExportFormat(
         "eiva_attitude{}.txt",
-        "eiva:write_eiva_attitude",
+        "tables:write_eiva_attitude",
         "the scans' attitudes for EIVA NaviEdit",
         "geographic",
         stamps=TIMES,
     ),
     "geojson": ExportFormat(
-        "track{}.geojson", "geojson:write_geojson", "track, scans and loops, GeoJSON", "geographic"
+        "track{}.geojson", "track_features:write_geojson", "track, scans and loops, GeoJSON", "geographic"
     ),
-    "gpkg": ExportFormat("track{}.gpkg", "geopackage:write_geopackage", "track, scans and loops, GeoPackage"),
+    "gpkg": ExportFormat("track{}.gpkg", "track_features:write_geopackage", "track, scans and loops, GeoPackage"),
     "mcap": ExportFormat(
         "map{}.mcap",
         "mcap:write_mcap",
@@ -118,13 +117,13 @@ FORMATS = {
         stamps=(0.0, 2.0**31),  # of a ROS time
     ),
     "pcd": ExportFormat(
-        "map{}.pcd", "plain:write_cloud", "the map's points, PCD 0.7 in float32 beside an origin", "map"
+        "map{}.pcd", "tables:write_cloud", "the map's points, PCD 0.7 in float32 beside an origin", "map"
     ),
-    "tum": ExportFormat("trajectory{}.tum", "plain:write_poses", "the poses with their times, TUM", "map"),
-    "kitti": ExportFormat("trajectory{}.kitti", "plain:write_poses", "the poses as 3x4 matrices, KITTI", "map"),
+    "tum": ExportFormat("trajectory{}.tum", "tables:write_poses", "the poses with their times, TUM", "map"),
+    "kitti": ExportFormat("trajectory{}.kitti", "tables:write_poses", "the poses as 3x4 matrices, KITTI", "map"),
     "g2o": ExportFormat(
         "graph{}.csv",
-        "graph_csv:write_graph",
+        "tables:write_graph",
         "the pose graph, g2o, and beside it the name, time and frame of its vertices, CSV",
         "map",
         of_all_parts=True,

@@ -41,14 +41,8 @@ class Cells:
 def top_cells(
     row: np.ndarray, column: np.ndarray, height: np.ndarray, sigma: np.ndarray, count: np.ndarray, voxel: float
 ) -> Cells:
-    """The uppermost surface of every cell.
-
-    Args:
-        row, column: (M,) int64, the cells of M points, none negative.
-        height, sigma: (M,) of the points [m].
-        count: (M,) number of sonar points in each.
-        voxel: points this far below a cell's highest one belong to its surface [m].
-    """
+    """The uppermost surface of every cell: of M points with row and column (M,) int64, none negative, height and sigma
+    (M,) [m], and count (M,) of sonar points in each. Points up to a voxel [m] below the highest belong to it."""
     width = int(column.max(initial=0)) + 1
     cells, cell = np.unique(row * width + column, return_inverse=True)
     top = np.full(len(cells), -np.inf)

@@ -105,10 +105,8 @@ def export_map(
     removes them.
 
     Args:
-        folder: the map.
         to: the folder for the files; made where it is missing.
-        settings: what to write.
-        step: called with (files written, files in all, the last one's name).
+        step: called with (files written, files in all, the next one's name).
 
     Raises:
         InputError: see `check_settings`; a file is there that no export wrote; one cannot be written.
@@ -118,7 +116,7 @@ def export_map(
     _refuse_second_heading(folder)
     earths = {part.suffix: _on_earth(folder, part, settings) for part in folder.parts}
     jobs = [
-        (name, part)
+        (name, part, to / FORMATS[name].file.format(part.suffix))
         for name in settings.formats
         for part in folder.parts[: 1 if FORMATS[name].of_all_parts else None]
         if earths[part.suffix] is not None or not FORMATS[name].needs_place
@@ -126,12 +124,17 @@ def export_map(
     require_writable(to)
     in_map = to.resolve() == folder.path.resolve()
     with nullcontext() if in_map else locked(to, writing=True), all_or_none() as written:
-        for name, part in jobs:
-            _require_ours(to / FORMATS[name].file.format(part.suffix))
-        for done, (name, part) in enumerate(jobs):
+        for _, _, path in jobs:
+            _require_ours(path)
+        for done, (name, part, path) in enumerate(jobs):
             if step is not None:
-                step(done, len(jobs), FORMATS[name].file.format(part.suffix))
-            _write(to, name, folder, part, earths[part.suffix], written)
+                step(done, len(jobs), path.name)
+            before, earth = len(written), earths[part.suffix]
+            FORMATS[name].write(path, folder, part, earth)
+            for temporary, each in tuple(written[before:]):
+                _require_ours(each)
+                content = side_car_content(temporary, each.name, name, folder, part, earth)
+                write_json(each.with_name(side_car(each.name)), content)
         if step is not None:
             step(len(jobs), len(jobs), "")
         files = tuple(path for _, path in written)
@@ -146,23 +149,6 @@ def _on_earth(folder: MapFolder, part: MapPart, settings: ExportSettings) -> Geo
         return None
     projection = Projection.of(folder.georeference, settings.crs)
     return Georeferenced(folder, part, folder.georeference, projection, settings.cell)
-
-
-def _write(
-    to: Path,
-    name: str,
-    folder: MapFolder,
-    part: MapPart,
-    earth: Georeferenced | None,
-    written: Sequence[tuple[Path, Path]],
-) -> None:
-    """Write one format of one part, which may be several files, and what stands beside each."""
-    before = len(written)
-    FORMATS[name].write(to / FORMATS[name].file.format(part.suffix), folder, part, earth)
-    for temporary, path in tuple(written[before:]):
-        _require_ours(path)
-        content = side_car_content(temporary, path.name, name, folder, part, earth)
-        write_json(path.with_name(side_car(path.name)), content)
 
 
 def _refuse_second_heading(folder: MapFolder) -> None:

@@ -15,21 +15,16 @@ from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 
 _LIBRARIES = ("pyproj", "laspy", "lazrs", "rasterio")
-_PROJECTED = "easting, northing and height; every point is projected by itself"
-_GEOGRAPHIC = "longitude, latitude and height"
+_FRAMES = {
+    "projected": "easting, northing and height; every point is projected by itself",
+    "geographic": "longitude, latitude and height",
+}
 
 
 def side_car_content(
     written: Path, name: str, format_name: str, folder: MapFolder, part: MapPart, earth: Georeferenced | None
 ) -> dict[str, Any]:
-    """Provenance, frame, datum, units and signs of one exported file.
-
-    Args:
-        written: where the file is now.
-        name: that it will have.
-        format_name: of FORMATS.
-        folder, part, earth: as its writer had them.
-    """
+    """Provenance, frame, datum, units and signs of one exported file, which is `written` now and will be `name`."""
     kind = FORMATS[format_name]
     return {
         "file": name,
@@ -57,10 +52,8 @@ def side_car_content(
 
 
 def _frame(coordinates: str, part: MapPart) -> str:
-    if coordinates == "projected":
-        return _PROJECTED
-    if coordinates == "geographic":
-        return _GEOGRAPHIC
+    if coordinates in _FRAMES:
+        return _FRAMES[coordinates]
     if part.placed:
         return "the map's: x East, y North, z up, from its origin"
     if part.in_world:

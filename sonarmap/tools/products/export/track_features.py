@@ -1,13 +1,23 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-"""The track, the scans and the loops of a map as features with attributes: the same in every vector format."""
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""The track, the scans and the loops of a map as features with attributes: the same as GeoJSON and as GeoPackage."""
 
-from collections.abc import Iterator
+import struct
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sonarmap.tools.files.writers.atomic import atomic_path
+from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.products.export.georeferenced import Georeferenced
+
+_POINT_Z, _LINE_Z = 1001, 1002  # ISO WKB
+_VERSION = "1.2"  # of a GeoPackage: programs of 2017 and later read it
+_UTC = 100  # GDAL's flag of a time zone
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,3 +85,108 @@ def _loops(earth: Georeferenced) -> Iterator[Feature]:
             ends = {"target": names[loop.target], "source": names[loop.source]}
             attributes = {**ends, "kept": loop.kept, "reason": loop.reason}
             yield Feature("loops", np.array([index[loop.target], index[loop.source]]), attributes)
+
+
+def write_geojson(path: Path, earth: Georeferenced) -> None:
+    """Write a FeatureCollection (RFC 7946) of longitude, latitude [deg, WGS84] and height [m].
+
+    The property `layer` of a feature is track, scans or loops. A line across the 180th meridian is cut there (section
+    3.1.9). Heights count from the property `height_reference`, which the RFC wants to be the WGS84 ellipsoid.
+    """
+    features = [_feature(each, earth.poses[each.scans][:, [1, 0, 2]]) for each in features_of(earth)]
+    write_json(path, {"type": "FeatureCollection", "features": features})
+
+
+def _feature(feature: Feature, places: np.ndarray) -> dict[str, Any]:
+    """A feature through places (k, 3) of longitude, latitude, height."""
+    pieces = [_rounded(piece) for piece in cut_at_180(places)]
+    if len(places) == 1:
+        geometry = {"type": "Point", "coordinates": pieces[0][0]}
+    elif len(pieces) == 1:
+        geometry = {"type": "LineString", "coordinates": pieces[0]}
+    else:
+        geometry = {"type": "MultiLineString", "coordinates": pieces}
+    return {"type": "Feature", "geometry": geometry, "properties": {"layer": feature.layer} | feature.attributes}
+
+
+def cut_at_180(line: np.ndarray) -> list[np.ndarray]:
+    """The pieces (k, 3) of a line (n, 3) of longitude, latitude, height, each on one side of the 180th meridian."""
+    pieces: list[np.ndarray] = []
+    start: list[np.ndarray] = []
+    for here, there in pairwise(line):
+        start.append(here)
+        step = there[0] - here[0]
+        if abs(step) <= 180:
+            continue
+        side = np.copysign(180.0, here[0])
+        rest = step + 2 * side  # 0 where both ends are the meridian itself, by its two names
+        share = (side - here[0]) / rest if rest else 0.0
+        border = here + share * (there - here)
+        pieces.append(np.array([*start, [side, *border[1:]]]))
+        start = [np.array([-side, *border[1:]])]
+    pieces.append(np.array([*start, line[-1]]))
+    return pieces
+
+
+def _rounded(places: np.ndarray) -> list[list[float]]:
+    """1e-10 degrees are 0.01 mm."""
+    return [[round(x, 10), round(y, 10), round(z, 5)] for x, y, z in places.tolist()]
+
+
+def write_geopackage(path: Path, earth: Georeferenced) -> None:
+    """Write the layers that have features, in the map's projected CRS [m], with the attributes that GeoJSON has.
+
+    Times are date-times in UTC [ms]. Heights count from the attribute `height_reference`.
+    """
+    features = features_of(earth)
+    with atomic_path(path) as temporary:
+        temporary.unlink()  # GDAL opens what is there, and an empty file is no GeoPackage
+        for layer in LAYERS:
+            chosen = [feature for feature in features if feature.layer == layer]
+            if chosen:
+                _write_layer(temporary, layer, chosen, earth)
+
+
+def _write_layer(path: Path, layer: str, features: Sequence[Feature], earth: Georeferenced) -> None:
+    from pyogrio.errors import DataLayerError, DataSourceError
+    from pyogrio.raw import write
+
+    names = list(features[0].attributes)
+    columns = [_column(name, [feature.attributes[name] for feature in features]) for name in names]
+    try:
+        write(
+            str(path),
+            np.array([_wkb(earth.projected_poses[feature.scans]) for feature in features], dtype=object),
+            [values for values, _ in columns],
+            names,
+            field_mask=[mask for _, mask in columns],
+            layer=layer,
+            driver="GPKG",
+            geometry_type="Point Z" if layer == "scans" else "LineString Z",
+            crs=earth.projection.crs.to_wkt(),
+            dataset_options={"VERSION": _VERSION},
+            layer_metadata={"HEIGHT_REFERENCE": earth.georeference.vertical},
+            gdal_tz_offsets={name: np.full(len(features), _UTC) for name in names if name.endswith("utc")},
+        )
+    except (DataSourceError, DataLayerError) as error:
+        raise OSError(str(error)) from error
+
+
+def _column(name: str, values: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Values of an attribute, and where there are none."""
+    missing = np.array([value is None for value in values])
+    if name.endswith("utc"):
+        times = ["NaT" if value is None else value.removesuffix("Z") for value in values]
+        return np.array(times, dtype="datetime64[ms]"), missing
+    kind = next((type(value) for value in values if value is not None), float)
+    if kind is str:
+        texts = ["" if value is None else value.encode("utf-8", "backslashreplace").decode() for value in values]
+        return np.array(texts, dtype=object), missing
+    filled = [kind(0) if value is None else value for value in values]
+    return np.array(filled, dtype={bool: np.bool_, int: np.int64, float: np.float64}[kind]), missing
+
+
+def _wkb(places: np.ndarray) -> bytes:
+    """Well-known binary of a point (1, 3) or a line (n, 3)."""
+    head = struct.pack("<BI", 1, _POINT_Z) if len(places) == 1 else struct.pack("<BII", 1, _LINE_Z, len(places))
+    return head + np.ascontiguousarray(places, "<f8").tobytes()

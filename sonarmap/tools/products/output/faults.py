@@ -33,10 +33,6 @@ def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
     fit, wrong fixes, loops without effect, and stray points: a sentence each.
 
     What one scan is to blame for is in one sentence, about that scan. Arguments of the library are in backticks.
-
-    Args:
-        result: the survey.
-        names: of its scans, in their order.
     """
     unusable = _unusable(result, names)
     return [

@@ -58,7 +58,7 @@ def part_files(result: SurveyResult, rank: int, also: Iterable[str] = ()) -> lis
 
 
 def write_survey(folder: Path, result: SurveyResult, run: SurveyRun, also: Sequence[str] = ()) -> Path:
-    """Write a survey's maps, pictures, trajectories, graph, pairs and summary.
+    """Write a survey's maps, pictures, trajectories, graph, pairs and summary, and return the summary's path.
 
     The largest component is map.ply, map.png and trajectory.tum; the others follow as map_2 and so on. A scan that
     nothing joined is in no map. Where loops were tried, loops.png compares the map with what it would be without them;
@@ -69,14 +69,7 @@ def write_survey(folder: Path, result: SurveyResult, run: SurveyRun, also: Seque
     All files appear together or, where one cannot be written, none does; what the folder's earlier run had beyond this
     one's files is removed, and so is what was exported of it.
 
-    Args:
-        folder: made where it is missing.
-        result: the survey.
-        run: what it was run with.
-        also: names of EXPORTS: further formats to write.
-
-    Returns:
-        The path of summary.json, which is written last.
+    The folder is made where it is missing; `also` are names of EXPORTS, further formats to write.
 
     Raises:
         InputError: a file cannot be written.

@@ -31,12 +31,7 @@ CONVENTIONS = {
 
 
 def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
-    """The content of a survey's graph.json: poses, edges as they were weighed, every pair with its verdict, and priors.
-
-    Args:
-        result: the survey.
-        names: of its scans, in their order.
-    """
+    """The content of a survey's graph.json: poses, edges as weighed, every pair with its verdict, and priors."""
     graph = result.solution.graph
     component = {scan: number for number, members in enumerate(graph.components) for scan in members}
     measured = {pose for pose, _ in graph.priors} | {known.pose for known in graph.known}

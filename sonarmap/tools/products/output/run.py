@@ -33,12 +33,8 @@ class SurveyRun:
 
 
 def survey_times(timings: Timings, workers: int | str) -> dict[str, Any]:
-    """The content of `times.json`: what differs between runs that give the same results.
-
-    Args:
-        timings: of a survey's pairs and stages.
-        workers: how many processes registered, or the address of the cluster that did.
-    """
+    """The content of `times.json`: what differs between runs that give the same results; `workers` is how many
+    processes registered, or the address of the cluster that did."""
     return {
         "workers": workers,
         "pairs_from_journal": timings.from_journal,

@@ -93,11 +93,8 @@ def _tried_and_kept(pairs: Sequence[Pair]) -> dict[str, int]:
 
 def pose_sigmas(covariances: np.ndarray) -> list[dict[str, float]]:
     """Of (N, 6, 6) covariances, each pose's standard deviations along its worst direction."""
-    rotation, translation = worst_sigmas(covariances)
-    return [
-        {"rotation_deg": math.degrees(r), "translation_m": t}
-        for r, t in zip(rotation.tolist(), translation.tolist(), strict=True)
-    ]
+    sigmas = np.transpose(worst_sigmas(covariances)).tolist()
+    return [{"rotation_deg": math.degrees(r), "translation_m": t} for r, t in sigmas]
 
 
 def _component_row(result: SurveyResult, c: int, unmeasured: Mapping[int, np.ndarray]) -> dict[str, Any]:

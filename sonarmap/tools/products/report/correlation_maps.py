@@ -25,13 +25,9 @@ class RotationMap:
 
 
 def map_rotations(correlation: np.ndarray, bandwidth: int, max_tilt: float) -> RotationMap:
-    """The map of a correlation from `RotationCorrelation.correlate`, whose last image is no part of it.
-
-    Args:
-        correlation: (n + 1, edge, edge): [b, i, j] is of the rotation Rz(alpha) Ry(beta) Rz(gamma), alpha and gamma
-            around the full circle, beta evenly from half a step on.
-        bandwidth: of the correlation; pi / (2 bandwidth) is a step of beta.
-        max_tilt: largest roll and largest pitch that are allowed [rad].
+    """The map of a correlation (n + 1, edge, edge) from `RotationCorrelation.correlate`, whose last image is no part
+    of it: [b, i, j] is of Rz(alpha) Ry(beta) Rz(gamma), alpha and gamma around the full circle, beta evenly from half
+    a step of pi / (2 bandwidth) on. Roll and pitch are allowed up to `max_tilt` [rad].
     """
     count, edge = len(correlation) - 1, correlation.shape[1]
     step, turn = np.pi / (2 * bandwidth), 2 * np.pi / edge
@@ -43,11 +39,8 @@ def map_rotations(correlation: np.ndarray, bandwidth: int, max_tilt: float) -> R
         column = np.floor((yaw_of(R)[allowed] + np.pi) / turn).astype(np.int64) % edge
         np.maximum.at(values[row], column, correlation[row].ravel()[allowed])
     values[np.isneginf(values)] = np.nan
-    return RotationMap(
-        values=values,
-        tilts=np.rad2deg(np.arange(count + 1) * step),
-        yaws=np.rad2deg(np.arange(edge + 1) * turn - np.pi),
-    )
+    tilts, yaws = np.arange(count + 1) * step, np.arange(edge + 1) * turn - np.pi
+    return RotationMap(values, np.rad2deg(tilts), np.rad2deg(yaws))
 
 
 def yaw_of(R_target_source: Rotation) -> np.ndarray:
@@ -85,14 +78,10 @@ class TranslationSlice:
 def slice_translation(
     correlation: np.ndarray, peak: Peak, shift: np.ndarray, origin: np.ndarray, voxel: float
 ) -> TranslationSlice:
-    """The slice through a peak.
+    """The slice of a cyclic correlation (N, N, N) through the peak that is near the shift (3,) [voxels].
 
-    Args:
-        correlation: (N, N, N), cyclic.
-        peak: of it, near the shift.
-        shift: (3,) that was found [voxels]; it may be longer than half the grid, which the peak's own, cyclic, is not.
-        origin: (3,) translation that no shift at all means [m].
-        voxel: [m].
+    The shift may be longer than half the grid, which the peak's own is not; `origin` (3,) is the translation that no
+    shift at all means [m], `voxel` an edge [m].
     """
     edge = len(correlation)
     # the peak's own shift repeats after the grid's edge: that which is nearest to what was found

@@ -28,20 +28,16 @@ def place_labels(
     distances: Sequence[float] = (5.0, 9.0),
     **style: Any,
 ) -> list["Annotation"]:
-    """Write each text beside its point; what has no room anywhere is left out. Earlier ones choose first.
+    """Write n texts beside their points (n, 2), in the axes' coordinates, and return the labels that are there.
 
-    The figure's size, and the axes' place and limits, must be final.
+    Earlier ones choose first; what has no room anywhere is left out. The figure's size, and the axes' place and
+    limits, must be final.
 
     Args:
-        places: (n, 2) of the points, in the axes' coordinates.
-        texts: n labels.
         covered: (m, 2) points that labels should rather not hide, in the same coordinates.
         taken: boxes that no label may touch, x0, y0, x1, y1 [pixels].
         distances: from a point to its label, the preferred first [points].
         style: of the texts.
-
-    Returns:
-        The labels that are there.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 

@@ -83,12 +83,7 @@ class RegistrationView:
 def view_registration(
     registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan, registration: Registration
 ) -> RegistrationView:
-    """Look at a registration once more, at each of its steps.
-
-    Args:
-        registrar: that prepared and registered the scans.
-        registration: what came of it.
-    """
+    """Look once more at each step of a registration, by the registrar that prepared the scans and registered them."""
     voxel = registrar.grid.voxel
     magnitudes = [_magnitude(registrar, scan) for scan in (target, source)]
     return RegistrationView(
@@ -154,7 +149,6 @@ def _shifts(
     R = T_target_source.rotation
     origin = target.volume.center - R.apply(source.volume.center)
     shift = (T_target_source.translation - origin) / voxel
-    turns = Rotation.concatenate([R])
-    (peak,) = translation.find_at(target.volume, source.volume, turns, shift[None]).read()
+    (peak,) = translation.find_at(target.volume, source.volume, Rotation.concatenate([R]), shift[None]).read()
     correlation = translation.correlations(target.volume, source.volume, R)[0].get()
     return slice_translation(correlation, peak, shift, origin, voxel)

@@ -31,12 +31,8 @@ def write_png(
 def save_small(figure: "Figure", path: Path, inks: Sequence[str] = (), ramp: np.ndarray | None = None) -> None:
     """Write a PNG of few colors, a third as large as Matplotlib's.
 
-    Args:
-        figure: what is drawn.
-        path: the file.
-        inks: colors of its lines and letters besides black; with them or a ramp the palette is made of them, else of
-            what is drawn.
-        ramp: (k, 3) colors 0..1 of its images, thinned to what is left of the palette.
+    The palette is made of what is drawn or, where they are given, of `inks`, the colors of lines and letters besides
+    black, and of a ramp (k, 3) 0..1, the colors of images, thinned to what is left of the palette.
 
     Raises:
         InputError: the file cannot be written.

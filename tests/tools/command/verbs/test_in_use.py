@@ -7,7 +7,7 @@ import pytest
 
 from sonarmap.tools.files.writers.folder_lock import locked
 from sonarmap.tools.files.writers.trajectory import write_trajectory
-from sonarmap.tools.products.export import plain
+from sonarmap.tools.products.export import tables
 from tests.samples import command_line
 from tests.samples.clutter_scans import done, files_in, refused, scan, sonarmap, write
 from tests.tools.products.export.finished import finished_map
@@ -75,7 +75,7 @@ def test_another_that_begins_meanwhile_is_refused(
         assert list(out.glob(".sonarmap.*"))
         tried.append(command_line.sonarmap(*map(str, commands(out)[other])))
 
-    monkeypatch.setattr(plain, "write_trajectory", slow)
+    monkeypatch.setattr(tables, "write_trajectory", slow)
     done(sonarmap(*commands(out)[verb], *options))
     assert [(ended.returncode, "in use" in ended.stderr) for ended in tried] == [(2, True)]
     listed = json.loads((out / "summary.json").read_text())["files"]

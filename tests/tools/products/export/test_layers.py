@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.products.export.geojson import cut_at_180, write_geojson
-from sonarmap.tools.products.export.geopackage import write_geopackage
 from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.track_features import cut_at_180, write_geojson, write_geopackage
 from tests.tools.products.export.poses import dive, with_part
 
 

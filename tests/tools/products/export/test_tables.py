@@ -1,4 +1,4 @@
-"""Tables of an export: the graph, EIVA's poses, and the scales of their times."""
+"""Tables of an export: the graph, EIVA's poses, times, and poses.csv by PROJ's other ways and signs by hand."""
 
 import csv
 import re
@@ -9,18 +9,34 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import MapFolder
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.time_scales import GPS_EPOCH, are_times, gps_of_utc, utc_text
 from sonarmap.tools.files.writers.g2o import write_g2o
-from sonarmap.tools.products.export.eiva import write_eiva_attitude, write_eiva_position
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.graph_csv import write_graph
-from tests.tools.products.export.poses import dive, with_part
+from sonarmap.tools.products.export.tables import (
+    COLUMNS,
+    write_eiva_attitude,
+    write_eiva_position,
+    write_graph,
+    write_poses_csv,
+)
+from tests.tools.products.export.finished import georeferenced
+from tests.tools.products.export.poses import (
+    PLACES,
+    apart,
+    dive,
+    floats,
+    geodetic_by_hand,
+    projected_by_hand,
+    with_part,
+)
 
 
 def two_parts(path: Path) -> MapFolder:
@@ -104,3 +120,144 @@ def test_which_stamps_are_times(stamps: list[float], times: bool) -> None:
 
 def test_text() -> None:
     assert utc_text(1_483_228_790.25) == "2016-12-31T23:59:50.250000Z"
+
+
+def rows_of(path: Path, earth: Georeferenced) -> list[dict[str, str]]:
+    write_poses_csv(path / "poses.csv", earth)
+    with (path / "poses.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_places_are_where_another_projection_has_them(tmp_path: Path, place: str) -> None:
+    earth = dive(place)
+    rows = rows_of(tmp_path, earth)
+    expected = geodetic_by_hand(earth)
+    written = floats(rows, "lat_deg", "lon_deg")
+    assert apart(written, expected).max() < 1e-4
+    grid = projected_by_hand(expected, PLACES[place][1])
+    np.testing.assert_allclose(floats(rows, "easting_m", "northing_m"), grid, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(floats(rows, "height_m")[:, 0], [-31.25, -30.75, -30.25, -29.75, -29.25, -28.75])
+    np.testing.assert_allclose(floats(rows, "depth_m")[:, 0], [31.25, 30.75, 30.25, 29.75, 29.25, 28.75])
+    assert {row["crs"] for row in rows} == {f"EPSG:{PLACES[place][1]}"}
+    assert {row["height_reference"] for row in rows} == {"surface"}
+    assert {row["heave_m"] for row in rows} == {"0.00000"}
+    if place == "180 east":
+        assert (written[:3, 1] > 179.999).all()
+        assert (written[3:, 1] < -179.999).all()
+
+
+def test_signs_are_those_of_displays(tmp_path: Path) -> None:
+    """By hand, at 60 north and 2.9995 degrees east of the zone's middle."""
+    rows = rows_of(tmp_path, dive())
+    k = np.arange(6)
+    np.testing.assert_allclose(floats(rows, "roll_deg")[:, 0], 2 * k - 3, atol=1e-6)  # starboard down
+    np.testing.assert_allclose(floats(rows, "pitch_deg")[:, 0], k - 7, atol=1e-6)  # the nose was down by 7 - k
+    # x east of the origin is x / (R cos 60) radians of longitude, and North turns by that times sin 60
+    x = 40.0 * k - 90
+    turned = np.degrees(x / 6.394e6) * np.tan(np.radians(60))
+    np.testing.assert_allclose(floats(rows, "heading_deg")[:, 0], 30 + 25 * k + turned, atol=1e-5)
+    # tan(convergence) = tan(longitude from the middle) sin(latitude)
+    longitude = np.radians(2.9995) + x / 6.394e6 / np.cos(np.radians(60))
+    convergence = np.degrees(np.arctan(np.tan(longitude) * np.sin(np.radians(60))))
+    np.testing.assert_allclose(floats(rows, "convergence_deg")[:, 0], convergence, atol=1e-4)
+    grid = floats(rows, "heading_grid_deg")[:, 0]
+    np.testing.assert_allclose(grid, 30 + 25 * k + turned - convergence, atol=2e-4)
+    assert 27.39 < grid[0] < 27.41  # 30 - 2.597 - 0.001
+
+
+def test_signs_are_those_of_a_tilted_hull(tmp_path: Path) -> None:
+    """Where the bow and the starboard side are, seen from outside."""
+    earth = dive()
+    T = earth.part.trajectory.T_world_sensor
+    bow, starboard = T.rotation.apply([1.0, 0, 0])[:, 2], T.rotation.apply([0, -1.0, 0])[:, 2]
+    roll, pitch = floats(rows_of(tmp_path, earth), "roll_deg", "pitch_deg").T
+    np.testing.assert_allclose(pitch, np.degrees(np.arcsin(bow)), atol=1e-6)
+    np.testing.assert_allclose(roll, np.degrees(np.arcsin(-starboard / np.cos(np.radians(pitch)))), atol=1e-6)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_the_grid_heading_is_where_the_bow_points_in_the_grid(tmp_path: Path, place: str) -> None:
+    earth = dive(place)
+    bow = earth.part.trajectory.T_world_sensor.rotation.apply([20.0, 0, 0]) * [1, 1, 0]
+    track = earth.part.trajectory
+    moved = RigidTransform.from_components(track.T_world_sensor.translation + bow, track.T_world_sensor.rotation)
+    ahead = with_part(earth, replace(earth.part, trajectory=Trajectory(track.stamps, moved)))
+    epsg = PLACES[place][1]
+    east, north = (projected_by_hand(geodetic_by_hand(at), epsg) for at in (earth, ahead))
+    way = north - east
+    headings = np.degrees(np.arctan2(way[:, 0], way[:, 1])) % 360
+    np.testing.assert_allclose(floats(rows_of(tmp_path, earth), "heading_grid_deg")[:, 0], headings, atol=2e-4)
+
+
+def test_times(tmp_path: Path) -> None:
+    stamps = np.array([1.7e9, 1.7e9 + 0.1234567, 1_582_934_399.9994, 1.75e9, 1.75e9 + 0.001, 2e9])
+    for row, stamp in zip(rows_of(tmp_path, dive(stamps=stamps)), stamps, strict=True):
+        assert float(row["unix_s"]) == stamp
+        assert row["utc"].endswith("Z")
+        assert datetime.fromisoformat(row["utc"]).timestamp() == pytest.approx(stamp, abs=1e-6)
+    assert rows_of(tmp_path, dive(stamps=stamps))[2]["utc"] == "2020-02-28T23:59:59.999400Z"
+
+
+@pytest.mark.parametrize("first", [0.0, 17.0, -3.0, 1.7e18])
+def test_counters_are_no_times(tmp_path: Path, first: float) -> None:
+    for row in rows_of(tmp_path, dive(stamps=first + np.arange(6.0))):
+        assert (row["utc"], row["unix_s"]) == ("", "")
+
+
+def test_errors_are_those_of_poses_drawn_from_the_covariance(tmp_path: Path) -> None:
+    earth = dive()
+    rng = np.random.default_rng(8)
+    shape = rng.normal(size=(6, 6)) * np.array([0.01, 0.02, 0.03, 0.4, 0.2, 0.1])[:, None]
+    covariance = shape @ shape.T
+    part = replace(earth.part, covariances=np.tile(covariance, (6, 1, 1)))
+    row = rows_of(tmp_path, with_part(earth, part))[4]
+    R = earth.rotations[4]
+    w, v = np.split(rng.multivariate_normal(np.zeros(6), covariance, 200_000), 2, axis=1)
+    shift = R.apply(v)
+    drawn = (R * Rotation.from_rotvec(w)).as_euler("ZYX", degrees=True)
+    turn = R.apply(w)
+    spread = [*shift.std(axis=0), drawn[:, 2].std(), drawn[:, 1].std(), drawn[:, 0].std()]
+    names = ("east_sigma_m", "north_sigma_m", "up_sigma_m", "roll_sigma_deg", "pitch_sigma_deg", "heading_sigma_deg")
+    np.testing.assert_allclose(floats([row], *names)[0], spread, rtol=0.02)
+    expected = np.cov(np.hstack([shift, turn]).T)
+    upper = [name for name in COLUMNS if name.startswith("cov_")]
+    assert upper[0] == "cov_east_east_m2"
+    assert upper[3] == "cov_east_rot_east_m_rad"
+    assert upper[-1] == "cov_rot_up_rot_up_rad2"
+    size = np.sqrt(np.diagonal(expected))
+    scale = np.outer(size, size)[np.triu_indices(6)]
+    np.testing.assert_allclose(floats([row], *upper)[0] / scale, expected[np.triu_indices(6)] / scale, atol=0.02)
+
+
+def test_straight_down_has_open_angles_and_a_right_attitude(tmp_path: Path) -> None:
+    R = Rotation.from_euler("ZYX", [[40, 90, 0], [40, 89.999, 0]], degrees=True)
+    earth = georeferenced(Georeference(40.0, 5.0), RigidTransform.from_components(np.zeros((2, 3)), R))
+    for row in rows_of(tmp_path, earth):
+        roll, pitch, heading = floats([row], "roll_deg", "pitch_deg", "heading_deg")[0]
+        assert pitch == pytest.approx(-90, abs=0.0011)
+        back = Rotation.from_euler("ZYX", [90 - heading, -pitch, roll], degrees=True)
+        assert (back.inv() * R[0]).magnitude() < 2e-5
+        assert floats([row], "roll_sigma_deg", "heading_sigma_deg").max() == 180
+
+
+def test_north_is_0_and_not_360(tmp_path: Path) -> None:
+    R = Rotation.from_euler("ZYX", [[90 + 1e-9, 0, 0], [90 - 1e-9, 0, 0]], degrees=True)
+    earth = georeferenced(Georeference(0.0, 3.0), RigidTransform.from_components(np.zeros((2, 3)), R))
+    rows = rows_of(tmp_path, earth)
+    assert [row["heading_deg"] for row in rows] == ["0.000000", "0.000000"]
+    assert [row["heading_grid_deg"] for row in rows] == ["0.000000", "0.000000"]
+
+
+def test_names_may_hold_anything(tmp_path: Path) -> None:
+    earth = dive()
+    names = ("a,b", 'said "c"', "d\ne", "\N{GREEK SMALL LETTER ALPHA};", "lone\udce9", "=1+1")
+    rows = rows_of(tmp_path, with_part(earth, earth.part, names=names))
+    assert [row["name"] for row in rows] == [*names[:2], "d e", names[3], "lone\\udce9", "'=1+1"]
+
+
+def test_what_is_not_known_is_empty(tmp_path: Path) -> None:
+    earth = dive()
+    part = replace(earth.part, covariances=np.full((6, 6, 6), np.nan))
+    row = rows_of(tmp_path, with_part(earth, part))[0]
+    assert {row[name] for name in COLUMNS if "sigma" in name or name.startswith("cov_")} == {""}

@@ -24,15 +24,11 @@ _EAST = 90.0  # the heading of a map's x axis, unless --origin-heading says othe
 
 
 def map_command(settings: Mapping[str, Any], georeference: Georeference | None = None) -> dict[str, str]:
-    """`sonarmap map` with the method, grid, instruments, corrections and survey options of a map, and apart its
-    inputs, all quoted for a POSIX shell.
+    """`sonarmap map` with the options that summary.json has settings of, and apart its inputs, all quoted for a POSIX
+    shell; the map's place on the Earth is said where no navigation says it again.
 
     The page adds its own folder, so that its bytes do not depend on where it lies. The grid is as it was, so that pairs
     that are in the journal are not registered again.
-
-    Args:
-        settings: of summary.json.
-        georeference: where the map lies on the Earth. It is said where no navigation says it again.
     """
     words = ["sonarmap", "map"]
     if "method" in settings:

@@ -10,19 +10,9 @@ import numpy as np
 
 from sonarmap.tools.files.geo.georeference import VERTICALS
 from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
-from sonarmap.tools.products.report.page.byhand import control_rows, map_key, tie_rows
+from sonarmap.tools.products.report.page import evidence
 from sonarmap.tools.products.report.page.command import inputs_of, map_command
-from sonarmap.tools.products.report.page.doubtful import doubtful_of
-from sonarmap.tools.products.report.page.evidence import (
-    ANGLES,
-    AXES,
-    crossing_rows,
-    kept_sequential,
-    navigation_rows,
-    pair_rows,
-    track_of,
-)
-from sonarmap.tools.products.report.page.points import MOST_CODE, Packed, codes, pack
+from sonarmap.tools.products.report.page.points import MOST_CODE, Packed, codes, doubtful_of, pack
 from sonarmap.tools.products.report.page.provenance import citation, setting_rows, title
 from sonarmap.tools.products.report.page.verdict import verdict
 
@@ -59,13 +49,17 @@ def content_of(folder: MapFolder) -> Content:
         "names": list(folder.names),
         "surveys": [int(pose["survey"]) for pose in graph["poses"]],
         "parts": list(parts),
-        "pairs": pair_rows(graph["pairs"]),
-        "sequential": kept_sequential(graph["pairs"]),
-        "crossings": summary["crossing_error_m"] | {"rows": crossing_rows(graph)},
-        "navigation": {"names": [*ANGLES, *AXES], "units": ["deg"] * 3 + ["m"] * 3, "rows": navigation_rows(graph)},
-        "ties": tie_rows(summary, folder.names),
-        "control_points": control_rows(summary, folder.parts, folder.names),
-        "key": map_key(summary, folder.names),
+        "pairs": evidence.pair_rows(graph["pairs"]),
+        "sequential": evidence.kept_sequential(graph["pairs"]),
+        "crossings": summary["crossing_error_m"] | {"rows": evidence.crossing_rows(graph)},
+        "navigation": {
+            "names": [*evidence.ANGLES, *evidence.AXES],
+            "units": ["deg"] * 3 + ["m"] * 3,
+            "rows": evidence.navigation_rows(graph),
+        },
+        "ties": evidence.tie_rows(summary, folder.names),
+        "control_points": evidence.control_rows(summary, folder.parts, folder.names),
+        "key": evidence.map_key(summary, folder.names),
         "command": map_command(summary["settings"], folder.georeference),
         "graph": summary["graph"],
         "settings": setting_rows(summary["settings"]),
@@ -96,7 +90,7 @@ def _part(folder: MapFolder, part: MapPart) -> tuple[dict[str, Any], bytes, byte
         "middle": np.quantile(everything, (_STRAY, 1 - _STRAY), axis=0).tolist(),
         "axes": ["East", "North", "Up"] if part.in_world else ["x", "y", "z"],
         "height": _height(folder, part) | {"range": [low, high]},
-        "track": track_of(part, folder.graph),
+        "track": evidence.track_of(part, folder.graph),
         "on_earth": folder.on_earth(part),
         "unmeasured": list(part.unmeasured) if part.in_world else [],
     }

@@ -1,7 +1,10 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
-"""What speaks for a map, as rows for the page: poses with their ellipsoids, pairs, and distances from navigation."""
+"""What speaks for a map, as rows for the page: poses with their ellipsoids, pairs, distances from navigation,
+and what users decided of it before."""
 
+import json
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -9,12 +12,14 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.tools.files.map_folder.folder import MapPart
 from sonarmap.tools.files.readers.poses.pose_rows import rigid_transform
+from sonarmap.tools.files.readers.ties import TRANSFORM
 
 ANGLES, AXES = ("roll", "pitch", "heading"), ("East", "North", "Up")  # the order of a prior's numbers
 _DIGITS = 5  # behind the point, of meters
 _TURN_DIGITS = 8  # of a quaternion: a point 100 m away is off by micrometers
 _SAME = 1e-3  # poses that differ by less were not moved [m]
 _SHORT = 4  # valid digits of what is only read
+_PLACES = ("point", "known", "estimated", "sigma")  # of a control point: three numbers each
 
 
 def track_of(part: MapPart, graph: Mapping[str, Any]) -> dict[str, Any]:
@@ -104,6 +109,47 @@ def navigation_rows(graph: Mapping[str, Any]) -> list[dict[str, Any]]:
         | {"sigmas": [_short(s) for s in sigma]}
         for scan, away, sigma in zip(scans, apart.tolist(), sigmas.tolist(), strict=True)
     ]
+
+
+def tie_rows(summary: Mapping[str, Any], names: Sequence[str]) -> list[dict[str, Any]]:
+    """The ties that the map was made with, their scans by name, and their transforms where they have one."""
+    return [
+        {end: _name(tie[end], names) for end in ("target", "source")}
+        | {"verdict": str(tie["verdict"])}
+        | {text: str(tie.get(text) or "") for text in ("note", "effect")}
+        | {"transform": {name: float(tie[name]) for name in TRANSFORM if tie.get(name) is not None}}
+        for tie in summary.get("ties") or ()
+    ]
+
+
+def control_rows(summary: Mapping[str, Any], parts: Sequence[MapPart], names: Sequence[str]) -> list[dict[str, Any]]:
+    """The control points of the map, as summary.json has them; residuals are estimated less known [m].
+
+    `counted` says whether a point's residual tells of the map: whether its part is in the world, and others do not
+    contradict it.
+    """
+    in_world = {names[scan] for part in parts if part.in_world for scan in part.scans}
+    fit: Mapping[str, Any] = summary.get("control") or {}
+    left_out = {(row["name"], _name(row["scan"], names)) for row in fit.get("left_out", ())}
+    rows: list[dict[str, Any]] = []
+    for row in summary.get("control_points") or ():
+        name, scan = str(row["name"]), _name(row["scan"], names)
+        places = {place: [float(value) for value in row[place]] for place in _PLACES}
+        residual = [e - k for e, k in zip(places["estimated"], places["known"], strict=True)]
+        wrong = (name, scan) in left_out
+        judged = {"left_out": wrong, "counted": scan in in_world and not wrong, "in_sigmas": float(row["in_sigmas"])}
+        rows.append({"name": name, "scan": scan, "use": str(row["use"]), **places, "residual": residual, **judged})
+    return rows
+
+
+def map_key(summary: Mapping[str, Any], names: Sequence[str]) -> str:
+    """What tells this map from others: of what scans, with what settings and decisions it was made."""
+    made = [summary.get(name) for name in ("inputs", "settings", "ties", "control_points", "versions")]
+    return sha256(json.dumps([made, list(names)], sort_keys=True, default=str).encode()).hexdigest()[:24]
+
+
+def _name(scan: Any, names: Sequence[str]) -> str:
+    return names[scan] if isinstance(scan, int) else str(scan)
 
 
 def _poses(matrices: Sequence[Any]) -> RigidTransform:

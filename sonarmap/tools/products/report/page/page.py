@@ -19,31 +19,14 @@ from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.products.report.page.content import Content, content_of
 
 # One after another in one scope, so that a name is there before what uses it at load.
-SCRIPTS = (
-    "map/packed.js",
-    "map/camera.js",
-    "map/shaders.js",
-    "map/scene.js",
-    "map/picking.js",
-    "map/palettes.js",
-    "elements.js",
-    "charts.js",
-    "map/colorings.js",
-    "map/layers.js",
-    "map/geodesy.js",
-    "map/labels.js",
-    "map/gestures.js",
-    "map/view.js",
-    "map/controls.js",
-    "map/picked.js",
-    "byhand/csv.js",
-    "byhand/decisions.js",
-    "byhand/ties.js",
-    "byhand/control.js",
-    "profile.js",
-    "sections.js",
-    "navigation.js",
-    "main.js",
+SCRIPTS = tuple(
+    f"{name}.js"
+    for name in (
+        *("map/packed", "map/camera", "map/shaders", "map/scene", "map/picking", "map/palettes", "elements", "charts"),
+        *("map/colorings", "map/layers", "map/geodesy", "map/labels", "map/gestures", "map/view", "map/controls"),
+        *("map/picked", "byhand/csv", "byhand/decisions", "byhand/ties", "byhand/control"),
+        *("profile", "sections", "main"),
+    )
 )
 
 

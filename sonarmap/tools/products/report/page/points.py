@@ -4,18 +4,25 @@
 Coordinates are whole numbers of a quantum, a `FRACTION`th of the voxel, from the corner of a tile 65,536 quanta wide.
 Within a tile points follow a Morton curve, so that neighbors in the file are neighbors in space and their differences
 small. The bytes are laid out in planes (all low bytes of x, then all high bytes of x, and so on), which gzip packs
-best. `unpack` is the twin of `web/packed.js`.
+best. `web/packed.js` unpacks them.
 """
 
 import gzip
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
 
 FRACTION = 64  # quanta in a voxel: a coordinate is off by a 128th of a voxel at most
 TILE = 1 << 16  # edge of a tile [quanta]
 MOST_CODE = 255
+MOST_DOUBTFUL = 300_000  # points, so that they add about 2 MB to the page at most
 _LEVEL = 6  # of gzip: a higher one takes three times as long for two percent
 _AXES = 3
 _SPREAD = (  # how the bits of a number of 16 bits are moved until there are two zeros between any two
@@ -77,29 +84,31 @@ def pack(points: np.ndarray, columns: Mapping[str, np.ndarray], voxel: float) ->
     return Packed(data, quantum, tiles, sizes)
 
 
-def unpack(packed: Packed) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """The points (M, 3) float64 [m], each coordinate within half a quantum of what was packed, and their columns, in
-    the order of the file."""
-    content = np.frombuffer(gzip.decompress(packed.data), np.uint8)
-    count = sum(tile.count for tile in packed.tiles)
-    planes = list(content.reshape(-1, count) if count else np.zeros((2 * _AXES + sum(packed.planes.values()), 0)))
-    points = np.empty((count, _AXES))
-    for axis in range(_AXES):
-        steps = planes[2 * axis].astype(np.uint16) | planes[2 * axis + 1].astype(np.uint16) << 8
-        begin = 0
-        for tile in packed.tiles:
-            end = begin + tile.count
-            moved = (steps[begin:end] >> 1) ^ -(steps[begin:end] & 1)
-            points[begin:end, axis] = tile.origin[axis] + packed.quantum * np.cumsum(moved, dtype=np.uint16)
-            begin = end
-    columns: dict[str, np.ndarray] = {}
-    at = 2 * _AXES
-    for name, size in packed.planes.items():
-        columns[name] = sum(
-            (planes[at + k].astype(np.uint32) << 8 * k for k in range(size)), np.zeros(count, np.uint32)
-        )
-        at += size
-    return points, columns
+def doubtful_of(folder: MapFolder, part: MapPart) -> tuple[Packed, dict[str, Any]] | None:
+    """The doubtful points of a part, evenly thinned where there are more than MOST_DOUBTFUL, and how many there are;
+    None where the map has none.
+
+    Raises:
+        InputError: map_all.ply is damaged.
+    """
+    name = f"map_all{part.suffix}.ply"
+    if name not in folder.summary.get("files", ()) or not (folder.path / name).is_file():
+        return None
+    try:
+        columns = read_ply_columns((folder.path / name).read_bytes())
+        left_out = columns["doubtful"] == 1
+        points = np.column_stack([columns[axis][left_out].astype(np.float64) for axis in "xyz"])
+        scans = columns["scan"][left_out]
+        votes = {name: np.clip(columns[name][left_out], 0, MOST_CODE) for name in ("seen", "looked")}
+    except (InputError, KeyError, OSError) as error:
+        raise InputError(f"{folder.path / name} is damaged ({error}); map again") from error
+    if not (np.isfinite(points).all() and np.isin(scans, part.scans).all()):
+        raise InputError(f"{folder.path / name} holds points that are not finite, or of other scans; map again")
+    if not len(points):
+        return None
+    thinned = slice(None, None, math.ceil(len(points) / MOST_DOUBTFUL))
+    shown = {name: column[thinned] for name, column in {**votes, "scan": scans}.items()}
+    return pack(points[thinned], shown, folder.voxel), {"all": len(points), "count": len(points[thinned])}
 
 
 def codes(values: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:

@@ -34,12 +34,7 @@ CITATION = (
 
 
 def title(inputs: Sequence[str], stamps: np.ndarray) -> str:
-    """What was mapped, and when it was taken.
-
-    Args:
-        inputs: files, folders or patterns, as they were given.
-        stamps: (N,) of the scans [s].
-    """
+    """What was mapped, by the inputs as they were given, and when, by the stamps (N,) of the scans [s]."""
     what = f"Map of {survey_name(inputs)}, " if inputs else "Map of "
     return ", ".join(filter(None, [what + counted_scans(len(stamps)), survey_date(stamps)]))
 

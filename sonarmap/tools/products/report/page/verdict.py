@@ -1,7 +1,7 @@
 # pyright: strict
 """A finished map in a sentence, and what its user should look at."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,12 +21,7 @@ class Verdict:
 
 
 def verdict(summary: Mapping[str, Any], names: Sequence[str]) -> Verdict:
-    """What summary.json says, in words.
-
-    Args:
-        summary: its content.
-        names: of the scans of the survey.
-    """
+    """What summary.json says, in words; names are of all the survey's scans."""
     unplaced, parts = summary["unplaced"], summary["components"]
     inside = len(names) - len(unplaced)
     place = "one map" if len(parts) == 1 else f"{len(parts)} separate maps"
@@ -64,33 +59,25 @@ def _crossings(summary: Mapping[str, Any]) -> str:
     return f"; where the track crosses itself scans lie {after:.2g} m apart ({before:.2g} m before the loops)"
 
 
-def _concerns(summary: Mapping[str, Any], names: Sequence[str]) -> list[str]:
-    parts, graph, gaps = summary["components"], summary["graph"], summary["gaps"]
-    concerns: list[str] = []
+def _concerns(summary: Mapping[str, Any], names: Sequence[str]) -> Iterator[str]:
+    parts = summary["components"]
     if len(parts) > 1:
-        concerns.append(
-            f"No reliable registration joins all scans: there are {len(parts)} separate maps, each in a frame of its "
-            "own."
-        )
-    for scans, words in (
-        (summary["unplaced"], "in no map: no reliable registration joins them to the others"),
-        (summary["by_navigation"], "placed by navigation alone: no reliable registration joins them"),
+        separate = f"there are {len(parts)} separate maps, each in a frame of its own"
+        yield f"No reliable registration joins all scans: {separate}."
+    lost, alone = _named(summary["unplaced"], names), _named(summary["by_navigation"], names)
+    for what, words, listing in (
+        ("scan", "in no map: no reliable registration joins them to the others", lost),
+        ("scan", "placed by navigation alone: no reliable registration joins them", alone),
+        ("scan", "could not be read", [row["name"] for row in summary["unread"]]),
+        ("gap", "between consecutive scans", [" to ".join(_named(gap, names)) for gap in summary["gaps"]]),
     ):
-        if scans:
-            concerns.append(f"{counted(len(scans), 'scan')} {words}: {listed(_named(scans, names))}.")
-    if unread := summary["unread"]:
-        concerns.append(f"{counted(len(unread), 'scan')} could not be read: {listed([row['name'] for row in unread])}.")
-    if gaps:
-        pairs = [" to ".join(_named(gap, names)) for gap in gaps]
-        concerns.append(f"{counted(len(gaps), 'gap')} between consecutive scans: {listed(pairs)}.")
-    concerns += [
-        f"The {fix['kind']} of {fix['name']} is {fix['sigmas']:.1f} standard deviations from what everything else "
-        "says; it is left out."
-        for fix in summary["wrong_fixes"]
-    ]
-    if not graph["converged"]:
-        concerns.append("The optimization of the poses stopped before it converged.")
+        if listing:
+            yield f"{counted(len(listing), what)} {words}: {listed(listing)}."
+    for fix in summary["wrong_fixes"]:
+        away = f"{fix['sigmas']:.1f} standard deviations from what everything else says"
+        yield f"The {fix['kind']} of {fix['name']} is {away}; it is left out."
+    if not summary["graph"]["converged"]:
+        yield "The optimization of the poses stopped before it converged."
     several = parts[0]["map"]["seen_by_two_or_more"]
     if several < _FEW:
-        concerns.append(f"Only {several:.0%} of the map was seen by more than one scan; the rest is not confirmed.")
-    return concerns
+        yield f"Only {several:.0%} of the map was seen by more than one scan; the rest is not confirmed."

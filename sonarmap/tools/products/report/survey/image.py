@@ -50,13 +50,8 @@ def seen_from_above(
 ) -> np.ndarray:
     """(rows, columns) float32: the highest z [m] that is seen at each pixel, the lowest row first; NaN where none is.
 
-    Args:
-        places: (M, 2) of the points in the picture [m].
-        z: (M,) their heights [m]; what is higher hides what is below it.
-        lower: (2,) the picture's lower left corner [m].
-        shape: rows and columns.
-        pixel: edge of a pixel [m].
-        voxel: of the map [m]: points are drawn about as large.
+    The M points have places (M, 2) in the picture and heights z (M,) [m], and are drawn about as large as a voxel [m];
+    what is higher hides what is below it. `lower` (2,) is the lower left corner, `pixel` a pixel's edge [m].
     """
     rows, columns = shape
     column, row = np.floor((places - lower) / pixel).astype(np.int64).T

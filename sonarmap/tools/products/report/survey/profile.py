@@ -62,12 +62,8 @@ def profile_of(view: PartView) -> Profile:
 
 
 def world_sigmas(R_world_sensor: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """(3, n) standard deviations of poses: horizontal along the worst direction [m], vertical [m], heading [deg].
-
-    Args:
-        R_world_sensor: (n, 3, 3).
-        covariances: (n, 6, 6), rotation first [rad, m], body tangent.
-    """
+    """(3, n) standard deviations of poses: horizontal along the worst direction [m], vertical [m], heading [deg]; of
+    R_world_sensor (n, 3, 3) and covariances (n, 6, 6), rotation first [rad, m], body tangent."""
     turns, shifts = (
         R_world_sensor @ covariances[:, part, part] @ R_world_sensor.swapaxes(1, 2)
         for part in (slice(0, 3), slice(3, 6))
@@ -78,13 +74,8 @@ def world_sigmas(R_world_sensor: np.ndarray, covariances: np.ndarray) -> np.ndar
 
 
 def heights_under(points: np.ndarray, places: np.ndarray, reach: float) -> np.ndarray:
-    """(3, n) quantiles of z [m], the lowest first, of points below each place in the square of half edge `reach` [m]
-    around it; NaN where there are none.
-
-    Args:
-        points: (M, 3) of the map [m].
-        places: (n, 3) [m].
-    """
+    """(3, n) quantiles of z [m], the lowest first, of the map's points (M, 3) [m] below each place (n, 3) [m] in the
+    square of half edge `reach` [m] around it; NaN where there are none."""
     order = np.argsort(points[:, 0], kind="stable")
     ends = np.searchsorted(points[:, 0], [places[:, 0] - reach, places[:, 0] + reach], sorter=order)
     heights = np.full((len(_SHARES), len(places)), np.nan)

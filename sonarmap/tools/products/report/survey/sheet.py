@@ -52,16 +52,8 @@ def open_sheet(
     note: str,
     panel_titles: tuple[str, ...] = (),
 ) -> Sheet:
-    """Lay out a sheet.
-
-    Args:
-        plan: of the panels.
-        words: title and subtitle.
-        frame: of the map, with the names of its axes; where North is up, an arrow says so.
-        legend: what it explains, in its order.
-        note: sentences below, one a line.
-        panel_titles: of the panels, row by row; none without.
-    """
+    """Lay out a sheet with panels by the plan and, row by row, their titles; `words` are title and subtitle, the note's
+    sentences stand below, one a line. Where the frame's North is up, an arrow says so."""
     from matplotlib.figure import Figure
 
     width, height = plan.size

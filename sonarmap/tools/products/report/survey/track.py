@@ -1,5 +1,6 @@
 """The track upon a map: where it begins and ends, its direction, and which survey it is of."""
 
+import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,27 +22,17 @@ _WIDTH, _RIM = 1.3, 1.4  # of the line, and of the rim on both sides together [p
 _APART, _CLEAR = 0.9, 0.22  # arrows along the track, and least distance from another mark [in]
 _ARROW = ((-0.5, -0.55), (0.6, 0.0), (-0.5, 0.55), (-0.25, 0.0), (-0.5, -0.55))  # to the right
 _NUMBERS = 10  # scans whose numbers are written, at most
-_STEPS = (1, 2, 5)
 _LONGEST = 28  # name of a scan
 _DENSE = 3.0  # points of the track that labels avoid [pixels apart]
 
 
-def draw_track(axes: "Axes", view: PartView, places: np.ndarray, *, numbers: bool = True, marks: bool = True) -> None:
-    """Draw the track of each survey.
-
-    The figure's size, and the axes' place and limits, must be final.
-
-    Args:
-        view: the part of the map.
-        places: (n, 2) of its scans in the picture [m].
-        numbers: whether to write the numbers of some scans.
-        marks: whether to show start, end and direction.
-    """
+def draw_track(axes: "Axes", view: PartView, places: np.ndarray, *, numbers: bool = True) -> None:
+    """Draw the track of each survey through places (n, 2) in the picture [m], its start, end and direction, and the
+    numbers of some scans. The figure's size, and the axes' place and limits, must be final."""
     taken: list[_Box] = []
     for k, leg in enumerate(view.legs().values()):
         axes.plot(*places[leg].T, linewidth=_WIDTH, zorder=5, path_effects=_rim(), **look_of(k))
-        if marks:
-            taken += _mark(axes, places[leg], look_of(k)["color"])
+        taken += _mark(axes, places[leg], look_of(k)["color"])
     if numbers and len(places) > 2:
         chosen = _numbered(axes, view, places)
         texts = [str(view.scans[k]) for k in chosen]
@@ -92,12 +83,8 @@ def inks_of(view: PartView) -> list[str]:
 
 def number_step(count: int) -> int:
     """A round number such that every so many-th of `count` scans can get its number."""
-    tens = 1
-    while True:
-        for step in _STEPS:
-            if count <= step * tens * _NUMBERS:
-                return step * tens
-        tens *= 10
+    steps = (step * 10**power for power in itertools.count() for step in (1, 2, 5))
+    return next(step for step in steps if count <= step * _NUMBERS)
 
 
 def _mark(axes: "Axes", places: np.ndarray, color: str) -> list[_Box]:

@@ -82,13 +82,8 @@ def part_view(
     settings: Mapping[str, Any],
     georeference: Georeference | None = None,
 ) -> PartView:
-    """The view of map number `rank`, 1 for the largest.
-
-    Args:
-        result: the survey, of scans with these `names`.
-        settings: as for summary.json: its `inputs` name the survey.
-        georeference: where the map lies on the Earth; None where it is not known.
-    """
+    """The view of map number `rank`, 1 for the largest, of scans with these names; `inputs` of the settings name the
+    survey. None for a georeference where it is not known."""
     maps = placed(result.components)
     c = maps[rank - 1]
     scans, part = result.components[c], result.parts[c]

@@ -1,6 +1,7 @@
 """A map of points that are known, for pages, and decisions taken by hand on it."""
 
 import csv
+import gzip
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from sonarmap.tools.files.csv_cell import plain_text
 from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
 from sonarmap.tools.products.report.page.content import Content, content_of
 from sonarmap.tools.products.report.page.page import report_text
-from sonarmap.tools.products.report.page.points import FRACTION
+from sonarmap.tools.products.report.page.points import FRACTION, Packed
 from tests.tools.products.export.finished import finished_map
 from tests.tools.products.report.page.browser import Opened
 
@@ -34,6 +35,25 @@ def known_points() -> np.ndarray:
         if min(np.linalg.norm(point - other) for other in points) > 2:
             points.append(point)
     return np.array(points)
+
+
+def unpack(packed: Packed) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """The twin of web/map/packed.js: the points (M, 3) [m] and their columns, in the order of the file."""
+    count = sum(tile.count for tile in packed.tiles)
+    shape = 6 + sum(packed.planes.values()), count
+    planes = np.frombuffer(gzip.decompress(packed.data), np.uint8).reshape(shape).astype(np.uint32)
+    steps = (planes[:6:2] | planes[1:6:2] << 8).astype(np.uint16)
+    moved = (steps >> 1) ^ -(steps & 1)
+    ends = np.cumsum([tile.count for tile in packed.tiles])[:-1]
+    points = [
+        np.array(tile.origin) + packed.quantum * np.cumsum(own, axis=1, dtype=np.uint16).T
+        for tile, own in zip(packed.tiles, np.split(moved, ends, axis=1), strict=False)
+    ]
+    columns, at = {}, 6
+    for name, size in packed.planes.items():
+        columns[name] = (planes[at : at + size] << 8 * np.arange(size, dtype=np.uint32)[:, None]).sum(axis=0)
+        at += size
+    return np.concatenate([np.zeros((0, 3)), *points]), columns
 
 
 def folder_of(points: np.ndarray, out: Path) -> MapFolder:

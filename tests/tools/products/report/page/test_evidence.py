@@ -10,12 +10,14 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
-from sonarmap.tools.products.report.page.byhand import control_rows, map_key, tie_rows
 from sonarmap.tools.products.report.page.evidence import (
+    control_rows,
     crossing_rows,
     kept_sequential,
+    map_key,
     navigation_rows,
     pair_rows,
+    tie_rows,
     track_of,
 )
 from tests.tools.products.report.page.known_map import folder_of, known_points

@@ -17,10 +17,9 @@ from sonarmap.tools.files.map_folder.names import FULL_GRAPH
 from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.writers.points import write_points
 from sonarmap.tools.products.report.page.content import content_of
-from sonarmap.tools.products.report.page.doubtful import doubtful_of
-from sonarmap.tools.products.report.page.points import FRACTION, TILE, codes, pack, unpack
+from sonarmap.tools.products.report.page.points import FRACTION, TILE, codes, doubtful_of, pack
 from tests.tools.products.report.page.browser import Opened, click, opened, wait_until
-from tests.tools.products.report.page.known_map import QUANTUM, A, B, folder_of, known_points, written
+from tests.tools.products.report.page.known_map import QUANTUM, A, B, folder_of, known_points, unpack, written
 
 SHIFT = np.array([0.75, -1.5, 0.25])  # of the track, by the loops
 
@@ -129,7 +128,7 @@ def test_the_profile_says_its_numbers_and_shows_the_scan(shown: Opened) -> None:
 
 def test_many_doubtful_points_are_thinned_evenly(tmp_path: Path) -> None:
     folder = doubted(tmp_path / "out", 100)
-    with patch("sonarmap.tools.products.report.page.doubtful.MOST_DOUBTFUL", 30):
+    with patch("sonarmap.tools.products.report.page.points.MOST_DOUBTFUL", 30):
         answer = doubtful_of(folder, folder.parts[0])
     assert answer is not None
     packed, counts = answer

@@ -8,9 +8,9 @@ import pytest
 
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.report.page.content import Content
-from sonarmap.tools.products.report.page.points import pack, unpack
+from sonarmap.tools.products.report.page.points import pack
 from tests.tools.products.report.page.browser import Opened, click, opened, seen_at
-from tests.tools.products.report.page.known_map import QUANTUM, VOXEL, A, B, known_points, written
+from tests.tools.products.report.page.known_map import QUANTUM, VOXEL, A, B, known_points, unpack, written
 
 
 @pytest.fixture(scope="module")

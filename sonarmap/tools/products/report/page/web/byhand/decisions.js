@@ -22,9 +22,7 @@ class Decisions {
     for (const pair of content.pairs) this.tried.set(`${pair.target} ${pair.source}`, pair);
     const added = content.ties.filter(({ verdict }) => verdict === "add");
     this.added = new Set(added.map(({ target, source }) => `${this.index.get(target)} ${this.index.get(source)}`));
-    const kept = this.kept();
-    if (kept) [this.ties, this.control] = [kept.ties, kept.control];
-    else [this.ties, this.control] = [this.asMade("ties"), this.asMade("control")];
+    ({ ties: this.ties, control: this.control } = this.kept() ?? { ties: this.asMade("ties"), control: this.asMade("control") });
   }
 
   /** The ties or control points that the map was made with. */

@@ -33,19 +33,14 @@ function coloringsOf(part, points, content) {
 }
 
 function byHeight(part, points) {
-  const [low, high] = part.height.range;
-  const { zero } = part.height;
+  const { range: [low, high], zero } = part.height;
   const shown = (z) => meters(zero === null ? z : zero - z, (high - low) / 100);
   const heights = new Float32Array(points.count);
   for (const { start, count, origin } of points.tiles)
     for (let k = start; k < start + count; k++) heights[k] = origin[2] + points.quantum * points.places[4 * k + 2];
-  const middle = (low + high) / 2;
-  return {
-    label: part.height.label,
-    palette: ramp("viridis"),
-    color: (k) => clamped((254 * (heights[k] - low)) / (high - low || 1)),
-    marks: [[0, shown(low)], [127, shown(middle)], [254, shown(high)]],
-  };
+  const color = (k) => clamped((254 * (heights[k] - low)) / (high - low || 1));
+  const marks = [[0, shown(low)], [127, shown((low + high) / 2)], [254, shown(high)]];
+  return { label: part.height.label, palette: ramp("viridis"), color, marks };
 }
 
 /** By a column of codes as points.py makes them, whose extremes these are. */

@@ -45,18 +45,17 @@ function followPointer(view) {
 
 function followKeys(view) {
   const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+  const keys = {
+    "+": () => view.camera.zoom(1.2), "=": () => view.camera.zoom(1.2), "-": () => view.camera.zoom(1 / 1.2), Home: () => view.camera.reset(),
+    t: () => view.camera.fromAbove(), m: () => view.measure(!view.measuring), Escape: () => view.leave(),
+  };
   view.canvas.addEventListener("keydown", (event) => {
     const { camera } = view;
     if (!camera || event.ctrlKey || event.metaKey || event.altKey) return;
-    const arrow = arrows[event.key];
+    const arrow = arrows[event.key], act = keys[event.key] ?? keys[event.key.toLowerCase()];
     if (arrow && event.shiftKey) camera.pan(-40 * arrow[0], -40 * arrow[1]);
     else if (arrow) camera.turn(0.08 * arrow[0], 0.08 * arrow[1]);
-    else if (event.key === "+" || event.key === "=") camera.zoom(1.2);
-    else if (event.key === "-") camera.zoom(1 / 1.2);
-    else if (event.key === "Home") camera.reset();
-    else if (event.key === "t" || event.key === "T") camera.fromAbove();
-    else if (event.key === "m" || event.key === "M") view.measure(!view.measuring);
-    else if (event.key === "Escape") view.leave();
+    else if (act) act();
     else return;
     event.preventDefault();
     view.request(true);

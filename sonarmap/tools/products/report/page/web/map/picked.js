@@ -32,12 +32,6 @@ function pointRows(view, content, hit) {
   return [shown, naming];
 }
 
-/** A pose, and a button that ties its scan to another. */
-function poseRows(view, content, k) {
-  const tie = button("Tie to another scan", () => view.tie(view.part.track.scans[k]));
-  return [poseList(view, content, k), ...(content.names.length > 1 ? [tie] : [])];
-}
-
 function list(title, rows) {
   const known = rows.filter((row) => row && row[1] !== "");
   return make("div", {}, make("h3", {}, title), make("dl", {}, ...known.flatMap(([name, text]) => [make("dt", {}, name), make("dd", {}, text)])));
@@ -91,14 +85,17 @@ function doubtfulList(view, content, { doubtful, place }) {
   ]);
 }
 
-function poseList(view, content, k) {
+/** A pose, and a button that ties its scan to another. */
+function poseRows(view, content, k) {
   const { track } = view.part;
   const sigmas = track.half_axes[k].map(lengthOf);
-  return list("Sensor", [
+  const tie = button("Tie to another scan", () => view.tie(track.scans[k]));
+  const said = list("Sensor", [
     ["scan", content.names[track.scans[k]]],
     ...placeRows(view, track.places[k], 0.001),
     ["standard deviation", `${short(Math.max(...sigmas), "m")} in the worst direction, ${short(Math.min(...sigmas), "m")} in the best`],
   ]);
+  return content.names.length > 1 ? [said, tie] : [said];
 }
 
 function pairRows(content, pair) {
