@@ -182,7 +182,7 @@ class PairRunner:
         jobs = [PairJob(self._scans[pair.i], self._scans[pair.j], pair.expected) for pair in candidates]
         pairs: dict[int, RegisteredPair] = {}
         for n, text, from_journal in self._results(self._execution.worker.register, jobs):
-            pairs[n] = RegisteredPair(candidates[n], *from_text(text.content))
+            pairs[n] = candidates[n].registered(*from_text(text.content))
             i, j = (self._numbers[k] for k in candidates[n].scans)
             self._execution.timings.pairs.append(PairTime(i, j, text.seconds, from_journal))
             self._steps.step(f"{_Work.of(jobs[n]).label}: {_result_in_words(pairs[n])}")

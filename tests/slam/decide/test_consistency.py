@@ -11,7 +11,7 @@ from sonarmap.slam.decide.chains import Chains, chain_parts
 from sonarmap.slam.decide.consistency import compare
 from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, possible_edges
 from sonarmap.slam.graph.tangent import propagated
-from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import (
     chain_edges,
@@ -38,7 +38,7 @@ def support_of(chains: Chains, answers: list[PossibleEdge], floor: np.ndarray, b
 
 
 def answers_of(i: int, j: int, given: Registration) -> list[PossibleEdge]:
-    return possible_edges(RegisteredPair(Candidate(i, j, "loop"), given))
+    return possible_edges(RegisteredPair(i, j, "loop", registration=given))
 
 
 def answer(truth: RigidTransform, i: int, j: int, off: RigidTransform | None = None, **changes) -> PossibleEdge:
