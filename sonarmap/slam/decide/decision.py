@@ -10,9 +10,8 @@ from sonarmap.slam.decide.chains import chain_parts
 from sonarmap.slam.decide.consistency import Comparison, compare
 from sonarmap.slam.decide.hand import hand_edges
 from sonarmap.slam.decide.measurements import Measurements
-from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges
+from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges, twin_odds, with_odds
 from sonarmap.slam.decide.robust import robust_optimize
-from sonarmap.slam.decide.twins import twin_odds, with_odds
 from sonarmap.slam.decide.verdict import with_verdicts
 from sonarmap.slam.decide.wrong_measurements import WrongControl, WrongFix, without_wrong_control, without_wrong_fixes
 from sonarmap.slam.graph.control import ControlPoint, MeasuredControl

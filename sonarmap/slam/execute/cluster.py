@@ -13,7 +13,7 @@ from typing import Any
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.executor import PATIENCE, Executor
-from sonarmap.slam.execute.scan_key import ScanKey
+from sonarmap.slam.execute.transport import ScanKey
 from sonarmap.spectral.scan import Scan
 
 # So much of the scans stays on the workers together [bytes], as 1,700 scans of 25,000 points have. What is needed again

@@ -1,9 +1,10 @@
-"""A survey's pairs registered by whoever works, with a journal of those that are done."""
+"""A survey's pairs registered by whoever works, with a journal of those that are done, and how long it took."""
 
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import astuple, dataclass, field
 from functools import partial
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,53 @@ import numpy as np
 from sonarmap.slam.execute.executor import Executor, this_process
 from sonarmap.slam.execute.journal import Journal, JournalEntry, storable
 from sonarmap.slam.execute.pair_text import from_text, signature_from_text
-from sonarmap.slam.execute.scan_key import ScanKey, joined_key, scan_key
-from sonarmap.slam.execute.timings import PairTime, Timings
+from sonarmap.slam.execute.transport import ScanKey, joined_key, scan_key
 from sonarmap.slam.execute.worker import Job, PairJob, PairWorker, TimedText, Worker
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
+
+
+@dataclass(frozen=True, slots=True)
+class PairTime:
+    """How long one pair took.
+
+    Attributes:
+        target, source: indices of its scans among all of the survey.
+        seconds: how long it took when it was computed, with the preparing of its scans [s].
+        from_journal: whether an earlier run computed it.
+    """
+
+    target: int
+    source: int
+    seconds: float
+    from_journal: bool
+
+
+@dataclass(slots=True)
+class Timings:
+    """How long a survey's run took so far.
+
+    Attributes:
+        pairs: in the order in which they were done.
+        stages: seconds of every stage, by its name.
+    """
+
+    pairs: list[PairTime] = field(default_factory=list)
+    stages: dict[str, float] = field(default_factory=dict)
+    _stage_start: float = field(default_factory=perf_counter)
+
+    @property
+    def from_journal(self) -> int:
+        """How many pairs an earlier run computed."""
+        return sum(pair.from_journal for pair in self.pairs)
+
+    def end_stage(self, name: str) -> None:
+        """Count the time since the end of the stage before to this stage; a stage may come up several times."""
+        now = perf_counter()
+        self.stages[name] = self.stages.get(name, 0.0) + now - self._stage_start
+        self._stage_start = now
+
 
 Progress = Callable[[int, int, str], None]
 

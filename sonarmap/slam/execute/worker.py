@@ -11,8 +11,7 @@ from threadpoolctl import ThreadpoolController
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.pair_text import signature_to_text, to_text
-from sonarmap.slam.execute.scan_key import ScanKey
-from sonarmap.slam.execute.transport import ScanSource
+from sonarmap.slam.execute.transport import ScanKey, ScanSource
 from sonarmap.slam.pair import DEFECT
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.memory import prepared_size, scans_that_fit

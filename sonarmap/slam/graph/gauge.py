@@ -11,8 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge, components
-from sonarmap.slam.graph.known_pose import KnownPose, blocks, held_pose
-from sonarmap.slam.graph.measured_poses import MeasuredPoses, known_at, turn_information
+from sonarmap.slam.graph.known_pose import KnownPose, MeasuredPoses, blocks, held_pose, known_at, turn_information
 from sonarmap.slam.graph.tangent import adjoint
 from sonarmap.spectral.covariance import cross_matrices
 from sonarmap.spectral.measured import twist

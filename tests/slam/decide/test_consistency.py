@@ -89,10 +89,9 @@ def test_two_parts_are_joined_by_those_that_agree_wherever_their_frames_lie():
     # the second part's frame is its first scan's, whatever that is
     moved = chained(truth, (5,))
     T = RigidTransform.from_exp_coords([0.4, -0.3, 1.2, 9, 8, -7])
-    again = Chains(
-        moved.part, RigidTransform.concatenate([moved.T[:6], T * moved.T[6:]]), moved.spread.copy(), moved.ways
-    )
-    again.spread[6:] = propagated(T, again.spread[6:])
+    poses = RigidTransform.concatenate([moved.T[:6], T * moved.T[6:]])
+    again = replace(moved, T=poses, covariance=moved.covariance.copy())
+    again.covariance[6:] = propagated(T, again.covariance[6:])
     repeated = support_of(again, answers, NO_FLOOR, BOUND)
     assert [(one.pairs, one.leading) for one in repeated] == [(one.pairs, one.leading) for one in found]
 
@@ -154,11 +153,11 @@ def test_the_scan_where_two_ways_divide_is_that_of_the_tree():
             edge(before[k], k, RigidTransform.from_translation(rng.normal(size=3)), COVARIANCE, "loop")
             for k in range(1, count)
         ]
-        ways = chain_parts(count, edges).ways
+        chains = chain_parts(count, edges)
         lines = [[k] for k in range(count)]
         for line in lines:
             while line[-1]:
                 line.append(before[line[-1]])
         i, j = rng.integers(count, size=(2, 50))
         wanted = [next(k for k in lines[a] if k in lines[b]) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
-        assert ways.meeting(i, j).tolist() == wanted
+        assert chains.meeting(i, j).tolist() == wanted

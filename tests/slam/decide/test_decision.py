@@ -7,8 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.decision import Decision, decide
-from sonarmap.slam.decide.possible_edge import PossibleEdge, Support
-from sonarmap.slam.decide.twins import twin_odds, with_odds
+from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, twin_odds, with_odds
 from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.pair import RegisteredPair, Role
 from sonarmap.spectral.result import Registration

@@ -14,7 +14,7 @@ from numpy.testing import assert_array_equal
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.execute.pair_text import from_text, signature_from_text, signature_to_text, to_text
-from sonarmap.slam.execute.scan_key import scan_key
+from sonarmap.slam.execute.transport import scan_key
 from sonarmap.slam.execute.worker import PairJob, Worker, prepared_limit
 from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.result import Registration
