@@ -264,9 +264,8 @@ def undetermined(members: Sequence[int], known: Sequence[KnownPose], T_world: Ri
     free = values < _UNSURE**-2
     if not free.any():
         return None
-    first = members[0]
-    columns, _ = np.linalg.qr(adjoint(T_world[first].inv() * middle) @ (axes[:, free] / units[:, None]))
-    return held_pose(first, T_world[first], columns)
+    T_world_first = T_world[members[0]]
+    return held_pose(members[0], T_world_first, OpenMotion(middle, axes[:, free], lever).at(T_world_first))
 
 
 def _level(members: Sequence[int], priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> KnownPose | None:

@@ -1,4 +1,5 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Candidates for loop closures: by the estimate and its uncertainty, or by what the scans look like."""
 
 from collections import defaultdict
@@ -162,11 +163,10 @@ def separations(count: int, edges: Sequence[Edge], pairs: np.ndarray) -> np.ndar
     # poses without an edge to the one before begin a row of their own, out of reach
     reach = 2 * count
     place = np.arange(count) + reach * np.cumsum(~follows)
-    asked: np.ndarray = place[np.sort(pairs, axis=1)]
+    asked = place[np.sort(pairs, axis=1)]
     apart = (asked[:, 1] - asked[:, 0]).astype(np.float64)
     loops = np.flatnonzero(high - low > 1)
     if len(loops):
         tied = np.column_stack([place[low[loops]], place[high[loops]]])
-        nearest: np.ndarray = KDTree(tied).query(asked, p=1)[0]
-        apart = np.minimum(apart, 1 + nearest)
+        apart = np.minimum(apart, 1 + KDTree(tied).query(asked, p=1)[0])
     return np.where(apart < count, apart, np.inf)
