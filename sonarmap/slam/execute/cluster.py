@@ -139,9 +139,6 @@ class _DaskPool(Pool):
     """Work as Dask's futures. Work that is lost is canceled, and can be submitted again.
 
     Dask's own pool never ends what is finished on a worker that ends before its result is fetched, and a scan with it.
-
-    Args:
-        client: Dask's.
     """
 
     def __init__(self, client: Any) -> None:
@@ -169,11 +166,7 @@ def _settle(future: Future[Any], submitted: Any) -> None:
 
 
 class _Scattered:
-    """Every scan is sent to one worker, from where Dask brings it to those that need it: not through the scheduler.
-
-    Args:
-        client: Dask's.
-    """
+    """Every scan is sent to one worker, from where Dask brings it to those that need it: not through the scheduler."""
 
     def __init__(self, client: Any) -> None:
         self._client = client

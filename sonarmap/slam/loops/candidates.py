@@ -110,7 +110,7 @@ def find_lookalikes(
         return []
     index = PlaceIndex(np.stack([known[k] for k in scans]), np.array([part[k] for k in scans]))
     alike = index.candidates(_LOOKALIKES * settings.per_scan, gap=0, elsewhere=True)
-    ranked = sorted((look.distance, *sorted((scans[look.i], scans[look.j]))) for look in alike)
+    ranked = sorted((distance, *sorted((scans[a], scans[b]))) for a, b, distance in alike)
     new = [Candidate(i, j, "loop", alike=distance) for distance, i, j in ranked if (i, j) not in tried]
     return [new[k] for k in within_limits([pair.scans for pair in new], settings.per_scan, settings.spread)]
 

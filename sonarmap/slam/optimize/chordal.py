@@ -129,12 +129,11 @@ class IsotropicSolution:
 
     Attributes:
         T: n poses.
-        cost_before, cost_after: F at the start and at rest.
+        cost_after: F at rest.
         iterations, converged: of the optimizer, and whether it came to rest before the limit.
     """
 
     T: RigidTransform
-    cost_before: float
     cost_after: float
     iterations: int
     converged: bool
@@ -166,10 +165,9 @@ def optimize_isotropic(problem: ChordalProblem, T: RigidTransform, start: Start 
             f"the pose graph of {problem.count} poses and {len(problem.i)} edges has no unique solution "
             f"({str(error).strip().splitlines()[0]}); look for information matrices that are far too large or too small"
         ) from error
-    before, after = to_transforms(initial, problem.count), to_transforms(optimum, problem.count)
+    after = to_transforms(optimum, problem.count)
     return IsotropicSolution(
         T=T[0] * after[0].inv() * after,
-        cost_before=problem.cost(before),
         cost_after=problem.cost(after),
         iterations=optimizer.iterations(),
         converged=optimizer.iterations() < _MOST_ITERATIONS,
