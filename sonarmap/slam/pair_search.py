@@ -112,7 +112,8 @@ class PairSearch:
             return []
         pairs = self._runner.register(candidates)
         if self._motion is not None:
-            pairs = [without_leaps(pair, self._motion) if self._in_one_survey(pair) else pair for pair in pairs]
+            survey = self._measurements.surveys.tolist()
+            pairs = [without_leaps(p, self._motion) if survey[p.i] == survey[p.j] else p for p in pairs]
         if not hasattr(self._registrar, "register_expected"):
             return pairs
         solution = decision.solution
@@ -172,10 +173,6 @@ class PairSearch:
         if len(components) > 1 and hasattr(self._registrar, "signature"):
             candidates += find_lookalikes(self._runner.signatures(), components, self._settings, tried)
         return sorted(candidates, key=lambda candidate: candidate.scans)
-
-    def _in_one_survey(self, pair: RegisteredPair) -> bool:
-        surveys = self._measurements.surveys
-        return bool(surveys[pair.i] == surveys[pair.j])
 
 
 def _across(gap: int, span: int, survey: np.ndarray) -> list[tuple[int, int]]:

@@ -169,7 +169,13 @@ class _Possible:
         asked = [p for p in pairs if p.scans not in ties or ties[p.scans].verdict != "reject"]
         trusted = [edge for pair in asked if pair.scans not in distrusted and (edge := _chain_edge(pair))]
         chain_scans = {(edge.i, edge.j) for edge in trusted}
-        answers = [answer for pair in asked if pair.scans not in chain_scans for answer in _answers(pair)]
+        answers = [
+            answer
+            for pair in asked
+            if pair.scans not in chain_scans
+            for answer in possible_edges(pair)
+            if not answer.fault
+        ]
         compared = compared_with(trusted)
         supported = compared.support(answers)
         if (odds := twin_odds(supported)) > 1:
@@ -211,11 +217,6 @@ def _chain_edge(pair: RegisteredPair) -> Edge | None:
         return None
 
 
-def _answers(pair: RegisteredPair) -> list[PossibleEdge]:
-    """The pair's answers that can be edges."""
-    return [possible for possible in possible_edges(pair) if not possible.fault]
-
-
 def _joins(count: int, trusted: Sequence[Edge], supported: Sequence[PossibleEdge]) -> list[Edge]:
     """Answers that join parts of the chain, as few as suffice, the best supported first."""
     joining = [possible for possible in supported if possible.joins_parts and possible.may_join]
@@ -227,12 +228,12 @@ def _joins(count: int, trusted: Sequence[Edge], supported: Sequence[PossibleEdge
 
 def _taken(supported: Sequence[PossibleEdge]) -> dict[tuple[int, int], PossibleEdge]:
     """At most one answer of every pair, the best supported, by the pair's scans."""
+
+    def standing(possible: PossibleEdge) -> tuple[bool, int, float]:
+        return possible.support.agrees, possible.support.pairs, possible.weight
+
     taken: dict[tuple[int, int], PossibleEdge] = {}
     for possible in supported:
         if possible.may_be_taken:
-            taken[possible.scans] = max(taken.get(possible.scans, possible), possible, key=_standing)
+            taken[possible.scans] = max(taken.get(possible.scans, possible), possible, key=standing)
     return taken
-
-
-def _standing(possible: PossibleEdge) -> tuple[bool, int, float]:
-    return possible.support.agrees, possible.support.pairs, possible.weight

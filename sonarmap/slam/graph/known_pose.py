@@ -160,12 +160,9 @@ def known_at(priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) ->
     """
     if not priors:
         return []
-    poses = sorted(priors)
-    T, precisions = T_world_sensor[poses], 1 / np.stack([priors[k].sigmas for k in poses]) ** 2
-    R: np.ndarray = T.rotation.as_matrix()
-    turns = turn_information(T.rotation, precisions[:, :3])
-    shifts = R.swapaxes(1, 2) @ (precisions[:, 3:, None] * R)
-    return [KnownPose(k, T[n], blocks(turns[n], shifts[n])) for n, k in enumerate(poses)]
+    poses = np.array(sorted(priors), np.intp)
+    T, precisions = T_world_sensor[poses], 1 / np.stack([priors[k].sigmas for k in poses.tolist()]) ** 2
+    return MeasuredPoses(poses, T, turn_information(T.rotation, precisions[:, :3]), precisions[:, 3:]).known()
 
 
 def _chosen(which: np.ndarray, R: Rotation, other: Rotation) -> Rotation:
