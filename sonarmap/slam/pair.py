@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol
+from typing import Literal, Self
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.edge import Edge
@@ -40,49 +40,25 @@ class Candidate:
         """(i, j)."""
         return self.i, self.j
 
+    def renumbered(self, number: Mapping[int, int]) -> Self:
+        """The same with other numbers for its scans."""
+        return replace(self, i=number[self.i], j=number[self.j])
 
-class _Later(Protocol):
-    @property
-    def candidate(self) -> Candidate: ...
-
-
-class _OfCandidate:
-    """What a candidate says, of the pair that it has become."""
-
-    __slots__ = ()
-
-    @property
-    def i(self: _Later) -> int:
-        """Target."""
-        return self.candidate.i
-
-    @property
-    def j(self: _Later) -> int:
-        """Source."""
-        return self.candidate.j
-
-    @property
-    def scans(self: _Later) -> tuple[int, int]:
-        """(i, j)."""
-        return self.candidate.scans
-
-    @property
-    def role(self: _Later) -> Role:
-        """As of the candidate."""
-        return self.candidate.role
+    def registered(self, registration: Registration | None = None, failure: str = "") -> "RegisteredPair":
+        """With what came of its registration, in place of what came of an earlier one."""
+        said = {name: getattr(self, name) for name in Candidate.__slots__}
+        return RegisteredPair(**said, registration=registration, failure=failure)
 
 
 @dataclass(frozen=True, slots=True)
-class RegisteredPair(_OfCandidate):
+class RegisteredPair(Candidate):
     """A candidate with what came of its registration.
 
     Attributes:
-        candidate: the two scans.
         registration: the result; None where the pair could not be registered.
         failure: why it could not.
     """
 
-    candidate: Candidate
     registration: Registration | None = None
     failure: str = ""
 
@@ -96,17 +72,22 @@ class RegisteredPair(_OfCandidate):
         """Whether the registration has found the place, though it may leave a direction open there."""
         return self.registration is not None and self.registration.placed
 
-    def renumbered(self, number: Mapping[int, int]) -> "RegisteredPair":
-        """The same with other numbers for its scans."""
-        return replace(self, candidate=replace(self.candidate, i=number[self.i], j=number[self.j]))
+    @property
+    def is_defect(self) -> bool:
+        """Whether it failed though both scans could be prepared: scans that do not fit are refused."""
+        return self.failure.startswith(DEFECT)
 
 
 @dataclass(frozen=True, slots=True)
-class Pair(_OfCandidate):
+class Pair(RegisteredPair):
     """A registered pair with the verdict of the whole survey.
 
     Attributes:
-        registered: the pair.
+        i, j: target and source, i < j.
+        role: "sequential" (consecutive), "bridge" (over a gap) or "loop" (any others).
+        predicted_overlap: expected before it was registered, 0..1; NaN where no estimate existed.
+        alike: distance of the scans' signatures, without a unit; NaN where these were not compared.
+        expected, registration, failure: as of a `Candidate` and a `RegisteredPair`.
         edge: what it contributes to the graph, of the registration or of one of its alternatives; None where it was
             not kept.
         reason: in words, why it was kept or not.
@@ -120,7 +101,6 @@ class Pair(_OfCandidate):
             the survey puts against it (`slam.decide.hand`); NaN of any other.
     """
 
-    registered: RegisteredPair
     edge: Edge | None = None
     reason: str = ""
     agreeing: int = 0
@@ -131,53 +111,9 @@ class Pair(_OfCandidate):
     contradicted: float = float("nan")
 
     @property
-    def candidate(self) -> Candidate:
-        """What it was before it was registered."""
-        return self.registered.candidate
-
-    @property
-    def expected(self) -> ExpectedPose | None:
-        """Where the motion expected it."""
-        return self.candidate.expected
-
-    @property
-    def predicted_overlap(self) -> float:
-        """As of the candidate."""
-        return self.candidate.predicted_overlap
-
-    @property
-    def alike(self) -> float:
-        """As of the candidate."""
-        return self.candidate.alike
-
-    @property
-    def registration(self) -> Registration | None:
-        """The result; None where the pair could not be registered."""
-        return self.registered.registration
-
-    @property
-    def failure(self) -> str:
-        """Why it could not."""
-        return self.registered.failure
-
-    @property
-    def is_defect(self) -> bool:
-        """Whether it failed though both scans could be prepared: scans that do not fit are refused."""
-        return self.failure.startswith(DEFECT)
-
-    @property
-    def accepted(self) -> bool:
-        """Whether the registration accepts itself."""
-        return self.registered.accepted
-
-    @property
     def kept(self) -> bool:
         """Whether it is an edge of the graph."""
         return self.edge is not None
-
-    def renumbered(self, number: Mapping[int, int]) -> "Pair":
-        """The same with other numbers for its scans."""
-        return replace(self, registered=self.registered.renumbered(number))
 
 
 def require_any_registered(pairs: Sequence[RegisteredPair]) -> None:

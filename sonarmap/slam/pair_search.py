@@ -112,14 +112,15 @@ class PairSearch:
             return []
         pairs = self._runner.register(candidates)
         if self._motion is not None:
-            pairs = [without_leaps(pair, self._motion) if self._in_one_survey(pair) else pair for pair in pairs]
+            survey = self._measurements.surveys.tolist()
+            pairs = [without_leaps(p, self._motion) if survey[p.i] == survey[p.j] else p for p in pairs]
         if not hasattr(self._registrar, "register_expected"):
             return pairs
         solution = decision.solution
         part = {k: number for number, members in enumerate(solution.graph.components) for k in members}
         doubtful = [pair for pair in pairs if part[pair.i] == part[pair.j] and pair.registration and not pair.accepted]
         expected = expected_by(solution, doubtful, self._floor)
-        looks = [replace(pair.candidate, expected=where) for pair, where in zip(doubtful, expected, strict=True)]
+        looks = [replace(pair, expected=where) for pair, where in zip(doubtful, expected, strict=True)]
         again = {pair.scans: pair for pair in self._runner.register(looks)}
         return [with_both(pair, again[pair.scans]) if pair.scans in again else pair for pair in pairs]
 
@@ -132,7 +133,7 @@ class PairSearch:
         ties = self._measurements.ties
         new = [tie for tie in ties.values() if tie.verdict == "add" and tie.scans not in known]
         asked = [Candidate(*tie.scans, "loop") for tie in new if tie.given is None]
-        given = [RegisteredPair(Candidate(*tie.scans, "loop")) for tie in new if tie.given is not None]
+        given = [RegisteredPair(*tie.scans, "loop") for tie in new if tie.given is not None]
         added = {pair.scans: pair for pair in (*self._runner.register(asked), *given)}
         pairs = [*tried, *(added[tie.scans] for tie in new)]
         return [
@@ -146,7 +147,7 @@ class PairSearch:
         if motion is None or not hasattr(self._registrar, "register_expected"):
             return list(pairs)
         doubtful = [pair for pair in pairs if is_doubtful(pair, motion)]
-        looks = [replace(pair.candidate, expected=motion.expected(*pair.scans)) for pair in doubtful]
+        looks = [replace(pair, expected=motion.expected(*pair.scans)) for pair in doubtful]
         again = {pair.scans: pair for pair in self._runner.register(looks)}
         return [with_both(pair, again[pair.scans], motion) if pair.scans in again else pair for pair in pairs]
 
@@ -172,10 +173,6 @@ class PairSearch:
         if len(components) > 1 and hasattr(self._registrar, "signature"):
             candidates += find_lookalikes(self._runner.signatures(), components, self._settings, tried)
         return sorted(candidates, key=lambda candidate: candidate.scans)
-
-    def _in_one_survey(self, pair: RegisteredPair) -> bool:
-        surveys = self._measurements.surveys
-        return bool(surveys[pair.i] == surveys[pair.j])
 
 
 def _across(gap: int, span: int, survey: np.ndarray) -> list[tuple[int, int]]:

@@ -11,7 +11,7 @@ from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.graph.edge import Edge, Kind
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import chain
-from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.gaussian.row import ScoredRegistration
@@ -71,7 +71,7 @@ def from_the_first(T: RigidTransform) -> RigidTransform:
 
 def step_pair(k: int, T: RigidTransform, covariance: np.ndarray, accepted: bool = True) -> RegisteredPair:
     """Scans k and k + 1, registered."""
-    return RegisteredPair(Candidate(k, k + 1, "sequential"), registration(T, covariance, accepted))
+    return RegisteredPair(k, k + 1, "sequential", registration=registration(T, covariance, accepted))
 
 
 def ring_poses(count: int, radius: float = 10.0, turns: float = 1.0) -> RigidTransform:

@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.gtsam_poses import to_values
-from sonarmap.slam.graph.measured_poses import MeasuredPoses
+from sonarmap.slam.graph.known_pose import MeasuredPoses
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.tangent import adjoint, propagated
 from sonarmap.slam.graph.trajectory import Trajectory

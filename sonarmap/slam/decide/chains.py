@@ -1,66 +1,54 @@
-"""Scans chained into parts by edges that are trusted: where each is in its part, and what error gathers on the way."""
+"""Scans chained into parts by edges that are trusted: where each is in its part, what error gathers on the way, and
+which loops agree.
+
+Loops between neighbors of the same two places agree where the chain between them, which is short and therefore sure,
+shows it (pairwise consistency: Mangelson, Dominic, Eustice and Vasudevan, ICRA 2018, DOI 10.1109/ICRA.2018.8460217).
+"""
 
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.edge import Edge, components, spanning_tree
-from sonarmap.slam.graph.tangent import propagated
+from sonarmap.slam.graph.tangent import lengths, propagated
+
+NEAR = 5  # poses along the chain within which two loops are compared at either end
 
 
 @dataclass(frozen=True, slots=True)
 class Chains:
     """Scans chained into parts, without a cycle.
 
+    They are numbered so that every scan comes before those behind it, and all behind it follow in a row.
+
     Attributes:
         part: (N,) int, the number of each scan's part, 0, 1, ... in the order of their first scans.
         T: N poses, each in the frame of its part's first scan [m].
-        spread: (N, 6, 6) covariance that gathers from the part's first scan to each, of a tangent in the part's frame
+        covariance: (N, 6, 6) that gathers from the part's first scan to each, of a tangent in the part's frame
             (on the left), rotation first [rad, m].
-        ways: where the ways from the first scan to others divide.
+        rank: (N,) int, the place of each scan in the order, and `scan`: (N,) int, the scan at each place.
+        before: (levels, N) int: at [l, k] the lowest place that any of the 2^l scans from place k on is reached from.
     """
 
     part: np.ndarray
     T: RigidTransform
-    spread: np.ndarray
-    ways: "Ways"
-
-    def between(self, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-        """(m, 6, 6) what gathers on the way from scans i to scans j of their part."""
-        return self.spread[i] + self.spread[j] - 2 * self.spread[self.ways.meeting(i, j)]
-
-
-@dataclass(frozen=True, slots=True)
-class Ways:
-    """A forest, numbered so that every scan comes before those behind it, and all behind it follow in a row.
-
-    Attributes:
-        rank: (N,) int, the place of each scan in this order.
-        scan: (N,) int, the scan at each place.
-        before: (levels, N) int: at [l, k] the lowest place that any of the 2^l scans from place k on is reached from.
-    """
-
+    covariance: np.ndarray
     rank: np.ndarray
     scan: np.ndarray
     before: np.ndarray
 
-    @classmethod
-    def of(cls, order: Sequence[int], reached_from: np.ndarray) -> "Ways":
-        """Of scans in this order, and (N,) the scan that each is reached from, itself for the first of a part."""
-        scan = np.asarray(order, np.intp)
-        rank = np.empty(len(scan), np.intp)
-        rank[scan] = np.arange(len(scan))
-        levels = [rank[reached_from[scan]]]
-        while 2 ** len(levels) <= len(scan):
-            half, last = 2 ** (len(levels) - 1), levels[-1]
-            levels.append(np.minimum(last, np.concatenate([last[half:], last[-1:].repeat(half)])))
-        return cls(rank, scan, np.stack(levels))
+    def between(self, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+        """(m, 6, 6) what gathers from scans i to scans j of their part."""
+        return self.covariance[i] + self.covariance[j] - 2 * self.covariance[self.meeting(i, j)]
 
     def meeting(self, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-        """(m,) the last scan that lies on the ways from the first to i and to j, all of one part.
+        """(m,) the last scan by which both i and j are reached from the first of their part.
 
         Of the scans between both in the order, the one that is reached from farthest ahead is reached from it.
         """
@@ -93,23 +81,81 @@ def chain_parts(count: int, edges: Sequence[Edge]) -> Chains:
                     T[j] = T[i] @ (forward if is_forward else back)[n]
                     reached_from[j], along[j] = i, n
                     waiting.append(j)
-    poses = RigidTransform.from_matrix(T)
-    return Chains(part, poses, _spread(poses, tree, order, reached_from, along), Ways.of(order, reached_from))
-
-
-def _spread(
-    poses: RigidTransform, tree: Sequence[Edge], order: Sequence[int], reached_from: np.ndarray, along: np.ndarray
-) -> np.ndarray:
-    """(N, 6, 6) what gathers on the way to each, by the edge `along` which it is reached."""
-    spread = np.zeros((len(poses), 6, 6))
-    behind = np.flatnonzero(reached_from != np.arange(len(poses)))
-    if not len(behind):
-        return spread
-    # the noise is on the side of the measured pair's source
-    sources = np.array([tree[n].j for n in along[behind].tolist()])
-    covariances = np.stack([tree[n].registration.covariance for n in along[behind].tolist()])
-    spread[behind] = propagated(poses[sources], covariances)
+    poses, scan = RigidTransform.from_matrix(T), np.array(order, np.intp)
+    gathered = np.zeros((count, 6, 6))
+    behind = np.flatnonzero(reached_from != np.arange(count))
+    if len(behind):
+        by = [tree[n] for n in along[behind].tolist()]
+        # the noise is on the side of the measured pair's source
+        noise = np.stack([edge.registration.covariance for edge in by])
+        gathered[behind] = propagated(poses[np.array([edge.j for edge in by])], noise)
     for k in order:
         if reached_from[k] != k:
-            spread[k] += spread[reached_from[k]]
-    return spread
+            gathered[k] += gathered[reached_from[k]]
+    rank = np.empty(count, np.intp)
+    rank[scan] = np.arange(count)
+    return Chains(part, poses, gathered, rank, scan, _lowest_before(rank[reached_from[scan]]))
+
+
+def _lowest_before(before: np.ndarray) -> np.ndarray:
+    """(levels, N) as of `Chains`, by the place (N,) that the scan at each place is reached from."""
+    levels = [before]
+    while 2 ** len(levels) <= len(before):
+        half, last = 2 ** (len(levels) - 1), levels[-1]
+        levels.append(np.minimum(last, np.concatenate([last[half:], last[-1:].repeat(half)])))
+    return np.stack(levels)
+
+
+def agreeing_groups(chains: Chains, loops: Sequence[Edge], bound: float) -> np.ndarray:
+    """The number of each loop's group: (m,) int; a loop that agrees with no other is alone.
+
+    Args:
+        chains: of the poses, along edges that join neighbors.
+        loops: m measurements.
+        bound: largest error of a cycle [sigmas].
+    """
+    forward = [edge.i < edge.j for edge in loops]
+    ends = np.array([(min(edge.i, edge.j), max(edge.i, edge.j)) for edge in loops]).reshape(-1, 2)
+    near = KDTree(ends).query_pairs(NEAR, p=np.inf, output_type="ndarray")
+    if not len(near):
+        return np.arange(len(loops))
+    measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in loops])
+    covariances = np.stack([edge.registration.covariance for edge in loops])
+    backward = np.flatnonzero(~np.array(forward))
+    if len(backward):
+        covariances[backward] = propagated(measured[backward], covariances[backward])
+        matrices = measured.as_matrix()
+        matrices[backward] = measured[backward].inv().as_matrix()
+        measured = RigidTransform.from_matrix(matrices)
+    near = near[np.lexsort(near.T[::-1])]
+    a, b = near.T
+    T = chains.T
+    T_ia_ib = T[ends[a, 0]].inv() * T[ends[b, 0]]
+    T_jb_ja = T[ends[b, 1]].inv() * T[ends[a, 1]]
+    cycle = T_ia_ib * measured[b] * T_jb_ja
+    error = (measured[a].inv() * cycle).as_exp_coords()
+    part = chains.part[ends]
+    connected = (part[a] == part[b]).all(axis=1)
+    total = covariances[a] + propagated(T_jb_ja.inv(), covariances[b])
+    i_a, j_a, i_b, j_b = ends[a[connected], 0], ends[a[connected], 1], ends[b[connected], 0], ends[b[connected], 1]
+    chain_i = propagated(T[i_b].inv(), chains.between(i_a, i_b))
+    chain_j = propagated(T[j_a].inv(), chains.between(j_b, j_a))
+    total[connected] += chain_j + propagated((measured[b] * T_jb_ja).inv()[connected], chain_i)
+    in_agreement = connected & (lengths(error, total) <= bound)
+    links = sparse.coo_array(
+        (np.ones(int(in_agreement.sum())), (a[in_agreement], b[in_agreement])), shape=(len(loops), len(loops))
+    )
+    return connected_components(links, directed=False)[1]
+
+
+def distances_from_chain(chains: Chains, loops: Sequence[Edge]) -> np.ndarray:
+    """(m,) how far each loop is from what the chain alone says [sigmas]; 0 where the chain does not join its ends."""
+    if not loops:
+        return np.zeros(0)
+    i, j = np.array([(edge.i, edge.j) for edge in loops]).T
+    measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in loops])
+    error: np.ndarray = ((chains.T[i].inv() * chains.T[j]).inv() * measured).as_exp_coords()
+    total = np.stack([edge.registration.covariance for edge in loops])
+    joined = chains.part[i] == chains.part[j]
+    total[joined] += propagated(chains.T[j[joined]].inv(), chains.between(i[joined], j[joined]))
+    return np.where(joined, lengths(error, total), 0.0)

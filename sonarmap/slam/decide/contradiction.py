@@ -41,18 +41,23 @@ def contradicted_edges(
     chosen = np.flatnonzero(asked)
     if len(far) or not len(chosen):
         return far
-    edges = [graph.edges[k] for k in chosen]
-    T_i_j, covariances = solution.relatives(np.array([(edge.i, edge.j) for edge in edges]))
-    measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in edges])
-    stated = np.stack([edge.registration.covariance for edge in edges])
-    # Without the edge it lies so far from the others that its residual r, of covariance R, costs r' (R - P)^-1 r in all
-    # (P: of the pair with the edge). Where nothing but the edge holds the pair, P is R: then nothing contradicts it.
-    left = stated - (1 - _LEAST_SHARE) * covariances
-    xi: np.ndarray = (T_i_j.inv() * measured).as_exp_coords()
-    costs = lengths(xi, left) ** 2
+    costs = falls_without([graph.edges[k] for k in chosen], solution)
     gate = chi_squared(GATE, 6) if gate is None else gate
     understated = max(1.0, float(np.median(costs)) / chi_squared(0.5, 6))
     return chosen[costs > gate * understated]
+
+
+def falls_without(edges: Sequence[Edge], solution: Solution) -> np.ndarray:
+    """(m,) by how much chi-squared would fall without each edge of an optimum, to first order, one left out at a time.
+
+    Without the edge it lies so far from the others that its residual r, of covariance R, costs r' (R - P)^-1 r in all
+    (P: of the pair with the edge). Where nothing but the edge holds the pair, P is R: then nothing contradicts it.
+    """
+    T_i_j, covariances = solution.relatives(np.array([(edge.i, edge.j) for edge in edges]))
+    measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in edges])
+    stated = np.stack([edge.registration.covariance for edge in edges])
+    xi: np.ndarray = (T_i_j.inv() * measured).as_exp_coords()
+    return lengths(xi, stated - (1 - _LEAST_SHARE) * covariances) ** 2
 
 
 def plausible(solution: Solution, others: Sequence[Edge]) -> np.ndarray:

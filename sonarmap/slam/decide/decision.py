@@ -10,9 +10,8 @@ from sonarmap.slam.decide.chains import chain_parts
 from sonarmap.slam.decide.consistency import Comparison, compare
 from sonarmap.slam.decide.hand import hand_edges
 from sonarmap.slam.decide.measurements import Measurements
-from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges
+from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges, twin_odds, with_odds
 from sonarmap.slam.decide.robust import robust_optimize
-from sonarmap.slam.decide.twins import twin_odds, with_odds
 from sonarmap.slam.decide.verdict import with_verdicts
 from sonarmap.slam.decide.wrong_measurements import WrongControl, WrongFix, without_wrong_control, without_wrong_fixes
 from sonarmap.slam.graph.control import ControlPoint, MeasuredControl
@@ -170,7 +169,13 @@ class _Possible:
         asked = [p for p in pairs if p.scans not in ties or ties[p.scans].verdict != "reject"]
         trusted = [edge for pair in asked if pair.scans not in distrusted and (edge := _chain_edge(pair))]
         chain_scans = {(edge.i, edge.j) for edge in trusted}
-        answers = [answer for pair in asked if pair.scans not in chain_scans for answer in _answers(pair)]
+        answers = [
+            answer
+            for pair in asked
+            if pair.scans not in chain_scans
+            for answer in possible_edges(pair)
+            if not answer.fault
+        ]
         compared = compared_with(trusted)
         supported = compared.support(answers)
         if (odds := twin_odds(supported)) > 1:
@@ -212,11 +217,6 @@ def _chain_edge(pair: RegisteredPair) -> Edge | None:
         return None
 
 
-def _answers(pair: RegisteredPair) -> list[PossibleEdge]:
-    """The pair's answers that can be edges."""
-    return [possible for possible in possible_edges(pair) if not possible.fault]
-
-
 def _joins(count: int, trusted: Sequence[Edge], supported: Sequence[PossibleEdge]) -> list[Edge]:
     """Answers that join parts of the chain, as few as suffice, the best supported first."""
     joining = [possible for possible in supported if possible.joins_parts and possible.may_join]
@@ -228,12 +228,12 @@ def _joins(count: int, trusted: Sequence[Edge], supported: Sequence[PossibleEdge
 
 def _taken(supported: Sequence[PossibleEdge]) -> dict[tuple[int, int], PossibleEdge]:
     """At most one answer of every pair, the best supported, by the pair's scans."""
+
+    def standing(possible: PossibleEdge) -> tuple[bool, int, float]:
+        return possible.support.agrees, possible.support.pairs, possible.weight
+
     taken: dict[tuple[int, int], PossibleEdge] = {}
     for possible in supported:
         if possible.may_be_taken:
-            taken[possible.scans] = max(taken.get(possible.scans, possible), possible, key=_standing)
+            taken[possible.scans] = max(taken.get(possible.scans, possible), possible, key=standing)
     return taken
-
-
-def _standing(possible: PossibleEdge) -> tuple[bool, int, float]:
-    return possible.support.agrees, possible.support.pairs, possible.weight

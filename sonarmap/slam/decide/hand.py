@@ -9,18 +9,15 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.decide.contradiction import chi_squared
+from sonarmap.slam.decide.contradiction import chi_squared, falls_without
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
-from sonarmap.slam.graph.tangent import lengths
 from sonarmap.slam.pair import Pair, RegisteredPair
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
 
 # Chi-squared of six numbers that one right tie in a thousand exceeds: beyond it the others contradict a tie.
 CONTRADICTED = chi_squared(0.999, 6)
-# Of an edge's covariance that the others leave to its residual at least, against rounding.
-_LEAST_SHARE = 1e-3
 
 
 def hand_edges(
@@ -65,7 +62,7 @@ def with_contradictions(pairs: Sequence[Pair], solution: Solution, before: Solut
         return list(pairs)
     # as they were registered: how large the graph takes errors to be depends on what contradicts it
     registered = {pair.scans: _as_registered(pair) for pair in pairs if pair.by_hand and pair.kept}
-    falls = np.maximum(_falls(edges, solution), _distances(registered, edges, before) ** 2)
+    falls = np.maximum(falls_without(edges, solution), _distances(registered, edges, before) ** 2)
     sizes = {(edge.i, edge.j): fall for edge, fall in zip(edges, falls.tolist(), strict=True)}
     return [replace(pair, contradicted=sizes.get(pair.scans, pair.contradicted)) for pair in pairs]
 
@@ -78,16 +75,6 @@ def displaced(pairs: Sequence[Pair], before: Sequence[Pair]) -> tuple[tuple[int,
     """
     kept = {pair.scans for pair in before if pair.kept}
     return tuple(pair.scans for pair in pairs if pair.scans in kept and not pair.kept and pair.by_hand != "reject")
-
-
-def _falls(edges: Sequence[Edge], solution: Solution) -> np.ndarray:
-    """(m,) by how much chi-squared would fall without each edge, to first order, one left out at a time."""
-    T_i_j, covariances = solution.relatives(np.array([(edge.i, edge.j) for edge in edges]))
-    measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in edges])
-    stated = np.stack([edge.registration.covariance for edge in edges])
-    # as in slam.decide.contradiction: without the edge its residual r, of covariance R, would cost r' (R - P)^-1 r
-    xi: np.ndarray = (T_i_j.inv() * measured).as_exp_coords()
-    return lengths(xi, stated - (1 - _LEAST_SHARE) * covariances) ** 2
 
 
 def _as_registered(pair: Pair) -> Registration:

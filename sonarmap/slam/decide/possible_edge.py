@@ -1,7 +1,12 @@
-"""Every answer that a registration could not exclude, as something that the whole survey may decide about."""
+# pyright: strict
+"""Every answer that a registration could not exclude, as something that the whole survey may decide about.
+
+How often such answers are wrong, because places of a survey look like others, its loops show where the chain knows
+better.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 
 import numpy as np
@@ -51,7 +56,7 @@ class PossibleEdge:
         registration: the answer.
         rank: 0 for the registration itself, from 1 on for its alternatives.
         near: whether the scans follow each other closely, so that they certainly share something.
-        odds: how much more often than they say registrations of this survey are wrong (`slam.decide.twins`).
+        odds: how much more often than they say registrations of this survey are wrong (`slam.decide.possible_edge`).
         support: by the other pairs, as far as it is known.
     """
 
@@ -157,3 +162,27 @@ def possible_edges(pair: RegisteredPair) -> list[PossibleEdge]:
         PossibleEdge(pair.i, pair.j, answer, rank, near=pair.role != "loop") for rank, answer in enumerate(answers)
     ]
     return [edge for edge in possible if edge.counts or edge.placed]
+
+
+# That registrations are wrong as often as they say counts like so many wrong ones.
+_ASSUMED = 2.0
+
+
+def twin_odds(possible_edges: Sequence[PossibleEdge]) -> float:
+    """By how much more often than they say accepted registrations of this survey are wrong; at least 1.
+
+    A probability is that of scenes of every kind. Where pillars, pools or pipes repeat themselves, registrations of
+    scans of different places agree as well as right ones. What loops within a part say is known from its own chain.
+
+    Args:
+        possible_edges: all answers beside the chain, with their support.
+    """
+    judged = [possible for possible in possible_edges if possible.accepted and not possible.joins_parts]
+    told = sum(1 - possible.probability for possible in judged)
+    wrong = sum(not possible.support.agrees for possible in judged)
+    return max(1.0, (wrong + _ASSUMED) / (told + _ASSUMED))
+
+
+def with_odds(possible_edges: Sequence[PossibleEdge], odds: float) -> list[PossibleEdge]:
+    """The same answers, so much more often wrong than their registrations say."""
+    return [replace(possible, odds=odds) for possible in possible_edges]

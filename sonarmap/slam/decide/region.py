@@ -1,7 +1,7 @@
 """Parts of a pose graph about edges that contradict the others: what is wrong there concerns no pose far away."""
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,14 +73,10 @@ def _region(graph: PoseGraph, ends: np.ndarray, joining: np.ndarray, poses: np.n
         PoseGraph(
             graph.trajectory.take(poses.tolist()),
             tuple(replace(graph.edges[k], i=own(graph.edges[k].i), j=own(graph.edges[k].j)) for k in chosen.tolist()),
-            fixed=_sorted(own(k) for k in rim.union(k for k in graph.fixed if inside[k])),
+            fixed=tuple(sorted(own(k) for k in rim.union(k for k in graph.fixed if inside[k]))),
             priors=tuple((own(k), prior) for k, prior in graph.priors if inside[k]),
             known=tuple(replace(known, pose=own(known.pose)) for known in graph.known if inside[known.pose]),
             control=tuple(replace(point, scan=own(point.scan)) for point in graph.control if inside[point.scan]),
         ),
         chosen,
     )
-
-
-def _sorted(poses: Iterable[int]) -> tuple[int, ...]:
-    return tuple(sorted(poses))

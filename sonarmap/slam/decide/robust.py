@@ -6,7 +6,6 @@ much that a step takes seconds. The loops that agree with the most others come f
 not contradict.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,8 +13,7 @@ import gtsam
 import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 
-from sonarmap.slam.decide.agreement import agreeing_groups, distances_from_chain
-from sonarmap.slam.decide.chains import chain_parts
+from sonarmap.slam.decide.chains import agreeing_groups, chain_parts, distances_from_chain
 from sonarmap.slam.decide.contradiction import GATE, chi_squared, contradicted_edges, plausible
 from sonarmap.slam.decide.region import regions_about
 from sonarmap.slam.graph.edge import cut_edges, spanning_tree
@@ -49,12 +47,7 @@ class RobustSolution:
     reasons: tuple[str, ...]
 
 
-def robust_optimize(
-    graph: PoseGraph,
-    trusted: Iterable[int] = (),
-    probability: float = PROBABILITY,
-    chain_worth: float | None = None,
-) -> RobustSolution:
+def robust_optimize(graph: PoseGraph, chain_worth: float | None = None) -> RobustSolution:
     """Reject the measurements that the others contradict, and optimize what is left.
 
     The initial estimate is the chain of the edges, consecutive ones before loops; the graph's own is only that of the
@@ -62,16 +55,14 @@ def robust_optimize(
 
     Args:
         graph: of any number of components.
-        trusted: indices of edges that are right whatever the others say.
-        probability: that a right measurement stays within the bound, in the optimum.
         chain_worth: loops that an edge between consecutive scans outweighs where they contradict it; None trusts the
             chain, as loops between places that look alike may agree with each other in any number.
 
     Raises:
         InputError: the equations have no unique or no finite solution.
     """
-    edges, bound = graph.edges, chi_squared(probability, 6)
-    fixed = _fixed_inliers(graph, trusted)
+    edges, bound = graph.edges, chi_squared(PROBABILITY, 6)
+    fixed = _fixed_inliers(graph)
     graph = graph.placed_at(chain(edges, graph.trajectory.stamps).T_world_sensor)
     active = _first(graph, fixed)
     tried = active.astype(int)
@@ -90,11 +81,10 @@ def robust_optimize(
     return RobustSolution(solution, accepted, graph.residuals(), _reasons(graph, accepted, tried, fixed, bound))
 
 
-def _fixed_inliers(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
-    """(E,) bool: inliers in any case: what instruments or a person say, trusted edges, and what alone joins two
-    parts."""
+def _fixed_inliers(graph: PoseGraph) -> np.ndarray:
+    """(E,) bool: inliers in any case: what instruments or a person say, and what alone joins two parts."""
     fixed = np.array([edge.by_hand or not edge.is_registered for edge in graph.edges], bool)
-    fixed[[*trusted, *cut_edges(len(graph.trajectory), graph.edges, graph.gauge.in_world)]] = True
+    fixed[list(cut_edges(len(graph.trajectory), graph.edges, graph.gauge.in_world))] = True
     return fixed
 
 

@@ -1,6 +1,7 @@
 """What became of every pair of a survey: in sigmas, and in words."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 
 import numpy as np
 
@@ -39,7 +40,7 @@ def with_verdicts(
         residual = distances.get(pair.scans, float("nan")) if n is None else float(solution.residuals[n])
         decided.append(
             Pair(
-                pair,
+                **{field.name: getattr(pair, field.name) for field in fields(RegisteredPair)},
                 edge=edge,
                 reason=_reason(pair, tie, possible, pair.scans in taken, edge is not None, residual),
                 agreeing=possible.support.pairs - 1 if possible else 0,

@@ -13,7 +13,7 @@ from typing import Any
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.executor import PATIENCE, Executor
-from sonarmap.slam.execute.scan_key import ScanKey
+from sonarmap.slam.execute.transport import ScanKey
 from sonarmap.spectral.scan import Scan
 
 # So much of the scans stays on the workers together [bytes], as 1,700 scans of 25,000 points have. What is needed again
@@ -139,9 +139,6 @@ class _DaskPool(Pool):
     """Work as Dask's futures. Work that is lost is canceled, and can be submitted again.
 
     Dask's own pool never ends what is finished on a worker that ends before its result is fetched, and a scan with it.
-
-    Args:
-        client: Dask's.
     """
 
     def __init__(self, client: Any) -> None:
@@ -169,11 +166,7 @@ def _settle(future: Future[Any], submitted: Any) -> None:
 
 
 class _Scattered:
-    """Every scan is sent to one worker, from where Dask brings it to those that need it: not through the scheduler.
-
-    Args:
-        client: Dask's.
-    """
+    """Every scan is sent to one worker, from where Dask brings it to those that need it: not through the scheduler."""
 
     def __init__(self, client: Any) -> None:
         self._client = client

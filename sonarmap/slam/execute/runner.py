@@ -1,9 +1,10 @@
-"""A survey's pairs registered by whoever works, with a journal of those that are done."""
+"""A survey's pairs registered by whoever works, with a journal of those that are done, and how long it took."""
 
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from functools import partial
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,53 @@ import numpy as np
 from sonarmap.slam.execute.executor import Executor, this_process
 from sonarmap.slam.execute.journal import Journal, JournalEntry, storable
 from sonarmap.slam.execute.pair_text import from_text, signature_from_text
-from sonarmap.slam.execute.scan_key import ScanKey, joined_key, scan_key
-from sonarmap.slam.execute.timings import PairTime, Timings
-from sonarmap.slam.execute.worker import PairJob, PairWorker, TimedText, Worker
+from sonarmap.slam.execute.transport import ScanKey, joined_key, scan_key
+from sonarmap.slam.execute.worker import Job, PairJob, PairWorker, TimedText, Worker
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
+
+
+@dataclass(frozen=True, slots=True)
+class PairTime:
+    """How long one pair took.
+
+    Attributes:
+        target, source: indices of its scans among all of the survey.
+        seconds: how long it took when it was computed, with the preparing of its scans [s].
+        from_journal: whether an earlier run computed it.
+    """
+
+    target: int
+    source: int
+    seconds: float
+    from_journal: bool
+
+
+@dataclass(slots=True)
+class Timings:
+    """How long a survey's run took so far.
+
+    Attributes:
+        pairs: in the order in which they were done.
+        stages: seconds of every stage, by its name.
+    """
+
+    pairs: list[PairTime] = field(default_factory=list)
+    stages: dict[str, float] = field(default_factory=dict)
+    _stage_start: float = field(default_factory=perf_counter)
+
+    @property
+    def from_journal(self) -> int:
+        """How many pairs an earlier run computed."""
+        return sum(pair.from_journal for pair in self.pairs)
+
+    def end_stage(self, name: str) -> None:
+        """Count the time since the end of the stage before to this stage; a stage may come up several times."""
+        now = perf_counter()
+        self.stages[name] = self.stages.get(name, 0.0) + now - self._stage_start
+        self._stage_start = now
+
 
 Progress = Callable[[int, int, str], None]
 
@@ -59,74 +101,6 @@ class _Steps:
             self.report(self.done, self.planned, text)
 
 
-@dataclass(frozen=True, slots=True)
-class _Work:
-    """A piece of work, as the journal knows it.
-
-    Attributes:
-        kind: what is computed; it decides the result, as what is expected of a pair does.
-        scans: of these.
-        parse: raises a ValueError, LookupError or TypeError where a text is no result.
-    """
-
-    kind: str
-    scans: tuple[ScanKey, ...]
-    parse: Callable[[str], Any]
-
-    @property
-    def label(self) -> str:
-        return " - ".join(scan.name for scan in self.scans)
-
-    @classmethod
-    def of(cls, job: PairJob | ScanKey) -> "_Work":
-        """A pair to register, or a scan whose signature is wanted."""
-        if isinstance(job, ScanKey):
-            return cls("signature", (job,), signature_from_text)
-        kind, expected = "pair", job.expected
-        if expected is not None:
-            numbers = np.concatenate([expected.rotation, expected.translation, expected.sigmas])
-            kind = f"pair expected at {numbers.tolist()}"
-        return cls(kind, (job.target, job.source), from_text)
-
-
-@dataclass(frozen=True, slots=True)
-class _Kept:
-    """Results that earlier runs computed.
-
-    Attributes:
-        journal: None for none.
-        method: a key of all that decides a result beside the scans.
-    """
-
-    journal: Journal | None
-    method: str
-
-    def text(self, work: _Work) -> TimedText | None:
-        """The result of a piece of work; what cannot be read is the journal's fault.
-
-        A failure is taken over only where the scans have the same names, as these are in its words.
-        """
-        entry = None if self.journal is None else self.journal.entry(self._key(work))
-        if self.journal is None or entry is None:
-            return None
-        try:
-            parsed = work.parse(entry.content)
-        except (ValueError, LookupError, TypeError) as error:
-            raise self.journal.unusable(str(error)) from error
-        failed = work.parse is from_text and parsed[0] is None
-        return None if failed and entry.label != storable(work.label) else TimedText(entry.content, entry.seconds)
-
-    def add(self, works: Sequence[_Work], texts: Sequence[TimedText]) -> None:
-        if self.journal is not None:
-            done = zip(works, texts, strict=True)
-            self.journal.add(
-                [JournalEntry(self._key(work), work.label, text.content, text.seconds) for work, text in done]
-            )
-
-    def _key(self, work: _Work) -> str:
-        return joined_key(work.kind, self.method, *(scan.content for scan in work.scans))
-
-
 class PairRunner:
     """Registers the pairs of one survey.
 
@@ -139,7 +113,6 @@ class PairRunner:
 
     def __init__(self, execution: Execution, scans: Sequence[Scan], planned: int, progress: Progress | None) -> None:
         self._execution, self._all_scans = execution, scans
-        self._kept = _Kept(execution.journal, execution.method)
         self._scans = [scan_key(scan) for scan in scans]
         self._number = {scan: k for k, scan in enumerate(self._scans)}
         self._numbers = list(range(len(scans)))  # of `_scans`, among all
@@ -181,46 +154,74 @@ class PairRunner:
         self._steps.planned += len(candidates)
         jobs = [PairJob(self._scans[pair.i], self._scans[pair.j], pair.expected) for pair in candidates]
         pairs: dict[int, RegisteredPair] = {}
-        for n, text, from_journal in self._results(self._execution.worker.register, jobs):
-            pairs[n] = RegisteredPair(candidates[n], *from_text(text.content))
+        for n, text, from_journal in self._results(jobs):
+            pairs[n] = candidates[n].registered(*from_text(text.content))
             i, j = (self._numbers[k] for k in candidates[n].scans)
             self._execution.timings.pairs.append(PairTime(i, j, text.seconds, from_journal))
-            self._steps.step(f"{_Work.of(jobs[n]).label}: {_result_in_words(pairs[n])}")
+            self._steps.step(f"{_label(jobs[n])}: {_result_in_words(pairs[n])}")
         self.end_stage("pairs registered")
         return [pairs[n] for n in range(len(candidates))]
 
     def signatures(self) -> list[np.ndarray | None]:
-        """Every scan's signature, (K,) float32; None for a scan that cannot be prepared.
-
-        Raises:
-            InputError, DeviceError: the machine or the workers failed, or the journal cannot be used.
-        """
-        results = self._results(self._execution.worker.signatures, self._scans)
-        signatures = {n: signature_from_text(text.content) for n, text, _ in results}
+        """Every scan's signature, (K,) float32; None for a scan that cannot be prepared. Raises as `register`."""
+        signatures = {n: signature_from_text(text.content) for n, text, _ in self._results(self._scans)}
         self.end_stage("signatures computed")
         return [signatures[n] for n in range(len(self._scans))]
 
-    def _results(
-        self, task: Callable[..., list[TimedText]], jobs: Sequence[PairJob] | Sequence[ScanKey]
-    ) -> Iterator[tuple[int, TimedText, bool]]:
+    def _results(self, jobs: Sequence[Job]) -> Iterator[tuple[int, TimedText, bool]]:
         """Every job's number and result, and whether it is the journal's; these come first, the others once done."""
-        works = [_Work.of(job) for job in jobs]
-        kept = [self._kept.text(work) for work in works]
+        kept = [self._kept(job) for job in jobs]
         yield from ((n, text, True) for n, text in enumerate(kept) if text is not None)
         missing = [n for n, text in enumerate(kept) if text is None]
-        executor = self._execution.executor
+        executor, journal = self._execution.executor, self._execution.journal
 
-        def sources(piece: Sequence[PairJob | ScanKey]) -> tuple[dict[ScanKey, Any]]:
-            scans = dict.fromkeys(scan for job in piece for scan in _Work.of(job).scans)
+        def sources(piece: Sequence[Job]) -> tuple[dict[ScanKey, Any]]:
+            scans = dict.fromkeys(scan for job in piece for scan in _scans_of(job))
             return ({scan: executor.transport.source(scan, partial(self._load, scan)) for scan in scans},)
 
-        for indices, texts in executor.run(task, [jobs[n] for n in missing], more=sources):
-            done = [missing[k] for k in indices]
-            self._kept.add([works[n] for n in done], texts)
-            yield from ((n, text, False) for n, text in zip(done, texts, strict=True))
+        for indices, texts in executor.run(self._execution.worker.run, [jobs[n] for n in missing], more=sources):
+            done = list(zip((missing[k] for k in indices), texts, strict=True))
+            if journal is not None:
+                entries = [(jobs[n], text) for n, text in done]
+                journal.add([JournalEntry(self._key(job), _label(job), *astuple(text)) for job, text in entries])
+            yield from ((n, text, False) for n, text in done)
+
+    def _kept(self, job: Job) -> TimedText | None:
+        """The journal's result of a job, None for none; what cannot be read is the journal's fault.
+
+        A failure is taken over only where the scans have the same names, as these are in its words.
+        """
+        journal = self._execution.journal
+        entry = None if journal is None else journal.entry(self._key(job))
+        if journal is None or entry is None:
+            return None
+        try:
+            if isinstance(job, ScanKey):
+                signature_from_text(entry.content)
+            elif from_text(entry.content)[0] is None and entry.label != storable(_label(job)):
+                return None
+        except (ValueError, LookupError, TypeError) as error:
+            raise journal.unusable(str(error)) from error
+        return TimedText(entry.content, entry.seconds)
+
+    def _key(self, job: Job) -> str:
+        """Of all that decides a job's result: what is expected of a pair does."""
+        kind, expected = ("signature", None) if isinstance(job, ScanKey) else ("pair", job.expected)
+        if expected is not None:
+            numbers = np.concatenate([expected.rotation, expected.translation, expected.sigmas])
+            kind = f"pair expected at {numbers.tolist()}"
+        return joined_key(kind, self._execution.method, *(scan.content for scan in _scans_of(job)))
 
     def _load(self, scan: ScanKey) -> Scan:
         return self._all_scans[self._number[scan]]
+
+
+def _scans_of(job: Job) -> tuple[ScanKey, ...]:
+    return (job,) if isinstance(job, ScanKey) else (job.target, job.source)
+
+
+def _label(job: Job) -> str:
+    return " - ".join(scan.name for scan in _scans_of(job))
 
 
 def _result_in_words(pair: RegisteredPair) -> str:

@@ -1,17 +1,17 @@
-"""What registers pairs: one registrar and the scans that it prepared last."""
+"""What registers pairs: one registrar and the scans that it prepared last, and what another process makes it from."""
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from time import perf_counter
+from threading import Lock, Timer
+from time import monotonic, perf_counter
 from typing import Any, Protocol
 
 from threadpoolctl import ThreadpoolController
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.pair_text import signature_to_text, to_text
-from sonarmap.slam.execute.scan_key import ScanKey
-from sonarmap.slam.execute.transport import ScanSource
+from sonarmap.slam.execute.transport import ScanKey, ScanSource
 from sonarmap.slam.pair import DEFECT
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.memory import prepared_size, scans_that_fit
@@ -23,6 +23,9 @@ Sources = Mapping[ScanKey, ScanSource]
 # to those of the last few tracks. The rest of the memory is the map's, and the other programs'.
 _CHAIN, _TRACKS = 8, 128
 _SHARE = 8
+# A process without work for so long frees its worker [s]: a cluster's processes stay when a run has ended, however it
+# ended, and their devices are for others then. Making the worker again takes about 2 s.
+IDLE = 60.0
 
 
 def prepared_limit(registrar: Registrar, workers: int = 1) -> int:
@@ -62,15 +65,14 @@ class PairJob:
     expected: ExpectedPose | None = None
 
 
+Job = PairJob | ScanKey  # a pair to register, or a scan whose signature is wanted
+
+
 class PairWorker(Protocol):
     """What an executor runs to register pairs."""
 
-    def register(self, pairs: Sequence[PairJob], sources: Sources) -> list[TimedText]:
-        """Register every pair, of scans that `sources` give."""
-        ...
-
-    def signatures(self, scans: Sequence[ScanKey], sources: Sources) -> list[TimedText]:
-        """The signature of every scan, which `sources` give."""
+    def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
+        """What comes of every job; `sources` give the scans."""
         ...
 
     def release(self) -> None:
@@ -99,23 +101,19 @@ class Worker:
         """Free the prepared scans."""
         self._prepared.clear()
 
-    def register(self, pairs: Sequence[PairJob], sources: Sources) -> list[TimedText]:
-        """Register every pair. Where one fails, its text says why.
+    def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
+        """Where a pair fails, its text says why; a scan that cannot be prepared has no signature.
 
         Raises:
-            DeviceError: the machine failed, not the pair.
+            DeviceError: the machine failed, not the scans.
         """
         with self._threads.limit(limits=1, user_api="blas"):
-            return [self._register(pair, sources) for pair in pairs]
+            return [self._timed(job, sources) for job in jobs]
 
-    def signatures(self, scans: Sequence[ScanKey], sources: Sources) -> list[TimedText]:
-        """The signature of every scan; none for a scan that cannot be prepared.
-
-        Raises:
-            DeviceError: the machine failed, not the scan.
-        """
-        with self._threads.limit(limits=1, user_api="blas"):
-            return [self._signature(scan, sources) for scan in scans]
+    def _timed(self, job: Job, sources: Sources) -> TimedText:
+        start = perf_counter()
+        content = self._signature(job, sources) if isinstance(job, ScanKey) else self._register(job, sources)
+        return TimedText(content, perf_counter() - start)
 
     def _prepare(self, scan: ScanKey, sources: Sources) -> Any:
         prepared = self._prepared.pop(scan, None)
@@ -126,8 +124,8 @@ class Worker:
             del self._prepared[next(iter(self._prepared))]
         return prepared
 
-    def _register(self, pair: PairJob, sources: Sources) -> TimedText:
-        start, blame = perf_counter(), ""
+    def _register(self, pair: PairJob, sources: Sources) -> str:
+        blame = ""
         try:
             scans = self._prepare(pair.target, sources), self._prepare(pair.source, sources)
             blame = DEFECT
@@ -135,15 +133,68 @@ class Worker:
                 registration = self._registrar.register(*scans)
             else:
                 registration = self._registrar.register_expected(*scans, pair.expected)  # pyright: ignore[reportAttributeAccessIssue]
-            # the graph holds the instruments' measurements itself
-            content = to_text(registration.by_scans)
         except InputError as error:
-            content = to_text(None, f"{blame}{error}")
-        return TimedText(content, perf_counter() - start)
+            return to_text(None, f"{blame}{error}")
+        return to_text(registration.by_scans)  # the graph holds the instruments' measurements itself
 
-    def _signature(self, scan: ScanKey, sources: Sources) -> TimedText:
-        start = perf_counter()
+    def _signature(self, scan: ScanKey, sources: Sources) -> str:
         signature = None
         with suppress(InputError):  # its pairs will tell why
             signature = self._registrar.signature(self._prepare(scan, sources))  # pyright: ignore[reportAttributeAccessIssue]
-        return TimedText(signature_to_text(signature), perf_counter() - start)
+        return signature_to_text(signature)
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerSpec:
+    """What another process makes its worker from, once. It travels with every piece of work, so its parts are small.
+
+    Attributes:
+        make: makes the registrar; a function of a module, or a partial of one.
+        key: of the method: the same for two specifications that make the same.
+        prepared: how many prepared scans to keep, at least 2.
+    """
+
+    make: Callable[[], Registrar]
+    key: str
+    prepared: int
+
+    def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
+        """As `Worker.run`, by the worker of the process that this is called in."""
+        with _worker_of_process(self) as worker:
+            return worker.run(jobs, sources)
+
+    def release(self) -> None:
+        """Nothing to free: the process that hands out the work has no worker."""
+
+
+# Of this process: a Dask worker may have several threads, but a registrar serves one pair at a time.
+_lock = Lock()
+_workers: dict[tuple[str, int], Worker] = {}
+_last_used = 0.0
+_idle_timer: Timer | None = None
+
+
+@contextmanager
+def _worker_of_process(spec: WorkerSpec) -> Iterator[Worker]:
+    global _last_used, _idle_timer
+    key = (spec.key, spec.prepared)
+    with _lock:
+        if _idle_timer is not None:
+            _idle_timer.cancel()
+        if key not in _workers:
+            _workers.clear()  # the device's memory is for one
+            _workers[key] = Worker(spec.make(), spec.prepared)
+        try:
+            yield _workers[key]
+        finally:
+            _last_used = monotonic()
+            _idle_timer = Timer(IDLE, _release_if_idle)
+            _idle_timer.daemon = True
+            _idle_timer.start()
+
+
+def _release_if_idle() -> None:
+    """Free this process's worker, and its device's memory, if no work came while this waited for the lock."""
+    with _lock:
+        if monotonic() - _last_used >= IDLE:
+            _workers.clear()

@@ -84,11 +84,13 @@ def scaled(edges: Sequence[Edge], factor: float) -> list[Edge]:
 
     How far a vehicle usually goes is no surer where registrations agree better.
     """
-    result = [replace(edge, registration=_multiplied(edge.registration, factor)) for edge in edges]
+    given = [edge.registration for edge in edges]
+    wider = [replace(registration, covariance=factor * registration.covariance) for registration in given]
+    result = [replace(edge, registration=registration) for edge, registration in zip(edges, wider, strict=True)]
     fused = [k for k, edge in enumerate(edges) if edge.registration.T_by_scans is not None]
     if not fused:
         return result
-    told = [edges[k].registration for k in fused]
+    told = [given[k] for k in fused]
     both = np.linalg.inv(np.stack([registration.covariance for registration in told]))
     by_scans = np.stack([registration.covariance_by_scans for registration in told])  # pyright: ignore[reportArgumentType, reportCallIssue]
     alone = np.linalg.inv(by_scans)
@@ -104,10 +106,6 @@ def scaled(edges: Sequence[Edge], factor: float) -> list[Edge]:
         )
         result[k] = replace(edges[k], registration=held)
     return result
-
-
-def _multiplied(registration: Registration, factor: float) -> Registration:
-    return replace(registration, covariance=factor * registration.covariance)
 
 
 def check_definite(matrix: np.ndarray, name: str) -> None:

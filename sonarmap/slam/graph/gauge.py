@@ -11,8 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge, components
-from sonarmap.slam.graph.known_pose import KnownPose, blocks, held_pose
-from sonarmap.slam.graph.measured_poses import MeasuredPoses, known_at, turn_information
+from sonarmap.slam.graph.known_pose import KnownPose, MeasuredPoses, blocks, held_pose, known_at, turn_information
 from sonarmap.slam.graph.tangent import adjoint
 from sonarmap.spectral.covariance import cross_matrices
 from sonarmap.spectral.measured import twist
@@ -265,9 +264,8 @@ def undetermined(members: Sequence[int], known: Sequence[KnownPose], T_world: Ri
     free = values < _UNSURE**-2
     if not free.any():
         return None
-    first = members[0]
-    columns, _ = np.linalg.qr(adjoint(T_world[first].inv() * middle) @ (axes[:, free] / units[:, None]))
-    return held_pose(first, T_world[first], columns)
+    T_world_first = T_world[members[0]]
+    return held_pose(members[0], T_world_first, OpenMotion(middle, axes[:, free], lever).at(T_world_first))
 
 
 def _level(members: Sequence[int], priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> KnownPose | None:

@@ -142,14 +142,11 @@ def robust_fit(here: np.ndarray, there: np.ndarray, upright: bool = False) -> Ri
         choices = combinations(range(len(here)), few)
     best, usual = np.arange(len(here)), np.inf
     for choice in choices:
-        apart = _apart(fit(here[list(choice)], there[list(choice)]), here, there)
+        T = fit(here[list(choice)], there[list(choice)])
+        apart = np.linalg.norm(T.apply(here) - there, axis=1)
         if (median := float(np.median(apart))) < usual:
             best, usual = np.flatnonzero(apart <= _INLIER * max(median, 1e-9)), median
     return fit(here[best], there[best])
-
-
-def _apart(T: RigidTransform, here: np.ndarray, there: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(T.apply(here) - there, axis=1)
 
 
 def _fit(here: np.ndarray, there: np.ndarray) -> RigidTransform:

@@ -1,15 +1,17 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Candidates for loop closures: by the estimate and its uncertainty, or by what the scans look like."""
 
 from collections import defaultdict
 from collections.abc import Sequence, Set
 
 import numpy as np
+from scipy.spatial import KDTree
 
+from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.loops.forecast import certainties, displacement
 from sonarmap.slam.loops.places import PlaceIndex
-from sonarmap.slam.loops.separation import separations
 from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.map.cell import overlapping
 from sonarmap.slam.pair import Candidate
@@ -108,7 +110,7 @@ def find_lookalikes(
         return []
     index = PlaceIndex(np.stack([known[k] for k in scans]), np.array([part[k] for k in scans]))
     alike = index.candidates(_LOOKALIKES * settings.per_scan, gap=0, elsewhere=True)
-    ranked = sorted((look.distance, *sorted((scans[look.i], scans[look.j]))) for look in alike)
+    ranked = sorted((distance, *sorted((scans[a], scans[b]))) for a, b, distance in alike)
     new = [Candidate(i, j, "loop", alike=distance) for distance, i, j in ranked if (i, j) not in tried]
     return [new[k] for k in within_limits([pair.scans for pair in new], settings.per_scan, settings.spread)]
 
@@ -141,3 +143,30 @@ def _best(scans: np.ndarray, overlap: np.ndarray, solution: Solution, per_scan: 
     order = np.lexsort((scans[:, 1], scans[:, 0], -worth))
     ranked = [(i, j) for i, j in scans[order].tolist()]
     return order[within_limits(ranked, per_scan, spread)]
+
+
+def separations(count: int, edges: Sequence[Edge], pairs: np.ndarray) -> np.ndarray:
+    """(m,) how many edges lie between two poses: along the order of the poses, or by way of one loop if that is nearer.
+
+    Ways by several loops may be nearer still, and are not sought: what all of them are takes a time that grows with the
+    square of the poses. Infinite where neither is a way.
+
+    Args:
+        count: of the poses.
+        edges: measurements between them.
+        pairs: (m, 2) int, different poses.
+    """
+    ends = np.array([(edge.i, edge.j) for edge in edges if edge.kind != "prior"], np.intp).reshape(-1, 2)
+    low, high = ends.min(axis=1, initial=count), ends.max(axis=1, initial=0)
+    follows = np.zeros(count, bool)
+    follows[high[high - low == 1]] = True
+    # poses without an edge to the one before begin a row of their own, out of reach
+    reach = 2 * count
+    place = np.arange(count) + reach * np.cumsum(~follows)
+    asked = place[np.sort(pairs, axis=1)]
+    apart = (asked[:, 1] - asked[:, 0]).astype(np.float64)
+    loops = np.flatnonzero(high - low > 1)
+    if len(loops):
+        tied = np.column_stack([place[low[loops]], place[high[loops]]])
+        apart = np.minimum(apart, 1 + KDTree(tied).query(asked, p=1)[0])
+    return np.where(apart < count, apart, np.inf)

@@ -1,7 +1,5 @@
 """Which scans may show the same place, by their signatures alone: no estimate of the poses is needed."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.linalg import eigh
 from scipy.spatial import KDTree
@@ -14,20 +12,6 @@ _DIRECTIONS = 20
 _RIDGE = 1.0
 # Directions along which the scans differ less than this, as a share of the first, are rounding.
 _NEGLIGIBLE = 1e-5
-
-
-@dataclass(frozen=True, slots=True)
-class Lookalike:
-    """Two scans that may show one place.
-
-    Attributes:
-        i, j: their indices, i < j.
-        distance: between their signatures; consecutive scans differ by about 1, or less, along each of the directions.
-    """
-
-    i: int
-    j: int
-    distance: float
 
 
 class PlaceIndex:
@@ -95,8 +79,10 @@ class PlaceIndex:
             index[own, : apart.shape[1]] = np.where(np.isfinite(apart), neighbors, -1)
         return index, distance
 
-    def candidates(self, per_scan: int, gap: int = 5, elsewhere: bool = False) -> list[Lookalike]:
-        """Every pair of which one is among the `per_scan` nearest of the other, once, sorted by i and j.
+    def candidates(self, per_scan: int, gap: int = 5, elsewhere: bool = False) -> list[tuple[int, int, float]]:
+        """Every pair i < j of which one is among the `per_scan` nearest of the other, once, sorted, with its distance.
+
+        Consecutive scans differ by about 1, or less, along each of the directions.
 
         Args:
             per_scan, gap, elsewhere: as k and the rest in `nearest`.
@@ -110,7 +96,7 @@ class PlaceIndex:
         pairs = np.column_stack([np.minimum(scan, neighbor), np.maximum(scan, neighbor)])
         pairs, first = np.unique(pairs, axis=0, return_index=True)
         apart = distance[scan, place][first]
-        return [Lookalike(i, j, d) for (i, j), d in zip(pairs.tolist(), apart.tolist(), strict=True)]
+        return [(i, j, d) for (i, j), d in zip(pairs.tolist(), apart.tolist(), strict=True)]
 
 
 def _discriminate(signatures: np.ndarray, consecutive: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import KDTree
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.map.cell import cell_keys, lattice_origin
@@ -81,13 +82,13 @@ def component_maps(placed: PlacedScans, chained: Trajectory, min_seen: int = MIN
     Raises:
         InputError: a voxel so small that no point is within reach.
     """
-    parted, before = clean_map(placed, min_seen), placed.certain_at(chained.T_world_sensor)
-    asked, drifted = min_seen > 1, fuse(before)
+    parted, asked = clean_map(placed, min_seen), min_seen > 1
+    drifted = fuse(placed.certain_at(chained.T_world_sensor))
     return ComponentMaps(
         optimized=parted.clean,
         doubtful=parted.doubtful if asked else None,
         layers=survey_layers(placed, min_seen),
-        chained=of_the_same_echoes(drifted, before, parted.clean, placed) if asked else drifted,
+        chained=of_the_same_echoes(drifted, chained.T_world_sensor, parted.clean, placed) if asked else drifted,
         chained_poses=chained,
         crossings=crossing_error(placed, chained.T_world_sensor),
     )
@@ -155,19 +156,19 @@ def _beside(point_map: PointMap, chosen: np.ndarray) -> np.ndarray:
     return beside
 
 
-def of_the_same_echoes(drifted: PointMap, before: PlacedScans, clean: PointMap, placed: PlacedScans) -> PointMap:
+def of_the_same_echoes(drifted: PointMap, before: RigidTransform, clean: PointMap, placed: PlacedScans) -> PointMap:
     """A map of the same scans by other poses, with the points that a clean map has: for pictures of both.
 
     A point of several scans stays. One that a scan alone saw is moved with its scan to where it lies in the clean
     map, and stays if it meets a point there.
 
     Args:
-        drifted: the map to clean, of the scans as they were placed `before`.
+        drifted: the map to clean, of the scans at their poses `before`.
         clean: what is left of the map of the `placed` scans, whose indices ascend.
     """
     alone = np.flatnonzero(drifted.seen == 1)
     scan = np.searchsorted(np.asarray(placed.indices), drifted.scan[alone])
-    moved = (placed.T_world_sensor * before.T_world_sensor.inv())[scan].apply(drifted.points[alone])
+    moved = (placed.T_world_sensor * before.inv())[scan].apply(drifted.points[alone])
     origin = lattice_origin(clean.points, clean.voxel)
     keys, near = cell_keys(moved, clean.voxel, origin)
     met = np.zeros(len(alone), bool)

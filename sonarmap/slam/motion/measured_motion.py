@@ -3,7 +3,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -15,34 +14,6 @@ from sonarmap.spectral.expected import ExpectedPose
 
 # Where nothing is known of the motion, a scan may be anywhere [rad, m].
 _ANYWHERE = np.repeat([np.pi, 1e3], 3)
-
-
-class AnyMotion(Protocol):
-    """What says where a scan is expected."""
-
-    def expected(self, i: int, j: int) -> ExpectedPose:
-        """T_i_j, i < j, of scans of one survey."""
-        ...
-
-    def way(self, i: int, j: int) -> tuple[float, float] | None:
-        """Mean and standard deviation of the way from i to j [m]; None where nothing tells."""
-        ...
-
-    def following(self, pairs: Sequence[RegisteredPair]) -> "AnyMotion":
-        """With what registered steps tell of the motion at their time."""
-        ...
-
-    def contradicts(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
-        """Whether a registration is not to be believed beside it."""
-        ...
-
-    def is_beyond(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
-        """Whether the vehicle cannot have come there in the time between."""
-        ...
-
-    def is_measured(self, i: int, j: int) -> bool:
-        """Whether instruments measured it, so that the graph has it as edges of their own."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,3 +61,6 @@ class MeasuredMotion:
     def is_measured(self, i: int, j: int) -> bool:
         """Whether dead reckoning tells of both scans."""
         return self.odometry.tells(i, j)
+
+
+AnyMotion = Motion | MeasuredMotion

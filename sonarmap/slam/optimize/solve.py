@@ -13,9 +13,8 @@ from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.graph.edge import spanning_tree
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.optimize.certificate import Certificate, certify
-from sonarmap.slam.optimize.chordal import ChordalProblem
+from sonarmap.slam.optimize.chordal import ChordalProblem, optimize_isotropic
 from sonarmap.slam.optimize.incremental import as_they_come
-from sonarmap.slam.optimize.isotropic import optimize_isotropic
 
 Objective = Literal["full", "isotropic"]
 Start = Literal["chordal", "given", "incremental"]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sonarmap.kernels.errors import DeviceError, InputError
-from sonarmap.slam.execute.worker_spec import WorkerSpec
+from sonarmap.slam.execute.worker import WorkerSpec
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses

@@ -11,7 +11,7 @@ from sonarmap.slam.decide.chains import Chains, chain_parts
 from sonarmap.slam.decide.consistency import compare
 from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, possible_edges
 from sonarmap.slam.graph.tangent import propagated
-from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import (
     chain_edges,
@@ -38,7 +38,7 @@ def support_of(chains: Chains, answers: list[PossibleEdge], floor: np.ndarray, b
 
 
 def answers_of(i: int, j: int, given: Registration) -> list[PossibleEdge]:
-    return possible_edges(RegisteredPair(Candidate(i, j, "loop"), given))
+    return possible_edges(RegisteredPair(i, j, "loop", registration=given))
 
 
 def answer(truth: RigidTransform, i: int, j: int, off: RigidTransform | None = None, **changes) -> PossibleEdge:
@@ -89,10 +89,9 @@ def test_two_parts_are_joined_by_those_that_agree_wherever_their_frames_lie():
     # the second part's frame is its first scan's, whatever that is
     moved = chained(truth, (5,))
     T = RigidTransform.from_exp_coords([0.4, -0.3, 1.2, 9, 8, -7])
-    again = Chains(
-        moved.part, RigidTransform.concatenate([moved.T[:6], T * moved.T[6:]]), moved.spread.copy(), moved.ways
-    )
-    again.spread[6:] = propagated(T, again.spread[6:])
+    poses = RigidTransform.concatenate([moved.T[:6], T * moved.T[6:]])
+    again = replace(moved, T=poses, covariance=moved.covariance.copy())
+    again.covariance[6:] = propagated(T, again.covariance[6:])
     repeated = support_of(again, answers, NO_FLOOR, BOUND)
     assert [(one.pairs, one.leading) for one in repeated] == [(one.pairs, one.leading) for one in found]
 
@@ -154,11 +153,11 @@ def test_the_scan_where_two_ways_divide_is_that_of_the_tree():
             edge(before[k], k, RigidTransform.from_translation(rng.normal(size=3)), COVARIANCE, "loop")
             for k in range(1, count)
         ]
-        ways = chain_parts(count, edges).ways
+        chains = chain_parts(count, edges)
         lines = [[k] for k in range(count)]
         for line in lines:
             while line[-1]:
                 line.append(before[line[-1]])
         i, j = rng.integers(count, size=(2, 50))
         wanted = [next(k for k in lines[a] if k in lines[b]) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
-        assert ways.meeting(i, j).tolist() == wanted
+        assert chains.meeting(i, j).tolist() == wanted

@@ -7,10 +7,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.decision import Decision, decide
-from sonarmap.slam.decide.possible_edge import PossibleEdge, Support
-from sonarmap.slam.decide.twins import twin_odds, with_odds
+from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, twin_odds, with_odds
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.pair import Candidate, RegisteredPair, Role
+from sonarmap.slam.pair import RegisteredPair, Role
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import drawn, measurements_of, random_covariance, registration, ring_poses
 
@@ -24,7 +23,7 @@ def pair(
 ) -> RegisteredPair:
     noise = drawn(np.random.default_rng([i, j]), COVARIANCE)
     T = truth[i].inv() * truth[j] * noise * (RigidTransform.identity() if off is None else off)
-    return RegisteredPair(Candidate(i, j, role), replace(registration(T, COVARIANCE), **changes))
+    return RegisteredPair(i, j, role, registration=replace(registration(T, COVARIANCE), **changes))
 
 
 def unsure(probability: float, *alternatives: Registration) -> dict:
@@ -68,7 +67,7 @@ def test_an_alternative_is_taken_where_the_others_agree_with_it():
     right = pair(truth, 2, 9, "loop", **unsure(0.4)).registration
     assert right is not None
     wrong = replace(right, T_target_source=right.T_target_source * WRONG, probability=0.55, alternatives=(right,))
-    pairs = [*chain_of(truth), RegisteredPair(Candidate(2, 9, "loop"), wrong), pair(truth, 1, 10, "loop")]
+    pairs = [*chain_of(truth), RegisteredPair(2, 9, "loop", registration=wrong), pair(truth, 1, 10, "loop")]
     doubtful = decided(truth, pairs).pairs[11]
     assert doubtful.edge is not None
     np.testing.assert_array_equal(

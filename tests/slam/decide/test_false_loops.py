@@ -17,7 +17,7 @@ from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.slam.pair import RegisteredPair
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.lab.simulate.paths.trajectories import lawnmower
 from tests.samples.places import DATA
@@ -134,6 +134,6 @@ def test_a_decided_survey_suffers_little(kind: str, share: float) -> None:
 def pairs_of(edges: Iterable[Edge]) -> list[RegisteredPair]:
     """Pairs whose registration was accepted."""
     return [
-        RegisteredPair(Candidate(e.i, e.j, "sequential" if e.kind == "sequential" else "loop"), e.registration)
+        RegisteredPair(e.i, e.j, "sequential" if e.kind == "sequential" else "loop", registration=e.registration)
         for e in edges
     ]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.execute import worker_spec as specs
+from sonarmap.slam.execute import worker as specs
 from sonarmap.slam.execute.cluster import cluster
 from sonarmap.slam.execute.executor import Executor
 from sonarmap.slam.execute.pair_text import to_text
@@ -105,7 +105,7 @@ class TestOtherUsers:
     def test_a_worker_without_work_frees_its_device(
         self, threads: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr("sonarmap.slam.execute.worker_spec.IDLE", 2.0)
+        monkeypatch.setattr("sonarmap.slam.execute.worker.IDLE", 2.0)
         with cluster(threads.scheduler_address) as executor:
             register(executor, tmp_path / "notes")
             assert specs._workers

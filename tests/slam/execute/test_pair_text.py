@@ -14,7 +14,7 @@ from numpy.testing import assert_array_equal
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.execute.pair_text import from_text, signature_from_text, signature_to_text, to_text
-from sonarmap.slam.execute.scan_key import scan_key
+from sonarmap.slam.execute.transport import scan_key
 from sonarmap.slam.execute.worker import PairJob, Worker, prepared_limit
 from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.result import Registration
@@ -176,7 +176,7 @@ def test_a_worker_hands_on_what_the_scans_alone_say() -> None:
     scans = list(sources)
     pairs = [PairJob(scans[0], scans[1]), PairJob(scans[3], scans[1])]
     with_them, without = (
-        Worker(of(poses, covariance), 2).register(pairs, sources) for of in (Instruments, KnowingRegistrar)
+        Worker(of(poses, covariance), 2).run(pairs, sources) for of in (Instruments, KnowingRegistrar)
     )
     assert [text.content for text in with_them] == [text.content for text in without]
     registration, failure = from_text(with_them[1].content)

@@ -16,8 +16,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.slam.execute.executor import processes
 from sonarmap.slam.execute.runner import Execution, PairRunner
-from sonarmap.slam.execute.scan_key import content_key, scan_key
-from sonarmap.slam.execute.transport import spooled
+from sonarmap.slam.execute.transport import content_key, scan_key, spooled
 from sonarmap.slam.pair import Candidate
 from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.clusters.survey_worker import worker_spec

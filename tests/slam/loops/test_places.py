@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.loops.places import Lookalike, PlaceIndex
+from sonarmap.slam.loops.places import PlaceIndex
 
 # Two laps over so many places make a survey.
 PLACES = 30
@@ -39,8 +39,8 @@ class TestNearest:
         everything = PlaceIndex(given).candidates(count, gap=0)
         assert len(everything) == count * (count - 1) // 2
         distances = np.full((count, count), np.inf)
-        for one in everything:
-            distances[one.i, one.j] = distances[one.j, one.i] = one.distance
+        for i, j, distance in everything:
+            distances[i, j] = distances[j, i] = distance
         order = np.arange(count)
         distances[np.abs(order[:, None] - order) <= 5] = np.inf
         index, distance = PlaceIndex(given).nearest(6)
@@ -113,12 +113,12 @@ class TestCandidates:
         places = PlaceIndex(given)
         index, distance = places.nearest(2)
         found = places.candidates(2)
-        assert found == sorted(found, key=lambda one: (one.i, one.j))
-        assert all(one.i < one.j for one in found)
+        assert found == sorted(found)
+        assert all(i < j for i, j, _ in found)
         want = {tuple(sorted((i, int(j)))) for i in range(len(given)) for j in index[i]}
-        assert {(one.i, one.j) for one in found} == want
+        assert {(i, j) for i, j, _ in found} == want
         assert len(found) == len(want)
-        assert Lookalike(0, int(index[0, 0]), float(distance[0, 0])) in found
+        assert (0, int(index[0, 0]), float(distance[0, 0])) in found
         assert PlaceIndex(given).candidates(2) == found
         # none where all scans are neighbors
         assert PlaceIndex(laps(14)[:5]).candidates(3) == []

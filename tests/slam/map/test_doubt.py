@@ -180,7 +180,7 @@ def test_the_other_map_shows_the_same_echoes(scans: list[Scan], parted: CleanMap
     turn = RigidTransform.from_exp_coords([0.0, 0.0, 0.78, 3.0, -1.0, 2.0])
     turned = PlacedScans.of(scans, turn * T, VOXEL)
     before = fuse(turned)
-    same = of_the_same_echoes(before, turned, parted.clean, PlacedScans.of(scans, T, VOXEL))
+    same = of_the_same_echoes(before, turned.T_world_sensor, parted.clean, PlacedScans.of(scans, T, VOXEL))
     wrong = [(np.abs(room_distance(turn.inv().apply(m.points))) > 0.75).sum() for m in (before, same)]
     right = [(np.abs(room_distance(turn.inv().apply(m.points))) < 0.1).sum() for m in (before, same)]
     assert wrong[1] < 0.3 * wrong[0]

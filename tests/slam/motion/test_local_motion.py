@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.slam.graph.edge import Edge, scaled
 from sonarmap.slam.motion.local_motion import Step, likeness, rate_of, rates_by_others
 from sonarmap.slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
-from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import chain_edges, chained_graph, random_covariance, registration, ring_poses, step_pair
 from tests.slam.motion.test_motion import FLOOR, USUAL, learned, moved, steps
@@ -97,7 +97,7 @@ def test_along_a_wall_a_vehicle_goes_on_as_it_did_and_as_far() -> None:
             in_source = T.rotation.inv().apply(along)
             open_along = SURE + np.pad(np.outer(in_source, in_source) * 50.0**2, (3, 0))
             given = registration(RigidTransform.from_translation(-1.5 * along) * T, open_along, accepted=False)
-        pairs.append(RegisteredPair(Candidate(k, k + 1, "sequential"), given))
+        pairs.append(RegisteredPair(k, k + 1, "sequential", registration=given))
     motion = learned(pairs)
     for k in bare:
         held = with_motion([pairs[k]], motion)[0].registration
@@ -139,7 +139,7 @@ def answer(T: RigidTransform, probability: float, accepted: bool = False) -> Reg
 
 
 def pair(given: Registration | None) -> RegisteredPair:
-    return RegisteredPair(Candidate(5, 6, "sequential"), given)
+    return RegisteredPair(5, 6, "sequential", registration=given)
 
 
 def with_usual(given: Registration) -> Registration:
@@ -159,11 +159,11 @@ def test_what_is_refused_or_contradicted_is_doubtful() -> None:
 def test_the_second_look_leads_and_the_first_stays_possible() -> None:
     first = pair(replace(answer(JUMP, 0.9, accepted=True), alternatives=(answer(moved(USUAL), 0.1),)))
     second = pair(answer(moved(1.1 * USUAL), 0.8))
-    second = replace(second, candidate=replace(second.candidate, expected=EXPECTED))
+    second = replace(second, expected=EXPECTED)
     both = with_both(first, second, MOTION)
     assert both.registration is not None
     assert both.registration.probability == 0.8
-    assert both.candidate.expected is EXPECTED
+    assert both.expected is EXPECTED
     jump, usual = both.registration.alternatives
     assert jump.probability == pytest.approx(0.9 * 0.2 * 0.1)
     assert usual.probability == pytest.approx(0.1 * 0.2)
@@ -236,7 +236,7 @@ def test_the_estimate_expects_a_pair_where_it_has_it() -> None:
     poses = ring_poses(6)
     solution = chained_graph(chain_edges(poses, TIGHT), 6).optimize()
     floor = np.repeat([0.01, 0.05], 3)
-    (expected,) = expected_by(solution, [RegisteredPair(Candidate(1, 4, "loop"))], floor)
+    (expected,) = expected_by(solution, [RegisteredPair(1, 4, "loop")], floor)
     T = expected.T_target_source.inv() * poses[1].inv() * poses[4]
     np.testing.assert_allclose(T.as_matrix(), np.eye(4), atol=1e-4)
     covariance = solution.relative(1, 4)[1]

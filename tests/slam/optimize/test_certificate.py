@@ -8,9 +8,8 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.optimize.certificate import certify
-from sonarmap.slam.optimize.chordal import ChordalProblem
+from sonarmap.slam.optimize.chordal import ChordalProblem, Start, optimize_isotropic
 from sonarmap.slam.optimize.incremental import Incremental, as_they_come
-from sonarmap.slam.optimize.isotropic import Start, optimize_isotropic
 from tests.samples.surveys import chained_graph, edge, measured_edge, random_covariance, ring_poses
 
 

@@ -14,8 +14,8 @@ from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.slam.stream.between import Unsteadiness
 from sonarmap.slam.stream.keys import KeySettings, choose_keys
-from sonarmap.slam.stream.unsteady import Unsteadiness
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan

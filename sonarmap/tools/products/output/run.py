@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.slam.execute.timings import Timings
+from sonarmap.slam.execute.runner import Timings
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.files.readers.scans import Unread

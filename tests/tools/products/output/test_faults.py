@@ -35,8 +35,7 @@ def survey(overlap: float, by_motion: bool) -> SurveyResult:
         return result
     pairs = list(result.pairs)
     (step,) = (n for n, pair in enumerate(pairs) if pair.scans == (4, 5))
-    candidate = replace(pairs[step].candidate, expected=ExpectedPose.of(RigidTransform.identity(), np.ones(6)))
-    pairs[step] = replace(pairs[step], registered=replace(pairs[step].registered, candidate=candidate))
+    pairs[step] = replace(pairs[step], expected=ExpectedPose.of(RigidTransform.identity(), np.ones(6)))
     return replace(result, pairs=tuple(pairs))
 
 

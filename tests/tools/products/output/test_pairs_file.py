@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.edge import Edge
-from sonarmap.slam.pair import Candidate, Pair, RegisteredPair
+from sonarmap.slam.pair import Pair
 from sonarmap.tools.files.map_folder.pairs import read_pairs
 from sonarmap.tools.files.readers.scans import read_scans
 from sonarmap.tools.files.writers.points import write_ply
@@ -26,14 +26,11 @@ def pairs() -> list[Pair]:
     rng = np.random.default_rng(3)
     T = random_transforms(rng, COUNT, angle=2.0, length=1e3)
     told = [registration(T[k], random_covariance(rng), accepted=k % 3 > 0) for k in range(COUNT)]
-    candidates = [Candidate(k, k + 1, "sequential", 0.1 * k) for k in range(COUNT)]
-    tried = [Pair(RegisteredPair(candidates[k], told[k]), reason="refused") for k in range(COUNT)]
+    tried = [Pair(k, k + 1, "sequential", 0.1 * k, registration=told[k], reason="refused") for k in range(COUNT)]
     tried[4] = replace(tried[4], edge=Edge(4, 5, told[7], "sequential"), reason="kept, by an alternative", agreeing=2)
-    tried[9] = Pair(
-        RegisteredPair(Candidate(9, 10, "bridge"), failure="no"), reason='failed: "a,\nb\udcff" is of no use'
-    )
+    tried[9] = Pair(9, 10, "bridge", failure="no", reason='failed: "a,\nb\udcff" is of no use')
     upright = RigidTransform.from_components([1, 2, 3], Rotation.from_euler("ZYX", [30, 90, 0], degrees=True))
-    return [*tried, replace(tried[0], registered=RegisteredPair(candidates[0], registration(upright, np.eye(6))))]
+    return [*tried, Pair(0, 1, "sequential", 0.0, registration=registration(upright, np.eye(6)), reason="refused")]
 
 
 @pytest.fixture
@@ -76,7 +73,7 @@ def test_a_row_says_what_is_known(pairs: list[Pair], path: Path) -> None:
 def test_a_covariance_that_is_none_has_no_sigmas(tmp_path: Path, covariance: np.ndarray) -> None:
     """As that of a method of one's own may be, whose pair then fails."""
     told = registration(RigidTransform.from_translation([1, 2, 3]), covariance)
-    write_pairs(tmp_path / "pairs.csv", [Pair(RegisteredPair(Candidate(0, 1, "loop"), told), reason="failed")])
+    write_pairs(tmp_path / "pairs.csv", [Pair(0, 1, "loop", registration=told, reason="failed")])
     (row,) = table_of(tmp_path / "pairs.csv")
     assert (row["x_m"], row["rotation_sigma_deg"], row["translation_sigma_m"]) == ("1.0", "", "")
 
@@ -84,7 +81,7 @@ def test_a_covariance_that_is_none_has_no_sigmas(tmp_path: Path, covariance: np.
 def test_no_pair_is_a_heading_alone(tmp_path: Path) -> None:
     write_pairs(tmp_path / "pairs.csv", [])
     assert read_pairs(tmp_path / "pairs.csv", 1) == ()
-    write_pairs(tmp_path / "pairs.csv", [Pair(RegisteredPair(Candidate(0, 1, "loop")))])
+    write_pairs(tmp_path / "pairs.csv", [Pair(0, 1, "loop")])
     assert [pair.T_target_source for pair in read_pairs(tmp_path / "pairs.csv", 2)] == [None]
 
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.processes import spawned
-from sonarmap.slam.execute.runner import Execution
-from sonarmap.slam.execute.timings import Timings
+from sonarmap.slam.execute.runner import Execution, Timings
 from sonarmap.slam.execute.worker import Worker
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.mapper import Mapper

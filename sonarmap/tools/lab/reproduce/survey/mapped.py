@@ -14,8 +14,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.pairs import TriedPair
 
 if TYPE_CHECKING:
-    from sonarmap.slam.execute.scan_key import ScanKey
-    from sonarmap.slam.execute.worker import PairJob, Sources, TimedText, Worker
+    from sonarmap.slam.execute.worker import Job, Sources, TimedText, Worker
     from sonarmap.slam.pair import Pair
     from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.spectral.grid import Grid
@@ -126,17 +125,16 @@ class _TimedWorker:
         self._worker = worker
         self.registering = self.signing = 0.0
 
-    def register(self, pairs: "Sequence[PairJob]", sources: "Sources") -> "list[TimedText]":
-        start = perf_counter()
-        done = self._worker.register(pairs, sources)
-        self.registering += perf_counter() - start
-        return done
+    def run(self, jobs: "Sequence[Job]", sources: "Sources") -> "list[TimedText]":
+        from sonarmap.slam.execute.worker import PairJob
 
-    def signatures(self, scans: "Sequence[ScanKey]", sources: "Sources") -> "list[TimedText]":
         start = perf_counter()
-        signed = self._worker.signatures(scans, sources)
-        self.signing += perf_counter() - start
-        return signed
+        done = self._worker.run(jobs, sources)
+        if any(isinstance(job, PairJob) for job in jobs):
+            self.registering += perf_counter() - start
+        else:
+            self.signing += perf_counter() - start
+        return done
 
     def release(self) -> None:
         self._worker.release()

@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.map.point_map import PointMap
-from sonarmap.slam.pair import Candidate, Pair, RegisteredPair, Role
+from sonarmap.slam.pair import Pair, Role
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.products.report.survey.frame import MapFrame
 from sonarmap.tools.products.report.survey.view import PartView
@@ -48,7 +48,7 @@ def track(width: float, height: float, count: int, x0: float = 0.0, y0: float = 
 def pair(i: int, j: int, role: Role = "sequential", kept: bool = True, accepted: bool = True) -> Pair:
     registration = Registration(RigidTransform.identity(), np.eye(6), 9.0, 0.5 + i / 1000, accepted, 0.1)
     edge = Edge(i, j, registration, "loop" if role == "loop" else "sequential") if kept else None
-    return Pair(RegisteredPair(Candidate(i, j, role), registration), edge)
+    return Pair(i, j, role, registration=registration, edge=edge)
 
 
 def view_of(points: np.ndarray, places: np.ndarray, pairs: tuple[Pair, ...] = (), **more: Any) -> PartView:
