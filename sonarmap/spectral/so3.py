@@ -62,12 +62,8 @@ class SphereLayers:
 
 @dataclass(frozen=True, slots=True)
 class RotationPeaks:
-    """Rotations that the spectra allow, best first.
-
-    Attributes:
-        R: (n,) R_target_source.
-        scores: (n,) float64, the correlation as a share of what two equal scans would have.
-    """
+    """Rotations R_target_source (n,) that the spectra allow, best first, and scores (n,) float64 of each: its
+    correlation as a share of what two equal scans would have."""
 
     R: Rotation
     scores: np.ndarray
