@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -21,12 +22,7 @@ _PROGRAM = "import sys; from {} import main; main(sys.argv[1:])"
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """What a process said.
-
-    Attributes:
-        steps: in their order, each a dictionary of JSON's types.
-        end: why it ended before its time, or "".
-    """
+    """What a process said, step by step in JSON's types, and why it ended before its time, or ""."""
 
     steps: tuple[dict[str, Any], ...]
     end: str
@@ -37,13 +33,7 @@ class Answers:
 
 
 def ask(module: str, *arguments: str, seconds: float) -> Answers:
-    """Run a module's `main` in another process, and gather its answers.
-
-    Args:
-        module: of this project, by its full name.
-        arguments: for it.
-        seconds: after so long it is ended.
-    """
+    """Run the `main` of a module of this project in another process for so long at most, and gather its answers."""
     try:
         run = subprocess.run(
             command_of(__name__, module, *arguments),
@@ -64,11 +54,7 @@ def ask(module: str, *arguments: str, seconds: float) -> Answers:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """In the other process: run a module's `main`, and say that it came to its end.
-
-    Args:
-        arguments: the module's name, and what is for it.
-    """
+    """In the other process: run the `main` of the module named first, and say that it came to its end."""
     import_module(arguments[0]).main(arguments[1:])
     answer(**_DONE)
 
@@ -97,20 +83,15 @@ _answers = -1  # the descriptor that answers are written to
 
 
 def _steps(output: bytes) -> tuple[dict[str, Any], ...]:
-    steps: list[dict[str, Any]] = []
+    steps: list[Any] = []
     for line in output.splitlines():
-        try:
-            step = json.loads(line)
-        except ValueError:  # printed by a library, or cut off
-            continue
-        if isinstance(step, dict):
-            steps.append(step)
-    return tuple(steps)
+        with suppress(ValueError):  # printed by a library, or cut off
+            steps.append(json.loads(line))
+    return tuple(step for step in steps if isinstance(step, dict))
 
 
 def _end(code: int, errors: str) -> str:
-    words = last_words(errors)
-    return f"it ended with {end_in_words(code)}: {words}" if words else f"it ended with {end_in_words(code)}"
+    return f"it ended with {end_in_words(code)}: {last_words(errors)}".removesuffix(": ")
 
 
 def last_words(errors: str) -> str:

@@ -160,13 +160,10 @@ class RelativePrior(PriorPair):
 
 
 def relative_prior(target: PosePrior | None, source: PosePrior | None) -> RelativePrior | None:
-    """What two scans' priors say about T_target_source.
+    """What two scans' priors say about T_target_source; None where they bound nothing.
 
     Args:
         target, source: the scans' `prior`, None where they have none.
-
-    Returns:
-        None where the priors bound nothing.
     """
     if target is None or source is None:
         return None

@@ -109,7 +109,7 @@ class SpectralRegistrar(GridRegistrar):
         viewpoints = self.grid.to_voxels(places, volume.center)
         view = scan_view(self.device, points, volume.surface, viewpoints)
         surface = smooth_surface(self.device, volume.cells, [image.viewpoint for image in view.images])
-        layers = self.so3.equalize(analyzed)
+        layers = analyzed.read()
         return SpectralScan(
             volume=volume,
             coarse=coarse,

@@ -27,10 +27,8 @@ def search_rotation(
     tops lie: a fixed number of correlations, seven a step.
 
     Args:
-        R_target_source: where to begin.
-        peak: of the translation, under this rotation.
-        stay: whether to follow the given peak, step by step, instead of the highest: where it is known to be
-            the right one.
+        R_target_source, peak: where to begin, and the translation's peak there.
+        stay: whether to follow that peak, known to be the right one, step by step, instead of the highest.
 
     Returns:
         The best rotation that was tried and its peak.
@@ -50,10 +48,9 @@ def search_rotation(
         top = [step * _parabola_top(low, peak.psr, high) for low, high in zip(left, right, strict=True)]
         combined = Rotation.from_rotvec([top]) * R
         # in this order the first of equal ones is kept: where it was, axis by axis the lower side, the top
-        turns = [R, *(sides[n] for n in (0, 3, 1, 4, 2, 5)), combined[0]]
-        peaks = [peak, *(beside[n] for n in (0, 3, 1, 4, 2, 5)), *peaks_under(combined)]
-        best = max(range(len(peaks)), key=lambda n: peaks[n].psr)
-        R, peak = turns[best], peaks[best]
+        tried = [(R, peak), *((sides[n], beside[n]) for n in (0, 3, 1, 4, 2, 5))]
+        tried.append((combined[0], peaks_under(combined)[0]))
+        R, peak = max(tried, key=lambda turn_and_peak: turn_and_peak[1].psr)
     return R, peak
 
 

@@ -8,7 +8,7 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.device.readback import Readback
+from sonarmap.kernels.device.readback import Pending, Readback
 from sonarmap.kernels.so3.correlation import LocalMaxima, RotationCorrelation
 from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
 
@@ -61,26 +61,9 @@ class SphereLayers:
 
 
 @dataclass(frozen=True, slots=True)
-class AnalyzedLayers:
-    """A scan's layers as they are, while the device works on them.
-
-    Attributes:
-        coefficients: device (degrees, layers, orders) complex64.
-        products: as in `SphereLayers`, once they are there.
-    """
-
-    coefficients: Array
-    products: Readback
-
-
-@dataclass(frozen=True, slots=True)
 class RotationPeaks:
-    """Rotations that the spectra allow, best first.
-
-    Attributes:
-        R: (n,) R_target_source.
-        scores: (n,) float64, the correlation as a share of what two equal scans would have.
-    """
+    """Rotations R_target_source (n,) that the spectra allow, best first, and scores (n,) float64 of each: its
+    correlation as a share of what two equal scans would have."""
 
     R: Rotation
     scores: np.ndarray
@@ -129,29 +112,26 @@ class So3:
         """How far from frequency 0 the magnitudes reach that `analyze` looks at [bins]."""
         return float(self._radii[-1]) + 2.0
 
-    def analyze(self, magnitude: Array) -> AnalyzedLayers:
-        """Queue a scan's layers.
+    def analyze(self, magnitude: Array) -> Pending[SphereLayers]:
+        """Queue a scan's layers; reading them raises InputError where the spectrum holds numbers that are not finite.
 
         Args:
             magnitude: (edge, edge, edge/2 + 1), as `spectrum.magnitude` gives it, up to `farthest` at least.
         """
         # each layer counts alike (Sect. 2.8)
         coefficients = self._harmonics.analyze(magnitude, self._radii)
-        return AnalyzedLayers(coefficients, Readback(self.device, self._harmonics.products(coefficients)))
+        queued = Readback(self.device, self._harmonics.products(coefficients))
+        return Pending(lambda: self._equalize(coefficients, queued))
 
-    def equalize(self, analyzed: AnalyzedLayers) -> SphereLayers:
-        """A scan's layers as the search takes them; waits for the device.
-
-        Raises:
-            InputError: the spectrum holds numbers that are not finite.
-        """
-        products = analyzed.products.read()
+    def _equalize(self, coefficients: Array, queued: Readback) -> SphereLayers:
+        """A scan's layers as the search takes them; waits for the device."""
+        products = queued.read()
         mixtures = np.zeros((len(products), sum(count for _, count in PARTS), _COUNT), np.float32)
         for (first, count), layers in zip(PARTS, (ALL, *BANDS), strict=True):
             among = products[:, layers, layers]
             energy = np.trace(among[1:], axis1=1, axis2=2).sum()
             mixtures[:, first : first + count, layers] = equalizers(among, _EQUALIZED) / np.sqrt(max(energy, 1e-30))
-        return SphereLayers(self._harmonics.mix(analyzed.coefficients, mixtures), products)
+        return SphereLayers(self._harmonics.mix(coefficients, mixtures), products)
 
     def correlate(self, target: Array, source: Array) -> Array:
         """The correlation of all layers over all rotations, an image for each second Euler angle and one of zeros."""

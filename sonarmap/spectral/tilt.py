@@ -13,11 +13,7 @@ def largest_tilt(R: Rotation) -> np.ndarray:
 
 
 def tilt_allowed(R_target_source: Rotation, max_tilt: float) -> np.ndarray:
-    """Whether roll and pitch keep to the bound [rad], but for 3 degrees that the estimate may be off.
-
-    Returns:
-        bool of shape () for one rotation, (n,) for a stack.
-    """
+    """Whether roll and pitch keep to the bound [rad], but for 3 degrees that the estimate may be off; () or (n,)."""
     return largest_tilt(R_target_source) <= max_tilt + _TILT_SLACK
 
 

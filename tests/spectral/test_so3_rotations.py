@@ -26,7 +26,7 @@ class Spectra:
 
     def of(self, points: np.ndarray) -> Array:
         _, magnitude = self._preparer.prepare(Scan(points))
-        return self.so3.equalize(self.so3.analyze(magnitude)).coefficients
+        return self.so3.analyze(magnitude).read().coefficients
 
     def best(
         self, target: Array, source: Array, count: int, allowed: Callable[[Rotation], np.ndarray]

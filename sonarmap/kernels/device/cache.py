@@ -55,10 +55,8 @@ def require_caches() -> None:
     if os.name != "posix":
         return
     folders = cache_folders()
-    if "POCL_CACHE_DIR" in os.environ:
-        del folders["PoCL"]
-    if "POCL_CACHE_DIR" in os.environ and (fault := _fault(kernel_cache())):
-        _replace("POCL_CACHE_DIR", kernel_cache(), fault)
+    if "POCL_CACHE_DIR" in os.environ and (fault := _fault(pocl := folders.pop("PoCL"))):
+        _replace("POCL_CACHE_DIR", pocl, fault)
     for folder in folders.values():
         if fault := _fault(folder):
             _replace("XDG_CACHE_HOME", folder, fault)

@@ -16,12 +16,7 @@ _said: set[tuple[str, ...]] = set()
 
 
 def compile_program(context: cl.Context, source: str, options: tuple[str, ...], name: str) -> cl.Program:
-    """Compile OpenCL C for the device of a context, and say so if it is the first time on this machine.
-
-    Args:
-        source: with its includes, as `Device.build` takes it.
-        options: of the compiler.
-        name: of the program in a message.
+    """Compile OpenCL C as `Device.build` takes it, and say so if it is the first time on this machine.
 
     Raises:
         cl.Error: it does not build.

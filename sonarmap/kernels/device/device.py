@@ -169,13 +169,10 @@ class Device:
 
     @contextmanager
     def explain_full_memory(self) -> Generator[None]:
-        """Raise an error that says what to do where the driver has no memory left.
+        """Raise a DeviceError that says what to do where the driver has no memory left.
 
         Other programs use the device's memory too, and many drivers take it at the first launch that needs it: an
         allocation that should fit can fail, or a launch after it.
-
-        Raises:
-            DeviceError: in place of PyOpenCL's error.
         """
         try:
             yield
@@ -191,8 +188,7 @@ class Device:
         """Refuse work that the device cannot hold.
 
         Args:
-            largest: size of the largest single array [bytes].
-            total: size of all arrays together [bytes].
+            largest, total: size of the largest single array, and of all together [bytes].
             hint: what the message says to use instead.
 
         Raises:

@@ -17,12 +17,8 @@ SYSTEM_FOLDER = Path("/etc/OpenCL/vendors")
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """A driver that a process can load.
-
-    Attributes:
-        file: what names it: a file .icd, or the library itself; "" for whatever the system's loader finds by itself.
-        library: a path, or a name that the system looks for; "" as above.
-    """
+    """A driver that a process can load: the file .icd that names it, or the library itself, and the library's path or
+    name; both "" for whatever the system's loader finds by itself."""
 
     file: str = ""
     library: str = ""
@@ -38,11 +34,8 @@ def vendor_folder(environment: Mapping[str, str] = os.environ) -> tuple[Path, st
 
 
 def installed_drivers(environment: Mapping[str, str] = os.environ) -> list[Driver]:
-    """All drivers, each once: those where a variable points, else the system's, pip's and conda's.
-
-    Returns:
-        In the order of their files; without any the one that the system's loader may find in a way of its own.
-    """
+    """All drivers, each once, in the order of their files: those where a variable points, else the system's, pip's and
+    conda's; without any the one that the system's loader may find by itself."""
     place, variable = vendor_folder(environment)
     if place.is_file() and place.suffix != ".icd":
         return [Driver(str(place), str(place))]

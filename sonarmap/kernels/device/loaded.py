@@ -24,16 +24,12 @@ def loaded_driver() -> Driver | None:
 
 
 def load_devices(driver: Driver, folder: str | None = None) -> list[list[cl.Device]]:
-    """Load a driver, if it is not loaded yet, and nothing else.
+    """Load a driver, if it is not loaded yet, and nothing else: the devices of each of its platforms.
 
-    Where other code has asked for OpenCL's platforms before, all drivers are loaded already.
+    Where other code has asked for OpenCL's platforms before, all drivers are loaded already, and give their devices.
 
     Args:
-        driver: to load.
         folder: for a temporary file, which stays where the driver ends the process; None: the system's.
-
-    Returns:
-        The devices of each platform; of all drivers in that case.
 
     Raises:
         DeviceError: this process has another one.
@@ -88,15 +84,13 @@ def _alone(driver: Driver, within: str | None) -> Generator[None]:
         yield
         return
     names = (*VARIABLES, "PYOPENCL_HOME")
-    before = {name: os.environ.get(name) for name in names}
+    before = {name: os.environ[name] for name in names if name in os.environ}
     with temporary_folder(within) as folder:
         Path(folder, "driver.icd").write_text(f"{driver.library}\n", encoding="utf-8")
         os.environ.update(dict.fromkeys(names, folder))
         try:
             yield
         finally:
-            for name, value in before.items():
-                if value is None:
-                    del os.environ[name]
-                else:
-                    os.environ[name] = value
+            for name in names:
+                del os.environ[name]
+            os.environ.update(before)

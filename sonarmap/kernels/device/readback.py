@@ -17,11 +17,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Pending(Generic[T]):
-    """What a kernel that is queued will say.
-
-    Attributes:
-        read: waits for it, if it is not there yet.
-    """
+    """What a kernel that is queued will say; `read` waits for it, if it is not there yet."""
 
     read: Callable[[], T]
 

@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +33,7 @@ _recalled: set[str] = set()  # of these, what another process found
 
 
 def try_devices(test: bool = False) -> list[DeviceInfo]:
-    """Try every driver now.
-
-    Args:
-        test: also run the self-test of each device that works, which takes some seconds, and remember its verdict.
-
-    Returns:
-        The devices in the order of their drivers; what does not work says why in its `fault`.
-    """
+    """Try every driver now, as `kernels.device.device.list_devices` says."""
     drivers = _drivers()
     for driver in drivers:
         _try(driver, "all" if test else "")
@@ -49,8 +43,7 @@ def try_devices(test: bool = False) -> list[DeviceInfo]:
 def known_devices(remembered: bool = True) -> list[DeviceInfo]:
     """What the last trial of each driver said; one that this machine has not tried since it started is tried now.
 
-    Args:
-        remembered: whether a trial by another process counts.
+    A trial by another process counts only where `remembered`.
     """
     drivers = _drivers()
     for driver in drivers:
@@ -66,8 +59,7 @@ def known_devices(remembered: bool = True) -> list[DeviceInfo]:
 def run_self_test(info: DeviceInfo) -> None:
     """Run one device's self-test, and remember its verdict."""
     driver = driver_of(info)
-    alike = [each.selector for each in _tried[_memory_name(driver)] if each.identity == info.identity]
-    _try(driver, alike[0])
+    _try(driver, next(each.selector for each in _tried[_memory_name(driver)] if each.identity == info.identity))
 
 
 def driver_of(info: DeviceInfo) -> Driver:
@@ -105,12 +97,7 @@ def _drivers() -> list[Driver]:
 
 
 def _try(driver: Driver, tested: str = "") -> None:
-    """Try one driver, and remember what came out; after a device that ends the process, the rest in a new one.
-
-    Args:
-        driver: to try.
-        tested: whose self-test to run, as `main` takes it.
-    """
+    """Try one driver, and remember what came out; after a device that ends the process, the rest in a new one."""
     infos: dict[str, DeviceInfo] = {}
     answers = _ask(driver, infos, 0, tested)
     while answers.end and answers.named("begins"):
@@ -132,8 +119,8 @@ def _ask(driver: Driver, infos: dict[str, DeviceInfo], first: int, tested: str) 
     seconds = _SECONDS_OF_TEST if tested else _SECONDS
     with temporary_folder() as folder:
         answers = ask(__name__, driver.file, driver.library, folder, str(first), tested, seconds=seconds)
-    for entry in [entry for found in answers.named("found") for entry in found]:
-        more = {"driver_file": driver.file, "fault": "its driver failed before it was tried"}
+    more = {"driver_file": driver.file, "fault": "its driver failed before it was tried"}
+    for entry in chain.from_iterable(answers.named("found")):
         infos.setdefault(entry["selector"], DeviceInfo(**entry | more))
     for selector, fault in answers.named("tried"):
         infos[selector] = replace(infos[selector], fault=fault)
@@ -182,7 +169,7 @@ def _memory_name(driver: Driver) -> str:
 def _digest(driver: Driver, devices: Any) -> str:
     """Of what was found, and of what it depends on: the driver's files, the kernel that runs, the nodes of GPUs."""
     changes = [str(_changed(Path(path))) for path in (driver.file, driver.library, "/etc/ld.so.cache")]
-    nodes = sorted(map(str, [*Path("/dev").glob("nvidia*"), *Path("/dev").glob("dri/*"), *Path("/dev").glob("kfd")]))
+    nodes = sorted(str(node) for kind in ("nvidia*", "dri/*", "kfd") for node in Path("/dev").glob(kind))
     try:
         start = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii")
     except OSError:  # not Linux
@@ -224,7 +211,6 @@ def _fault(device: cl.Device) -> str:
         cl.Kernel(program, "probe")(queue, (8,), (1,), buffer)
         result = np.empty_like(numbers)
         cl.enqueue_copy(queue, result, buffer)
-        right = bool(np.array_equal(result, 2 * numbers + 1))
-        return "" if right else "a trial kernel gave wrong numbers"
+        return "" if np.array_equal(result, 2 * numbers + 1) else "a trial kernel gave wrong numbers"
     except cl.Error as error:
         return informative_line(str(error))

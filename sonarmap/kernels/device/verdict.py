@@ -12,20 +12,14 @@ from sonarmap.kernels.device.device_info import State
 from sonarmap.kernels.device.source import KERNEL_FOLDER, informative_line
 from sonarmap.kernels.errors import SonarmapError
 
-_CHECKS = (
-    "sonarmap.kernels.self_test.checks"  # by name: it runs all kernels, which are built on what asks for the verdict
-)
+# By name: it runs all kernels, which are built on what asks for the verdict.
+_CHECKS = "sonarmap.kernels.self_test.checks"
 _known: dict[str, "Verdict"] = {}  # of this process, where nothing can be written
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the self-test of a device said.
-
-    Attributes:
-        state: "passed", "failed" or "not tested".
-        reason: what failed and how far it is off; "" where it passed or was not tested.
-    """
+    """What the self-test of a device said; where it failed, what and how far it is off."""
 
     state: State
     reason: str = ""
@@ -43,11 +37,7 @@ def self_test(device: cl.Device) -> Verdict:
 
 
 def remembered_verdict(identity: tuple[str, str, str]) -> Verdict:
-    """What the last self-test of a device said, with this driver and these kernels.
-
-    Args:
-        identity: of the device, as `DeviceInfo.identity` has it.
-    """
+    """What the last self-test of a device said, with this driver and these kernels."""
     name = memory_name(identity)
     if name in _known:
         return _known[name]

@@ -22,15 +22,8 @@ _BARRIER = "barrier(CLK_LOCAL_MEM_FENCE);"
 
 @dataclass(frozen=True, slots=True)
 class _Axis:
-    """An axis other than the last.
-
-    Attributes:
-        name: of its kernel.
-        points: of one column.
-        groups: of work-items.
-        outer: floats from one set of adjacent columns to the next.
-        stride: floats from one element of a column to the next.
-    """
+    """An axis other than the last: its kernel, the points of a column, groups of work-items, and floats from one set of
+    adjacent columns to the next (outer) and from one element of a column to the next (stride)."""
 
     name: str
     points: int

@@ -25,23 +25,27 @@ _WIDTH = 64
 
 
 class _Tables:
-    """Gains, weights and roots on the device."""
+    """Gains, weights and roots on the device, and the sums of near.cl for `most` volumes."""
 
-    def __init__(self, device: Device, edge: int, blur: float) -> None:
+    def __init__(self, device: Device, edge: int, blur: float, most: int) -> None:
+        self._device, self._edge, self._pitch = device, edge, row_pitch(edge)
         along = full_gain(edge, blur)
         across = along[:, None] * half_gain(edge, blur)
         weights = np.broadcast_to(half_weights(edge), across.shape)
         turns = 2j * np.pi * np.arange(edge) / edge
-        self.across = table(device, np.stack([across, weights]).astype(np.float32))
-        self.along, self.roots = table(device, along), table(device, np.exp(turns).astype(np.complex64))
+        gains = table(device, np.stack([across, weights]).astype(np.float32)), table(device, along)
+        self._gains, self._roots = gains, table(device, np.exp(turns).astype(np.complex64))
+        self._sums = device.empty((most, 6, edge, self._pitch), np.complex64)
+
+    def _sum_rows(self, place: np.ndarray, out: cla.Array, index: int, lanes: int, width: int) -> None:
+        """Of the sums along the first axis those of a voxel (3,) along the second, to out[index]."""
+        numbers = np.int32(place[1]), np.int32(self._edge), np.int32(self._pitch), np.int32(index)
+        size, group = (-(-self._pitch // lanes // width) * width, 6), (width, 1) if width > 1 else None
+        arrays = self._sums, self._roots, out
+        launch(self._device, "pomf/near", "sum_rows", size, *arrays, *numbers, group=group, LANES=lanes)
 
 
-def _empty_sums(device: Device, edge: int, most: int) -> cla.Array:
-    """For near.cl, of each volume."""
-    return device.empty((most, 6, edge, row_pitch(edge)), np.complex64)
-
-
-class FusedPasses:
+class FusedPasses(_Tables):
     """For processors: a work-item per plane or sheet; see `kernels.fft.fused`.
 
     Attributes:
@@ -53,18 +57,15 @@ class FusedPasses:
 
     def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...], most: int) -> None:
         """Build the kernels, for `most` volumes at once."""
+        super().__init__(device, edge, blur, most)
         layout = Layout((edge, edge, edge))
-        self._device, self._edge, self._pitch, self._exponents = device, edge, layout.pitch, len(exponents)
-        self.parts = edge // sheet_width(layout)
-        self._tables = _Tables(device, edge, blur)
-        self._sums = _empty_sums(device, edge, most)
+        self._exponents, self.parts = len(exponents), edge // sheet_width(layout)
         # which planes of the volumes hold points
         self._filled = device.empty((most, edge), np.int32)
         forward = device.build(fused.emit_forward(layout, exponents), name="fused")
-        back = device.build(fused.emit_inverse(layout), name="fused")
         self._planes = cl.Kernel(device.build(emit_planes(layout), name="sparse"), "planes")
         self._correlate, self._near = cl.Kernel(forward, "correlate"), cl.Kernel(forward, "near")
-        self._back = cl.Kernel(back, "planes")
+        self._back = cl.Kernel(device.build(fused.emit_inverse(layout), name="fused"), "planes")
 
     def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
         """Transform the volumes; where the passes are fused, their first axis is left to the next one."""
@@ -72,8 +73,7 @@ class FusedPasses:
 
     def correlate(self, spectra: cla.Array, targets: Sequence[cla.Array], energies: cla.Array, count: int) -> None:
         """Whiten, multiply by the targets and the gains; where the passes are fused, transform the first axis back."""
-        tables = self._tables.across, self._tables.along
-        arrays = spectra, self._filled, *targets, *tables, energies
+        arrays = spectra, self._filled, *targets, *self._gains, energies
         self._launch(self._correlate, count * self.parts, *arrays, np.int32(count))
 
     def inverse(
@@ -87,30 +87,23 @@ class FusedPasses:
         self, spectra: cla.Array, number: int, target: cla.Array, place: np.ndarray, out: cla.Array, index: int
     ) -> None:
         """Of one spectrum from `forward`, the sums near a voxel (3,) of the correlation, to out[index]; see near.cl."""
-        tables = self._tables.across, self._tables.along, self._tables.roots
-        arrays = spectra, self._filled, target, *tables
+        arrays = spectra, self._filled, target, *self._gains, self._roots
         self._launch(self._near, self.parts, *arrays, np.int32(place[0]), np.int32(number), self._sums)
-        numbers = np.int32(place[1]), np.int32(self._edge), np.int32(self._pitch), np.int32(index)
-        launch(
-            self._device, "pomf/near", "sum_rows", (self._pitch // 8, 6), self._sums, self._tables.roots, out,
-            *numbers, LANES=8,
-        )  # fmt: skip
+        self._sum_rows(place, out, index, 8, 1)
 
     def _launch(self, kernel: cl.Kernel, items: int, *arguments: cla.Array | np.generic) -> None:
         enqueue(self._device, kernel, (items,), *arguments, group=(1,))
 
 
-class SinglePasses:
+class SinglePasses(_Tables):
     """For graphics processors: a work-item per number or column, neighbors beside each other in memory."""
 
     clears = False
 
     def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...], most: int) -> None:
         """Build the kernels, for `most` volumes at once."""
-        self._device, self._edge, self._pitch, self._exponents = device, edge, row_pitch(edge), exponents
-        self.parts = edge * edge
-        self._tables = _Tables(device, edge, blur)
-        self._sums = _empty_sums(device, edge, most)
+        super().__init__(device, edge, blur, most)
+        self._exponents, self.parts = exponents, edge * edge
         self._fft = RealFFT(device, (edge, edge, edge))
 
     def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
@@ -120,11 +113,10 @@ class SinglePasses:
 
     def correlate(self, spectra: cla.Array, targets: Sequence[cla.Array], energies: cla.Array, count: int) -> None:
         """As `FusedPasses` does."""
-        tables = self._tables.across, self._tables.along
         # the source's spectrum is overwritten by the first exponent's product
         for e in reversed(range(len(self._exponents))):
             for n in range(count):
-                arrays = spectra, targets[e], spectra, *tables, energies
+                arrays = spectra, targets[e], spectra, *self._gains, energies
                 numbers = np.int32(self._edge), np.int32(self._pitch), np.float32(self._exponents[e])
                 launch(
                     self._device, "pomf/product", "product", (self._edge**2 * _WIDTH,), *arrays, *numbers,
@@ -148,19 +140,14 @@ class SinglePasses:
         self, spectra: cla.Array, number: int, target: cla.Array, place: np.ndarray, out: cla.Array, index: int
     ) -> None:
         """As `FusedPasses` does."""
-        tables, edge, columns = self._tables, np.int32(self._edge), self._edge * self._pitch
+        columns = self._edge * self._pitch
         groups = -(-columns // _WIDTH)
         launch(
-            self._device, "pomf/near", "sum_columns", (groups * _WIDTH,), spectra, target, tables.across,
-            tables.along, tables.roots, np.int32(place[0]), self._sums, edge, np.int32(columns),
+            self._device, "pomf/near", "sum_columns", (groups * _WIDTH,), spectra, target, *self._gains, self._roots,
+            np.int32(place[0]), self._sums, np.int32(self._edge), np.int32(columns),
             np.float32(self._exponents[0]), np.int32(number), group=(_WIDTH,), LANES=1,
         )  # fmt: skip
-        numbers = np.int32(place[1]), edge, np.int32(self._pitch), np.int32(index)
-        size = -(-self._pitch // _WIDTH) * _WIDTH, 6
-        launch(
-            self._device, "pomf/near", "sum_rows", size, self._sums, tables.roots, out, *numbers, group=(_WIDTH, 1),
-            LANES=1,
-        )  # fmt: skip
+        self._sum_rows(place, out, index, 1, _WIDTH)
 
 
 Passes = FusedPasses | SinglePasses

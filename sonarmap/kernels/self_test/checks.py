@@ -34,14 +34,7 @@ _TURN, _SHIFT = Rotation.from_euler("ZYX", [24.0, -9.0, 6.0], degrees=True), np.
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One number of a device beside what it should be.
-
-    Attributes:
-        what: was computed, in words.
-        off: how far it is from the right one, in `unit`.
-        tolerance: how far it may be.
-        unit: of both, as in "voxels"; "" for a share.
-    """
+    """How far one number of a device is off, and may be, both in `unit` as "voxels", or "" for a share."""
 
     what: str
     off: float

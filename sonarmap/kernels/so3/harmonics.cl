@@ -158,38 +158,6 @@ static float sum16(const float16 v) {
     const float2 c = b.lo + b.hi;
     return c.x + c.y;
 }
-
-// One work-item: one order of one layer, of mean 0 and variance 1 over the sphere: every degree, and both signs.
-__kernel void project(__global const float* const restrict waves, __global const float* const restrict moments,
-                      __global const float* const restrict weights, __global const float* const restrict legendre,
-                      __global float* const restrict coefficients) {
-    const int order = get_global_id(0);
-    const int layer = get_global_id(1);
-    const int layers = get_global_size(1);
-    __global const float* const means = moments + (size_t)layer * LATITUDES;
-    __global const float* const variances = means + (size_t)layers * LATITUDES;
-    float16 total = 0.0f;
-    for (int ring = 0; ring < LATITUDES; ring += 16) total += vload16(0, weights + ring) * vload16(0, means + ring);
-    const float mean = sum16(total);
-    float16 squares = 0.0f;
-    for (int ring = 0; ring < LATITUDES; ring += 16) {
-        const float16 off = vload16(0, means + ring) - mean;
-        squares += vload16(0, weights + ring) * (vload16(0, variances + ring) + off * off);
-    }
-    const float deviation = sqrt(sum16(squares));
-    const float scale = deviation > CONSTANT * fabs(mean) ? 1.0f / deviation : 0.0f;
-    for (int pair = 0; pair < DEGREES; ++pair) {
-        float16 re = 0.0f;
-        float16 im = 0.0f;
-        for (int ring = 0; 2 * pair >= order && ring < LATITUDES; ring += 16) {
-            const float16 factor = vload16(0, legendre + LEGENDRE(pair, order, ring));
-            re += factor * (order ? vload16(0, waves + WAVE(layer, order, 0, ring))
-                                  : LONGITUDES * (vload16(0, means + ring) - mean));
-            im += factor * vload16(0, waves + WAVE(layer, order, 1, ring));
-        }
-        STORE(scale * sum16(re), order ? scale * sum16(im) : 0.0f)
-    }
-}
 #else
 #define GROUP 64
 #define WAVE(layer, order, part, ring) ((((size_t)(layer) * LATITUDES + (ring)) * 2 + (part)) * BANDWIDTH + (order))
@@ -271,17 +239,42 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void waves(
         out[WAVE(layer, order, 1, ring)] = im;
     }
 }
+#endif
 
-// One work-item: one order and degree of one layer.
+// One work-item: one order of one layer, of mean 0 and variance 1 over the sphere: every degree on a processor, else one
+// of them; and both signs.
 __kernel void project(__global const float* const restrict waves, __global const float* const restrict moments,
                       __global const float* const restrict weights, __global const float* const restrict legendre,
                       __global float* const restrict coefficients) {
     const int order = get_global_id(0);
     const int layer = get_global_id(1);
     const int layers = get_global_size(1);
-    const int pair = get_global_id(2);
     __global const float* const means = moments + (size_t)layer * LATITUDES;
     __global const float* const variances = means + (size_t)layers * LATITUDES;
+#if CPU
+    float16 total = 0.0f;
+    for (int ring = 0; ring < LATITUDES; ring += 16) total += vload16(0, weights + ring) * vload16(0, means + ring);
+    const float mean = sum16(total);
+    float16 squares = 0.0f;
+    for (int ring = 0; ring < LATITUDES; ring += 16) {
+        const float16 off = vload16(0, means + ring) - mean;
+        squares += vload16(0, weights + ring) * (vload16(0, variances + ring) + off * off);
+    }
+    const float deviation = sqrt(sum16(squares));
+    const float scale = deviation > CONSTANT * fabs(mean) ? 1.0f / deviation : 0.0f;
+    for (int pair = 0; pair < DEGREES; ++pair) {
+        float16 re = 0.0f;
+        float16 im = 0.0f;
+        for (int ring = 0; 2 * pair >= order && ring < LATITUDES; ring += 16) {
+            const float16 factor = vload16(0, legendre + LEGENDRE(pair, order, ring));
+            re += factor * (order ? vload16(0, waves + WAVE(layer, order, 0, ring))
+                                  : LONGITUDES * (vload16(0, means + ring) - mean));
+            im += factor * vload16(0, waves + WAVE(layer, order, 1, ring));
+        }
+        STORE(scale * sum16(re), order ? scale * sum16(im) : 0.0f)
+    }
+#else
+    const int pair = get_global_id(2);
     float mean = 0.0f;
     for (int ring = 0; ring < LATITUDES; ++ring) mean += weights[ring] * means[ring];
     float square = 0.0f;
@@ -297,5 +290,5 @@ __kernel void project(__global const float* const restrict waves, __global const
     const float deviation = sqrt(square);
     const float scale = deviation > CONSTANT * fabs(mean) ? 1.0f / deviation : 0.0f;
     STORE(scale * re, order ? scale * im : 0.0f)
-}
 #endif
+}

@@ -46,12 +46,8 @@ _TILT_PEAKS, _TILT_SEPARATION = 4, 3.0
 
 @dataclass(frozen=True, slots=True)
 class AngleEstimate:
-    """A rotation read off a correlation.
-
-    Attributes:
-        R: the rotation that is missing on the left of what was known: R_target_source = R R_known.
-        psr: how far its peak stands above the mean of the correlation [standard deviations].
-    """
+    """A rotation that is missing on the left of what was known, R_target_source = R R_known, and how far its peak is
+    above the mean of the correlation, psr [standard deviations]."""
 
     R: Rotation
     psr: float
@@ -117,11 +113,8 @@ class Hemisphere:
         )
 
     def yaw_correlation(self, target: LayerSpectra, source: LayerSpectra) -> np.ndarray:
-        """How well every yaw fits (Sect. 2.5): standard deviations above the mean of the correlation.
-
-        Returns:
-            (bins,) float64; bin k is a yaw of k yaw_bin, and the same + 180 degrees.
-        """
+        """(bins,) float64 how well every yaw fits (Sect. 2.5): standard deviations above the mean of the correlation;
+        bin k is a yaw of k yaw_bin, and the same + 180 degrees."""
         correlation = self._yaw_pomf.correlate_layers(target.yaw, source.yaw).get()
         # the true peak has no radial shift; sub-bin peaks may lie half a bin off
         row = correlation[[-1, 0, 1]].max(axis=0).astype(np.float64)
@@ -145,11 +138,8 @@ class Hemisphere:
         ]
 
     def tilt_correlation(self, target: LayerSpectra, source_magnitude: Array, R_known: Rotation) -> Array:
-        """How well roll and pitch fit once R_known is applied (Sect. 2.6).
-
-        Returns:
-            device (images, images) float32; cyclic shifts of (pitch, -roll) in tilt_bin, zero at [0, 0].
-        """
+        """How well roll and pitch fit once R_known is applied (Sect. 2.6): device (images, images) float32, by cyclic
+        shifts of (pitch, -roll) in tilt_bin, zero at [0, 0]."""
         return self._tilt_pomf.correlate_layers(target.tilt, self._tilt_spectra(source_magnitude, R_known))
 
     def tilt(

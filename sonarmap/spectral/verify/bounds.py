@@ -56,11 +56,8 @@ class Bounds:
 
     @property
     def sweep(self) -> Sweep | None:
-        """R_target_source that attitudes and headings leave; None without sure attitudes.
-
-        All turns about the vertical, each with the measured tilt, and with tilts as far from it as the measurements
-        usually are.
-        """
+        """R_target_source that attitudes and headings leave: all turns about the vertical, each with the measured tilt
+        and with tilts as far from it as the measurements usually are. None without sure attitudes."""
         prior = self.prior
         if prior is None or not prior.knows_tilt or prior.tilt_sigma > _SUREST_TILT:
             return None
@@ -71,19 +68,13 @@ class Bounds:
         return Sweep(prior.turned(turns, prior.tilt_sigma * _TILTS), len(_TILTS), _NEAR if bounded else _APART)
 
     def shift_box(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray] | None:
-        """Center (3,) and half widths (3,) [m] of the places of the source's sensor, in the target's axes.
-
-        None where position and depth do not bound all three.
-        """
+        """Center (3,) and half widths (3,) [m] of the places of the source's sensor, in the target's axes; None where
+        position and depth do not bound all three."""
         box = None if self.prior is None else self.prior.shift_box(R_target_source)
         return None if box is None else (box[0], box[1] + _SHIFT_SLACK * self.voxel)
 
     def search(self, extent: float) -> float:
-        """The logarithm, base 10, of the share of all poses that instruments leave; at most 0.
-
-        Args:
-            extent: edge of the grid [m].
-        """
+        """The logarithm, base 10, of the share, at most 1, of all poses that instruments leave within an extent [m]."""
         prior = self.prior
         if prior is None:
             return 0.0

@@ -1,7 +1,7 @@
 """Poses that the translations' correlations name, before any of them is refined."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -38,20 +38,13 @@ class Candidates:
     @staticmethod
     def joined(parts: "Sequence[Candidates]") -> "Candidates":
         """All together."""
-        return Candidates(
-            rotation=np.concatenate([part.rotation for part in parts]),
-            R=Rotation.concatenate([part.R for part in parts]),
-            shifts=np.concatenate([part.shifts for part in parts]),
-            psr=np.concatenate([part.psr for part in parts]),
-            rotation_scores=np.concatenate([part.rotation_scores for part in parts]),
-        )
+        rows = {name: [getattr(part, name) for part in parts] for name in _NAMES}
+        R = Rotation.concatenate(rows.pop("R"))
+        return Candidates(R=R, **{name: np.concatenate(arrays) for name, arrays in rows.items()})
 
     def select(self, selected: np.ndarray) -> "Candidates":
         """Those for which (n,) bool is true."""
-        return Candidates(
-            rotation=self.rotation[selected],
-            R=self.R[selected],  # pyright: ignore[reportArgumentType]
-            shifts=self.shifts[selected],
-            psr=self.psr[selected],
-            rotation_scores=self.rotation_scores[selected],
-        )
+        return Candidates(*(getattr(self, name)[selected] for name in _NAMES))
+
+
+_NAMES = [field.name for field in fields(Candidates)]

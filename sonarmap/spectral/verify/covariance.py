@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.spectral.covariance import covariance_at_sensor
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.verify.calibration import CALIBRATION, Calibration
-from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.fit import Fit, principal_axes
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 
 # Of six normal numbers' chi-squared 95 % are less.
@@ -60,9 +60,8 @@ def fit_covariance(
     fit = hypothesis.fit
     target_center, source_center = (center / grid.voxel for center in centers)
     away = target_center + fit.shift, fit.R.apply(source_center)
-    by_scans = _by_planes(hypothesis, calibration) + calibration.systematic(
-        *away, fit.principal()[2], fit.stretch is not None
-    )
+    _, _, lever = principal_axes(fit.information, fit.pairs)
+    by_scans = _by_planes(hypothesis, calibration) + calibration.systematic(*away, lever, fit.stretch is not None)
     by_scans *= calibration.other_kinds
     unknown = np.diag(np.repeat([np.pi, float(grid.edge)], 3) ** -2.0)
     by_scans = np.linalg.inv(np.linalg.inv(by_scans) + unknown)
@@ -97,7 +96,7 @@ def covers(covariance: np.ndarray, T: RigidTransform, other: RigidTransform) -> 
 def _by_planes(hypothesis: Hypothesis, calibration: Calibration) -> np.ndarray:
     """(6, 6) by the scans' planes, of a turn of the target's axes about the source's grid center and a shift."""
     fit = hypothesis.fit
-    share, axes, lever = fit.principal()
+    share, axes, lever = principal_axes(fit.information, fit.pairs)
     variance = float(calibration.variance(np.array(fit.width), hypothesis.evidence.psr))
     # a share that is no more than its error may be nothing; one that is far above it is what it seems
     share = np.maximum(share, _LEAST)

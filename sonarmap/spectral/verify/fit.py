@@ -25,7 +25,7 @@ class Fit:
         prior: what instruments measured, about the pose before the last step; None where nothing was.
         width: median distance to the planes of all points within 3 voxels and more [voxels]: how far the surfaces are
             apart, by noise, by distortion, or because they are not the same.
-        doubt: (6,) standard errors of the shares that `principal` gives.
+        doubt: (6,) standard errors of the shares that `principal_axes` gives.
         own: (6,) the shares along the same axes by one scan's normals alone: what noise seems to hold is in them too.
         step: (6,) from there to where the scans alone would have it [rad, voxels].
         stretch: (2,) by which shares the ranges of the source and of the target are taken to be too short; None where
@@ -46,30 +46,19 @@ class Fit:
     stretch: np.ndarray | None = None
     stretching: np.ndarray | None = None
 
-    def principal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The information by directions: shares (6,) of a pair's, ascending, their axes (6, 6) in columns, a lever ().
-
-        Turns are taken times the lever [voxels], what they move the points by, so that directions can be compared.
-        """
-        return principal_axes(self.information, self.pairs)
-
-    @property
-    def firmness(self) -> float:
-        """The geometric mean, over all directions, of how firmly the planes hold the pose; 0..1.
-
-        Two flat places fit anywhere: their planes hold three directions of six.
-        """
-        return float(firmness(self.information, np.array(self.pairs)))
-
     @property
     def by_scans(self) -> "Fit":
         """Where the scans alone would have the pose."""
-        turn, shift = self.step[:3], self.step[3:]
-        return replace(self, R=Rotation.from_rotvec(turn) * self.R, shift=self.shift + shift, prior=None)
+        R = Rotation.from_rotvec(self.step[:3]) * self.R
+        return replace(self, R=R, shift=self.shift + self.step[3:], prior=None)
 
 
 def principal_axes(information: np.ndarray, pairs: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """As `Fit.principal`, of (..., 6, 6) information by (...) pairs."""
+    """The information (..., 6, 6) of (...) pairs by directions: shares (..., 6) of a pair's, ascending, their axes
+    (..., 6, 6) in columns, and levers (...) [voxels].
+
+    Turns are taken times the lever, what they move the points by, so that directions can be compared.
+    """
     counted = np.maximum(np.asarray(pairs), 1e-12)
     turning = np.trace(information[..., :3, :3], axis1=-2, axis2=-1)
     lever = np.sqrt(np.maximum(turning, 1e-12) / counted)
@@ -79,6 +68,9 @@ def principal_axes(information: np.ndarray, pairs: np.ndarray | float) -> tuple[
 
 
 def firmness(information: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """(...) as `Fit.firmness`, of (..., 6, 6) information by (...) pairs."""
+    """(...) 0..1, the geometric mean over all directions of how firmly the planes hold the pose.
+
+    Two flat places fit anywhere: their planes hold three directions of six.
+    """
     share, _, _ = principal_axes(information, pairs)
     return np.exp(np.log(np.maximum(share, _LOOSEST)).mean(axis=-1))

@@ -42,14 +42,7 @@ _SAME_ROTATION = float(np.deg2rad(1.0))
 
 @dataclass(frozen=True, slots=True)
 class HypothesisTest:
-    """One pair of scans, and which poses are possible between them.
-
-    Attributes:
-        verifier: of the grid.
-        grid: that both scans share.
-        target, source: the scans.
-        bounds: which poses are possible.
-    """
+    """One pair of scans on a grid that both share, and which poses are possible between them."""
 
     verifier: Verifier
     grid: Grid
@@ -104,11 +97,7 @@ class HypothesisTest:
         return self._frames.possible(missed)[: len(finalists)]
 
     def conclude(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
-        """The hypotheses compared, and the best refined to the end; one alone has nothing to be compared with.
-
-        Args:
-            spectral: as in `finish`.
-        """
+        """The hypotheses compared, and the best refined to the end as `finish` does; one alone is not compared."""
         hopeful = _hopeful(hypotheses, 1.5 * _HOPELESS)
         if len(hopeful) == 1:
             return self.finish(hopeful, spectral, [_CLOSE, _FINAL])

@@ -20,13 +20,7 @@ from sonarmap.spectral.verify.prior_term import PriorTerm
 
 @dataclass(frozen=True, slots=True)
 class PairFrames:
-    """Between the sensors of two scans [m] and the centers of their grids [voxels].
-
-    Attributes:
-        grid: that both scans share.
-        target, source: the scans.
-        bounds: which poses of the sensors are possible.
-    """
+    """Between the sensors of two scans [m] and the centers of their grids [voxels]; bounds are those of the sensors."""
 
     grid: Grid
     target: SpectralScan

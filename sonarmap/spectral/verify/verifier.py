@@ -22,8 +22,8 @@ from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, SpectralScan
 from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.translation import SAME_SHIFT, Box, Translation, Volume
 from sonarmap.spectral.verify.candidates import Candidates
-from sonarmap.spectral.verify.hypothesis import Hypothesis
-from sonarmap.spectral.verify.observation import Observation, consistency
+from sonarmap.spectral.verify.fit import Fit, firmness
+from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
 from sonarmap.spectral.verify.shared_surface import SharedSurface, shared_surfaces
 
 # Peaks of a rotation's translation that are followed, and how far apart they are [coarse voxels].
@@ -38,6 +38,42 @@ _BY_POINTS, _POINTS = 60, 400
 SURFACE_POINTS = 1200
 # Along which axes a cyclic shift is wrapped, of all that it may stand for.
 _WRAPS = np.array(list(product((False, True), repeat=3)))
+# A contradiction weighs as so many agreements; a share of points that is small beside the least hardly counts.
+_WEIGHT, _LEAST = 4.0, 0.05
+
+
+def consistency(agree: np.ndarray, contradict: np.ndarray) -> np.ndarray:
+    """The share of agreeing points among those that agree or contradict, 0..1; a contradiction counts several times.
+
+    Not a share of all points: where scans have little in common few can agree, and few can contradict.
+    """
+    return agree / (agree + _WEIGHT * contradict + _LEAST)
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What the scans show of k poses: the surfaces they share, and their views by a tight and by a wide tolerance."""
+
+    surfaces: list[SharedSurface]
+    views: list[Visibility]
+
+    def evidence(self, fits: Sequence[Fit]) -> list[Evidence]:
+        """Of these poses, which are refined."""
+        fine, coarse = (consistency(view.agree, view.contradict).tolist() for view in self.views)
+        firm = firmness(np.stack([fit.information for fit in fits]), np.array([fit.pairs for fit in fits])).tolist()
+        return [
+            Evidence(
+                view=fine[n],
+                coarse_view=coarse[n],
+                surface=surface.consistency,
+                overlap=surface.overlap,
+                residual=fit.residual,
+                width=fit.width,
+                firmness=firm[n],
+                measured=0.0 if fit.prior is None else float(fit.prior.squared()),
+            )
+            for n, (fit, surface) in enumerate(zip(fits, self.surfaces, strict=True))
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +214,7 @@ class Verifier:
         if target.view.images or source.view.images:
             poses = upload_poses(self.device, candidates.R.as_matrix(), candidates.shifts)
             (seen,) = visibility(self.device, target.view, source.view, poses, [tolerance]).read()
-            agreement = np.asarray(consistency(seen.agree, seen.contradict))
+            agreement = consistency(seen.agree, seen.contradict)
         else:
             agreement = np.zeros(len(candidates.psr))
             highest = np.argsort(-candidates.psr, kind="stable")[:_BY_POINTS]
@@ -201,8 +237,7 @@ def _gathered(rotations: RotationPeaks, rotation: np.ndarray, shifts: np.ndarray
 
 
 def _observation(views: Pending[list[Visibility]], surfaces: Pending[list[SharedSurface]]) -> Observation:
-    shared = surfaces.read()  # queued last: it waits for all
-    return Observation.of(views.read(), shared)
+    return Observation(surfaces.read(), views.read())  # the surfaces are queued last: reading them waits for all
 
 
 def _measured(

@@ -72,8 +72,10 @@ def add_stub(folder: Path, name: str, source: str) -> None:
     (folder / f"{name}.icd").write_text(str(library))
 
 
-def chosen_in_a_new_process() -> subprocess.CompletedProcess[str]:
-    program = "from sonarmap.kernels.device.device import choose_device; print(choose_device().selector)"
+def chosen_in_a_new_process(then: str = "") -> subprocess.CompletedProcess[str]:
+    """What a process prints that chooses a device: its selector, or what `then` prints."""
+    program = f"from sonarmap.kernels.device.device import choose_device\nchosen = choose_device()\n{then}"
+    program += "" if then else "print(chosen.selector)"
     return subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=200)
 
 
@@ -133,20 +135,15 @@ class TestDrivers:
 
     def test_a_process_loads_one(self, drivers: Path) -> None:
         add_stub(drivers, "another", "int nothing;")
-        program = (
-            "from pathlib import Path; from sonarmap.kernels.device.device import choose_device\n"
-            "choose_device(); maps = Path('/proc/self/maps').read_text()\n"
-            f"print('libanother' in maps, {Path((drivers / 'good.icd').read_text()).name!r} in maps)"
-        )
-        ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=200)
+        good = Path((drivers / "good.icd").read_text()).name
+        maps = "from pathlib import Path; maps = Path('/proc/self/maps').read_text()"
+        ended = chosen_in_a_new_process(f"{maps}\nprint('libanother' in maps, {good!r} in maps)")
         assert (ended.stdout, ended.returncode) == ("False True\n", 0), ended.stderr
 
     def test_the_environment_is_left_as_it_was(self, drivers: Path) -> None:
-        program = (
-            "import os; from sonarmap.kernels.device.device import choose_device\n"
-            "choose_device(); print(os.environ['OCL_ICD_VENDORS'], 'OPENCL_VENDOR_PATH' in os.environ)"
+        ended = chosen_in_a_new_process(
+            "import os; print(os.environ['OCL_ICD_VENDORS'], 'OPENCL_VENDOR_PATH' in os.environ)"
         )
-        ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=200)
         assert ended.stdout == f"{drivers} False\n", ended.stderr
 
 
@@ -168,18 +165,14 @@ class TestTrials:
         answering(monkeypatch, Answers(first, "it ended with SIGSEGV"), Answers((), "it ended with SIGSEGV"))
         assert all(info.fault for info in list_devices())
 
-    def test_a_crash_when_all_is_done_harms_nothing(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    @pytest.mark.parametrize("done", [True, False])
+    def test_a_crash_in_a_self_test_fails_it_and_one_after_it_harms_nothing(self, monkeypatch, done):
         steps = found(GPUS[0]), {"begins": "0:0"}, {"tried": ["0:0", ""]}, {"tested": ["0:0", "passed", ""]}
-        answering(monkeypatch, Answers(steps, "it ended with SIGSEGV"))
+        answering(monkeypatch, Answers(steps if done else steps[:-1], "it ended with SIGSEGV"))
         (info,) = list_devices(test=True)
-        assert (info.fault, info.self_test) == ("", "passed")
-
-    def test_a_crash_in_a_self_test_fails_it(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        steps = found(GPUS[0]), {"begins": "0:0"}, {"tried": ["0:0", ""]}
-        answering(monkeypatch, Answers(steps, "it ended with SIGSEGV"))
-        (info,) = list_devices(test=True)
-        reason = "the process that tried it failed: it ended with SIGSEGV"
-        assert (info.fault, info.self_test) == (f"its self-test failed: {reason}", "failed")
+        reason = "" if done else "the process that tried it failed: it ended with SIGSEGV"
+        fault = "" if done else f"its self-test failed: {reason}"
+        assert (info.fault, info.self_test) == (fault, "passed" if done else "failed")
         assert remembered_verdict(info.identity).reason == reason
 
 

@@ -20,8 +20,7 @@ from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Hypothesis, ranked
 from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
-from sonarmap.spectral.verify.observation import consistency
-from sonarmap.spectral.verify.verifier import Selection, Verifier
+from sonarmap.spectral.verify.verifier import Selection, Verifier, consistency
 from tests.samples.scenes.reliefs import above, relief, seen
 
 EDGE, VOXEL = 64, 0.5

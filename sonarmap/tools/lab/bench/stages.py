@@ -22,7 +22,7 @@ PAIR_STAGES: Mapping[str, str] = {
     "sonarmap.spectral.registration:SpectralRegistrar.prepare": "prepare",
     "sonarmap.spectral.prepare.prepared:Preparer.prepare": "prepare: voxels, spectrum",
     "sonarmap.spectral.so3:So3.analyze": "prepare: sphere, harmonics",
-    "sonarmap.spectral.so3:So3.equalize": "prepare: sphere, harmonics",
+    "sonarmap.spectral.so3:So3._equalize": "prepare: sphere, harmonics",
     "sonarmap.spectral.prepare.range_image:scan_view": "prepare: range image",
     "sonarmap.spectral.prepare.surface:smooth_surface": "prepare: surface",
     "sonarmap.spectral.prepare.surface:_surface": "prepare: surface",
