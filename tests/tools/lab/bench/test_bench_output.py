@@ -13,8 +13,7 @@ from typer.testing import CliRunner
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.bench.kernels import CASES
-from sonarmap.tools.lab.bench.output.as_json import read_result
-from sonarmap.tools.lab.bench.output.compare import compare
+from sonarmap.tools.lab.bench.output.compare import compare, read_result
 from sonarmap.tools.lab.bench.output.page import BEGIN, END, figures, write_page
 from sonarmap.tools.lab.bench.output.picture import draw_roofline, roofline_figure
 from tests.samples.places import ROOT

@@ -23,7 +23,7 @@ _DISTANCES = (6.0, 10.0, 18.0, 28.0, 40.0, 55.0, 75.0, 100.0)  # from a point to
 
 
 def draw_roofline(path: Path, result: Mapping[str, Any]) -> None:
-    """Draw the kernels of a result, as `as_json` gives it: a color for each grid, its memory's rate as a line.
+    """Draw the kernels of a result: a color for each grid, its memory's rate as a line.
 
     Raises:
         InputError: the result holds no kernels, or the file cannot be written.
