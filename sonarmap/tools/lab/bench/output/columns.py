@@ -7,7 +7,7 @@ Row = Mapping[str, Any]
 Columns = Mapping[str, Callable[[Row], str]]
 
 
-def number(name: str, form: str, scale: float = 1.0) -> Callable[[Row], str]:
+def number(name: str, form: str, scale: float = 1) -> Callable[[Row], str]:
     """A cell with a number of the row in a format, "" where it is None."""
     return lambda row: "" if row[name] is None else f"{scale * row[name]:{form}}"
 
