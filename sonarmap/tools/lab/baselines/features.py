@@ -56,34 +56,26 @@ class FeatureRegistrar(PointRegistrar):
 
         # Open3D has one generator for all; seeded here, its state from before does not matter. It holds 32 bits.
         o3d.utility.random.seed(int(np.random.SeedSequence(self.seed).generate_state(1)[0] % 2**31))
-        clouds = to_open3d(source), to_open3d(target)
+        r, reach = o3d.pipelines.registration, MATCH_REACH * self.voxel
+        given = to_open3d(source), to_open3d(target), source.extra, target.extra
         with one_thread():
-            result = {"ransac": self._ransac, "fgr": self._fgr}[self.solver](clouds, source.extra, target.extra)
+            if self.solver == "fgr":
+                options = r.FastGlobalRegistrationOption(maximum_correspondence_distance=reach)
+                result = r.registration_fgr_based_on_feature_matching(*given, options)
+            else:
+                result = r.registration_ransac_based_on_feature_matching(
+                    *given,
+                    True,  # mutual matches alone
+                    reach,
+                    r.TransformationEstimationPointToPoint(False),
+                    _SAMPLES,
+                    [
+                        r.CorrespondenceCheckerBasedOnEdgeLength(_EDGE_RATIO),
+                        r.CorrespondenceCheckerBasedOnDistance(reach),
+                    ],
+                    r.RANSACConvergenceCriteria(_TRIES, _CONFIDENCE),
+                )
         return RigidTransform.from_matrix(np.asarray(result.transformation))
-
-    def _ransac(self, clouds: tuple[Any, Any], source: Any, target: Any) -> Any:
-        import open3d as o3d
-
-        r = o3d.pipelines.registration
-        reach = MATCH_REACH * self.voxel
-        return r.registration_ransac_based_on_feature_matching(
-            *clouds,
-            source,
-            target,
-            True,  # mutual matches alone
-            reach,
-            r.TransformationEstimationPointToPoint(False),
-            _SAMPLES,
-            [r.CorrespondenceCheckerBasedOnEdgeLength(_EDGE_RATIO), r.CorrespondenceCheckerBasedOnDistance(reach)],
-            r.RANSACConvergenceCriteria(_TRIES, _CONFIDENCE),
-        )
-
-    def _fgr(self, clouds: tuple[Any, Any], source: Any, target: Any) -> Any:
-        import open3d as o3d
-
-        r = o3d.pipelines.registration
-        options = r.FastGlobalRegistrationOption(maximum_correspondence_distance=MATCH_REACH * self.voxel)
-        return r.registration_fgr_based_on_feature_matching(*clouds, source, target, options)
 
     def _agreeing(self, target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform) -> tuple[int, int]:
         """How many mutual matches lie within MATCH_REACH of each other under the transform, and how many there are."""
