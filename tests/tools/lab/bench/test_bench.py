@@ -218,21 +218,6 @@ class TestCommand:
         assert "WRONG" in result.stdout
         assert "error: the result differs from NumPy's or SciPy's: magnitude at 16^3" in result.stderr
 
-    @pytest.mark.parametrize(
-        ("arguments", "words"),
-        [
-            (["--grid", "98"], "--grid 98 is not an even product of 2, 3 and 5"),
-            (["--no-kernels", "--pairs", "0"], "nothing to measure"),
-            (["--device", "abacus"], "no OpenCL device matches 'abacus'"),
-            (["--repeats", "0"], "--repeats"),
-            (["--pairs", "-1"], "--pairs"),
-        ],
-    )
-    def test_refusals(self, arguments: list[str], words: str) -> None:
-        result = CliRunner().invoke(app, ["bench", *arguments])
-        assert result.exit_code == 2
-        assert words in result.stderr
-
     @pytest.mark.slow
     def test_an_interruption_ends_the_spawned_process_and_is_told_once(self) -> None:
         program = "from sonarmap.tools.command.main import run; run()"

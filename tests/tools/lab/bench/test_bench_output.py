@@ -124,6 +124,11 @@ class TestCommand:
             (["--from", "RESULT", "--grid", "64"], "--grid has no effect"),
             (["--from", "RESULT", "--page", "RESULT"], "does not hold the lines"),
             (["--survey", "1", "--no-kernels", "--pairs", "0"], "needs 2 scans"),
+            (["--grid", "98"], "--grid 98 is not an even product of 2, 3 and 5"),
+            (["--no-kernels", "--pairs", "0"], "nothing to measure"),
+            (["--device", "abacus"], "no OpenCL device matches 'abacus'"),
+            (["--repeats", "0"], "--repeats"),
+            (["--pairs", "-1"], "--pairs"),
         ],
     )
     def test_refusals(self, stored: Path, arguments: list[str], words: str) -> None:
