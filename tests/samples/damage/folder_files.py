@@ -15,8 +15,7 @@ from sonarmap.tools.command.main import app
 from sonarmap.tools.command.settings.file import read_settings
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.files.readers.scans import read_scans
-from sonarmap.tools.lab.bench.output.as_json import read_result, results_of
-from sonarmap.tools.lab.bench.output.compare import compare
+from sonarmap.tools.lab.bench.output.compare import compare, read_result, results_of
 from tests.samples.bags.samples import dive
 from tests.samples.bags.writers import write_ros2
 from tests.samples.cloud_files import las

@@ -18,7 +18,7 @@ from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.readers.selection import BAG_METADATA, is_bag_folder
 from sonarmap.tools.files.user_file import read_content
-from sonarmap.tools.lab.bench.output.as_json import read_result
+from sonarmap.tools.lab.bench.output.compare import read_result
 from tests.samples.command_line import ROOT, SONARMAP
 from tests.samples.refusals import refuses
 

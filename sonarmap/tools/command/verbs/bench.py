@@ -66,7 +66,7 @@ def command(measurement: Measurement, files: BenchFiles, as_json: JsonOption = F
     """
     from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.files.writers.json_text import write_json
-    from sonarmap.tools.lab.bench.output.as_json import read_result, results_of
+    from sonarmap.tools.lab.bench.output.compare import read_result, results_of
 
     old = read_result(files.compare) if files.compare else None
     for path in (files.out, files.picture, files.page):
@@ -101,7 +101,7 @@ def _run(asked: Measurement, as_json: bool) -> tuple[dict[str, Any], list[str]]:
     """The result, printed, as JSON's types; and the kernels that are wrong."""
     from rich.console import Console
 
-    from sonarmap.tools.lab.bench.output.as_json import as_json as to_json
+    from sonarmap.tools.files.writers.json_text import to_json
     from sonarmap.tools.lab.bench.output.table import describe
     from sonarmap.tools.lab.bench.run import BenchPlan, run_bench
 
@@ -121,7 +121,7 @@ def _run(asked: Measurement, as_json: bool) -> tuple[dict[str, Any], list[str]]:
         typer.echo(json.dumps(result, indent=2, allow_nan=False))
     else:
         Console(width=None if sys.stdout.isatty() else 180).print(describe(measured))
-    return result, [f"{kernel.name} at {kernel.edge}^3" for kernel in measured.wrong]
+    return result, [f"{row['kernel']} at {row['grid']}^3" for row in result["kernels"] if not row["right"]]
 
 
 def _run_here(arguments: Sequence[str]) -> None:

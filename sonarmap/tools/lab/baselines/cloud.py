@@ -75,12 +75,14 @@ class ThinnedCloud:
         points: (m, 3) float64 [m, sensor frame], the mean of the points of every occupied voxel.
         normals: (m, 3) float64, of unit length, on the side where the sensor was.
         tree: to search among the points.
+        extra: what a method adds for itself: features, or the points as another library wants them.
     """
 
     name: str
     points: np.ndarray
     normals: np.ndarray
     tree: KDTree
+    extra: Any = None
 
 
 def thin(scan: Scan, voxel: float) -> ThinnedCloud:
@@ -124,22 +126,3 @@ def to_open3d(cloud: ThinnedCloud) -> Any:
     converted = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.points))
     converted.normals = o3d.utility.Vector3dVector(cloud.normals)
     return converted
-
-
-class ThinnedRegistrar:
-    """A registrar that works on the points alone.
-
-    Args:
-        voxel: edge of the voxels to which scans are thinned [m]; the distances it uses are multiples of it.
-    """
-
-    def __init__(self, voxel: float) -> None:
-        self.voxel = voxel
-
-    def prepare(self, scan: Scan) -> ThinnedCloud:
-        """The scan's points, one per voxel.
-
-        Raises:
-            InputError: they are too few.
-        """
-        return thin(scan, self.voxel)

@@ -2,18 +2,14 @@
 and the transform by RANSAC or by fast global registration (Zhou et al. 2016, DOI 10.1007/978-3-319-46475-6_47), by
 Open3D, then ICP from there, with the parameters of Open3D's own example of global registration."""
 
-from dataclasses import dataclass
-from time import perf_counter
 from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.spectral.result import Registration
-from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, one_thread, quiet, thin, to_open3d
+from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, one_thread, quiet, to_open3d
 from sonarmap.tools.lab.baselines.icp import iterate
-from sonarmap.tools.lab.baselines.result import conclude, judge_matches
+from sonarmap.tools.lab.baselines.result import MethodVerdict, PointRegistrar, judge_matches
 
 Solver = Literal["ransac", "fgr"]
 
@@ -27,95 +23,66 @@ _SAMPLES = 3  # matches per hypothesis
 _TRIES, _CONFIDENCE = 100_000, 0.999
 
 
-@dataclass(frozen=True, slots=True)
-class Described:
-    """A thinned scan with a feature for every point.
-
-    Attributes:
-        cloud: the points.
-        features: Open3D's Feature, 33 numbers per point.
-    """
-
-    cloud: ThinnedCloud
-    features: Any
-
-
-class FeatureRegistrar:
+class FeatureRegistrar(PointRegistrar):
     """Global registration by FPFH, refined by ICP point to plane.
 
     Args:
-        voxel: edge of the voxels to which scans are thinned [m]; all distances are multiples of it.
+        voxel: as `PointRegistrar` takes it.
         solver: what finds the transform from the matched features.
         seed: of its random samples. The same for every pair, so that a pair's result does not hang on others.
     """
 
     def __init__(self, voxel: float, solver: Solver = "ransac", seed: int = 0) -> None:
-        self.voxel, self.seed = voxel, seed
+        super().__init__(voxel)
         self.solver: Solver = solver
+        self.seed = seed
 
-    def prepare(self, scan: Scan) -> Described:
-        """The scan's points, one per voxel, and their features.
-
-        Raises:
-            InputError: they are too few.
-        """
+    def describe(self, cloud: ThinnedCloud) -> Any:
+        """Open3D's Feature, 33 numbers per point."""
         import open3d as o3d
 
-        cloud = thin(scan, self.voxel)
         near = o3d.geometry.KDTreeSearchParamHybrid(FEATURE_REACH * self.voxel, FEATURE_NEIGHBORS)
         library: Any = o3d.pipelines.registration  # its stubs want an argument that it does not
         with quiet():
-            return Described(cloud, library.compute_fpfh_feature(to_open3d(cloud), near))
+            return library.compute_fpfh_feature(to_open3d(cloud), near)
 
-    def register(self, target: Described, source: Described) -> Registration:
-        """Find T_target_source, from anywhere; `accepted` by how many matched features agree with it."""
-        start = perf_counter()
-        T = self._solve(target, source)
-        distances = [self.voxel * d for d in REFINE]
-        T = iterate(target.cloud, source.cloud, T, distances, "plane")
-        verdict = judge_matches(*self._agreeing(target, source, T))
-        return conclude(target.cloud, source.cloud, T, self.voxel, verdict, start)
+    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
+        """From anywhere; believed by how many matched features agree with it."""
+        T = iterate(target, source, self._solve(target, source), [self.voxel * d for d in REFINE], "plane")
+        return T, judge_matches(*self._agreeing(target, source, T))
 
-    def _solve(self, target: Described, source: Described) -> RigidTransform:
+    def _solve(self, target: ThinnedCloud, source: ThinnedCloud) -> RigidTransform:
         import open3d as o3d
 
         # Open3D has one generator for all; seeded here, its state from before does not matter. It holds 32 bits.
         o3d.utility.random.seed(int(np.random.SeedSequence(self.seed).generate_state(1)[0] % 2**31))
-        clouds = to_open3d(source.cloud), to_open3d(target.cloud)
+        r, reach = o3d.pipelines.registration, MATCH_REACH * self.voxel
+        given = to_open3d(source), to_open3d(target), source.extra, target.extra
         with one_thread():
-            result = {"ransac": self._ransac, "fgr": self._fgr}[self.solver](clouds, source.features, target.features)
+            if self.solver == "fgr":
+                options = r.FastGlobalRegistrationOption(maximum_correspondence_distance=reach)
+                result = r.registration_fgr_based_on_feature_matching(*given, options)
+            else:
+                result = r.registration_ransac_based_on_feature_matching(
+                    *given,
+                    True,  # mutual matches alone
+                    reach,
+                    r.TransformationEstimationPointToPoint(False),
+                    _SAMPLES,
+                    [
+                        r.CorrespondenceCheckerBasedOnEdgeLength(_EDGE_RATIO),
+                        r.CorrespondenceCheckerBasedOnDistance(reach),
+                    ],
+                    r.RANSACConvergenceCriteria(_TRIES, _CONFIDENCE),
+                )
         return RigidTransform.from_matrix(np.asarray(result.transformation))
 
-    def _ransac(self, clouds: tuple[Any, Any], source: Any, target: Any) -> Any:
-        import open3d as o3d
-
-        r = o3d.pipelines.registration
-        reach = MATCH_REACH * self.voxel
-        return r.registration_ransac_based_on_feature_matching(
-            *clouds,
-            source,
-            target,
-            True,  # mutual matches alone
-            reach,
-            r.TransformationEstimationPointToPoint(False),
-            _SAMPLES,
-            [r.CorrespondenceCheckerBasedOnEdgeLength(_EDGE_RATIO), r.CorrespondenceCheckerBasedOnDistance(reach)],
-            r.RANSACConvergenceCriteria(_TRIES, _CONFIDENCE),
-        )
-
-    def _fgr(self, clouds: tuple[Any, Any], source: Any, target: Any) -> Any:
-        import open3d as o3d
-
-        r = o3d.pipelines.registration
-        options = r.FastGlobalRegistrationOption(maximum_correspondence_distance=MATCH_REACH * self.voxel)
-        return r.registration_fgr_based_on_feature_matching(*clouds, source, target, options)
-
-    def _agreeing(self, target: Described, source: Described, T_target_source: RigidTransform) -> tuple[int, int]:
+    def _agreeing(self, target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform) -> tuple[int, int]:
         """How many mutual matches lie within MATCH_REACH of each other under the transform, and how many there are."""
         import open3d as o3d
 
         with one_thread():
-            matches = o3d.pipelines.registration.correspondences_from_features(source.features, target.features, True)
+            matches = o3d.pipelines.registration.correspondences_from_features(source.extra, target.extra, True)
         i, j = np.asarray(matches).reshape(-1, 2).T
-        apart = T_target_source.apply(source.cloud.points[i]) - target.cloud.points[j]
+        apart = T_target_source.apply(source.points[i]) - target.points[j]
         return int((np.linalg.norm(apart, axis=1) <= MATCH_REACH * self.voxel).sum()), len(i)

@@ -2,15 +2,13 @@
 Medioni 1992, DOI 10.1016/0262-8856(92)90066-C), by Open3D, from the identity as in Sect. 4.2 of the paper."""
 
 from collections.abc import Sequence
-from time import perf_counter
 from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.spectral.result import Registration
-from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, ThinnedRegistrar, one_thread, quiet, to_open3d
-from sonarmap.tools.lab.baselines.result import conclude, judge_fit
+from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, one_thread, quiet, to_open3d
+from sonarmap.tools.lab.baselines.result import MethodVerdict, PointRegistrar, judge_fit
 
 Kind = Literal["point", "plane"]
 
@@ -22,11 +20,11 @@ _CONVERGED = 1e-6
 _STEPS = 100
 
 
-class IcpRegistrar(ThinnedRegistrar):
+class IcpRegistrar(PointRegistrar):
     """ICP from the identity, so for small motions only.
 
     Args:
-        voxel: as `ThinnedRegistrar` takes it; the correspondence distances are multiples of it.
+        voxel: as `PointRegistrar` takes it.
         kind: what is made small: the distance to the nearest point, or to its plane.
     """
 
@@ -34,11 +32,10 @@ class IcpRegistrar(ThinnedRegistrar):
         super().__init__(voxel)
         self.kind: Kind = kind
 
-    def register(self, target: ThinnedCloud, source: ThinnedCloud) -> Registration:
-        """Find T_target_source from the identity; `accepted` by the share of points in common."""
-        start = perf_counter()
+    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
+        """From the identity; believed by the share of points in common."""
         T = iterate(target, source, RigidTransform.identity(), [self.voxel * d for d in DISTANCES], self.kind)
-        return conclude(target, source, T, self.voxel, judge_fit(target, source, T, self.voxel), start)
+        return T, judge_fit(target, source, T, self.voxel)
 
 
 def iterate(

@@ -1,16 +1,13 @@
 """KISS-Matcher (Lim et al. 2024, arXiv 2409.15615): features, graph pruning and a robust solver, then ICP."""
 
-from time import perf_counter
-
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.spectral.result import Registration
 from sonarmap.tools.extras import load_package
-from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, ThinnedRegistrar, silent
+from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, silent
 from sonarmap.tools.lab.baselines.features import REFINE
 from sonarmap.tools.lab.baselines.icp import iterate
-from sonarmap.tools.lab.baselines.result import conclude, judge_matches, query_on_all_cores
+from sonarmap.tools.lab.baselines.result import MethodVerdict, PointRegistrar, judge_matches, query_on_all_cores
 
 # Matches that survive both prunings: 14..53 where right, 0 or 1 where wrong; its authors' examples want 5.
 _LEAST_INLIERS = 10
@@ -19,7 +16,7 @@ _FEWEST_MATCHES = 3  # that fix a transform
 _NEIGHBORS, _NEIGHBOR_REACH, _FEWEST_POINTS = 5, 3.0, 10
 
 
-class KissRegistrar(ThinnedRegistrar):
+class KissRegistrar(PointRegistrar):
     """Global registration by KISS-Matcher, refined by ICP point to plane.
 
     The package works on both scans of a pair at once, so that a pair's seconds hold the features of both. Its own
@@ -37,14 +34,13 @@ class KissRegistrar(ThinnedRegistrar):
         super().__init__(voxel)
         self._kiss = load_package("kiss_matcher", "kiss-matcher", "the method kiss", "peers")
 
-    def register(self, target: ThinnedCloud, source: ThinnedCloud) -> Registration:
-        """Find T_target_source, from anywhere; `accepted` by how many matches were left."""
-        start = perf_counter()
-        T, inliers, matches = self._solve(target, source)
+    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
+        """From anywhere; believed by how many matches were left."""
+        T, inliers, matches = self._match(target, source)
         T = iterate(target, source, T, [self.voxel * d for d in REFINE], "plane")
-        return conclude(target, source, T, self.voxel, judge_matches(inliers, matches, _LEAST_INLIERS), start)
+        return T, judge_matches(inliers, matches, _LEAST_INLIERS)
 
-    def _solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, int, int]:
+    def _match(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, int, int]:
         """The transform, how many matches agree with it, how many there were."""
         if min(self._dense(target), self._dense(source)) < _FEWEST_POINTS:
             return RigidTransform.identity(), 0, 0

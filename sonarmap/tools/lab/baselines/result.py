@@ -5,8 +5,9 @@ The thresholds of acceptance are from eight simulated pairs at the noise of the 
 pairs, and are fitted to them.
 """
 
+from abc import ABC, abstractmethod
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Thread
 from time import perf_counter
 from typing import Any
@@ -17,7 +18,8 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.threads import thread_count
 from sonarmap.spectral.result import Registration
-from sonarmap.tools.lab.baselines.cloud import NORMAL_REACH, ThinnedCloud
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.baselines.cloud import NORMAL_REACH, ThinnedCloud, thin
 
 
 def query_on_all_cores(
@@ -78,47 +80,68 @@ class MethodVerdict:
     reason: str
 
 
-def conclude(
-    target: ThinnedCloud,
-    source: ThinnedCloud,
-    T_target_source: RigidTransform,
-    voxel: float,
-    verdict: MethodVerdict,
-    start: float,
-) -> Registration:
-    """The result of a pair that was begun at `start` (perf_counter)."""
-    return Registration(
-        T_target_source=T_target_source,
-        covariance=covariance(target, source, T_target_source, voxel),
-        psr=NO_PEAK,
-        overlap=overlap(target, source, T_target_source, REACH * voxel),
-        accepted=verdict.accepted,
-        seconds=perf_counter() - start,
-        reason=verdict.reason,
-    )
+def verdict(words: str, *wanted: tuple[bool, str]) -> MethodVerdict:
+    """Refused by the first condition that is not met, each with the words from what on a result is believed."""
+    missed = next((least for met, least in wanted if not met), "")
+    return MethodVerdict(not missed, f"{words}; believed from {missed} on" if missed else words)
 
 
-def judge_fit(
-    target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform, voxel: float
-) -> MethodVerdict:
+class PointRegistrar(ABC):
+    """A registrar that works on points: the result is `solve`'s transform, with covariance and overlap of the points.
+
+    Args:
+        voxel: edge of the voxels to which scans are thinned [m]; the distances that a method uses are multiples of it.
+    """
+
+    def __init__(self, voxel: float) -> None:
+        self.voxel = voxel
+
+    def prepare(self, scan: Scan) -> ThinnedCloud:
+        """The scan's points, one per voxel, and what the method adds.
+
+        Raises:
+            InputError: they are too few.
+        """
+        cloud = thin(scan, self.voxel)
+        return replace(cloud, extra=self.describe(cloud))
+
+    def register(self, target: ThinnedCloud, source: ThinnedCloud) -> Registration:
+        """Find T_target_source; `accepted` says whether the method believes it."""
+        start = perf_counter()
+        T_target_source, verdict = self.solve(target, source)
+        return Registration(
+            T_target_source=T_target_source,
+            covariance=covariance(target, source, T_target_source, self.voxel),
+            psr=NO_PEAK,
+            overlap=overlap(target, source, T_target_source, REACH * self.voxel),
+            accepted=verdict.accepted,
+            seconds=perf_counter() - start,
+            reason=verdict.reason,
+        )
+
+    def describe(self, cloud: ThinnedCloud) -> Any:
+        """What `ThinnedCloud.extra` is to be."""
+        return None
+
+    @abstractmethod
+    def solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, MethodVerdict]:
+        """T_target_source, and whether to believe it."""
+
+
+def judge_fit(target: ThinnedCloud, source: ThinnedCloud, T: RigidTransform, voxel: float) -> MethodVerdict:
     """By the share of points in common, and by how close these are: ICP's fitness and inlier distance."""
-    fitness, near = (overlap(target, source, T_target_source, reach * voxel) for reach in (REACH, REACH / 2))
-    close = near / fitness if fitness > 0 else 0.0
-    far = REACH * voxel
-    words = f"{fitness:.0%} of the points are within {far:.3g} m of the other scan, {close:.0%} of these within half"
-    if fitness < _LEAST_FITNESS:
-        return MethodVerdict(False, f"{words}; believed from {_LEAST_FITNESS:.0%} on")
-    if close < _LEAST_CLOSE:
-        return MethodVerdict(False, f"{words}; believed from {_LEAST_CLOSE:.0%} of these on")
-    return MethodVerdict(True, words)
+    fitness, near = (overlap(target, source, T, reach * voxel) for reach in (REACH, REACH / 2))
+    close, far = near / fitness if fitness > 0 else 0.0, REACH * voxel
+    return verdict(
+        f"{fitness:.0%} of the points are within {far:.3g} m of the other scan, {close:.0%} of these within half",
+        (fitness >= _LEAST_FITNESS, f"{_LEAST_FITNESS:.0%}"),
+        (close >= _LEAST_CLOSE, f"{_LEAST_CLOSE:.0%} of these"),
+    )
 
 
 def judge_matches(agreeing: int, matches: int, least: int = _LEAST_MATCHES) -> MethodVerdict:
     """By the number of matched features that agree with the transform."""
-    words = f"{agreeing} of {matches} matched features agree"
-    return (
-        MethodVerdict(True, words) if agreeing >= least else MethodVerdict(False, f"{words}; believed from {least} on")
-    )
+    return verdict(f"{agreeing} of {matches} matched features agree", (agreeing >= least, str(least)))
 
 
 def overlap(target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform, reach: float) -> float:
@@ -142,11 +165,6 @@ def covariance(target: ThinnedCloud, source: ThinnedCloud, T_target_source: Rigi
     has that of the scan's own size. What is wrong with all points alike, as by false neighbors, is not seen: on
     simulated pairs the normalized squared error has a median of about 15, where six degrees of freedom should give 6,
     and more than 100 where little is shared.
-
-    Args:
-        target, source: the clouds.
-        T_target_source: the estimate.
-        voxel: edge of a voxel [m].
     """
     moved = T_target_source.apply(source.points)
     distance, nearest = query_on_all_cores(target.tree, moved, reach=REACH * voxel)

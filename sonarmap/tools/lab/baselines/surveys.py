@@ -23,8 +23,8 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.extras import load_package
 from sonarmap.tools.files.map_folder.pairs import CHAIN, TriedPair
-from sonarmap.tools.lab.baselines.cloud import one_thread, silent, to_open3d
-from sonarmap.tools.lab.baselines.features import MATCH_REACH, Described, FeatureRegistrar
+from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, one_thread, silent, to_open3d
+from sonarmap.tools.lab.baselines.features import MATCH_REACH, FeatureRegistrar
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ def run_multiway(scans: Sequence[Scan], voxel: float, seed: int = 0, key_every: 
     )
 
 
-def _describe(registrar: FeatureRegistrar, scans: Sequence[Scan]) -> dict[int, Described]:
+def _describe(registrar: FeatureRegistrar, scans: Sequence[Scan]) -> dict[int, ThinnedCloud]:
     """Features of the scans that show enough, by index."""
     described = {}
     for index, scan in enumerate(scans):
@@ -101,19 +101,19 @@ def _describe(registrar: FeatureRegistrar, scans: Sequence[Scan]) -> dict[int, D
     return described
 
 
-def _information(target: Described, source: Described, T_target_source: RigidTransform, reach: float) -> np.ndarray:
+def _information(target: ThinnedCloud, source: ThinnedCloud, T: RigidTransform, reach: float) -> np.ndarray:
     """(6, 6) of a pair's point matches, rotation first as Open3D orders it; [5, 5] is their number."""
     import open3d as o3d
 
     return np.asarray(
         o3d.pipelines.registration.get_information_matrix_from_point_clouds(
-            to_open3d(source.cloud), to_open3d(target.cloud), reach, T_target_source.as_matrix()
+            to_open3d(source), to_open3d(target), reach, T.as_matrix()
         )
     )
 
 
-def _overlap(described: dict[int, Described], pair: tuple[int, int], information: np.ndarray) -> float:
-    return float(information[5, 5]) / min(len(described[k].cloud.points) for k in pair)
+def _overlap(described: dict[int, ThinnedCloud], pair: tuple[int, int], information: np.ndarray) -> float:
+    return float(information[5, 5]) / min(len(described[k].points) for k in pair)
 
 
 def _optimize(

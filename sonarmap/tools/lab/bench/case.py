@@ -45,9 +45,9 @@ class KernelCase:
         twin_name: what the twin is made of.
         traffic: what the algorithm must move.
         tolerance: largest relative L2 difference of the results.
-        run: queue the kernel's work; the caller waits for it.
-        read: the result of the last run, as the twin gives it.
+        run: queue the kernel's work, which the caller waits for, and return its result.
         twin: do the same on the host, and return the result.
+        read: what `run` returned, as the twin gives it.
         restore: put back what run and twin overwrite of their input.
         flops: additions and multiplications of the algorithm; of a transform 5 n log2 n for n complex points, and half
             for n real ones. 0 where they do not matter.
@@ -59,24 +59,13 @@ class KernelCase:
     twin_name: str
     traffic: Traffic
     tolerance: float
-    run: Callable[[], object]
-    read: Callable[[], np.ndarray]
+    run: Callable[[], Any]
     twin: Callable[[], np.ndarray]
+    read: Callable[[Any], np.ndarray] = lambda result: result.get()
     restore: Callable[[], object] = lambda: None
     flops: float = 0.0
     passes: Mapping[str, Traffic] = field(default_factory=dict[str, Traffic])
     peers: Callable[[], list[Peer]] = list
-
-
-class Kept:
-    """A call whose last result is kept, as `KernelCase.run` asks for no result and `read` for the last one."""
-
-    def __init__(self, call: Callable[[], Any]) -> None:
-        self.call = call
-        self.result: Any = None
-
-    def __call__(self) -> None:
-        self.result = self.call()
 
 
 def peak_numbers(peak: Peak) -> np.ndarray:
@@ -84,29 +73,9 @@ def peak_numbers(peak: Peak) -> np.ndarray:
     return np.concatenate([peak.index, [peak.value, (peak.value - peak.mean) / peak.std], peak.neighborhood.ravel()])
 
 
-def volume_bytes(w: Workload) -> int:
-    """A real volume."""
-    return 4 * w.edge**3
-
-
-def half_bytes(w: Workload) -> int:
-    """A half spectrum."""
-    return 8 * w.edge**2 * (w.edge // 2 + 1)
-
-
-def half_points(w: Workload) -> int:
-    """Numbers of a half spectrum."""
-    return half_bytes(w) // 8
-
-
-def transform_flops(w: Workload) -> float:
-    """A real transform."""
-    return 2.5 * w.edge**3 * np.log2(w.edge**3)
-
-
 def transform_passes(w: Workload) -> dict[str, Traffic]:
     """The launches that a transform may be made of: planes and sheets on a processor, axes on a graphics processor."""
-    outer, inner = Traffic(reads=volume_bytes(w), writes=half_bytes(w)), Traffic(in_place=2 * half_bytes(w))
+    outer, inner = Traffic(reads=w.volume_bytes, writes=w.half_bytes), Traffic(in_place=2 * w.half_bytes)
     return {"planes": outer, "rows": outer, "sheets": inner, "columns_1": inner, "columns_0": inner}
 
 

@@ -1,6 +1,7 @@
 """Every kernel's case, and how they are timed; a new case is a function of a `Workload` and a line here."""
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from sonarmap.tools.lab.bench import resampling_cases as resampling
 from sonarmap.tools.lab.bench import rotation_cases as rotations
 from sonarmap.tools.lab.bench import spectra_cases as spectra
 from sonarmap.tools.lab.bench.case import KernelCase
-from sonarmap.tools.lab.bench.result import KernelResult, Launches
+from sonarmap.tools.lab.bench.result import KernelResult
 from sonarmap.tools.lab.bench.stages import BUILDS, build_seconds, clocked
 from sonarmap.tools.lab.bench.timing import interleave, timed
 from sonarmap.tools.lab.bench.workload import Workload
@@ -77,9 +78,10 @@ def measure_case(case: KernelCase, device: Device, edge: int, repeats: int, buil
     """
     peers = case.peers()
 
-    def run() -> None:
-        case.run()
+    def run() -> Any:
+        result = case.run()
         device.queue.finish()
+        return result
 
     def restore() -> None:
         case.restore()
@@ -90,9 +92,8 @@ def measure_case(case: KernelCase, device: Device, edge: int, repeats: int, buil
     with clocked(BUILDS) as clock:
         first_seconds, _ = timed(run)
     times, twin_times, *peer_times = interleave(run, [case.twin, *(peer.run for peer in peers)], repeats, restore)
-    launches = _launches(case, device)
+    counts, kernel_seconds = _trace(case, device)
     case.restore()
-    run()
     return KernelResult(
         name=case.name,
         twin_name=case.twin_name,
@@ -100,17 +101,20 @@ def measure_case(case: KernelCase, device: Device, edge: int, repeats: int, buil
         device=times,
         twin=twin_times,
         traffic=case.traffic,
-        error=relative_difference(case.read(), case.twin()),
+        error=relative_difference(case.read(run()), case.twin()),
         tolerance=case.tolerance,
         flops=case.flops,
         peers={peer.name: own for peer, own in zip(peers, peer_times, strict=True)},
         compile_seconds=built_seconds + max(build_seconds(clock), first_seconds - times.median),
-        launches=launches,
+        launches=counts.launches,
+        blocking_reads=counts.reads,
+        kernel_seconds=kernel_seconds,
+        passes={name: case.passes[name] for name in kernel_seconds if name in case.passes},
     )
 
 
-def _launches(case: KernelCase, device: Device) -> Launches:
-    """What a run asks of the device, and how long each of its kernels takes there."""
+def _trace(case: KernelCase, device: Device) -> tuple[Counts, dict[str, float]]:
+    """What a run asks of the device, and how long each of its kernels takes there, the median of some runs [s]."""
     rounds: list[Counts] = []
     for _ in range(_TRACED):
         case.restore()
@@ -121,9 +125,7 @@ def _launches(case: KernelCase, device: Device) -> Launches:
             case.run()
         device.queue.finish()
     times = [counts.kernel_seconds() for counts in rounds]
-    kernels = {name: float(np.median([each[name] for each in times])) for name in times[0]}
-    passes = {name: case.passes[name] for name in kernels if name in case.passes}
-    return Launches(rounds[0].launches, rounds[0].reads, kernels, passes)
+    return rounds[0], {name: float(np.median([each[name] for each in times])) for name in times[0]}
 
 
 def relative_difference(got: np.ndarray, wanted: np.ndarray) -> float:

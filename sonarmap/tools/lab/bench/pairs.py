@@ -7,13 +7,13 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from statistics import mean
 from time import perf_counter
+from typing import Any
 
-import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import Device, choose_device
@@ -26,23 +26,20 @@ from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.memory import peak_memory
-from sonarmap.tools.lab.bench.result import PairResult, StageResult
 from sonarmap.tools.lab.bench.stages import PAIR_STAGES, Stage, clocked
 from sonarmap.tools.lab.bench.timing import summarize, timed
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
 from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 
-# So many of the pairs, after one that does not count.
+# So many of the pairs are traced, after one that does not count.
 _PAIRS = 8
+# Seconds per registration of the paper (Sect. 3: MATLAB, 2010), by voxels per edge.
+_PAPER_SECONDS = {128: 10.5, 256: 60.6}
 
 
-def traced(result: PairResult, selector: str | None, grid: Grid, pairs: list[tuple[Scan, Scan]]) -> PairResult:
-    """The result with its stages, its memory on the device, and what was reckoned with for it.
-
-    Raises:
-        SonarmapError: the scans or the device will not do.
-    """
+def _trace(selector: str | None, grid: Grid, pairs: list[tuple[Scan, Scan]]) -> dict[str, Any]:
+    """A pair's stages, the memory that it takes on the device, and what was planned for it: part of its row."""
     chosen, config = choose_device(selector), SpectralConfig()
     device = Device(chosen.cl_device, chosen.selector, profiling=True)
     usage = MemoryUsage(device)
@@ -55,37 +52,29 @@ def traced(result: PairResult, selector: str | None, grid: Grid, pairs: list[tup
     register(*pairs[0])
     gc.collect()
     usage.restart()
-    chosen_pairs = pairs[:_PAIRS]
     with clocked(PAIR_STAGES, device) as clock:
-        for target, source in chosen_pairs:
+        for target, source in pairs:
             register(target, source)
-    count = len(chosen_pairs)
     # those that none of these pairs needed as well: tables of other pairs have the same rows
     names = dict.fromkeys(PAIR_STAGES.values())
-    points = round(mean(len(scan.points) for pair in chosen_pairs for scan in pair))
-    return replace(
-        result,
-        device_memory=usage.most,
-        planned_memory=memory_plan(grid.edge, "spectral", points, config.max_tilt).pair,
-        stages=tuple(_per_pair(clock.stages.get(name, Stage(name)), count) for name in names),
-    )
+    points = round(mean(len(scan.points) for pair in pairs for scan in pair))
+    return {
+        "device_memory": usage.most,
+        "planned_memory": memory_plan(grid.edge, "spectral", points, config.max_tilt).pair,
+        "stages": [_per_pair(clock.stages.get(name, Stage(name)), len(pairs)) for name in names],
+    }
 
 
-def _per_pair(stage: Stage, pairs: int) -> StageResult:
+def _per_pair(stage: Stage, pairs: int) -> dict[str, Any]:
     counts = stage.counts
-    totals = np.array(
-        [
-            stage.calls,
-            stage.seconds,
-            stage.own_seconds,
-            sum(counts.kernel_seconds().values()),
-            counts.launches,
-            counts.reads,
-            counts.writes,
-            counts.array_bytes,
-        ]
-    )
-    return StageResult(stage.name, *(totals / pairs).tolist())
+    totals = {
+        "calls": stage.calls,
+        "seconds": stage.seconds,
+        "own_seconds": stage.own_seconds,
+        "device_seconds": sum(counts.kernel_seconds().values()),
+        **{name: getattr(counts, name) for name in ("launches", "reads", "writes", "array_bytes")},
+    }
+    return {"name": stage.name} | {name: float(total / pairs) for name, total in totals.items()}
 
 
 SimulatedPair = tuple[Scan, Scan, RigidTransform]
@@ -105,8 +94,10 @@ def simulate_pairs(count: int, seed: int, step: Callable[[str], None]) -> list[S
 
 def measure_pairs(
     pairs: list[SimulatedPair], edge: int, selector: str | None, step: Callable[[str], None]
-) -> PairResult:
-    """Prepare and register every pair, in a spawned process.
+) -> dict[str, Any]:
+    """Prepare and register every pair, in a spawned process: their row of the result.
+
+    Memory is that of the whole process and of all arrays on the device [bytes]; stages are per pair.
 
     Args:
         pairs: at least one, as from `simulate_pairs`.
@@ -126,7 +117,7 @@ def measure_pairs(
         process.start()
     sender.close()
     try:
-        while not isinstance(message := _receive(receiver, process), PairResult):
+        while not isinstance(message := _receive(receiver, process), dict):
             if isinstance(message, SonarmapError):
                 raise message
             step(str(message))
@@ -164,15 +155,15 @@ def _interrupts_ignored() -> Iterator[None]:
 
 
 def _work(sender: Connection, pairs: list[SimulatedPair], grid: Grid, selector: str | None) -> None:
-    """The spawned process: sends words after each pair, and last a PairResult or a SonarmapError."""
+    """The spawned process: sends words after each pair, and last the row or a SonarmapError."""
     try:
-        result = _measure(selector, grid, pairs, sender)
-        sender.send(traced(result, selector, grid, [pair[:2] for pair in pairs]))
+        row = _measure(selector, grid, pairs, sender)
+        sender.send(row | _trace(selector, grid, [pair[:2] for pair in pairs[:_PAIRS]]))
     except SonarmapError as error:
         sender.send(error)
 
 
-def _measure(selector: str | None, grid: Grid, pairs: list[SimulatedPair], sender: Connection) -> PairResult:
+def _measure(selector: str | None, grid: Grid, pairs: list[SimulatedPair], sender: Connection) -> dict[str, Any]:
     start = perf_counter()
     registrar = SpectralRegistrar(choose_device(selector), grid, SpectralConfig())
     # once for itself: kernels are compiled at their first launch
@@ -186,19 +177,22 @@ def _measure(selector: str | None, grid: Grid, pairs: list[SimulatedPair], sende
         accepted += registration.accepted
         right += is_right(registration.T_target_source, truth, registrar.grid.voxel)
         sender.send(f"pair {n + 1} at {registrar.grid.edge}^3")
-    return PairResult(
-        edge=registrar.grid.edge,
-        voxel=registrar.grid.voxel,
-        prepare=summarize(preparing),
-        register=summarize(registering),
-        accepted=accepted,
-        right=right,
-        peak_memory=peak_memory(),
-        first_seconds=first,
-        device_memory=0,
-        planned_memory=0,
-        stages=(),
-    )
+    return {
+        "grid": registrar.grid.edge,
+        "voxel": registrar.grid.voxel,
+        "prepare_seconds": _with_longest(preparing),
+        "register_seconds": _with_longest(registering),
+        "paper_seconds": _PAPER_SECONDS.get(registrar.grid.edge),
+        "accepted": accepted,
+        "right": right,
+        "peak_memory": peak_memory(),
+        "first_seconds": first,
+    }
+
+
+def _with_longest(seconds: list[float]) -> dict[str, float]:
+    times = summarize(seconds)
+    return asdict(times) | {"most_over_median": times.most_over_median}
 
 
 def _measure_pair(registrar: SpectralRegistrar, target: Scan, source: Scan) -> tuple[list[float], float, Registration]:

@@ -30,6 +30,11 @@ class Traffic:
         """All of it [bytes]."""
         return round(self.reads + self.writes + self.in_place)
 
+    @property
+    def touched(self) -> float:
+        """Of all arrays [bytes]."""
+        return self.reads + self.writes + self.in_place / 2
+
 
 Way = Literal["copy", "in_place", "read", "fill"]
 WAYS: tuple[Way, ...] = ("copy", "in_place", "read", "fill")
@@ -102,21 +107,24 @@ class Rates:
 
     def at(self, way: Way, touched: float) -> float:
         """The highest rate over arrays of about these bytes or more [bytes/s]."""
-        rates = self.best[way]
-        large = [rate for size, rate in rates.items() if size >= touched / 2]
-        return max(large) if large else rates[max(rates)]
+        return highest_rate(self.best[way], touched)
 
     def least_seconds(self, traffic: Traffic) -> float:
         """How long the device's memory takes for a kernel's traffic, each part in its own way [s]."""
         copied = min(traffic.reads, traffic.writes)
-        touched = traffic.reads + traffic.writes + traffic.in_place / 2
         parts: dict[Way, float] = {
             "copy": 2 * copied,
             "in_place": traffic.in_place,
             "read": traffic.reads - copied,
             "fill": traffic.writes - copied,
         }
-        return sum(size / self.at(way, touched) for way, size in parts.items() if size)
+        return sum(size / self.at(way, traffic.touched) for way, size in parts.items() if size)
+
+
+def highest_rate(rates: Mapping[int, float], touched: float) -> float:
+    """The highest of rates by bytes over arrays of about these bytes or more [bytes/s]."""
+    large = [rate for size, rate in rates.items() if size >= touched / 2]
+    return max(large) if large else rates[max(rates)]
 
 
 def measure_rates(device: Device, repeats: int) -> dict[str, dict[int, list[float]]]:
@@ -139,8 +147,8 @@ def summarize_rates(device: Device, measured: Iterable[dict[str, dict[int, list[
     return Rates(best, float(np.median(copying)), _measure_flops(device))
 
 
-def copier(device: Device, source: np.ndarray) -> tuple[Callable[[], None], Callable[[], np.ndarray]]:
-    """A call that copies a float32 array from the device to the device, and one that reads the copy.
+def copier(device: Device, source: np.ndarray) -> Callable[[], Any]:
+    """A call that copies a float32 array from the device to the device, and returns the copy.
 
     Args:
         source: float32 of any shape whose size is a multiple of 1024.
@@ -148,10 +156,11 @@ def copier(device: Device, source: np.ndarray) -> tuple[Callable[[], None], Call
     kernel = _kernels(device)["copy"]
     given, copy = device.to_device(source), device.empty(source.shape)
 
-    def run() -> None:
+    def run() -> Any:
         kernel(device.queue, (source.size // _LANES,), (_GROUP,), given.data, copy.data)
+        return copy
 
-    return run, copy.get
+    return run
 
 
 def _measure(device: Device, way: Way, touched: int, repeats: int) -> list[float]:

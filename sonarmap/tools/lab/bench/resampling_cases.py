@@ -18,7 +18,7 @@ from sonarmap.kernels.surface.cells import sort_into_cells
 from sonarmap.kernels.surface.nearest import find_nearest, upload_places
 from sonarmap.kernels.surface.planes import NEIGHBORS, fit_planes
 from sonarmap.tools.lab.bench import twins
-from sonarmap.tools.lab.bench.case import RESAMPLED, Kept, KernelCase, volume_bytes
+from sonarmap.tools.lab.bench.case import RESAMPLED, KernelCase
 from sonarmap.tools.lab.bench.rates import Traffic
 from sonarmap.tools.lab.bench.workload import SMALL_SHIFT, SMALL_TURN, R, Workload
 
@@ -29,10 +29,9 @@ def voxelize_case(w: Workload) -> KernelCase:
     return KernelCase(
         "voxelize",
         "np.maximum.at",
-        Traffic(w.points.nbytes, volume_bytes(w), 8 * len(w.points)),
+        Traffic(w.points.nbytes, w.volume_bytes, 8 * len(w.points)),
         0.0,
         run=lambda: voxelize(w.device, points, w.edge, R, out=out),
-        read=out.get,
         twin=lambda: twins.voxelize(w.points, R, volume),
         flops=18 * len(w.points),
     )
@@ -50,7 +49,6 @@ def sample_case(w: Workload) -> KernelCase:
         Traffic(shell + directions.nbytes, out.nbytes),
         RESAMPLED,
         run=lambda: sample(w.device, volume, table, w.radii, R, out=out),
-        read=out.get,
         twin=lambda: twins.sample(w.magnitude, directions, w.radii, R, w.cores),
         flops=30 * out.size,
     )
@@ -67,7 +65,6 @@ def normalize_layers_case(w: Workload) -> KernelCase:
         Traffic(2 * w.layers.nbytes, w.layers.nbytes),
         1e-5,
         run=lambda: normalize_layers(w.device, stack, device_window, device_mask, out=out),
-        read=out.get,
         twin=lambda: twins.normalize_layers(w.layers, window, mask),
         flops=8 * w.layers.size,
     )
@@ -86,7 +83,6 @@ def polar_magnitude_case(w: Workload) -> KernelCase:
         Traffic(ring * len(host), out.nbytes),
         RESAMPLED,
         run=lambda: polar_magnitude(w.device, spectrum, (w.edge, w.edge), radii, angles, out=out),
-        read=out.get,
         twin=lambda: twins.polar_magnitude(host, radii, angles, w.cores),
         flops=28 * out.size,
     )
@@ -104,27 +100,25 @@ _POINT, _ELEMENT = 16, 48
 def nearest_case(w: Workload) -> KernelCase:
     cells, places = sort_into_cells(w.device, w.surface), upload_places(w.device, w.surface)
     tree = KDTree(w.surface)
-    run = Kept(lambda: find_nearest(w.device, cells, places, SMALL_TURN[None], SMALL_SHIFT[None], w.edge)[0])
     return KernelCase(
         "find_nearest",
         "scipy.spatial.KDTree",
         Traffic(2 * _POINT * len(w.surface), 8 * len(w.surface)),
         _DISTANCE,
-        run=run,
-        read=lambda: run.result[0],
+        run=lambda: find_nearest(w.device, cells, places, SMALL_TURN[None], SMALL_SHIFT[None], w.edge)[0],
+        read=lambda result: result[0],
         twin=lambda: twins.nearest(tree, w.surface, SMALL_TURN, SMALL_SHIFT, w.cores),
     )
 
 
 def planes_case(w: Workload) -> KernelCase:
     cells, tree = sort_into_cells(w.device, w.surface), KDTree(w.surface)
-    run = Kept(lambda: fit_planes(w.device, cells, np.eye(3), np.empty((0, 3)), farthest=_FARTHEST, aside=1.0))
     return KernelCase(
         "fit_planes",
         "scipy.spatial.KDTree, eigh",
         Traffic(_POINT * len(w.surface), _ELEMENT * len(w.surface)),
         _EQUALLY_FAR,
-        run=run,
-        read=lambda: run.result.get()[:, :3],
+        run=lambda: fit_planes(w.device, cells, np.eye(3), np.empty((0, 3)), farthest=_FARTHEST, aside=1.0),
+        read=lambda result: result.get()[:, :3],
         twin=lambda: twins.on_planes(tree, w.surface, NEIGHBORS, _FARTHEST, w.cores),
     )

@@ -11,12 +11,8 @@ from sonarmap.kernels.so3.correlation import RotationCorrelation, wigner_d
 from sonarmap.tools.lab.bench import twins
 from sonarmap.tools.lab.bench.case import (
     BLUR,
-    Kept,
     KernelCase,
-    half_bytes,
     peak_numbers,
-    transform_flops,
-    volume_bytes,
 )
 from sonarmap.tools.lab.bench.rates import Traffic
 from sonarmap.tools.lab.bench.workload import BANDWIDTH, R, Workload
@@ -37,14 +33,12 @@ def correlate_rotations_case(w: Workload) -> KernelCase:
     images, degrees = len(correlation.betas) + 1, np.arange(0, BANDWIDTH, 2)
     table = 4 * len(correlation.betas) * int(((2 * degrees + 1) * (degrees + 1)).sum())
     half, volume = 8 * images * edge * (edge // 2 + 1), 4 * images * edge**2
-    run = Kept(lambda: correlation.correlate(*given)[0])
     return KernelCase(
         "RotationCorrelation",
         "matmul, einsum, irfft2",
         Traffic(2 * target.nbytes + table + half, half + volume, 2 * half),
         1e-5,
-        run=run,
-        read=lambda: run.result.get(),
+        run=lambda: correlation.correlate(*given)[0],
         twin=lambda: twins.correlate_rotations(target, source, wigner, edge, w.cores),
         flops=2.5 * images * edge**2 * np.log2(edge**2) + table,
     )
@@ -54,14 +48,13 @@ def rotation_peaks_case(w: Workload) -> KernelCase:
     correlation = RotationCorrelation(w.device, BANDWIDTH, _LARGEST)
     host = twins.correlate_rotations(*w.coefficients, wigner_table(correlation.betas), correlation.edge, w.cores)
     values = w.upload(host[None])
-    run = Kept(lambda: correlation.peaks(values)[0])
     return KernelCase(
         "RotationCorrelation.peaks",
         "maximum_filter, np.argmax",
         Traffic(reads=host.nbytes),
         0.0,
-        run=run,
-        read=lambda: np.column_stack([run.result.index, run.result.around[:, 13]]),
+        run=lambda: correlation.peaks(values)[0],
+        read=lambda peaks: np.column_stack([peaks.index, peaks.around[:, 13]]),
         twin=lambda: twins.segment_peaks(host, _SEGMENTS, images=len(correlation.betas)),
         flops=26 * host.size,
     )
@@ -71,14 +64,13 @@ def agreement_case(w: Workload) -> KernelCase:
     R, t = w.poses
     poses, center = upload_poses(w.device, R, t), upload_viewpoints(w.device, np.zeros((1, 3)))
     way = Way(w.upload(w.view[None]), center, upload_points(w.device, w.seen))
-    run = Kept(lambda: agreement(w.device, [way], poses, [(_REACH, _SLOPE)]).read()[0][0, :, 0])
     return KernelCase(
         "agreement",
         "NumPy, a pose at a time",
         Traffic(w.view.nbytes + w.seen.nbytes + len(w.poses[0]) * 16 * 4, len(w.poses[0]) * 3 * 4),
         _BORDERS,
-        run=run,
-        read=lambda: run.result,
+        run=lambda: agreement(w.device, [way], poses, [(_REACH, _SLOPE)]).read()[0][0, :, 0],
+        read=lambda result: result,
         twin=lambda: twins.agreement(w.view, w.seen, *w.poses, _REACH, _SLOPE),
         flops=40 * len(w.seen) * len(w.poses[0]),
     )
@@ -99,32 +91,30 @@ _TWICE_TRANSFORMED = 1e-4
 
 def find_case(w: Workload) -> KernelCase:
     correlator, points, target = _given(w)
-    run = Kept(lambda: correlator.find(points, [Pose(R)], [target], 1, 3.0)[0][0][0])
     return KernelCase(
         "Correlator.find",
         "scipy.fft, NumPy, np.argmax",
-        Traffic(w.points.nbytes + 2 * half_bytes(w), half_bytes(w) + volume_bytes(w), 2 * half_bytes(w)),
+        Traffic(w.points.nbytes + 2 * w.half_bytes, w.half_bytes + w.volume_bytes, 2 * w.half_bytes),
         _TWICE_TRANSFORMED,
-        run=run,
-        read=lambda: peak_numbers(run.result),
+        run=lambda: correlator.find(points, [Pose(R)], [target], 1, 3.0)[0][0][0],
+        read=peak_numbers,
         twin=lambda: twins.peak(_correlation(w)),
-        flops=2 * transform_flops(w),
+        flops=2 * w.transform_flops,
     )
 
 
 def near_case(w: Workload) -> KernelCase:
     correlator, points, target = _given(w)
     shift = np.array([w.shift])
-    run = Kept(lambda: correlator.near(points, [Pose(R)], [target], shift).read()[0])
     return KernelCase(
         "Correlator.near",
         "scipy.fft, NumPy, 27 voxels",
-        Traffic(w.points.nbytes + 2 * half_bytes(w), half_bytes(w)),
+        Traffic(w.points.nbytes + 2 * w.half_bytes, w.half_bytes),
         _TWICE_TRANSFORMED,
-        run=run,
-        read=lambda: peak_numbers(run.result),
+        run=lambda: correlator.near(points, [Pose(R)], [target], shift).read()[0],
+        read=peak_numbers,
         twin=lambda: twins.peak(_correlation(w)),
-        flops=transform_flops(w),
+        flops=w.transform_flops,
     )
 
 

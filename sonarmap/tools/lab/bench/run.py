@@ -2,15 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from sonarmap.kernels.device.device import Device, choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
+from sonarmap.tools.files.versions import package_versions
 from sonarmap.tools.lab.bench.kernels import CASES, measure_kernels
-from sonarmap.tools.lab.bench.machine import describe_machine, load_average
+from sonarmap.tools.lab.bench.machine import count_cores, load_average, processor_name
 from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
-from sonarmap.tools.lab.bench.rates import measure_rates, summarize_rates
-from sonarmap.tools.lab.bench.result import BenchResult, KernelResult, PairResult
+from sonarmap.tools.lab.bench.peers import peer_versions
+from sonarmap.tools.lab.bench.rates import Rates, measure_rates, summarize_rates
+from sonarmap.tools.lab.bench.result import KernelResult
 from sonarmap.tools.lab.bench.survey import Command, measure_survey
 from sonarmap.tools.lab.progress import Follow
 
@@ -38,8 +41,8 @@ class BenchPlan:
     seed: int
 
 
-def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Command) -> BenchResult:
-    """Measure on one device.
+def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Command) -> dict[str, Any]:
+    """Measure on one device; the result as `result.py` says, with numbers of any kind.
 
     Args:
         selector: of the device, as `choose_device` takes it.
@@ -58,30 +61,39 @@ def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Co
         raise InputError("--survey 1: a survey needs 2 scans or more; 0 maps none")
     chosen = choose_device(selector)
     device = Device(chosen.cl_device, chosen.selector, chosen.notes, profiling=True)
-    machine, before = describe_machine(device), load_average()
-    rates = [measure_rates(device, _RATE_REPEATS)]
-    measured = _kernels(device, plan, machine.cores, follow) if plan.kernels else ()
+    cores, before = count_cores(), load_average()
+    measured = [measure_rates(device, _RATE_REPEATS)]
+    kernels: list[KernelResult] = []
+    if plan.kernels:
+        with follow("timing kernels", len(plan.edges) * len(CASES)) as step:
+            kernels += measure_kernels(device, plan.edges, plan.repeats, plan.seed, cores, step)
     # again, as the machine's other work may have changed meanwhile
-    rates.append(measure_rates(device, _RATE_REPEATS))
-    return BenchResult(
-        machine=machine,
-        seed=plan.seed,
-        repeats=plan.repeats,
-        rates=summarize_rates(device, rates),
-        kernels=measured,
-        pairs=_pairs(selector, plan, follow) if plan.pairs else (),
-        survey=measure_survey(plan.survey, plan.seed, selector, follow, command) if plan.survey else None,
-        load=(before, load_average()),
-    )
+    rates = summarize_rates(device, [*measured, measure_rates(device, _RATE_REPEATS)])
+    pairs = _pairs(selector, plan, rates, follow) if plan.pairs else []
+    survey = measure_survey(plan.survey, plan.seed, selector, follow, command) if plan.survey else None
+    return {
+        "device": {"name": device.name, "platform": device.platform},
+        "processor": processor_name(),
+        "cores": cores,
+        "versions": package_versions() | peer_versions(),
+        "load_average": (before, load_average()),
+        "seed": plan.seed,
+        "repeats": plan.repeats,
+        "copy_rate": rates.copy_rate,
+        "rates": rates.best,
+        "flops": rates.flops,
+        "kernels": [kernel.row(rates) for kernel in kernels],
+        "pairs": pairs,
+        "survey": survey,
+    }
 
 
-def _kernels(device: Device, plan: BenchPlan, cores: int, follow: Follow) -> tuple[KernelResult, ...]:
-    with follow("timing kernels", len(plan.edges) * len(CASES)) as step:
-        return tuple(measure_kernels(device, plan.edges, plan.repeats, plan.seed, cores, step))
-
-
-def _pairs(selector: str | None, plan: BenchPlan, follow: Follow) -> tuple[PairResult, ...]:
+def _pairs(selector: str | None, plan: BenchPlan, rates: Rates, follow: Follow) -> list[dict[str, Any]]:
     with follow("simulating pairs", plan.pairs) as step:
         simulated = simulate_pairs(plan.pairs, plan.seed, step)
     with follow("registering pairs", len(plan.edges) * plan.pairs) as step:
-        return tuple(measure_pairs(simulated, edge, selector, step) for edge in plan.edges)
+        rows = [measure_pairs(simulated, edge, selector, step) for edge in plan.edges]
+    for row in rows:
+        for stage in row["stages"]:
+            stage["limit_seconds"] = stage["array_bytes"] / rates.at("in_place", 8 * row["grid"] ** 3)
+    return rows

@@ -11,15 +11,10 @@ from sonarmap.tools.lab.bench.case import (
     ELEMENTWISE,
     FFT,
     WHITENED,
-    Kept,
     KernelCase,
-    half_bytes,
-    half_points,
     peak_numbers,
-    transform_flops,
     transform_passes,
     valid,
-    volume_bytes,
 )
 from sonarmap.tools.lab.bench.peers import fft_peers
 from sonarmap.tools.lab.bench.rates import Traffic, copier
@@ -27,14 +22,13 @@ from sonarmap.tools.lab.bench.workload import Workload
 
 
 def copy_case(w: Workload) -> KernelCase:
-    run, read = copier(w.device, w.volume)
-    out = np.empty_like(w.volume)
+    out, same = np.empty_like(w.volume), Traffic(w.volume_bytes, w.volume_bytes)
 
     def twin() -> np.ndarray:
         np.copyto(out, w.volume)
         return out
 
-    return KernelCase("copy", "np.copyto", Traffic(volume_bytes(w), volume_bytes(w)), 0.0, run, read, twin)
+    return KernelCase("copy", "np.copyto", same, 0.0, copier(w.device, w.volume), twin)
 
 
 def real_forward_case(w: Workload) -> KernelCase:
@@ -43,12 +37,12 @@ def real_forward_case(w: Workload) -> KernelCase:
     return KernelCase(
         "RealFFT.forward",
         "scipy.fft.rfftn",
-        Traffic(volume_bytes(w), half_bytes(w), 2 * half_bytes(w)),
+        Traffic(w.volume_bytes, w.half_bytes, 2 * w.half_bytes),
         FFT,
         run=lambda: fft.forward(volume, out=out),
-        read=lambda: valid(out),
+        read=valid,
         twin=lambda: twins.forward(w.volume, w.cores),
-        flops=transform_flops(w),
+        flops=w.transform_flops,
         passes=transform_passes(w),
         peers=lambda: fft_peers(w, inverse=False),
     )
@@ -62,13 +56,12 @@ def real_inverse_case(w: Workload) -> KernelCase:
     return KernelCase(
         "RealFFT.inverse",
         "scipy.fft.irfftn",
-        Traffic(half_bytes(w), volume_bytes(w), 2 * half_bytes(w)),
+        Traffic(w.half_bytes, w.volume_bytes, 2 * w.half_bytes),
         FFT,
         run=lambda: fft.inverse(spectrum, out=out),
-        read=out.get,
         twin=lambda: twins.inverse(w.spectrum, w.cores),
         restore=lambda: spectrum.set(padded),
-        flops=transform_flops(w),
+        flops=w.transform_flops,
         passes=transform_passes(w),
         peers=lambda: fft_peers(w, inverse=True),
     )
@@ -79,12 +72,11 @@ def magnitude_case(w: Workload) -> KernelCase:
     return KernelCase(
         "magnitude",
         "np.abs, fftshift",
-        Traffic(half_bytes(w), half_bytes(w) // 2),
+        Traffic(w.half_bytes, w.half_bytes // 2),
         ELEMENTWISE,
         run=lambda: magnitude(w.device, spectrum, w.edge, out=out),
-        read=out.get,
         twin=lambda: twins.magnitude(w.spectrum),
-        flops=4 * half_points(w),
+        flops=4 * w.half_points,
     )
 
 
@@ -94,12 +86,12 @@ def whiten_case(w: Workload) -> KernelCase:
     return KernelCase(
         "whiten",
         "np.abs, np.divide",
-        Traffic(half_bytes(w), half_bytes(w)),
+        Traffic(w.half_bytes, w.half_bytes),
         ELEMENTWISE,
         run=lambda: whiten(w.device, spectrum, out=out),
-        read=lambda: valid(out),
+        read=valid,
         twin=lambda: twins.whiten(w.spectrum, host),
-        flops=6 * half_points(w),
+        flops=6 * w.half_points,
     )
 
 
@@ -109,12 +101,12 @@ def cross_power_case(w: Workload) -> KernelCase:
     return KernelCase(
         "cross_power",
         "NumPy products",
-        Traffic(2 * half_bytes(w), half_bytes(w)),
+        Traffic(2 * w.half_bytes, w.half_bytes),
         ELEMENTWISE,
         run=lambda: cross_power(w.device, target, source, w.volume.shape, BLUR, out=out),
-        read=lambda: valid(out),
+        read=valid,
         twin=lambda: twins.cross_power(*w.whitened, BLUR, host),
-        flops=9 * half_points(w),
+        flops=9 * w.half_points,
     )
 
 
@@ -124,12 +116,12 @@ def prepare_case(w: Workload) -> KernelCase:
     return KernelCase(
         "Pomf.prepare",
         "scipy.fft.rfftn, NumPy",
-        Traffic(volume_bytes(w), half_bytes(w), 2 * half_bytes(w)),  # whitening can be part of the last pass
+        Traffic(w.volume_bytes, w.half_bytes, 2 * w.half_bytes),  # whitening can be part of the last pass
         WHITENED,
         run=lambda: pomf.prepare(volume, out=out),
-        read=lambda: valid(out),
+        read=valid,
         twin=lambda: twins.prepare(w.volume, w.cores),
-        flops=transform_flops(w) + 6 * half_points(w),
+        flops=w.transform_flops + 6 * w.half_points,
         passes=transform_passes(w),
     )
 
@@ -141,12 +133,11 @@ def correlate_case(w: Workload) -> KernelCase:
     return KernelCase(
         "Pomf.correlate",
         "NumPy, scipy.fft.irfftn",
-        Traffic(3 * half_bytes(w), half_bytes(w) + volume_bytes(w)),  # the product can be part of the first pass
+        Traffic(3 * w.half_bytes, w.half_bytes + w.volume_bytes),  # the product can be part of the first pass
         WHITENED,
         run=lambda: pomf.correlate(target, source, out=out),
-        read=out.get,
         twin=lambda: twins.correlate(*w.whitened, BLUR, scratch, w.cores),
-        flops=transform_flops(w) + 9 * half_points(w),
+        flops=w.transform_flops + 9 * w.half_points,
         passes=transform_passes(w),
     )
 
@@ -154,14 +145,13 @@ def correlate_case(w: Workload) -> KernelCase:
 def find_peaks_case(w: Workload) -> KernelCase:
     host = twins.correlate(*w.whitened, BLUR, np.empty_like(w.spectrum), w.cores)
     correlation = w.upload(host)
-    run = Kept(lambda: find_peaks(w.device, correlation)[0])
     return KernelCase(
         "find_peaks",
         "np.argmax, mean, std",
         Traffic(reads=host.nbytes),
         1e-5,
-        run,
-        lambda: peak_numbers(run.result),
-        lambda: twins.peak(host),
+        run=lambda: find_peaks(w.device, correlation)[0],
+        read=peak_numbers,
+        twin=lambda: twins.peak(host),
         flops=4 * host.size,
     )

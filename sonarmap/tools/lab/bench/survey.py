@@ -8,10 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
+from typing import Any
 
 from sonarmap.slam.execute.processes import spawned
 from sonarmap.tools.files.memory import peak_memory
-from sonarmap.tools.lab.bench.result import SurveyResult
 from sonarmap.tools.lab.bench.stages import SURVEY_STAGES, clocked
 from sonarmap.tools.lab.progress import Follow
 from sonarmap.tools.lab.simulate.folder import write_simulation
@@ -23,8 +23,11 @@ SCENE = "floodgate"
 _OTHER = "all else"
 
 
-def measure_survey(count: int, seed: int, selector: str | None, follow: Follow, command: Command) -> SurveyResult:
+def measure_survey(count: int, seed: int, selector: str | None, follow: Follow, command: Command) -> dict[str, Any]:
     """Simulate a lawn-mower's scans, which is not timed, and map them with nothing but defaults.
+
+    The result has the seconds from reading the files to the last file written, without starting Python, how often a
+    scan was prepared, each stage's own seconds, and the memory of the process [bytes].
 
     Args:
         count: of the scans, at least 2.
@@ -47,7 +50,7 @@ def measure_survey(count: int, seed: int, selector: str | None, follow: Follow, 
     return result
 
 
-def _map(folder: Path, selector: str | None, command: Command) -> SurveyResult:
+def _map(folder: Path, selector: str | None, command: Command) -> dict[str, Any]:
     """In a new process: map the scans of a folder."""
     arguments = ["map", str(folder / "scans"), "-o", str(folder / "map"), "--json"]
     arguments += ["--device", selector] if selector else []
@@ -57,12 +60,11 @@ def _map(folder: Path, selector: str | None, command: Command) -> SurveyResult:
         seconds = perf_counter() - start
     times = json.loads((folder / "map" / "times.json").read_text(encoding="utf-8"))
     stages = {stage.name: stage.own_seconds for stage in clock.stages.values() if stage.calls}
-    scans = len(list((folder / "scans").glob("scan_*.ply")))
-    return SurveyResult(
-        scans=scans,
-        pairs=len(times["pairs"]),
-        seconds=seconds,
-        prepared=clock.stages["preparing scans"].calls,
-        stages=stages | {_OTHER: seconds - sum(stages.values())},
-        peak_memory=peak_memory(),
-    )
+    return {
+        "scans": len(list((folder / "scans").glob("scan_*.ply"))),
+        "pairs": len(times["pairs"]),
+        "seconds": seconds,
+        "prepared": clock.stages["preparing scans"].calls,
+        "stages": stages | {_OTHER: seconds - sum(stages.values())},
+        "peak_memory": peak_memory(),
+    }

@@ -1,7 +1,8 @@
 """Which tried pairs of a survey are right: precision and recall of what was kept, and of what was rejected."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from scipy.spatial.transform import RigidTransform
@@ -63,24 +64,19 @@ def score_pairs(pairs: Sequence[TriedPair], truth: Mapping[int, RigidTransform],
         truth: T_world_sensor of the scans that have a true pose, by index.
         voxel: edge of the voxels on which they were registered [m].
     """
-    counts = {(kept, right): 0 for kept in (True, False) for right in (True, False)}
-    failed = unjudged = 0
-    for pair in pairs:
-        if pair.T_target_source is None:
-            failed += 1
-        elif pair.target not in truth or pair.source not in truth:
-            unjudged += 1
-        else:
-            error = pair_error(pair.T_target_source, truth[pair.target].inv() * truth[pair.source])
-            counts[pair.kept, error.within(RIGHT_DEG, RIGHT_VOXELS * voxel)] += 1
-    return PairScore(
-        kept_right=counts[True, True],
-        kept_wrong=counts[True, False],
-        rejected_right=counts[False, True],
-        rejected_wrong=counts[False, False],
-        failed=failed,
-        unjudged=unjudged,
-    )
+    counts = Counter(_outcome(pair, truth, voxel) for pair in pairs)
+    return PairScore(*(counts[field.name] for field in fields(PairScore)))
+
+
+def _outcome(pair: TriedPair, truth: Mapping[int, RigidTransform], voxel: float) -> str:
+    """The field of PairScore that counts the pair."""
+    if pair.T_target_source is None:
+        return "failed"
+    if pair.target not in truth or pair.source not in truth:
+        return "unjudged"
+    error = pair_error(pair.T_target_source, truth[pair.target].inv() * truth[pair.source])
+    right = error.within(RIGHT_DEG, RIGHT_VOXELS * voxel)
+    return f"{'kept' if pair.kept else 'rejected'}_{'right' if right else 'wrong'}"
 
 
 def _share(part: int, rest: int) -> float | None:

@@ -118,6 +118,15 @@ class Evaluation:
 
     def to_json(self) -> dict[str, Any]:
         """The same as JSON's types, with root mean squares, medians and maxima."""
+        columns = {
+            "stamp": self.stamps,
+            "translation_m": self.translation_m,
+            "rotation_deg": self.rotation_deg,
+            "estimated_m": self.T_aligned.translation,
+            "true_m": self.T_true.translation,
+            "estimated_yaw_deg": yaw_deg(self.T_aligned),
+            "true_yaw_deg": yaw_deg(self.T_true),
+        }
         return {
             "alignment": self.alignment,
             "T_truth_estimate": self.T_truth_estimate.as_matrix().tolist(),
@@ -129,25 +138,8 @@ class Evaluation:
             "rpe_m": _statistics(self.step_translation_m),
             "rpe_deg": _statistics(self.step_rotation_deg),
             "per_pose": [
-                {
-                    "stamp": stamp,
-                    "translation_m": meters,
-                    "rotation_deg": degrees,
-                    "estimated_m": estimated,
-                    "true_m": true,
-                    "estimated_yaw_deg": estimated_yaw,
-                    "true_yaw_deg": true_yaw,
-                }
-                for stamp, meters, degrees, estimated, true, estimated_yaw, true_yaw in zip(
-                    self.stamps.tolist(),
-                    self.translation_m.tolist(),
-                    self.rotation_deg.tolist(),
-                    self.T_aligned.translation.tolist(),
-                    self.T_true.translation.tolist(),
-                    yaw_deg(self.T_aligned).tolist(),
-                    yaw_deg(self.T_true).tolist(),
-                    strict=True,
-                )
+                dict(zip(columns, row, strict=True))
+                for row in zip(*(column.tolist() for column in columns.values()), strict=True)
             ],
         }
 
@@ -191,8 +183,10 @@ def evaluate(
         T_truth_estimate = true[0] * estimated[0].inv()
     aligned = T_truth_estimate * estimated
     error = true.inv() * aligned
-    several = len(estimate_rows) > 1
-    steps = (true[:-1].inv() * true[1:]).inv() * (estimated[:-1].inv() * estimated[1:]) if several else None
+    step_rotation, step_translation = np.empty(0), np.empty(0)
+    if len(estimate_rows) > 1:
+        steps = (true[:-1].inv() * true[1:]).inv() * (estimated[:-1].inv() * estimated[1:])
+        step_rotation, step_translation = steps.rotation.magnitude(), np.linalg.norm(steps.translation, axis=1)
     return Evaluation(
         alignment=alignment,
         T_truth_estimate=T_truth_estimate,
@@ -201,8 +195,8 @@ def evaluate(
         T_true=true,
         rotation_deg=np.rad2deg(error.rotation.magnitude()),
         translation_m=np.linalg.norm(error.translation, axis=1),
-        step_rotation_deg=np.empty(0) if steps is None else np.rad2deg(steps.rotation.magnitude()),
-        step_translation_m=np.empty(0) if steps is None else np.linalg.norm(steps.translation, axis=1),
+        step_rotation_deg=np.rad2deg(step_rotation),
+        step_translation_m=step_translation,
         unmatched_estimates=len(estimate) - len(estimate_rows),
         unmatched_truths=len(truth) - len(truth_rows),
     )
@@ -244,9 +238,8 @@ def _near(estimate: np.ndarray, truth: np.ndarray, tolerance: float) -> tuple[np
     """All pairs of stamps within the tolerance, as indices, by the estimate's and then by the truth's."""
     order = np.argsort(truth, kind="stable")
     ordered = truth[order]
-    reach = tolerance + 4 * np.spacing(
-        np.abs(estimate) + tolerance
-    )  # the search rounds; the tolerance itself is applied below
+    # the search rounds; the tolerance itself is applied below
+    reach = tolerance + 4 * np.spacing(np.abs(estimate) + tolerance)
     low = np.searchsorted(ordered, estimate - reach, "left")
     count = np.searchsorted(ordered, estimate + reach, "right") - low
     mine = np.repeat(np.arange(len(estimate)), count)

@@ -10,7 +10,7 @@ from typing import Any
 from sonarmap.kernels.device.device import Device
 from sonarmap.tools.files.versions import package_versions
 from sonarmap.tools.files.writers.json_text import to_json
-from sonarmap.tools.lab.bench.machine import describe_machine
+from sonarmap.tools.lab.bench.machine import count_cores, processor_name
 from sonarmap.tools.lab.reproduce.experiment import ByMethod, Experiment
 from sonarmap.tools.methods.fingerprint import ROOT, fingerprint, method_sources, method_versions, source_digest
 from sonarmap.tools.methods.registry import find_method
@@ -58,7 +58,6 @@ class Provenance:
 
 def provenance(experiment: Experiment, device: Device) -> Provenance:
     """Of an experiment on a device, with the code that runs now."""
-    machine = describe_machine(device)
     own = os.path.relpath(Path(inspect.getfile(type(experiment))).resolve(), ROOT)
     sources = source_digest((*experiment.sources, own), SHOWING)
     methods = {}
@@ -71,8 +70,8 @@ def provenance(experiment: Experiment, device: Device) -> Provenance:
         device=device.name,
         platform=device.platform,
         versions=package_versions(),
-        processor=machine.processor,
-        cores=machine.cores,
+        processor=processor_name(),
+        cores=count_cores(),
         methods=methods,
     )
 

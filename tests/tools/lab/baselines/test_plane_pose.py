@@ -28,21 +28,18 @@ def error(found: RigidTransform, truth: RigidTransform = T_TARGET_SOURCE) -> np.
     return (found.inv() * truth).as_exp_coords()
 
 
-def test_the_closed_form_is_exact_without_noise() -> None:
-    source = some_planes()
-    np.testing.assert_allclose(error(closed_form(seen_from(source, T_TARGET_SOURCE), source)), 0, atol=1e-9)
+THREE = patches(np.array([[1, 0.2, 0], [0, 1, 0.3], [0.1, 0, 1]]), np.array([[9.0, 2, 1], [3, 8, -2], [1, 4, 7]]))
+# its quaternion has no real part
+HALF_A_TURN = RigidTransform.from_components([1.0, 2, 3], Rotation.from_rotvec(np.pi * np.array([0.6, 0, 0.8])))
 
 
-def test_three_planes_are_enough() -> None:
-    source = patches(np.array([[1, 0.2, 0], [0, 1, 0.3], [0.1, 0, 1]]), np.array([[9.0, 2, 1], [3, 8, -2], [1, 4, 7]]))
-    np.testing.assert_allclose(error(closed_form(seen_from(source, T_TARGET_SOURCE), source)), 0, atol=1e-9)
-
-
-def test_half_a_turn_is_found() -> None:
-    """The quaternion of 180 degrees has no real part."""
-    T = RigidTransform.from_components([1.0, 2, 3], Rotation.from_rotvec(np.pi * np.array([0.6, 0, 0.8])))
-    source = some_planes()
-    np.testing.assert_allclose(error(closed_form(seen_from(source, T), source), T), 0, atol=1e-8)
+@pytest.mark.parametrize(
+    ("source", "T", "atol"),
+    [(some_planes(), T_TARGET_SOURCE, 1e-9), (THREE, T_TARGET_SOURCE, 1e-9), (some_planes(), HALF_A_TURN, 1e-8)],
+    ids=["seven", "three", "half a turn"],
+)
+def test_the_closed_form_is_exact_without_noise(source: Patches, T: RigidTransform, atol: float) -> None:
+    np.testing.assert_allclose(error(closed_form(seen_from(source, T), source), T), 0, atol=atol)
 
 
 def test_the_closed_form_moves_with_the_target() -> None:

@@ -40,7 +40,7 @@ def test_without_noise_it_is_exact() -> None:
     np.testing.assert_allclose(error(found), 0, atol=2e-3)  # a cell at an edge holds points of both walls
 
 
-def test_every_wall_becomes_a_patch_with_its_true_plane() -> None:
+def test_every_wall_becomes_a_patch_with_its_true_plane_largest_first() -> None:
     patches = REGISTRAR.prepare(look(ROOM, T_ROOM_TARGET, seed=3, sigma2=0.01)).patches
     normal = ROOM[0] / np.linalg.norm(ROOM[0], axis=1, keepdims=True)
     distance = ROOM[1] - normal @ T_ROOM_TARGET.translation
@@ -51,6 +51,8 @@ def test_every_wall_becomes_a_patch_with_its_true_plane() -> None:
         near = np.argmin(np.linalg.norm(patch_normal - n, axis=-1))
         np.testing.assert_allclose(patch_normal[near], n[0], atol=0.01)
         np.testing.assert_allclose(patch_distance[near], d[0], atol=0.1)
+    assert (np.diff(patches.area) <= 0).all()
+    assert {len(getattr(patches, field.name)) for field in fields(patches)} == {len(patches)}
 
 
 def test_swapped_scans_give_the_inverse() -> None:
@@ -104,22 +106,16 @@ def test_points_far_off_the_lattice_do_no_harm() -> None:
     assert np.linalg.norm(error(register(target, stray))) < 0.1
 
 
-def test_patches_are_sorted_by_area_and_complete() -> None:
-    patches = REGISTRAR.prepare(look(ROOM, T_ROOM_TARGET, seed=13, sigma2=0.01)).patches
-    assert (np.diff(patches.area) <= 0).all()
-    assert {len(getattr(patches, field.name)) for field in fields(patches)} == {len(patches)}
-
-
-@pytest.mark.parametrize("voxel", [0.0, -1.0, np.nan, np.inf])
-def test_a_voxel_without_length_is_refused(voxel: float) -> None:
-    with pytest.raises(InputError, match="voxel"):
-        PlaneRegistrar(voxel)
-
-
-@pytest.mark.parametrize("max_tilt", [0.0, 2.0])
-def test_a_tilt_beyond_the_bounds_is_refused(max_tilt: float) -> None:
-    with pytest.raises(InputError, match="max_tilt"):
-        PlaneRegistrar(1.0, max_tilt)
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        *(((voxel,), "voxel") for voxel in (0.0, -1.0, np.nan, np.inf)),
+        *(((1.0, tilt), "max_tilt") for tilt in (0.0, 2.0)),
+    ],
+)
+def test_lengths_and_angles_that_are_none_are_refused(settings: tuple[float, ...], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        PlaneRegistrar(*settings)
 
 
 @pytest.mark.slow

@@ -13,8 +13,7 @@ from typer.testing import CliRunner
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.bench.kernels import CASES
-from sonarmap.tools.lab.bench.output.as_json import read_result
-from sonarmap.tools.lab.bench.output.compare import compare
+from sonarmap.tools.lab.bench.output.compare import compare, read_result
 from sonarmap.tools.lab.bench.output.page import BEGIN, END, figures, write_page
 from sonarmap.tools.lab.bench.output.picture import draw_roofline, roofline_figure
 from tests.samples.places import ROOT
@@ -125,6 +124,11 @@ class TestCommand:
             (["--from", "RESULT", "--grid", "64"], "--grid has no effect"),
             (["--from", "RESULT", "--page", "RESULT"], "does not hold the lines"),
             (["--survey", "1", "--no-kernels", "--pairs", "0"], "needs 2 scans"),
+            (["--grid", "98"], "--grid 98 is not an even product of 2, 3 and 5"),
+            (["--no-kernels", "--pairs", "0"], "nothing to measure"),
+            (["--device", "abacus"], "no OpenCL device matches 'abacus'"),
+            (["--repeats", "0"], "--repeats"),
+            (["--pairs", "-1"], "--pairs"),
         ],
     )
     def test_refusals(self, stored: Path, arguments: list[str], words: str) -> None:

@@ -20,7 +20,7 @@ from sonarmap.tools.lab.baselines.planes.consensus import Consensus, Matching
 from sonarmap.tools.lab.baselines.planes.extraction import extract_patches
 from sonarmap.tools.lab.baselines.planes.fit import Patches
 from sonarmap.tools.lab.baselines.planes.pose import LOOSE_ROTATION, PlanePose, fixed_and_open
-from sonarmap.tools.lab.baselines.result import NO_PEAK, REACH, MethodVerdict, overlap
+from sonarmap.tools.lab.baselines.result import NO_PEAK, REACH, MethodVerdict, overlap, verdict
 
 # The paper's bound on roll and pitch between two scans (Sect. 2.7), as the spectral registration has it [rad].
 MAX_TILT = float(np.deg2rad(35.0))
@@ -103,15 +103,15 @@ class PlaneRegistrar:
             sets = Matching(target.patches, source.patches, self.voxel, self.max_tilt, farthest).find()
         pose = sets[0].pose if sets else nothing_found(farthest)
         share = self._overlap(target, source, pose.T_target_source)
-        verdict = judge(sets, target.patches, source.patches, self.voxel, share)
+        belief = judge(sets, target.patches, source.patches, self.voxel, share)
         return Registration(
             T_target_source=pose.T_target_source,
             covariance=pose.covariance,
             psr=NO_PEAK,
             overlap=share,
-            accepted=verdict.accepted,
+            accepted=belief.accepted,
             seconds=perf_counter() - start,
-            reason=verdict.reason,
+            reason=belief.reason,
         )
 
     def _overlap(self, target: Planes, source: Planes, T_target_source: RigidTransform) -> float:
@@ -140,19 +140,14 @@ def judge(sets: Sequence[Consensus], target: Patches, source: Patches, voxel: fl
         return MethodVerdict(False, f"{len(best)} planes agree, and {open_ways}")
     rival = max((len(rival_set) for rival_set in sets[1:] if _differ(best, rival_set, voxel)), default=0)
     area = best.area / min(target.area.sum(), source.area.sum())
-    words = (
+    return verdict(
         f"{len(best)} planes agree, of the next answer {rival}; they are {area:.0%} of the planes' area; "
-        f"{overlap:.0%} of the points are shared"
+        f"{overlap:.0%} of the points are shared",
+        (len(best) >= FEWEST_PLANES, f"{FEWEST_PLANES} planes"),
+        (len(best) >= LEAST_DISTINCTION * rival, f"{LEAST_DISTINCTION:g} times as many"),
+        (area >= LEAST_AREA, f"{LEAST_AREA:.0%} of the area"),
+        (overlap >= LEAST_OVERLAP, f"{LEAST_OVERLAP:.0%} of the points"),
     )
-    if len(best) < FEWEST_PLANES:
-        return MethodVerdict(False, f"{words}; believed from {FEWEST_PLANES} planes on")
-    if len(best) < LEAST_DISTINCTION * rival:
-        return MethodVerdict(False, f"{words}; believed from {LEAST_DISTINCTION:g} times as many on")
-    if area < LEAST_AREA:
-        return MethodVerdict(False, f"{words}; believed from {LEAST_AREA:.0%} of the area on")
-    if overlap < LEAST_OVERLAP:
-        return MethodVerdict(False, f"{words}; believed from {LEAST_OVERLAP:.0%} of the points on")
-    return MethodVerdict(True, words)
 
 
 def _open_ways(planes: Patches, pose: PlanePose, voxel: float) -> str:

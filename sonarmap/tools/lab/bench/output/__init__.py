@@ -1,1 +1,1 @@
-"""A benchmark's result as a table, as JSON, as a page and a picture, and beside an older one."""
+"""A benchmark's result as a table, as a page and a picture, and beside an older one."""

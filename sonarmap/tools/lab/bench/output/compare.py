@@ -1,13 +1,47 @@
-"""What became slower or faster since an earlier run, beyond the noise of both."""
+"""An earlier run's result, and what became slower or faster since, beyond the noise of both."""
 
+import json
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.user_file import read_content
 from sonarmap.tools.lab.bench.timing import Times
 
 # A difference of medians below this share is none, even where the quartiles do not overlap.
 MARGIN = 0.1
+
+
+def read_result(path: Path) -> dict[str, Any]:
+    """What an earlier run wrote.
+
+    Raises:
+        InputError: the file cannot be read, or is none of `sonarmap bench`.
+    """
+    with results_of(path):
+        content = json.loads(read_content(path, pipe=True))
+        compare(content, content)  # looks at all that another run is compared with
+        return content
+
+
+@contextmanager
+def results_of(path: Path | None) -> Iterator[None]:
+    """Whatever the block misses in a result refuses the file that it was read from; None: it was measured just now.
+
+    Raises:
+        InputError: the file is none of `sonarmap bench`.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RecursionError) as error:
+        if path is None:
+            raise
+        raise InputError(f"{path} is not a result of `sonarmap bench`; give a file that -o or --json wrote") from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +84,7 @@ class Comparison:
 
 
 def compare(old: Mapping[str, Any], new: Mapping[str, Any]) -> Comparison:
-    """Compare two results, as `as_json` gives them; older ones may lack keys.
+    """Compare two results; older ones may lack keys.
 
     A time differs where the quartiles do not overlap and the medians are more than MARGIN apart. Counts of launches and
     of blocking reads have no noise.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.lab.bench.rates import highest_rate
 from sonarmap.tools.products.report.labels import place_labels, shrink
 from sonarmap.tools.products.report.small_png import write_png
 
@@ -23,7 +24,7 @@ _DISTANCES = (6.0, 10.0, 18.0, 28.0, 40.0, 55.0, 75.0, 100.0)  # from a point to
 
 
 def draw_roofline(path: Path, result: Mapping[str, Any]) -> None:
-    """Draw the kernels of a result, as `as_json` gives it: a color for each grid, its memory's rate as a line.
+    """Draw the kernels of a result: a color for each grid, its memory's rate as a line.
 
     Raises:
         InputError: the result holds no kernels, or the file cannot be written.
@@ -47,9 +48,9 @@ def roofline_figure(result: Mapping[str, Any]) -> "Figure":
     axes = figure.add_axes((_LEFT, 0.085, _END - _LEFT, 0.815))
     places = np.array([_place(row) for row in rows])
     span = np.geomspace(places[:, 0].min() / 2, max(places[:, 0].max(), 10) * 2, 200)
-    roofs = []
+    roofs, in_place = [], {int(size): rate for size, rate in result["rates"]["in_place"].items()}
     for (color, shape), grid in zip(_LOOKS * 8, dict.fromkeys(row["grid"] for row in rows), strict=False):
-        rate = _memory_rate(result, _TOUCHED * grid**3)
+        rate = highest_rate(in_place, _TOUCHED * grid**3)
         roof = np.minimum(rate * span, result["flops"]) / 1e9
         axes.plot(span, roof, color=color, lw=1)
         own = np.array([_place(row) for row in rows if row["grid"] == grid])
@@ -76,9 +77,3 @@ def roofline_figure(result: Mapping[str, Any]) -> "Figure":
 def _place(row: Mapping[str, Any]) -> tuple[float, float]:
     """Operations for each byte, and GFLOP/s, of a kernel."""
     return row["flops"] / row["bytes_moved"], row["flop_rate"] / 1e9
-
-
-def _memory_rate(result: Mapping[str, Any], touched: int) -> float:
-    rates = {int(size): rate for size, rate in result["rates"]["in_place"].items()}
-    large = [rate for size, rate in rates.items() if size >= touched / 2]
-    return max(large) if large else rates[max(rates)]

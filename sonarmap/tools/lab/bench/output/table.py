@@ -1,158 +1,130 @@
-"""A benchmark's result for people."""
+"""A benchmark's result for people, at a terminal."""
 
-from collections.abc import Iterable
+from collections.abc import Iterator, Sequence
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from sonarmap.tools.lab.bench.rates import Rates
-from sonarmap.tools.lab.bench.result import PAPER_SECONDS, BenchResult, KernelResult, PairResult, SurveyResult
-from sonarmap.tools.lab.bench.timing import Times
+from sonarmap.tools.lab.bench.output.columns import (
+    RATES,
+    REQUESTS,
+    Columns,
+    Row,
+    cells,
+    milliseconds,
+    number,
+    of_memory,
+    survey_rows,
+)
 from sonarmap.tools.lab.wide_table import WideTable
 
 _RIGHT = frozenset(range(1, 20))  # of the columns: all but the names
 
+_TIMES: Columns = {
+    "device ms": milliseconds("device_seconds"),
+    "event ms": number("event_seconds", ".3g", 1e3),
+    "compile s": number("compile_seconds", ".2f"),
+    "twin ms": milliseconds("twin_seconds"),
+}
+_KERNEL: Columns = {"kernel": lambda row: row["kernel"], **_TIMES, "twin/device": number("ratio", ".2f"), **RATES}
+_PAIR_TIMES: Columns = {
+    "count": number("count", ""),
+    "median": number("median", ".3f"),
+    "quartiles": lambda times: f"[{times['first_quartile']:.3f}..{times['third_quartile']:.3f}]",
+    "min": number("least", ".3f"),
+    "max": number("most", ".3f"),
+    "max/median": number("most_over_median", ".2f"),
+}
+_PAIR: Columns = {
+    "paper": number("paper_seconds", "g"),
+    "right": lambda row: f"{row['right']}/{row['register_seconds']['count']}",
+    "believed": lambda row: f"{row['accepted']}/{row['register_seconds']['count']}",
+    "memory": of_memory("peak_memory", "{} GiB"),
+    "on device": of_memory("device_memory", "{} GiB"),
+    "planned": of_memory("planned_memory", "{} GiB"),
+    "first": number("first_seconds", ".1f"),
+}
+_STAGE: Columns = {
+    "stage": lambda row: row["name"],
+    "calls": number("calls", ".1f"),
+    "ms": number("seconds", ".1f", 1e3),
+    "of these own": number("own_seconds", ".1f", 1e3),
+    "device ms": number("device_seconds", ".1f", 1e3),
+    **REQUESTS,
+}
+_SURVEY: Columns = {
+    "stage": lambda row: row["stage"],
+    "s": number("s", ".2f"),
+    "share": number("share", ".1%"),
+    "ms a scan": number("scan", ".1f", 1e3),
+}
 
-def describe(result: BenchResult) -> RenderableType:
-    """The machine, the kernels, the pairs, the survey."""
-    parts: list[RenderableType] = [Text(line) for line in (*_head(result), *map(_pair_words, result.pairs))]
-    for edge in dict.fromkeys(kernel.edge for kernel in result.kernels):
-        rows = [kernel for kernel in result.kernels if kernel.edge == edge]
-        parts += [Text(f"\nkernels at {edge}^3: medians [quartiles]"), _kernel_table(rows, result.rates)]
-    if result.pairs:
-        parts += [Text("\nsimulated pairs, seconds"), _pair_table(result.pairs)]
-    for pair in result.pairs:
-        parts += [Text(f"\nwhere a pair's time goes at {pair.edge}^3, with two scans prepared"), _stage_table(pair)]
-    if result.survey:
-        parts += [Text(f"\n{survey_words(result.survey)}"), _survey_table(result.survey)]
+
+def describe(result: Row) -> RenderableType:
+    """The machine, the kernels, the pairs, the survey of a result, as `run_bench` gives it."""
+    pairs, survey = result["pairs"], result["survey"]
+    parts: list[RenderableType] = [Text(line) for line in (*_head(result), *map(_pair_words, pairs))]
+    for grid in dict.fromkeys(row["grid"] for row in result["kernels"]):
+        rows = [row for row in result["kernels"] if row["grid"] == grid]
+        parts += [Text(f"\nkernels at {grid}^3: medians [quartiles]"), _kernel_table(rows)]
+    if pairs:
+        lines = [line for row in pairs for line in _pair_lines(row)]
+        headings = ("grid and step", *_PAIR_TIMES, *_PAIR)
+        parts += [Text("\nsimulated pairs, seconds"), WideTable(headings, lines, _RIGHT)]
+    for row in pairs:
+        parts += [Text(f"\nwhere a pair's time goes at {row['grid']}^3, with two scans prepared")]
+        parts += [WideTable([*_STAGE], cells(_STAGE, row["stages"]), _RIGHT)]
+    if survey:
+        words = (
+            f"a survey of {survey['scans']} scans: {survey['seconds']:.1f} s, "
+            f"{survey['seconds'] / survey['scans']:.2f} s a scan; {survey['pairs']} pairs, "
+            f"scans prepared {survey['prepared']} times, {survey['peak_memory'] / 2**30:.2f} GiB"
+        )
+        parts += [Text(f"\n{words}"), WideTable([*_SURVEY], cells(_SURVEY, survey_rows(survey)), _RIGHT)]
     return Group(*parts)
 
 
-def survey_words(survey: SurveyResult) -> str:
-    """The survey's time in a sentence."""
+def _head(result: Row) -> list[str]:
+    before, after = ("unknown" if load is None else f"{load:.1f}" for load in result["load_average"])
+    rates = result["rates"]
+    in_place, reading = (rates[name][max(rates["copy"])] / 1e9 for name in ("in_place", "read"))
+    copying, computing = result["copy_rate"] / 1e9, result["flops"] / 1e9
+    return [
+        f"{result['device']['name']} ({result['device']['platform']})",
+        f"twins: {result['processor'] or 'unknown processor'}, {result['cores']} cores",
+        f"the device copies {copying:.1f} GB/s, changes in place {in_place:.1f}, reads {reading:.1f}, and computes "
+        f"{computing:.0f} GFLOP/s; load average {before} before, {after} after",
+    ]
+
+
+def _pair_words(row: Row) -> str:
+    times = row["register_seconds"]
     return (
-        f"a survey of {survey.scans} scans: {survey.seconds:.1f} s, {survey.seconds / survey.scans:.2f} s a scan; "
-        f"{survey.pairs} pairs, scans prepared {survey.prepared} times, {survey.peak_memory / 2**30:.2f} GiB"
+        f"a prepared pair at {row['grid']}^3 is registered in {times['median']:.3f} s (median of {times['count']}); "
+        f"{row['right']} of {times['count']} are right"
     )
 
 
-def _pair_words(pair: PairResult) -> str:
-    times = pair.register
-    return (
-        f"a prepared pair at {pair.edge}^3 is registered in {times.median:.3f} s (median of {times.count}); "
-        f"{pair.right} of {times.count} are right"
-    )
+def _kernel_table(rows: Sequence[Row]) -> WideTable:
+    return WideTable([*_KERNEL, "twin"], [line for row in rows for line in _kernel_lines(row)], _RIGHT - {len(_KERNEL)})
 
 
-def _head(result: BenchResult) -> list[str]:
-    machine, rates = result.machine, result.rates
-    before, after = ("unknown" if load is None else f"{load:.1f}" for load in result.load)
-    size = max(rates.best["copy"])
-    in_place, reading = (gigabytes(rates.best[way][size]) for way in ("in_place", "read"))
-    return [
-        f"{machine.device} ({machine.platform})",
-        f"twins: {machine.processor or 'unknown processor'}, {machine.cores} cores",
-        f"the device copies {gigabytes(rates.copy_rate)} GB/s, changes in place {in_place}, reads {reading}, "
-        f"and computes {rates.flops / 1e9:.0f} GFLOP/s; load average {before} before, {after} after",
-    ]
+def _kernel_lines(row: Row) -> Iterator[list[str | Text]]:
+    """The kernel's, those of other libraries, and those of its passes whose traffic is known."""
+    line: list[str | Text] = [*cells(_KERNEL, [row])[0], row["twin"]]
+    if not row["right"]:
+        line[-6:-1] = ["-", "-", "-", "-", Text(f"WRONG {row['error']:.1e}", "bold red")]
+    yield line
+    for peer in row["peers"]:
+        yield [f"  {peer['library']}", "", "", "", milliseconds("seconds")(peer), f"{peer['ratio']:.2f}", *[""] * 5]
+    for each in row["passes"]:
+        if each["bytes"]:
+            seconds = each["event_seconds"]
+            rate, share = sum(each["bytes"].values()) / seconds / 1e9, each["share_of_limit"]
+            yield [f"  {each['kernel']}", "", f"{1e3 * seconds:.3g}", *[""] * 4, f"{rate:.1f}", f"{share:.0%}", "", ""]
 
 
-def _kernel_table(kernels: Iterable[KernelResult], rates: Rates) -> WideTable:
-    headings = ("device ms", "event ms", "compile s", "twin ms", "twin/device", "GFLOP/s", "GB/s", "of limit")
-    headings = ("kernel", *headings, "difference", "twin")
-    rows: list[list[str | Text]] = []
-    for kernel in kernels:
-        rows.append([kernel.name, *_kernel_cells(kernel, rates), kernel.twin_name])
-        for library, times in kernel.peers.items():
-            ratio = f"{times.median / kernel.device.median:.2f}"
-            rows.append([f"  {library}", "", "", "", milliseconds(times), ratio, *[""] * 5])
-        for name, traffic in kernel.launches.passes.items():
-            seconds = kernel.launches.kernels[name]
-            share = f"{rates.least_seconds(traffic) / seconds:.0%}"
-            rate = gigabytes(traffic.moved / seconds)
-            rows.append([f"  {name}", "", f"{1e3 * seconds:.3g}", *[""] * 4, rate, share, "", ""])
-    return WideTable(headings, rows, _RIGHT - {len(headings) - 1})
-
-
-def _kernel_cells(kernel: KernelResult, rates: Rates) -> list[str | Text]:
-    event = kernel.launches.seconds
-    right: list[str | Text] = [
-        f"{kernel.ratio:.2f}",
-        f"{kernel.flops / kernel.device.median / 1e9:.1f}" if kernel.flops else "",
-        gigabytes(kernel.rate),
-        f"{kernel.share_of_limit(rates):.0%}",
-        f"{kernel.error:.1e}",
-    ]
-    wrong: list[str | Text] = ["-", "-", "-", "-", Text(f"WRONG {kernel.error:.1e}", "bold red")]
-    return [
-        milliseconds(kernel.device),
-        "" if event is None else f"{1e3 * event:.3g}",
-        f"{kernel.compile_seconds:.2f}",
-        milliseconds(kernel.twin),
-        *(right if kernel.right else wrong),
-    ]
-
-
-def _pair_table(pairs: Iterable[PairResult]) -> WideTable:
-    headings = ("count", "median", "quartiles", "min", "max", "max/median", "paper", "right", "believed", "memory")
-    headings = ("grid and step", *headings, "on device", "planned", "first")
-    rows: list[list[str | Text]] = []
-    for pair in pairs:
-        paper = PAPER_SECONDS.get(pair.edge)
-        outcome = [
-            "" if paper is None else f"{paper:g}",
-            f"{pair.right}/{pair.register.count}",
-            f"{pair.accepted}/{pair.register.count}",
-            *(f"{size / 2**30:.2f} GiB" for size in (pair.peak_memory, pair.device_memory, pair.planned_memory)),
-            f"{pair.first_seconds:.1f}",
-        ]
-        rows.append([f"{pair.edge}^3 prepare a scan", *_seconds(pair.prepare), *[""] * 7])
-        rows.append([f"{pair.edge}^3 register a pair", *_seconds(pair.register), *outcome])
-    return WideTable(headings, rows, _RIGHT)
-
-
-def _stage_table(pair: PairResult) -> WideTable:
-    headings = ("stage", "calls", "ms", "of these own", "device ms", "launches", "reads", "uploads", "arrays MB")
-    rows = [
-        [
-            stage.name,
-            f"{stage.calls:.1f}",
-            f"{1e3 * stage.seconds:.1f}",
-            f"{1e3 * stage.own_seconds:.1f}",
-            f"{1e3 * stage.device_seconds:.1f}",
-            *(f"{count:.1f}" for count in (stage.launches, stage.reads, stage.writes)),
-            f"{stage.array_bytes / 1e6:.0f}",
-        ]
-        for stage in pair.stages
-    ]
-    return WideTable(headings, rows, _RIGHT)
-
-
-def _survey_table(survey: SurveyResult) -> WideTable:
-    rows = [
-        [name, f"{seconds:.2f}", f"{seconds / survey.seconds:.1%}", f"{1e3 * seconds / survey.scans:.1f}"]
-        for name, seconds in sorted(survey.stages.items(), key=lambda stage: -stage[1])
-    ]
-    return WideTable(("stage", "s", "share", "ms a scan"), rows, _RIGHT)
-
-
-def _seconds(times: Times) -> list[str]:
-    return [
-        str(times.count),
-        f"{times.median:.3f}",
-        f"[{times.first_quartile:.3f}..{times.third_quartile:.3f}]",
-        f"{times.least:.3f}",
-        f"{times.most:.3f}",
-        f"{times.most_over_median:.2f}",
-    ]
-
-
-def milliseconds(times: Times) -> str:
-    """Median and quartiles."""
-    median, first, third = (f"{1e3 * s:.3g}" for s in (times.median, times.first_quartile, times.third_quartile))
-    return f"{median} [{first}..{third}]"
-
-
-def gigabytes(rate: float) -> str:
-    """Of bytes per second."""
-    return f"{rate / 1e9:.1f}"
+def _pair_lines(row: Row) -> Iterator[list[str]]:
+    grid = f"{row['grid']}^3"
+    yield [f"{grid} prepare a scan", *cells(_PAIR_TIMES, [row["prepare_seconds"]])[0], *[""] * len(_PAIR)]
+    yield [f"{grid} register a pair", *cells(_PAIR_TIMES, [row["register_seconds"]])[0], *cells(_PAIR, [row])[0]]
