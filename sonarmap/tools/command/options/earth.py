@@ -43,10 +43,7 @@ class EarthPlace:
         autocompletion=completes(_verticals),
     )
     crs: str | None = _earth(
-        "CRS",
-        "Projected coordinates of exported files, as EPSG:25832.",
-        rare=True,
-        shown="the UTM zone of the origin",
+        "CRS", "Projected coordinates of exported files, as EPSG:25832.", rare=True, shown="the UTM zone of the origin"
     )
 
     def georeference(self, known: "Georeference | None" = None) -> "Georeference | None":

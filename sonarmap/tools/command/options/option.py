@@ -40,13 +40,7 @@ def option(
             `autocompletion`, as `completes` makes it.
     """
     info = typer.Option(
-        *names,
-        metavar=metavar,
-        help=words,
-        rich_help_panel=panel,
-        hidden=rare,
-        show_default=shown,
-        **more,
+        *names, metavar=metavar, help=words, rich_help_panel=panel, hidden=rare, show_default=shown, **more
     )
     metadata = {_OPTION: info}
     if isinstance(default, list):

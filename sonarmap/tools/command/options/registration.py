@@ -165,8 +165,7 @@ class MethodOptions:
         REFINEMENTS[0],
         rare=True,
         callback=checked(
-            REFINEMENTS.__contains__,
-            f"{{!r}}; choose {' or '.join(REFINEMENTS)}. Leave it out for {REFINEMENTS[0]}.",
+            REFINEMENTS.__contains__, f"{{!r}}; choose {' or '.join(REFINEMENTS)}. Leave it out for {REFINEMENTS[0]}."
         ),
         autocompletion=completes(REFINEMENTS),
     )
