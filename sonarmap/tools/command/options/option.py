@@ -12,6 +12,8 @@ from typing import Annotated, Any, get_origin
 
 import typer
 
+from sonarmap.kernels.errors import InputError
+
 REQUIRED: Any = MISSING  # the default of an option that has to be given
 _OPTION = "option"  # in a field's metadata
 
@@ -26,11 +28,9 @@ def option(
     shown: str | bool = True,
     **more: Any,
 ) -> Any:
-    """A field that is an option with a value.
+    """A field that is an option with a value, in one of the panels of GROUPS; `metavar` stands for the value.
 
     Args:
-        panel: one of GROUPS.
-        metavar: what stands for the value.
         words: its help; `--help` shows the first sentence.
         default: None for none, REQUIRED where it has to be given.
         names: on the command line, where they are not the field's.
@@ -76,6 +76,13 @@ def given(options: Any) -> dict[str, Any]:
     return {
         name: str(value) if isinstance(value, Path) else value for name, value in values.items() if value is not None
     }
+
+
+def refuse_without(needed: str, options: Mapping[str, Any]) -> None:
+    """Refuse options that were given, by their names with dashes, where the one that they need was not."""
+    for name, value in options.items():
+        if value is not None:
+            raise InputError(f"{name} has no effect without {needed}; give it too, or leave it out")
 
 
 def spread(command: Callable[..., Any], common: Mapping[str, tuple[Any, Any]]) -> Callable[..., Any]:

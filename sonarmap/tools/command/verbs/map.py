@@ -51,6 +51,11 @@ if TYPE_CHECKING:
 
 INCOMPLETE = 3
 
+VerboseOption = Annotated[
+    bool,
+    typer.Option("--verbose", "-v", help="Print the table of pairs and all warnings too.", rich_help_panel=RUNNING),
+]
+
 
 @dataclass(frozen=True, slots=True)
 class SurveyInput:
@@ -88,10 +93,7 @@ def command(
     execution: ExecutionOptions,
     imu: ImuOption = True,
     as_json: JsonOption = False,
-    verbose: Annotated[
-        bool,
-        typer.Option("--verbose", "-v", help="Print the table of pairs and all warnings too.", rich_help_panel=RUNNING),
-    ] = False,
+    verbose: VerboseOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Make a map from scans: register pairs, close loops, optimize poses, fuse points.
