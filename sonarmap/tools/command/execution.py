@@ -75,8 +75,7 @@ def open_execution(
         journal: the file.
         quiet: whether to say nothing about the pairs that the journal held.
 
-    Raises:
-        InputError: the journal cannot be used, or the workers fail.
+    Raises InputError: the journal cannot be used, or the workers fail.
     """
     from sonarmap.slam.execute.journal import Journal
     from sonarmap.slam.execute.runner import Execution

@@ -94,8 +94,7 @@ def logged(path: Path | None, first: str) -> Iterator[None]:
         path: the file; it and its folder are made if missing. None for no log.
         first: the first line: version and command.
 
-    Raises:
-        InputError: the file cannot be written, or is no log.
+    Raises InputError: the file cannot be written, or is no log.
     """
     if path is None:
         yield

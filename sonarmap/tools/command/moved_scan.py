@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 def require_new_name(path: Path, inputs: Iterable[Path]) -> None:
     """Refuse a moved scan that would replace what it is made from, or that cannot be written.
 
-    Raises:
-        InputError: naming the file.
+    Raises InputError: naming the file.
     """
     from sonarmap.tools.files.writers.atomic import require_writable
 
@@ -35,8 +34,7 @@ def write_moved(path: Path, scan: "Scan", T_target_source: "RigidTransform") -> 
         scan: the source, in its own sensor's frame [m].
         T_target_source: p_target = T p_source.
 
-    Raises:
-        InputError: the file cannot be written.
+    Raises InputError: the file cannot be written.
     """
     from sonarmap.tools.files.writers.points import write_points
 

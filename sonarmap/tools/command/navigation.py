@@ -42,8 +42,7 @@ ImuOption = Annotated[
 def parse_prior_sigmas(text: str) -> dict[str, float]:
     """Standard deviations for the columns of a priors file, from "attitude,heading,depth,position" [deg, m].
 
-    Raises:
-        InputError: not four numbers above 0.
+    Raises InputError: not four numbers above 0.
     """
     from sonarmap.tools.files.readers.instruments import COLUMNS
     from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA

@@ -47,21 +47,13 @@ _SHARED_OBJECT = re.compile(r"(lib[\w.+-]+\.so[\w.]*): cannot open shared object
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """A line of pyproject.toml.
+    """A line of pyproject.toml."""
 
-    Attributes:
-        text: as it stands there, without its marker.
-        name: of the distribution.
-        extra: that asks for it; "" for what is always required.
-        installed: its version, or "".
-        fits: whether that version is one of those wanted.
-    """
-
-    text: str
-    name: str
-    extra: str
-    installed: str
-    fits: bool
+    text: str  # as it stands there, without its marker
+    name: str  # of the distribution
+    extra: str  # that asks for it; "" for what is always required
+    installed: str  # its version, or ""
+    fits: bool  # whether that version is one of those wanted
 
 
 def python_version() -> Finding:

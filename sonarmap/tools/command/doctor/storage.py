@@ -14,17 +14,11 @@ _TRIAL = 64 << 10  # bytes that are written to see whether a file can grow
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A folder that something is written to.
+    """A folder that something is written to."""
 
-    Attributes:
-        path: the folder, which need not be there yet.
-        free: room for who runs this [bytes].
-        fault: why nothing can be written there, or "".
-    """
-
-    path: Path
-    free: int
-    fault: str
+    path: Path  # the folder, which need not be there yet
+    free: int  # room for who runs this [bytes]
+    fault: str  # why nothing can be written there, or ""
 
     @property
     def verdict(self) -> Verdict:

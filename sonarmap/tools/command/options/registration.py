@@ -115,22 +115,9 @@ SeedOption = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class MethodOptions:
-    """How to register.
+    """How to register."""
 
-    Attributes:
-        method: a key of METHODS.
-        grid: voxels per edge; None for the default, 128.
-        voxel: edge of a voxel [m]; None for the one in which the largest scan fits.
-        max_tilt: largest roll and pitch between two scans [deg].
-        hypotheses: how many rotations to try.
-        refine: how to refine the result below the voxel size, "icp" or "spectral".
-        yaw_peaks: how many yaw peaks to try.
-        strength: whether voxels are weighted by their echo strength.
-        device: as `choose_device` takes it.
-        seed: for methods that use random numbers.
-        given: those of these, and "priors", that the user gave.
-    """
-
+    # a key of METHODS
     method: str = _registration(
         "NAME",
         f"How to register. Methods: {', '.join(METHODS)}.",
@@ -138,8 +125,9 @@ class MethodOptions:
         callback=refused_by(find_method),
         autocompletion=completes(METHODS),
     )
-    grid: GridOption = None
-    voxel: VoxelOption = None
+    grid: GridOption = None  # voxels per edge; None for the default, 128
+    voxel: VoxelOption = None  # edge of a voxel [m]; None for the one in which the largest scan fits
+    # largest roll and pitch between two scans [deg]
     max_tilt: float = _registration(
         "DEG",
         "Largest tilt between scans \\[deg]. It bounds roll and pitch; 180 is no limit. Larger results are rejected. "
@@ -147,6 +135,7 @@ class MethodOptions:
         DEFAULT_MAX_TILT,
         callback=check_tilt,
     )
+    # how many rotations to try
     hypotheses: int = _registration(
         "K",
         f"How many candidate rotations to try of each of three frequency bands, 1..{MOST_HYPOTHESES}; more help where "
@@ -159,6 +148,7 @@ class MethodOptions:
             "have little in common.",
         ),
     )
+    # how to refine the result below the voxel size, "icp" or "spectral"
     refine: str = _registration(
         "HOW",
         "How to refine the result below the voxel size: icp (point to plane) or spectral (the translation peak).",
@@ -169,6 +159,7 @@ class MethodOptions:
         ),
         autocompletion=completes(REFINEMENTS),
     )
+    # how many yaw peaks to try
     yaw_peaks: int = _registration(
         "K",
         f"For --method hemisphere: how many yaw peaks to try, 1..{MOST_YAW_PEAKS}; the paper tries 1.",
@@ -180,15 +171,16 @@ class MethodOptions:
             f"{DEFAULT_YAW_PEAKS}.",
         ),
     )
+    # whether voxels are weighted by their echo strength
     strength: bool = flag(
         REGISTRATION,
         "--strength/--no-strength",
         "Weight voxels by their echo strength; otherwise, as in the paper, all count the same.",
         rare=True,
     )
-    device: DeviceOption = None
-    seed: SeedOption = 0
-    given: frozenset[str] = field(default=frozenset())
+    device: DeviceOption = None  # as `choose_device` takes it
+    seed: SeedOption = 0  # for methods that use random numbers
+    given: frozenset[str] = field(default=frozenset())  # those of these, and "priors", that the user gave
 
     @property
     def uses_priors(self) -> bool:

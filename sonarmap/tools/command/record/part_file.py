@@ -24,8 +24,7 @@ class PartFile:
             out: what the file will be called.
             overwrite: whether it may take the place of a file of that name.
 
-        Raises:
-            InputError: it may not, or nothing can be written there.
+        Raises InputError: it may not, or nothing can be written there.
         """
         self.out, self.size, self._overwrite = out, 0, overwrite
         if out.suffix != ENDING:
@@ -48,8 +47,7 @@ class PartFile:
     def write(self, packet: bytes) -> None:
         """Append a packet, all of it or nothing.
 
-        Raises:
-            InputError: the disk takes no more. The packets before are in the file.
+        Raises InputError: the disk takes no more. The packets before are in the file.
         """
         left = memoryview(packet)
         try:
@@ -70,11 +68,7 @@ class PartFile:
             os.fsync(self._file.fileno())
 
     def finish(self) -> None:
-        """Give it its name.
-
-        Raises:
-            InputError: a file of that name has come, or the disk refuses; the part stays.
-        """
+        """Give it its name. Raises InputError: a file of that name has come, or the disk refuses; the part stays."""
         try:
             os.fsync(self._file.fileno())
             self._file.close()

@@ -60,8 +60,7 @@ def use_settings(context: typer.Context, given: Path | None) -> None:
         context: of the whole command.
         given: --config.
 
-    Raises:
-        InputError: the file cannot be used.
+    Raises InputError: the file cannot be used.
     """
     path = given or Path(DEFAULT_FILE)
     if given is None and not path.is_file():
