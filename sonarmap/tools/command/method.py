@@ -65,12 +65,8 @@ def checked_method(options: MethodOptions, context: typer.Context) -> MethodOpti
 
 
 def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bool = False) -> ConfiguredMethod:
-    """The method on the grid that the options ask for, or that suits the scans.
-
-    Args:
-        scans: that are registered.
-        options: of the verb.
-        survey: whether more scans may be added to them later, which then keep the grid.
+    """The method on the grid that the options ask for, or that suits the scans; on that of a `survey` if more scans may
+    be added to them later.
 
     Raises InputError, DeviceError: the method, the grid, the scans or the device cannot be used.
     """

@@ -27,14 +27,9 @@ def require_new_name(path: Path, inputs: Iterable[Path]) -> None:
 
 
 def write_moved(path: Path, scan: "Scan", T_target_source: "RigidTransform") -> None:
-    """Write a scan in the frame of another, its strengths as `intensity` and its viewpoints as vp_x, vp_y and vp_z.
+    """Write a scan in the frame of another [m], its strengths as `intensity` and its viewpoints as vp_x, vp_y and vp_z.
 
-    Args:
-        path: the file; its suffix says the format.
-        scan: the source, in its own sensor's frame [m].
-        T_target_source: p_target = T p_source.
-
-    Raises InputError: the file cannot be written.
+    The suffix says the format; p_target = T p_source. Raises InputError: the file cannot be written.
     """
     from sonarmap.tools.files.writers.points import write_points
 

@@ -13,15 +13,8 @@ if TYPE_CHECKING:
 
 
 def examine(folder: Path, quick: bool) -> Iterator[Finding]:
-    """Look at everything.
-
-    Args:
-        folder: that results go to.
-        quick: load no library, and run no self-test.
-
-    Yields:
-        The findings, each as soon as it is known.
-    """
+    """Look at everything: the findings, each as soon as it is known. `folder` is where results go; `quick` loads no
+    library and runs no self-test."""
     yield _checked("Python", libraries.python_version)
     yield _checked("libraries", lambda: libraries.required_libraries(load=not quick))
     yield _checked("optional", libraries.optional_libraries)

@@ -69,11 +69,8 @@ def python_version() -> Finding:
 
 
 def required_libraries(load: bool) -> Finding:
-    """Whether everything that sonarmap requires is installed, in a version that fits, and can be loaded.
-
-    Args:
-        load: whether to load them, which takes some seconds.
-    """
+    """Whether everything that sonarmap requires is installed, in a version that fits, and can be loaded, which takes
+    some seconds; without `load` that is not tried."""
     required = [requirement for requirement in _requirements() if not requirement.extra]
     bad = [requirement for requirement in required if not requirement.fits]
     faults = _load_faults([entry.name for entry in required if entry.installed]) if load else {}

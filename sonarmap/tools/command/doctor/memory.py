@@ -13,11 +13,8 @@ LESS = Remedy("end other programs, or give the machine or its control group (con
 
 
 def memory(answers: "Answers | None") -> Finding:
-    """Whether the usual grid fits, and which is the largest that does.
-
-    Args:
-        answers: what the check of OpenCL said of the device and its plan; None where it could not.
-    """
+    """Whether the usual grid fits, and which is the largest that does, by what the check of OpenCL said of the device
+    and its plan; None where it could not."""
     from sonarmap.tools.files.memory import available_memory, memory_limits, room_for_arrays
 
     room, total = room_for_arrays(), _total()

@@ -20,11 +20,8 @@ _OF_PIP = Remedy("or, without root, Intel's, which AMD processors run too:", pip
 
 
 def opencl(test: bool) -> tuple[Finding, Answers]:
-    """The drivers and devices, and what the other process said of them.
-
-    Args:
-        test: whether to run the devices' self-tests; otherwise what the last ones said counts.
-    """
+    """The drivers and devices, and what the other process said of them. Without `test` no device's self-test is run,
+    and what the last ones said counts."""
     short = memory_is_short()
     answers = ask(
         "sonarmap.tools.command.doctor.opencl", *(["--test"] if test else []), seconds=_SHORT if short else _SECONDS

@@ -17,16 +17,9 @@ _NARROWEST, _WIDEST = 60, 100
 
 
 def run(folder: Path, quick: bool, in_json: bool, known: Sequence[Finding] = ()) -> int:
-    """Examine, and print each finding as soon as it is known, or all at the end as JSON.
+    """Examine, and print each finding as soon as it is known, after those `known` before, or all at the end as JSON.
 
-    Args:
-        folder: that results go to.
-        quick: load no library, and run no self-test.
-        in_json: whether programs read it.
-        known: what is known before.
-
-    Returns:
-        The exit code: 0 where all that is needed works, else 2.
+    The exit code: 0 where all that is needed works, else 2.
     """
     width = min(max(shutil.get_terminal_size().columns, _NARROWEST), _WIDEST)
     findings: list[Finding] = []
@@ -43,12 +36,8 @@ def run(folder: Path, quick: bool, in_json: bool, known: Sequence[Finding] = ())
 
 
 def run_from(arguments: Sequence[str], error: Exception) -> int:
-    """The same from the words after `sonarmap doctor`, where the command line cannot start and so read them.
-
-    Args:
-        arguments: these words.
-        error: why it cannot.
-    """
+    """The same from the words after `sonarmap doctor`, where the command line cannot start, by `error`, and so read
+    them."""
     folders = [word for word in arguments if not word.startswith("-")]
     missing = (getattr(error, "name", None) or "").partition(".")[0]
     again = Remedy("install what it is made of again:", pip_command("--force-reinstall", missing))

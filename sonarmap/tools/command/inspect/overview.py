@@ -91,15 +91,10 @@ def overview_of(
     edge: int = 128,
     progress: Progress | None = None,
 ) -> Overview:
-    """What is in the files, folders and patterns; a scan at a time is in memory.
+    """What is in the files, folders and patterns, as `read_survey` takes them; a scan at a time is in memory.
 
-    Args:
-        paths: as `read_survey` takes them.
-        corrections: what is done to the points of each scan.
-        edge: voxels along each edge of the grid that is chosen.
-        progress: called with (files read, files in all, words).
-
-    Raises InputError: a path that does not exist, or not one scan that can be read.
+    The grid has so many voxels along each edge; `progress` is called with (files read, files in all, words). Raises
+    InputError: a path that does not exist, or not one scan that can be read.
     """
     selection = select_files(paths, FORMATS)
     files, seen, file_notes = files_of(selection), _Seen(), list[str]()

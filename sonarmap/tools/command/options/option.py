@@ -86,12 +86,8 @@ def refuse_without(needed: str, options: Mapping[str, Any]) -> None:
 
 
 def spread(command: Callable[..., Any], common: Mapping[str, tuple[Any, Any]]) -> Callable[..., Any]:
-    """The command as typer takes it: with the options of its dataclasses in their place, and with some more.
-
-    Args:
-        command: a function of dataclasses with options, and of other parameters.
-        common: annotation and default of options that the command itself does not take, by their names.
-    """
+    """The command as typer takes it: with the options of its dataclasses in their place, and with some more, the
+    `common` ones, by name."""
     signature = inspect.signature(command, eval_str=True)
     kinds: dict[str, Any] = {
         name: each.annotation for name, each in signature.parameters.items() if is_dataclass(each.annotation)

@@ -25,12 +25,8 @@ _registration = partial(option, REGISTRATION)
 
 
 def checked(fits: Callable[[Any], bool], wanted: str) -> Callable[[Any], Any]:
-    """A check of an option: None passes, and so does a value that fits.
-
-    Args:
-        fits: whether a value can be.
-        wanted: what is said of one that cannot; {} stands for it.
-    """
+    """A check of an option: None passes, and so does a value that `fits`; of another one `wanted` is said, {} standing
+    for it."""
 
     def check(value: Any) -> Any:
         if value is None or fits(value):
@@ -117,7 +113,6 @@ SeedOption = Annotated[
 class MethodOptions:
     """How to register."""
 
-    # a key of METHODS
     method: str = _registration(
         "NAME",
         f"How to register. Methods: {', '.join(METHODS)}.",
@@ -125,9 +120,8 @@ class MethodOptions:
         callback=refused_by(find_method),
         autocompletion=completes(METHODS),
     )
-    grid: GridOption = None  # voxels per edge; None for the default, 128
-    voxel: VoxelOption = None  # edge of a voxel [m]; None for the one in which the largest scan fits
-    # largest roll and pitch between two scans [deg]
+    grid: GridOption = None
+    voxel: VoxelOption = None
     max_tilt: float = _registration(
         "DEG",
         "Largest tilt between scans \\[deg]. It bounds roll and pitch; 180 is no limit. Larger results are rejected. "
@@ -135,7 +129,6 @@ class MethodOptions:
         DEFAULT_MAX_TILT,
         callback=check_tilt,
     )
-    # how many rotations to try
     hypotheses: int = _registration(
         "K",
         f"How many candidate rotations to try of each of three frequency bands, 1..{MOST_HYPOTHESES}; more help where "
@@ -148,7 +141,6 @@ class MethodOptions:
             "have little in common.",
         ),
     )
-    # how to refine the result below the voxel size, "icp" or "spectral"
     refine: str = _registration(
         "HOW",
         "How to refine the result below the voxel size: icp (point to plane) or spectral (the translation peak).",
@@ -159,7 +151,6 @@ class MethodOptions:
         ),
         autocompletion=completes(REFINEMENTS),
     )
-    # how many yaw peaks to try
     yaw_peaks: int = _registration(
         "K",
         f"For --method hemisphere: how many yaw peaks to try, 1..{MOST_YAW_PEAKS}; the paper tries 1.",
@@ -171,15 +162,14 @@ class MethodOptions:
             f"{DEFAULT_YAW_PEAKS}.",
         ),
     )
-    # whether voxels are weighted by their echo strength
     strength: bool = flag(
         REGISTRATION,
         "--strength/--no-strength",
         "Weight voxels by their echo strength; otherwise, as in the paper, all count the same.",
         rare=True,
     )
-    device: DeviceOption = None  # as `choose_device` takes it
-    seed: SeedOption = 0  # for methods that use random numbers
+    device: DeviceOption = None
+    seed: SeedOption = 0
     given: frozenset[str] = field(default=frozenset())  # those of these, and "priors", that the user gave
 
     @property

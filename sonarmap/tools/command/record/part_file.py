@@ -18,11 +18,7 @@ class PartFile:
     """
 
     def __init__(self, out: Path, overwrite: bool) -> None:
-        """Make an empty file.
-
-        Args:
-            out: what the file will be called.
-            overwrite: whether it may take the place of a file of that name.
+        """Make an empty file, which will be called `out`; in place of a file of that name only to `overwrite` it.
 
         Raises InputError: it may not, or nothing can be written there.
         """

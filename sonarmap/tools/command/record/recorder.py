@@ -62,19 +62,11 @@ class Status:
 
 
 def record(settings: RecordSettings, follow: Callable[[Status], None], stop: Event) -> Status:
-    """Record until the duration is over or the event is set, and give the file its name.
+    """Record until the duration is over or `stop` is set, and give the file its name; without packets there is none.
 
-    Memory does not grow with the recording: at most `receiver.MOST_WAITING` datagrams wait for the disk.
-
-    Args:
-        settings: what to record.
-        follow: called each second, and at the end; before the first packet too.
-        stop: ends the recording.
-
-    Returns:
-        How it went; without packets there is no file.
-
-    Raises InputError: it cannot begin, or not go on; what came until then is in the file that the message names.
+    `follow` is called each second, before the first packet too, and at the end. Memory does not grow with the
+    recording: at most `receiver.MOST_WAITING` datagrams wait for the disk. Raises InputError: it cannot begin, or not
+    go on; what came until then is in the file that the message names.
     """
     with open_socket(settings.source) as listening:
         part = PartFile(settings.out, settings.overwrite)

@@ -26,12 +26,8 @@ class Senders:
     _latest: float = 0.0
 
     def is_wanted(self, datagram: Datagram, now: float) -> bool:
-        """Whether it is a whole packet of the sonar that is recorded; counted if not.
-
-        Args:
-            datagram: what came.
-            now: seconds of a clock that is never set.
-        """
+        """Whether it is a whole packet of the sonar that is recorded; counted if not. `now` is of a clock that is never
+        set [s]."""
         content, sender = datagram.content, datagram.sender
         is_packet = content[:4] in MAGICS
         if not is_packet and sender != self.sonar:

@@ -38,12 +38,8 @@ class Source:
 def source_of(multicast: str | None, unicast: str | None, interface: str | None) -> Source:
     """The source that options ask for; the sonar's default group if they are None.
 
-    Args:
-        multicast: GROUP:PORT.
-        unicast: ADDRESS:PORT of this computer.
-        interface: a name or an address of this computer; for multicast alone.
-
-    Raises InputError: an address that is none, or options that exclude each other.
+    GROUP:PORT of a group that is joined at the interface, or ADDRESS:PORT of this computer. Raises InputError: an
+    address that is none, or options that exclude each other.
     """
     if unicast is None:
         return Source(*_endpoint(GROUP if multicast is None else multicast, "--multicast", GROUP), interface)

@@ -40,14 +40,9 @@ class SettingsFile:
 
 
 def read_settings(path: Path, verbs: Mapping[str, Any], verb: str | None) -> SettingsFile:
-    """Read a file, and check it: all its keys and their types, and the values of one verb or of all.
+    """Read a file, and check it: all its keys and their types, and the values of one verb, or with None of all.
 
-    Args:
-        path: the file.
-        verbs: Typer's commands.
-        verb: whose values are checked; None: those of all verbs.
-
-    Raises InputError: naming the file and the key, with what was wanted.
+    `verbs` are Typer's commands. Raises InputError: naming the file and the key, with what was wanted.
     """
     settings = settings_of(verbs)
     content = _content(path)

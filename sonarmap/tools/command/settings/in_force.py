@@ -54,11 +54,7 @@ REPLACED: Mapping[str, str] = {
 
 
 def use_settings(context: typer.Context, given: Path | None) -> None:
-    """Have the verb that is about to run take its defaults from the file of settings, if there is one.
-
-    Args:
-        context: of the whole command.
-        given: --config.
+    """Have the verb that is about to run take its defaults from the file of settings, --config, if there is one.
 
     Raises InputError: the file cannot be used.
     """

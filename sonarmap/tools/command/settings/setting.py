@@ -90,11 +90,7 @@ class Setting:
 
 
 def settings_of(verbs: Mapping[str, Any]) -> list[Setting]:
-    """All options of all verbs, in the verbs' and their own order.
-
-    Args:
-        verbs: Typer's commands, by their names.
-    """
+    """All options of Typer's commands, in the verbs' and their own order."""
     settings: list[Setting] = []
     for verb, command in verbs.items():
         hints = get_type_hints(command.callback)
