@@ -20,20 +20,16 @@ class Remedy:
 class Finding:
     """One thing that was looked at."""
 
-    check: str  # what it is, in a word or two
     verdict: Verdict  # "wrong" where something that is needed does not work, "warning" where part of it may not
     seen: str  # what was seen, in words; parts that stand for themselves are separated by line breaks
     remedies: tuple[Remedy, ...] = ()  # what to do, the best first; none where all is well
     details: Mapping[str, Any] = field(default_factory=dict[str, Any])  # the same for programs, of JSON's types
+    check: str = ""  # what was looked at, in a word or two
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
     """The worst of several verdicts; "ok" of none."""
-    present = set(verdicts)
-    for verdict in reversed(VERDICTS):
-        if verdict in present:
-            return verdict
-    return "ok"
+    return max((VERDICTS[0], *verdicts), key=VERDICTS.index)
 
 
 def size(count: float) -> str:
