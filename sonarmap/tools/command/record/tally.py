@@ -118,16 +118,6 @@ class Tally:
         came = sum(kind.came for kind in self.kinds.values())
         return self.missing / max(came + self.missing, 1)
 
-    @property
-    def doubled(self) -> int:
-        """Packets that came again."""
-        return sum(kind.doubled for kind in self.kinds.values())
-
-    @property
-    def late(self) -> int:
-        """Packets that came after a later one of their kind."""
-        return sum(kind.numbers.late for kind in self.kinds.values())
-
 
 def _kind_of(image: Message) -> str:
     if not isinstance(image, rip.BitmapImageGreyscale8):
