@@ -66,17 +66,10 @@ class ExecutionOptions:
 def open_execution(
     method: ConfiguredMethod, prepared: int, options: ExecutionOptions, journal: Path, quiet: bool
 ) -> Iterator["Execution"]:
-    """Workers and a journal, for as long as the block lasts.
+    """Workers, where the options have them, and a journal, for as long as the block lasts.
 
-    Args:
-        method: that registers them.
-        prepared: how many prepared scans a worker keeps.
-        options: where pairs are registered.
-        journal: the file.
-        quiet: whether to say nothing about the pairs that the journal held.
-
-    Raises:
-        InputError: the journal cannot be used, or the workers fail.
+    A worker keeps as many scans prepared as `prepared` says. If not `quiet`, it is said how many pairs the journal
+    held. Raises InputError: the journal cannot be used, or the workers fail.
     """
     from sonarmap.slam.execute.journal import Journal
     from sonarmap.slam.execute.runner import Execution

@@ -88,12 +88,8 @@ HelpAllOption = Annotated[
 
 
 def _print_verb(verb: TyperCommand, context: typer.Context, everything: bool) -> None:
-    """Print a verb's help.
-
-    Args:
-        verb, context: of the command line.
-        everything: all options and sentences, not only the common options and what they are in a sentence.
-    """
+    """Print a verb's help: all options and sentences if `everything`, else the common options and what they are in a
+    sentence."""
     console = _console()
     console.print(Text(f"Usage: {_usage(verb, context)}\n", style="bold"))
     paragraphs = (verb.help or "").split("\n\n")

@@ -88,14 +88,10 @@ class _Results(io.TextIOBase):
 
 @contextmanager
 def logged(path: Path | None, first: str) -> Iterator[None]:
-    """Add what is said within the block to a file.
+    """Add what is said within the block to a file, which and whose folder is made if missing; None for no log. `first`
+    is its first line: version and command.
 
-    Args:
-        path: the file; it and its folder are made if missing. None for no log.
-        first: the first line: version and command.
-
-    Raises:
-        InputError: the file cannot be written, or is no log.
+    Raises InputError: the file cannot be written, or is no log.
     """
     if path is None:
         yield

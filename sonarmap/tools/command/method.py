@@ -29,24 +29,16 @@ _PARAMETERS = {each.name for each in fields(MethodOptions)} - {"method", "given"
 
 @dataclass(frozen=True, slots=True)
 class ConfiguredMethod:
-    """A method that is ready to register.
+    """A method that is ready to register."""
 
-    Attributes:
-        name: a key of METHODS.
-        registrar: the method itself.
-        grid: shared by the scans; a method that is not spectral uses only its voxel.
-        setup: what the registrar was made from.
-        config, device: of a method that runs on a device; None for others.
-        seed: of a method that uses random numbers; None for others.
-    """
-
-    name: str
-    registrar: "Registrar"
-    grid: "Grid"
-    setup: Setup
+    name: str  # a key of METHODS
+    registrar: "Registrar"  # the method itself
+    grid: "Grid"  # shared by the scans; a method that is not spectral uses only its voxel
+    setup: Setup  # what the registrar was made from
+    # config, device: of a method that runs on a device; None for others
     config: "SpectralConfig | HemisphereConfig | None" = None
     device: "Device | None" = None
-    seed: int | None = None
+    seed: int | None = None  # of a method that uses random numbers; None for others
 
     @property
     def edge(self) -> int | None:
@@ -64,8 +56,7 @@ class ConfiguredMethod:
 def checked_method(options: MethodOptions, context: typer.Context) -> MethodOptions:
     """The options of a verb with those that the command line or a file of settings gives.
 
-    Raises:
-        InputError: options that have no effect with the method.
+    Raises InputError: options that have no effect with the method.
     """
     sources = {name: context.get_parameter_source(name) for name in _PARAMETERS}
     given = frozenset(name for name, source in sources.items() if source and source.name in _GIVEN)
@@ -74,15 +65,10 @@ def checked_method(options: MethodOptions, context: typer.Context) -> MethodOpti
 
 
 def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bool = False) -> ConfiguredMethod:
-    """The method on the grid that the options ask for, or that suits the scans.
+    """The method on the grid that the options ask for, or that suits the scans; on that of a `survey` if more scans may
+    be added to them later.
 
-    Args:
-        scans: that are registered.
-        options: of the verb.
-        survey: whether more scans may be added to them later, which then keep the grid.
-
-    Raises:
-        InputError, DeviceError: the method, the grid, the scans or the device cannot be used.
+    Raises InputError, DeviceError: the method, the grid, the scans or the device cannot be used.
     """
     from sonarmap.slam.survey_grid import survey_grid
     from sonarmap.spectral.grid import choose_grid

@@ -11,7 +11,7 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options import groups
-from sonarmap.tools.command.options.option import completes, given, option
+from sonarmap.tools.command.options.option import completes, given, option, refuse_without
 from sonarmap.tools.command.options.registration import refused_by
 from sonarmap.tools.command.terminal import say
 
@@ -42,8 +42,7 @@ ImuOption = Annotated[
 def parse_prior_sigmas(text: str) -> dict[str, float]:
     """Standard deviations for the columns of a priors file, from "attitude,heading,depth,position" [deg, m].
 
-    Raises:
-        InputError: not four numbers above 0.
+    Raises InputError: not four numbers above 0.
     """
     from sonarmap.tools.files.readers.instruments import COLUMNS
     from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA
@@ -63,7 +62,7 @@ def parse_prior_sigmas(text: str) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True)
 class PriorsFile:
-    """What instruments measured of the scans' poses."""
+    """--priors and --prior-sigmas: what instruments measured of the scans' poses."""
 
     priors: Path | None = _nav(
         "FILE",
@@ -91,14 +90,9 @@ class OdometryFile:
     )
 
     def read(self, scans: "Sequence[Scan]", settings: "NavigationSettings") -> "Odometry | None":
-        """The dead reckoning at the scans' times; None without a file.
-
-        Raises:
-            InputError: the file cannot be used, or there is a drift without a file.
-        """
+        """The dead reckoning at the scans' times; None without a file. Raises InputError: it cannot be used."""
         if self.odometry is None:
-            if self.odometry_drift is not None:
-                raise InputError("--odometry-drift has no effect without --odometry; give it too, or leave it out")
+            refuse_without("--odometry", {"--odometry-drift": self.odometry_drift})
             return None
         from sonarmap.tools.files.readers.navigation.odometry import parse_drift, read_odometry
 
@@ -160,14 +154,9 @@ class NavigationReading:
     magnetic_declination: float | None = _rare("DEG", "Its headings are magnetic: add DEG to them, East positive.")
 
     def settings(self, *files: Path | None, origin: "Georeference | None" = None) -> "NavigationSettings":
-        """The same as the readers take it.
+        """The same as the readers take it: for the files that are given, and the map's origin, None for the first fix.
 
-        Args:
-            files: that it is about, as far as they are given.
-            origin: of the map's frame; None for the first fix.
-
-        Raises:
-            InputError: what the options say cannot be, or there is no file that they could be of.
+        Raises InputError: what the options say cannot be, or there is no file that they could be of.
         """
         from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns, parse_mount
 
@@ -208,54 +197,41 @@ def scans_with_priors(
     allow_unknown: bool = False,
     files: "Sequence[Path]" = (),
 ) -> "Navigated":
-    """The scans with the priors of the file, and a note if some have none; without a file, the scans as they are.
+    """The scans with the priors of the file; without a file as they are, with their recording's attitude if `use_imu`.
 
-    What a recording says of its scans' attitude counts only without a file, and a note says either.
+    Notes say which of both counts, and that some scans have no prior. The file may have rows for other scans if
+    `allow_unknown`. A recording with an IMU among the scans' `files` says how far the navigation's clock is off.
 
-    Args:
-        scans: as they were read.
-        file: the options.
-        settings: how to understand the file.
-        use_imu: whether a recording's own attitude counts.
-        allow_unknown: whether the file may have rows for other scans.
-        files: of the scans; a recording with an IMU among them tells how far the navigation's clock is off.
-
-    Raises:
-        InputError: the file cannot be used, or there are --prior-sigmas without a file.
+    Raises InputError: the file cannot be used, or there are --prior-sigmas without a file.
     """
     from sonarmap.tools.files.readers.navigation.priors import Navigated, navigate
 
-    priors, prior_sigmas = file.priors, file.prior_sigmas
+    priors = file.priors
+    own = sum(scan.prior is not None for scan in scans)
     if priors is None:
-        if prior_sigmas is not None:
+        if file.prior_sigmas is not None:
             raise InputError("--prior-sigmas has no effect without --priors; give --priors too, or leave it out")
-        own = "roll and pitch are those of the recording's own IMU" if use_imu else "their own IMU is not used"
-        _note_own(scans, own)
-        return Navigated(tuple(scans if use_imu else _without_priors(scans)), settings.origin)
-    _note_own(scans, f"the recording's own IMU is not used, as {priors} is given")
-    scans = _without_priors(scans)
-    if prior_sigmas:
-        settings = replace(settings, sigmas=parse_prior_sigmas(prior_sigmas))
-    notes: list[str] = []
-    turn_rates = None
+        note = "roll and pitch are those of the recording's own IMU" if use_imu else "their own IMU is not used"
+    else:
+        note = f"the recording's own IMU is not used, as {priors} is given"
+    if own:
+        say(f"{own:,} of {len(scans):,} scans: {note}")
+    if priors is not None or not use_imu:
+        scans = [scan if scan.prior is None else replace(scan, prior=None) for scan in scans]
+    if priors is None:
+        return Navigated(tuple(scans), settings.origin)
+    if file.prior_sigmas:
+        settings = replace(settings, sigmas=parse_prior_sigmas(file.prior_sigmas))
+    notes, turn_rates = list[str](), None
     if settings.offset is None:
         from sonarmap.tools.files.readers.sonar.imu import vertical_turn_rates
 
         turn_rates = vertical_turn_rates(files)
     navigated = navigate(scans, priors, settings, allow_unknown, notes, turn_rates)
-    for note in notes:
-        say(note)
     bare = [scan.name for scan in navigated.scans if scan.prior is None]
     if bare:
-        say(f"{len(bare)} of {len(scans)} scans have no prior in {priors}: {bare[0]}{' ...' if len(bare) > 1 else ''}")
+        more = " ..." if len(bare) > 1 else ""
+        notes.append(f"{len(bare)} of {len(scans)} scans have no prior in {priors}: {bare[0]}{more}")
+    for note in notes:
+        say(note)
     return navigated
-
-
-def _without_priors(scans: "Sequence[Scan]") -> "list[Scan]":
-    return [scan if scan.prior is None else replace(scan, prior=None) for scan in scans]
-
-
-def _note_own(scans: "Sequence[Scan]", note: str) -> None:
-    own = sum(scan.prior is not None for scan in scans)
-    if own:
-        say(f"{own:,} of {len(scans):,} scans: {note}")

@@ -21,14 +21,8 @@ _EVENLY, _TURNING = 8, 8  # pairs: spread over the survey, and those between whi
 def contradiction_of(
     scans: "Sequence[Scan]", surveys: Sequence[int], registrar: "Registrar", quiet: bool
 ) -> "Contradiction | None":
-    """What is wrong with the scans' priors, if they say so; None also where there are few priors.
-
-    Args:
-        scans: with priors.
-        surveys: the number of each scan's survey.
-        registrar: of the map.
-        quiet: whether to show no progress.
-    """
+    """What is wrong with the scans' priors, if the scans, each of its survey, say so; None also where there are few
+    priors."""
     import numpy as np
     from scipy.spatial.transform import RigidTransform
 

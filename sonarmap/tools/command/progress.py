@@ -24,11 +24,7 @@ Step = Callable[[int, int, str], None]
 
 @contextmanager
 def progress(label: str, total: int, quiet: bool = False) -> Iterator[Callable[[str], None]]:
-    """Count `total` pieces of work; the other arguments are those of `growing_progress`.
-
-    Yields:
-        A function to call after every piece of work, with a few words about it or "".
-    """
+    """Count `total` pieces of work, likewise: a function to call after each with a few words about it or ""."""
     done = 0
     with growing_progress(label, quiet) as step:
 
@@ -51,14 +47,10 @@ def stage(label: str, quiet: bool = False) -> Iterator[None]:
 
 @contextmanager
 def growing_progress(label: str, quiet: bool = False) -> Iterator[Step]:
-    """Follow work whose total changes while it is done.
+    """Follow work whose total changes while it is done, named as in "mapping"; if `quiet` (--quiet, --json) print
+    nothing.
 
-    Args:
-        label: what is being done, as in "mapping".
-        quiet: print nothing (--quiet, --json).
-
-    Yields:
-        A function to call as step(pieces done, pieces planned so far, words about the last one).
+    Yields a function to call as step(pieces done, pieces planned so far, words about the last one).
     """
     console = error_console()
     on_terminal = console.is_terminal and not quiet

@@ -90,13 +90,10 @@ def quietly(quiet: bool) -> Iterator[None]:
 
 
 def say(message: str, label: str = "", style: str = "") -> None:
-    """Print a message on stderr, wrapped on a terminal and on one line elsewhere, and log it.
+    """Print a plain message on stderr, wrapped on a terminal and on one line elsewhere, and log it.
 
-    Args:
-        message: plain text: brackets are not markup, control characters are shown escaped, and what is too long for
-            anybody to read is left out of its middle.
-        label: printed before it, as "error: ".
-        style: the label's color, in rich's words.
+    Brackets are not markup, control characters are shown escaped, and what is too long for anybody to read is left out
+    of its middle. The label, as "error: ", is printed before it in rich's `style`.
     """
     message = printable(shortened(message))
     log(label + message)

@@ -22,11 +22,7 @@ _EXTRA = re.compile(r"Got unexpected extra argument\(?s?\)? \((.*)\)", re.DOTALL
 
 
 def usage_words(error: Any) -> str:
-    """What was given, what was wanted and what to do.
-
-    Args:
-        error: a `UsageError`.
-    """
+    """What was given, what was wanted and what to do, of a `UsageError`."""
     call = error.ctx.command_path if error.ctx is not None else "sonarmap"
     match type(error).__name__:
         case "NoSuchOption":

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.command.moved_scan import moved_scan, write_moved
+from sonarmap.tools.command.verbs.register import moved_scan, write_moved
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.files.writers.points import write_ply
 from tests.samples.clutter_scans import T_WORLD_SENSOR, done, files_in, refused, said, scan, sonarmap, write

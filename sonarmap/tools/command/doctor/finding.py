@@ -10,43 +10,26 @@ VERDICTS: tuple[Verdict, ...] = ("ok", "warning", "wrong")  # the worst last
 
 @dataclass(frozen=True, slots=True)
 class Remedy:
-    """What to do.
+    """What to do."""
 
-    Attributes:
-        words: a sentence, or the beginning of the command's.
-        command: to be pasted into a shell; "" where there is none.
-    """
-
-    words: str
-    command: str = ""
+    words: str  # a sentence, or the beginning of the command's
+    command: str = ""  # to be pasted into a shell; "" where there is none
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at.
+    """One thing that was looked at."""
 
-    Attributes:
-        check: what it is, in a word or two.
-        verdict: "wrong" where something that is needed does not work, "warning" where part of it may not.
-        seen: what was seen, in words; parts that stand for themselves are separated by line breaks.
-        remedies: what to do, the best first; none where all is well.
-        details: the same for programs, of JSON's types.
-    """
-
-    check: str
-    verdict: Verdict
-    seen: str
-    remedies: tuple[Remedy, ...] = ()
-    details: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    verdict: Verdict  # "wrong" where something that is needed does not work, "warning" where part of it may not
+    seen: str  # what was seen, in words; parts that stand for themselves are separated by line breaks
+    remedies: tuple[Remedy, ...] = ()  # what to do, the best first; none where all is well
+    details: Mapping[str, Any] = field(default_factory=dict[str, Any])  # the same for programs, of JSON's types
+    check: str = ""  # what was looked at, in a word or two
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
     """The worst of several verdicts; "ok" of none."""
-    present = set(verdicts)
-    for verdict in reversed(VERDICTS):
-        if verdict in present:
-            return verdict
-    return "ok"
+    return max((VERDICTS[0], *verdicts), key=VERDICTS.index)
 
 
 def size(count: float) -> str:

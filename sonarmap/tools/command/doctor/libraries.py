@@ -6,15 +6,11 @@ import re
 import shlex
 import sys
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from sonarmap.tools.command.doctor.finding import Finding, Remedy
-
-if TYPE_CHECKING:
-    from sonarmap.kernels.child import Answers
 
 _PROJECT = Path(__file__).resolve().parents[4] / "pyproject.toml"
 _SECONDS = 120.0  # to load all of them; on a cold disk a minute
@@ -47,21 +43,13 @@ _SHARED_OBJECT = re.compile(r"(lib[\w.+-]+\.so[\w.]*): cannot open shared object
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """A line of pyproject.toml.
+    """A line of pyproject.toml."""
 
-    Attributes:
-        text: as it stands there, without its marker.
-        name: of the distribution.
-        extra: that asks for it; "" for what is always required.
-        installed: its version, or "".
-        fits: whether that version is one of those wanted.
-    """
-
-    text: str
-    name: str
-    extra: str
-    installed: str
-    fits: bool
+    text: str  # as it stands there, without its marker
+    name: str  # of the distribution
+    extra: str  # that asks for it; "" for what is always required
+    installed: str  # its version, or ""
+    fits: bool  # whether that version is one of those wanted
 
 
 def python_version() -> Finding:
@@ -71,17 +59,14 @@ def python_version() -> Finding:
     details = {"version": platform.python_version(), "wanted": wanted, "executable": sys.executable}
     least = tuple(int(part) for part in re.findall(r"\d+", wanted)[:2])
     if sys.version_info[:2] >= least:
-        return Finding("Python", "ok", seen, details=details)
+        return Finding("ok", seen, details=details)
     newer = Remedy("make an environment of a newer Python:", "PYTHON=/path/to/python3 tools/setup.sh")
-    return Finding("Python", "wrong", seen, (newer,), details)
+    return Finding("wrong", seen, (newer,), details)
 
 
 def required_libraries(load: bool) -> Finding:
-    """Whether everything that sonarmap requires is installed, in a version that fits, and can be loaded.
-
-    Args:
-        load: whether to load them, which takes some seconds.
-    """
+    """Whether everything that sonarmap requires is installed, in a version that fits, and can be loaded, which takes
+    some seconds; without `load` that is not tried."""
     required = [requirement for requirement in _requirements() if not requirement.extra]
     bad = [requirement for requirement in required if not requirement.fits]
     faults = _load_faults([entry.name for entry in required if entry.installed]) if load else {}
@@ -91,13 +76,13 @@ def required_libraries(load: bool) -> Finding:
     }
     if not bad and not faults:
         loaded = "as required, and can be loaded" if load else "as required (not loaded: --quick)"
-        return Finding("libraries", "ok", f"all {len(required)} {loaded}", details=details)
+        return Finding("ok", f"all {len(required)} {loaded}", details=details)
     seen = [f"{entry.name} {entry.installed or 'is not installed'}, wanted {entry.text}" for entry in bad]
-    short = {
-        name: "; see memory" if any(words in fault for words in _NO_MEMORY) else "" for name, fault in faults.items()
-    }
-    seen += [f"{name} cannot be loaded: {fault}{short[name]}" for name, fault in faults.items()]
-    return Finding("libraries", "wrong", "\n".join(seen), tuple(_remedies(bad, faults)), details)
+    seen += [
+        f"{name} cannot be loaded: {fault}{'; see memory' if _lacks_memory(fault) else ''}"
+        for name, fault in faults.items()
+    ]
+    return Finding("wrong", "\n".join(seen), tuple(_remedies(bad, faults)), details)
 
 
 def optional_libraries() -> Finding:
@@ -106,20 +91,21 @@ def optional_libraries() -> Finding:
     missing = [requirement for requirement in extras if not requirement.fits]
     details = {"missing": {entry.name: entry.extra for entry in missing}, "gives": EXTRAS}
     if not missing:
-        return Finding("optional", "ok", f"all {len(extras)} are installed", details=details)
+        return Finding("ok", f"all {len(extras)} are installed", details=details)
     names = {extra: [entry.name for entry in missing if entry.extra == extra] for extra in EXTRAS}
     seen = [f"{', '.join(names[extra])} ({EXTRAS[extra]}: [{extra}])" for extra in EXTRAS if names[extra]]
-    return Finding("optional", "ok", "not installed: " + "; ".join(seen), details=details)
+    return Finding("ok", "not installed: " + "; ".join(seen), details=details)
 
 
 def shared_object_remedy(fault: str) -> Remedy | None:
     """How to get the system library that an error names; None where it names none."""
-    if (match := _SHARED_OBJECT.search(fault)) is None:
-        return None
-    library = match[1]
-    if package := APT_PACKAGES.get(library):
-        return Remedy(f"install {library}:", f"sudo apt-get install {package}")
-    return None
+    library = match[1] if (match := _SHARED_OBJECT.search(fault)) else ""
+    package = APT_PACKAGES.get(library)
+    return Remedy(f"install {library}:", f"sudo apt-get install {package}") if package else None
+
+
+def _lacks_memory(fault: str) -> bool:
+    return any(words in fault for words in _NO_MEMORY)
 
 
 def pip_command(*wanted: str) -> str:
@@ -153,26 +139,20 @@ def _load_faults(names: list[str]) -> dict[str, str]:
         faults |= dict(answers.named("fault"))
         if not answers.end:
             break
-        culprit = _last(answers, names)
+        culprit = [names[0], *answers.named("begins")][-1]
         faults[culprit] = answers.end
         names = names[names.index(culprit) + 1 :]
     return faults
 
 
-def _last(answers: "Answers", names: list[str]) -> str:
-    begun = answers.named("begins")
-    return begun[-1] if begun else names[0]
-
-
-def _module_of(name: str, modules: dict[str, list[str]] | Any) -> str:
+def _module_of(name: str, modules: Mapping[str, Sequence[str]]) -> str:
     """The module to load for a distribution: that of its name, or the first that it brings."""
-    normal = re.sub(r"[-_.]+", "-", name).lower()
+    normal = _normal(name)
     if normal in _MODULES:
         return _MODULES[normal]
-    brought = [module for module, owners in modules.items() if normal in [_normal(owner) for owner in owners]]
-    own = [module for module in brought if _normal(module) == normal]
-    public = [module for module in brought if not module.startswith("_")]
-    return (own or public or brought or [name.replace("-", "_")])[0]
+    brought = [module for module, owners in modules.items() if normal in map(_normal, owners)]
+    ranked = sorted(brought, key=lambda module: (_normal(module) != normal, module.startswith("_")))
+    return ranked[0] if ranked else name.replace("-", "_")
 
 
 def _normal(name: str) -> str:
@@ -184,8 +164,8 @@ def _remedies(bad: Iterable[Requirement], faults: dict[str, str]) -> Iterable[Re
         yield Remedy("install what is missing:", pip_command(*texts))
     packages = [remedy for fault in faults.values() if (remedy := shared_object_remedy(fault)) is not None]
     yield from dict.fromkeys(packages)
-    broken = {name: fault for name, fault in faults.items() if not any(words in fault for words in _NO_MEMORY)}
-    if again := [name for name, fault in broken.items() if shared_object_remedy(fault) is None]:
+    broken = [name for name, fault in faults.items() if not _lacks_memory(fault)]
+    if again := [name for name in broken if shared_object_remedy(faults[name]) is None]:
         yield Remedy("install again what cannot be loaded:", pip_command("--force-reinstall", "--no-deps", *again))
 
 

@@ -11,7 +11,7 @@ from sonarmap.kernels.child import Answers, answer, ask
 from sonarmap.kernels.device.drivers import installed_drivers, vendor_folder
 from sonarmap.tools.command.doctor.finding import Finding, Remedy
 from sonarmap.tools.command.doctor.libraries import DRIVER_OF_PIP, pip_command, shared_object_remedy
-from sonarmap.tools.command.doctor.memory import memory_is_short
+from sonarmap.tools.command.doctor.machine import memory_is_short
 
 _SECONDS = 900.0  # every driver is tried in a process of its own, which has a limit itself
 _SHORT = 30.0  # a library that finds too little memory can try for ever, as OpenBLAS does
@@ -20,16 +20,13 @@ _OF_PIP = Remedy("or, without root, Intel's, which AMD processors run too:", pip
 
 
 def opencl(test: bool) -> tuple[Finding, Answers]:
-    """The drivers and devices, and what the other process said of them.
-
-    Args:
-        test: whether to run the devices' self-tests; otherwise what the last ones said counts.
-    """
+    """The drivers and devices, and what the other process said of them. Without `test` no device's self-test is run,
+    and what the last ones said counts."""
     short = memory_is_short()
     answers = ask(
         "sonarmap.tools.command.doctor.opencl", *(["--test"] if test else []), seconds=_SHORT if short else _SECONDS
     )
-    finding = _unloadable(answers) or _ended(answers) or _unavailable(answers) or _usable(answers)
+    finding = _fault(answers) or _usable(answers)
     if finding.verdict == "wrong" and short:
         finding = replace(finding, seen=f"{finding.seen}; see memory", remedies=())
     return finding, answers
@@ -69,41 +66,35 @@ def _say_what_fits(device: Any) -> None:
     answer(largest=largest_edge(device), pairs=list(pairs.items()), device_memory=device.memory, shared=device.is_cpu)
 
 
-def _unloadable(answers: Answers) -> Finding | None:
-    """PyOpenCL, or the loader that it needs, is not there."""
-    if not (faults := answers.named("unloadable")):
-        return None
-    fault = str(faults[0])
-    system = shared_object_remedy(fault)
-    again = Remedy("install PyOpenCL with its own loader:", pip_command("pyopencl"))
-    if system is None and "No module named" not in fault:
-        again = Remedy(again.words, pip_command("--force-reinstall", "--no-deps", "pyopencl"))
-    remedies = (again,) if system is None else (system, again)
-    return Finding("OpenCL", "wrong", f"PyOpenCL cannot be loaded: {fault}", remedies, {"error": fault})
-
-
-def _ended(answers: Answers) -> Finding | None:
-    """A driver took the process with it, or hung, before there was a device."""
-    if not answers.end or answers.named("largest"):
-        return None
-    while_it = (answers.named("begins") or ["starting"])[-1]
-    seen = f"while {while_it}: {answers.end}"
-    newer = Remedy("update the driver, or use another device; this lists them:", "sonarmap devices")
-    return Finding("OpenCL", "wrong", seen, (newer, _POCL), {"error": seen})
-
-
-def _unavailable(answers: Answers) -> Finding | None:
-    """There is no driver, or no device that works."""
+def _fault(answers: Answers) -> Finding | None:
+    """Why there is no device; None where there is one."""
+    if faults := answers.named("unloadable"):
+        return _unloadable(str(faults[0]))
+    if answers.end and not answers.named("largest"):  # a driver took the process with it, or hung
+        seen = f"while {(answers.named('begins') or ['starting'])[-1]}: {answers.end}"
+        newer = Remedy("update the driver, or use another device; this lists them:", "sonarmap devices")
+        return Finding("wrong", seen, (newer, _POCL), {"error": seen})
     if refusals := answers.named("refused"):
-        return Finding("OpenCL", "wrong", str(refusals[0]), details={"error": refusals[0]})
-    if not (errors := answers.named("unavailable")):
-        return None
-    devices, drivers = _devices(answers), _drivers(answers)
-    details = {"error": errors[0], "drivers": drivers, "devices": devices}
-    working = [device for device in devices if not device["fault"]]
-    if working:  # PYOPENCL_CTX names another
-        unset = Remedy("have a device chosen that works:", "unset PYOPENCL_CTX")
-        return Finding("OpenCL", "wrong", str(errors[0]), (unset,), details)
+        return Finding("wrong", str(refusals[0]), details={"error": refusals[0]})
+    if errors := answers.named("unavailable"):
+        return _unavailable(str(errors[0]), _devices(answers), _drivers(answers))
+    return None
+
+
+def _unloadable(fault: str) -> Finding:
+    """PyOpenCL, or the loader that it needs, is not there."""
+    system = shared_object_remedy(fault)
+    anew = () if system or "No module named" in fault else ("--force-reinstall", "--no-deps")
+    again = Remedy("install PyOpenCL with its own loader:", pip_command(*anew, "pyopencl"))
+    remedies = (again,) if system is None else (system, again)
+    return Finding("wrong", f"PyOpenCL cannot be loaded: {fault}", remedies, {"error": fault})
+
+
+def _unavailable(error: str, devices: list[dict[str, Any]], drivers: dict[str, str]) -> Finding:
+    """There is no driver, or no device that works."""
+    details = {"error": error, "drivers": drivers, "devices": devices}
+    if any(not device["fault"] for device in devices):  # PYOPENCL_CTX names another
+        return Finding("wrong", error, (Remedy("have a device chosen that works:", "unset PYOPENCL_CTX"),), details)
     place, variable = vendor_folder()
     seen = [f"{device['selector']} {device['name']} does not work: {device['fault']}" for device in devices]
     if not devices:
@@ -111,8 +102,7 @@ def _unavailable(answers: Answers) -> Finding | None:
     elif variable:
         seen.append(_looked_in(place, variable))
     remedies = [Remedy("look for drivers where the system has them:", f"unset {variable}")] if variable else []
-    remedies += [_POCL, _OF_PIP]
-    return Finding("OpenCL", "wrong", "\n".join(seen), tuple(remedies), details)
+    return Finding("wrong", "\n".join(seen), (*remedies, _POCL, _OF_PIP), details)
 
 
 def _usable(answers: Answers) -> Finding:
@@ -128,7 +118,7 @@ def _usable(answers: Answers) -> Finding:
     drivers = _drivers(answers)
     seen.append(f"drivers: {', '.join(map(_short, drivers))}; a process loads one")
     details = {"chosen": chosen, "devices": devices, "drivers": drivers, "PYOPENCL_CTX": os.environ.get("PYOPENCL_CTX")}
-    return Finding("OpenCL", "ok", "\n".join(seen), details=details)
+    return Finding("ok", "\n".join(seen), details=details)
 
 
 def _devices(answers: Answers) -> list[dict[str, Any]]:

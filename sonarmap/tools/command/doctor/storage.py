@@ -5,6 +5,7 @@ import shutil
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from sonarmap.tools.command.doctor.finding import Finding, Remedy, Verdict, size, worst
 
@@ -14,17 +15,11 @@ _TRIAL = 64 << 10  # bytes that are written to see whether a file can grow
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A folder that something is written to.
+    """A folder that something is written to."""
 
-    Attributes:
-        path: the folder, which need not be there yet.
-        free: room for who runs this [bytes].
-        fault: why nothing can be written there, or "".
-    """
-
-    path: Path
-    free: int
-    fault: str
+    path: Path  # the folder, which need not be there yet
+    free: int  # room for who runs this [bytes]
+    fault: str  # why nothing can be written there, or ""
 
     @property
     def verdict(self) -> Verdict:
@@ -37,18 +32,21 @@ class Place:
         """What there is to say of it."""
         return f"{self.path}: {self.fault}" if self.fault else f"{self.path}: {size(self.free)} free"
 
+    def details(self) -> dict[str, Any]:
+        """The same for programs."""
+        return {"folder": str(self.path), "free": self.free, "fault": self.fault}
+
 
 def results(folder: Path) -> Finding:
     """The folder that results go to."""
-    place = look_at(folder)
-    remedies = () if place.verdict == "ok" else (Remedy("make room there, or choose another folder with -o OUT"),)
-    limit = _file_limit()
-    details = {"folder": str(place.path), "free": place.free, "fault": place.fault, "file limit": limit}
-    if limit is None or limit >= _PLENTY:
-        return Finding("disk", place.verdict, place.words(), remedies, details)
-    seen = f"{place.words()}; files can grow to {size(limit)} only (ulimit -f)"
-    verdict = worst([place.verdict, "wrong" if limit < _LEAST else "warning"])
-    return Finding("disk", verdict, seen, (*remedies, Remedy("let files grow:", "ulimit -f unlimited")), details)
+    place, limit = look_at(folder), _file_limit()
+    verdict, seen, details = place.verdict, place.words(), place.details() | {"file limit": limit}
+    remedies = () if verdict == "ok" else (Remedy("make room there, or choose another folder with -o OUT"),)
+    if limit is not None and limit < _PLENTY:
+        verdict = worst([verdict, "wrong" if limit < _LEAST else "warning"])
+        seen += f"; files can grow to {size(limit)} only (ulimit -f)"
+        remedies += (Remedy("let files grow:", "ulimit -f unlimited"),)
+    return Finding(verdict, seen, remedies, details)
 
 
 def temporary_folder() -> Finding:
@@ -56,13 +54,11 @@ def temporary_folder() -> Finding:
     try:
         place = look_at(Path(tempfile.gettempdir()))
     except OSError as error:  # none of those that Python tries
-        place = Place(Path(os.environ.get("TMPDIR", "/tmp")), 0, str(error.strerror or error).lower())
-    details = {"folder": str(place.path), "free": place.free, "fault": place.fault}
+        place = Place(Path(os.environ.get("TMPDIR", "/tmp")), 0, _reason(error))
     if place.verdict == "ok":
-        return Finding("temporary", "ok", place.words(), details=details)
+        return Finding("ok", place.words(), details=place.details())
     elsewhere = Remedy("name a folder with room for temporary files:", "export TMPDIR=/var/tmp")
-    verdict: Verdict = "wrong" if place.fault else "warning"
-    return Finding("temporary", verdict, place.words(), (elsewhere,), details)
+    return Finding("wrong" if place.fault else "warning", place.words(), (elsewhere,), place.details())
 
 
 def caches() -> Finding:
@@ -73,25 +69,25 @@ def caches() -> Finding:
     bad = {name: place for name, place in places.items() if place.fault or place.free < _TRIAL}
     sizes = {name: _size_of(place.path) for name, place in places.items()}
     details = {
-        name: {"folder": str(place.path), "exists": place.path.is_dir(), "size": sizes[name], "free": place.free}
-        | {"fault": place.fault}
+        name: {"folder": "", "exists": place.path.is_dir(), "size": sizes[name]} | place.details()
         for name, place in places.items()
     }
     if not bad:
         folders = {str(place.path.parent) for place in places.values()}
         common = Path(os.path.commonpath(folders)) if len(folders) > 1 else Path(*folders)
         parts = ", ".join(f"{name} {size(sizes[name])}" for name in places)
-        return Finding("caches", "ok", f"{common}: {parts}", details=details)
+        return Finding("ok", f"{common}: {parts}", details=details)
     faults: dict[str, list[str]] = {}
     for name, place in bad.items():
         faults.setdefault(place.fault or "the disk is full", []).append(f"{name} {place.path}")
     seen = [f"{fault}: {', '.join(names)}" for fault, names in faults.items()]
     seen.append("kernels are compiled again in each run, which takes some seconds")
-    variables = [f"XDG_CACHE_HOME={_spare_folder()}"] if set(bad) - {"matplotlib"} else []
-    variables += [f"POCL_CACHE_DIR={_spare_folder()}/pocl"] if "PoCL" in bad and "POCL_CACHE_DIR" in os.environ else []
-    variables += [f"MPLCONFIGDIR={_spare_folder()}/matplotlib"] if "matplotlib" in bad else []
+    spare = _spare_folder()
+    variables = [f"XDG_CACHE_HOME={spare}"] if set(bad) - {"matplotlib"} else []
+    variables += [f"POCL_CACHE_DIR={spare}/pocl"] if "PoCL" in bad and "POCL_CACHE_DIR" in os.environ else []
+    variables += [f"MPLCONFIGDIR={spare}/matplotlib"] if "matplotlib" in bad else []
     elsewhere = Remedy("have them in a folder that can be written:", f"export {' '.join(variables)}")
-    return Finding("caches", "warning", "\n".join(seen), (elsewhere,), details)
+    return Finding("warning", "\n".join(seen), (elsewhere,), details)
 
 
 def look_at(folder: Path) -> Place:

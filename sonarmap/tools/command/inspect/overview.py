@@ -22,44 +22,27 @@ _MOST_NOTES = 20  # of single scans
 
 @dataclass(frozen=True, slots=True)
 class Overview:
-    """What files of scans hold.
+    """What files of scans hold."""
 
-    Attributes:
-        files: in natural order.
-        size: of all files [bytes].
-        kinds: what the files are, in words, each kind once.
-        changed: when the last file was changed [s, UTC].
-        names: of all scans, as a file of priors and `map` call them.
-        unread: why files or scans could not be read, in words.
-        points: least, median and largest number of points of a scan.
-        extent: (3,) median size of a scan along x, y, z, without stray echoes [m].
-        farthest: distance of the farthest point from its frame's origin [m].
-        clock: of the scans' stamps; None where not all of them have a time.
-        with_strength, with_viewpoints, with_attitude: how many scans have echo strengths, viewpoints, and roll and
-            pitch by an IMU in the recording.
-        attitude: median roll and pitch [deg], starboard down and nose up positive; NaN without any.
-        sound_speeds: lowest and highest recorded one [m/s], or None.
-        grid: that `map` would choose; None where no scan has an extent.
-        notes: what the user should know, in words.
-    """
-
-    files: tuple[Path, ...]
-    size: int
-    kinds: tuple[str, ...]
-    changed: float
-    names: tuple[str, ...]
-    unread: tuple[str, ...]
-    points: tuple[int, float, int]
-    extent: np.ndarray
-    farthest: float
-    clock: Clock | None
+    files: tuple[Path, ...]  # in natural order
+    size: int  # of all files [bytes]
+    kinds: tuple[str, ...]  # what the files are, in words, each kind once
+    changed: float  # when the last file was changed [s, UTC]
+    names: tuple[str, ...]  # of all scans, as a file of priors and `map` call them
+    unread: tuple[str, ...]  # why files or scans could not be read, in words
+    points: tuple[int, float, int]  # least, median and largest number of points of a scan
+    extent: np.ndarray  # (3,) median size of a scan along x, y, z, without stray echoes [m]
+    farthest: float  # distance of the farthest point from its frame's origin [m]
+    clock: Clock | None  # of the scans' stamps; None where not all of them have a time
+    # with_strength, with_viewpoints, with_attitude: how many scans have echo strengths, viewpoints, and roll and pitch
+    # by an IMU in the recording
     with_strength: int
     with_viewpoints: int
     with_attitude: int
-    attitude: tuple[float, float]
-    sound_speeds: tuple[float, float] | None
-    grid: Grid | None
-    notes: tuple[str, ...]
+    attitude: tuple[float, float]  # median roll and pitch [deg], starboard down and nose up positive; NaN without any
+    sound_speeds: tuple[float, float] | None  # lowest and highest recorded one [m/s], or None
+    grid: Grid | None  # that `map` would choose; None where no scan has an extent
+    notes: tuple[str, ...]  # what the user should know, in words
 
 
 @dataclass(slots=True)
@@ -108,16 +91,10 @@ def overview_of(
     edge: int = 128,
     progress: Progress | None = None,
 ) -> Overview:
-    """What is in the files, folders and patterns; a scan at a time is in memory.
+    """What is in the files, folders and patterns, as `read_survey` takes them; a scan at a time is in memory.
 
-    Args:
-        paths: as `read_survey` takes them.
-        corrections: what is done to the points of each scan.
-        edge: voxels along each edge of the grid that is chosen.
-        progress: called with (files read, files in all, words).
-
-    Raises:
-        InputError: a path that does not exist, or not one scan that can be read.
+    The grid has so many voxels along each edge; `progress` is called with (files read, files in all, words). Raises
+    InputError: a path that does not exist, or not one scan that can be read.
     """
     selection = select_files(paths, FORMATS)
     files, seen, file_notes = files_of(selection), _Seen(), list[str]()

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.groups import EARTH, LOOPS
-from sonarmap.tools.command.options.option import option
+from sonarmap.tools.command.options.option import option, refuse_without
 from sonarmap.tools.command.terminal import say
 
 if TYPE_CHECKING:
@@ -36,11 +35,7 @@ class TiesAndControl:
     control_crs: str | None = option(EARTH, "CRS", "Of its easting_m and northing_m, as EPSG:25832.", rare=True)
 
     def read_ties(self, scans: "Sequence[Scan]") -> "tuple[Tie, ...]":
-        """What --ties says of pairs of the scans; none without it.
-
-        Raises:
-            InputError: the file cannot be used.
-        """
+        """What --ties says of pairs of the scans; none without it. Raises InputError: the file cannot be used."""
         from sonarmap.tools.files.readers.ties import read_ties
 
         return () if self.ties is None else read_ties(self.ties, scans)
@@ -48,20 +43,14 @@ class TiesAndControl:
     def read_control(
         self, scans: "Sequence[Scan]", georeference: "Georeference | None"
     ) -> "tuple[tuple[ControlPoint, ...], Georeference | None]":
-        """The points of --control, and where the map lies on the Earth then; a note for what a user should know.
+        """The points of --control, and where the map lies on the Earth then; by now it lies at `georeference`.
 
-        Args:
-            scans: that were read.
-            georeference: of the map so far.
-
-        Raises:
-            InputError: the file cannot be used, or --control-crs has no file.
+        Raises InputError: the file cannot be used, or --control-crs has no file.
         """
         from sonarmap.tools.files.readers.control import read_control
 
         if self.control is None:
-            if self.control_crs is not None:
-                raise InputError("--control-crs has no effect without --control; give it too, or leave it out")
+            refuse_without("--control", {"--control-crs": self.control_crs})
             return (), georeference
         read = read_control(self.control, scans, georeference, self.control_crs)
         for note in read.notes:

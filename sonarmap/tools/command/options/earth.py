@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.groups import EARTH
-from sonarmap.tools.command.options.option import completes, option
+from sonarmap.tools.command.options.option import completes, option, refuse_without
 
 if TYPE_CHECKING:
     from sonarmap.tools.files.geo.georeference import Georeference
@@ -43,27 +43,18 @@ class EarthPlace:
         autocompletion=completes(_verticals),
     )
     crs: str | None = _earth(
-        "CRS",
-        "Projected coordinates of exported files, as EPSG:25832.",
-        rare=True,
-        shown="the UTM zone of the origin",
+        "CRS", "Projected coordinates of exported files, as EPSG:25832.", rare=True, shown="the UTM zone of the origin"
     )
 
     def georeference(self, known: "Georeference | None" = None) -> "Georeference | None":
-        """What --origin, --origin-heading and --vertical say; None without an origin.
+        """What --origin, --origin-heading and --vertical say; what none of them says stays as `known` has it.
 
-        Args:
-            known: of the map so far; what no option says stays as it is.
-
-        Raises:
-            InputError: numbers that cannot be an origin, or another option without any origin.
+        None without an origin. Raises InputError: numbers that cannot be one, or another option without any origin.
         """
         from sonarmap.tools.files.geo.georeference import DEFAULT_VERTICAL, EAST, Georeference
 
         if self.origin is None and known is None:
-            for name, value in (("--origin-heading", self.origin_heading), ("--vertical", self.vertical)):
-                if value is not None:
-                    raise InputError(f"{name} has no effect without --origin; give it too, or leave it out")
+            refuse_without("--origin", {"--origin-heading": self.origin_heading, "--vertical": self.vertical})
             return None
         if known is None or self.origin is not None:
             unsaid = (DEFAULT_VERTICAL, EAST) if known is None else (known.vertical, known.heading)

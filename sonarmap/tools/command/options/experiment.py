@@ -68,9 +68,7 @@ class ExperimentOptions:
     seeds: int | None = _rare("N", "Number of seeds.", min=1)
     pairs: int | None = _rare("N", "Number of pairs.", min=1)
     seed: int | None = _rare(
-        "S",
-        "The first seed, or the seed of the pairs; the same seed gives the same results.",
-        callback=check_seed,
+        "S", "The first seed, or the seed of the pairs; the same seed gives the same results.", callback=check_seed
     )
     method: list[str] | None = _experiment(
         "NAME",
@@ -79,9 +77,7 @@ class ExperimentOptions:
         autocompletion=completes(METHODS),
     )
     grid: int | None = _experiment(
-        "N",
-        "Voxels per edge, 16..512. The number is an even product of 2, 3 and 5.",
-        shown="the experiment's",
+        "N", "Voxels per edge, 16..512. The number is an even product of 2, 3 and 5.", shown="the experiment's"
     )
     voxel: VoxelOption = None
     max_tilt: float | None = _rare(

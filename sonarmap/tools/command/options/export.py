@@ -42,8 +42,7 @@ FormatsOption = Annotated[
 def export_with_progress(folder: "MapFolder", to: Path, settings: "ExportSettings", quiet: bool) -> "Exported":
     """Export a map, and say what the user should know about it.
 
-    Raises:
-        InputError: see `tools.products.export.run.export_map`.
+    Raises InputError: see `tools.products.export.run.export_map`.
     """
     from sonarmap.tools.products.export.run import export_map
 

@@ -12,6 +12,8 @@ from typing import Annotated, Any, get_origin
 
 import typer
 
+from sonarmap.kernels.errors import InputError
+
 REQUIRED: Any = MISSING  # the default of an option that has to be given
 _OPTION = "option"  # in a field's metadata
 
@@ -26,11 +28,9 @@ def option(
     shown: str | bool = True,
     **more: Any,
 ) -> Any:
-    """A field that is an option with a value.
+    """A field that is an option with a value, in one of the panels of GROUPS; `metavar` stands for the value.
 
     Args:
-        panel: one of GROUPS.
-        metavar: what stands for the value.
         words: its help; `--help` shows the first sentence.
         default: None for none, REQUIRED where it has to be given.
         names: on the command line, where they are not the field's.
@@ -40,13 +40,7 @@ def option(
             `autocompletion`, as `completes` makes it.
     """
     info = typer.Option(
-        *names,
-        metavar=metavar,
-        help=words,
-        rich_help_panel=panel,
-        hidden=rare,
-        show_default=shown,
-        **more,
+        *names, metavar=metavar, help=words, rich_help_panel=panel, hidden=rare, show_default=shown, **more
     )
     metadata = {_OPTION: info}
     if isinstance(default, list):
@@ -84,13 +78,16 @@ def given(options: Any) -> dict[str, Any]:
     }
 
 
-def spread(command: Callable[..., Any], common: Mapping[str, tuple[Any, Any]]) -> Callable[..., Any]:
-    """The command as typer takes it: with the options of its dataclasses in their place, and with some more.
+def refuse_without(needed: str, options: Mapping[str, Any]) -> None:
+    """Refuse options that were given, by their names with dashes, where the one that they need was not."""
+    for name, value in options.items():
+        if value is not None:
+            raise InputError(f"{name} has no effect without {needed}; give it too, or leave it out")
 
-    Args:
-        command: a function of dataclasses with options, and of other parameters.
-        common: annotation and default of options that the command itself does not take, by their names.
-    """
+
+def spread(command: Callable[..., Any], common: Mapping[str, tuple[Any, Any]]) -> Callable[..., Any]:
+    """The command as typer takes it: with the options of its dataclasses in their place, and with some more, the
+    `common` ones, by name."""
     signature = inspect.signature(command, eval_str=True)
     kinds: dict[str, Any] = {
         name: each.annotation for name, each in signature.parameters.items() if is_dataclass(each.annotation)

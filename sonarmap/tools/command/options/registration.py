@@ -25,12 +25,8 @@ _registration = partial(option, REGISTRATION)
 
 
 def checked(fits: Callable[[Any], bool], wanted: str) -> Callable[[Any], Any]:
-    """A check of an option: None passes, and so does a value that fits.
-
-    Args:
-        fits: whether a value can be.
-        wanted: what is said of one that cannot; {} stands for it.
-    """
+    """A check of an option: None passes, and so does a value that `fits`; of another one `wanted` is said, {} standing
+    for it."""
 
     def check(value: Any) -> Any:
         if value is None or fits(value):
@@ -115,21 +111,7 @@ SeedOption = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class MethodOptions:
-    """How to register.
-
-    Attributes:
-        method: a key of METHODS.
-        grid: voxels per edge; None for the default, 128.
-        voxel: edge of a voxel [m]; None for the one in which the largest scan fits.
-        max_tilt: largest roll and pitch between two scans [deg].
-        hypotheses: how many rotations to try.
-        refine: how to refine the result below the voxel size, "icp" or "spectral".
-        yaw_peaks: how many yaw peaks to try.
-        strength: whether voxels are weighted by their echo strength.
-        device: as `choose_device` takes it.
-        seed: for methods that use random numbers.
-        given: those of these, and "priors", that the user gave.
-    """
+    """How to register."""
 
     method: str = _registration(
         "NAME",
@@ -165,8 +147,7 @@ class MethodOptions:
         REFINEMENTS[0],
         rare=True,
         callback=checked(
-            REFINEMENTS.__contains__,
-            f"{{!r}}; choose {' or '.join(REFINEMENTS)}. Leave it out for {REFINEMENTS[0]}.",
+            REFINEMENTS.__contains__, f"{{!r}}; choose {' or '.join(REFINEMENTS)}. Leave it out for {REFINEMENTS[0]}."
         ),
         autocompletion=completes(REFINEMENTS),
     )
@@ -189,7 +170,7 @@ class MethodOptions:
     )
     device: DeviceOption = None
     seed: SeedOption = 0
-    given: frozenset[str] = field(default=frozenset())
+    given: frozenset[str] = field(default=frozenset())  # those of these, and "priors", that the user gave
 
     @property
     def uses_priors(self) -> bool:

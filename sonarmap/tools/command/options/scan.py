@@ -63,8 +63,7 @@ class PointReading:
     def corrections(self) -> "Corrections":
         """What is done to the points of files when they are read.
 
-        Raises:
-            InputError: numbers that are no speed of sound in water or no factor, or unknown names.
+        Raises InputError: numbers that are no speed of sound in water or no factor, or unknown names.
         """
         from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
 

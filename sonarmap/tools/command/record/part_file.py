@@ -18,14 +18,9 @@ class PartFile:
     """
 
     def __init__(self, out: Path, overwrite: bool) -> None:
-        """Make an empty file.
+        """Make an empty file, which will be called `out`; in place of a file of that name only to `overwrite` it.
 
-        Args:
-            out: what the file will be called.
-            overwrite: whether it may take the place of a file of that name.
-
-        Raises:
-            InputError: it may not, or nothing can be written there.
+        Raises InputError: it may not, or nothing can be written there.
         """
         self.out, self.size, self._overwrite = out, 0, overwrite
         if out.suffix != ENDING:
@@ -48,8 +43,7 @@ class PartFile:
     def write(self, packet: bytes) -> None:
         """Append a packet, all of it or nothing.
 
-        Raises:
-            InputError: the disk takes no more. The packets before are in the file.
+        Raises InputError: the disk takes no more. The packets before are in the file.
         """
         left = memoryview(packet)
         try:
@@ -70,11 +64,7 @@ class PartFile:
             os.fsync(self._file.fileno())
 
     def finish(self) -> None:
-        """Give it its name.
-
-        Raises:
-            InputError: a file of that name has come, or the disk refuses; the part stays.
-        """
+        """Give it its name. Raises InputError: a file of that name has come, or the disk refuses; the part stays."""
         try:
             os.fsync(self._file.fileno())
             self._file.close()

@@ -50,8 +50,7 @@ class Receiver:
     def next(self, timeout: float) -> Datagram | None:
         """The next datagram, or None where none came for so long [s].
 
-        Raises:
-            InputError: the system does not receive any more.
+        Raises InputError: the system does not receive any more.
         """
         try:
             return self._waiting.get(timeout=timeout)

@@ -24,57 +24,36 @@ _LEAST_DISK = 16 << 20  # bytes; about a quarter of a minute
 
 @dataclass(frozen=True, slots=True)
 class RecordSettings:
-    """What to record.
+    """What to record."""
 
-    Attributes:
-        source: where packets come in.
-        out: the file, NAME.sonar.
-        duration: after which the recording ends [s]; None for no end but the one that is asked for.
-        sonar: address of the sonar whose packets are wanted; None for the first one that sends.
-        overwrite: whether `out` may take the place of a file.
-    """
-
-    source: Source
-    out: Path
-    duration: float | None = None
-    sonar: str | None = None
-    overwrite: bool = False
+    source: Source  # where packets come in
+    out: Path  # the file, NAME.sonar
+    duration: float | None = None  # after which the recording ends [s]; None for no end but the one that is asked for
+    sonar: str | None = None  # address of the sonar whose packets are wanted; None for the first one that sends
+    overwrite: bool = False  # whether `out` may take the place of a file
 
 
 @dataclass(slots=True)
 class Status:
-    """How a recording goes.
+    """How a recording goes."""
 
-    Attributes:
-        settings: of the recording.
-        path: of the file that is written now.
-        buffer: how much the system's receive buffer holds [bytes].
-        tally, senders: what has come, and from whom.
-        seconds: since the start.
-        silence: seconds since the last packet of the sonar, or since the start.
-        longest_silence: between two packets [s].
-        size: bytes written.
-        shot_rate, packet_rate, byte_rate: per second, over the latest five.
-        disk: bytes that the disk can still take.
-        unsaved: datagrams that came and were lost here, as the disk was too slow.
-        overflow: datagrams that the system lost, as this computer was too slow.
-    """
-
-    settings: RecordSettings
-    path: Path
-    buffer: int
+    settings: RecordSettings  # of the recording
+    path: Path  # of the file that is written now
+    buffer: int  # how much the system's receive buffer holds [bytes]
+    # tally, senders: what has come, and from whom
     tally: Tally = field(default_factory=Tally)
     senders: Senders = field(default_factory=Senders)
-    seconds: float = 0.0
-    silence: float = 0.0
-    longest_silence: float = 0.0
-    size: int = 0
+    seconds: float = 0.0  # since the start
+    silence: float = 0.0  # seconds since the last packet of the sonar, or since the start
+    longest_silence: float = 0.0  # between two packets [s]
+    size: int = 0  # bytes written
+    # shot_rate, packet_rate, byte_rate: per second, over the latest five
     shot_rate: float = 0.0
     packet_rate: float = 0.0
     byte_rate: float = 0.0
-    disk: int = 0
-    unsaved: int = 0
-    overflow: int = 0
+    disk: int = 0  # bytes that the disk can still take
+    unsaved: int = 0  # datagrams that came and were lost here, as the disk was too slow
+    overflow: int = 0  # datagrams that the system lost, as this computer was too slow
 
     @property
     def disk_lasts(self) -> float | None:
@@ -83,20 +62,11 @@ class Status:
 
 
 def record(settings: RecordSettings, follow: Callable[[Status], None], stop: Event) -> Status:
-    """Record until the duration is over or the event is set, and give the file its name.
+    """Record until the duration is over or `stop` is set, and give the file its name; without packets there is none.
 
-    Memory does not grow with the recording: at most `receiver.MOST_WAITING` datagrams wait for the disk.
-
-    Args:
-        settings: what to record.
-        follow: called each second, and at the end; before the first packet too.
-        stop: ends the recording.
-
-    Returns:
-        How it went; without packets there is no file.
-
-    Raises:
-        InputError: it cannot begin, or not go on; what came until then is in the file that the message names.
+    `follow` is called each second, before the first packet too, and at the end. Memory does not grow with the
+    recording: at most `receiver.MOST_WAITING` datagrams wait for the disk. Raises InputError: it cannot begin, or not
+    go on; what came until then is in the file that the message names.
     """
     with open_socket(settings.source) as listening:
         part = PartFile(settings.out, settings.overwrite)

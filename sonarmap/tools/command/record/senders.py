@@ -12,38 +12,22 @@ _NAMED = 8  # addresses of other sonars
 
 @dataclass(slots=True)
 class Senders:
-    """Takes packets of the first sonar that sends, or of the one that was asked for.
+    """Takes packets of the first sonar that sends, or of the one that was asked for."""
 
-    Attributes:
-        wanted: address of the sonar that was asked for, or None.
-        sonar: address of the sonar that is recorded; None until it is known.
-        moves: how often another address took its place.
-        damaged: packets of the sonar with a wrong length or checksum.
-        first_damage: what is wrong with the first of them, in words.
-        foreign: datagrams that are no packets of a sonar.
-        first_foreign: who sent the first of them and how it begins, in words.
-        others: whole packets of other sonars, which were left out.
-        addresses: of these sonars, as far as there are few.
-    """
-
-    wanted: str | None = None
-    sonar: str | None = None
-    moves: int = 0
-    damaged: int = 0
-    first_damage: str = ""
-    foreign: int = 0
-    first_foreign: str = ""
-    others: int = 0
-    addresses: list[str] = field(default_factory=list)
+    wanted: str | None = None  # address of the sonar that was asked for, or None
+    sonar: str | None = None  # address of the sonar that is recorded; None until it is known
+    moves: int = 0  # how often another address took its place
+    damaged: int = 0  # packets of the sonar with a wrong length or checksum
+    first_damage: str = ""  # what is wrong with the first of them, in words
+    foreign: int = 0  # datagrams that are no packets of a sonar
+    first_foreign: str = ""  # who sent the first of them and how it begins, in words
+    others: int = 0  # whole packets of other sonars, which were left out
+    addresses: list[str] = field(default_factory=list)  # of these sonars, as far as there are few
     _latest: float = 0.0
 
     def is_wanted(self, datagram: Datagram, now: float) -> bool:
-        """Whether it is a whole packet of the sonar that is recorded; counted if not.
-
-        Args:
-            datagram: what came.
-            now: seconds of a clock that is never set.
-        """
+        """Whether it is a whole packet of the sonar that is recorded; counted if not. `now` is of a clock that is never
+        set [s]."""
         content, sender = datagram.content, datagram.sender
         is_packet = content[:4] in MAGICS
         if not is_packet and sender != self.sonar:

@@ -21,16 +21,11 @@ _OVERFLOW = 40  # SO_RXQ_OVFL of Linux: how many datagrams did not fit the buffe
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where packets are awaited.
+    """Where packets are awaited."""
 
-    Attributes:
-        address: a multicast group, or an address of this computer; 0.0.0.0 for all that it has.
-        port: of UDP.
-        interface: a name or an address of this computer where the group is joined; None for all interfaces.
-    """
-
-    address: IPv4Address
-    port: int
+    address: IPv4Address  # a multicast group, or an address of this computer; 0.0.0.0 for all that it has
+    port: int  # of UDP
+    # a name or an address of this computer where the group is joined; None for all interfaces
     interface: str | None = None
 
     @property
@@ -43,13 +38,8 @@ class Source:
 def source_of(multicast: str | None, unicast: str | None, interface: str | None) -> Source:
     """The source that options ask for; the sonar's default group if they are None.
 
-    Args:
-        multicast: GROUP:PORT.
-        unicast: ADDRESS:PORT of this computer.
-        interface: a name or an address of this computer; for multicast alone.
-
-    Raises:
-        InputError: an address that is none, or options that exclude each other.
+    GROUP:PORT of a group that is joined at the interface, or ADDRESS:PORT of this computer. Raises InputError: an
+    address that is none, or options that exclude each other.
     """
     if unicast is None:
         return Source(*_endpoint(GROUP if multicast is None else multicast, "--multicast", GROUP), interface)
@@ -87,8 +77,7 @@ def _endpoint(text: str, option: str, example: str) -> tuple[IPv4Address, int]:
 def open_socket(source: Source) -> socket.socket:
     """A socket that listens there, with as large a receive buffer as the system grants. It sends nothing.
 
-    Raises:
-        InputError: this computer has no such address or interface, or the port is taken or not allowed.
+    Raises InputError: this computer has no such address or interface, or the port is taken or not allowed.
     """
     listening = socket.socket(socket.AF_INET, socket.SOCK_DGRAM, socket.IPPROTO_UDP)
     try:

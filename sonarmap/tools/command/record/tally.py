@@ -19,16 +19,11 @@ _WINDOW = 10.0  # seconds in which the packet that took the shortest time tells 
 
 @dataclass(slots=True)
 class Numbered:
-    """Packets of one kind.
+    """Packets of one kind."""
 
-    Attributes:
-        came: each once.
-        doubled: those that came again.
-        numbers: count what is missing between the first and the last, and what came late.
-    """
-
-    came: int = 0
-    doubled: int = 0
+    came: int = 0  # each once
+    doubled: int = 0  # those that came again
+    # count what is missing between the first and the last, and what came late
     numbers: ShotNumbers = field(default_factory=ShotNumbers)
     _seen: Remembered = field(default_factory=lambda: Remembered(_REMEMBERED))
 
@@ -48,14 +43,10 @@ class ClockOffset:
 
     A stamp is of the shot, and the packet arrives later: of the packets of ten seconds the one that took the least time
     counts, and what it took still makes the sonar's clock seem behind.
-
-    Attributes:
-        first: in the first ten seconds; None until a stamp has come.
-        latest: in the latest ten whole seconds.
     """
 
-    first: float | None = None
-    latest: float | None = None
+    first: float | None = None  # in the first ten seconds; None until a stamp has come
+    latest: float | None = None  # in the latest ten whole seconds
     _best: float | None = None
     _since: float = 0.0
     _windows: int = 0
@@ -73,23 +64,16 @@ class ClockOffset:
 
 @dataclass(slots=True)
 class Tally:
-    """The sonar's packets.
+    """The sonar's packets."""
 
-    Attributes:
-        packets: all that were recorded.
-        kinds: those with numbers, by kind.
-        undocumented: of kinds that the protocol does not document.
-        unreadable: with a right checksum, and content that is no message.
-        clock: of the sonar.
-    """
-
-    packets: int = 0
+    packets: int = 0  # all that were recorded
+    # those with numbers, by kind
     kinds: dict[str, Numbered] = field(
         default_factory=lambda: {kind: Numbered() for kind in (RANGES, STRENGTHS, SHADED, IMU)}
     )
-    undocumented: int = 0
-    unreadable: int = 0
-    clock: ClockOffset = field(default_factory=ClockOffset)
+    undocumented: int = 0  # of kinds that the protocol does not document
+    unreadable: int = 0  # with a right checksum, and content that is no message
+    clock: ClockOffset = field(default_factory=ClockOffset)  # of the sonar
 
     def add(self, packet: bytes, arrival: float) -> None:
         """A whole packet has come, at a time by this computer's clock [s, UTC]."""
@@ -132,16 +116,6 @@ class Tally:
         """Of all packets that have a number."""
         came = sum(kind.came for kind in self.kinds.values())
         return self.missing / max(came + self.missing, 1)
-
-    @property
-    def doubled(self) -> int:
-        """Packets that came again."""
-        return sum(kind.doubled for kind in self.kinds.values())
-
-    @property
-    def late(self) -> int:
-        """Packets that came after a later one of their kind."""
-        return sum(kind.numbers.late for kind in self.kinds.values())
 
 
 def _kind_of(image: Message) -> str:

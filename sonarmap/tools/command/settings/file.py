@@ -21,16 +21,12 @@ _LONGEST_LINE = 1000  # a key of n parts takes a time and a memory of n squared,
 
 @dataclass(frozen=True, slots=True)
 class SettingsFile:
-    """What a file sets.
+    """What a file sets."""
 
-    Attributes:
-        path: the file.
-        values: of each verb, by its parameters' names; what [common] sets is in those that it means.
-        sections: where each of these stands, likewise: the verb's own section, or [common].
-    """
-
-    path: Path
+    path: Path  # the file
+    # of each verb, by its parameters' names; what [common] sets is in those that it means
     values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
+    # where each of these stands, likewise: the verb's own section, or [common]
     sections: Mapping[str, Mapping[str, str]] = field(default_factory=dict[str, dict[str, str]])
 
     def without(self, settings: Sequence[Setting]) -> "SettingsFile":
@@ -44,15 +40,9 @@ class SettingsFile:
 
 
 def read_settings(path: Path, verbs: Mapping[str, Any], verb: str | None) -> SettingsFile:
-    """Read a file, and check it: all its keys and their types, and the values of one verb or of all.
+    """Read a file, and check it: all its keys and their types, and the values of one verb, or with None of all.
 
-    Args:
-        path: the file.
-        verbs: Typer's commands.
-        verb: whose values are checked; None: those of all verbs.
-
-    Raises:
-        InputError: naming the file and the key, with what was wanted.
+    `verbs` are Typer's commands. Raises InputError: naming the file and the key, with what was wanted.
     """
     settings = settings_of(verbs)
     content = _content(path)

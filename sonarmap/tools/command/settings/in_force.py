@@ -54,14 +54,9 @@ REPLACED: Mapping[str, str] = {
 
 
 def use_settings(context: typer.Context, given: Path | None) -> None:
-    """Have the verb that is about to run take its defaults from the file of settings, if there is one.
+    """Have the verb that is about to run take its defaults from the file of settings, --config, if there is one.
 
-    Args:
-        context: of the whole command.
-        given: --config.
-
-    Raises:
-        InputError: the file cannot be used.
+    Raises InputError: the file cannot be used.
     """
     path = given or Path(DEFAULT_FILE)
     if given is None and not path.is_file():

@@ -14,21 +14,13 @@ _PROSE = 100  # characters of a line of comment
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A line of the list.
+    """A line of the list."""
 
-    Attributes:
-        section: where a file sets it.
-        setting: of a verb, the first of those for which it means the same.
-        verbs: all of these.
-        value: in force, as the file has it; None where the default counts.
-        place: the file's section where it stands, or "".
-    """
-
-    section: str
-    setting: Setting
-    verbs: tuple[str, ...]
-    value: Any
-    place: str
+    section: str  # where a file sets it
+    setting: Setting  # of a verb, the first of those for which it means the same
+    verbs: tuple[str, ...]  # all of these
+    value: Any  # in force, as the file has it; None where the default counts
+    place: str  # the file's section where it stands, or ""
 
     @property
     def in_force(self) -> str:

@@ -22,19 +22,12 @@ _KINDS = {  # as TOML calls them, and in words
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """An option of a verb.
+    """An option of a verb."""
 
-    Attributes:
-        verb: whose.
-        parameter: Typer's, which has no public type.
-        kind: bool, int, float, str or Path.
-        help: what it does, as the verb's help says it.
-    """
-
-    verb: str
-    parameter: Any
-    kind: type
-    help: str
+    verb: str  # whose
+    parameter: Any  # Typer's, which has no public type
+    kind: type  # bool, int, float, str or Path
+    help: str  # what it does, as the verb's help says it
 
     @property
     def name(self) -> str:
@@ -97,11 +90,7 @@ class Setting:
 
 
 def settings_of(verbs: Mapping[str, Any]) -> list[Setting]:
-    """All options of all verbs, in the verbs' and their own order.
-
-    Args:
-        verbs: Typer's commands, by their names.
-    """
+    """All options of Typer's commands, in the verbs' and their own order."""
     settings: list[Setting] = []
     for verb, command in verbs.items():
         hints = get_type_hints(command.callback)

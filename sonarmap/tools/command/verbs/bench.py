@@ -28,9 +28,7 @@ class Measurement:
     """What is measured."""
 
     grid: list[int] | None = _measure(
-        "N",
-        "Voxels per edge, 16..512; may be repeated. They are even products of 2, 3 and 5.",
-        shown="64, 128 and 256",
+        "N", "Voxels per edge, 16..512; may be repeated. They are even products of 2, 3 and 5.", shown="64, 128 and 256"
     )
     repeats: int = _measure("R", "Number of timed runs of each kernel.", 15, min=1)
     pairs: int = _measure("P", "Simulated pairs to register; 0 is none.", 20, min=0)

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 def command(
     device: DeviceOption = None,
     test: Annotated[
-        bool,
-        typer.Option("--test", help="Run all self-tests, even those done before.", rich_help_panel=RUNNING),
+        bool, typer.Option("--test", help="Run all self-tests, even those done before.", rich_help_panel=RUNNING)
     ] = False,
     as_json: JsonOption = False,
 ) -> None:

@@ -27,8 +27,7 @@ def command(
     inputs: InputsArgument,
     points: PointReading,
     names: Annotated[
-        bool,
-        typer.Option("--names", help="List all scans' names alone, as priors need them.", rich_help_panel=OUTPUT),
+        bool, typer.Option("--names", help="List all scans' names alone, as priors need them.", rich_help_panel=OUTPUT)
     ] = False,
     grid: GridOption = None,
     as_json: JsonOption = False,

@@ -12,13 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.execution import ExecutionOptions, open_execution
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
-from sonarmap.tools.command.navigation import (
-    ImuOption,
-    NavigationReading,
-    OdometryFile,
-    PriorsFile,
-    scans_with_priors,
-)
+from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile, scans_with_priors
 from sonarmap.tools.command.navigation_check import contradiction_of
 from sonarmap.tools.command.options.control import TiesAndControl
 from sonarmap.tools.command.options.earth import EarthPlace
@@ -47,37 +41,41 @@ from sonarmap.tools.files.writers.folder_lock import locked
 if TYPE_CHECKING:
     from sonarmap.slam.graph.control import ControlPoint
     from sonarmap.slam.motion.odometry import Odometry
-    from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.slam.tie import Tie
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo.georeference import Georeference
     from sonarmap.tools.files.readers.corrections import Corrections
+    from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
     from sonarmap.tools.files.readers.scans import ReadScans
     from sonarmap.tools.products.export.run import ExportSettings
 
 INCOMPLETE = 3
 
+VerboseOption = Annotated[
+    bool,
+    typer.Option("--verbose", "-v", help="Print the table of pairs and all warnings too.", rich_help_panel=RUNNING),
+]
+
 
 @dataclass(frozen=True, slots=True)
 class SurveyInput:
-    """What a map is made of.
+    """What a map is made of, and how."""
 
-    Attributes:
-        read: the scans, with what instruments measured of them.
-        odometry: dead reckoning between them, or None.
-        ties, control: what a person says of pairs and points.
-        georeference: where the map lies on the Earth, as far as it is known.
-        method: that registers pairs.
-        settings: of the summary.
-    """
-
-    read: "ReadScans"
+    read: "ReadScans"  # with what instruments measured of the scans
     odometry: "Odometry | None"
     ties: "tuple[Tie, ...]"
     control: "tuple[ControlPoint, ...]"
-    georeference: "Georeference | None"
+    georeference: "Georeference | None"  # of the map, as far as it is known
     method: ConfiguredMethod
-    settings: Mapping[str, Any]
+    settings: Mapping[str, Any]  # of the summary
+
+    @property
+    def files(self) -> list[Path]:
+        """All that are read: scans, navigation, and what a person says."""
+        said = [
+            Path(self.settings[name]) for name in ("priors", "odometry", "ties", "control") if name in self.settings
+        ]
+        return [*self.read.files, *said]
 
 
 def command(
@@ -95,10 +93,7 @@ def command(
     execution: ExecutionOptions,
     imu: ImuOption = True,
     as_json: JsonOption = False,
-    verbose: Annotated[
-        bool,
-        typer.Option("--verbose", "-v", help="Print the table of pairs and all warnings too.", rich_help_panel=RUNNING),
-    ] = False,
+    verbose: VerboseOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Make a map from scans: register pairs, close loops, optimize poses, fuse points.
@@ -119,66 +114,40 @@ def command(
 
     --export writes the map for other programs too, as `sonarmap export` does, which needs no other run of `map`.
     """
-    start, out, silent = time.monotonic(), output.out, quiet or as_json
+    start, silent = time.monotonic(), quiet or as_json
     method = checked_method(method, context)
-    mapping = survey.mapper_settings()
+    mapper = survey.mapper_settings()
     navigation = reading.settings(priors.priors, odometry.odometry, origin=earth.georeference())
-    read = _read(inputs, priors.priors, points.corrections(), out, silent)
-    use_imu, unread = imu and method.uses_priors, bool(read.unread)
-    navigated = scans_with_priors(read.scans, priors, navigation, use_imu, unread, read.files)
-    read = replace(read, scans=navigated.scans)
+    read = _read_scans(inputs, priors.priors, points.corrections(), output.out, silent)
+    read, georeference = _navigate(read, priors, navigation, imu and method.uses_priors)
     _refuse_second_heading(read.scans, earth.origin_heading)
     ties = person.read_ties(read.scans)
-    control, georeference = person.read_control(read.scans, navigated.georeference)
+    control, georeference = person.read_control(read.scans, georeference)
     exports = output.export_settings(earth.crs, georeference, read.scans)
     reckoned = odometry.read(read.scans, navigation)
     configured = configure_method(read.scans, method, survey=True)
-    if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, silent):
-        warn(f"{contradiction}; correct {priors.priors}, or say how it is meant (docs/navigation.md)")
+    _warn_of_contradiction(read, configured, priors.priors, silent)
     described = given(priors) | given(odometry) | given(reading) | given(points) | given(person)
-    settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapping}
-    mapped_input = SurveyInput(read, reckoned, ties, control, georeference, configured, settings)
-    require_writable(out)
-    with locked(out, writing=True):  # until its last file is written
-        result = _map(mapped_input, execution, output, silent)
-        names = [scan.name for scan in read.scans]
-        mapped = Mapped(result, names, out, output.also, len(read.unread), georeference is not None)
-        later: list[str] = []
+    settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapper}
+    require_writable(output.out)
+    with locked(output.out, writing=True):  # until its last file is written
+        survey_input = SurveyInput(read, reckoned, ties, control, georeference, configured, settings)
+        mapped = _map(survey_input, execution, output, silent)
         try:
-            _write_more(out, output.report, exports, silent, later)
+            _write_report_and_exports(mapped, output.report, exports, silent)
         finally:  # the map is there, whatever its report and export came to
             if not as_json:
-                print_mapped(replace(mapped, later=later, seconds=time.monotonic() - start), verbose)
+                print_mapped(mapped, time.monotonic() - start, verbose)
     if as_json:
-        print_summary(out)
+        print_summary(output.out)
         warn_of_faults(mapped, verbose)
     if not mapped.whole:
         raise typer.Exit(INCOMPLETE)
 
 
-def _write_more(out: Path, report: bool, exports: "ExportSettings", quiet: bool, written: list[str]) -> None:
-    """Write what is made of the finished map: its report, and the formats of --export; add the names of the files."""
-    from sonarmap.tools.files.map_folder.folder import read_map_folder
-    from sonarmap.tools.files.map_folder.names import REPORT
-    from sonarmap.tools.products.report.page.page import write_report
-
-    written_summary(out)  # a folder that was removed meanwhile is better named so than as the report would
-    with when_stopped(lambda: f"the map is in {out}, but not all that is made of it"):
-        if report:
-            with stage("report", quiet):
-                write_report(read_map_folder(out))
-            written.append(REPORT)
-        if exports.formats:
-            exported = export_with_progress(read_map_folder(out), out, exports, quiet)
-            written.extend(path.name for path in exported.files)
-
-
-def _refuse_second_heading(scans: "Sequence[Scan]", heading: float | None) -> None:
-    if heading is not None and any(scan.prior is not None and scan.prior.knows_heading for scan in scans):
-        raise InputError("--origin-heading: the priors have headings, which say where the map points; leave it out")
-
-
-def _read(inputs: list[str], priors: Path | None, corrections: "Corrections", out: Path, quiet: bool) -> "ReadScans":
+def _read_scans(
+    inputs: list[str], priors: Path | None, corrections: "Corrections", out: Path, quiet: bool
+) -> "ReadScans":
     """The scans that can be read, and a warning for each that cannot."""
     from sonarmap.tools.files.map_folder.names import require_apart
     from sonarmap.tools.files.readers.scans import read_survey
@@ -196,7 +165,26 @@ def _read(inputs: list[str], priors: Path | None, corrections: "Corrections", ou
     return read
 
 
-def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quiet: bool) -> "SurveyResult":
+def _navigate(
+    read: "ReadScans", priors: PriorsFile, navigation: "NavigationSettings", use_imu: bool
+) -> "tuple[ReadScans, Georeference | None]":
+    """The scans with what instruments measured of them, and where the map lies on the Earth by that."""
+    navigated = scans_with_priors(read.scans, priors, navigation, use_imu, bool(read.unread), read.files)
+    return replace(read, scans=navigated.scans), navigated.georeference
+
+
+def _refuse_second_heading(scans: "Sequence[Scan]", heading: float | None) -> None:
+    if heading is not None and any(scan.prior is not None and scan.prior.knows_heading for scan in scans):
+        raise InputError("--origin-heading: the priors have headings, which say where the map points; leave it out")
+
+
+def _warn_of_contradiction(read: "ReadScans", method: ConfiguredMethod, priors: Path | None, quiet: bool) -> None:
+    """Warn where scans that are registered without the navigation contradict it."""
+    if contradiction := contradiction_of(read.scans, read.surveys, method.registrar, quiet):
+        warn(f"{contradiction}; correct {priors}, or say how it is meant (docs/navigation.md)")
+
+
+def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quiet: bool) -> Mapped:
     """Map the survey, and write its folder."""
     from sonarmap.slam.execute.worker import prepared_limit
     from sonarmap.slam.mapper import Mapper
@@ -207,8 +195,7 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
 
     read, method, settings, out = survey.read, survey.method, survey.settings, output.out
     prepared = prepared_limit(method.registrar, options.processes)
-    instruments = [Path(settings[name]) for name in ("priors", "odometry", "ties", "control") if name in settings]
-    inputs = input_rows([*read.files, *instruments])  # now: while the scans are mapped, files may change
+    inputs = input_rows(survey.files)  # now: while the scans are mapped, files may change
     with open_execution(method, prepared, options, out / JOURNAL, quiet) as execution:
         clear_leftovers(out)  # the folder and its journal are locked: no other run writes here
         mapper = Mapper(method.registrar, method.grid.voxel, settings["mapper"], execution)
@@ -220,4 +207,22 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
         run = SurveyRun(names, settings, method.device, read.unread, inputs, survey.georeference, times)
         with stage("writing", quiet):
             write_survey(out, result, run, output.also)
-    return result
+    return Mapped(result, names, out, output.also, len(read.unread), survey.georeference is not None)
+
+
+def _write_report_and_exports(mapped: Mapped, report: bool, exports: "ExportSettings", quiet: bool) -> None:
+    """Write what is made of the finished map: its report, and the formats of --export."""
+    from sonarmap.tools.files.map_folder.folder import read_map_folder
+    from sonarmap.tools.files.map_folder.names import REPORT
+    from sonarmap.tools.products.report.page.page import write_report
+
+    out = mapped.out
+    written_summary(out)  # a folder that was removed meanwhile is better named so than as the report would
+    with when_stopped(lambda: f"the map is in {out}, but not all that is made of it"):
+        if report:
+            with stage("report", quiet):
+                write_report(read_map_folder(out))
+            mapped.made_of_it.append(REPORT)
+        if exports.formats:
+            exported = export_with_progress(read_map_folder(out), out, exports, quiet)
+            mapped.made_of_it.extend(path.name for path in exported.files)

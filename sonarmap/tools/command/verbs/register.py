@@ -2,8 +2,8 @@
 
 import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,7 +12,6 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
-from sonarmap.tools.command.moved_scan import require_new_name, write_moved
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
 from sonarmap.tools.command.options.groups import OUTPUT
 from sonarmap.tools.command.options.option import option
@@ -24,6 +23,8 @@ from sonarmap.tools.command.words.registration import print_registration
 from sonarmap.tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
     from sonarmap.spectral.prepare.spectral_scan import SpectralScan
     from sonarmap.spectral.result import Registrar, Registration
     from sonarmap.spectral.scan import Scan
@@ -128,8 +129,41 @@ def _read(paths: Sequence[str], corrections: "Corrections", write: Path | None) 
         scans.append(only_scan(path, read))
         files += read.files
     if write is not None:
-        require_new_name(write, files)
+        _require_new_name(write, files)
     return scans
+
+
+def _require_new_name(path: Path, inputs: Iterable[Path]) -> None:
+    """Refuse a moved scan that would replace what it is made from, or that cannot be written."""
+    from sonarmap.tools.files.writers.atomic import require_writable
+
+    for source in inputs:
+        if source.resolve() == path.resolve():
+            raise InputError(f"--write {path} would replace {source}, which is read here; give another name")
+    require_writable(path.parent)
+
+
+def write_moved(path: Path, scan: "Scan", T_target_source: "RigidTransform") -> None:
+    """Write a scan in the frame of another [m], its strengths as `intensity` and its viewpoints as vp_x, vp_y and vp_z.
+
+    The suffix says the format; p_target = T p_source. Raises InputError: the file cannot be written.
+    """
+    from sonarmap.tools.files.writers.points import write_points
+
+    moved = moved_scan(scan, T_target_source)
+    columns = {} if moved.strength is None else {"intensity": moved.strength}
+    if moved.viewpoints is not None:
+        columns |= {f"vp_{axis}": moved.viewpoints[:, k] for k, axis in enumerate("xyz")}
+    write_points(path, moved.points, columns)
+
+
+def moved_scan(scan: "Scan", T_target_source: "RigidTransform") -> "Scan":
+    """The scan with its points and viewpoints [m] in the target's frame; without its prior, which was of its own."""
+    points, viewpoints = (
+        None if places is None else T_target_source.apply(places.astype(float)).astype(places.dtype)
+        for places in (scan.points, scan.viewpoints)
+    )
+    return replace(scan, points=points, viewpoints=viewpoints, prior=None)
 
 
 def _draw(path: Path, registrar: "Registrar", prepared: "Sequence[SpectralScan]", registration: "Registration") -> None:

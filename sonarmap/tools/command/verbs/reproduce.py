@@ -68,17 +68,11 @@ def _each_once(values: Sequence[Any] | None) -> tuple[Any, ...] | None:
 
 @dataclass(frozen=True, slots=True)
 class ExperimentJob:
-    """Experiments that are asked for.
+    """Experiments that are asked for."""
 
-    Attributes:
-        request: what is asked of them, with the device.
-        run: where results go, and who makes them.
-        silent: print no progress.
-    """
-
-    request: Request
-    run: ExperimentRun
-    silent: bool
+    request: Request  # what is asked of them, with the device
+    run: ExperimentRun  # where results go, and who makes them
+    silent: bool  # print no progress
 
     def say(self, text: str) -> None:
         """Print the text, unless silent."""

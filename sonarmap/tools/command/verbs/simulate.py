@@ -95,10 +95,7 @@ class LostEchoes:
     """Which echoes and scans are not usable."""
 
     threshold: float | None = _noise(
-        "V",
-        "Discard echoes weaker than this, linear; 0 keeps all.",
-        rare=True,
-        shown="suits the sensor; eclipse 0.002",
+        "V", "Discard echoes weaker than this, linear; 0 keeps all.", rare=True, shown="suits the sensor; eclipse 0.002"
     )
     unusable: float | None = _noise("P", "Share of scans that are nearly empty or pure noise, 0..1.", rare=True)
 
@@ -113,20 +110,10 @@ class SimulatedNavigation:
         autocompletion=completes_list(INSTRUMENTS),
     )
     fix_every: int | None = _nav(
-        "N",
-        "With --priors position: only every N-th scan has a position.",
-        rare=True,
-        shown="1",
-        min=1,
-        max=MOST,
+        "N", "With --priors position: only every N-th scan has a position.", rare=True, shown="1", min=1, max=MOST
     )
     fix_outliers: float | None = _nav(
-        "P",
-        "With --priors position: share that is 20 m off, 0..1.",
-        rare=True,
-        shown="0",
-        min=0,
-        max=1,
+        "P", "With --priors position: share that is 20 m off, 0..1.", rare=True, shown="0", min=0, max=1
     )
     fix_sigma: float | None = _nav(
         "M", "With --priors position: its standard deviation, East and North \\[m].", rare=True, shown="3"

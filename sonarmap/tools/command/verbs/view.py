@@ -46,11 +46,7 @@ def command(
 
 
 def _report_in(folder: Path) -> Path:
-    """The report of a map's folder.
-
-    Raises:
-        InputError: there is none.
-    """
+    """The report of a map's folder. Raises InputError: there is none."""
     from sonarmap.tools.files.map_folder.names import REPORT, SUMMARY
 
     if (folder / REPORT).is_file():
@@ -66,11 +62,7 @@ def _report_in(folder: Path) -> Path:
 
 
 def _open(report: Path) -> None:
-    """Open a page in the browser.
-
-    Raises:
-        InputError: there is no browser.
-    """
+    """Open a page in the browser. Raises InputError: there is no browser."""
     import webbrowser
 
     if not webbrowser.open(report.resolve().as_uri()):

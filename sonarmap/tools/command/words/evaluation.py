@@ -32,12 +32,7 @@ _WIDE = 112  # columns for estimated beside true poses
 
 
 def print_poses(result: "Evaluation", everything: bool) -> None:
-    """Poses beside their truth.
-
-    Args:
-        result: of all poses.
-        everything: whether all poses have a row, however many they are; otherwise those that are off farthest.
-    """
+    """Poses beside their truth: all if `everything`, else, of many, those that are off farthest."""
     rows = list(range(len(result.stamps)))
     if len(rows) > MOST_POSES and not everything:
         rows = sorted(np.argsort(-result.translation_m, kind="stable")[:WORST].tolist())

@@ -17,12 +17,7 @@ LISTED = 20  # points in the table; summary.json lists all
 
 
 def print_hand(result: "SurveyResult", names: Sequence[str]) -> None:
-    """Print what ties and control points came to; nothing without any.
-
-    Args:
-        result: the survey.
-        names: of its scans.
-    """
+    """Print what ties and control points of a survey came to; nothing without any."""
     from sonarmap.tools.products.output.hand import control_fit, has_no_effect, tie_effect
 
     for tie in result.ties:

@@ -15,13 +15,7 @@ _USUAL = 3.0  # standard deviations of chi-squared within which a graph is consi
 
 
 def print_optimized(report: dict[str, Any], robust: bool, out: Path) -> None:
-    """The optimized graph in words.
-
-    Args:
-        report: as --json prints it.
-        robust: whether wrong edges were looked for.
-        out: the file that was written.
-    """
+    """The optimized graph in words, by the report that --json prints; `robust` if wrong edges were looked for."""
     rejected = [loop for loop in report["loops"] if loop["verdict"] == "rejected"]
     if rejected:
         _print_rejected(rejected)

@@ -41,8 +41,7 @@ def print_registration(registration: "Registration", method: ConfiguredMethod) -
 def transform_words(T_target_source: "RigidTransform") -> str:
     """Where the source's sensor was, seen from the target's: "3.212 m forward and 0.021 m down" and so on.
 
-    Args:
-        T_target_source: p_target = T p_source [m], both frames x forward, y left, z up.
+    p_target = T p_source [m], both frames x forward, y left, z up.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # where it looks straight up or down, yaw and roll are one turn

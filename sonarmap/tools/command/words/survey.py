@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import timedelta
 from pathlib import Path
 from shlex import quote
@@ -27,27 +27,15 @@ _LABELS = 9  # columns of the words to the left
 
 @dataclass(frozen=True, slots=True)
 class Mapped:
-    """What a run of `map` made.
-
-    Attributes:
-        result: the survey.
-        names: of its scans.
-        out: the folder of the results.
-        also: names of EXPORTS that were written too.
-        unread: how many more scans could not be read.
-        on_earth: whether it is known where the map lies on the Earth.
-        seconds: how long it took [s].
-        later: names of files that were written after the map: its report, and what was exported of it.
-    """
+    """What a run of `map` made."""
 
     result: "SurveyResult"
-    names: Sequence[str]
+    names: Sequence[str]  # of the scans
     out: Path
-    also: Sequence[str]
-    unread: int
-    on_earth: bool = False
-    seconds: float = 0.0
-    later: Sequence[str] = ()
+    also: Sequence[str]  # names of EXPORTS that were written too
+    unread: int  # how many more scans could not be read
+    on_earth: bool = False  # whether it is known where the map lies on the Earth
+    made_of_it: list[str] = field(default_factory=list[str])  # files written after the map: its report, and exports
 
     @property
     def whole(self) -> bool:
@@ -56,14 +44,14 @@ class Mapped:
         return not self.unread and not defects and len(self.result.components) == 1
 
 
-def print_mapped(mapped: Mapped, verbose: bool) -> None:
+def print_mapped(mapped: Mapped, seconds: float, verbose: bool) -> None:
     """Print what came of a survey, what its user should look at, what to do next, and the files."""
     from sonarmap.tools.command.words.hand import print_hand
     from sonarmap.tools.command.words.pairs import print_pairs
 
     if verbose:
         print_pairs(mapped.result, mapped.names)
-    _print_rows(_outcome(mapped))
+    _print_rows([*_outcome(mapped), ("time", str(timedelta(seconds=round(seconds))))])
     print_hand(mapped.result, mapped.names)
     warn_of_faults(mapped, verbose)
     _print_rows([("next", _next_steps(mapped)), ("files", f"{printable(str(mapped.out))}: {_files(mapped)}")])
@@ -75,11 +63,7 @@ def print_summary(out: Path) -> None:
 
 
 def written_summary(out: Path) -> str:
-    """The text of the summary.json that this run has written.
-
-    Raises:
-        InputError: it is no longer there.
-    """
+    """The text of the summary.json that this run has written. Raises InputError: it is no longer there."""
     from sonarmap.tools.files.map_folder.names import SUMMARY
 
     try:
@@ -96,12 +80,12 @@ def warn_of_faults(mapped: Mapped, verbose: bool = False) -> None:
     from sonarmap.tools.files.map_folder.names import SUMMARY
     from sonarmap.tools.products.output.faults import faults
 
-    told = [as_options(fault) for fault in faults(mapped.result, mapped.names)]
-    shown = told if verbose else [_shortened(fault) for fault in told[:MOST_WARNINGS]]
+    sentences = [as_options(fault) for fault in faults(mapped.result, mapped.names)]
+    shown = sentences if verbose else [_shortened(fault) for fault in sentences[:MOST_WARNINGS]]
     for fault in shown:
         warn(fault)
-    if shown != told:
-        more = f"{len(told) - len(shown)} more, and all" if len(shown) < len(told) else "all"
+    if shown != sentences:
+        more = f"{len(sentences) - len(shown)} more, and all" if len(shown) < len(sentences) else "all"
         warn(f"{more} in full: {mapped.out / SUMMARY} (warnings), or --verbose")
 
 
@@ -150,10 +134,9 @@ def _outcome(mapped: Mapped) -> list[tuple[str, str]]:
     return [
         ("scans", f"{len(mapped.names) - outside} of {given} placed in {where}"),
         ("loops", _loops(result)),
-        *_passes(result),
+        *_crossings(result),
         ("track", f"{way_length(result):,.1f} m"),
         ("map", f"{points} points, voxels of {result.maps[parts[0]].voxel:.3g} m{doubtful}"),
-        ("time", str(timedelta(seconds=round(mapped.seconds)))),
     ]
 
 
@@ -164,7 +147,7 @@ def _loops(result: "SurveyResult") -> str:
     return f"{words}; {kept} of {len(result.pairs)} {'pair' if len(result.pairs) == 1 else 'pairs'} kept in all"
 
 
-def _passes(result: "SurveyResult") -> list[tuple[str, str]]:
+def _crossings(result: "SurveyResult") -> list[tuple[str, str]]:
     from sonarmap.slam.map.crossing import CrossingError
 
     error = CrossingError.of(part.crossings for part in result.parts)
@@ -194,7 +177,9 @@ def _next_steps(mapped: Mapped) -> str:
 
     out = quote(printable(str(mapped.out)))
     steps = (
-        [f"sonarmap view {out}    (the map in 3D, with its loops and uncertainty)"] if REPORT in mapped.later else []
+        [f"sonarmap view {out}    (the map in 3D, with its loops and uncertainty)"]
+        if REPORT in mapped.made_of_it
+        else []
     )
     if len(mapped.result.components) == 1:
         place = "" if mapped.on_earth else " --origin LAT,LON"
@@ -210,7 +195,7 @@ def _files(mapped: Mapped) -> str:
     from sonarmap.tools.products.output.folder import part_files
 
     parts = len(placed(mapped.result.components))
-    names = [*part_files(mapped.result, 1, mapped.also), *mapped.later, *OF_ALL, TIMES, JOURNAL]
+    names = [*part_files(mapped.result, 1, mapped.also), *mapped.made_of_it, *OF_ALL, TIMES, JOURNAL]
     shown = names[:MOST_FILES] if result_console().is_terminal else names
     listed = ", ".join(shown) + (f" and {len(names) - len(shown)} more" if len(names) > len(shown) else "")
     last = f" to map_{parts}.ply" if parts > 2 else ""

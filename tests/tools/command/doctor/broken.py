@@ -22,12 +22,8 @@ def sonarmap(
 ) -> subprocess.CompletedProcess[str]:
     """The command in a process of its own.
 
-    Args:
-        arguments: of the command.
-        first: a folder whose modules come before those that are installed.
-        limit: of `ulimit`, as "-v 500000".
-        within: a command that runs the one behind it.
-        variables: of the environment, to set.
+    The modules of the folder `first` come before those that are installed; `limit` is that of `ulimit`, as "-v 500000";
+    `within` is a command that runs the one behind it.
     """
     search_path = os.pathsep.join([*([str(first)] if first else []), str(ROOT)])
     environment = {**os.environ, "PYTHONPATH": search_path, "COLUMNS": "80", **(variables or {})}

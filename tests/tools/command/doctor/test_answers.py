@@ -8,7 +8,7 @@ import pytest
 import sonarmap.tools.command.doctor.opencl as opencl_check
 from sonarmap.kernels.child import Answers
 from sonarmap.tools.command.doctor.finding import Finding, Remedy, size, worst
-from sonarmap.tools.command.doctor.words import lines_of, summary
+from sonarmap.tools.command.doctor.run import lines_of, summary
 
 DEVICE: dict[str, Any] = {
     "selector": "0:0",
@@ -64,14 +64,14 @@ class TestWords:
     def test_commands_stand_alone_and_whole(self) -> None:
         command = "a " * 60 + "b"
         lines = lines_of(
-            Finding("disk", "wrong", "one " * 40 + "\ntwo", (Remedy("do:", command), Remedy("or this"))), 80
+            Finding("wrong", "one " * 40 + "\ntwo", (Remedy("do:", command), Remedy("or this")), check="disk"), 80
         )
         assert lines[0].startswith("wrong    disk        one one")
         assert [line.strip() for line in lines[-4:]] == ["two", "> do:", command, "> or this"]
         assert max(len(line) for line in lines if command not in line) <= 80
 
     def test_the_last_line(self) -> None:
-        good, bad, doubtful = (Finding("a", verdict, "") for verdict in ("ok", "wrong", "warning"))
+        good, bad, doubtful = (Finding(verdict, "") for verdict in ("ok", "wrong", "warning"))
         assert summary([good, good]).endswith("all that is needed works")
         assert summary([good, doubtful]).endswith("all that is needed works; 1 warning")
         assert summary([good, bad, doubtful]).endswith("1 of 3 wrong, and 1 warning; follow the advice after >")
