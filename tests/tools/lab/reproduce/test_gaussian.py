@@ -18,17 +18,19 @@ from sonarmap.slam.execute.journal import Journal
 from sonarmap.spectral.hemisphere.layers import AngleEstimate
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
 from sonarmap.tools.command.main import app
-from sonarmap.tools.lab.reproduce.answer import parameters
+from sonarmap.tools.lab.reproduce.answer import PARAMETERS, parameters
+from sonarmap.tools.lab.reproduce.experiment import Row, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.gaussian.figure import draw_rates, draw_table1
-from sonarmap.tools.lab.reproduce.gaussian.row import GaussianRow, GaussianTime, about_center, row_of
+from sonarmap.tools.lab.reproduce.gaussian.row import about_center, row_of, tilt_error, yaw_error
 from sonarmap.tools.lab.reproduce.gaussian.run import Gaussian, GaussianSettings, create, grid_of
-from sonarmap.tools.lab.reproduce.gaussian.section import remarks, section
+from sonarmap.tools.lab.reproduce.gaussian.section import detail_table, last_right, remarks, section, verdict_table
 from sonarmap.tools.lab.reproduce.gaussian.series import VARIANTS, Series, preparation_of, yaw_rank
-from sonarmap.tools.lab.reproduce.gaussian.summary import last_right, summarize
 from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import provenance
+from sonarmap.tools.lab.reproduce.rows import where
 from sonarmap.tools.lab.reproduce.run import JOURNAL
+from sonarmap.tools.lab.reproduce.table import Table
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, table1_transform
 from sonarmap.tools.lab.simulate.plan import table1_pair
 from tests.samples.surveys import scored
@@ -37,9 +39,7 @@ GRID = 128
 SIN4 = np.sin(np.deg2rad(4))
 
 
-def rows_of(
-    wrong: Mapping[int, Sequence[int]], sigma2: float = 1.0, seed: int = 4, grid: int = GRID
-) -> list[GaussianRow]:
+def rows_of(wrong: Mapping[int, Sequence[int]], sigma2: float = 1.0, seed: int = 4, grid: int = GRID) -> list[Row]:
     """All methods alike; `wrong` says per seed which scans fail, in their translation."""
     return [
         row_of(scored(shift=99.0 if index in wrong[k] else 0.5), ("floodgate", sigma2, seed + k, index), method, grid)
@@ -49,16 +49,20 @@ def rows_of(
     ]
 
 
-def changed(rows: list[GaussianRow], which: Callable[[GaussianRow], bool], **changes: object) -> list[GaussianRow]:
-    return [replace(row, **changes) if which(row) else row for row in rows]  # pyright: ignore[reportArgumentType]
+def changed(rows: list[Row], which: Callable[[Row], bool], **changes: Value) -> list[Row]:
+    return [{**row, **changes} if which(row) else row for row in rows]
+
+
+def cells(table: Table, *headings: str) -> list[tuple[str, ...]]:
+    """Of every line the cells of these columns."""
+    return [tuple(line[table.headings.index(heading)] for heading in headings) for line in table.rows]
 
 
 class TestRow:
-    def test_a_row_comes_back_from_its_cells(self) -> None:
+    def test_what_failed_and_where(self) -> None:
         row = rows_of({0: [1]})[3]
-        assert GaussianRow.of(row.cells()) == row
-        assert not row.right
-        assert (row.wrong_step, row.scan, row.grid, row.voxel_m) == ("translation", 1, GRID, 2.0)
+        shown = [row[key] for key in ("right", "wrong_step", "scan", "grid", "voxel_m")]
+        assert shown == [False, "translation", 1, GRID, 2.0]
 
     def test_about_the_grids_center_they_are_the_papers_rows(self) -> None:
         """Row 8 of Table 1, as printed: x y z 36 72 108, yaw roll pitch 54 18 9."""
@@ -81,15 +85,14 @@ class TestRow:
         original = scored()
         registration = replace(original.registration, T_target_source=RigidTransform.from_rotation(R))
         row = row_of(replace(original, registration=registration), ("floodgate", 1.0, 1, 0), "paper", GRID)
-        assert row.yaw_error_deg == pytest.approx(yaw, abs=1e-9)
-        assert row.tilt_error_deg == pytest.approx(tilt, abs=1e-9)
+        assert abs(yaw_error(row)) == pytest.approx(yaw, abs=1e-9)
+        assert tilt_error(row) == pytest.approx(tilt, abs=1e-9)
 
 
 class TestSummary:
     def test_the_last_scan_ends_at_the_first_failure(self) -> None:
-        rows = [row for row in rows_of({0: [7, 9], 1: [], 2: [0, 5]}) if row.method == "paper"]
-        assert last_right(rows) == (6, 9, -1)
-        assert last_right(rows[::-1]) == (6, 9, -1)
+        rows = where(rows_of({0: [7, 9], 1: [], 2: [0, 5]}), method="paper")
+        assert list(last_right(rows).values()) == list(last_right(rows[::-1]).values()) == [6, 9, -1]
 
     @pytest.mark.parametrize(
         ("sigma2", "wrong", "verdict", "middle"),
@@ -104,33 +107,42 @@ class TestSummary:
     def test_the_verdict_beside_the_papers(
         self, sigma2: float, wrong: dict[int, list[int]], verdict: str, middle: int
     ) -> None:
-        summaries = summarize(rows_of(wrong, sigma2))
-        assert {(summary.verdict, summary.median_last) for summary in summaries} == {(verdict, middle)}
-        assert [summary.method for summary in summaries] == list(VARIANTS)
+        ours = "ours, median (each seed)"
+        lines = cells(verdict_table(rows_of(wrong, sigma2)), "method", "verdict", ours)
+        assert [(method, said, last.split()[0]) for method, said, last in lines] == [
+            (method, verdict, f"S{middle}") for method in VARIANTS
+        ]
 
     def test_grids_and_noises_are_apart(self) -> None:
         rows = [*rows_of({0: [3]}), *rows_of({0: [5]}, grid=256), *rows_of({0: [7]}, 2.0)]
-        last = {(summary.grid, summary.sigma2): summary.last for summary in summarize(rows)}
-        assert last == {(128, 1.0): (2,), (256, 1.0): (4,), (128, 2.0): (6,)}
+        last = cells(verdict_table(rows), "grid", "σ²", "ours, median (each seed)")
+        assert list(dict.fromkeys(last)) == [
+            ("128³", "σ² = 1 m²", "S2 (S2)"),
+            ("256³", "σ² = 1 m²", "S4 (S4)"),
+            ("128³", "σ² = 2 m²", "S6 (S6)"),
+        ]
 
     def test_what_was_believed_wrongly_is_counted(self) -> None:
-        rows = changed(rows_of({0: [8, 9]}), lambda row: row.scan in (0, 9), accepted=False)
-        for summary in summarize(rows):
-            assert (summary.accepted_wrong, summary.refused_right) == (1, 1)
-            assert (summary.right.successes, summary.right.trials) == (8, 10)
-            assert summary.translation_m == pytest.approx(0.5)
+        rows = changed(rows_of({0: [8, 9]}), lambda row: row["scan"] in (0, 9), accepted=False)
+        for right, wrong, refused in cells(
+            verdict_table(rows), "right", "accepted though wrong", "refused though right"
+        ):
+            assert (right.split()[0], wrong, refused) == ("8/10", "1", "1")
+        for (error,) in cells(detail_table(rows), "median error where right"):
+            assert error.endswith(", 0.50 m")
 
     def test_every_failure_counts_and_the_first_of_a_seed_ends_it(self) -> None:
-        rows = changed(rows_of({0: [2, 5, 8], 1: [4]}), lambda row: row.scan == 2 and not row.right, wrong_step="yaw")
-        for summary in summarize(rows):
-            assert summary.wrong_steps == {"yaw": 1, "tilt": 0, "translation": 3}
-            assert summary.ended_by == {"yaw": 1, "tilt": 0, "translation": 1}
+        rows = rows_of({0: [2, 5, 8], 1: [4]})
+        rows = changed(rows, lambda row: row["scan"] == 2 and not row["right"], wrong_step="yaw")
+        headings = ("first wrong: yaw / tilt / translation", "series ended by each of these")
+        assert cells(detail_table(rows), *headings) == [("1 / 0 / 3", "1 / 0 / 1")] * len(VARIANTS)
 
 
 class TestWords:
     def test_the_section_states_its_bounds_and_verdicts(self) -> None:
         rows = [*rows_of({0: [8], 1: [9]}), *rows_of({0: [], 1: []}, grid=256)]
-        times = [GaussianTime(GRID, 1.0, 4, 0, "paper", 0.25, 1.0), GaussianTime(GRID, 1.0, 4, 1, "paper", 0.5, 9.0)]
+        seconds = ((0.25, 1.0), (0.5, 9.0))
+        times = [{"grid": GRID, "method": "paper", "prepare_s": a, "register_s": b} for a, b in seconds]
         shown = section("floodgate", 256.0, rows, times)
         text = section_text(shown, 1)
         assert "within 6 degrees and 3 voxels of the truth (6 m at 128³" in text
@@ -145,9 +157,11 @@ class TestWords:
         """S6 by 'paper' alone: one yaw a quarter turn from nothing, one turned about, roll and pitch right."""
         rows = rows_of({0: [], 1: []})
         for seed, yaw, rank in ((4, 91.0, 1), (5, -12.0, 7)):
-            yaw_cells = {"right": False, "wrong_step": "yaw", "found_yaw_deg": yaw, "yaw_rank": rank}
+            yaw_cells: dict[str, Value] = {"right": False, "wrong_step": "yaw", "found_yaw_deg": yaw, "yaw_rank": rank}
             place = (seed, 6, "paper")
-            rows = changed(rows, lambda row, place=place: (row.seed, row.scan, row.method) == place, **yaw_cells)
+            rows = changed(
+                rows, lambda row, place=place: (row["seed"], row["scan"], row["method"]) == place, **yaw_cells
+            )
         first, second, third = remarks(rows).splitlines()
         assert "2 of 20 registrations are wrong. The first wrong step is yaw in 2." in first
         for words in (
@@ -164,7 +178,7 @@ class TestWords:
     @pytest.mark.parametrize(("yaw", "small"), [(160.0, 1), (-178.0, 0)])
     def test_to_which_side_the_yaw_errs(self, yaw: float, small: int) -> None:
         """The true yaw is 170 degrees and the roll -9."""
-        rows = changed(rows_of({0: []}), lambda row: row.scan == 3, right=False, wrong_step="yaw", found_yaw_deg=yaw)
+        rows = changed(rows_of({0: []}), lambda row: row["scan"] == 3, right=False, wrong_step="yaw", found_yaw_deg=yaw)
         error = 10 if small else 12
         words = (
             f"off by at most 15 degrees are too small in {small} of 1 cases; their median error is {error} degrees, "
@@ -173,7 +187,7 @@ class TestWords:
         assert f"{words} of 9 to 9 degrees." in remarks(rows)
 
     def test_why_the_translation_fails(self) -> None:
-        text = remarks(changed(rows_of({0: [9]}), lambda row: row.scan == 9, right_at_center=True))
+        text = remarks(changed(rows_of({0: [9]}), lambda row: row["scan"] == 9, right_at_center=True))
         assert "the median errors are 0.0 degrees and 99.0 m. Measured at the scan's center, 1 of 1 would be" in text
 
     def test_pictures_are_small_and_the_same_from_the_same_rows(self, tmp_path: Path) -> None:
@@ -239,16 +253,15 @@ class TestPreparation:
 
     def test_shared_or_not_the_rows_are_the_same(self, device: Device) -> None:
         series = Series(device, grid_of(32), "floodgate")
-        by_method = {row.method: row for row, _ in series.register(2, 1, 1.0)}
+        by_method = {row["method"]: row for row, _ in series.register(2, 1, 1.0)}
         target, source, truth = table1_pair(2, 1, 1.0)
         for name, method in VARIANTS.items():
             alone = HemisphereRegistrar(device, grid_of(32), method.config)
             registration = alone.register(alone.prepare(target), alone.prepare(source))
-            assert by_method[name].found == pytest.approx(
-                parameters(about_center(registration.T_target_source)), abs=1e-9
-            )
-            assert by_method[name].psr == registration.psr
-            assert by_method[name].true == pytest.approx(parameters(about_center(truth)))
+            for which, T in (("found", registration.T_target_source), ("true", truth)):
+                listed = [by_method[name][f"{which}_{parameter}"] for parameter in PARAMETERS]
+                assert listed == pytest.approx(parameters(about_center(T)), abs=1e-9)
+            assert by_method[name]["psr"] == registration.psr
 
 
 class TestCommand:

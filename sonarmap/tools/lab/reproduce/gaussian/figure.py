@@ -6,31 +6,30 @@ from typing import Any
 
 import numpy as np
 
+from sonarmap.tools.lab.reproduce.experiment import Row
 from sonarmap.tools.lab.reproduce.figure import draw_parameters, legend_beside, new_figure, save_figure
-from sonarmap.tools.lab.reproduce.gaussian.row import GaussianRow
-from sonarmap.tools.lab.reproduce.rows import wilson
+from sonarmap.tools.lab.reproduce.rows import column, distinct, grouped, right, where, wilson
 
-TRANSLATION, ROTATION = ("x", "y", "z"), ("yaw", "roll", "pitch")
+_PANELS = (("x_m", "y_m", "z_m"), ("yaw_deg", "roll_deg", "pitch_deg"))
 _MARKS = ("o-", "s--", "^:", "d-.")
 
 
-def draw_table1(path: Path, rows: Sequence[GaussianRow]) -> None:
+def draw_table1(path: Path, rows: Sequence[Row]) -> None:
     """Write a PNG of one grid and seed: one column per method, two rows of axes per noise."""
-    methods, noises = _methods(rows), _noises(rows)
+    methods, noises = distinct(rows, "method"), grouped(rows, "sigma2")
     lines = 2 * len(noises)
     figure = new_figure(4.2 * len(methods), 2.5 * lines + 0.8)
     axes = figure.subplots(lines, len(methods), squeeze=False, sharex=True, sharey="row")
-    for line, sigma2 in enumerate(noises):
-        for column, method in enumerate(methods):
-            mine = [row for row in rows if (row.sigma2, row.method) == (sigma2, method)]
-            upper, lower = axes[2 * line, column], axes[2 * line + 1, column]
-            places, right = np.array([row.scan for row in mine]), [row.right for row in mine]
-            true, found = np.array([row.true for row in mine]).T, np.array([row.found for row in mine]).T
-            for panel, names, first in ((upper, TRANSLATION, 0), (lower, ROTATION, 3)):
-                series = {name: (true[first + k], found[first + k]) for k, name in enumerate(names)}
-                draw_parameters(panel, places, right, series)  # pyright: ignore[reportArgumentType]
+    for line, ((sigma2,), some) in enumerate(noises.items()):
+        for number, method in enumerate(methods):
+            mine = where(some, method=method)
+            places, are_right = column(mine, "scan").astype(int), [bool(row["right"]) for row in mine]
+            panels = axes[2 * line : 2 * line + 2, number]
+            for panel, names in zip(panels, _PANELS, strict=True):
+                series = {n.split("_")[0]: (column(mine, f"true_{n}"), column(mine, f"found_{n}")) for n in names}
+                draw_parameters(panel, places, are_right, series)  # pyright: ignore[reportArgumentType]
                 panel.set_xlim(min(places) - 0.5, max(places) + 0.5)
-            upper.set_title(f"{method}, σ² = {sigma2:g} m²", fontsize=11)
+            panels[0].set_title(f"{method}, σ² = {sigma2:g} m²", fontsize=11)
         axes[2 * line, 0].set_ylabel("translation [m]")
         axes[2 * line + 1, 0].set_ylabel("rotation [degrees]")
         for axis in axes[2 * line : 2 * line + 2, -1]:
@@ -38,19 +37,19 @@ def draw_table1(path: Path, rows: Sequence[GaussianRow]) -> None:
     _name_scans(axes[-1], rows)
     row = rows[0]
     figure.suptitle(
-        f"Table 1 on {row.scene}, {row.grid}³ voxels of {row.voxel_m:g} m, seed {row.seed}: "
+        f"Table 1 on {row['scene']}, {row['grid']}³ voxels of {row['voxel_m']:g} m, seed {row['seed']}: "
         "lines true, crosses estimated, gray wrong"
     )
     save_figure(figure, path)
 
 
-def draw_rates(path: Path, rows: Sequence[GaussianRow]) -> None:
+def draw_rates(path: Path, rows: Sequence[Row]) -> None:
     """Write a PNG of the success rates over the scans: axes per noise, a color per method, a mark per grid."""
-    noises = _noises(rows)
+    noises = grouped(rows, "sigma2")
     figure = new_figure(4.6 * len(noises) + 2.2, 3.6)
     axes = figure.subplots(1, len(noises), squeeze=False, sharey=True)[0]
-    for axis, sigma2 in zip(axes, noises, strict=True):
-        _draw_rates(axis, [row for row in rows if row.sigma2 == sigma2])
+    for axis, ((sigma2,), some) in zip(axes, noises.items(), strict=True):
+        _draw_rates(axis, some)
         axis.set_title(f"σ² = {sigma2:g} m²", fontsize=11)
     axes[0].set_ylabel("share of seeds that are right")
     legend_beside(axes[-1])
@@ -58,16 +57,15 @@ def draw_rates(path: Path, rows: Sequence[GaussianRow]) -> None:
     save_figure(figure, path)
 
 
-def _draw_rates(axes: Any, rows: Sequence[GaussianRow]) -> None:
+def _draw_rates(axes: Any, rows: Sequence[Row]) -> None:
     """A line with intervals for each grid and method, a little beside each other."""
-    methods, scans = _methods(rows), sorted({row.scan for row in rows})
-    lines = [(grid, method) for grid in dict.fromkeys(row.grid for row in rows) for method in methods]
-    grids = list(dict.fromkeys(grid for grid, _ in lines))
-    for k, (grid, method) in enumerate(lines):
-        mine = [row for row in rows if (row.grid, row.method) == (grid, method)]
-        counts = [[row.right for row in mine if row.scan == scan] for scan in scans]
-        rates = [wilson(sum(right), len(right)) for right in counts]
-        share = np.array([rate.successes / rate.trials for rate in rates])
+    methods, grids = distinct(rows, "method"), distinct(rows, "grid")
+    scans = _scans(rows)
+    for k, (grid, method) in enumerate(lines := [(grid, method) for grid in grids for method in methods]):
+        mine = [row for row in where(rows, method=method) if str(row["grid"]) == grid]
+        counts = [where(mine, scan=scan) for scan in scans]
+        rates = [wilson(len(right(trials)), len(trials)) for trials in counts]
+        share = np.array([rate.share for rate in rates])
         bounds = np.abs(np.array([[rate.low for rate in rates], [rate.high for rate in rates]]) - share)
         axes.errorbar(
             np.array(scans) + 0.1 * (k - (len(lines) - 1) / 2),
@@ -84,15 +82,11 @@ def _draw_rates(axes: Any, rows: Sequence[GaussianRow]) -> None:
     axes.grid(alpha=0.3)
 
 
-def _name_scans(axes: Any, rows: Sequence[GaussianRow]) -> None:
-    scans = sorted({row.scan for row in rows})
+def _name_scans(axes: Any, rows: Sequence[Row]) -> None:
+    scans = _scans(rows)
     for axis in axes:
         axis.set_xticks(scans, [f"S{scan}" for scan in scans])
 
 
-def _methods(rows: Sequence[GaussianRow]) -> list[str]:
-    return list(dict.fromkeys(row.method for row in rows))
-
-
-def _noises(rows: Sequence[GaussianRow]) -> list[float]:
-    return list(dict.fromkeys(row.sigma2 for row in rows))
+def _scans(rows: Sequence[Row]) -> list[int]:
+    return sorted({int(row["scan"]) for row in rows})

@@ -11,9 +11,9 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Section
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.gaussian.figure import draw_rates, draw_table1
-from sonarmap.tools.lab.reproduce.gaussian.row import GaussianRow, GaussianTime
-from sonarmap.tools.lab.reproduce.gaussian.section import parameters_picture, rates_picture, section
+from sonarmap.tools.lab.reproduce.gaussian.section import RATES, parameters_picture, section
 from sonarmap.tools.lab.reproduce.gaussian.series import Series
+from sonarmap.tools.lab.reproduce.rows import where
 from sonarmap.tools.lab.reproduce.settings import as_asked, check_scenes, check_seeds, check_variances
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT
 
@@ -94,20 +94,18 @@ class Gaussian(Experiment):
             self._series = None  # what it holds on the device goes before the next is made
             self._series = Series(self.device, grid_of(edge), self.settings.scene)
         registered = self._series.register(index, seed, sigma2)
-        return Outcome(tuple(row.cells() for row, _ in registered), tuple(time.cells() for _, time in registered))
+        return Outcome(tuple(row for row, _ in registered), tuple(seconds for _, seconds in registered))
 
     def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
         """Our results next to the paper's, and which step fails first."""
-        cells = [GaussianRow.of(row) for row in rows], [GaussianTime.of(row) for row in seconds]
-        return section(self.settings.scene, EXTENT, *cells)
+        return section(self.settings.scene, EXTENT, rows, seconds)
 
     def draw(self, folder: Path, rows: Sequence[Row]) -> None:
         """One picture per grid after Figs. 20 and 21, and one of the success rates."""
-        registered = [GaussianRow.of(row) for row in rows]
         for edge in self.settings.edges:
-            first = [row for row in registered if (row.grid, row.seed) == (edge, self.settings.first_seed)]
+            first = where(rows, grid=edge, seed=self.settings.first_seed)
             draw_table1(folder / parameters_picture(edge), first)
-        draw_rates(folder / rates_picture(), registered)
+        draw_rates(folder / RATES, rows)
 
 
 def create(request: Request) -> Gaussian:

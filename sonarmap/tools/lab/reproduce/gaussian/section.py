@@ -1,21 +1,41 @@
 """Table 1 in words and tables."""
 
-from collections.abc import Iterable, Sequence
-from statistics import median
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from statistics import median, median_low
+from types import MappingProxyType
 
+from sonarmap.spectral.hemisphere.registration import HemisphereConfig
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
-from sonarmap.tools.lab.reproduce.experiment import Section
-from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, GaussianRow, GaussianTime
+from sonarmap.tools.lab.reproduce.experiment import Row, Section
+from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, tilt_error, yaw_error
 from sonarmap.tools.lab.reproduce.gaussian.series import VARIANTS
-from sonarmap.tools.lab.reproduce.gaussian.summary import FEW, Summary, among, summarize
-from sonarmap.tools.lab.reproduce.rows import wilson
+from sonarmap.tools.lab.reproduce.rows import (
+    accepted,
+    column,
+    distinct,
+    grouped,
+    middle,
+    rate,
+    refused,
+    right,
+    where,
+    wrong,
+)
 from sonarmap.tools.lab.reproduce.table import Table, table_of
 
+# sigma^2 [m^2] -> the last scan up to which the paper's registrations succeed (Figs. 20, 21)
+PAPER_LAST: Mapping[float, int] = MappingProxyType({1.0: 8, 2.0: 6})
 # Voxels per edge -> seconds of a registration from the raw scans (Sect. 4.4; MATLAB, 2010)
 _PAPER_SECONDS = {128: 10.5, 256: 60.6}
+STEPS = ("yaw", "tilt", "translation")
+FEW = HemisphereConfig().yaw_peaks  # as many yaw peaks as "six peaks" follows
+RATES = "gaussian-rates.png"
+_CLOSE_M = 3.0  # three of the paper's voxels
 
 
-def section(scene: str, extent: float, rows: Sequence[GaussianRow], times: Sequence[GaussianTime]) -> Section:
+def section(scene: str, extent: float, rows: Sequence[Row], times: Sequence[Row]) -> Section:
     """The section, from the rows and times of all registrations.
 
     Args:
@@ -23,16 +43,10 @@ def section(scene: str, extent: float, rows: Sequence[GaussianRow], times: Seque
         extent: of the grid [m].
         rows, times: of every registration.
     """
-    summaries = summarize(rows)
-    cases = dict.fromkeys((row.grid, row.sigma2) for row in rows)
     return Section(
         title="Gaussian noise along the beams: Table 1, Figs. 20 and 21",
         introduction=_introduction(scene, extent, rows),
-        tables=(
-            _verdict_table(summaries),
-            _detail_table(summaries),
-            *(_scan_table([row for row in rows if (row.grid, row.sigma2) == case], *case) for case in cases),
-        ),
+        tables=(verdict_table(rows), detail_table(rows), *_scan_tables(rows)),
         times=(_time_table(times),),
         pictures=_pictures(rows),
         remarks=remarks(rows),
@@ -44,215 +58,234 @@ def parameters_picture(edge: int) -> str:
     return f"gaussian-{edge}.png"
 
 
-def rates_picture() -> str:
-    """File name of the picture of success rates."""
-    return "gaussian-rates.png"
-
-
-def describe_right(rows: Sequence[GaussianRow]) -> str:
-    """What counts as right, in a sentence."""
-    voxels = dict.fromkeys((row.grid, row.voxel_m) for row in rows)
-    meters = ", ".join(f"{RIGHT_VOXELS * voxel:g} m at {grid}³" for grid, voxel in voxels)
-    return (
-        f"A registration is right if T_target_source, between the sensor frames, is within {RIGHT_DEG:g} degrees and "
-        f"{RIGHT_VOXELS:g} voxels of the truth ({meters}). The paper shows curves and says up to which scan its "
-        "registrations succeed, but gives no error bound."
-    )
-
-
-def _introduction(scene: str, extent: float, rows: Sequence[GaussianRow]) -> str:
-    grids = " and ".join(dict.fromkeys(f"{row.grid}³ voxels of {row.voxel_m:g} m" for row in rows))
+def _introduction(scene: str, extent: float, rows: Sequence[Row]) -> str:
+    voxels = {int(row["grid"]): float(row["voxel_m"]) for row in rows}
+    grids = " and ".join(f"{grid}³ voxels of {voxel:g} m" for grid, voxel in voxels.items())
+    meters = ", ".join(f"{RIGHT_VOXELS * voxel:g} m at {grid}³" for grid, voxel in voxels.items())
     methods = "\n".join(f"- **{name}**: {method.title}" for name, method in VARIANTS.items())
+    first, last = min(column(rows, "seed")), max(column(rows, "seed"))
+    seeds = f"{first:.0f}" if first == last else f"{first:.0f} to {last:.0f}"
     return f"""Scans S0 to S9 of the scene `{scene}` are registered to a reference scan. Each is farther from it than
 the one before, by (4, 8, 12) m and by 6, 2 and 1 degrees of yaw, roll and pitch. The variance of the noise grows along
 the beam, to σ² at the largest range. Grids: {grids}, {extent:g} m along each edge, as the paper's 256 voxels. Seeds:
-{_seeds(rows)}; each has a scene and noise of its own. Rates have Wilson's 95 % intervals.
+{seeds}; each has a scene and noise of its own. Rates have Wilson's 95 % intervals.
 
-{describe_right(rows)}
+A registration is right if T_target_source, between the sensor frames, is within {RIGHT_DEG:g} degrees and \
+{RIGHT_VOXELS:g} voxels of the truth ({meters}). The paper shows curves and says up to which scan its registrations \
+succeed, but gives no error bound.
 
 {methods}"""
 
 
-def _seeds(rows: Sequence[GaussianRow]) -> str:
-    first, last = min(row.seed for row in rows), max(row.seed for row in rows)
-    return f"{first}" if first == last else f"{first} to {last}"
-
-
-def _pictures(rows: Sequence[GaussianRow]) -> dict[str, str]:
-    seed = min(row.seed for row in rows)
+def _pictures(rows: Sequence[Row]) -> dict[str, str]:
+    seed = min(int(row["seed"]) for row in rows)
     captions = {
-        parameters_picture(row.grid): f"As Figs. 20 and 21, {row.grid}³ voxels, seed {seed}. Lines are true values, "
+        parameters_picture(int(grid)): f"As Figs. 20 and 21, {grid}³ voxels, seed {seed}. Lines are true values, "
         "crosses are estimates; gray marks wrong registrations."
-        for row in rows
+        for grid in distinct(rows, "grid")
     }
-    return captions | {rates_picture(): "The share of seeds that are right at each scan, with 95 % intervals."}
+    return captions | {RATES: "The share of seeds that are right at each scan, with 95 % intervals."}
 
 
-def _verdict_table(summaries: Sequence[Summary]) -> Table:
-    return table_of(
-        "The last scan before the first failure",
-        ("grid", "σ²", "method"),
-        [(_case(summary), summary) for summary in summaries],
-        {
-            "paper": lambda summary: "" if summary.paper is None else f"S{summary.paper}",
-            "ours, median (each seed)": lambda summary: (
-                f"{_scan(summary.median_last)} ({' '.join(_scan(last) for last in summary.last)})"
-            ),
-            "verdict": lambda summary: summary.verdict,
-            "right": lambda summary: str(summary.right),
-            "accepted though wrong": lambda summary: str(summary.accepted_wrong),
-            "refused though right": lambda summary: str(summary.refused_right),
-        },
-    )
+def last_right(rows: Sequence[Row]) -> dict[int, int]:
+    """Of one grid, noise and method: by seed, in order, the last scan that is right with all before it; -1 where S0 is
+    wrong."""
+    farthest = max(int(row["scan"]) for row in rows)
+    ends = dict.fromkeys(sorted({int(row["seed"]) for row in rows}), farthest)
+    for row in wrong(rows):
+        ends[int(row["seed"])] = min(ends[int(row["seed"])], int(row["scan"]) - 1)
+    return ends
 
 
-def _detail_table(summaries: Sequence[Summary]) -> Table:
+def verdict_table(rows: Sequence[Row]) -> Table:
+    """How far every seed gets, next to the paper, and what is believed; a line for each grid, noise and method."""
+
+    def paper(some: Sequence[Row]) -> str:
+        last = PAPER_LAST.get(float(some[0]["sigma2"]))
+        return "" if last is None else f"S{last}"
+
+    def ours(some: Sequence[Row]) -> str:
+        last = last_right(some).values()
+        return f"{_scan(median_low(last))} ({' '.join(map(_scan, last))})"
+
+    columns = {
+        "paper": paper,
+        "ours, median (each seed)": ours,
+        "verdict": _verdict,
+        "right": lambda some: rate(right(some), some),
+        "accepted though wrong": lambda some: str(len(accepted(wrong(some)))),
+        "refused though right": lambda some: str(len(refused(right(some)))),
+    }
+    return table_of("The last scan before the first failure", ("grid", "σ²", "method"), _cases(rows), columns)
+
+
+def _verdict(some: Sequence[Row]) -> str:
+    """Whether every seed gets as far as the paper."""
+    paper, last = PAPER_LAST.get(float(some[0]["sigma2"])), last_right(some).values()
+    if paper is None:
+        return ""
+    reached = sum(end >= paper for end in last)
+    if reached == len(last):
+        return "reached"
+    return f"reached by {reached} of {len(last)} seeds" if reached else "not reached"
+
+
+def detail_table(rows: Sequence[Row]) -> Table:
+    """The first wrong step of every failure, and of the one that ends a seed; and how accurate is what is right."""
+
     def counts(numbers: Iterable[int]) -> str:
         return " / ".join(map(str, numbers))
 
-    return table_of(
-        "Which step fails first, and how accurate the right registrations are",
-        ("grid", "σ²", "method"),
-        [(_case(summary), summary) for summary in summaries],
-        {
-            "first wrong: yaw / tilt / translation": lambda summary: counts(summary.wrong_steps.values()),
-            "series ended by each of these": lambda summary: counts(summary.ended_by.values()),
-            f"right yaw is the highest peak / among the {FEW} highest / among the {RANKED} highest": lambda summary: (
-                counts(summary.yaw_peaks)
-            ),
-            "right": lambda summary: str(summary.right.successes),
-            "right with the translation at the scan's center": lambda summary: str(summary.right_at_center),
-            "right and within 3 m": lambda summary: str(summary.right_within_3m),
-            "median error where right": lambda summary: (
-                "" if summary.rotation_deg is None else f"{summary.rotation_deg:.2f}°, {summary.translation_m:.2f} m"
-            ),
-        },
-    )
+    def steps(some: Iterable[Row]) -> str:
+        of_step = Counter(row["wrong_step"] for row in some)
+        return counts(of_step[step] for step in STEPS)
+
+    def ending(some: Sequence[Row]) -> str:
+        last = last_right(some)
+        return steps(row for row in some if row["scan"] == last[int(row["seed"])] + 1)
+
+    def errors(some: Sequence[Row]) -> str:
+        good = right(some)
+        return f"{middle(good, 'rotation_deg'):.2f}°, {middle(good, 'translation_m'):.2f} m" if good else ""
+
+    columns = {
+        "first wrong: yaw / tilt / translation": lambda some: steps(wrong(some)),
+        "series ended by each of these": ending,
+        f"right yaw is the highest peak / among the {FEW} highest / among the {RANKED} highest": lambda some: counts(
+            among(some, count) for count in (1, FEW, RANKED)
+        ),
+        "right": lambda some: str(len(right(some))),
+        "right with the translation at the scan's center": lambda some: str(len(where(some, right_at_center=True))),
+        "right and within 3 m": lambda some: str(sum(column(right(some), "translation_m") <= _CLOSE_M)),
+        "median error where right": errors,
+    }
+    title = "Which step fails first, and how accurate the right registrations are"
+    return table_of(title, ("grid", "σ²", "method"), _cases(rows), columns)
 
 
-def _scan_table(rows: Sequence[GaussianRow], grid: int, sigma2: float) -> Table:
-    """Every scan on one grid under one noise: rates, and the median error of all seeds, right or wrong."""
-    methods = dict.fromkeys(row.method for row in rows)
-    lines = []
-    for index in sorted({row.scan for row in rows}):
-        cells = []
-        for method in methods:
-            trials = [row for row in rows if (row.scan, row.method) == (index, method)]
-            rotation, distance = median(t.rotation_deg for t in trials), median(t.translation_m for t in trials)
-            cells += [str(wilson(sum(t.right for t in trials), len(trials))), f"{rotation:.1f}°, {distance:.1f} m"]
-        lines.append((_scan(index), *cells))
-    headings = [heading for method in methods for heading in (f"{method}: right", "median error")]
-    return Table(f"Every scan at {grid}³, σ² = {sigma2:g} m²", ("scan", *headings), tuple(lines))
+def _cases(rows: Sequence[Row]) -> list[tuple[tuple[str, ...], list[Row]]]:
+    groups = grouped(rows, "grid", "sigma2", "method").items()
+    return [((f"{grid}³", f"σ² = {sigma2:g} m²", method), some) for (grid, sigma2, method), some in groups]
 
 
-def _time_table(times: Sequence[GaussianTime]) -> Table:
-    lines = []
-    for grid, method in dict.fromkeys((time.grid, time.method) for time in times):
-        mine = [time for time in times if (time.grid, time.method) == (grid, method)]
-        prepare, register = median(time.prepare_s for time in mine), median(time.register_s for time in mine)
-        paper = f"{_PAPER_SECONDS[grid]:g} s" if grid in _PAPER_SECONDS else ""
-        cells = (f"{2 * prepare + register:.2f} s", f"{prepare:.2f} s", f"{register:.2f} s")
-        lines.append((f"{grid}³", method, paper, *cells))
-    headings = ("grid", "method", "paper, from raw scans", "two preparations and one registration")
-    return Table("Median run times", (*headings, "one preparation", "one registration"), tuple(lines))
-
-
-def _case(summary: Summary) -> tuple[str, str, str]:
-    return f"{summary.grid}³", f"σ² = {summary.sigma2:g} m²", summary.method
+def among(rows: Iterable[Row], count: int) -> int:
+    """In how many rows the right yaw is among so many highest peaks."""
+    return sum(0 < int(row["yaw_rank"]) <= count for row in rows)
 
 
 def _scan(index: int) -> str:
     return "none" if index < 0 else f"S{index}"
 
 
+def _scan_tables(rows: Sequence[Row]) -> list[Table]:
+    """Every scan on one grid under one noise: rates, and the median error of all seeds, right or wrong."""
+
+    def right_of(method: str, some: Sequence[Row]) -> str:
+        trials = where(some, method=method)
+        return rate(right(trials), trials)
+
+    def error_of(method: str, some: Sequence[Row]) -> str:
+        trials = where(some, method=method)
+        return f"{middle(trials, 'rotation_deg'):.1f}°, {middle(trials, 'translation_m'):.1f} m"
+
+    tables = []
+    for (grid, sigma2), some in grouped(rows, "grid", "sigma2").items():
+        scans = sorted({int(row["scan"]) for row in some})
+        cells = [partial(cell, method) for method in distinct(some, "method") for cell in (right_of, error_of)]
+        headings = [name for method in distinct(some, "method") for name in (f"{method}: right", "median error")]
+        lines = [(_scan(scan), *(cell(where(some, scan=scan)) for cell in cells)) for scan in scans]
+        tables.append(Table(f"Every scan at {grid}³, σ² = {sigma2:g} m²", ("scan", *headings), tuple(lines)))
+    return tables
+
+
+def _time_table(times: Sequence[Row]) -> Table:
+    def paper(some: Sequence[Row]) -> str:
+        seconds = _PAPER_SECONDS.get(int(some[0]["grid"]))
+        return "" if seconds is None else f"{seconds:g} s"
+
+    columns = {
+        "paper, from raw scans": paper,
+        "two preparations and one registration": lambda some: (
+            f"{2 * middle(some, 'prepare_s') + middle(some, 'register_s'):.2f} s"
+        ),
+        "one preparation": lambda some: f"{middle(some, 'prepare_s'):.2f} s",
+        "one registration": lambda some: f"{middle(some, 'register_s'):.2f} s",
+    }
+    groups = [((f"{grid}³", method), some) for (grid, method), some in grouped(times, "grid", "method").items()]
+    return table_of("Median run times", ("grid", "method"), groups, columns)
+
+
 # Structure fixed to the sensor or to the grid has its false yaw peaks at multiples of a quarter turn.
-_QUARTERS = 4
 _NEAR_DEG = 15.0
-_BY_CHANCE = _QUARTERS * 2 * RIGHT_DEG / 360
+_BY_CHANCE = 4 * 2 * RIGHT_DEG / 360
 
 
-def remarks(rows: Sequence[GaussianRow]) -> str:
-    """One paragraph for each grid and method that fails anywhere."""
-    cases = dict.fromkeys((row.grid, row.method) for row in rows)
-    paragraphs = [_paragraph(grid, method, rows) for grid, method in cases]
-    return "\n".join(f"- {paragraph}" for paragraph in paragraphs)
+def remarks(rows: Sequence[Row]) -> str:
+    """One paragraph for each grid and method."""
+    groups = grouped(rows, "grid", "method").items()
+    return "\n".join(f"- **{grid}³, {method}**: {_paragraph(some, rows)}" for (grid, method), some in groups)
 
 
-def _paragraph(grid: int, method: str, rows: Sequence[GaussianRow]) -> str:
-    mine = [row for row in rows if (row.grid, row.method) == (grid, method)]
-    steps = {step: [row for row in mine if row.wrong_step == step] for step in ("yaw", "tilt", "translation")}
-    wrong = sum(len(rows_of_step) for rows_of_step in steps.values())
-    where = f"**{grid}³, {method}**: "
-    if not wrong:
-        return f"{where}all {len(mine)} registrations are right."
-    counts = ", ".join(f"{step} in {len(rows_of_step)}" for step, rows_of_step in steps.items() if rows_of_step)
-    sentences = [f"{where}{wrong} of {len(mine)} registrations are wrong. The first wrong step is {counts}."]
-    if steps["yaw"]:
-        sentences += [_on_yaw(steps["yaw"]), *_on_near(steps["yaw"]), *_on_others(steps["yaw"], rows)]
-    if steps["tilt"]:
+def _paragraph(mine: Sequence[Row], rows: Sequence[Row]) -> str:
+    steps = {step: some for step in STEPS if (some := where(mine, wrong_step=step))}
+    if not steps:
+        return f"all {len(mine)} registrations are right."
+    counts = ", ".join(f"{step} in {len(some)}" for step, some in steps.items())
+    failed = sum(map(len, steps.values()))
+    sentences = [f"{failed} of {len(mine)} registrations are wrong. The first wrong step is {counts}."]
+    if yaw := steps.get("yaw"):
+        sentences += [_on_yaw(yaw), *_on_near(yaw), *_on_others(yaw, rows)]
+    if tilt := steps.get("tilt"):
+        off = median(map(tilt_error, tilt))
+        sentences.append(f"Where roll and pitch are wrong first, the vertical is off by a median of {off:.0f} degrees.")
+    if translation := steps.get("translation"):
         sentences.append(
-            f"Where roll and pitch are wrong first, the vertical is off by a median of {_median(steps['tilt'])}."
+            f"Where only the translation is wrong, the median errors are {middle(translation, 'rotation_deg'):.1f} "
+            f"degrees and {middle(translation, 'translation_m'):.1f} m. Measured at the scan's center, "
+            f"{len(where(translation, right_at_center=True))} of {len(translation)} would be right; in these, the "
+            "translation at the sensor is wrong because the sensor is far from the scan's center and the rotation is "
+            "slightly off."
         )
-    if steps["translation"]:
-        sentences.append(_on_translation(steps["translation"]))
     return " ".join(sentences)
 
 
-def _on_yaw(wrong: Sequence[GaussianRow]) -> str:
+def _on_yaw(failed: Sequence[Row]) -> str:
     """How the yaw is wrong, whether roll and pitch are right, and whether the false peak is fixed to the sensor."""
-    errors = [row.yaw_error_deg for row in wrong]
+    errors = [abs(yaw_error(row)) for row in failed]
     near, about = sum(error <= _NEAR_DEG for error in errors), sum(error >= 180 - _NEAR_DEG for error in errors)
-    upright = sum(row.tilt_error_deg <= RIGHT_DEG for row in wrong)
-    quarters = sum(_from_quarter(row.found_yaw_deg) <= RIGHT_DEG for row in wrong)
+    upright = sum(tilt_error(row) <= RIGHT_DEG for row in failed)
+    quarters = sum(abs((float(row["found_yaw_deg"]) + 45) % 90 - 45) <= RIGHT_DEG for row in failed)
     return (
-        f"Of these {len(wrong)} yaws, {near} are off by at most {_NEAR_DEG:g} degrees, {about} by 180 degrees (to "
-        f"within {_NEAR_DEG:g}) and {len(wrong) - near - about} by another angle; roll and pitch are right in "
+        f"Of these {len(failed)} yaws, {near} are off by at most {_NEAR_DEG:g} degrees, {about} by 180 degrees (to "
+        f"within {_NEAR_DEG:g}) and {len(failed) - near - about} by another angle; roll and pitch are right in "
         f"{upright} of them. The number within {RIGHT_DEG:g} degrees of 0, 90, 180 or 270, where structure fixed to "
         f"the sensor or to the grid has its peaks, is {quarters} (by chance: {_BY_CHANCE:.0%}). The right yaw is the "
-        f"highest peak of the first step in {among(wrong, 1)}, among its {FEW} highest in {among(wrong, FEW)} and "
-        f"among its {RANKED} highest in {among(wrong, RANKED)}."
+        f"highest peak of the first step in {among(failed, 1)}, among its {FEW} highest in {among(failed, FEW)} and "
+        f"among its {RANKED} highest in {among(failed, RANKED)}."
     )
 
 
-def _on_near(wrong: Sequence[GaussianRow]) -> list[str]:
+def _on_near(failed: Sequence[Row]) -> list[str]:
     """Whether yaws that are nearly right err to one side, and by how much these scans are tilted."""
-    near = [row for row in wrong if row.yaw_error_deg <= _NEAR_DEG]
+    near = [row for row in failed if abs(yaw_error(row)) <= _NEAR_DEG]
     if not near:
         return []
-    small = sum((row.found_yaw_deg - row.true_yaw_deg + 180) % 360 < 180 for row in near)
-    rolls = [abs(row.true_roll_deg) for row in near]
+    small = sum((float(row["found_yaw_deg"]) - float(row["true_yaw_deg"]) + 180) % 360 < 180 for row in near)
+    rolls = abs(column(near, "true_roll_deg"))
     return [
         f"Yaws off by at most {_NEAR_DEG:g} degrees are too small in {small} of {len(near)} cases; their median error "
-        f"is {median(row.yaw_error_deg for row in near):.0f} degrees, under true rolls of {min(rolls):.0f} to "
+        f"is {median(abs(yaw_error(row)) for row in near):.0f} degrees, under true rolls of {min(rolls):.0f} to "
         f"{max(rolls):.0f} degrees."
     ]
 
 
-def _on_others(wrong: Sequence[GaussianRow], rows: Sequence[GaussianRow]) -> list[str]:
+def _on_others(failed: Sequence[Row], rows: Sequence[Row]) -> list[str]:
     """How often each other method has the right yaw where this one has not."""
-    method = wrong[0].method
-    pairs = {row.pair for row in wrong}
+    names = ("grid", "sigma2", "seed", "scan")
+    pairs, others = grouped(failed, *names), [row for row in rows if row["method"] != failed[0]["method"]]
     sentences = []
-    for name in dict.fromkeys(row.method for row in rows if row.method != method):
-        count = sum(row.pair in pairs and row.method == name and row.yaw_error_deg <= RIGHT_DEG for row in rows)
-        sentences.append(f"*{name}* has the right yaw in {count} of these {len(pairs)}.")
+    for (method,), some in grouped(others, "method").items():
+        both = [row for key, trials in grouped(some, *names).items() if key in pairs for row in trials]
+        count = sum(abs(yaw_error(row)) <= RIGHT_DEG for row in both)
+        sentences.append(f"*{method}* has the right yaw in {count} of these {len(pairs)}.")
     return sentences
-
-
-def _on_translation(wrong: Sequence[GaussianRow]) -> str:
-    rotation = median(row.rotation_deg for row in wrong)
-    distance = median(row.translation_m for row in wrong)
-    near = sum(row.right_at_center for row in wrong)
-    return (
-        f"Where only the translation is wrong, the median errors are {rotation:.1f} degrees and {distance:.1f} m. "
-        f"Measured at the scan's center, {near} of {len(wrong)} would be right; in these, the translation at the "
-        "sensor is wrong because the sensor is far from the scan's center and the rotation is slightly off."
-    )
-
-
-def _from_quarter(yaw_deg: float) -> float:
-    return abs((yaw_deg + 45) % 90 - 45)
-
-
-def _median(rows: Sequence[GaussianRow]) -> str:
-    return f"{median(row.tilt_error_deg for row in rows):.0f} degrees"

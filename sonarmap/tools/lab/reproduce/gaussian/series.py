@@ -11,7 +11,8 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG
-from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, GaussianRow, GaussianTime, ScoredRegistration, row_of
+from sonarmap.tools.lab.reproduce.experiment import Row
+from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, ScoredRegistration, row_of
 from sonarmap.tools.lab.simulate.plan import table1_pair
 
 
@@ -68,8 +69,10 @@ class Series:
         self._registrars = {name: HemisphereRegistrar(device, grid, method.config) for name, method in VARIANTS.items()}
         self._reference: tuple[tuple[int, float], dict[str, LayeredScan]] | None = None
 
-    def register(self, index: int, seed: int, sigma2: float) -> list[tuple[GaussianRow, GaussianTime]]:
-        """S`index` by every method; the reference scan is prepared once for all scans of a series.
+    def register(self, index: int, seed: int, sigma2: float) -> list[tuple[Row, Row]]:
+        """S`index` by every method: its row, and its times [s], those of preparing it and of registering it.
+
+        The reference scan is prepared once for all scans of a series.
 
         Raises:
             InputError: a scan that shows too little to be registered.
@@ -83,8 +86,8 @@ class Series:
             scored = ScoredRegistration(registration, truth, candidate.volume.center, self.grid.voxel)
             rank = yaw_rank(self._registrars[name], self._reference[1][name], candidate, truth)
             row = row_of(scored, (self.scene, sigma2, seed, index), name, self.grid.edge, rank)
-            time = GaussianTime(self.grid.edge, sigma2, seed, index, name, seconds, registration.seconds)
-            rows.append((row, time))
+            which = {key: row[key] for key in ("grid", "sigma2", "seed", "scan", "method")}
+            rows.append((row, which | {"prepare_s": seconds, "register_s": registration.seconds}))
         return rows
 
     def _prepare(self, scan: Scan) -> dict[str, tuple[LayeredScan, float]]:
