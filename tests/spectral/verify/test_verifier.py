@@ -78,9 +78,9 @@ def hypothesis(R: Rotation, shift: np.ndarray, rotation_score: float = 0.5) -> H
 
 
 class TestConsistency:
-    @pytest.mark.parametrize(("agree", "contradict"), [(0.0, 0.0), (0.6, 0.02), (0.1, 0.3), (1.0, 0.0)])
-    def test_a_contradiction_weighs_as_four_agreements(self, agree: float, contradict: float) -> None:
-        assert consistency(agree, contradict) == pytest.approx(agree / (agree + 4 * contradict + 0.05))
+    def test_a_contradiction_weighs_as_four_agreements(self) -> None:
+        agree, contradict = np.array([0.0, 0.6, 0.1, 1.0]), np.array([0.0, 0.02, 0.3, 0.0])
+        np.testing.assert_allclose(consistency(agree, contradict), agree / (agree + 4 * contradict + 0.05))
 
 
 class TestCandidates:
