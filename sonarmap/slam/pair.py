@@ -18,21 +18,15 @@ DEFECT = "an error of the method, not of the scans: "
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """Two scans that may be registered.
+    """Two scans that may be registered."""
 
-    Attributes:
-        i, j: target and source, i < j.
-        role: "sequential" (consecutive), "bridge" (over a gap) or "loop" (any others).
-        predicted_overlap: expected before it is registered, 0..1; NaN where no estimate exists.
-        alike: distance of the scans' signatures, without a unit; NaN where these were not compared.
-        expected: where the motion expects it, which bounds its registration; None where nothing does.
-    """
-
+    # i, j: target and source, i < j
     i: int
     j: int
-    role: Role
-    predicted_overlap: float = float("nan")
-    alike: float = float("nan")
+    role: Role  # "sequential" (consecutive), "bridge" (over a gap) or "loop" (any others)
+    predicted_overlap: float = float("nan")  # expected before it is registered, 0..1; NaN where no estimate exists
+    alike: float = float("nan")  # distance of the scans' signatures, without a unit; NaN where these were not compared
+    # where the motion expects it, which bounds its registration; None where nothing does
     expected: ExpectedPose | None = None
 
     @property
@@ -52,15 +46,10 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class RegisteredPair(Candidate):
-    """A candidate with what came of its registration.
+    """A candidate with what came of its registration."""
 
-    Attributes:
-        registration: the result; None where the pair could not be registered.
-        failure: why it could not.
-    """
-
-    registration: Registration | None = None
-    failure: str = ""
+    registration: Registration | None = None  # the result; None where the pair could not be registered
+    failure: str = ""  # why it could not
 
     @property
     def accepted(self) -> bool:

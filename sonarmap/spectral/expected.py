@@ -20,18 +20,13 @@ _DIGITS = 6
 class ExpectedPose:
     """T_target_source as it is expected before the scans are compared.
 
-    Attributes:
-        rotation: (3,) rotation vector [rad].
-        translation: (3,) [m], in the target's axes.
-        sigmas: (6,) standard deviations about and along the target's axes, rotation first [rad, m].
-
     Raises:
         InputError: another shape, a number that is not finite, or a sigma that is not above 0.
     """
 
-    rotation: np.ndarray
-    translation: np.ndarray
-    sigmas: np.ndarray
+    rotation: np.ndarray  # (3,) rotation vector [rad]
+    translation: np.ndarray  # (3,) [m], in the target's axes
+    sigmas: np.ndarray  # (6,) standard deviations about and along the target's axes, rotation first [rad, m]
 
     def __post_init__(self) -> None:
         shapes = [(self.rotation, (3,)), (self.translation, (3,)), (self.sigmas, (6,))]

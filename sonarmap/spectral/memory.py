@@ -32,23 +32,16 @@ _CELLS, _REFINEMENT = 24, 2**21
 
 @dataclass(frozen=True, slots=True)
 class MemoryPlan:
-    """The arrays of one method on one grid.
+    """The arrays of one method on one grid."""
 
-    Attributes:
-        edge: voxels along each edge of the grid.
-        prepared: of one prepared scan, by what they are [bytes].
-        shared: what all pairs of one registrar share, likewise.
-        preparing: what exists only while a scan is prepared, likewise.
-        registering: what exists only while a pair is registered, likewise.
-        largest: the largest single array [bytes].
-    """
-
-    edge: int
-    prepared: Mapping[str, int]
-    shared: Mapping[str, int]
+    edge: int  # voxels along each edge of the grid
+    prepared: Mapping[str, int]  # of one prepared scan, by what they are [bytes]
+    shared: Mapping[str, int]  # what all pairs of one registrar share, likewise
+    # what exists only while a scan is prepared, likewise
     preparing: Mapping[str, int] = field(default_factory=dict[str, int])
+    # what exists only while a pair is registered, likewise
     registering: Mapping[str, int] = field(default_factory=dict[str, int])
-    largest: int = 0
+    largest: int = 0  # the largest single array [bytes]
 
     @property
     def scan(self) -> int:

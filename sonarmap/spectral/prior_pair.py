@@ -14,12 +14,9 @@ from sonarmap.spectral.scan import PosePrior
 
 @dataclass(frozen=True, slots=True)
 class PriorPair:
-    """The priors of a pair.
+    """The priors of a pair."""
 
-    Attributes:
-        target, source: of the two scans, in one world.
-    """
-
+    # target, source: of the two scans, in one world
     target: PosePrior
     source: PosePrior
 

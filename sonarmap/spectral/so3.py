@@ -48,16 +48,12 @@ _PARABOLOID = _paraboloid()
 
 @dataclass(frozen=True, slots=True)
 class SphereLayers:
-    """A scan's layers, each of mean 0 and variance 1, by their spherical harmonics.
+    """A scan's layers, each of mean 0 and variance 1, by their spherical harmonics."""
 
-    Attributes:
-        coefficients: device (degrees, layers of all PARTS, orders) complex64, the layers of each part equalized among
-            themselves, and of norm 1 together.
-        products: (degrees, layers, layers) float32, of the layers as they are, from `Harmonics.products`.
-    """
-
+    # device (degrees, layers of all PARTS, orders) complex64, the layers of each part equalized among themselves, and
+    # of norm 1 together
     coefficients: Array
-    products: np.ndarray
+    products: np.ndarray  # (degrees, layers, layers) float32, of the layers as they are, from `Harmonics.products`
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,17 +67,11 @@ class RotationPeaks:
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """Rotations to choose from: turns about an axis, each with several tilts.
+    """Rotations to choose from: turns about an axis, each with several tilts."""
 
-    Attributes:
-        R: turn by turn.
-        tilts: how many have the same turn.
-        apart: those chosen are farther apart than this [rad].
-    """
-
-    R: Rotation
-    tilts: int
-    apart: float
+    R: Rotation  # turn by turn
+    tilts: int  # how many have the same turn
+    apart: float  # those chosen are farther apart than this [rad]
 
 
 def distinct_rotations(found: Sequence[RotationPeaks]) -> RotationPeaks:

@@ -35,15 +35,10 @@ class Volume(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Shifts that are possible.
+    """Shifts that are possible."""
 
-    Attributes:
-        center: (3,) whole numbers [voxels].
-        half: (3,) the largest distance from it along each axis [voxels].
-    """
-
-    center: np.ndarray
-    half: np.ndarray
+    center: np.ndarray  # (3,) whole numbers [voxels]
+    half: np.ndarray  # (3,) the largest distance from it along each axis [voxels]
 
 
 class Translation:

@@ -22,23 +22,17 @@ from sonarmap.kernels.device.device import Device
 
 @dataclass(slots=True)
 class Counts:
-    """What a device did.
+    """What a device did."""
 
-    Attributes:
-        launches: kernels.
-        reads: how often the host waited: blocking reads and maps, events and queues waited for.
-        writes: transfers from the host.
-        read_bytes, written_bytes: of the transfers; of a map, what was mapped.
-        array_bytes: of each launch every array that it was given, once: all of them, also where it needs a part only.
-        events: of the launches, by kernel; their times are known if the device notes them.
-    """
-
-    launches: int = 0
-    reads: int = 0
-    writes: int = 0
+    launches: int = 0  # kernels
+    reads: int = 0  # how often the host waited: blocking reads and maps, events and queues waited for
+    writes: int = 0  # transfers from the host
+    # read_bytes, written_bytes: of the transfers; of a map, what was mapped
     read_bytes: int = 0
     written_bytes: int = 0
+    # of each launch every array that it was given, once: all of them, also where it needs a part only
     array_bytes: int = 0
+    # of the launches, by kernel; their times are known if the device notes them
     events: list[tuple[str, Any]] = field(default_factory=list)
 
     def kernel_seconds(self) -> dict[str, float]:

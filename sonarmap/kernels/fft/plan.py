@@ -17,16 +17,12 @@ class Layout:
     The real array is dense float32, its half spectrum (n0, n1, `row_pitch(n2)`), complex64, of which
     [..., :n2 / 2 + 1] is valid.
 
-    Attributes:
-        shape: number of points per axis.
-        batched: whether axis 0 is not transformed.
-
     Raises:
         InputError: a transformed edge is not one of `EDGES`, or there is no layer.
     """
 
-    shape: tuple[int, int, int]
-    batched: bool = False
+    shape: tuple[int, int, int]  # number of points per axis
+    batched: bool = False  # whether axis 0 is not transformed
 
     def __post_init__(self) -> None:
         edges = self.shape[1:] if self.batched else self.shape
@@ -82,13 +78,8 @@ class Plan:
 
     Every kernel takes the arrays (volume, spectrum), how many floats into their memory they begin, and behind them the
     table where there is one.
-
-    Attributes:
-        source: OpenCL C.
-        passes: the launches, in order.
-        table: (n,) float32, twiddle factors to be put into the device's memory, or None.
     """
 
-    source: str
-    passes: tuple[Pass, ...]
-    table: np.ndarray | None = None
+    source: str  # OpenCL C
+    passes: tuple[Pass, ...]  # the launches, in order
+    table: np.ndarray | None = None  # (n,) float32, twiddle factors to be put into the device's memory, or None

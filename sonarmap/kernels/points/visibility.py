@@ -70,18 +70,14 @@ def upload_viewpoints(device: Device, places: np.ndarray) -> cla.Array:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """Points of one scan, and the range images of another that they are put into.
+    """Points of one scan, and the range images of another that they are put into."""
 
-    Attributes:
-        views: device (k, edge, edge, 2) float32, nearest and farthest range of every cell of an octahedral map,
-            (inf, -inf) where nothing was seen; None for no image.
-        viewpoints: from `upload_viewpoints`, in the frame of the images' scan [any length unit]; None for no image.
-        points: from `upload_points`, in their scan's frame [the same unit].
-    """
-
+    # device (k, edge, edge, 2) float32, nearest and farthest range of every cell of an octahedral map, (inf, -inf)
+    # where nothing was seen; None for no image
     views: cla.Array | None
+    # from `upload_viewpoints`, in the frame of the images' scan [any length unit]; None for no image
     viewpoints: cla.Array | None
-    points: tuple[cla.Array, int]
+    points: tuple[cla.Array, int]  # from `upload_points`, in their scan's frame [the same unit]
 
 
 def agreement(

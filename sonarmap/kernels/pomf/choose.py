@@ -20,17 +20,11 @@ _ROWS_TOGETHER, _GROUP = 16, 256
 
 @dataclass(frozen=True, slots=True)
 class Correlations:
-    """Correlations on the device, and what their peaks are chosen by; c of them, in the order that choose.cl says.
+    """Correlations on the device, and what their peaks are chosen by; c of them, in the order that choose.cl says."""
 
-    Attributes:
-        values: (c, edge, edge, edge) float32.
-        tops: (c, edge, edge) float32, the maxima of their rows.
-        energies: (c, parts + 1) float32, of their spectra.
-    """
-
-    values: cla.Array
-    tops: cla.Array
-    energies: cla.Array
+    values: cla.Array  # (c, edge, edge, edge) float32
+    tops: cla.Array  # (c, edge, edge) float32, the maxima of their rows
+    energies: cla.Array  # (c, parts + 1) float32, of their spectra
 
 
 class Chooser:

@@ -30,17 +30,11 @@ def at_once(edge: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """How points are moved before they are put into voxels, and which peaks count then.
+    """How points are moved before they are put into voxels, and which peaks count then."""
 
-    Attributes:
-        R: (3, 3) rotation.
-        offset: (3,) shift after it [voxels], or None.
-        limits: (3,) largest absolute cyclic shift of a peak's voxel [voxels], or None for any.
-    """
-
-    R: np.ndarray
-    offset: np.ndarray | None = None
-    limits: np.ndarray | None = None
+    R: np.ndarray  # (3, 3) rotation
+    offset: np.ndarray | None = None  # (3,) shift after it [voxels], or None
+    limits: np.ndarray | None = None  # (3,) largest absolute cyclic shift of a peak's voxel [voxels], or None for any
 
 
 class Correlator:

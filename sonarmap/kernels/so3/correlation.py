@@ -32,15 +32,10 @@ _FIRST_PEAKS = 256
 
 @dataclass(frozen=True, slots=True)
 class LocalMaxima:
-    """Local maxima of one correlation, highest first.
+    """Local maxima of one correlation, highest first."""
 
-    Attributes:
-        index: (n, 3) int64, their places: second, first, third Euler angle.
-        around: (n, 27) float32, the values around and at them, in C order.
-    """
-
-    index: np.ndarray
-    around: np.ndarray
+    index: np.ndarray  # (n, 3) int64, their places: second, first, third Euler angle
+    around: np.ndarray  # (n, 27) float32, the values around and at them, in C order
 
     @classmethod
     def sorted(cls, rows: np.ndarray) -> "LocalMaxima":

@@ -20,17 +20,11 @@ _OUT = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """Points sorted by cells of one size, on the device that they were sorted for.
+    """Points sorted by cells of one size, on the device that they were sorted for."""
 
-    Attributes:
-        points: device (m, 4) float32 x, y, z and the bits of the point's number [any length unit].
-        starts: device (cells + 1,) int32, where each cell's points begin.
-        box: origin (3), size and numbers of the cells (3) as a float8 kernel argument.
-    """
-
-    points: cla.Array
-    starts: cla.Array
-    box: np.void
+    points: cla.Array  # device (m, 4) float32 x, y, z and the bits of the point's number [any length unit]
+    starts: cla.Array  # device (cells + 1,) int32, where each cell's points begin
+    box: np.void  # origin (3), size and numbers of the cells (3) as a float8 kernel argument
 
     def __len__(self) -> int:
         return int(self.points.shape[0])
@@ -43,15 +37,10 @@ class Cells:
 
 @dataclass(frozen=True, slots=True)
 class Elements:
-    """The points of a surface on the device that they were prepared on.
+    """The points of a surface on the device that they were prepared on."""
 
-    Attributes:
-        rows: device (m, 12) float32, point, normal and ray of each as `element.cl` has them.
-        cells: the same points, to search among.
-    """
-
-    rows: cla.Array
-    cells: Cells
+    rows: cla.Array  # device (m, 12) float32, point, normal and ray of each as `element.cl` has them
+    cells: Cells  # the same points, to search among
 
     def __len__(self) -> int:
         return int(self.rows.shape[0])

@@ -13,32 +13,23 @@ STATE, SUMS, SUMS_COUNT, DOUBTS, NEXT, LENGTH = 15, 16, 208, 272, 280, 296
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """Where k poses are, the sums of the last step there, and where it leads; float64.
+    """Where k poses are, the sums of the last step there, and where it leads; float64."""
 
-    Attributes:
-        turn: (k, 3, 3) and
-        shift: (k, 3), p_target = R p_source + shift about the grid centers [voxels].
-        width: (k,) how far the surfaces usually are apart [voxels].
-        stretch: (k, 2) of the source and of the target.
-        moving, whole, shared: (k, 8, 8) sums of the weights times the gaps' derivatives, by turn, shift and stretches:
-            of the pairs that move the pose, of all, and with one scan's normals times the other's (not symmetric).
-        gradient: (k, 8) of the pairs that move the pose, times the gaps.
-        total, squares: (k,) of the weights, and times the squared gaps.
-        doubts: (k, 6) sums of the squares of what each pair adds to `shared` along the principal axes.
-        next_turn, next_shift, next_stretch: where the step leads, if the pairs alone decide.
-    """
-
-    turn: np.ndarray
-    shift: np.ndarray
-    width: np.ndarray
-    stretch: np.ndarray
+    turn: np.ndarray  # (k, 3, 3) and
+    shift: np.ndarray  # (k, 3), p_target = R p_source + shift about the grid centers [voxels]
+    width: np.ndarray  # (k,) how far the surfaces usually are apart [voxels]
+    stretch: np.ndarray  # (k, 2) of the source and of the target
+    # moving, whole, shared: (k, 8, 8) sums of the weights times the gaps' derivatives, by turn, shift and stretches: of
+    # the pairs that move the pose, of all, and with one scan's normals times the other's (not symmetric)
     moving: np.ndarray
     whole: np.ndarray
     shared: np.ndarray
-    gradient: np.ndarray
+    gradient: np.ndarray  # (k, 8) of the pairs that move the pose, times the gaps
+    # total, squares: (k,) of the weights, and times the squared gaps
     total: np.ndarray
     squares: np.ndarray
-    doubts: np.ndarray
+    doubts: np.ndarray  # (k, 6) sums of the squares of what each pair adds to `shared` along the principal axes
+    # next_turn, next_shift, next_stretch: where the step leads, if the pairs alone decide
     next_turn: np.ndarray
     next_shift: np.ndarray
     next_stretch: np.ndarray

@@ -24,49 +24,35 @@ _PART = 128
 
 @dataclass(frozen=True, slots=True)
 class Weighting:
-    """How pairs count.
+    """How pairs count."""
 
-    Attributes:
-        bell, wide_bell: the width of the weights' bell is this share of how far apart points may be, or of how far the
-            surfaces usually are.
-        bells: points as many widths of the bell apart as this no longer count.
-        measured: how far the surfaces usually are apart is measured where points may be at least so far apart; nearer
-            than that, rims no longer move the pose.
-        scale: each pair counts for so many.
-    """
-
+    # bell, wide_bell: the width of the weights' bell is this share of how far apart points may be, or of how far the
+    # surfaces usually are
     bell: float
     wide_bell: float
-    bells: float
+    bells: float  # points as many widths of the bell apart as this no longer count
+    # how far the surfaces usually are apart is measured where points may be at least so far apart; nearer than that,
+    # rims no longer move the pose
     measured: float
-    scale: float = 1.0
+    scale: float = 1.0  # each pair counts for so many
 
 
 @dataclass(frozen=True, slots=True)
 class Stretching:
-    """What is known of the stretches before: their inverse variance by that of the gaps is known * width^power.
+    """What is known of the stretches before: their inverse variance by that of the gaps is known * width^power."""
 
-    Attributes:
-        known, power: as above.
-        narrowest: no width is less.
-    """
-
+    # known, power: as above
     known: float
     power: float
-    narrowest: float
+    narrowest: float  # no width is less
 
 
 @dataclass(frozen=True, slots=True)
 class LastStep:
-    """What the last step of a refinement says.
+    """What the last step of a refinement says."""
 
-    Attributes:
-        poses: device (k, 16) float32, where it leads if the pairs alone decide, as `upload_poses` has them.
-        rows: a `Record` of the poses, on its way to the host.
-    """
-
-    poses: cla.Array
-    rows: Readback
+    poses: cla.Array  # device (k, 16) float32, where it leads if the pairs alone decide, as `upload_poses` has them
+    rows: Readback  # a `Record` of the poses, on its way to the host
 
     def read(self) -> Record:
         """Where the poses are, and the sums of the step."""

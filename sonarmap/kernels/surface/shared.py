@@ -17,30 +17,19 @@ _ITEM, _LANES = 32, 64
 
 @dataclass(frozen=True, slots=True)
 class WeightedElements:
-    """The points of a surface, and how much each counts.
+    """The points of a surface, and how much each counts."""
 
-    Attributes:
-        elements: the points.
-        weights: device (d,) float32, by the directions of their normals.
-    """
-
-    elements: Elements
-    weights: cla.Array
+    elements: Elements  # the points
+    weights: cla.Array  # device (d,) float32, by the directions of their normals
 
 
 @dataclass(frozen=True, slots=True)
 class Nearness:
-    """What a point needs on the other surface.
+    """What a point needs on the other surface."""
 
-    Attributes:
-        reach: within which distance it lies on that surface.
-        covered: within which distance it is covered by it.
-        alike: least cosine of the normals of points that agree.
-    """
-
-    reach: float
-    covered: float
-    alike: float
+    reach: float  # within which distance it lies on that surface
+    covered: float  # within which distance it is covered by it
+    alike: float  # least cosine of the normals of points that agree
 
 
 def shared_sums(

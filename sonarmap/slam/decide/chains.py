@@ -26,21 +26,16 @@ class Chains:
     """Scans chained into parts, without a cycle.
 
     They are numbered so that every scan comes before those behind it, and all behind it follow in a row.
-
-    Attributes:
-        part: (N,) int, the number of each scan's part, 0, 1, ... in the order of their first scans.
-        T: N poses, each in the frame of its part's first scan [m].
-        covariance: (N, 6, 6) that gathers from the part's first scan to each, of a tangent in the part's frame
-            (on the left), rotation first [rad, m].
-        rank: (N,) int, the place of each scan in the order, and `scan`: (N,) int, the scan at each place.
-        before: (levels, N) int: at [l, k] the lowest place that any of the 2^l scans from place k on is reached from.
     """
 
-    part: np.ndarray
-    T: RigidTransform
+    part: np.ndarray  # (N,) int, the number of each scan's part, 0, 1, ... in the order of their first scans.
+    T: RigidTransform  # N poses, each in the frame of its part's first scan [m]
+    # (N, 6, 6) that gathers from the part's first scan to each, of a tangent in the part's frame (on the left),
+    # rotation first [rad, m]
     covariance: np.ndarray
-    rank: np.ndarray
+    rank: np.ndarray  # (N,) int, the place of each scan in the order, and `scan`: (N,) int, the scan at each place
     scan: np.ndarray
+    # (levels, N) int: at [l, k] the lowest place that any of the 2^l scans from place k on is reached from
     before: np.ndarray
 
     def between(self, i: np.ndarray, j: np.ndarray) -> np.ndarray:

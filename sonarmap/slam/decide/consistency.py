@@ -29,20 +29,14 @@ _CLEARLY = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Answers compared with the chain that they lie in, and with each other.
+    """Answers compared with the chain that they lie in, and with each other."""
 
-    Attributes:
-        parts: n indices of answers of each pair of parts.
-        sigmas: (n,) distance of each from its part's own chain; NaN where it joins two parts.
-        agree, contradict: (n, n) sparse, symmetric, 1 where two of different pairs were compared and agree, or do not.
-        bound: largest distance of two that agree [sigmas].
-    """
-
-    parts: tuple[np.ndarray, ...]
-    sigmas: np.ndarray
+    parts: tuple[np.ndarray, ...]  # n indices of answers of each pair of parts
+    sigmas: np.ndarray  # (n,) distance of each from its part's own chain; NaN where it joins two parts
+    # agree, contradict: (n, n) sparse, symmetric, 1 where two of different pairs were compared and agree, or do not
     agree: sparse.csr_array
     contradict: sparse.csr_array
-    bound: float
+    bound: float  # largest distance of two that agree [sigmas]
 
     def support(self, possible_edges: Sequence[PossibleEdge]) -> list[PossibleEdge]:
         """The same answers as were compared, in their order, with their support; by what they weigh now."""
@@ -143,20 +137,14 @@ def _symmetric(pairs: np.ndarray, count: int) -> sparse.csr_array:
 
 @dataclass(frozen=True, slots=True)
 class _Cycles:
-    """n possible edges in the frames of their parts.
+    """n possible edges in the frames of their parts."""
 
-    Attributes:
-        i, j: (n,) int, the scans, i in the part of the lower number.
-        X: n transforms T_parti_partj between their frames.
-        noise: (n, 6, 6) covariance of X by the registration alone, on the left.
-        chains: of the survey's scans.
-    """
-
+    # i, j: (n,) int, the scans, i in the part of the lower number
     i: np.ndarray
     j: np.ndarray
-    X: RigidTransform
-    noise: np.ndarray
-    chains: Chains
+    X: RigidTransform  # n transforms T_parti_partj between their frames
+    noise: np.ndarray  # (n, 6, 6) covariance of X by the registration alone, on the left
+    chains: Chains  # of the survey's scans
 
     @classmethod
     def of(cls, chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.ndarray) -> "_Cycles":

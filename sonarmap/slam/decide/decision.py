@@ -35,22 +35,14 @@ _SETTLING = 3
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What a survey's registrations amount to.
+    """What a survey's registrations amount to."""
 
-    Attributes:
-        chained: N poses from the trusted edges alone, without a loop.
-        solution: the optimized graph of the edges that were kept.
-        pairs: every pair with its verdict, in the order in which they were given.
-        wrong_fixes: what instruments measured and all others contradict; it was left out.
-        wrong_control: control points that all others contradict; they were left out.
-        displaced: scans of pairs that are kept without ties and control points, and refused for these.
-    """
-
-    chained: Trajectory
-    solution: Solution
-    pairs: tuple[Pair, ...]
-    wrong_fixes: tuple[WrongFix, ...] = ()
-    wrong_control: tuple[WrongControl, ...] = ()
+    chained: Trajectory  # N poses from the trusted edges alone, without a loop
+    solution: Solution  # the optimized graph of the edges that were kept
+    pairs: tuple[Pair, ...]  # every pair with its verdict, in the order in which they were given
+    wrong_fixes: tuple[WrongFix, ...] = ()  # what instruments measured and all others contradict; it was left out
+    wrong_control: tuple[WrongControl, ...] = ()  # control points that all others contradict; they were left out
+    # scans of pairs that are kept without ties and control points, and refused for these
     displaced: tuple[tuple[int, int], ...] = ()
 
     def points(self, control: Sequence[ControlPoint]) -> tuple[MeasuredControl, ...]:
@@ -136,21 +128,14 @@ def _settled(graph: PoseGraph) -> Solution:
 
 @dataclass(frozen=True, slots=True)
 class _Possible:
-    """What may become an edge, before the graph is optimized.
+    """What may become an edge, before the graph is optimized."""
 
-    Attributes:
-        trusted: the edges of the chain, and what a person accepted or added.
-        joins: answers that join parts of these.
-        taken: all answers that are given to the optimizer beside `trusted`, by their scans.
-        supported: all answers but those of the chain, with their support.
-        chain_scans: the scans of the edges of the chain.
-    """
-
-    trusted: list[Edge]
-    joins: list[Edge]
+    trusted: list[Edge]  # the edges of the chain, and what a person accepted or added
+    joins: list[Edge]  # answers that join parts of these
+    # all answers that are given to the optimizer beside `trusted`, by their scans
     taken: dict[tuple[int, int], PossibleEdge]
-    supported: list[PossibleEdge]
-    chain_scans: set[tuple[int, int]]
+    supported: list[PossibleEdge]  # all answers but those of the chain, with their support
+    chain_scans: set[tuple[int, int]]  # the scans of the edges of the chain
 
     @classmethod
     def of(

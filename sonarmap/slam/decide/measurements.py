@@ -19,22 +19,14 @@ from sonarmap.spectral.scan import PosePrior, Scan
 
 @dataclass(frozen=True, slots=True)
 class Measurements:
-    """Scans, instruments without fixes that they themselves contradict, and what a person adds.
+    """Scans, instruments without fixes that they themselves contradict, and what a person adds."""
 
-    Attributes:
-        scans: N, with the priors that are left; what is wrong must not bound a registration.
-        surveys: (N,) the number of each scan's survey.
-        odometry: dead reckoning; None without.
-        wrong_fixes: what dead reckoning and the other fixes contradict.
-        control: points of scans with known coordinates; those to check with are not used.
-        ties: what a person said of pairs, by their scans.
-    """
-
-    scans: tuple[Scan, ...]
-    surveys: np.ndarray
-    odometry: Odometry | None = None
-    wrong_fixes: tuple[WrongFix, ...] = ()
-    control: tuple[ControlPoint, ...] = ()
+    scans: tuple[Scan, ...]  # N, with the priors that are left; what is wrong must not bound a registration
+    surveys: np.ndarray  # (N,) the number of each scan's survey
+    odometry: Odometry | None = None  # dead reckoning; None without
+    wrong_fixes: tuple[WrongFix, ...] = ()  # what dead reckoning and the other fixes contradict
+    control: tuple[ControlPoint, ...] = ()  # points of scans with known coordinates; those to check with are not used
+    # what a person said of pairs, by their scans
     ties: Mapping[tuple[int, int], Tie] = field(default_factory=dict[tuple[int, int], Tie])
 
     @classmethod

@@ -30,43 +30,28 @@ _LIKELY, _BELIEVED, _SURE = -log(2 / 3), -log(0.2), -log(0.05)
 
 @dataclass(frozen=True, slots=True)
 class Support:
-    """What speaks for a possible edge.
+    """What speaks for a possible edge."""
 
-    Attributes:
-        pairs: how many pairs, its own among them, agree with one another in its group.
-        weight: of the group, the negative logarithm of the probability that all of it is wrong.
-        leading: whether its group is clearly heavier than the next between the same parts.
-        sigmas: its distance from its part's own chain (Mahalanobis); NaN where it joins two parts.
-        agrees: whether that is within the bound; False where it joins two parts.
-    """
-
-    pairs: int = 1
-    weight: float = 0.0
-    leading: bool = False
-    sigmas: float = float("nan")
-    agrees: bool = False
+    pairs: int = 1  # how many pairs, its own among them, agree with one another in its group
+    weight: float = 0.0  # of the group, the negative logarithm of the probability that all of it is wrong
+    leading: bool = False  # whether its group is clearly heavier than the next between the same parts
+    sigmas: float = float("nan")  # its distance from its part's own chain (Mahalanobis); NaN where it joins two parts
+    agrees: bool = False  # whether that is within the bound; False where it joins two parts
 
 
 @dataclass(frozen=True, slots=True)
 class PossibleEdge:
-    """One answer to how two scans lie to each other, and what speaks for it.
+    """One answer to how two scans lie to each other, and what speaks for it."""
 
-    Attributes:
-        i, j: target and source, i < j.
-        registration: the answer.
-        rank: 0 for the registration itself, from 1 on for its alternatives.
-        near: whether the scans follow each other closely, so that they certainly share something.
-        odds: how much more often than they say registrations of this survey are wrong (`slam.decide.possible_edge`).
-        support: by the other pairs, as far as it is known.
-    """
-
+    # i, j: target and source, i < j
     i: int
     j: int
-    registration: Registration
-    rank: int = 0
-    near: bool = False
+    registration: Registration  # the answer
+    rank: int = 0  # 0 for the registration itself, from 1 on for its alternatives
+    near: bool = False  # whether the scans follow each other closely, so that they certainly share something
+    # how much more often than they say registrations of this survey are wrong (`slam.decide.possible_edge`)
     odds: float = 1.0
-    support: Support = Support()
+    support: Support = Support()  # by the other pairs, as far as it is known
 
     @property
     def scans(self) -> tuple[int, int]:

@@ -13,15 +13,10 @@ from sonarmap.slam.graph.pose_graph import PoseGraph
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A part of a graph, as a graph of its own.
+    """A part of a graph, as a graph of its own."""
 
-    Attributes:
-        graph: of the region's poses; those at its rim are held where they were.
-        edges: the number that each of its edges has in the whole graph.
-    """
-
-    graph: PoseGraph
-    edges: np.ndarray
+    graph: PoseGraph  # of the region's poses; those at its rim are held where they were
+    edges: np.ndarray  # the number that each of its edges has in the whole graph
 
 
 def regions_about(graph: PoseGraph, active: np.ndarray, doubtful: Sequence[int], size: int) -> list[Region]:

@@ -32,19 +32,12 @@ _HALF = 0.5  # weight of an edge that is neither right nor wrong
 
 @dataclass(frozen=True, slots=True)
 class RobustSolution:
-    """The inliers, and the poses that agree best with them.
+    """The inliers, and the poses that agree best with them."""
 
-    Attributes:
-        solution: of the graph of the accepted edges alone, in their order.
-        accepted: (E,) bool, of the edges that were given.
-        residuals: (E,) float64, every edge's residual there in sigmas.
-        reasons: (E,) in reasons, why each was accepted or rejected.
-    """
-
-    solution: Solution
-    accepted: np.ndarray
-    residuals: np.ndarray
-    reasons: tuple[str, ...]
+    solution: Solution  # of the graph of the accepted edges alone, in their order
+    accepted: np.ndarray  # (E,) bool, of the edges that were given
+    residuals: np.ndarray  # (E,) float64, every edge's residual there in sigmas
+    reasons: tuple[str, ...]  # (E,) in reasons, why each was accepted or rejected
 
 
 def robust_optimize(graph: PoseGraph, chain_worth: float | None = None) -> RobustSolution:

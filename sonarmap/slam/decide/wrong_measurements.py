@@ -29,30 +29,19 @@ _MOST = 0.3
 
 @dataclass(frozen=True, slots=True)
 class WrongFix:
-    """A measurement that was left out.
+    """A measurement that was left out."""
 
-    Attributes:
-        scan: its index.
-        kind: of KINDS.
-        sigmas: how far it is from what all others say, in standard deviations of one number that is as rare.
-    """
-
-    scan: int
-    kind: str
-    sigmas: float
+    scan: int  # its index
+    kind: str  # of KINDS
+    sigmas: float  # how far it is from what all others say, in standard deviations of one number that is as rare
 
 
 @dataclass(frozen=True, slots=True)
 class WrongControl:
-    """A control point that was left out.
+    """A control point that was left out."""
 
-    Attributes:
-        point: as it was given.
-        sigmas: how far it is from what all others say, in its own standard deviations and the map's together.
-    """
-
-    point: ControlPoint
-    sigmas: float
+    point: ControlPoint  # as it was given
+    sigmas: float  # how far it is from what all others say, in its own standard deviations and the map's together
 
 
 def without_wrong_fixes(
@@ -167,23 +156,14 @@ def _wrong_control(
 
 @dataclass(frozen=True, slots=True)
 class _Fixes:
-    """What was measured of n poses, by the K kinds of KINDS.
+    """What was measured of n poses, by the K kinds of KINDS."""
 
-    Attributes:
-        poses: (n,) int.
-        priors: n.
-        R: n measured rotations, level where the attitude is not measured.
-        places: (n, 3) measured translations [m].
-        sigmas: (n, 6) as of a `PosePrior`.
-        known: (n, K) bool, what was measured.
-    """
-
-    poses: np.ndarray
-    priors: tuple[PosePrior, ...]
-    R: Rotation
-    places: np.ndarray
-    sigmas: np.ndarray
-    known: np.ndarray
+    poses: np.ndarray  # (n,) int
+    priors: tuple[PosePrior, ...]  # n
+    R: Rotation  # n measured rotations, level where the attitude is not measured
+    places: np.ndarray  # (n, 3) measured translations [m]
+    sigmas: np.ndarray  # (n, 6) as of a `PosePrior`
+    known: np.ndarray  # (n, K) bool, what was measured
 
     @classmethod
     def of(cls, priors: Mapping[int, PosePrior]) -> "_Fixes":

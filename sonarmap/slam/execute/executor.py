@@ -28,19 +28,12 @@ PATIENCE = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Executor:
-    """Runs a task on many jobs.
+    """Runs a task on many jobs."""
 
-    Attributes:
-        pool: what runs a piece of work.
-        transport: brings scans to the workers.
-        worker_count: how many workers there are now.
-        most_together: the largest number of jobs in a piece of work, whatever is asked for.
-    """
-
-    pool: Pool
-    transport: Transport
-    worker_count: Callable[[], int]
-    most_together: int | None = None
+    pool: Pool  # what runs a piece of work
+    transport: Transport  # brings scans to the workers
+    worker_count: Callable[[], int]  # how many workers there are now
+    most_together: int | None = None  # the largest number of jobs in a piece of work, whatever is asked for
 
     def run(
         self,

@@ -32,19 +32,12 @@ _UNWRITABLE = (
 
 @dataclass(frozen=True, slots=True)
 class JournalEntry:
-    """The result of one piece of work.
+    """The result of one piece of work."""
 
-    Attributes:
-        key: a digest of all that decides the result.
-        label: names of what was worked on, for people.
-        content: the result as text.
-        seconds: how long it took when it was computed [s].
-    """
-
-    key: str
-    label: str
-    content: str
-    seconds: float
+    key: str  # a digest of all that decides the result
+    label: str  # names of what was worked on, for people
+    content: str  # the result as text
+    seconds: float  # how long it took when it was computed [s]
 
 
 class Journal:
@@ -54,15 +47,15 @@ class Journal:
     power, loses only what was not added yet. One process at a time can use the file. An entry that is not what was
     added, as the disk or someone changed it, is as good as none: its work is done again.
 
-    Attributes:
-        damaged: how many such entries were asked for.
-
     Args:
         path: the file; it is made if it does not exist.
         fresh: whether to delete all entries first.
 
     Raises:
         InputError: the file is no journal, is damaged, is in use, or cannot be written; from every call.
+
+    Attributes:
+        damaged: how many such entries were asked for.
     """
 
     def __init__(self, path: Path, fresh: bool = False) -> None:

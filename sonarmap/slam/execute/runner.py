@@ -21,31 +21,21 @@ from sonarmap.spectral.scan import Scan
 
 @dataclass(frozen=True, slots=True)
 class PairTime:
-    """How long one pair took.
+    """How long one pair took."""
 
-    Attributes:
-        target, source: indices of its scans among all of the survey.
-        seconds: how long it took when it was computed, with the preparing of its scans [s].
-        from_journal: whether an earlier run computed it.
-    """
-
+    # target, source: indices of its scans among all of the survey
     target: int
     source: int
-    seconds: float
-    from_journal: bool
+    seconds: float  # how long it took when it was computed, with the preparing of its scans [s]
+    from_journal: bool  # whether an earlier run computed it
 
 
 @dataclass(slots=True)
 class Timings:
-    """How long a survey's run took so far.
+    """How long a survey's run took so far."""
 
-    Attributes:
-        pairs: in the order in which they were done.
-        stages: seconds of every stage, by its name.
-    """
-
-    pairs: list[PairTime] = field(default_factory=list)
-    stages: dict[str, float] = field(default_factory=dict)
+    pairs: list[PairTime] = field(default_factory=list)  # in the order in which they were done
+    stages: dict[str, float] = field(default_factory=dict)  # seconds of every stage, by its name
     _stage_start: float = field(default_factory=perf_counter)
 
     @property
@@ -65,21 +55,13 @@ Progress = Callable[[int, int, str], None]
 
 @dataclass(frozen=True, slots=True)
 class Execution:
-    """Who registers a survey's pairs, and where the results are kept.
+    """Who registers a survey's pairs, and where the results are kept."""
 
-    Attributes:
-        worker: what registers; where the executor's workers are other processes, a `WorkerSpec`.
-        executor: what runs it.
-        journal: where results are kept and looked up; None for nowhere.
-        method: a key of all that decides the result of a pair beside its scans, for the journal.
-        timings: how long it took, added to as it runs.
-    """
-
-    worker: PairWorker
-    executor: Executor = field(default_factory=this_process)
-    journal: Journal | None = None
-    method: str = ""
-    timings: Timings = field(default_factory=Timings)
+    worker: PairWorker  # what registers; where the executor's workers are other processes, a `WorkerSpec`
+    executor: Executor = field(default_factory=this_process)  # what runs it
+    journal: Journal | None = None  # where results are kept and looked up; None for nowhere
+    method: str = ""  # a key of all that decides the result of a pair beside its scans, for the journal
+    timings: Timings = field(default_factory=Timings)  # how long it took, added to as it runs
 
     @classmethod
     def here(cls, registrar: Registrar, prepared: int) -> "Execution":

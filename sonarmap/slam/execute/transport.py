@@ -20,15 +20,10 @@ from sonarmap.spectral.scan import PosePrior, Scan
 
 @dataclass(frozen=True, slots=True)
 class ScanKey:
-    """What a piece of work says instead of a scan.
+    """What a piece of work says instead of a scan."""
 
-    Attributes:
-        content: a digest of what the scan holds, as `content_key` gives it.
-        name: the scan's; messages hold it.
-    """
-
-    content: str
-    name: str
+    content: str  # a digest of what the scan holds, as `content_key` gives it
+    name: str  # the scan's; messages hold it
 
 
 def scan_key(scan: Scan) -> ScanKey:

@@ -45,15 +45,10 @@ def prepared_limit(registrar: Registrar, workers: int = 1) -> int:
 
 @dataclass(frozen=True, slots=True)
 class TimedText:
-    """The result of registering a pair, or a scan's signature, as text (`slam.execute.pair_text`).
+    """The result of registering a pair, or a scan's signature, as text (`slam.execute.pair_text`)."""
 
-    Attributes:
-        content: the result.
-        seconds: how long it took, with the preparing of scans [s].
-    """
-
-    content: str
-    seconds: float
+    content: str  # the result
+    seconds: float  # how long it took, with the preparing of scans [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,17 +141,11 @@ class Worker:
 
 @dataclass(frozen=True, slots=True)
 class WorkerSpec:
-    """What another process makes its worker from, once. It travels with every piece of work, so its parts are small.
+    """What another process makes its worker from, once. It travels with every piece of work, so its parts are small."""
 
-    Attributes:
-        make: makes the registrar; a function of a module, or a partial of one.
-        key: of the method: the same for two specifications that make the same.
-        prepared: how many prepared scans to keep, at least 2.
-    """
-
-    make: Callable[[], Registrar]
-    key: str
-    prepared: int
+    make: Callable[[], Registrar]  # makes the registrar; a function of a module, or a partial of one
+    key: str  # of the method: the same for two specifications that make the same
+    prepared: int  # how many prepared scans to keep, at least 2
 
     def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
         """As `Worker.run`, by the worker of the process that this is called in."""

@@ -82,19 +82,13 @@ class ControlPoint:
 
 @dataclass(frozen=True, slots=True)
 class MeasuredControl:
-    """A control or check point in a finished map.
+    """A control or check point in a finished map."""
 
-    Attributes:
-        point: as it was given.
-        estimated: (3,) where the map has it, East, North, Up [m].
-        in_world: whether instruments or control points tell all of where the part of the map lies that it is in.
-        wrong: of a control point that all others contradict, and that was therefore left out, by how many standard
-            deviations of its own and the map's together; NaN of any other.
-    """
-
-    point: ControlPoint
-    estimated: np.ndarray
-    in_world: bool
+    point: ControlPoint  # as it was given
+    estimated: np.ndarray  # (3,) where the map has it, East, North, Up [m]
+    in_world: bool  # whether instruments or control points tell all of where the part of the map lies that it is in
+    # of a control point that all others contradict, and that was therefore left out, by how many standard deviations of
+    # its own and the map's together; NaN of any other
     wrong: float = float("nan")
 
     @property

@@ -31,17 +31,11 @@ _SHARE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class OpenMotion:
-    """In which motions of a whole component nothing holds it.
+    """In which motions of a whole component nothing holds it."""
 
-    Attributes:
-        middle: T_world_middle, level, about which the motions are: the control points' mean.
-        axes: (6, k) orthonormal columns of (turn, shift) along the world's axes; k is 0 where all is held.
-        lever: what a turn counts [m], as columns hold turns times it.
-    """
-
-    middle: RigidTransform
-    axes: np.ndarray
-    lever: float
+    middle: RigidTransform  # T_world_middle, level, about which the motions are: the control points' mean
+    axes: np.ndarray  # (6, k) orthonormal columns of (turn, shift) along the world's axes; k is 0 where all is held
+    lever: float  # what a turn counts [m], as columns hold turns times it
 
     @property
     def names(self) -> np.ndarray:
@@ -62,17 +56,13 @@ class Gauge:
     Every connected component needs a tie to the world: its fixed poses or what is measured of its poses is that tie,
     and where it has neither, its first pose is held (`anchors`). What nobody measured of any of its poses is held
     there too.
-
-    Attributes:
-        T_world: N poses, about where they are.
-        edges, fixed, known, control: as of the graph.
-        priors: what instruments measured, by pose.
     """
 
-    T_world: RigidTransform
+    T_world: RigidTransform  # N poses, about where they are
+    # edges, fixed, known, control: as of the graph
     edges: tuple[Edge, ...]
     fixed: tuple[int, ...]
-    priors: Mapping[int, PosePrior]
+    priors: Mapping[int, PosePrior]  # what instruments measured, by pose
     known: tuple[KnownPose, ...]
     control: tuple[ControlPoint, ...]
 

@@ -25,18 +25,13 @@ _ROUNDED = 1e-9
 class KnownPose:
     """What is known of one pose: R = R_measured Exp(w) and t = t_measured + R_measured v, and how well w and v.
 
-    Attributes:
-        pose: its index.
-        T_world_pose: as measured.
-        information: (6, 6) of (w, v) [1/rad^2, 1/m^2], symmetric; 0 in directions that are not known.
-
     Raises:
         InputError: an information that is not finite, symmetric and positive semidefinite.
     """
 
-    pose: int
-    T_world_pose: RigidTransform
-    information: np.ndarray
+    pose: int  # its index
+    T_world_pose: RigidTransform  # as measured
+    information: np.ndarray  # (6, 6) of (w, v) [1/rad^2, 1/m^2], symmetric; 0 in directions that are not known
 
     def __post_init__(self) -> None:
         name = f"the information about pose {self.pose}"
@@ -88,20 +83,14 @@ def blocks(turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class MeasuredPoses:
-    """What was measured of n poses, as arrays.
+    """What was measured of n poses, as arrays."""
 
-    Attributes:
-        poses: (n,) int, ascending.
-        T_world_pose: n, as measured: rotations level where the attitude is not, with the estimate's heading where that
-            is not; translations 0 where they are not.
-        turn: (n, 3, 3) information about w of R_true = R Exp(w) [1/rad^2].
-        shift: (n, 3) information about the translation along East, North and Up [1/m^2].
-    """
-
-    poses: np.ndarray
+    poses: np.ndarray  # (n,) int, ascending
+    # n, as measured: rotations level where the attitude is not, with the estimate's heading where that is not;
+    # translations 0 where they are not
     T_world_pose: RigidTransform
-    turn: np.ndarray
-    shift: np.ndarray
+    turn: np.ndarray  # (n, 3, 3) information about w of R_true = R Exp(w) [1/rad^2]
+    shift: np.ndarray  # (n, 3) information about the translation along East, North and Up [1/m^2]
 
     @classmethod
     def of(cls, priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> "MeasuredPoses":

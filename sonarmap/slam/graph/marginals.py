@@ -20,14 +20,10 @@ _SIZE = 6  # numbers of a pose
 
 @dataclass(frozen=True, slots=True)
 class Marginals:
-    """Covariances of N poses' body tangents, rotation first [rad, m].
+    """Covariances of N poses' body tangents, rotation first [rad, m]."""
 
-    Attributes:
-        single: (N, 6, 6) of each pose.
-        across: (m, 6, 6) of each pair (i, j) that was asked for: the expectation of the error of i times that of j.
-    """
-
-    single: np.ndarray
+    single: np.ndarray  # (N, 6, 6) of each pose
+    # (m, 6, 6) of each pair (i, j) that was asked for: the expectation of the error of i times that of j
     across: np.ndarray
 
 
@@ -68,16 +64,11 @@ def _ties(linear: gtsam.GaussianFactorGraph) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class _Eliminated:
-    """Variables in the order of their elimination, each given the later ones that its equations name.
+    """Variables in the order of their elimination, each given the later ones that its equations name."""
 
-    Attributes:
-        place: (N,) int, each key's place in this order.
-        later: for each place the (s,) places, ascending, of the variables that its equations name.
-        R: for each place (6, 6), upper triangular, and `S`: (6, 6 s): R x + S x_later = noise of variance 1.
-    """
-
-    place: np.ndarray
-    later: list[np.ndarray]
+    place: np.ndarray  # (N,) int, each key's place in this order
+    later: list[np.ndarray]  # for each place the (s,) places, ascending, of the variables that its equations name
+    # for each place (6, 6), upper triangular, and `S`: (6, 6 s): R x + S x_later = noise of variance 1
     R: list[np.ndarray]
     S: list[np.ndarray]
 

@@ -31,6 +31,8 @@ from sonarmap.spectral.scan import PosePrior
 class PoseGraph:
     """An estimate and the measurements it has to agree with.
 
+    What ties it to the world, and what is held where nothing does, is its `gauge`.
+
     Attributes:
         trajectory: the initial estimate of N poses.
         edges: measurements; their covariances are used in full and as they are.
@@ -38,8 +40,6 @@ class PoseGraph:
         priors: (pose, what instruments measured of it); the trajectory is in their world (`place_in_world`).
         known: what else is known of single poses, as a file says it.
         control: points of poses, held to their places in the world; the trajectory is in it (`place_by_control`).
-
-    What ties it to the world, and what is held where nothing does, is its `gauge`.
 
     Raises:
         InputError: an edge or a fixed pose that names a pose which is not there.

@@ -36,39 +36,27 @@ _AT_A_TIME = 100_000  # points that are looked at together, so that memory stays
 
 @dataclass(frozen=True, slots=True)
 class CleanMap:
-    """A map in two layers.
+    """A map in two layers."""
 
-    Attributes:
-        clean: the map.
-        doubtful: the points that were left out of it.
-    """
-
-    clean: PointMap
-    doubtful: PointMap
+    clean: PointMap  # the map
+    doubtful: PointMap  # the points that were left out of it
 
 
 @dataclass(frozen=True, slots=True)
 class ComponentMaps:
-    """The maps of n scans that edges join.
+    """The maps of n scans that edges join."""
 
-    Attributes:
-        optimized: the map.
-        doubtful: the points that were left out of it, as too few scans saw them where others looked; None where that
-            was not asked.
-        layers: the map of each survey's scans alone, by the survey's number, and what is doubtful by these scans;
-            none where there is one survey.
-        chained: the map that the poses before the loops would give, in the same frame, of the echoes that make up the
-            map: it is not judged itself, as free space contradicts what drift draws twice.
-        chained_poses: these n poses.
-        crossings: how far overlapping passes lie apart, before and after.
-    """
-
-    optimized: PointMap
+    optimized: PointMap  # the map
+    # the points that were left out of it, as too few scans saw them where others looked; None where that was not asked
     doubtful: PointMap | None
+    # the map of each survey's scans alone, by the survey's number, and what is doubtful by these scans; none where
+    # there is one survey
     layers: Mapping[int, CleanMap]
+    # the map that the poses before the loops would give, in the same frame, of the echoes that make up the map: it is
+    # not judged itself, as free space contradicts what drift draws twice
     chained: PointMap
-    chained_poses: Trajectory
-    crossings: CrossingError
+    chained_poses: Trajectory  # these n poses
+    crossings: CrossingError  # how far overlapping passes lie apart, before and after
 
 
 def component_maps(placed: PlacedScans, chained: Trajectory, min_seen: int = MIN_SEEN) -> ComponentMaps:

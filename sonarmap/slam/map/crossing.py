@@ -32,15 +32,12 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """Two scans of different passes over one place.
+    """Two scans of different passes over one place."""
 
-    Attributes:
-        i, j: the scans, i < j.
-        before, after: the distances between what both saw, under either estimate of the poses.
-    """
-
+    # i, j: the scans, i < j
     i: int
     j: int
+    # before, after: the distances between what both saw, under either estimate of the poses
     before: Spread
     after: Spread
 

@@ -28,19 +28,14 @@ _CROWD = 3  # of so many echoes in a cell the nearest is left out: it may be a w
 
 @dataclass(frozen=True, slots=True)
 class Votes:
-    """What the scans say about each point of a map.
+    """What the scans say about each point of a map."""
 
-    Attributes:
-        agree: (M,) int32, scans whose nearest surface in that direction is there.
-        contradict: (M,) int32, scans whose beams passed there and met something farther off.
-        looked: (M,) int32, scans whose beams went that way, close together: they met the point, passed it, or met
-            something before it.
-        behind: (M,) bool, whether the view of the scan that saw most of the point shows something nearer all about it.
-    """
-
-    agree: np.ndarray
-    contradict: np.ndarray
+    agree: np.ndarray  # (M,) int32, scans whose nearest surface in that direction is there
+    contradict: np.ndarray  # (M,) int32, scans whose beams passed there and met something farther off
+    # (M,) int32, scans whose beams went that way, close together: they met the point, passed it, or met something
+    # before it
     looked: np.ndarray
+    # (M,) bool, whether the view of the scan that saw most of the point shows something nearer all about it
     behind: np.ndarray
 
     def take(self, chosen: np.ndarray) -> Votes:
@@ -109,21 +104,16 @@ def _tolerance(ranges: np.ndarray, sigma: np.ndarray, voxel: float) -> np.ndarra
 
 @dataclass(frozen=True, slots=True)
 class _View:
-    """What one scan saw, over directions.
+    """What one scan saw, over directions."""
 
-    Attributes:
-        R_view_sensor: turns the middle of the beams to the octahedral map's, so that its seams lie behind.
-        levels: of every fineness, (edge, edge) float64: the nearest range [m] of each cell and the eight around it;
-            NaN where too few of these hold an echo to tell anything.
-        closed: of the two finest, (edge, edge) float64: what the nine cells' nearest ranges do not exceed [m]; NaN
-            where a beam may have passed between them.
-        reach: the farthest range [m].
-    """
-
-    R_view_sensor: Rotation
+    R_view_sensor: Rotation  # turns the middle of the beams to the octahedral map's, so that its seams lie behind
+    # of every fineness, (edge, edge) float64: the nearest range [m] of each cell and the eight around it; NaN where too
+    # few of these hold an echo to tell anything
     levels: tuple[np.ndarray, ...]
+    # of the two finest, (edge, edge) float64: what the nine cells' nearest ranges do not exceed [m]; NaN where a beam
+    # may have passed between them
     closed: tuple[np.ndarray, ...]
-    reach: float
+    reach: float  # the farthest range [m]
 
     def behind(self, directions: np.ndarray, ranges: np.ndarray) -> np.ndarray:
         """Whether places lie farther than all that was seen about their directions, (n,) bool.
@@ -184,23 +174,14 @@ def _nine(near: np.ndarray, pick: np.ufunc, least: int) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class Tiles:
-    """Points by the tile that they lie in.
+    """Points by the tile that they lie in."""
 
-    Attributes:
-        points: (M, 3) float64 [m].
-        size: edge of a tile [m].
-        origin: (3,) [m], a corner of the tiles' lattice.
-        names: (K,) int64, the numbers of the tiles that hold points, ascending.
-        first: (K + 1,) where each tile's points begin in `order`.
-        order: (M,) int, the points by tile, and within a tile as they were.
-    """
-
-    points: np.ndarray
-    size: float
-    origin: np.ndarray
-    names: np.ndarray
-    first: np.ndarray
-    order: np.ndarray
+    points: np.ndarray  # (M, 3) float64 [m]
+    size: float  # edge of a tile [m]
+    origin: np.ndarray  # (3,) [m], a corner of the tiles' lattice
+    names: np.ndarray  # (K,) int64, the numbers of the tiles that hold points, ascending
+    first: np.ndarray  # (K + 1,) where each tile's points begin in `order`
+    order: np.ndarray  # (M,) int, the points by tile, and within a tile as they were
 
     @classmethod
     def of(cls, points: np.ndarray, size: float) -> Tiles:

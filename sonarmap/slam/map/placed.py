@@ -23,19 +23,12 @@ _FLOOR = 0.02  # least scatter of a range [voxels]: no fit is better than the su
 
 @dataclass(frozen=True, slots=True)
 class Beams:
-    """The beams of one scan.
+    """The beams of one scan."""
 
-    Attributes:
-        ranges: (K,) float64, ascending [m], at which `sigmas` are given.
-        sigmas: (K,) float64, standard deviations of a range about the surface of its neighbors [m].
-        spacing: usual angle between neighboring beams [rad].
-        single: whether the points were seen from the origin; false for a map, or a sweep put together from several
-            viewpoints.
-    """
-
-    ranges: np.ndarray
-    sigmas: np.ndarray
-    spacing: float
+    ranges: np.ndarray  # (K,) float64, ascending [m], at which `sigmas` are given
+    sigmas: np.ndarray  # (K,) float64, standard deviations of a range about the surface of its neighbors [m]
+    spacing: float  # usual angle between neighboring beams [rad]
+    # whether the points were seen from the origin; false for a map, or a sweep put together from several viewpoints
     single: bool
 
     def sigma(self, ranges: np.ndarray) -> np.ndarray:
@@ -47,26 +40,17 @@ class Beams:
 class PlacedScans:
     """S scans where an estimate has them, and the voxel of the map that they are to be fused into.
 
-    Attributes:
-        scans: S of them, at least one.
-        T_world_sensor: their S poses.
-        voxel: edge of the map's voxels [m].
-        beams: S, as measured from the scans.
-        indices: what to call the scans.
-        surveys: the number of each scan's survey.
-        covariances: (S, 6, 6) of the poses, rotation first [rad, m], body tangent; 0 where they are certain.
-
     Raises:
         InputError: no scan, another number of anything, or a voxel that is not positive.
     """
 
-    scans: tuple[Scan, ...]
-    T_world_sensor: RigidTransform
-    voxel: float
-    beams: tuple[Beams, ...]
-    indices: tuple[int, ...]
-    surveys: tuple[int, ...]
-    covariances: np.ndarray
+    scans: tuple[Scan, ...]  # S of them, at least one
+    T_world_sensor: RigidTransform  # their S poses
+    voxel: float  # edge of the map's voxels [m]
+    beams: tuple[Beams, ...]  # S, as measured from the scans
+    indices: tuple[int, ...]  # what to call the scans
+    surveys: tuple[int, ...]  # the number of each scan's survey
+    covariances: np.ndarray  # (S, 6, 6) of the poses, rotation first [rad, m], body tangent; 0 where they are certain
 
     def __post_init__(self) -> None:
         per_scan: dict[str, Sized] = {"poses": self.T_world_sensor}

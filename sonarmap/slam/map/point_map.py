@@ -106,31 +106,20 @@ def fuse(placed: PlacedScans) -> PointMap:
 
 @dataclass(frozen=True, slots=True)
 class _Cells:
-    """Sums over the points of each cell; rows of one cell can be merged in any grouping.
+    """Sums over the points of each cell; rows of one cell can be merged in any grouping."""
 
-    Attributes:
-        key: (K,) int64, the cell.
-        weight: (K,) float64 [1/m^2], sum over scans of the inverse variance of their mean.
-        total: (K, 3) float64 [1/m], sum of weight times mean, from the lattice's origin.
-        scatter: (K,) float64 [1/m^2], sum of weight^2 times the variance that is the mean's own.
-        drift: (K,) float64 [1/m], sum of weight times the standard deviation that the pose brings.
-        count, echoes: (K,) int32, number of points, and of points with an echo strength.
-        echo: (K,) float64, sum of the strengths.
-        most: (K,) int32, the largest number of points from one scan, and `scan`: (K,) int32, which one.
-        seen: (K,) int32, number of scans.
-    """
-
-    key: np.ndarray
-    weight: np.ndarray
-    total: np.ndarray
-    scatter: np.ndarray
-    drift: np.ndarray
+    key: np.ndarray  # (K,) int64, the cell
+    weight: np.ndarray  # (K,) float64 [1/m^2], sum over scans of the inverse variance of their mean
+    total: np.ndarray  # (K, 3) float64 [1/m], sum of weight times mean, from the lattice's origin
+    scatter: np.ndarray  # (K,) float64 [1/m^2], sum of weight^2 times the variance that is the mean's own
+    drift: np.ndarray  # (K,) float64 [1/m], sum of weight times the standard deviation that the pose brings
+    # count, echoes: (K,) int32, number of points, and of points with an echo strength
     count: np.ndarray
-    echo: np.ndarray
+    echo: np.ndarray  # (K,) float64, sum of the strengths
     echoes: np.ndarray
-    most: np.ndarray
+    most: np.ndarray  # (K,) int32, the largest number of points from one scan, and `scan`: (K,) int32, which one
     scan: np.ndarray
-    seen: np.ndarray
+    seen: np.ndarray  # (K,) int32, number of scans
 
     def take(self, chosen: np.ndarray) -> _Cells:
         """These rows alone."""

@@ -19,17 +19,11 @@ _MOST_ALIKE = 0.99
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A registered step from scan k to k + 1.
+    """A registered step from scan k to k + 1."""
 
-    Attributes:
-        k: number of its first scan.
-        rate: (6,) rotation vector and translation in the first scan's axes, per unit of time [rad, m].
-        covariance: (6, 6) of the rate, as the registration tells it.
-    """
-
-    k: int
-    rate: np.ndarray
-    covariance: np.ndarray
+    k: int  # number of its first scan
+    rate: np.ndarray  # (6,) rotation vector and translation in the first scan's axes, per unit of time [rad, m]
+    covariance: np.ndarray  # (6, 6) of the rate, as the registration tells it
 
     @classmethod
     def of(cls, pair: RegisteredPair, times: np.ndarray) -> "Step":

@@ -18,17 +18,11 @@ _ANYWHERE = np.repeat([np.pi, 1e3], 3)
 
 @dataclass(frozen=True, slots=True)
 class MeasuredMotion:
-    """Dead reckoning, and the learned motion for scans that it does not tell of.
+    """Dead reckoning, and the learned motion for scans that it does not tell of."""
 
-    Attributes:
-        odometry: what was measured.
-        learned: None where nothing could be learned.
-        floor: (6,) standard deviations that what was measured is granted [rad, m].
-    """
-
-    odometry: Odometry
-    learned: Motion | None
-    floor: np.ndarray
+    odometry: Odometry  # what was measured
+    learned: Motion | None  # None where nothing could be learned
+    floor: np.ndarray  # (6,) standard deviations that what was measured is granted [rad, m]
 
     def expected(self, i: int, j: int) -> ExpectedPose:
         """T_i_j."""

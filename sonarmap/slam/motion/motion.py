@@ -39,32 +39,23 @@ _PROBABLE = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What a vehicle does per unit of time, as numbers x = (rotation vector, translation) in the first scan's axes.
+    """What a vehicle does per unit of time, as numbers x = (rotation vector, translation) in the first scan's axes."""
 
-    Attributes:
-        times: (N,) of the scans, ascending within a survey: seconds where stamps tell them, else scans.
-        usual: (6,) mean of x per unit of time [rad, m].
-        covariance: (6, 6) of x per unit of time.
-        varied, alike: (6,) variance of x per unit of time along the way, and its correlation in steps in a row.
-        rates, variances: (N - 1, 6) mean and variance of x per unit of time from every scan to the next.
-        speed, speed_sigma: mean and standard deviation of the way per unit of time [m].
-        surveys: (N,) the number of each scan's survey.
-        floor: (6,) standard deviations that every expectation is granted beside [rad, m].
-        limits: what the vehicle cannot exceed.
-    """
-
-    times: np.ndarray
-    usual: np.ndarray
-    covariance: np.ndarray
+    times: np.ndarray  # (N,) of the scans, ascending within a survey: seconds where stamps tell them, else scans
+    usual: np.ndarray  # (6,) mean of x per unit of time [rad, m]
+    covariance: np.ndarray  # (6, 6) of x per unit of time
+    # varied, alike: (6,) variance of x per unit of time along the way, and its correlation in steps in a row
     varied: np.ndarray
     alike: np.ndarray
+    # rates, variances: (N - 1, 6) mean and variance of x per unit of time from every scan to the next
     rates: np.ndarray
     variances: np.ndarray
+    # speed, speed_sigma: mean and standard deviation of the way per unit of time [m]
     speed: float
     speed_sigma: float
-    surveys: np.ndarray
-    floor: np.ndarray
-    limits: MotionLimits = NO_LIMITS
+    surveys: np.ndarray  # (N,) the number of each scan's survey
+    floor: np.ndarray  # (6,) standard deviations that every expectation is granted beside [rad, m]
+    limits: MotionLimits = NO_LIMITS  # what the vehicle cannot exceed
 
     @classmethod
     def learn(

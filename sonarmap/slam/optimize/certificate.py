@@ -29,22 +29,15 @@ _RESTING = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What the dual says.
+    """What the dual says."""
 
-    Attributes:
-        verdict: "certified": no poses have a cost lower by more than GAP; "not certified": the dual leaves room for a
-            better one; "not decided": its eigenvalues could not be found.
-        cost: F of the poses.
-        lowest: the lowest eigenvalue of S; NaN where it is not known.
-        gap: no cost is lower than `cost` by more than this; infinite where nothing is known.
-        reason: in words.
-    """
-
+    # "certified": no poses have a cost lower by more than GAP; "not certified": the dual leaves room for a better one;
+    # "not decided": its eigenvalues could not be found
     verdict: Verdict
-    cost: float
-    lowest: float
-    gap: float
-    reason: str
+    cost: float  # F of the poses
+    lowest: float  # the lowest eigenvalue of S; NaN where it is not known
+    gap: float  # no cost is lower than `cost` by more than this; infinite where nothing is known
+    reason: str  # in words
 
 
 def certify(problem: ChordalProblem, T: RigidTransform) -> Certificate:

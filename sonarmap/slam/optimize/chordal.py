@@ -25,23 +25,16 @@ from sonarmap.slam.graph.known_pose import GAUGE_SIGMA
 
 @dataclass(frozen=True)
 class ChordalProblem:
-    """F of n poses and m edges, as arrays.
+    """F of n poses and m edges, as arrays."""
 
-    Attributes:
-        count: n.
-        i, j: (m,) int64, the poses of each edge.
-        R: (m, 3, 3) and t: (m, 3) [m], of T_i_j.
-        kappa: (m,) weight of the rotation.
-        tau: (m,) weight of the translation [1/m^2].
-    """
-
-    count: int
+    count: int  # n
+    # i, j: (m,) int64, the poses of each edge
     i: np.ndarray
     j: np.ndarray
-    R: np.ndarray
+    R: np.ndarray  # (m, 3, 3) and t: (m, 3) [m], of T_i_j
     t: np.ndarray
-    kappa: np.ndarray
-    tau: np.ndarray
+    kappa: np.ndarray  # (m,) weight of the rotation
+    tau: np.ndarray  # (m,) weight of the translation [1/m^2]
 
     @classmethod
     def of(cls, count: int, edges: Sequence[Edge]) -> "ChordalProblem":
@@ -125,16 +118,11 @@ _IDLE = np.array([3, 7, 11, 15])
 
 @dataclass(frozen=True, slots=True)
 class IsotropicSolution:
-    """Where the optimizer came to rest.
+    """Where the optimizer came to rest."""
 
-    Attributes:
-        T: n poses.
-        cost_after: F at rest.
-        iterations, converged: of the optimizer, and whether it came to rest before the limit.
-    """
-
-    T: RigidTransform
-    cost_after: float
+    T: RigidTransform  # n poses
+    cost_after: float  # F at rest
+    # iterations, converged: of the optimizer, and whether it came to rest before the limit
     iterations: int
     converged: bool
 

@@ -148,15 +148,11 @@ _SHARE, _ASSUMED = 0.1, 4.0
 
 @dataclass(frozen=True, slots=True)
 class Unsteadiness:
-    """Variances of a tangent, rotation first.
+    """Variances of a tangent, rotation first."""
 
-    Attributes:
-        shaken: (6,) from scan to scan, of every scan by itself [rad^2, m^2].
-        curved: (6,) of half the change of speed, per unit of time^2. By it turns stray from a steady motion, the more
-            the longer it takes.
-    """
-
-    shaken: np.ndarray
+    shaken: np.ndarray  # (6,) from scan to scan, of every scan by itself [rad^2, m^2]
+    # (6,) of half the change of speed, per unit of time^2. By it turns stray from a steady motion, the more the longer
+    # it takes.
     curved: np.ndarray
 
     @classmethod

@@ -16,16 +16,11 @@ _SAME_ROTATION = float(np.deg2rad(10.0))
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """A rotation, the translation's peak under it, and the peak-to-sidelobe ratios of the steps before.
+    """A rotation, the translation's peak under it, and the peak-to-sidelobe ratios of the steps before."""
 
-    Attributes:
-        R: R_target_source.
-        peak: of the translation's correlation under it [voxels].
-        yaw_psr, tilt_psr: of the peaks that yaw, and roll and pitch, were read from; 0 where there was none.
-    """
-
-    R: Rotation
-    peak: Peak
+    R: Rotation  # R_target_source
+    peak: Peak  # of the translation's correlation under it [voxels]
+    # yaw_psr, tilt_psr: of the peaks that yaw, and roll and pitch, were read from; 0 where there was none
     yaw_psr: float
     tilt_psr: float
 
@@ -44,18 +39,13 @@ def by_peak(match: Match) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """What makes a registration believed; docs/method.md says on which pairs the thresholds were measured.
+    """What makes a registration believed; docs/method.md says on which pairs the thresholds were measured."""
 
-    Attributes:
-        psr: the least peak-to-sidelobe ratio of the translation, on a grid of up to 128 voxels per edge. On larger
-            ones false peaks are higher, and it grows with (edge / 128)^0.75.
-        distinction: the least ratio between it and that of any other answer.
-        overlap: the least share of points in common.
-    """
-
+    # the least peak-to-sidelobe ratio of the translation, on a grid of up to 128 voxels per edge. On larger ones false
+    # peaks are higher, and it grows with (edge / 128)^0.75.
     psr: float = 30.0
-    distinction: float = 1.7
-    overlap: float = 0.05
+    distinction: float = 1.7  # the least ratio between it and that of any other answer
+    overlap: float = 0.05  # the least share of points in common
 
 
 def assess(

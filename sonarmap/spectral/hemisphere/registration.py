@@ -71,17 +71,11 @@ class HemisphereConfig:
 
 @dataclass(frozen=True, slots=True)
 class LayeredScan:
-    """What one scan contributes to every pair.
+    """What one scan contributes to every pair."""
 
-    Attributes:
-        volume: its spectrum.
-        magnitude: device (N, N, N/2 + 1) float32, centered magnitude spectrum.
-        layers: its layers' spectra, for the steps 1 and 4.
-    """
-
-    volume: Prepared
-    magnitude: Array
-    layers: LayerSpectra
+    volume: Prepared  # its spectrum
+    magnitude: Array  # device (N, N, N/2 + 1) float32, centered magnitude spectrum
+    layers: LayerSpectra  # its layers' spectra, for the steps 1 and 4
 
 
 class HemisphereRegistrar(GridRegistrar):

@@ -26,23 +26,14 @@ _FLATTEST = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A scan on the grid, and its spectrum; it lives on the device that prepared it.
+    """A scan on the grid, and its spectrum; it lives on the device that prepared it."""
 
-    Attributes:
-        name: the scan's.
-        center: (3,) [m, sensor frame], the grid's center.
-        points: device (n, 4) float32 [voxels from the center; weight].
-        surface: (m, 3) float64 [voxels from the center], one point per occupied voxel, also outside the grid.
-        cells: the same on the device, to search among.
-        spectrum: device (N, N, `row_pitch(N)`) complex64, spectrum of the volume, phase only.
-    """
-
-    name: str
-    center: np.ndarray
-    points: Array
-    surface: np.ndarray
-    cells: Cells
-    spectrum: Array
+    name: str  # the scan's
+    center: np.ndarray  # (3,) [m, sensor frame], the grid's center
+    points: Array  # device (n, 4) float32 [voxels from the center; weight]
+    surface: np.ndarray  # (m, 3) float64 [voxels from the center], one point per occupied voxel, also outside the grid
+    cells: Cells  # the same on the device, to search among
+    spectrum: Array  # device (N, N, `row_pitch(N)`) complex64, spectrum of the volume, phase only
 
     @property
     def spectra(self) -> tuple[Array, ...]:

@@ -26,38 +26,27 @@ COARSE, FINE = (1.5, 0.03), (1.0, 0.01)
 
 @dataclass(frozen=True, slots=True)
 class RangeImage:
-    """What a scan saw from one place.
+    """What a scan saw from one place."""
 
-    Attributes:
-        viewpoint: (3,) float64, the sensor, from the grid's center [voxels].
-        view: device (_EDGE, _EDGE, 2) float32, nearest and farthest range of each cell of an octahedral map [voxels].
-    """
-
-    viewpoint: np.ndarray
+    viewpoint: np.ndarray  # (3,) float64, the sensor, from the grid's center [voxels]
+    # device (_EDGE, _EDGE, 2) float32, nearest and farthest range of each cell of an octahedral map [voxels]
     view: Array
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """All that a scan saw, and a sample of its points to compare with others' views.
+    """All that a scan saw, and a sample of its points to compare with others' views."""
 
-    Attributes:
-        images: from each place where its sensor is known to have been; none for a scan put together from places that
-            are not known.
-        ranges: device (len(images), _EDGE, _EDGE, 2) float32, their views behind one another; None without any.
-        viewpoints: device (len(images), 4) float32, where they were seen from, as `upload_viewpoints` puts them; None
-            without any.
-        repeats: in how many of the images a point of the scan is seen, on the average.
-        sample: points about the grid's center, on the device [voxels].
-        count: number of points in the sample.
-    """
-
+    # from each place where its sensor is known to have been; none for a scan put together from places that are not
+    # known
     images: tuple[RangeImage, ...]
+    # device (len(images), _EDGE, _EDGE, 2) float32, their views behind one another; None without any
     ranges: Array | None
+    # device (len(images), 4) float32, where they were seen from, as `upload_viewpoints` puts them; None without any
     viewpoints: Array | None
-    repeats: float
-    sample: tuple[Array, int]
-    count: int
+    repeats: float  # in how many of the images a point of the scan is seen, on the average
+    sample: tuple[Array, int]  # points about the grid's center, on the device [voxels]
+    count: int  # number of points in the sample
 
 
 def scan_view(device: Device, points: np.ndarray, surface: np.ndarray, viewpoints: np.ndarray) -> View:
@@ -145,17 +134,12 @@ class _Ranges:
 
 @dataclass(frozen=True, slots=True)
 class Visibility:
-    """What two scans' views say about poses between them: shares of the sampled points, (n,) each; NaN without a view.
+    """What two scans' views say about poses between them: shares of the sampled points, (n,) each; NaN without a
+    view."""
 
-    Attributes:
-        agree: fit the other scan's surface, the mean of both ways.
-        contradict: stand where the other scan saw through.
-        seen: fall where the other scan saw something.
-    """
-
-    agree: np.ndarray
-    contradict: np.ndarray
-    seen: np.ndarray
+    agree: np.ndarray  # fit the other scan's surface, the mean of both ways
+    contradict: np.ndarray  # stand where the other scan saw through
+    seen: np.ndarray  # fall where the other scan saw something
 
 
 def visibility(

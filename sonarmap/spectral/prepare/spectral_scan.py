@@ -25,22 +25,12 @@ class CoarseVolume:
 
 @dataclass(frozen=True, slots=True)
 class SpectralScan:
-    """What one scan contributes to every pair; its arrays are on the device that prepared it.
+    """What one scan contributes to every pair; its arrays are on the device that prepared it."""
 
-    Attributes:
-        volume: voxels and spectra on the whole grid.
-        coarse: the same on the coarse grid.
-        coefficients: device (degrees, layers, orders) complex64 of its layers, from `So3.equalize`.
-        signature: (K,) float32, nearly the same however the scan is turned and moved, from `signature`.
-        surface: points and normals, for the refinement.
-        view: what the sensor saw.
-        prior: what other instruments say about its pose, or None.
-    """
-
-    volume: Prepared
-    coarse: CoarseVolume
-    coefficients: Array
-    signature: np.ndarray
-    surface: Surface
-    view: View
-    prior: PosePrior | None
+    volume: Prepared  # voxels and spectra on the whole grid
+    coarse: CoarseVolume  # the same on the coarse grid
+    coefficients: Array  # device (degrees, layers, orders) complex64 of its layers, from `So3.equalize`
+    signature: np.ndarray  # (K,) float32, nearly the same however the scan is turned and moved, from `signature`
+    surface: Surface  # points and normals, for the refinement
+    view: View  # what the sensor saw
+    prior: PosePrior | None  # what other instruments say about its pose, or None

@@ -33,18 +33,13 @@ _DIRECTIONS = _hemisphere(26)
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """Points and normals of one scan, about its grid's center, on the device that prepared it.
+    """Points and normals of one scan, about its grid's center, on the device that prepared it."""
 
-    Attributes:
-        rows: (m, 12) float32, as `elements` has them on the device; `points`, `normals` and so on are columns.
-        elements: the same on the device, to search among.
-        direction_weights: device (d,) float32, of mean 1 over the points: what a point counts by the direction that
-            its normal is nearest to. The less of the surface faces that direction, the more it counts: on a wide bed
-            a few walls fix where a scan lies.
-    """
-
-    rows: np.ndarray
-    elements: Elements
+    rows: np.ndarray  # (m, 12) float32, as `elements` has them on the device; `points`, `normals` and so on are columns
+    elements: Elements  # the same on the device, to search among
+    # device (d,) float32, of mean 1 over the points: what a point counts by the direction that its normal is nearest
+    # to. The less of the surface faces that direction, the more it counts: on a wide bed a few walls fix where a scan
+    # lies.
     direction_weights: Array
 
     @property

@@ -37,17 +37,11 @@ _ROTATION_SLACK, _SHIFT_SLACK = float(np.deg2rad(6.0)), 6.0
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What bounds the pose of one pair.
+    """What bounds the pose of one pair."""
 
-    Attributes:
-        max_tilt: largest roll and pitch [rad]; pi for none.
-        prior: what the scans' priors say, or None.
-        voxel: half of the coarse grid's, which decides how coarse a shift is [m].
-    """
-
-    max_tilt: float
-    prior: RelativePrior | None
-    voxel: float
+    max_tilt: float  # largest roll and pitch [rad]; pi for none
+    prior: RelativePrior | None  # what the scans' priors say, or None
+    voxel: float  # half of the coarse grid's, which decides how coarse a shift is [m]
 
     @property
     def measured(self) -> Rotation | None:

@@ -15,31 +15,23 @@ class Calibration:
     viewpoint sees of a voxel is not what another does. To this come errors that all points of a scan share, which
     nothing in the pair shows: a speed of sound or a range that is off moves all that a sensor sees to or from it, and
     a vehicle that moves during the scan, or was placed by odometry, bends it.
-
-    Attributes:
-        scale: logarithm of the variance at 1 of the others.
-        width, psr: its powers of how far the surfaces are apart [voxels] and of the peak-to-sidelobe ratio.
-        bent: variance that is added in all directions [voxels^2], turns taken times their lever.
-        stretched: share by which the ranges of a scan are off.
-        usual_psr: stands for the ratio while it is not measured yet.
-        usual: share of the variance that errors usually have, as it covers rare large ones too. In the refinement the
-            scans weigh as much as is usual, along directions that both fix: more doubt would draw good scans to
-            instruments that know less.
-        other_kinds: by which the variance is raised for kinds of scans that are not among those of the fit: what a kind
-            was off by that had been left out, beside what the others had said. Of the scans' part alone, and only
-            where it is stated.
-        narrowest: surfaces are never taken to be nearer than this [voxels].
     """
 
-    scale: float = 6.4
+    scale: float = 6.4  # logarithm of the variance at 1 of the others
+    # width, psr: its powers of how far the surfaces are apart [voxels] and of the peak-to-sidelobe ratio
     width: float = 2.25
     psr: float = -0.28
-    bent: float = 6.8e-3
-    stretched: float = 0.008
-    usual_psr: float = 60.0
+    bent: float = 6.8e-3  # variance that is added in all directions [voxels^2], turns taken times their lever
+    stretched: float = 0.008  # share by which the ranges of a scan are off
+    usual_psr: float = 60.0  # stands for the ratio while it is not measured yet
+    # share of the variance that errors usually have, as it covers rare large ones too. In the refinement the scans
+    # weigh as much as is usual, along directions that both fix: more doubt would draw good scans to instruments that
+    # know less.
     usual: float = 0.1
+    # by which the variance is raised for kinds of scans that are not among those of the fit: what a kind was off by
+    # that had been left out, beside what the others had said. Of the scans' part alone, and only where it is stated.
     other_kinds: float = 2.0
-    narrowest: float = 0.02
+    narrowest: float = 0.02  # surfaces are never taken to be nearer than this [voxels]
 
     def variance(self, width: np.ndarray, psr: float | None = None) -> np.ndarray:
         """What the inverse of the information is multiplied by [voxels^2], of any shape, as the widths."""

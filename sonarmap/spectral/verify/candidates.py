@@ -9,21 +9,13 @@ from scipy.spatial.transform import Rotation
 
 @dataclass(frozen=True, slots=True)
 class Candidates:
-    """n poses as arrays.
+    """n poses as arrays."""
 
-    Attributes:
-        rotation: (n,) int64, which of the rotations that were followed.
-        R: (n,) these rotations, R_target_source.
-        shifts: (n, 3) p_target = R p_source + shift about the grid centers [voxels].
-        psr: (n,) of the translation's peak.
-        rotation_scores: (n,) of the rotation's peak, as `RotationPeaks` has it.
-    """
-
-    rotation: np.ndarray
-    R: Rotation
-    shifts: np.ndarray
-    psr: np.ndarray
-    rotation_scores: np.ndarray
+    rotation: np.ndarray  # (n,) int64, which of the rotations that were followed
+    R: Rotation  # (n,) these rotations, R_target_source
+    shifts: np.ndarray  # (n, 3) p_target = R p_source + shift about the grid centers [voxels]
+    psr: np.ndarray  # (n,) of the translation's peak
+    rotation_scores: np.ndarray  # (n,) of the rotation's peak, as `RotationPeaks` has it
 
     def usual_height(self) -> float:
         """The median over the rotations of their highest peak; 1 where there is none above 0."""

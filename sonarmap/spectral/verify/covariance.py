@@ -27,19 +27,13 @@ _LEAST = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class PoseCovariance:
-    """How sure T_target_source is, rotation first, body tangent of the source's sensor frame [rad, m].
+    """How sure T_target_source is, rotation first, body tangent of the source's sensor frame [rad, m]."""
 
-    Attributes:
-        posterior: (6, 6), by the scans and by what instruments measured.
-        by_scans: (6, 6), by the scans alone, with the distortion that the instruments show.
-        by_instruments: (6, 6), by the instruments alone; None without.
-        step: (6,) from the refined pose to where the scans alone would have it, as `Fit.step`, but for directions that
-            they leave open beside the instruments.
-    """
-
-    posterior: np.ndarray
-    by_scans: np.ndarray
-    by_instruments: np.ndarray | None
+    posterior: np.ndarray  # (6, 6), by the scans and by what instruments measured
+    by_scans: np.ndarray  # (6, 6), by the scans alone, with the distortion that the instruments show
+    by_instruments: np.ndarray | None  # (6, 6), by the instruments alone; None without
+    # (6,) from the refined pose to where the scans alone would have it, as `Fit.step`, but for directions that they
+    # leave open beside the instruments
     step: np.ndarray
 
 

@@ -13,37 +13,32 @@ _LOOSEST = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Where the refinement ended.
+    """Where the refinement ended."""
 
-    Attributes:
-        R, shift: p_target = R p_source + shift about the grid centers [voxels].
-        information: (6, 6) how well the planes that both scans show fix the pose: the Hessian of the weighted squared
-            distances [voxels^2], rotation first, of a turn of the target's axes about the source's grid center and a
-            shift along them. Where nothing is fixed its eigenvalues may fall a little below 0.
-        residual: weighted root mean square distance to the planes [voxels].
-        pairs: number of pairs of points, weighted, as if 3000 points of each scan took part.
-        prior: what instruments measured, about the pose before the last step; None where nothing was.
-        width: median distance to the planes of all points within 3 voxels and more [voxels]: how far the surfaces are
-            apart, by noise, by distortion, or because they are not the same.
-        doubt: (6,) standard errors of the shares that `principal_axes` gives.
-        own: (6,) the shares along the same axes by one scan's normals alone: what noise seems to hold is in them too.
-        step: (6,) from there to where the scans alone would have it [rad, voxels].
-        stretch: (2,) by which shares the ranges of the source and of the target are taken to be too short; None where
-            the scans are taken as they are.
-        stretching: (2, 8) the rows of the Hessian by these shares, of the pose and the shares, by the planes alone.
-    """
-
+    # R, shift: p_target = R p_source + shift about the grid centers [voxels]
     R: Rotation
     shift: np.ndarray
+    # (6, 6) how well the planes that both scans show fix the pose: the Hessian of the weighted squared distances
+    # [voxels^2], rotation first, of a turn of the target's axes about the source's grid center and a shift along them.
+    # Where nothing is fixed its eigenvalues may fall a little below 0.
     information: np.ndarray
-    residual: float
-    pairs: float
+    residual: float  # weighted root mean square distance to the planes [voxels]
+    pairs: float  # number of pairs of points, weighted, as if 3000 points of each scan took part
+    # median distance to the planes of all points within 3 voxels and more [voxels]: how far the surfaces are apart, by
+    # noise, by distortion, or because they are not the same
     width: float = 0.0
+    # (6,) standard errors of the shares that `principal_axes` gives
     doubt: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    # (6,) the shares along the same axes by one scan's normals alone: what noise seems to hold is in them too
     own: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    # what instruments measured, about the pose before the last step; None where nothing was
     prior: PriorTerm | None = None
+    # (6,) from there to where the scans alone would have it [rad, voxels]
     step: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    # (2,) by which shares the ranges of the source and of the target are taken to be too short; None where the scans
+    # are taken as they are
     stretch: np.ndarray | None = None
+    # (2, 8) the rows of the Hessian by these shares, of the pose and the shares, by the planes alone
     stretching: np.ndarray | None = None
 
     @property

@@ -16,32 +16,21 @@ _SAME_ROTATION, SAME_REFINED_SHIFT = float(np.deg2rad(3.0)), 2.0
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What speaks for a pose; what is not measured yet is NaN.
+    """What speaks for a pose; what is not measured yet is NaN."""
 
-    Attributes:
-        view: consistency of what the scans' sensors saw, 0..1, with a tight tolerance; NaN where no viewpoint is known.
-        coarse_view: the same with a wide tolerance.
-        surface: consistency of the surfaces, 0..1, as `SharedSurface` has it.
-        overlap: share of points in common, 0..1, the smaller of both ways.
-        residual: weighted rms distance of the shared points to each other's planes [voxels]. Where noise is small it
-            tells a surface from another that is nearly the same.
-        width: median distance of all points near each other's planes [voxels], as `Fit` has it.
-        firmness: how firmly their planes hold the pose, 0..1, as `Fit` has it.
-        psr: peak-to-sidelobe ratio of the translation at the pose, on the whole grid, phase only.
-        coarse_psr: the same on the coarse grid.
-        measured: chi-squared of the pose by what instruments measured; 0 where they measured nothing.
-    """
-
+    # consistency of what the scans' sensors saw, 0..1, with a tight tolerance; NaN where no viewpoint is known
     view: float = nan
-    coarse_view: float = nan
-    surface: float = nan
-    overlap: float = nan
+    coarse_view: float = nan  # the same with a wide tolerance
+    surface: float = nan  # consistency of the surfaces, 0..1, as `SharedSurface` has it
+    overlap: float = nan  # share of points in common, 0..1, the smaller of both ways
+    # weighted rms distance of the shared points to each other's planes [voxels]. Where noise is small it tells a
+    # surface from another that is nearly the same.
     residual: float = nan
-    width: float = nan
-    firmness: float = nan
-    psr: float = nan
-    coarse_psr: float = nan
-    measured: float = 0.0
+    width: float = nan  # median distance of all points near each other's planes [voxels], as `Fit` has it
+    firmness: float = nan  # how firmly their planes hold the pose, 0..1, as `Fit` has it
+    psr: float = nan  # peak-to-sidelobe ratio of the translation at the pose, on the whole grid, phase only
+    coarse_psr: float = nan  # the same on the coarse grid
+    measured: float = 0.0  # chi-squared of the pose by what instruments measured; 0 where they measured nothing
 
     @property
     def consistency(self) -> float:
@@ -72,24 +61,20 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Ranking:
-    """The powers of the evidence in a score, each for its logarithm; docs/registration.md says how they were fitted.
+    """The powers of the evidence in a score, each for its logarithm; docs/registration.md says how they were fitted."""
 
-    Attributes:
-        view, coarse_view, surface, residual, width, firmness, psr, coarse_psr: of `Evidence`; of the inverse of the
-            residual and of the width.
-        measured: of the likelihood of what instruments measured; distorted scans follow it less than in full.
-        alone, overlap: of the surfaces and of the overlap, where there is no view.
-    """
-
+    # view, coarse_view, surface, residual, width, firmness, psr, coarse_psr: of `Evidence`; of the inverse of the
+    # residual and of the width
     view: float = 1.5
     coarse_view: float = 1.0
     surface: float = 0.05
+    # alone, overlap: of the surfaces and of the overlap, where there is no view
     alone: float = 1.0
     overlap: float = 2.0
     residual: float = 0.4
     width: float = 3.0
     firmness: float = 1.7
-    measured: float = 0.3
+    measured: float = 0.3  # of the likelihood of what instruments measured; distorted scans follow it less than in full
     psr: float = 0.3
     coarse_psr: float = 0.3
 
@@ -99,19 +84,12 @@ RANKING = Ranking()
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """A refined pose, and what speaks for it.
+    """A refined pose, and what speaks for it."""
 
-    Attributes:
-        fit: the pose and its information.
-        rotation_score: of the rotation's peak that it comes from, as `RotationPeaks` has it.
-        candidate_psr: peak-to-sidelobe ratio of the translation's peak that it comes from, before the refinement.
-        evidence: measured at the pose.
-    """
-
-    fit: Fit
-    rotation_score: float
-    candidate_psr: float
-    evidence: Evidence = Evidence()
+    fit: Fit  # the pose and its information
+    rotation_score: float  # of the rotation's peak that it comes from, as `RotationPeaks` has it
+    candidate_psr: float  # peak-to-sidelobe ratio of the translation's peak that it comes from, before the refinement
+    evidence: Evidence = Evidence()  # measured at the pose
 
     @property
     def candidate_score(self) -> float:

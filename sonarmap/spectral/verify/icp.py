@@ -30,35 +30,25 @@ _FULL = 3000
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where k refinements begin.
+    """Where k refinements begin."""
 
-    Attributes:
-        R: (k,) rotations.
-        shifts: (k, 3) p_target = R p_source + shift about the grid centers [voxels].
-        widths: (k,) how far the surfaces usually are apart, as an earlier fit has it [voxels]; 0 where that is not
-            known. Where this is more than the reaches leave, points of all that the noise or the distortion moves take
-            part, not of a chance layer.
-        stretches: whether the ranges of each scan may be off by a share, which is estimated with the pose: a speed of
-            sound that is wrong stretches all that a sensor sees away from it.
-    """
-
-    R: Rotation
-    shifts: np.ndarray
+    R: Rotation  # (k,) rotations
+    shifts: np.ndarray  # (k, 3) p_target = R p_source + shift about the grid centers [voxels]
+    # (k,) how far the surfaces usually are apart, as an earlier fit has it [voxels]; 0 where that is not known. Where
+    # this is more than the reaches leave, points of all that the noise or the distortion moves take part, not of a
+    # chance layer.
     widths: np.ndarray
+    # whether the ranges of each scan may be off by a share, which is estimated with the pose: a speed of sound that is
+    # wrong stretches all that a sensor sees away from it
     stretches: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Steps of a refinement.
+    """Steps of a refinement."""
 
-    Attributes:
-        reaches: of each step, at least one, how far apart points of a pair may be [voxels].
-        points: how many points of each scan are used.
-    """
-
-    reaches: tuple[float, ...]
-    points: int
+    reaches: tuple[float, ...]  # of each step, at least one, how far apart points of a pair may be [voxels]
+    points: int  # how many points of each scan are used
 
 
 class Refined:

@@ -28,23 +28,18 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class NormalEquations:
-    """Those of one Gauss-Newton step on the distances along the normals, of k poses; the stretches come last.
+    """Those of one Gauss-Newton step on the distances along the normals, of k poses; the stretches come last."""
 
-    Attributes:
-        hessian, gradient: (k, 6 or 8, 6 or 8) and (k, 6 or 8) by the pairs that move the pose, with what is known of
-            the stretches before.
-        whole: (k, 6 or 8, 6 or 8) the Hessian by all pairs, those that move it or not, with the same.
-        shared: (k, 6 or 8, 6 or 8) the Hessian from one scan's normals times the other's, without it. Normals of
-            noisy points point everywhere a little, and the sum of their squares finds information along a plane that
-            has none. The noise of two scans is independent: in products of both it averages out.
-        variance: (k,) of the gaps, as far as they are independent [voxels^2].
-    """
-
+    # hessian, gradient: (k, 6 or 8, 6 or 8) and (k, 6 or 8) by the pairs that move the pose, with what is known of the
+    # stretches before
     hessian: np.ndarray
     gradient: np.ndarray
-    whole: np.ndarray
+    whole: np.ndarray  # (k, 6 or 8, 6 or 8) the Hessian by all pairs, those that move it or not, with the same
+    # (k, 6 or 8, 6 or 8) the Hessian from one scan's normals times the other's, without it. Normals of noisy points
+    # point everywhere a little, and the sum of their squares finds information along a plane that has none. The noise
+    # of two scans is independent: in products of both it averages out.
     shared: np.ndarray
-    variance: np.ndarray
+    variance: np.ndarray  # (k,) of the gaps, as far as they are independent [voxels^2]
 
     @classmethod
     def of(cls, record: Record, state: State) -> "NormalEquations":

@@ -14,20 +14,15 @@ _STAY = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class PriorTerm:
-    """Measurements of instruments, linear about a pose of m components, or about n poses (...: none, or n).
+    """Measurements of instruments, linear about a pose of m components, or about n poses (...: none, or n)."""
 
-    Attributes:
-        residual: (..., m) the pose less what was measured [rad, m].
-        jacobian: (..., m, 6) of the residual, by a turn of the target's axes about the source's grid center and a shift
-            along them, rotation first [rad, voxels].
-        covariance: (..., m, m) of the residual at the true pose.
-        systematic: (..., 6, 6) the covariance of errors that all points of the scans share, as `Calibration` has it: it
-            decides, with that of the planes, how much the scans are worth beside the instruments.
-    """
-
-    residual: np.ndarray
+    residual: np.ndarray  # (..., m) the pose less what was measured [rad, m]
+    # (..., m, 6) of the residual, by a turn of the target's axes about the source's grid center and a shift along them,
+    # rotation first [rad, voxels]
     jacobian: np.ndarray
-    covariance: np.ndarray
+    covariance: np.ndarray  # (..., m, m) of the residual at the true pose
+    # (..., 6, 6) the covariance of errors that all points of the scans share, as `Calibration` has it: it decides, with
+    # that of the planes, how much the scans are worth beside the instruments
     systematic: np.ndarray
 
     def of(self, n: int) -> "PriorTerm":

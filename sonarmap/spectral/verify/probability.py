@@ -20,25 +20,15 @@ _ALONE = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Clues:
-    """What the probability of one hypothesis is made of: logarithms, near 0 for a usual right one.
+    """What the probability of one hypothesis is made of: logarithms, near 0 for a usual right one."""
 
-    Attributes:
-        psr: of the translation's peak, as on a grid of 128 voxels: false peaks stand higher on larger grids.
-        view: of the consistency of the views; of the surfaces where there is no view.
-        surface: of the consistency of the surfaces.
-        sharpness: of the inverse of how far the surfaces are apart.
-        firmness: of how firmly the planes hold the pose.
-        lead: of its score over the best of the others; negative for others than the best.
-        search: how few poses the instruments leave, so that a chance agreement is rarer; 0 without them.
-    """
-
-    psr: float
-    view: float
-    surface: float
-    sharpness: float
-    firmness: float
-    lead: float
-    search: float
+    psr: float  # of the translation's peak, as on a grid of 128 voxels: false peaks stand higher on larger grids
+    view: float  # of the consistency of the views; of the surfaces where there is no view
+    surface: float  # of the consistency of the surfaces
+    sharpness: float  # of the inverse of how far the surfaces are apart
+    firmness: float  # of how firmly the planes hold the pose
+    lead: float  # of its score over the best of the others; negative for others than the best
+    search: float  # how few poses the instruments leave, so that a chance agreement is rarer; 0 without them
 
     def numbers(self) -> tuple[tuple[str, float], ...]:
         """By name, each after "p_"."""
@@ -52,14 +42,10 @@ class Logistic:
     Each is logistic in the clues. The second is 1/2 for a hypothesis and its exact twin, however high their peaks
     stand, as between the two ends of a room. By maximum likelihood on simulated pairs of every kind, related and
     unrelated; docs/registration.md names them, and how it did on kinds that were left out.
-
-    Attributes:
-        odds: logarithm of the first's odds where all clues are 0.
-        psr, view, surface, sharpness, firmness, lead, search: weights of the clues in it.
-        twin: weight of the lead in the logarithm of the second's odds.
     """
 
-    odds: float = 1.4
+    odds: float = 1.4  # logarithm of the first's odds where all clues are 0
+    # psr, view, surface, sharpness, firmness, lead, search: weights of the clues in it
     psr: float = 0.8
     view: float = 1.0
     surface: float = 0.92
@@ -67,7 +53,7 @@ class Logistic:
     firmness: float = 0.82
     lead: float = 0.49
     search: float = 1.0
-    twin: float = 5.0
+    twin: float = 5.0  # weight of the lead in the logarithm of the second's odds
 
     def probability(self, clues: Clues) -> float:
         """From the clues."""

@@ -18,17 +18,12 @@ _LEAST = 0.05
 
 @dataclass(frozen=True, slots=True)
 class SharedSurface:
-    """Shares of two scans' surfaces, the mean of both ways, 0..1; all directions of normals count alike.
+    """Shares of two scans' surfaces, the mean of both ways, 0..1; all directions of normals count alike."""
 
-    Attributes:
-        agree: has a counterpart in the other scan, facing the same direction.
-        covered: lies where the other scan shows something.
-        overlap: has a point of the other scan within 2 voxels, whatever it faces, each point counting once; the smaller
-            of both ways.
-    """
-
-    agree: float
-    covered: float
+    agree: float  # has a counterpart in the other scan, facing the same direction
+    covered: float  # lies where the other scan shows something
+    # has a point of the other scan within 2 voxels, whatever it faces, each point counting once; the smaller of both
+    # ways
     overlap: float
 
     @property

@@ -78,19 +78,13 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Which candidates are the best distinct ones.
+    """Which candidates are the best distinct ones."""
 
-    Attributes:
-        count: how many at most.
-        tolerance: how far from the surface a point may lie [voxels; of the range]; None: as the coarse grid needs.
-        apart: candidates of alike rotations that are no farther apart are the same [voxels].
-        share: those are left out whose score is less than this share of the best's.
-    """
-
-    count: int
+    count: int  # how many at most
+    # how far from the surface a point may lie [voxels; of the range]; None: as the coarse grid needs
     tolerance: tuple[float, float] | None = None
-    apart: float = SAME_SHIFT
-    share: float = 0.0
+    apart: float = SAME_SHIFT  # candidates of alike rotations that are no farther apart are the same [voxels]
+    share: float = 0.0  # those are left out whose score is less than this share of the best's
 
 
 class Verifier:

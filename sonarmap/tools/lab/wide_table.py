@@ -18,19 +18,12 @@ Cell = str | Text
 
 @dataclass(frozen=True, slots=True)
 class WideTable:
-    """Headings and rows, whose first cell names them. No number is cut: only long words are wrapped.
+    """Headings and rows, whose first cell names them. No number is cut: only long words are wrapped."""
 
-    Attributes:
-        headings: of the columns.
-        rows: with as many cells each.
-        right: which columns are justified to the right.
-        title: a line over it, "" for none.
-    """
-
-    headings: Sequence[str]
-    rows: Sequence[Sequence[Cell]]
-    right: frozenset[int] = frozenset()
-    title: str = ""
+    headings: Sequence[str]  # of the columns
+    rows: Sequence[Sequence[Cell]]  # with as many cells each
+    right: frozenset[int] = frozenset()  # which columns are justified to the right
+    title: str = ""  # a line over it, "" for none
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """As many tables one below the other as the width needs."""

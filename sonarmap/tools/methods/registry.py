@@ -34,38 +34,25 @@ ALL_METHODS = (*_DEVICE_SOURCES, "tools/lab/baselines", "tools/methods/registry.
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What a method is built from; each uses the fields that mean something to it.
+    """What a method is built from; each uses the fields that mean something to it."""
 
-    Attributes:
-        grid: which the scans share. Methods that work on points thin them to one per voxel of its size.
-        device: of the spectral methods, as `choose_device` takes it.
-        seed: of the methods that draw at random.
-        changes: fields of the SpectralConfig or HemisphereConfig that are not at their defaults, with their values.
-    """
-
-    grid: Grid
-    device: str | None = None
-    seed: int = 0
+    grid: Grid  # which the scans share. Methods that work on points thin them to one per voxel of its size.
+    device: str | None = None  # of the spectral methods, as `choose_device` takes it
+    seed: int = 0  # of the methods that draw at random
+    # fields of the SpectralConfig or HemisphereConfig that are not at their defaults, with their values
     changes: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A method of registration.
+    """A method of registration."""
 
-    Attributes:
-        title: what it is, in words.
-        make: builds the registrar.
-        sources: folders and files whose code decides its results.
-        options: the command line's options that change its results, by their parameters' names, beside the voxel.
-        package: what pip has to install beyond sonarmap's own; "" for nothing.
-    """
-
-    title: str
-    make: Callable[[Setup], Registrar]
-    sources: tuple[str, ...]
+    title: str  # what it is, in words
+    make: Callable[[Setup], Registrar]  # builds the registrar
+    sources: tuple[str, ...]  # folders and files whose code decides its results
+    # the command line's options that change its results, by their parameters' names, beside the voxel
     options: frozenset[str] = frozenset()
-    package: str = ""
+    package: str = ""  # what pip has to install beyond sonarmap's own; "" for nothing
 
 
 def build(name: str, grid: Grid, device: str | None = None, seed: int = 0) -> Registrar:
@@ -125,18 +112,12 @@ def _hemisphere(setup: Setup) -> Registrar:
 
 @dataclass(frozen=True, slots=True)
 class _OfLab:
-    """Builds a method that others made.
+    """Builds a method that others made."""
 
-    Attributes:
-        registrar: its class in `tools.lab.baselines`, as "module:Class": the laboratory is built on this list, not the
-            reverse.
-        kind: which of the class's methods it is; "" where there is one.
-        seeded: whether it draws at random.
-    """
-
+    # its class in `tools.lab.baselines`, as "module:Class": the laboratory is built on this list, not the reverse
     registrar: str
-    kind: str = ""
-    seeded: bool = False
+    kind: str = ""  # which of the class's methods it is; "" where there is one
+    seeded: bool = False  # whether it draws at random
 
     def __call__(self, setup: Setup) -> Registrar:
         load_package("open3d", "open3d", "this method", "lab")

@@ -53,12 +53,7 @@ def write_ros1(path: Path, records: Sequence[Record], compression: str = "") -> 
     if compression:
         writer.set_compression(Writer1.CompressionFormat[compression.upper()])
     with writer:
-        connections = {
-            topic: writer.add_connection(topic, kind, typestore=store) for topic, kind, *_ in _first_of_each(records)
-        }
-        for topic, kind, time, message in records:
-            content = store.serialize_ros1(built(store, kind, message), kind)
-            writer.write(connections[topic], round(time * 1e9), bytes(content))
+        _write_records(writer, records, store, store.serialize_ros1)
     return path
 
 
@@ -72,13 +67,16 @@ def write_ros2(
     if compression:
         writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
     with writer:
-        connections = {
-            topic: writer.add_connection(topic, kind, typestore=store) for topic, kind, *_ in _first_of_each(records)
-        }
-        for topic, kind, time, message in records:
-            content = store.serialize_cdr(built(store, kind, message), kind)
-            writer.write(connections[topic], round(time * 1e9), bytes(content))
+        _write_records(writer, records, store, store.serialize_cdr)
     return folder
+
+
+def _write_records(writer: Any, records: Sequence[Record], store: Any, serialize: Callable[..., Any]) -> None:
+    """Every record on the connection of its topic."""
+    topics = _first_of_each(records)
+    connections = {topic: writer.add_connection(topic, kind, typestore=store) for topic, kind, *_ in topics}
+    for topic, kind, time, message in records:
+        writer.write(connections[topic], round(time * 1e9), bytes(serialize(built(store, kind, message), kind)))
 
 
 def write_mcap(path: Path, records: Sequence[Record], **options: Any) -> Path:

@@ -68,21 +68,13 @@ NORMAL_NEIGHBORS = 30
 
 @dataclass(frozen=True, slots=True)
 class ThinnedCloud:
-    """A scan's points, thinned.
+    """A scan's points, thinned."""
 
-    Attributes:
-        name: the scan's.
-        points: (m, 3) float64 [m, sensor frame], the mean of the points of every occupied voxel.
-        normals: (m, 3) float64, of unit length, on the side where the sensor was.
-        tree: to search among the points.
-        extra: what a method adds for itself: features, or the points as another library wants them.
-    """
-
-    name: str
-    points: np.ndarray
-    normals: np.ndarray
-    tree: KDTree
-    extra: Any = None
+    name: str  # the scan's
+    points: np.ndarray  # (m, 3) float64 [m, sensor frame], the mean of the points of every occupied voxel
+    normals: np.ndarray  # (m, 3) float64, of unit length, on the side where the sensor was
+    tree: KDTree  # to search among the points
+    extra: Any = None  # what a method adds for itself: features, or the points as another library wants them
 
 
 def thin(scan: Scan, voxel: float) -> ThinnedCloud:

@@ -29,19 +29,13 @@ from sonarmap.tools.lab.baselines.features import MATCH_REACH, FeatureRegistrar
 
 @dataclass(frozen=True, slots=True)
 class SlamRun:
-    """Poses of the scans that the method could use.
+    """Poses of the scans that the method could use."""
 
-    Attributes:
-        trajectory: with the scans' stamps, in a world of its own.
-        pairs: of scans that it registered, kept or not; none where it does not work on pairs of scans.
-        loops: how many loop closures it kept.
-        seconds: wall time, from the first scan to the last pose.
-    """
-
-    trajectory: Trajectory
+    trajectory: Trajectory  # with the scans' stamps, in a world of its own
+    # of scans that it registered, kept or not; none where it does not work on pairs of scans
     pairs: tuple[TriedPair, ...]
-    loops: int
-    seconds: float
+    loops: int  # how many loop closures it kept
+    seconds: float  # wall time, from the first scan to the last pose
 
 
 KEY_EVERY = 5  # scans: every pair of these key scans is tried as a loop, whatever the odometry says of them

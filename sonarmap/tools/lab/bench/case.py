@@ -23,49 +23,31 @@ BLUR = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """Another library that does the same work.
+    """Another library that does the same work."""
 
-    Attributes:
-        name: the library's.
-        run: the work, done when it returns.
-        restore: put back what it overwrites of its input.
-    """
-
-    name: str
-    run: Callable[[], object]
-    restore: Callable[[], object] = lambda: None
+    name: str  # the library's
+    run: Callable[[], object]  # the work, done when it returns
+    restore: Callable[[], object] = lambda: None  # put back what it overwrites of its input
 
 
 @dataclass(frozen=True, slots=True)
 class KernelCase:
-    """One kernel on one input, and the same by NumPy and SciPy.
+    """One kernel on one input, and the same by NumPy and SciPy."""
 
-    Attributes:
-        name: the kernel's, as its module calls it.
-        twin_name: what the twin is made of.
-        traffic: what the algorithm must move.
-        tolerance: largest relative L2 difference of the results.
-        run: queue the kernel's work, which the caller waits for, and return its result.
-        twin: do the same on the host, and return the result.
-        read: what `run` returned, as the twin gives it.
-        restore: put back what run and twin overwrite of their input.
-        flops: additions and multiplications of the algorithm; of a transform 5 n log2 n for n complex points, and half
-            for n real ones. 0 where they do not matter.
-        passes: what single launches move, by their kernel's name.
-        peers: other libraries, made when they are asked for.
-    """
-
-    name: str
-    twin_name: str
-    traffic: Traffic
-    tolerance: float
-    run: Callable[[], Any]
-    twin: Callable[[], np.ndarray]
-    read: Callable[[Any], np.ndarray] = lambda result: result.get()
-    restore: Callable[[], object] = lambda: None
+    name: str  # the kernel's, as its module calls it
+    twin_name: str  # what the twin is made of
+    traffic: Traffic  # what the algorithm must move
+    tolerance: float  # largest relative L2 difference of the results
+    run: Callable[[], Any]  # queue the kernel's work, which the caller waits for, and return its result
+    twin: Callable[[], np.ndarray]  # do the same on the host, and return the result
+    read: Callable[[Any], np.ndarray] = lambda result: result.get()  # what `run` returned, as the twin gives it
+    restore: Callable[[], object] = lambda: None  # put back what run and twin overwrite of their input
+    # additions and multiplications of the algorithm; of a transform 5 n log2 n for n complex points, and half for n
+    # real ones. 0 where they do not matter.
     flops: float = 0.0
+    # what single launches move, by their kernel's name
     passes: Mapping[str, Traffic] = field(default_factory=dict[str, Traffic])
-    peers: Callable[[], list[Peer]] = list
+    peers: Callable[[], list[Peer]] = list  # other libraries, made when they are asked for
 
 
 def peak_numbers(peak: Peak) -> np.ndarray:

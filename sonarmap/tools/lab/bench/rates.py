@@ -13,17 +13,12 @@ from sonarmap.tools.lab.bench.timing import timed
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """Bytes that an algorithm must move, valid elements only, at least once each.
+    """Bytes that an algorithm must move, valid elements only, at least once each."""
 
-    Attributes:
-        reads: of arrays that are only read.
-        writes: of arrays that are only written. The lines that a processor fetches before it writes them do not count.
-        in_place: of arrays that are changed where they are, reading and writing counted each.
-    """
-
-    reads: float = 0
+    reads: float = 0  # of arrays that are only read
+    # of arrays that are only written. The lines that a processor fetches before it writes them do not count.
     writes: float = 0
-    in_place: float = 0
+    in_place: float = 0  # of arrays that are changed where they are, reading and writing counted each
 
     @property
     def moved(self) -> int:
@@ -94,16 +89,12 @@ class Rates:
 
     A copy and a fill also fetch the lines that they write, on most processors, which is not counted: that is why what
     works in place has a rate of its own, and may be up to half as fast again.
-
-    Attributes:
-        best: by way, by bytes touched, the highest rate seen; reads and writes both count [bytes/s].
-        copy_rate: the median rate of copying what no cache holds [bytes/s].
-        flops: multiply-adds in registers, each two operations [1/s].
     """
 
+    # by way, by bytes touched, the highest rate seen; reads and writes both count [bytes/s]
     best: Mapping[str, Mapping[int, float]]
-    copy_rate: float
-    flops: float
+    copy_rate: float  # the median rate of copying what no cache holds [bytes/s]
+    flops: float  # multiply-adds in registers, each two operations [1/s]
 
     def at(self, way: Way, touched: float) -> float:
         """The highest rate over arrays of about these bytes or more [bytes/s]."""

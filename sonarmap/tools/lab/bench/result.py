@@ -14,38 +14,26 @@ from sonarmap.tools.lab.bench.timing import Times
 
 @dataclass(frozen=True, slots=True)
 class KernelResult:
-    """One kernel beside its twin.
+    """One kernel beside its twin."""
 
-    Attributes:
-        name, twin_name, edge: which kernel, what its twin is made of, N.
-        device, twin: times of the two [s].
-        traffic: what the algorithm must move.
-        error: relative L2 difference of the two results.
-        tolerance: the largest that is right.
-        flops: operations of the algorithm; 0 where they do not matter.
-        peers: times of other libraries, by their names [s].
-        compile_seconds: building the programs, and what the first run took longer [s].
-        launches: kernels that one run launches.
-        blocking_reads: how often the host waits for the device within the run.
-        kernel_seconds: the device's own time by kernel, the median of some runs [s]; nothing where it notes no times.
-        passes: what some of these kernels move.
-    """
-
+    # name, twin_name, edge: which kernel, what its twin is made of, N
     name: str
     twin_name: str
     edge: int
+    # device, twin: times of the two [s]
     device: Times
     twin: Times
-    traffic: Traffic
-    error: float
-    tolerance: float
-    flops: float
-    peers: Mapping[str, Times]
-    compile_seconds: float
-    launches: int
-    blocking_reads: int
+    traffic: Traffic  # what the algorithm must move
+    error: float  # relative L2 difference of the two results
+    tolerance: float  # the largest that is right
+    flops: float  # operations of the algorithm; 0 where they do not matter
+    peers: Mapping[str, Times]  # times of other libraries, by their names [s]
+    compile_seconds: float  # building the programs, and what the first run took longer [s]
+    launches: int  # kernels that one run launches
+    blocking_reads: int  # how often the host waits for the device within the run
+    # the device's own time by kernel, the median of some runs [s]; nothing where it notes no times
     kernel_seconds: Mapping[str, float] = field(default_factory=dict[str, float])
-    passes: Mapping[str, Traffic] = field(default_factory=dict[str, Traffic])
+    passes: Mapping[str, Traffic] = field(default_factory=dict[str, Traffic])  # what some of these kernels move
 
     @property
     def right(self) -> bool:

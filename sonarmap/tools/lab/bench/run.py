@@ -22,23 +22,14 @@ _RATE_REPEATS = 5
 
 @dataclass(frozen=True, slots=True)
 class BenchPlan:
-    """What a benchmark measures.
+    """What a benchmark measures."""
 
-    Attributes:
-        edges: voxels per edge, each.
-        repeats: timed runs of each kernel.
-        pairs: how many simulated pairs to register on each edge; 0 for none.
-        kernels: whether to time the kernels.
-        survey: how many scans of a simulated survey to map; 0 for none.
-        seed: of all input.
-    """
-
-    edges: Sequence[int]
-    repeats: int
-    pairs: int
-    kernels: bool
-    survey: int
-    seed: int
+    edges: Sequence[int]  # voxels per edge, each
+    repeats: int  # timed runs of each kernel
+    pairs: int  # how many simulated pairs to register on each edge; 0 for none
+    kernels: bool  # whether to time the kernels
+    survey: int  # how many scans of a simulated survey to map; 0 for none
+    seed: int  # of all input
 
 
 def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Command) -> dict[str, Any]:

@@ -63,21 +63,13 @@ SURVEY_STAGES: Mapping[str, str] = {
 
 @dataclass(slots=True)
 class Stage:
-    """One stage, summed over its calls.
+    """One stage, summed over its calls."""
 
-    Attributes:
-        name: what it is called.
-        calls: how often it ran.
-        seconds: wall time with the stages within it [s].
-        own_seconds: wall time without these [s].
-        counts: what it asked of the device itself, without these.
-    """
-
-    name: str
-    calls: int = 0
-    seconds: float = 0.0
-    own_seconds: float = 0.0
-    counts: Counts = field(default_factory=Counts)
+    name: str  # what it is called
+    calls: int = 0  # how often it ran
+    seconds: float = 0.0  # wall time with the stages within it [s]
+    own_seconds: float = 0.0  # wall time without these [s]
+    counts: Counts = field(default_factory=Counts)  # what it asked of the device itself, without these
 
 
 class StageClock:

@@ -17,34 +17,21 @@ Nearest = Literal["surface", "point"]
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """What a map is compared with, in the frame of the true trajectory.
+    """What a map is compared with, in the frame of the true trajectory."""
 
-    Attributes:
-        name: in words.
-        nearest: "surface", exact distances to triangles, or "point", to the nearest point of a cloud.
-        distance: takes points (N, 3) [m]; their distances (N,) float64 [m].
-    """
-
-    name: str
-    nearest: Nearest
-    distance: Callable[[np.ndarray], np.ndarray]
+    name: str  # in words
+    nearest: Nearest  # "surface", exact distances to triangles, or "point", to the nearest point of a cloud
+    distance: Callable[[np.ndarray], np.ndarray]  # takes points (N, 3) [m]; their distances (N,) float64 [m]
 
 
 @dataclass(frozen=True, slots=True)
 class MapError:
-    """The distances of a map's M points from a reference.
+    """The distances of a map's M points from a reference."""
 
-    Attributes:
-        reference: in words.
-        nearest: what the distances are measured to, see Reference.
-        distance_m: (M,) float64 [m].
-        voxel: edge of the map's voxels [m].
-    """
-
-    reference: str
-    nearest: Nearest
-    distance_m: np.ndarray
-    voxel: float
+    reference: str  # in words
+    nearest: Nearest  # what the distances are measured to, see Reference
+    distance_m: np.ndarray  # (M,) float64 [m]
+    voxel: float  # edge of the map's voxels [m]
 
     @property
     def median_m(self) -> float:

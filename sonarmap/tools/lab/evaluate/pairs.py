@@ -13,20 +13,15 @@ from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair
 
 @dataclass(frozen=True, slots=True)
 class PairScore:
-    """How many pairs were kept or rejected, and were right or wrong.
+    """How many pairs were kept or rejected, and were right or wrong."""
 
-    Attributes:
-        kept_right, kept_wrong, rejected_right, rejected_wrong: numbers of pairs whose registration did not fail.
-        failed: pairs whose registration failed.
-        unjudged: pairs with a scan that has no true pose.
-    """
-
+    # kept_right, kept_wrong, rejected_right, rejected_wrong: numbers of pairs whose registration did not fail
     kept_right: int
     kept_wrong: int
     rejected_right: int
     rejected_wrong: int
-    failed: int = 0
-    unjudged: int = 0
+    failed: int = 0  # pairs whose registration failed
+    unjudged: int = 0  # pairs with a scan that has no true pose
 
     @property
     def precision(self) -> float | None:

@@ -17,19 +17,14 @@ FIXED = 1e-3  # an anchor's largest sigma [rad, m]: a graph's gauge is far below
 
 @dataclass(frozen=True, slots=True)
 class PoseCalibration:
-    """The errors of N poses compared with their covariances. Poses of one graph err together, not independently.
+    """The errors of N poses compared with their covariances. Poses of one graph err together, not independently."""
 
-    Attributes:
-        anchor: "first": errors are relative to the first pose, which is left out; "world": the first pose is itself
-            uncertain, as with priors, so nothing is aligned and both world frames are taken to be the same; "partly":
-            the same, but what no instrument measured is aligned at the first pose.
-        nees: (N,) squared Mahalanobis distance of the truth, 6 on average where the covariance is right.
-        position_nees: (N,) the same of the position alone, 3 on average.
-    """
-
+    # "first": errors are relative to the first pose, which is left out; "world": the first pose is itself uncertain, as
+    # with priors, so nothing is aligned and both world frames are taken to be the same; "partly": the same, but what no
+    # instrument measured is aligned at the first pose
     anchor: Literal["first", "world", "partly"]
-    nees: np.ndarray
-    position_nees: np.ndarray
+    nees: np.ndarray  # (N,) squared Mahalanobis distance of the truth, 6 on average where the covariance is right
+    position_nees: np.ndarray  # (N,) the same of the position alone, 3 on average
 
     @property
     def within_95(self) -> float:

@@ -18,27 +18,19 @@ from sonarmap.tools.lab.evaluate.trajectory import associate
 
 @dataclass(frozen=True, slots=True)
 class SurveySummary:
-    """What a summary.json says of its survey.
+    """What a summary.json says of its survey."""
 
-    Attributes:
-        stamps: (N,) float64 [s], of its scans.
-        components: indices of each component's scans, ascending.
-        unmeasured: of each component that instruments place in the world, what none of them tells
-            (`slam.graph.gauge.MEASURED`); empty for the others.
-        covariances: (N, 6, 6) of the poses relative to the first pose of their component, rotation first [rad, m], body
-            tangent; None where a scan has none.
-        pairs: all pairs that were tried.
-        voxel: edge of the voxels on which pairs were registered [m].
-        map_voxel: edge of the first map's voxels [m].
-    """
-
-    stamps: np.ndarray
-    components: tuple[tuple[int, ...], ...]
+    stamps: np.ndarray  # (N,) float64 [s], of its scans
+    components: tuple[tuple[int, ...], ...]  # indices of each component's scans, ascending
+    # of each component that instruments place in the world, what none of them tells (`slam.graph.gauge.MEASURED`);
+    # empty for the others
     unmeasured: tuple[tuple[str, ...], ...]
+    # (N, 6, 6) of the poses relative to the first pose of their component, rotation first [rad, m], body tangent; None
+    # where a scan has none
     covariances: np.ndarray | None
-    pairs: tuple[TriedPair, ...]
-    voxel: float
-    map_voxel: float
+    pairs: tuple[TriedPair, ...]  # all pairs that were tried
+    voxel: float  # edge of the voxels on which pairs were registered [m]
+    map_voxel: float  # edge of the first map's voxels [m]
 
 
 Matrix = list[list[float]]

@@ -66,15 +66,10 @@ RIGHT_VOXELS = 3.0
 
 @dataclass(frozen=True, slots=True)
 class PairError:
-    """How far one transform is from the truth.
+    """How far one transform is from the truth."""
 
-    Attributes:
-        rotation_deg: angle of the rotation between the two [degrees], 0..180.
-        translation_m: distance between their translations [m].
-    """
-
-    rotation_deg: float
-    translation_m: float
+    rotation_deg: float  # angle of the rotation between the two [degrees], 0..180
+    translation_m: float  # distance between their translations [m]
 
     def within(self, rotation_deg: float, translation_m: float) -> bool:
         """Whether both errors are at most these."""
@@ -83,33 +78,19 @@ class PairError:
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """A trajectory compared with the truth: N poses with a stamp in common.
+    """A trajectory compared with the truth: N poses with a stamp in common."""
 
-    Attributes:
-        alignment: how the estimate was aligned with the truth: "poses", "positions" or "first".
-        T_truth_estimate: the alignment, from the estimate's world to the truth's.
-        stamps: (N,) [s], the estimate's, in time.
-        T_aligned: N poses of the estimate after alignment, T_truth_sensor.
-        T_true: N poses of the truth, T_truth_sensor.
-        rotation_deg: (N,) error of every pose after alignment [degrees].
-        translation_m: (N,) the same of its position [m]; the ATE is their root mean square.
-        step_rotation_deg: (N - 1,) RPE: error of the motion between consecutive common poses [degrees].
-        step_translation_m: (N - 1,) the same of its translation [m].
-        unmatched_estimates: number of poses of the estimate without a pose of the truth.
-        unmatched_truths: number of poses of the truth without a pose of the estimate.
-    """
-
-    alignment: Alignment
-    T_truth_estimate: RigidTransform
-    stamps: np.ndarray
-    T_aligned: RigidTransform
-    T_true: RigidTransform
-    rotation_deg: np.ndarray
-    translation_m: np.ndarray
-    step_rotation_deg: np.ndarray
-    step_translation_m: np.ndarray
-    unmatched_estimates: int
-    unmatched_truths: int
+    alignment: Alignment  # how the estimate was aligned with the truth: "poses", "positions" or "first"
+    T_truth_estimate: RigidTransform  # the alignment, from the estimate's world to the truth's
+    stamps: np.ndarray  # (N,) [s], the estimate's, in time
+    T_aligned: RigidTransform  # N poses of the estimate after alignment, T_truth_sensor
+    T_true: RigidTransform  # N poses of the truth, T_truth_sensor
+    rotation_deg: np.ndarray  # (N,) error of every pose after alignment [degrees]
+    translation_m: np.ndarray  # (N,) the same of its position [m]; the ATE is their root mean square
+    step_rotation_deg: np.ndarray  # (N - 1,) RPE: error of the motion between consecutive common poses [degrees]
+    step_translation_m: np.ndarray  # (N - 1,) the same of its translation [m]
+    unmatched_estimates: int  # number of poses of the estimate without a pose of the truth
+    unmatched_truths: int  # number of poses of the truth without a pose of the estimate
 
     @property
     def ate_m(self) -> float:

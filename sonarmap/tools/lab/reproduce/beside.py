@@ -14,19 +14,13 @@ Line = tuple[str, str, str, str]
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """A share of registrations.
+    """A share of registrations."""
 
-    Attributes:
-        words: what is counted.
-        chosen: of one method's rows the hits, and the rows that they are a share of.
-        expected: ends the sentence "expect 7 of 100 ...".
-        most: whether the largest share is the best, rather than the smallest.
-    """
-
-    words: str
+    words: str  # what is counted
+    # of one method's rows the hits, and the rows that they are a share of
     chosen: Callable[[Sequence[Row]], tuple[Sequence[Row], Sequence[Row]]]
-    expected: str
-    most: bool = True
+    expected: str  # ends the sentence "expect 7 of 100 ..."
+    most: bool = True  # whether the largest share is the best, rather than the smallest
 
     def share(self, rows: Sequence[Row]) -> float | None:
         """Of one method's rows, 0..1; None where there is nothing to take a share of."""

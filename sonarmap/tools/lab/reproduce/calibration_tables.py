@@ -22,20 +22,14 @@ PROBABILITIES = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class CovarianceCheck:
-    """Normalized squared errors compared with chi-squared with six degrees of freedom.
+    """Normalized squared errors compared with chi-squared with six degrees of freedom."""
 
-    Attributes:
-        mean: of the errors; 6 with a calibrated covariance, more with one that is too small.
-        median: of the errors; 5.35 with a calibrated covariance; a few large errors move it less than the mean.
-        low, high: between which the mean of as many draws lies in 95 of 100 cases.
-        inside: how many lie in the covariance's own 95 % ellipsoid.
-    """
-
-    mean: float
-    median: float
+    mean: float  # of the errors; 6 with a calibrated covariance, more with one that is too small
+    median: float  # of the errors; 5.35 with a calibrated covariance; a few large errors move it less than the mean
+    # low, high: between which the mean of as many draws lies in 95 of 100 cases
     low: float
     high: float
-    inside: Rate
+    inside: Rate  # how many lie in the covariance's own 95 % ellipsoid
 
     @property
     def share(self) -> float:
@@ -52,18 +46,13 @@ class CovarianceCheck:
 
 @dataclass(frozen=True, slots=True)
 class Reliability:
-    """Registrations whose probability lies between two values.
+    """Registrations whose probability lies between two values."""
 
-    Attributes:
-        low, high: the two.
-        predicted: the mean of the probabilities.
-        right: how many of the registrations are right.
-    """
-
+    # low, high: the two
     low: float
     high: float
-    predicted: float
-    right: Rate
+    predicted: float  # the mean of the probabilities
+    right: Rate  # how many of the registrations are right
 
     @property
     def share(self) -> float:

@@ -14,36 +14,23 @@ Row = Mapping[str, Value]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The results of one job.
+    """The results of one job."""
 
-    Attributes:
-        rows: the same on every run, key by key: they become NAME.csv.
-        seconds: rows of times: they become NAME-seconds.csv, the file that may differ between runs.
-    """
-
-    rows: tuple[Row, ...]
-    seconds: tuple[Row, ...] = ()
+    rows: tuple[Row, ...]  # the same on every run, key by key: they become NAME.csv
+    seconds: tuple[Row, ...] = ()  # rows of times: they become NAME-seconds.csv, the file that may differ between runs
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """The text, tables and pictures of an experiment, for its page.
+    """The text, tables and pictures of an experiment, for its page."""
 
-    Attributes:
-        title: a heading, with the paper's figures and tables in it.
-        introduction: Markdown: what was done, what counts as right.
-        tables: the first has the paper's values, or the other methods', beside ours, and what follows.
-        times: tables of run times; they differ between runs and stand in a file of their own.
-        pictures: file names of the figures -> captions, in order; `draw` writes them.
-        remarks: Markdown: what the figures show, computed from the rows.
-    """
-
-    title: str
-    introduction: str
-    tables: tuple[Table, ...]
-    times: tuple[Table, ...] = ()
+    title: str  # a heading, with the paper's figures and tables in it
+    introduction: str  # Markdown: what was done, what counts as right
+    tables: tuple[Table, ...]  # the first has the paper's values, or the other methods', beside ours, and what follows
+    times: tuple[Table, ...] = ()  # tables of run times; they differ between runs and stand in a file of their own
+    # file names of the figures -> captions, in order; `draw` writes them
     pictures: Mapping[str, str] = field(default_factory=dict)
-    remarks: str = ""
+    remarks: str = ""  # Markdown: what the figures show, computed from the rows
 
 
 class Experiment(ABC):
@@ -85,11 +72,9 @@ class ByMethod(Experiment):
     """An experiment whose jobs are of one method each, which the last part of a job's key names.
 
     The jobs of each method are kept for themselves: when the code of one changes, those of the others stay done.
-
-    Attributes:
-        deciding: names of the settings that decide a job's rows, with its key, the code and the device.
     """
 
+    # names of the settings that decide a job's rows, with its key, the code and the device
     deciding: ClassVar[tuple[str, ...]] = ("edge", "seed")
 
     @property

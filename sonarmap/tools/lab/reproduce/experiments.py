@@ -34,38 +34,23 @@ EVERY = "pages"  # all experiments, for all pages of one state; those on a folde
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What the command line asks for.
+    """What the command line asks for."""
 
-    Attributes:
-        device: to run on; None where only the options are looked at.
-        quick: a minute at most, with less of everything that no option sets.
-        seeds, seed: how many, and the first of them.
-        grid: voxels per edge.
-        scene: a key of SCENE_KINDS.
-        sigma2: variances of the range noise at the largest range [m^2].
-        pairs: how many.
-        method: keys of METHODS.
-        folder: of scans, for an experiment that takes one.
-        voxel: size of a voxel [m].
-        max_tilt: largest roll and pitch between two scans [degrees].
-        known: instruments, separated by commas, whose measurements are drawn about the truth.
-        known_sigmas: their standard deviations, as the option is written.
-    """
-
-    device: "Device | None" = None
-    quick: bool = False
+    device: "Device | None" = None  # to run on; None where only the options are looked at
+    quick: bool = False  # a minute at most, with less of everything that no option sets
+    # seeds, seed: how many, and the first of them
     seeds: int | None = None
     seed: int | None = None
-    grid: int | None = None
-    scene: str | None = None
-    sigma2: tuple[float, ...] | None = None
-    pairs: int | None = None
-    method: tuple[str, ...] | None = None
-    folder: Path | None = None
-    voxel: float | None = None
-    max_tilt: float | None = None
-    known: str | None = None
-    known_sigmas: str | None = None
+    grid: int | None = None  # voxels per edge
+    scene: str | None = None  # a key of SCENE_KINDS
+    sigma2: tuple[float, ...] | None = None  # variances of the range noise at the largest range [m^2]
+    pairs: int | None = None  # how many
+    method: tuple[str, ...] | None = None  # keys of METHODS
+    folder: Path | None = None  # of scans, for an experiment that takes one
+    voxel: float | None = None  # size of a voxel [m]
+    max_tilt: float | None = None  # largest roll and pitch between two scans [degrees]
+    known: str | None = None  # instruments, separated by commas, whose measurements are drawn about the truth
+    known_sigmas: str | None = None  # their standard deviations, as the option is written
 
     @property
     def opened(self) -> "Device":
@@ -102,23 +87,14 @@ _PAIR_OPTIONS = ("grid", "pairs", "seed", "method")
 
 @dataclass(frozen=True, slots=True)
 class ExperimentEntry:
-    """One experiment of the table.
+    """One experiment of the table."""
 
-    Attributes:
-        shows: which of the paper's figures and tables, or what is looked at.
-        module: where its `create` is; it is imported when the experiment is asked for.
-        options: those of OPTIONS that change its rows.
-        group: that it belongs to.
-        timed: whether it measures times, so that its jobs are run one by one.
-        on_folder: whether it takes a folder of scans.
-    """
-
-    shows: str
-    module: str
-    options: tuple[str, ...]
-    group: str = ALL
-    timed: bool = False
-    on_folder: bool = False
+    shows: str  # which of the paper's figures and tables, or what is looked at
+    module: str  # where its `create` is; it is imported when the experiment is asked for
+    options: tuple[str, ...]  # those of OPTIONS that change its rows
+    group: str = ALL  # that it belongs to
+    timed: bool = False  # whether it measures times, so that its jobs are run one by one
+    on_folder: bool = False  # whether it takes a folder of scans
 
 
 _LAB = "sonarmap.tools.lab.reproduce"

@@ -19,15 +19,10 @@ METHOD_SOURCES = (
 
 @dataclass(frozen=True, slots=True)
 class ComparedMethods:
-    """The methods of an experiment.
+    """The methods of an experiment."""
 
-    Attributes:
-        methods: keys of METHODS, in the order in which they are shown.
-        left_out: methods whose packages are not installed.
-    """
-
-    methods: tuple[str, ...] = EVALUATED
-    left_out: tuple[str, ...] = ()
+    methods: tuple[str, ...] = EVALUATED  # keys of METHODS, in the order in which they are shown
+    left_out: tuple[str, ...] = ()  # methods whose packages are not installed
 
     @property
     def words(self) -> str:

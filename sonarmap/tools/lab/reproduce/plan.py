@@ -17,19 +17,14 @@ CELL = 0.5  # of the raster [m]
 
 @dataclass(frozen=True, slots=True)
 class SectionPlan:
-    """A horizontal section.
+    """A horizontal section."""
 
-    Attributes:
-        height: z of the section [m].
-        outlines: (S, 2, 2) [m], the straight pieces along which the surface meets the section: ends, then x and y.
-        solid: (K, K) bool, [i, j] for the cell at x index i and y index j, whether it lies inside something solid.
-        edge: side of the raster [m], centered at the origin.
-    """
-
-    height: float
+    height: float  # z of the section [m]
+    # (S, 2, 2) [m], the straight pieces along which the surface meets the section: ends, then x and y
     outlines: np.ndarray
+    # (K, K) bool, [i, j] for the cell at x index i and y index j, whether it lies inside something solid
     solid: np.ndarray
-    edge: float
+    edge: float  # side of the raster [m], centered at the origin
 
 
 def plan(mesh: Mesh, height: float) -> SectionPlan:

@@ -21,26 +21,19 @@ SHOWING = ("*section.py", "*remarks.py", "*figure.py", "*tables.py", "*summary.p
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """What has to be the same for rows to be the same, and the machine for people.
+    """What has to be the same for rows to be the same, and the machine for people."""
 
-    Attributes:
-        name: the experiment's.
-        settings: its settings in JSON's types.
-        sources: digest of the code that decides rows.
-        device, platform: the OpenCL device and its driver.
-        versions: of Python, the system and the packages.
-        processor, cores: the host's; they decide nothing.
-        methods: where jobs are of one method each, a digest of all that decides the rows of each, by its name.
-    """
-
-    name: str
-    settings: Mapping[str, Any]
-    sources: str
+    name: str  # the experiment's
+    settings: Mapping[str, Any]  # its settings in JSON's types
+    sources: str  # digest of the code that decides rows
+    # device, platform: the OpenCL device and its driver
     device: str
     platform: str
-    versions: Mapping[str, str | None]
+    versions: Mapping[str, str | None]  # of Python, the system and the packages
+    # processor, cores: the host's; they decide nothing
     processor: str
     cores: int
+    # where jobs are of one method each, a digest of all that decides the rows of each, by its name
     methods: Mapping[str, str] = field(default_factory=dict)
 
     def key(self, job: str) -> str:

@@ -81,15 +81,12 @@ def refused(rows: Iterable[Row]) -> list[Row]:
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """Successes among trials, with Wilson's 95 % interval (DOI 10.1080/01621459.1927.10502953).
+    """Successes among trials, with Wilson's 95 % interval (DOI 10.1080/01621459.1927.10502953)."""
 
-    Attributes:
-        successes, trials: 0 <= successes <= trials, at least one trial.
-        low, high: the interval of the rate, 0..1.
-    """
-
+    # successes, trials: 0 <= successes <= trials, at least one trial
     successes: int
     trials: int
+    # low, high: the interval of the rate, 0..1
     low: float
     high: float
 

@@ -23,15 +23,10 @@ JOURNAL = "journal.sqlite"
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """All jobs of an experiment.
+    """All jobs of an experiment."""
 
-    Attributes:
-        outcomes: by job, in the order of the experiment's jobs.
-        job_seconds: how long every job took when it was run, in the same order [s].
-    """
-
-    outcomes: Mapping[str, Outcome]
-    job_seconds: Mapping[str, float]
+    outcomes: Mapping[str, Outcome]  # by job, in the order of the experiment's jobs
+    job_seconds: Mapping[str, float]  # how long every job took when it was run, in the same order [s]
 
     @property
     def seconds(self) -> float:
@@ -41,15 +36,10 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """How to run an experiment.
+    """How to run an experiment."""
 
-    Attributes:
-        fresh: run every job, whatever the journal holds.
-        workers: processes that share the jobs; None for this process alone.
-    """
-
-    fresh: bool = False
-    workers: WorkerProcesses | None = None
+    fresh: bool = False  # run every job, whatever the journal holds
+    workers: WorkerProcesses | None = None  # processes that share the jobs; None for this process alone
 
 
 def run(

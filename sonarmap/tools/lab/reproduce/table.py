@@ -13,17 +13,11 @@ Group = TypeVar("Group")
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Headings, and rows with as many cells each.
+    """Headings, and rows with as many cells each."""
 
-    Attributes:
-        title: a line over it.
-        headings: of the columns.
-        rows: the cells, as they are shown.
-    """
-
-    title: str
-    headings: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    title: str  # a line over it
+    headings: tuple[str, ...]  # of the columns
+    rows: tuple[tuple[str, ...], ...]  # the cells, as they are shown
 
     def markdown(self) -> str:
         """As GitHub shows it, the title in bold."""

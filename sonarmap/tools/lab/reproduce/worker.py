@@ -16,19 +16,12 @@ _experiment: "Experiment | None" = None  # of this process, where it is a worker
 
 @dataclass(frozen=True, slots=True)
 class WorkerProcesses:
-    """New processes that each make the same experiment, with a device of its own.
+    """New processes that each make the same experiment, with a device of its own."""
 
-    Attributes:
-        count: how many, at least 1.
-        module: has the experiment's `create`.
-        request: what to make, without a device.
-        device: as `choose_device` takes it.
-    """
-
-    count: int
-    module: str
-    request: "Request"
-    device: str | None
+    count: int  # how many, at least 1
+    module: str  # has the experiment's `create`
+    request: "Request"  # what to make, without a device
+    device: str | None  # as `choose_device` takes it
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,28 +19,19 @@ if TYPE_CHECKING:  # the command line names the formats in its help, which is to
 
 @dataclass(frozen=True, slots=True)
 class ExportFormat:
-    """A format that a map is exported to.
+    """A format that a map is exported to."""
 
-    Attributes:
-        file: its name, with a place for the part's suffix.
-        writer: "module:function" of tools/products/export, called with the file's path and a `Georeferenced` where the
-            format needs a place, else folder, part, and `Georeferenced` or None.
-        words: what it is.
-        coordinates: which its numbers are: projected, latitude and longitude, or the map's own.
-        details: "module:function" that returns what the side-car of a `Georeferenced` says beyond what all say.
-        of_all_parts: whether one file is about all parts of a map.
-        beside: the names of further files that the writer may write.
-        stamps: from where on and up to where the scans' stamps must lie [s].
-    """
-
-    file: str
+    file: str  # its name, with a place for the part's suffix
+    # "module:function" of tools/products/export, called with the file's path and a `Georeferenced` where the format
+    # needs a place, else folder, part, and `Georeferenced` or None
     writer: str
-    words: str
+    words: str  # what it is
+    # which its numbers are: projected, latitude and longitude, or the map's own
     coordinates: Literal["projected", "geographic", "map"] = "projected"
-    details: str = ""
-    of_all_parts: bool = False
-    beside: tuple[str, ...] = ()
-    stamps: tuple[float, float] = (-math.inf, math.inf)
+    details: str = ""  # "module:function" that returns what the side-car of a `Georeferenced` says beyond what all say
+    of_all_parts: bool = False  # whether one file is about all parts of a map
+    beside: tuple[str, ...] = ()  # the names of further files that the writer may write
+    stamps: tuple[float, float] = (-math.inf, math.inf)  # from where on and up to where the scans' stamps must lie [s]
 
     @property
     def files(self) -> tuple[str, ...]:

@@ -27,20 +27,13 @@ class Georeferenced:
 
     Angles are the sensor's, as displays show them and as in `readers.instruments`: roll positive starboard down, pitch
     positive nose up, heading clockwise from North.
-
-    Attributes:
-        folder: the map.
-        part: of it.
-        georeference: of the part's frame.
-        projection: the CRS of projected coordinates.
-        cell: edge of a cell of grids and pictures [m]; None for the map's voxel.
     """
 
-    folder: MapFolder
-    part: MapPart
-    georeference: Georeference
-    projection: Projection
-    cell: float | None = None
+    folder: MapFolder  # the map
+    part: MapPart  # of it
+    georeference: Georeference  # of the part's frame
+    projection: Projection  # the CRS of projected coordinates
+    cell: float | None = None  # edge of a cell of grids and pictures [m]; None for the map's voxel
 
     @cached_property
     def points(self) -> np.ndarray:

@@ -22,20 +22,14 @@ _LEAST_SIGMA = 1e-6  # [m]
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """The cells of a grid that hold points, ordered by row, then column.
+    """The cells of a grid that hold points, ordered by row, then column."""
 
-    Attributes:
-        row, column: (K,) int64.
-        height: (K,) float64 [m], positive up.
-        sigma: (K,) float64, standard deviation of the height [m]: of the points, and how far they are apart.
-        count: (K,) float64, number of sonar points that the height is from.
-    """
-
+    # row, column: (K,) int64
     row: np.ndarray
     column: np.ndarray
-    height: np.ndarray
-    sigma: np.ndarray
-    count: np.ndarray
+    height: np.ndarray  # (K,) float64 [m], positive up
+    sigma: np.ndarray  # (K,) float64, standard deviation of the height [m]: of the points, and how far they are apart
+    count: np.ndarray  # (K,) float64, number of sonar points that the height is from
 
 
 def top_cells(

@@ -16,14 +16,10 @@ _DEGREE = 111_195.0  # of latitude on the mean sphere [m]; a pixel's size need n
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A PNG on the Earth.
+    """A PNG on the Earth."""
 
-    Attributes:
-        png: the file.
-        north, south, east, west: its edges [deg]; west of them is less than east.
-    """
-
-    png: bytes
+    png: bytes  # the file
+    # north, south, east, west: its edges [deg]; west of them is less than east
     north: float
     south: float
     east: float

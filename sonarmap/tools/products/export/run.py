@@ -24,17 +24,11 @@ from sonarmap.tools.products.export.side_car import side_car_content
 
 @dataclass(frozen=True, slots=True)
 class ExportSettings:
-    """What is exported, and how.
+    """What is exported, and how."""
 
-    Attributes:
-        formats: names of FORMATS.
-        crs: of projected coordinates, such as EPSG:25832; None for the UTM zone of the map's origin.
-        cell: edge of a cell of grids and pictures [m]; None for the map's voxel.
-    """
-
-    formats: tuple[str, ...]
-    crs: str | None = None
-    cell: float | None = None
+    formats: tuple[str, ...]  # names of FORMATS
+    crs: str | None = None  # of projected coordinates, such as EPSG:25832; None for the UTM zone of the map's origin
+    cell: float | None = None  # edge of a cell of grids and pictures [m]; None for the map's voxel
 
     @property
     def needing_place(self) -> tuple[str, ...]:
@@ -44,10 +38,8 @@ class ExportSettings:
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """Attributes:
-    files: all that were written, each with its side-car after it.
-    notes: what the user should know, in words.
-    """
+    """files: all that were written, each with its side-car after it.
+    notes: what the user should know, in words."""
 
     files: tuple[Path, ...]
     notes: tuple[str, ...]

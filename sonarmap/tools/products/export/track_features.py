@@ -22,16 +22,11 @@ _UTC = 100  # GDAL's flag of a time zone
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """A point or a line through scans.
+    """A point or a line through scans."""
 
-    Attributes:
-        layer: track, scans or loops.
-        scans: (k,) indices into the part's scans, through which it passes; a point has one.
-        attributes: names and values; None where nothing is known. Each feature of a layer has the same names.
-    """
-
-    layer: str
-    scans: np.ndarray
+    layer: str  # track, scans or loops
+    scans: np.ndarray  # (k,) indices into the part's scans, through which it passes; a point has one
+    # names and values; None where nothing is known. Each feature of a layer has the same names.
     attributes: dict[str, Any]
 
 

@@ -13,15 +13,13 @@ from sonarmap.tools.files.readers.scans import Unread
 
 @dataclass(frozen=True, slots=True)
 class SurveyRun:
-    """Attributes:
-    names: of the scans, in their order.
+    """names: of the scans, in their order.
     settings: as the user gave them or as they were chosen; dataclasses are fine as values.
     device: what it ran on; None for a method that takes none.
     unread: scans that could not be read.
     inputs: the files, as `input_rows` describes them.
     georeference: where the map lies on the Earth; None where it is not known.
-    times: how long it took, for times.json: see `survey_times`; None for no such file.
-    """
+    times: how long it took, for times.json: see `survey_times`; None for no such file."""
 
     names: Sequence[str]
     settings: Mapping[str, Any] = field(default_factory=dict[str, Any])

@@ -11,17 +11,12 @@ from sonarmap.spectral.tilt import tilt_allowed
 
 @dataclass(frozen=True, slots=True)
 class RotationMap:
-    """For each yaw and tilt the highest value of the correlation over SO(3).
+    """For each yaw and tilt the highest value of the correlation over SO(3)."""
 
-    Attributes:
-        values: (tilts, yaws) float64, a share of what two equal scans would have; NaN where no rotation is allowed.
-        tilts: (tilts + 1,) edges of the rows [deg]: the angle between the z axes of target and source.
-        yaws: (yaws + 1,) edges of the columns [deg], from -180 to 180; R = Rz(yaw) Ry(pitch) Rx(roll).
-    """
-
+    # (tilts, yaws) float64, a share of what two equal scans would have; NaN where no rotation is allowed
     values: np.ndarray
-    tilts: np.ndarray
-    yaws: np.ndarray
+    tilts: np.ndarray  # (tilts + 1,) edges of the rows [deg]: the angle between the z axes of target and source
+    yaws: np.ndarray  # (yaws + 1,) edges of the columns [deg], from -180 to 180; R = Rz(yaw) Ry(pitch) Rx(roll)
 
 
 def map_rotations(correlation: np.ndarray, bandwidth: int, max_tilt: float) -> RotationMap:
@@ -57,22 +52,16 @@ def tilt_of(R_target_source: Rotation) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class TranslationSlice:
-    """The correlation at the height of the found translation.
+    """The correlation at the height of the found translation."""
 
-    Attributes:
-        heights: (N, N) float32, [i, j] at x index i and y index j: standard deviations above the correlation's mean.
-        x, y: (N + 1,) edges of the voxels [m]: x and y of T_target_source's translation.
-        z: of the slice [m].
-        place: (2,) x and y of the peak [m].
-        psr: of the peak.
-    """
-
+    # (N, N) float32, [i, j] at x index i and y index j: standard deviations above the correlation's mean
     heights: np.ndarray
+    # x, y: (N + 1,) edges of the voxels [m]: x and y of T_target_source's translation
     x: np.ndarray
     y: np.ndarray
-    z: float
-    place: np.ndarray
-    psr: float
+    z: float  # of the slice [m]
+    place: np.ndarray  # (2,) x and y of the peak [m]
+    psr: float  # of the peak
 
 
 def slice_translation(

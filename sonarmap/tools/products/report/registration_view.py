@@ -32,19 +32,12 @@ _LYING = 0.8
 
 @dataclass(frozen=True, slots=True)
 class ScanView:
-    """One scan's surface.
+    """One scan's surface."""
 
-    Attributes:
-        name: the scan's.
-        points: (n, 3) float64, one per occupied voxel, in the frame of the scan's sensor [m].
-        normals: (n, 3) float64 of the surface there, of either sign.
-        contradicting: (n,) bool, whether it stands, once registered, where the other scan saw through.
-    """
-
-    name: str
-    points: np.ndarray
-    normals: np.ndarray
-    contradicting: np.ndarray
+    name: str  # the scan's
+    points: np.ndarray  # (n, 3) float64, one per occupied voxel, in the frame of the scan's sensor [m]
+    normals: np.ndarray  # (n, 3) float64 of the surface there, of either sign
+    contradicting: np.ndarray  # (n,) bool, whether it stands, once registered, where the other scan saw through
 
     def lying(self, R: Rotation) -> np.ndarray:
         """(n,) bool: which points are of a bed or a ceiling, seen in a frame turned by R."""
@@ -53,31 +46,21 @@ class ScanView:
 
 @dataclass(frozen=True, slots=True)
 class RegistrationView:
-    """All that is drawn.
+    """All that is drawn."""
 
-    Attributes:
-        registration: the result.
-        target, source: what the scans show.
-        spectrum: (N, N) float32, the target's magnitude spectrum at k_z = 0, centered, [i, j] at k_x and k_y.
-        frequency: half the edge of the spectrum [1/m].
-        layers: (2, n, n) float32, target's and source's magnitude on the hemisphere of one frequency, unwrapped about
-            +z as the paper's Fig. 1; NaN beyond the horizon.
-        radius: that frequency [1/m].
-        turns: the correlation over all rotations.
-        followed: (n,) the rotations R_target_source that were verified.
-        shifts: the translation's correlation under the rotation that was chosen.
-    """
-
-    registration: Registration
+    registration: Registration  # the result
+    # target, source: what the scans show
     target: ScanView
     source: ScanView
-    spectrum: np.ndarray
-    frequency: float
+    spectrum: np.ndarray  # (N, N) float32, the target's magnitude spectrum at k_z = 0, centered, [i, j] at k_x and k_y
+    frequency: float  # half the edge of the spectrum [1/m]
+    # (2, n, n) float32, target's and source's magnitude on the hemisphere of one frequency, unwrapped about +z as the
+    # paper's Fig. 1; NaN beyond the horizon.
     layers: np.ndarray
-    radius: float
-    turns: RotationMap
-    followed: Rotation
-    shifts: TranslationSlice
+    radius: float  # that frequency [1/m]
+    turns: RotationMap  # the correlation over all rotations
+    followed: Rotation  # (n,) the rotations R_target_source that were verified
+    shifts: TranslationSlice  # the translation's correlation under the rotation that was chosen
 
 
 def view_registration(

@@ -28,18 +28,13 @@ _MOST_EACH = 5
 
 @dataclass(frozen=True, slots=True)
 class PoseCandidates:
-    """M pairs of planes that may be one.
+    """M pairs of planes that may be one."""
 
-    Attributes:
-        target, source: (M,) indices of patches.
-        area: (M,) the smaller area of both [m^2].
-        angle_sigma: (M,) [rad] standard deviation of the angle between both normals, the slack included.
-    """
-
+    # target, source: (M,) indices of patches
     target: np.ndarray
     source: np.ndarray
-    area: np.ndarray
-    angle_sigma: np.ndarray
+    area: np.ndarray  # (M,) the smaller area of both [m^2]
+    angle_sigma: np.ndarray  # (M,) [rad] standard deviation of the angle between both normals, the slack included
 
     def __len__(self) -> int:
         return len(self.area)

@@ -37,18 +37,13 @@ _MOST_SINGLE = 30
 
 @dataclass(frozen=True, slots=True)
 class Consensus:
-    """Planes that correspond, and the transform that they give.
+    """Planes that correspond, and the transform that they give."""
 
-    Attributes:
-        pose: the transform and its covariance.
-        target, source: (M,) which patches correspond, each in one pair at most.
-        area: of the pairs, each the smaller of both patches' [m^2].
-    """
-
-    pose: PlanePose
+    pose: PlanePose  # the transform and its covariance
+    # target, source: (M,) which patches correspond, each in one pair at most
     target: np.ndarray
     source: np.ndarray
-    area: float
+    area: float  # of the pairs, each the smaller of both patches' [m^2]
 
     def __len__(self) -> int:
         return len(self.target)

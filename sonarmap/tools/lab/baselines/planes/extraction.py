@@ -36,25 +36,15 @@ _BLOCK = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """The occupied cells of a scan, each with the plane through the points of its 3 x 3 x 3 block.
+    """The occupied cells of a scan, each with the plane through the points of its 3 x 3 x 3 block."""
 
-    Attributes:
-        points: (N, 3) float64 [m, sensor frame], those within reach of the lattice.
-        cell: (N,) which cell each point lies in.
-        neighbors: (C, 27) the cells of each block, itself among them; -1 where nothing is.
-        middle: (C, 3) [m] mean of each block's points.
-        normal: (C, 3) unit normal of the block's plane, toward the side away from the sensor.
-        deviation: (C,) [m] root mean square distance from that plane; inf where there is no plane to speak of.
-        size: edge of a cell [m].
-    """
-
-    points: np.ndarray
-    cell: np.ndarray
-    neighbors: np.ndarray
-    middle: np.ndarray
-    normal: np.ndarray
-    deviation: np.ndarray
-    size: float
+    points: np.ndarray  # (N, 3) float64 [m, sensor frame], those within reach of the lattice
+    cell: np.ndarray  # (N,) which cell each point lies in
+    neighbors: np.ndarray  # (C, 27) the cells of each block, itself among them; -1 where nothing is
+    middle: np.ndarray  # (C, 3) [m] mean of each block's points
+    normal: np.ndarray  # (C, 3) unit normal of the block's plane, toward the side away from the sensor
+    deviation: np.ndarray  # (C,) [m] root mean square distance from that plane; inf where there is no plane to speak of
+    size: float  # edge of a cell [m]
 
 
 def extract_patches(points: np.ndarray, size: float) -> Patches:

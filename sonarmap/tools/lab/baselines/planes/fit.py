@@ -13,25 +13,15 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class Patches:
-    """K plane patches of a scan, largest first: n . p = d for the points p of each.
+    """K plane patches of a scan, largest first: n . p = d for the points p of each."""
 
-    Attributes:
-        normal: (K, 3) unit normals, pointing from the sensor to the plane: d >= 0.
-        distance: (K,) of the planes from the sensor [m].
-        covariance: (K, 4, 4) of (n, d) [-, m], of rank 3: n keeps its length.
-        middle: (K, 3) [m, sensor frame] middle of each patch.
-        spread: (K, 3, 3) [m^2] second moments of its area about the middle.
-        area: (K,) [m^2].
-        count: (K,) points of each.
-    """
-
-    normal: np.ndarray
-    distance: np.ndarray
-    covariance: np.ndarray
-    middle: np.ndarray
-    spread: np.ndarray
-    area: np.ndarray
-    count: np.ndarray
+    normal: np.ndarray  # (K, 3) unit normals, pointing from the sensor to the plane: d >= 0
+    distance: np.ndarray  # (K,) of the planes from the sensor [m]
+    covariance: np.ndarray  # (K, 4, 4) of (n, d) [-, m], of rank 3: n keeps its length
+    middle: np.ndarray  # (K, 3) [m, sensor frame] middle of each patch
+    spread: np.ndarray  # (K, 3, 3) [m^2] second moments of its area about the middle
+    area: np.ndarray  # (K,) [m^2]
+    count: np.ndarray  # (K,) points of each
 
     def __len__(self) -> int:
         return len(self.distance)
@@ -70,19 +60,12 @@ _STRAY = 3.0
 
 @dataclass(frozen=True, slots=True)
 class PlaneFit:
-    """A plane n . p = d.
+    """A plane n . p = d."""
 
-    Attributes:
-        normal: (3,) unit, pointing from the sensor to the plane.
-        distance: from the sensor, >= 0 [m].
-        covariance: (4, 4) of (n, d), of rank 3.
-        kept: (N,) bool, the points that were not strays.
-    """
-
-    normal: np.ndarray
-    distance: float
-    covariance: np.ndarray
-    kept: np.ndarray
+    normal: np.ndarray  # (3,) unit, pointing from the sensor to the plane
+    distance: float  # from the sensor, >= 0 [m]
+    covariance: np.ndarray  # (4, 4) of (n, d), of rank 3
+    kept: np.ndarray  # (N,) bool, the points that were not strays
 
 
 def fit_plane(points: np.ndarray, block: np.ndarray) -> PlaneFit:

@@ -24,29 +24,20 @@ _HALVINGS = 6
 
 @dataclass(frozen=True, slots=True)
 class PlanePose:
-    """A transform from corresponding planes.
+    """A transform from corresponding planes."""
 
-    Attributes:
-        T_target_source: the transform [m].
-        covariance: (6, 6), rotation first [rad, m], of xi in T_target_source Exp(xi).
-    """
-
-    T_target_source: RigidTransform
-    covariance: np.ndarray
+    T_target_source: RigidTransform  # the transform [m]
+    covariance: np.ndarray  # (6, 6), rotation first [rad, m], of xi in T_target_source Exp(xi)
 
 
 @dataclass(frozen=True, slots=True)
 class Slack:
-    """What two fits of one surface may differ by besides their covariances, since it is not quite plane.
+    """What two fits of one surface may differ by besides their covariances, since it is not quite plane."""
 
-    Attributes:
-        turn: [rad], the largest standard deviation about either direction within the plane; that of a wide patch is
-            less, half the shift over its radius.
-        shift: [m], standard deviation along the normal, midway between the middles of both patches.
-    """
-
+    # [rad], the largest standard deviation about either direction within the plane; that of a wide patch is less, half
+    # the shift over its radius
     turn: float
-    shift: float
+    shift: float  # [m], standard deviation along the normal, midway between the middles of both patches
 
     def times(self, share: float) -> Slack:
         """A share of it."""

@@ -44,17 +44,11 @@ _SAME_SHIFT = 6.0
 
 @dataclass(frozen=True, slots=True)
 class Planes:
-    """What a scan contributes to every pair.
+    """What a scan contributes to every pair."""
 
-    Attributes:
-        patches: the largest, in the sensor frame.
-        cloud: one point per voxel, to tell how much two scans share.
-        extent: diagonal of the box around the points [m].
-    """
-
-    patches: Patches
-    cloud: ThinnedCloud
-    extent: float
+    patches: Patches  # the largest, in the sensor frame
+    cloud: ThinnedCloud  # one point per voxel, to tell how much two scans share
+    extent: float  # diagonal of the box around the points [m]
 
 
 class PlaneRegistrar:

@@ -46,18 +46,13 @@ def results_of(path: Path | None) -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One figure that differs.
+    """One figure that differs."""
 
-    Attributes:
-        what: which, in words.
-        old, new: its values, with their unit.
-        worse: whether it is a regression.
-    """
-
-    what: str
+    what: str  # which, in words
+    # old, new: its values, with their unit
     old: str
     new: str
-    worse: bool
+    worse: bool  # whether it is a regression
 
     def __str__(self) -> str:
         return f"{self.what}: {self.old} -> {self.new}"
@@ -65,17 +60,11 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Two runs side by side.
+    """Two runs side by side."""
 
-    Attributes:
-        changes: what differs beyond the noise, the worse first.
-        compared: how many figures both runs have.
-        notes: what makes the runs hard to compare.
-    """
-
-    changes: tuple[Change, ...]
-    compared: int
-    notes: tuple[str, ...]
+    changes: tuple[Change, ...]  # what differs beyond the noise, the worse first
+    compared: int  # how many figures both runs have
+    notes: tuple[str, ...]  # what makes the runs hard to compare
 
     @property
     def regressions(self) -> tuple[Change, ...]:

@@ -26,21 +26,15 @@ SOURCES = (*METHOD_SOURCES, *(f"tools/lab/reproduce/evaluation/{name}.py" for na
 
 @dataclass(frozen=True, slots=True)
 class SetPair:
-    """One simulated pair.
+    """One simulated pair."""
 
-    Attributes:
-        cells: turn, number, scene, sigma2 (0, 1 or 2: as if the scene were of 256 m), shared (the noise-free overlap),
-            voxel_m.
-        target, source: the scans.
-        truth: T_target_source between their frames; None where they share nothing.
-        grid: as the pair's own extent has it chosen.
-    """
-
+    # turn, number, scene, sigma2 (0, 1 or 2: as if the scene were of 256 m), shared (the noise-free overlap), voxel_m
     cells: dict[str, Value]
+    # target, source: the scans
     target: Scan
     source: Scan
-    truth: RigidTransform | None
-    grid: Grid
+    truth: RigidTransform | None  # T_target_source between their frames; None where they share nothing
+    grid: Grid  # as the pair's own extent has it chosen
 
 
 def related(number: int, seed: int, turn: Turn, edge: int) -> SetPair | None:

@@ -19,25 +19,17 @@ FIRST_SEED = 101  # neither development nor the tests use scenes and noise of th
 
 @dataclass(frozen=True, slots=True)
 class StepsSettings:
-    """What is run.
+    """What is run."""
 
-    Attributes:
-        scenes: keys of SCENE_KINDS; the seeds go round over them.
-        sigma2: variances of the range noise at the largest range [m^2], each.
-        seeds: how many scenes and noises, counted from `first_seed`.
-        peers: how many of them, from the first, the methods other than ours register, as they take ten times as long.
-        first_seed: >= 0.
-        edge: voxels per edge; the grid is as large as the paper's, whatever their number.
-        compared: the methods.
-    """
-
+    # keys of SCENE_KINDS; the seeds go round over them
     scenes: tuple[str, ...] = ("floodgate", "harbor", "bridge", "wreck")
-    sigma2: tuple[float, ...] = (1.0, 2.0, 4.0)
-    seeds: int = 20
+    sigma2: tuple[float, ...] = (1.0, 2.0, 4.0)  # variances of the range noise at the largest range [m^2], each
+    seeds: int = 20  # how many scenes and noises, counted from `first_seed`
+    # how many of them, from the first, the methods other than ours register, as they take ten times as long
     peers: int = 12
-    first_seed: int = FIRST_SEED
-    edge: int = 128
-    compared: ComparedMethods = field(default_factory=ComparedMethods)
+    first_seed: int = FIRST_SEED  # >= 0
+    edge: int = 128  # voxels per edge; the grid is as large as the paper's, whatever their number
+    compared: ComparedMethods = field(default_factory=ComparedMethods)  # the methods
 
     def __post_init__(self) -> None:
         check_scenes(self.scenes)
@@ -59,19 +51,12 @@ BATCH = 5  # pairs of a job: one of every range of overlap
 
 @dataclass(frozen=True, slots=True)
 class PairSetSettings:
-    """What is run.
+    """What is run."""
 
-    Attributes:
-        pairs: how many, at least 1.
-        seed: of the set, >= 0.
-        edge: voxels per edge; their size is chosen for each pair.
-        compared: the methods.
-    """
-
-    pairs: int
-    seed: int = SET_SEED
-    edge: int = 128
-    compared: ComparedMethods = field(default_factory=ComparedMethods)
+    pairs: int  # how many, at least 1
+    seed: int = SET_SEED  # of the set, >= 0
+    edge: int = 128  # voxels per edge; their size is chosen for each pair
+    compared: ComparedMethods = field(default_factory=ComparedMethods)  # the methods
 
     def __post_init__(self) -> None:
         Grid(self.edge, 1.0)
@@ -94,23 +79,17 @@ ANY_SHARE = 5  # for so many pairs with the turn "yaw" one with the turn "any"
 
 @dataclass(frozen=True, slots=True)
 class PairsSettings:
-    """What is run.
+    """What is run."""
 
-    Attributes:
-        yaw, any: how many pairs of each turn, rounded up to whole batches; those of "any" are others.
-        peers: how many pairs of each turn, from the first, the methods other than ours register, as they take ten times
-            as long; they are spread over the overlaps as evenly as the whole set.
-        seed: of the set.
-        edge: voxels per edge; their size is chosen for each pair.
-        compared: the methods.
-    """
-
+    # yaw, any: how many pairs of each turn, rounded up to whole batches; those of "any" are others
     yaw: int = 1000
     any: int = 1000 // ANY_SHARE
+    # how many pairs of each turn, from the first, the methods other than ours register, as they take ten times as long;
+    # they are spread over the overlaps as evenly as the whole set
     peers: Mapping[Turn, int] = field(default_factory=lambda: MappingProxyType({"yaw": 300, "any": 300 // ANY_SHARE}))
-    seed: int = SET_SEED
-    edge: int = 128
-    compared: ComparedMethods = field(default_factory=ComparedMethods)
+    seed: int = SET_SEED  # of the set
+    edge: int = 128  # voxels per edge; their size is chosen for each pair
+    compared: ComparedMethods = field(default_factory=ComparedMethods)  # the methods
 
     def __post_init__(self) -> None:
         Grid(self.edge, 1.0)

@@ -66,23 +66,14 @@ class Speed(Experiment):
 
 @dataclass(slots=True)
 class _TimedMethod:
-    """One method on one pair.
+    """One method on one pair."""
 
-    Attributes:
-        method: a key of METHODS.
-        registrar: it, built for the pair's grid.
-        scans: target and source, prepared; None where it does not take them.
-        prepare: the time of one scan [s].
-        found: what it answers.
-        register: the least time of the pair so far [s].
-    """
-
-    method: str
-    registrar: Registrar
-    scans: tuple[Any, Any] | None
-    prepare: float
-    found: Registration | None
-    register: float = float("inf")
+    method: str  # a key of METHODS
+    registrar: Registrar  # it, built for the pair's grid
+    scans: tuple[Any, Any] | None  # target and source, prepared; None where it does not take them
+    prepare: float  # the time of one scan [s]
+    found: Registration | None  # what it answers
+    register: float = float("inf")  # the least time of the pair so far [s]
 
     def measure(self) -> None:
         """Register the pair once more."""

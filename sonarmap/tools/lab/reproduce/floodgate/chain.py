@@ -24,21 +24,15 @@ SCANS = PAPER_COUNT
 
 @dataclass(frozen=True, slots=True)
 class FloodgateSurvey:
-    """N scans of one scene, in the order in which they were taken.
+    """N scans of one scene, in the order in which they were taken."""
 
-    Attributes:
-        scans: in their sensor frames.
-        T_world_sensor: their true poses; the world is the scene's frame, East-North-Up.
-        mesh: the scene's true surface [m, world].
-        overlap: N - 1 shares of points that truly have a counterpart in the scan before, the smaller of both ways.
-        shared: N - 1 shares of what a scan shows that lies in the view of the scan before, the smaller of both ways,
-            without noise.
-    """
-
-    scans: tuple[Scan, ...]
-    T_world_sensor: RigidTransform
-    mesh: Mesh
+    scans: tuple[Scan, ...]  # in their sensor frames
+    T_world_sensor: RigidTransform  # their true poses; the world is the scene's frame, East-North-Up
+    mesh: Mesh  # the scene's true surface [m, world]
+    # N - 1 shares of points that truly have a counterpart in the scan before, the smaller of both ways
     overlap: tuple[float, ...]
+    # N - 1 shares of what a scan shows that lies in the view of the scan before, the smaller of both ways, without
+    # noise
     shared: tuple[float, ...]
 
     def step(self, source: int) -> RigidTransform:
@@ -83,15 +77,10 @@ MAP_MEDIAN, MAP_90, DISPLACED_90 = "map_median_m", "map_90_m", "displaced_90_m"
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """What one method made of one survey of N scans.
+    """What one method made of one survey of N scans."""
 
-    Attributes:
-        pairs: N - 1 rows of consecutive registrations, of the sources 1..N-1; none for the true poses.
-        poses: N rows of chained poses, of the scans 0..N-1.
-    """
-
-    pairs: tuple[Row, ...]
-    poses: tuple[Row, ...]
+    pairs: tuple[Row, ...]  # N - 1 rows of consecutive registrations, of the sources 1..N-1; none for the true poses
+    poses: tuple[Row, ...]  # N rows of chained poses, of the scans 0..N-1
 
     @property
     def found(self) -> RigidTransform:

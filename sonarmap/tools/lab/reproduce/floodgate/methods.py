@@ -10,21 +10,13 @@ VOXEL = 2.0  # of methods without a grid of their own [m]
 
 @dataclass(frozen=True, slots=True)
 class FloodgateMethod:
-    """A method of the comparison.
+    """A method of the comparison."""
 
-    Attributes:
-        title: what it does, in words.
-        on_grids: whether it runs once on each of the paper's grids.
-        color: in the figures.
-        mark: in the figures.
-        in_figures: whether the maps and motions are drawn; those of the paper's methods and this project's.
-    """
-
-    title: str
-    on_grids: bool
-    color: str
-    mark: str
-    in_figures: bool = True
+    title: str  # what it does, in words
+    on_grids: bool  # whether it runs once on each of the paper's grids
+    color: str  # in the figures
+    mark: str  # in the figures
+    in_figures: bool = True  # whether the maps and motions are drawn; those of the paper's methods and this project's
 
 
 TRUTH = "true poses"

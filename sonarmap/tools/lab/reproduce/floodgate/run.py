@@ -32,23 +32,14 @@ MAP = "map"
 
 @dataclass(frozen=True, slots=True)
 class FloodgateSettings:
-    """What is run.
+    """What is run."""
 
-    Attributes:
-        methods: keys of COMPARED.
-        edges: voxels per edge of the grids, for the methods that have one.
-        seeds: how many surveys, each with a bed, a sea and a noise of its own, counted from `first_seed`.
-        first_seed: >= 0.
-        scans: of each survey, from its start.
-        left_out: methods that would have run were their packages installed.
-    """
-
-    methods: tuple[str, ...] = (*PAPER_METHODS, *OTHER_METHODS)
-    edges: tuple[int, ...] = PAPER_EDGES
-    seeds: int = 3
-    first_seed: int = 1
-    scans: int = SCANS
-    left_out: tuple[str, ...] = ()
+    methods: tuple[str, ...] = (*PAPER_METHODS, *OTHER_METHODS)  # keys of COMPARED
+    edges: tuple[int, ...] = PAPER_EDGES  # voxels per edge of the grids, for the methods that have one
+    seeds: int = 3  # how many surveys, each with a bed, a sea and a noise of its own, counted from `first_seed`
+    first_seed: int = 1  # >= 0
+    scans: int = SCANS  # of each survey, from its start
+    left_out: tuple[str, ...] = ()  # methods that would have run were their packages installed
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.methods if name not in COMPARED]

@@ -16,19 +16,12 @@ RANKED = 12  # so many yaw peaks are looked at
 
 @dataclass(frozen=True, slots=True)
 class ScoredRegistration:
-    """A registration with its truth.
+    """A registration with its truth."""
 
-    Attributes:
-        registration: of the pair.
-        truth: the true T_target_source, between the sensor frames.
-        center: (3,) [m, sensor frame of the source], where the scan's grid was centered.
-        voxel: of the grid [m].
-    """
-
-    registration: Registration
-    truth: RigidTransform
-    center: np.ndarray
-    voxel: float
+    registration: Registration  # of the pair
+    truth: RigidTransform  # the true T_target_source, between the sensor frames
+    center: np.ndarray  # (3,) [m, sensor frame of the source], where the scan's grid was centered
+    voxel: float  # of the grid [m]
 
     @property
     def error(self) -> PairError:

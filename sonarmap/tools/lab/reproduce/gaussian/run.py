@@ -26,20 +26,13 @@ FIRST_SEED = 11
 
 @dataclass(frozen=True, slots=True)
 class GaussianSettings:
-    """What is run.
+    """What is run."""
 
-    Attributes:
-        scene: a key of SCENE_KINDS.
-        sigma2: variances of the range noise at the largest range [m^2], each.
-        seeds: how many scenes and noises, counted from `first_seed`.
-        first_seed: >= 0.
-        edges: voxels per edge, each; the grid is as large as the paper's, whatever their number.
-    """
-
-    scene: str = "floodgate"
-    sigma2: tuple[float, ...] = (1.0, 2.0)
-    seeds: int = 10
-    first_seed: int = FIRST_SEED
+    scene: str = "floodgate"  # a key of SCENE_KINDS
+    sigma2: tuple[float, ...] = (1.0, 2.0)  # variances of the range noise at the largest range [m^2], each
+    seeds: int = 10  # how many scenes and noises, counted from `first_seed`
+    first_seed: int = FIRST_SEED  # >= 0
+    # voxels per edge, each; the grid is as large as the paper's, whatever their number
     edges: tuple[int, ...] = (128, 256)
 
     def __post_init__(self) -> None:

@@ -18,15 +18,10 @@ from sonarmap.tools.lab.simulate.plan import table1_pair
 
 @dataclass(frozen=True, slots=True)
 class ChainVariant:
-    """A configuration of the paper's chain.
+    """A configuration of the paper's chain."""
 
-    Attributes:
-        title: what it does, in words.
-        config: of the spectral registration.
-    """
-
-    title: str
-    config: HemisphereConfig
+    title: str  # what it does, in words
+    config: HemisphereConfig  # of the spectral registration
 
 
 # Name in tables and files -> variant

@@ -136,16 +136,12 @@ def _inside_line(rows: Sequence[Row], words: str) -> list[Line]:
 
 @dataclass(frozen=True, slots=True)
 class Linear:
-    """A linear function of K columns.
+    """A linear function of K columns."""
 
-    Attributes:
-        mean, scale: (K,) of the columns where it was fitted.
-        weights: (K + 1,) of the columns less their mean over their scale, and a constant.
-    """
-
+    # mean, scale: (K,) of the columns where it was fitted
     mean: np.ndarray
     scale: np.ndarray
-    weights: np.ndarray
+    weights: np.ndarray  # (K + 1,) of the columns less their mean over their scale, and a constant
 
     def __call__(self, columns: np.ndarray) -> np.ndarray:
         """(N,) its values for (N, K) columns."""

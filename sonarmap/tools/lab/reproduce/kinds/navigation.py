@@ -16,15 +16,12 @@ DIRECTIONS = (1, 2, 3)
 
 @dataclass(frozen=True, slots=True)
 class Direction:
-    """One of three directions of a registration's translation, at right angles to each other.
+    """One of three directions of a registration's translation, at right angles to each other."""
 
-    Attributes:
-        sigma, navigation_sigma: standard deviations of the estimate and of navigation alone [m].
-        error, navigation_error: how far they are off [m], with their signs.
-    """
-
+    # sigma, navigation_sigma: standard deviations of the estimate and of navigation alone [m]
     sigma: float
     navigation_sigma: float
+    # error, navigation_error: how far they are off [m], with their signs
     error: float
     navigation_error: float
 

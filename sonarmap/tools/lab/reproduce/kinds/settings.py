@@ -33,21 +33,13 @@ PRIORS: Mapping[str, Instruments | None] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class KindsSettings:
-    """What is run.
+    """What is run."""
 
-    Attributes:
-        kinds: keys of SCAN_KINDS.
-        pairs: how many of each kind, rounded up to whole batches.
-        seed: of the set of pairs, >= 0.
-        edge: voxels per edge; their size is chosen for each pair.
-        compared: the methods.
-    """
-
-    kinds: tuple[str, ...] = tuple(SCAN_KINDS)
-    pairs: int = PAIRS
-    seed: int = SEED
-    edge: int = 128
-    compared: ComparedMethods = field(default_factory=ComparedMethods)
+    kinds: tuple[str, ...] = tuple(SCAN_KINDS)  # keys of SCAN_KINDS
+    pairs: int = PAIRS  # how many of each kind, rounded up to whole batches
+    seed: int = SEED  # of the set of pairs, >= 0
+    edge: int = 128  # voxels per edge; their size is chosen for each pair
+    compared: ComparedMethods = field(default_factory=ComparedMethods)  # the methods
 
     def __post_init__(self) -> None:
         Grid(self.edge, 1.0)

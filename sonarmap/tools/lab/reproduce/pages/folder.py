@@ -18,25 +18,15 @@ from sonarmap.tools.lab.reproduce.table import write_csv
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What NAME.json holds.
+    """What NAME.json holds."""
 
-    Attributes:
-        name: the experiment's.
-        command: the command line that makes the same rows again.
-        section: its words and tables.
-        seconds: of all jobs together [s].
-        jobs: how many.
-        provenance: where the rows come from.
-        files: all that were written, NAME.json among them.
-    """
-
-    name: str
-    command: str
-    section: Section
-    seconds: float
-    jobs: int
-    provenance: Provenance
-    files: tuple[str, ...]
+    name: str  # the experiment's
+    command: str  # the command line that makes the same rows again
+    section: Section  # its words and tables
+    seconds: float  # of all jobs together [s]
+    jobs: int  # how many
+    provenance: Provenance  # where the rows come from
+    files: tuple[str, ...]  # all that were written, NAME.json among them
 
 
 def write_experiment(

@@ -22,14 +22,10 @@ from sonarmap.tools.lab.reproduce.table import Table
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """The text of a page around its experiments.
+    """The text of a page around its experiments."""
 
-    Attributes:
-        introduction: Markdown, with the page's title.
-        headings: of the table of all claims: what they are, the values next to ours, ours, and what follows.
-    """
-
-    introduction: str
+    introduction: str  # Markdown, with the page's title
+    # of the table of all claims: what they are, the values next to ours, ours, and what follows
     headings: tuple[str, str, str, str] = ("measure", "others", "ours", "what follows")
 
 

@@ -20,35 +20,23 @@ _NUMBERED = re.compile(r"(?:.*\D)?(\d{1,9})", re.ASCII | re.DOTALL)
 
 @dataclass(frozen=True, slots=True)
 class RealPair:
-    """Two files, and the truth between their scans.
+    """Two files, and the truth between their scans."""
 
-    Attributes:
-        name: the numbers of target and source, as in 0-2.
-        target, source: the files.
-        T_target_source: the truth.
-    """
-
-    name: str
+    name: str  # the numbers of target and source, as in 0-2
+    # target, source: the files
     target: Path
     source: Path
-    T_target_source: RigidTransform
+    T_target_source: RigidTransform  # the truth
 
 
 @dataclass(frozen=True, slots=True)
 class RealSet:
-    """The pairs of one folder.
+    """The pairs of one folder."""
 
-    Attributes:
-        name: the folder's.
-        pairs: in the order of gt.log.
-        priors: the folder's priors.csv, or None.
-        digest: of the content of all files that decide the rows, 64 hexadecimal digits.
-    """
-
-    name: str
-    pairs: tuple[RealPair, ...]
-    priors: Path | None
-    digest: str
+    name: str  # the folder's
+    pairs: tuple[RealPair, ...]  # in the order of gt.log
+    priors: Path | None  # the folder's priors.csv, or None
+    digest: str  # of the content of all files that decide the rows, 64 hexadecimal digits
 
     @property
     def key(self) -> str:

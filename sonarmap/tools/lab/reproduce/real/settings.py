@@ -23,33 +23,22 @@ MAX_TILT = 35.0  # degrees
 
 @dataclass(frozen=True, slots=True)
 class RealSettings:
-    """What is run.
+    """What is run."""
 
-    Attributes:
-        sets: the digest of each set's files, by its name.
-        edge: voxels per edge.
-        voxel: their size [m]; None to choose it for each pair.
-        max_tilt: largest roll and pitch between two scans [degrees], of the methods that bound them.
-        known: of KINDS, those instruments whose measurements are drawn about the truth; the methods that use priors
-            register every pair with them and without.
-        sigmas: their standard deviations, of KINDS in order [degrees, degrees, m, m].
-        seeds, seed: how many times these errors are drawn for each pair, and the first seed, >= 0.
-        first_only: whether to register only the first pair of every set.
-        compared: the methods.
-        left_out: folders beside the sets that have no gt.log.
-    """
-
-    sets: Mapping[str, str]
-    edge: int = 128
-    voxel: float | None = None
-    max_tilt: float = MAX_TILT
+    sets: Mapping[str, str]  # the digest of each set's files, by its name
+    edge: int = 128  # voxels per edge
+    voxel: float | None = None  # their size [m]; None to choose it for each pair
+    max_tilt: float = MAX_TILT  # largest roll and pitch between two scans [degrees], of the methods that bound them
+    # of KINDS, those instruments whose measurements are drawn about the truth; the methods that use priors register
+    # every pair with them and without
     known: tuple[str, ...] = ()
-    sigmas: tuple[float, ...] = SIGMAS
+    sigmas: tuple[float, ...] = SIGMAS  # their standard deviations, of KINDS in order [degrees, degrees, m, m]
+    # seeds, seed: how many times these errors are drawn for each pair, and the first seed, >= 0
     seeds: int = DRAWS
     seed: int = 0
-    first_only: bool = False
-    compared: ComparedMethods = field(default_factory=ComparedMethods)
-    left_out: tuple[str, ...] = ()
+    first_only: bool = False  # whether to register only the first pair of every set
+    compared: ComparedMethods = field(default_factory=ComparedMethods)  # the methods
+    left_out: tuple[str, ...] = ()  # folders beside the sets that have no gt.log
 
     def __post_init__(self) -> None:
         Grid(self.edge, 1.0 if self.voxel is None else self.voxel)

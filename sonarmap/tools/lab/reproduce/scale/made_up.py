@@ -23,15 +23,10 @@ _FOUND, _REFUSED, _WRONG = 0.25, 0.02, 0.002
 
 @dataclass(frozen=True, slots=True)
 class MadeUpSurvey:
-    """Scans of a lawnmower path.
+    """Scans of a lawnmower path."""
 
-    Attributes:
-        T_world_sensor: N poses, the truth.
-        scans: N; their points lie on disk.
-    """
-
-    T_world_sensor: RigidTransform
-    scans: tuple[Scan, ...]
+    T_world_sensor: RigidTransform  # N poses, the truth
+    scans: tuple[Scan, ...]  # N; their points lie on disk
 
 
 def make_up(folder: Path, count: int, points: int, seed: int) -> MadeUpSurvey:

@@ -26,20 +26,14 @@ from sonarmap.tools.lab.reproduce.settings import check_seeds
 
 @dataclass(frozen=True, slots=True)
 class ScaleSettings:
-    """What is run.
+    """What is run."""
 
-    Attributes:
-        counts: numbers of scans, ascending.
-        points: of each scan.
-        seeds, first_seed: how many surveys of each number, counted from the first.
-        voxel: edge of the survey's voxels [m].
-    """
-
-    counts: tuple[int, ...] = (1000, 3000, 10_000)
-    points: int = 25_000
+    counts: tuple[int, ...] = (1000, 3000, 10_000)  # numbers of scans, ascending
+    points: int = 25_000  # of each scan
+    # seeds, first_seed: how many surveys of each number, counted from the first
     seeds: int = 1
     first_seed: int = 7
-    voxel: float = 0.5
+    voxel: float = 0.5  # edge of the survey's voxels [m]
 
     def __post_init__(self) -> None:
         check_seeds(self.seeds, self.first_seed)
@@ -55,15 +49,10 @@ WHOLE = "all"
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One survey.
+    """One survey."""
 
-    Attributes:
-        row: what came of it, the same on every run.
-        stages: processor time and memory of every stage, and of all together.
-    """
-
-    row: Row
-    stages: tuple[Row, ...]
+    row: Row  # what came of it, the same on every run
+    stages: tuple[Row, ...]  # processor time and memory of every stage, and of all together
 
 
 def measure(count: int, seed: int, settings: ScaleSettings) -> Measured:
@@ -74,15 +63,10 @@ def measure(count: int, seed: int, settings: ScaleSettings) -> Measured:
 
 @dataclass(slots=True)
 class _Stages(Timings):
-    """Timings with the processor time of each stage, and the most memory that was taken meanwhile.
+    """Timings with the processor time of each stage, and the most memory that was taken meanwhile."""
 
-    Attributes:
-        processor: by stage [s].
-        memory: by stage [bytes].
-    """
-
-    processor: dict[str, float] = field(default_factory=dict[str, float])
-    memory: dict[str, int] = field(default_factory=dict[str, int])
+    processor: dict[str, float] = field(default_factory=dict[str, float])  # by stage [s]
+    memory: dict[str, int] = field(default_factory=dict[str, int])  # by stage [bytes]
     most: int = 0
     _begun: float = field(default_factory=time.process_time)
 

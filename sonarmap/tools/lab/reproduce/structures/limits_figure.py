@@ -17,22 +17,15 @@ _JITTER = 0.6  # [degrees], so that dots of one tilt do not hide each other
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """Both correlations under one tilt.
+    """Both correlations under one tilt."""
 
-    Attributes:
-        tilt_deg, yaw_deg: true roll and pitch, true yaw of `row`; `image` is without yaw.
-        image: (N, N) correlation over pitch and -roll, zero in the middle.
-        image_bin_deg: [degrees].
-        row: (M,) correlation over yaw, from zero on.
-        row_bin_deg: [degrees].
-    """
-
+    # tilt_deg, yaw_deg: true roll and pitch, true yaw of `row`; `image` is without yaw
     tilt_deg: float
     yaw_deg: float
-    image: np.ndarray
-    image_bin_deg: float
-    row: np.ndarray
-    row_bin_deg: float
+    image: np.ndarray  # (N, N) correlation over pitch and -roll, zero in the middle
+    image_bin_deg: float  # [degrees]
+    row: np.ndarray  # (M,) correlation over yaw, from zero on
+    row_bin_deg: float  # [degrees]
 
 
 def draw_peaks(path: Path, peaks: Sequence[Peaks]) -> None:

@@ -13,21 +13,13 @@ EXTENT = 256.0  # of the grid [m]; the paper has 256 voxels of 1 m
 
 @dataclass(frozen=True, slots=True)
 class StructureSettings:
-    """What is run.
+    """What is run."""
 
-    Attributes:
-        scenes: keys of SCENE_KINDS.
-        noises: keys of NOISES.
-        seeds: how many structures and noises of each scene, counted from `first_seed`.
-        first_seed: >= 0.
-        edge: voxels per edge of the grid of 256 m.
-    """
-
-    scenes: tuple[str, ...] = ("floodgate", "clutter")
-    noises: tuple[str, ...] = tuple(NOISES)
-    seeds: int = 2
-    first_seed: int = 1
-    edge: int = 256
+    scenes: tuple[str, ...] = ("floodgate", "clutter")  # keys of SCENE_KINDS
+    noises: tuple[str, ...] = tuple(NOISES)  # keys of NOISES
+    seeds: int = 2  # how many structures and noises of each scene, counted from `first_seed`
+    first_seed: int = 1  # >= 0
+    edge: int = 256  # voxels per edge of the grid of 256 m
 
     def __post_init__(self) -> None:
         check_scenes(self.scenes)
@@ -62,12 +54,9 @@ def check_angles(name: str, angles: Sequence[float], low: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class TranslationSettings(StructureSettings):
-    """What is run.
+    """What is run."""
 
-    Attributes:
-        steps: the shifts, in steps of (1, 2, 3) m, ascending.
-    """
-
+    # the shifts, in steps of (1, 2, 3) m, ascending
     steps: tuple[int, ...] = (4, 8, 12, 16, 20, 24, 28, 30, 32, 34, 36, 38, 40, 44, 48, 52, 56, 60)
 
     def __post_init__(self) -> None:
@@ -78,16 +67,11 @@ class TranslationSettings(StructureSettings):
 
 @dataclass(frozen=True, slots=True)
 class RotationSettings(StructureSettings):
-    """What is run.
-
-    Attributes:
-        tilt_deg: roll and pitch, both [degrees].
-        yaws_deg: [degrees], ascending, above -90 and below 90.
-    """
+    """What is run."""
 
     noises: tuple[str, ...] = ("D0", "D2", "D4", "D6")
-    tilt_deg: float = 10.0
-    yaws_deg: tuple[float, ...] = tuple(range(8, 89, 8))
+    tilt_deg: float = 10.0  # roll and pitch, both [degrees]
+    yaws_deg: tuple[float, ...] = tuple(range(8, 89, 8))  # [degrees], ascending, above -90 and below 90
 
     def __post_init__(self) -> None:
         StructureSettings.__post_init__(self)
@@ -96,16 +80,13 @@ class RotationSettings(StructureSettings):
 
 @dataclass(frozen=True, slots=True)
 class LimitsSettings(StructureSettings):
-    """What is run.
-
-    Attributes:
-        tilts_deg: of roll, of pitch, and of both at once [degrees], ascending, above 0.
-        yaws_deg: under each tilt and without [degrees], ascending, above -90 and below 90.
-    """
+    """What is run."""
 
     noises: tuple[str, ...] = ("D0",)
     edge: int = 128
+    # of roll, of pitch, and of both at once [degrees], ascending, above 0
     tilts_deg: tuple[float, ...] = (5, 10, 15, 20, 25, 30, 35)
+    # under each tilt and without [degrees], ascending, above -90 and below 90
     yaws_deg: tuple[float, ...] = (-80, -40, 0, 40, 80)
 
     def __post_init__(self) -> None:

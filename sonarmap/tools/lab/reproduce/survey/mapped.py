@@ -36,16 +36,11 @@ class Crossings:
 
 @dataclass(frozen=True, slots=True)
 class MappingTime:
-    """How long a system took, and its memory.
+    """How long a system took, and its memory."""
 
-    Attributes:
-        total: wall time from the first scan to the last result [s].
-        registering, signing, optimizing, fusing: of it; optimizing is all the rest, with the choice of loops [s].
-        memory: the most that its process had resident [bytes].
-    """
-
-    total: float
-    memory: int
+    total: float  # wall time from the first scan to the last result [s]
+    memory: int  # the most that its process had resident [bytes]
+    # registering, signing, optimizing, fusing: of it; optimizing is all the rest, with the choice of loops [s]
     registering: float = float("nan")
     signing: float = float("nan")
     optimizing: float = float("nan")
@@ -54,34 +49,20 @@ class MappingTime:
 
 @dataclass(frozen=True, slots=True)
 class MappedSurvey:
-    """What a system made of a survey.
+    """What a system made of a survey."""
 
-    Attributes:
-        placed: the scans of its largest component, ascending.
-        components: how many have two scans or more.
-        trajectory: the poses of the placed scans, in a frame of their own; stamps count the survey's scans.
-        chained: the same before loops; None of a system that does not tell.
-        covariances: (n, 6, 6) of the poses against the first of them, rotation first [rad, m], body tangent; None
-            likewise.
-        pairs: all that were tried, as the scans' numbers.
-        points: (M, 3) [m], of the map in the trajectory's frame.
-        seen: (M,) int, how many scans saw each.
-        crossings: of the passes.
-        signatures: by scan, of those that have one.
-        time: time and memory.
-    """
-
-    placed: tuple[int, ...]
-    components: int
-    trajectory: Trajectory
-    chained: Trajectory | None
+    placed: tuple[int, ...]  # the scans of its largest component, ascending
+    components: int  # how many have two scans or more
+    trajectory: Trajectory  # the poses of the placed scans, in a frame of their own; stamps count the survey's scans
+    chained: Trajectory | None  # the same before loops; None of a system that does not tell
+    # (n, 6, 6) of the poses against the first of them, rotation first [rad, m], body tangent; None likewise
     covariances: np.ndarray | None
-    pairs: tuple[TriedPair, ...]
-    points: np.ndarray
-    seen: np.ndarray
-    crossings: Crossings
-    signatures: dict[int, np.ndarray]
-    time: MappingTime
+    pairs: tuple[TriedPair, ...]  # all that were tried, as the scans' numbers
+    points: np.ndarray  # (M, 3) [m], of the map in the trajectory's frame
+    seen: np.ndarray  # (M,) int, how many scans saw each
+    crossings: Crossings  # of the passes
+    signatures: dict[int, np.ndarray]  # by scan, of those that have one
+    time: MappingTime  # time and memory
 
 
 def map_survey(

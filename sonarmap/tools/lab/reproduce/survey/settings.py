@@ -12,29 +12,17 @@ DIVES = "dives"
 
 @dataclass(frozen=True, slots=True)
 class SurveySettings:
-    """What is run.
+    """What is run."""
 
-    Attributes:
-        scene: a key of SCENE_KINDS.
-        seeds: how many surveys, each with a scene, a sea and a noise of its own, counted from `first_seed`.
-        first_seed: >= 0.
-        counts: of the scans of a survey; the peers map the longest alone.
-        dive: scans of each of two dives over one place; 0 for none.
-        unusable: share of the scans that show nothing of the scene.
-        edge: voxels per edge; their size is chosen for the survey, as `sonarmap map` does.
-        systems: of SYSTEMS.
-        left_out: systems that would have run were their packages installed.
-    """
-
-    scene: str = "floodgate"
-    seeds: int = 1
-    first_seed: int = 5
-    counts: tuple[int, ...] = (50, 100, 200)
-    dive: int = 60
-    unusable: float = 0.03
-    edge: int = 128
-    systems: tuple[str, ...] = SYSTEMS
-    left_out: tuple[str, ...] = ()
+    scene: str = "floodgate"  # a key of SCENE_KINDS
+    seeds: int = 1  # how many surveys, each with a scene, a sea and a noise of its own, counted from `first_seed`
+    first_seed: int = 5  # >= 0
+    counts: tuple[int, ...] = (50, 100, 200)  # of the scans of a survey; the peers map the longest alone
+    dive: int = 60  # scans of each of two dives over one place; 0 for none
+    unusable: float = 0.03  # share of the scans that show nothing of the scene
+    edge: int = 128  # voxels per edge; their size is chosen for the survey, as `sonarmap map` does
+    systems: tuple[str, ...] = SYSTEMS  # of SYSTEMS
+    left_out: tuple[str, ...] = ()  # systems that would have run were their packages installed
 
     def __post_init__(self) -> None:
         Grid(self.edge, 1.0)

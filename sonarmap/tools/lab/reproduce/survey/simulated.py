@@ -16,21 +16,13 @@ from sonarmap.tools.lab.simulate.simulation import Simulation, simulate
 
 @dataclass(frozen=True, slots=True)
 class SimulatedSurvey:
-    """N scans, and what is true of them.
+    """N scans, and what is true of them."""
 
-    Attributes:
-        scans: one dive's after another's; their stamps count them from 0.
-        truth: their poses; the world is the scene's frame, East-North-Up.
-        dives: (N,) int, the number of the survey of each scan, as given to the mapper.
-        unusable: the scans that show nothing of the scene.
-        mesh: the scene's true surface [m, world].
-    """
-
-    scans: tuple[Scan, ...]
-    truth: Trajectory
-    dives: np.ndarray
-    unusable: frozenset[int]
-    mesh: Mesh
+    scans: tuple[Scan, ...]  # one dive's after another's; their stamps count them from 0
+    truth: Trajectory  # their poses; the world is the scene's frame, East-North-Up
+    dives: np.ndarray  # (N,) int, the number of the survey of each scan, as given to the mapper
+    unusable: frozenset[int]  # the scans that show nothing of the scene
+    mesh: Mesh  # the scene's true surface [m, world]
 
 
 def simulate_survey(scene: str, seed: int, count: int, unusable: float, dives: Sequence[int] = (1,)) -> SimulatedSurvey:

@@ -23,12 +23,10 @@ _STRAY = 0.005  # share of the points on either side that may lie out of sight a
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """Attributes:
-    shown: what the page says, for JSON.
+    """shown: what the page says, for JSON.
     points: gzipped planes of every part of the map.
     doubtful: the same of the points that the map left out; None where there are none.
-    pictures: {file's name: content}.
-    """
+    pictures: {file's name: content}."""
 
     shown: dict[str, Any]
     points: tuple[bytes, ...]

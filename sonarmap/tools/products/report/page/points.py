@@ -43,18 +43,12 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class Packed:
-    """The points of a map and their columns.
+    """The points of a map and their columns."""
 
-    Attributes:
-        data: gzipped planes, each of as many bytes as there are points.
-        quantum: what coordinates are whole numbers of [m].
-        tiles: in the order of the points.
-        planes: {column: its number of planes}, in their order behind the six of x, y and z, lowest byte first.
-    """
-
-    data: bytes
-    quantum: float
-    tiles: tuple[Tile, ...]
+    data: bytes  # gzipped planes, each of as many bytes as there are points
+    quantum: float  # what coordinates are whole numbers of [m]
+    tiles: tuple[Tile, ...]  # in the order of the points
+    # {column: its number of planes}, in their order behind the six of x, y and z, lowest byte first
     planes: Mapping[str, int]
 
 

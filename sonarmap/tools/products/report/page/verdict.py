@@ -11,10 +11,8 @@ _FEW = 0.5  # share of the voxels that several scans should have seen
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Attributes:
-    sentence: what came of the survey.
-    concerns: what its user should look at, a sentence each; none where all is well.
-    """
+    """sentence: what came of the survey.
+    concerns: what its user should look at, a sentence each; none where all is well."""
 
     sentence: str
     concerns: tuple[str, ...]

@@ -13,26 +13,18 @@ from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
 
 @dataclass(frozen=True, slots=True)
 class MapFrame:
-    """How a part of a map is drawn, and called.
+    """How a part of a map is drawn, and called."""
 
-    Attributes:
-        across, up: what the picture's two axes are.
-        note: sentences about the frame, one a line.
-        height: what the third number is.
-        sigmas: what standard deviations of poses are against.
-        turn: by how much the map is turned for the picture, counterclockwise [deg].
-        zero: height in the map's frame from which depths are measured, positive down [m]; None where heights are shown.
-        north: whether the picture's upper edge is North.
-    """
-
+    # across, up: what the picture's two axes are
     across: str
     up: str
-    note: str
-    height: str
-    sigmas: str = "against the first scan"
-    turn: float = 0.0
+    note: str  # sentences about the frame, one a line
+    height: str  # what the third number is
+    sigmas: str = "against the first scan"  # what standard deviations of poses are against
+    turn: float = 0.0  # by how much the map is turned for the picture, counterclockwise [deg]
+    # height in the map's frame from which depths are measured, positive down [m]; None where heights are shown
     zero: float | None = None
-    north: bool = False
+    north: bool = False  # whether the picture's upper edge is North
 
     def flat(self, points: np.ndarray) -> np.ndarray:
         """(M, 2) places in the picture [m] of points (M, 3) in the map's frame [m]."""

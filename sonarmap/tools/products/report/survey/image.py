@@ -23,19 +23,12 @@ _FLAT = 0.5  # least range of the colors [voxels]: less than this is noise
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """The points of a map that are drawn.
+    """The points of a map that are drawn."""
 
-    Attributes:
-        flat: (M, 2) their places in the picture [m].
-        z: (M,) their heights in the map's frame [m].
-        voxel: of the map [m].
-        lone: number of points that are not among them, as they have hardly another near.
-    """
-
-    flat: np.ndarray
-    z: np.ndarray
-    voxel: float
-    lone: int
+    flat: np.ndarray  # (M, 2) their places in the picture [m]
+    z: np.ndarray  # (M,) their heights in the map's frame [m]
+    voxel: float  # of the map [m]
+    lone: int  # number of points that are not among them, as they have hardly another near
 
     @classmethod
     def of(cls, point_map: PointMap, frame: MapFrame) -> "Cloud":

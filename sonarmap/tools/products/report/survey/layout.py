@@ -20,11 +20,9 @@ _SPARSE = 0.1  # cells with fewer points than this hold strays [those in the cel
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Attributes:
-    windows: (rows, columns, 2, 2) [m]: of each panel its lower left and upper right corner, the upper row first.
+    """windows: (rows, columns, 2, 2) [m]: of each panel its lower left and upper right corner, the upper row first.
     scale: [in/m].
-    gap: between columns and between rows [in].
-    """
+    gap: between columns and between rows [in]."""
 
     windows: np.ndarray
     scale: float

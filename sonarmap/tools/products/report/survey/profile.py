@@ -16,30 +16,21 @@ _HOUR, _MINUTE = 3600.0, 60.0
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """Numbers of the n scans of a part, in their order.
+    """Numbers of the n scans of a part, in their order."""
 
-    Attributes:
-        along: (n,) where each is on the horizontal axis.
-        axis: what that axis is.
-        starts: first places of the surveys after the first: the track is broken before them.
-        vehicle: (n,) depth or height of the sensor [m].
-        bed: (3, n) quantiles of the map's points under it, the deepest first: 90 % or 10 %, median, 10 % or 90 % of
-            depth or height [m]; NaN where there are none.
-        overlaps: (m, 2) of consecutive registrations: middle on the horizontal axis, and share of common points, 0..1.
-        kept: (m,) whether they were kept.
-        sigmas: (3, n) standard deviations: horizontally along the worst direction [m], vertically [m], heading [deg].
-        loop_ends: places of the scans that kept loops join.
-    """
-
-    along: np.ndarray
-    axis: str
-    starts: tuple[int, ...]
-    vehicle: np.ndarray
+    along: np.ndarray  # (n,) where each is on the horizontal axis
+    axis: str  # what that axis is
+    starts: tuple[int, ...]  # first places of the surveys after the first: the track is broken before them
+    vehicle: np.ndarray  # (n,) depth or height of the sensor [m]
+    # (3, n) quantiles of the map's points under it, the deepest first: 90 % or 10 %, median, 10 % or 90 % of depth or
+    # height [m]; NaN where there are none
     bed: np.ndarray
+    # (m, 2) of consecutive registrations: middle on the horizontal axis, and share of common points, 0..1
     overlaps: np.ndarray
-    kept: np.ndarray
+    kept: np.ndarray  # (m,) whether they were kept
+    # (3, n) standard deviations: horizontally along the worst direction [m], vertically [m], heading [deg]
     sigmas: np.ndarray
-    loop_ends: tuple[int, ...]
+    loop_ends: tuple[int, ...]  # places of the scans that kept loops join
 
 
 def profile_of(view: PartView) -> Profile:

@@ -33,11 +33,9 @@ TEXT = 11.0  # [pt]
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """Attributes:
-    figure: its size is final.
+    """figure: its size is final.
     panels: rows of axes, the upper row first; their limits are final.
-    scales: left, lower side, width and height of the strip beside the panels, for the color bar [in].
-    """
+    scales: left, lower side, width and height of the strip beside the panels, for the color bar [in]."""
 
     figure: "Figure"
     panels: list[list["Axes"]]

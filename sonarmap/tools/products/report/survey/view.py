@@ -24,36 +24,22 @@ _LONGEST = 60  # name in the title
 
 @dataclass(frozen=True, slots=True)
 class PartView:
-    """What is drawn of a part, whose n scans share a frame.
+    """What is drawn of a part, whose n scans share a frame."""
 
-    Attributes:
-        title: name and date of the survey, and which part this is.
-        size: scans, points and voxel in words.
-        frame: what its coordinates mean.
-        point_map: its points, without the doubtful ones.
-        trajectory: its n poses.
-        chained, chained_poses: the same before the loops.
-        covariances: (n, 6, 6) of the poses, rotation first [rad, m], body tangent.
-        scans: n numbers of the scans in the survey, ascending.
-        names: of the n scans.
-        surveys: the survey of each.
-        survey_names: of the surveys, by their numbers.
-        pairs: all that were tried within it.
-    """
-
-    title: str
-    size: str
-    frame: MapFrame
-    point_map: PointMap
-    trajectory: Trajectory
+    title: str  # name and date of the survey, and which part this is
+    size: str  # scans, points and voxel in words
+    frame: MapFrame  # what its coordinates mean
+    point_map: PointMap  # its points, without the doubtful ones
+    trajectory: Trajectory  # its n poses
+    # chained, chained_poses: the same before the loops
     chained: PointMap
     chained_poses: Trajectory
-    covariances: np.ndarray
-    scans: tuple[int, ...]
-    names: tuple[str, ...]
-    surveys: tuple[int, ...]
-    survey_names: Mapping[int, str]
-    pairs: tuple[Pair, ...]
+    covariances: np.ndarray  # (n, 6, 6) of the poses, rotation first [rad, m], body tangent
+    scans: tuple[int, ...]  # n numbers of the scans in the survey, ascending
+    names: tuple[str, ...]  # of the n scans
+    surveys: tuple[int, ...]  # the survey of each
+    survey_names: Mapping[int, str]  # of the surveys, by their numbers
+    pairs: tuple[Pair, ...]  # all that were tried within it
 
     def loops(self, verdict: Verdict) -> list[tuple[int, int]]:
         """The loops of which this became, as places in the trajectory."""
