@@ -69,7 +69,7 @@ def upload_viewpoints(device: Device, places: np.ndarray) -> cla.Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class Viewing:
     """Points of one scan, and the range images of another that they are put into."""
 
     # device (k, edge, edge, 2) float32, nearest and farthest range of every cell of an octahedral map, (inf, -inf)
@@ -81,51 +81,53 @@ class Way:
 
 
 def agreement(
-    device: Device, ways: Sequence[Way], poses: cla.Array, tolerances: Sequence[tuple[float, float]]
+    device: Device, viewings: Sequence[Viewing], poses: cla.Array, tolerances: Sequence[tuple[float, float]]
 ) -> Pending[list[np.ndarray]]:
     """Queue how points, moved by each pose, agree with what sensors saw; one launch for all.
 
     Args:
-        ways: one, or two with images of the same edge.
+        viewings: one, or two with images of the same edge.
         poses: device (n, 16) float32 as `upload_poses` makes them, which bring the first way's points to its images;
             the second way's are brought by the inverse.
         tolerances: one or two of (reach, slope): a range within reach + slope * range of the cell's agrees; nearer
             contradicts, and farther is hidden. Not negative.
 
     Returns:
-        Of each way (k, n, tolerances, 3) int64: points that agree, that contradict, and that fall into cells where
+        Of each viewing (k, n, tolerances, 3) int64: points that agree, that contradict, and that fall into cells where
         something was seen.
 
     Raises:
         InputError: a shape is another, or a tolerance is no such number.
     """
     bad = [pair for pair in tolerances if not (0 <= pair[0] < np.inf and 0 <= pair[1] < np.inf)]
-    if bad or len(tolerances) not in (1, 2) or len(ways) not in (1, 2):
-        raise InputError(f"{len(ways)} ways, `tolerances={tolerances}`; wanted one or two of each, 0 or more")
-    images = [_images(way) for way in ways]
-    _require_one_edge(ways)
+    if bad or len(tolerances) not in (1, 2) or len(viewings) not in (1, 2):
+        raise InputError(f"{len(viewings)} viewings, `tolerances={tolerances}`; wanted one or two of each, 0 or more")
+    images = [_images(viewing) for viewing in viewings]
+    _require_one_edge(viewings)
     n, _ = require_array(poses, "poses", (None, 16))
     counts = device.empty((sum(images), n, len(tolerances), 3), np.int32)
     if counts.size:
-        _launch(device, ways, images, poses, tolerances, counts)
+        _launch(device, viewings, images, poses, tolerances, counts)
     copy = Readback(device, counts)
     return Pending(lambda: np.split(copy.read().astype(np.int64), np.cumsum(images)[:-1]))
 
 
 def _launch(
     device: Device,
-    ways: Sequence[Way],
+    viewings: Sequence[Viewing],
     images: Sequence[int],
     poses: cla.Array,
     tolerances: Sequence[tuple[float, float]],
     counts: cla.Array,
 ) -> None:
-    first, second, n = ways[0], ways[-1], len(poses)
-    # a way without an image has no job, but an argument
-    any_way = next(way for way in ways if way.views is not None)
-    seeing = [any_way if way.views is None else way for way in (first, second)]
-    arrays = [array for way in seeing for array in (way.views, way.viewpoints) if array is not None]
-    sizes = [np.int32(number) for way in (first, second) for number in (way.points[0].shape[1], way.points[1])]
+    first, second, n = viewings[0], viewings[-1], len(poses)
+    # a viewing without an image has no job, but an argument
+    any_viewing = next(viewing for viewing in viewings if viewing.views is not None)
+    seeing = [any_viewing if viewing.views is None else viewing for viewing in (first, second)]
+    arrays = [array for viewing in seeing for array in (viewing.views, viewing.viewpoints) if array is not None]
+    sizes = [
+        np.int32(number) for viewing in (first, second) for number in (viewing.points[0].shape[1], viewing.points[1])
+    ]
     both = _float4(*tolerances[0], *tolerances[-1])
     cpu = device.is_cpu
     launch(
@@ -141,25 +143,25 @@ def _float4(x: float, y: float, z: float, w: float) -> np.void:
     return cltypes.make_float4(x, y, z, w)  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def _images(way: Way) -> int:
-    """How many images a way has, once all its shapes are right."""
-    moved, valid = way.points
+def _images(viewing: Viewing) -> int:
+    """How many images a viewing has, once all its shapes are right."""
+    moved, valid = viewing.points
     _, count = require_array(moved, "points", (3, None))
     if count % _LANES or not 0 <= valid <= count:
         raise InputError(f"`points` are {valid} of {count}; wanted points as upload_points makes them")
-    if way.views is None:
+    if viewing.views is None:
         return 0
-    if way.viewpoints is None:
+    if viewing.viewpoints is None:
         raise InputError("range images have no `viewpoints`; give a place for each")
-    require_array(way.viewpoints, "viewpoints", (len(way.views), 4))
-    return len(way.views)
+    require_array(viewing.viewpoints, "viewpoints", (len(viewing.views), 4))
+    return len(viewing.views)
 
 
-def _require_one_edge(ways: Sequence[Way]) -> None:
-    edges = {way.views.shape[1] for way in ways if way.views is not None}
-    for way in ways:
-        if way.views is not None:
-            require_array(way.views, "views", (None, *2 * (min(edges),), 2))
+def _require_one_edge(viewings: Sequence[Viewing]) -> None:
+    edges = {viewing.views.shape[1] for viewing in viewings if viewing.views is not None}
+    for viewing in viewings:
+        if viewing.views is not None:
+            require_array(viewing.views, "views", (None, *2 * (min(edges),), 2))
 
 
 def _require_places(places: np.ndarray, what: str) -> None:

@@ -163,9 +163,9 @@ def twin_odds(possible_edges: Sequence[PossibleEdge]) -> float:
         possible_edges: all answers beside the chain, with their support.
     """
     judged = [possible for possible in possible_edges if possible.accepted and not possible.joins_parts]
-    told = sum(1 - possible.probability for possible in judged)
+    expected = sum(1 - possible.probability for possible in judged)
     wrong = sum(not possible.support.agrees for possible in judged)
-    return max(1.0, (wrong + _ASSUMED) / (told + _ASSUMED))
+    return max(1.0, (wrong + _ASSUMED) / (expected + _ASSUMED))
 
 
 def with_odds(possible_edges: Sequence[PossibleEdge], odds: float) -> list[PossibleEdge]:

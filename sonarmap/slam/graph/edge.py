@@ -90,21 +90,26 @@ def scaled(edges: Sequence[Edge], factor: float) -> list[Edge]:
     fused = [k for k, edge in enumerate(edges) if edge.registration.T_by_scans is not None]
     if not fused:
         return result
-    told = [given[k] for k in fused]
-    both = np.linalg.inv(np.stack([registration.covariance for registration in told]))
-    by_scans = np.stack([registration.covariance_by_scans for registration in told])  # pyright: ignore[reportArgumentType, reportCallIssue]
+    registrations = [given[k] for k in fused]
+    both = np.linalg.inv(np.stack([registration.covariance for registration in registrations]))
+    by_scans = np.stack([registration.covariance_by_scans for registration in registrations])  # pyright: ignore[reportArgumentType, reportCallIssue]
     alone = np.linalg.inv(by_scans)
     covariances = np.linalg.inv(alone / factor + (both - alone))
     covariances = (covariances + covariances.swapaxes(1, 2)) / 2
     # from where the scans alone have it, the pull of the rest stays what it is
-    T = RigidTransform.concatenate([registration.T_by_scans for registration in told])  # pyright: ignore[reportArgumentType]
-    away: np.ndarray = (T.inv() * RigidTransform.concatenate([each.T_target_source for each in told])).as_exp_coords()
+    T = RigidTransform.concatenate([registration.T_by_scans for registration in registrations])  # pyright: ignore[reportArgumentType]
+    away: np.ndarray = (
+        T.inv() * RigidTransform.concatenate([each.T_target_source for each in registrations])
+    ).as_exp_coords()
     moved = T * RigidTransform.from_exp_coords(np.einsum("nab,nbc,nc->na", covariances, both, away))
     for n, k in enumerate(fused):
-        held = replace(
-            told[n], T_target_source=moved[n], covariance=covariances[n], covariance_by_scans=factor * by_scans[n]
+        widened = replace(
+            registrations[n],
+            T_target_source=moved[n],
+            covariance=covariances[n],
+            covariance_by_scans=factor * by_scans[n],
         )
-        result[k] = replace(edges[k], registration=held)
+        result[k] = replace(edges[k], registration=widened)
     return result
 
 

@@ -21,7 +21,7 @@ from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 # The variance of an edge's error over what cycles say of it.
 _OF_EDGES = 13.0
 # How much all steps of a survey fall short together: the variance, as a share of a step's own.
-_LEAN = 0.02
+_SCALE = 0.02
 # Degrees of freedom of the errors' tails, and how often edges are weighed anew.
 _TAILS, _REWEIGHTED = 4.0, 4
 # Chi-squared over its degrees of freedom before a graph has loops enough to tell, and how many these are worth.
@@ -32,7 +32,7 @@ def weighed(graph: PoseGraph) -> PoseGraph:
     """The graph with its edges' covariances as large as their errors.
 
     One factor for all registrations, by how well cycles close; and more for an edge that the others contradict, as
-    heavy tails would have it: two scans that saw a place from opposite sides lean more than both their noise says.
+    heavy tails would have it: two scans that saw a place from opposite sides err alike, by more than their noise says.
     Student's t with 4 degrees of freedom, by reweighted least squares (Lange, Little and Taylor, DOI
     10.2307/2290063). An edge that a person vouches for does not tell how large errors are where others contradict it,
     and weighs in full nevertheless.
@@ -64,7 +64,7 @@ def pose_covariances(solution: Solution) -> np.ndarray:
         solution: of a graph that has been `weighed`.
     """
     marginals, T = solution.covariances(), solution.trajectory.T_world_sensor
-    graph, lean = solution.graph, _lean(solution)
+    graph, scale_variance = solution.graph, _scale_variance(solution)
     measured = np.zeros_like(marginals)
     for known in graph.gauge.all_known:
         measured[known.pose] += _in_body(known, T[known.pose])
@@ -77,7 +77,7 @@ def pose_covariances(solution: Solution) -> np.ndarray:
             # what falls short on the way from where the component is held
             away = T[k].rotation.inv().apply(T[k].translation - middle)
             by_edges = _positive(inverse_definite(marginals[k]) - measured[k])
-            result[k] = np.linalg.inv(_widened(by_edges, lean * np.outer(away, away)) + measured[k])
+            result[k] = np.linalg.inv(_widened(by_edges, scale_variance * np.outer(away, away)) + measured[k])
     for k in graph.anchors:
         result[k] = marginals[k]
     return (result + result.swapaxes(1, 2)) / 2
@@ -101,8 +101,8 @@ def _widened(information: np.ndarray, shift: np.ndarray) -> np.ndarray:
     return information - across @ np.linalg.solve(np.eye(3) + shift @ information[3:, 3:], shift @ across.T)
 
 
-def _lean(solution: Solution) -> float:
-    """The variance of how short all ways are together, as a share of them: of the median step."""
+def _scale_variance(solution: Solution) -> float:
+    """The variance of how far all steps are too short together, as a share of their lengths: of the median step."""
     shares: list[float] = []
     for edge in solution.graph.edges:
         T = edge.registration.T_target_source
@@ -110,4 +110,4 @@ def _lean(solution: Solution) -> float:
         if edge.kind == "sequential" and way > 0:
             along = T.rotation.inv().apply(T.translation / way)
             shares.append(float(along @ edge.registration.covariance[3:, 3:] @ along) / way**2)
-    return _LEAN * float(np.median(shares)) if shares else 0.0
+    return _SCALE * float(np.median(shares)) if shares else 0.0

@@ -89,10 +89,10 @@ class Motion:
             return cls._unlearned(times, surveys, floor, limits) if limits.any else None
         sure = [Step.of(pair, times) for pair in steps]
         span = float(np.median([times[pair.j] - times[pair.i] for pair in steps]))
-        told, errors = np.array([step.rate for step in sure]), np.array([step.covariance for step in sure])
+        measured, errors = np.array([step.rate for step in sure]), np.array([step.covariance for step in sure])
         errors[[pair.accepted for pair in steps]] = 0.0  # what is accepted is taken as it is
-        mean, scatter = _fit_t(told, errors, floor / span)
-        rates, left = _filled(told, errors, mean, scatter)
+        mean, scatter = _fit_t(measured, errors, floor / span)
+        rates, left = _filled(measured, errors, mean, scatter)
         within = np.flatnonzero(_squared(rates - mean, scatter) <= _BEYOND)
         rates, left, sure = rates[within], left[within], [sure[n] for n in within]
         mean, speeds = rates.mean(axis=0), np.linalg.norm(rates[:, 3:], axis=1)
@@ -191,8 +191,8 @@ class Motion:
 def scan_times(stamps: np.ndarray, surveys: np.ndarray) -> np.ndarray:
     """(N,) ascending within each survey: the stamps, or where they do not tell times the scans' numbers."""
     same = np.diff(surveys) == 0
-    told = np.isfinite(stamps).all() and (np.diff(stamps)[same] > 0).all()
-    return stamps.astype(np.float64) if told else np.arange(len(stamps), dtype=np.float64)
+    stamped = np.isfinite(stamps).all() and (np.diff(stamps)[same] > 0).all()
+    return stamps.astype(np.float64) if stamped else np.arange(len(stamps), dtype=np.float64)
 
 
 def _within(limits: MotionLimits, times: np.ndarray, pair: RegisteredPair) -> bool:

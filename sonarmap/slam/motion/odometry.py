@@ -53,9 +53,9 @@ class Odometry:
 
     def take(self, chosen: Sequence[int]) -> "Odometry":
         """Of these scans alone, ascending, which are then numbered 0, 1, ..."""
-        told = np.flatnonzero(np.isin(self.scans, chosen))
-        scans = np.searchsorted(np.asarray(chosen), self.scans[told])
-        return Odometry(scans, self.T_odom_sensor[told], self.times[told], self.drift, self.turn_drift)
+        rows = np.flatnonzero(np.isin(self.scans, chosen))
+        scans = np.searchsorted(np.asarray(chosen), self.scans[rows])
+        return Odometry(scans, self.T_odom_sensor[rows], self.times[rows], self.drift, self.turn_drift)
 
     def expected(self, i: int, j: int, floor: np.ndarray) -> ExpectedPose:
         """T_i_j and how sure it is: its error is the same all the way, so that it grows with it.
@@ -92,8 +92,8 @@ class Odometry:
             T, sigmas = self._between(a, b)
             least = np.repeat([_FINEST_TURN, _FINEST_WAY], 3)
             covariance = np.diag(steps * sigmas**2 + least**2)
-            told = Registration(T, covariance, np.nan, np.nan, accepted=True, seconds=0.0, reason="odometry")
-            edges.append(Edge(i, j, told, "odometry"))
+            measured = Registration(T, covariance, np.nan, np.nan, accepted=True, seconds=0.0, reason="odometry")
+            edges.append(Edge(i, j, measured, "odometry"))
         return edges
 
     def _between(self, a: int, b: int) -> tuple[RigidTransform, np.ndarray]:

@@ -72,10 +72,10 @@ def with_between(
         degrees_of_freedom=decision.solution.degrees_of_freedom,
     )
     pairs = tuple(pair.renumbered(dict(enumerate(keys))) for pair in decision.pairs)
-    told = {(fix.scan, fix.kind): fix for fix in (*measurements.wrong_fixes, *wrong)}
-    told |= {(keys[fix.scan], fix.kind): replace(fix, scan=keys[fix.scan]) for fix in decision.wrong_fixes}
+    fixes = {(fix.scan, fix.kind): fix for fix in (*measurements.wrong_fixes, *wrong)}
+    fixes |= {(keys[fix.scan], fix.kind): replace(fix, scan=keys[fix.scan]) for fix in decision.wrong_fixes}
     chained = expanded(decision.chained.T_world_sensor)
-    wrong_fixes = tuple(told[key] for key in sorted(told))
+    wrong_fixes = tuple(fixes[key] for key in sorted(fixes))
     displaced = tuple((keys[i], keys[j]) for i, j in decision.displaced)
     return Decision(chained, solution, pairs, wrong_fixes, wrong_control, displaced)
 
@@ -122,8 +122,8 @@ def _steps(
             way = _way(T_keys, a, b, parts, registered)
             T_i_k = RigidTransform.from_exp_coords(before / (before + behind) * way)
             sigmas = np.sqrt(floor**2 + unsteady.variance(before, behind))
-        told = Registration(T_i_k, np.diag(sigmas**2), np.nan, np.nan, True, 0.0, "between two key scans")
-        steps.append(Edge(i, k, told, "odometry"))
+        step = Registration(T_i_k, np.diag(sigmas**2), np.nan, np.nan, True, 0.0, "between two key scans")
+        steps.append(Edge(i, k, step, "odometry"))
     return steps
 
 

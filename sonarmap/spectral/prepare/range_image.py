@@ -7,7 +7,7 @@ import numpy as np
 
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.device.readback import Pending
-from sonarmap.kernels.points.visibility import Way, agreement, octahedral_cells, upload_points, upload_viewpoints
+from sonarmap.kernels.points.visibility import Viewing, agreement, octahedral_cells, upload_points, upload_viewpoints
 
 # Cells along an edge of the map: 1.6 degrees, a voxel at 36 voxels' distance. Finer cells stay empty between beams.
 _EDGE = 128
@@ -137,7 +137,7 @@ class Visibility:
     """What two scans' views say about poses between them: shares of the sampled points, (n,) each; NaN without a
     view."""
 
-    agree: np.ndarray  # fit the other scan's surface, the mean of both ways
+    agree: np.ndarray  # fit the other scan's surface, the mean of both directions
     contradict: np.ndarray  # stand where the other scan saw through
     seen: np.ndarray  # fall where the other scan saw something
 
@@ -155,14 +155,14 @@ def visibility(
     Returns:
         For each tolerance how far the poses agree with both views; a scan that has no view is left out.
     """
-    ways = [
-        Way(view.ranges, view.viewpoints, other.sample) if view.images else Way(None, None, other.sample)
+    viewings = [
+        Viewing(view.ranges, view.viewpoints, other.sample) if view.images else Viewing(None, None, other.sample)
         for view, other in ((target, source), (source, target))
     ]
     scales = [
         other.count * view.repeats if view.images else None for view, other in ((target, source), (source, target))
     ]
-    queued = agreement(device, ways, poses, tolerances)
+    queued = agreement(device, viewings, poses, tolerances)
 
     def read() -> list[Visibility]:
         counts = queued.read()

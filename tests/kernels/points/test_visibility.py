@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.points.poses import upload_poses
-from sonarmap.kernels.points.visibility import Way, agreement, octahedral_cells, upload_points, upload_viewpoints
+from sonarmap.kernels.points.visibility import Viewing, agreement, octahedral_cells, upload_points, upload_viewpoints
 from tests.samples.refusals import refuses
 
 
@@ -110,9 +110,9 @@ def random_poses(count, seed):
 
 
 def alone(device, view, points, R, t, reach, slope):
-    """(n, 3): one way to one image, with one tolerance."""
-    way = Way(view.reshape(1, *view.shape), upload_viewpoints(device, np.zeros((1, 3))), points)
-    (counts,) = agreement(device, [way], upload_poses(device, R, t), [(reach, slope)]).read()
+    """(n, 3): points put into one image, with one tolerance."""
+    viewing = Viewing(view.reshape(1, *view.shape), upload_viewpoints(device, np.zeros((1, 3))), points)
+    (counts,) = agreement(device, [viewing], upload_poses(device, R, t), [(reach, slope)]).read()
     return counts[0, :, 0]
 
 
@@ -186,40 +186,40 @@ class TestAgreement:
 
     @pytest.mark.parametrize("images", [(1, 1), (3, 2), (0, 2), (2, 0), (0, 0)])
     def test_both_ways_at_once_are_as_one_at_a_time(self, device, images):
-        """Two ways of several images each, and two tolerances; but for points at borders, as the inverse is rounded."""
+        """Two of several images each, and two tolerances; but for points at borders, as the inverse is rounded."""
         tolerances = [(1.5, 0.03), (0.2, 0.0)]
-        ways, places, rng = [], [], np.random.default_rng(21)
+        viewings, places, rng = [], [], np.random.default_rng(21)
         for number, count in enumerate(images):
             points = upload_points(device, rng.uniform(-15, 15, (100 + 70 * number, 3)))
             views = np.stack([random_view(32, 30 + 5 * number + k) for k in range(count)]) if count else None
             places.append(rng.uniform(-4, 4, (count, 3)))
             there = upload_viewpoints(device, places[-1])
-            ways.append(Way(*(None, None) if views is None else (device.to_device(views), there), points))
+            viewings.append(Viewing(*(None, None) if views is None else (device.to_device(views), there), points))
         R, t = random_poses(7, 40)
         back = R.transpose(0, 2, 1)
-        got = agreement(device, ways, upload_poses(device, R, t), tolerances).read()
-        for way, seen_from, counts, turns, shifts in zip(
-            ways, places, got, (R, back), (t, -np.einsum("nij,nj->ni", back, t)), strict=True
+        got = agreement(device, viewings, upload_poses(device, R, t), tolerances).read()
+        for viewing, seen_from, counts, turns, shifts in zip(
+            viewings, places, got, (R, back), (t, -np.einsum("nij,nj->ni", back, t)), strict=True
         ):
             assert counts.shape == (len(seen_from), 7, 2, 3)
             for k, of_image in enumerate(counts):
                 for number, tolerance in enumerate(tolerances):
-                    want = alone(device, way.views[k], way.points, turns, shifts - seen_from[k], *tolerance)
+                    want = alone(device, viewing.views[k], viewing.points, turns, shifts - seen_from[k], *tolerance)
                     assert np.abs(of_image[:, number] - want).max() <= 1
                     assert (of_image[:, number] != want).mean() < 0.1
 
     def test_refuses_what_it_cannot_use(self, device):
         view, points = device.to_device(random_view(16, 13)), upload_points(device, on_the_sphere(9, 14))
         R, t = random_poses(2, 15)
-        way = Way(view.reshape(1, 16, 16, 2), upload_viewpoints(device, np.zeros((1, 3))), points)
-        refuses("`poses` is", agreement, device, [way], device.empty((2, 12)), [(1, 0)])
+        viewing = Viewing(view.reshape(1, 16, 16, 2), upload_viewpoints(device, np.zeros((1, 3))), points)
+        refuses("`poses` is", agreement, device, [viewing], device.empty((2, 12)), [(1, 0)])
         with pytest.raises(InputError, match="no `viewpoints`"):
-            agreement(device, [replace(way, viewpoints=None)], upload_poses(device, R, t), [(1, 0)])
+            agreement(device, [replace(viewing, viewpoints=None)], upload_poses(device, R, t), [(1, 0)])
         refuses(
             "`viewpoints` is",
             agreement,
             device,
-            [replace(way, viewpoints=upload_viewpoints(device, t))],
+            [replace(viewing, viewpoints=upload_viewpoints(device, t))],
             upload_poses(device, R, t),
             [(1, 0)],
         )
@@ -227,6 +227,6 @@ class TestAgreement:
             refuses("wanted one or two of each, 0 or more", alone, device, view, points, R, t, *bad)
         refuses("`views` is", alone, device, device.to_device(np.zeros((16, 8, 2), np.float32)), points, R, t, 1, 0)
         refuses("99 of 16", alone, device, view, (points[0], 99), R, t, 1, 0)
-        refuses("wanted one or two of each", agreement, device, [way] * 3, upload_poses(device, R, t), [(1, 0)])
+        refuses("wanted one or two of each", agreement, device, [viewing] * 3, upload_poses(device, R, t), [(1, 0)])
         for bad in (np.zeros((3, 2)), np.array([[1, 2, np.inf]])):
             refuses("`points` have shape", upload_points, device, bad)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from sonarmap.kernels.points.poses import upload_poses
-from sonarmap.kernels.points.visibility import Way, agreement, upload_points, upload_viewpoints
+from sonarmap.kernels.points.visibility import Viewing, agreement, upload_points, upload_viewpoints
 from sonarmap.kernels.pomf.correlator import Correlator, Pose
 from sonarmap.kernels.so3.correlation import RotationCorrelation, wigner_d
 from sonarmap.tools.lab.bench import twins
@@ -63,13 +63,13 @@ def rotation_peaks_case(w: Workload) -> KernelCase:
 def agreement_case(w: Workload) -> KernelCase:
     R, t = w.poses
     poses, center = upload_poses(w.device, R, t), upload_viewpoints(w.device, np.zeros((1, 3)))
-    way = Way(w.upload(w.view[None]), center, upload_points(w.device, w.seen))
+    viewing = Viewing(w.upload(w.view[None]), center, upload_points(w.device, w.seen))
     return KernelCase(
         "agreement",
         "NumPy, a pose at a time",
         Traffic(w.view.nbytes + w.seen.nbytes + len(w.poses[0]) * 16 * 4, len(w.poses[0]) * 3 * 4),
         _BORDERS,
-        run=lambda: agreement(w.device, [way], poses, [(_REACH, _SLOPE)]).read()[0][0, :, 0],
+        run=lambda: agreement(w.device, [viewing], poses, [(_REACH, _SLOPE)]).read()[0][0, :, 0],
         read=lambda result: result,
         twin=lambda: twins.agreement(w.view, w.seen, *w.poses, _REACH, _SLOPE),
         flops=40 * len(w.seen) * len(w.poses[0]),
