@@ -167,15 +167,15 @@ def _require_exact(crs: "CRS", name: str, georeference: Georeference) -> None:
     about = AreaOfInterest(longitude - _ABOUT, latitude - _ABOUT, longitude + _ABOUT, latitude + _ABOUT)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the grid: it is said below
-        ways = TransformerGroup(WGS84, crs, always_xy=True, allow_ballpark=False, area_of_interest=about)
-    if ways.best_available and ways.transformers:
+        group = TransformerGroup(WGS84, crs, always_xy=True, allow_ballpark=False, area_of_interest=about)
+    if group.best_available and group.transformers:
         return
-    if not ways.transformers:
+    if not group.transformers:
         raise InputError(
             f"--crs {name} ({crs.name}) has no known relation to WGS84 at {latitude:.4f}, {longitude:.4f}, where the "
             "map would be; check the coordinates, or choose another"
         )
-    grids = {grid.short_name for way in ways.unavailable_operations[:1] for grid in way.grids if not grid.available}
+    grids = {grid.short_name for way in group.unavailable_operations[:1] for grid in way.grids if not grid.available}
     raise InputError(
         f"--crs {name} ({crs.name}) needs PROJ's grid {', '.join(sorted(grids))}, which is not "
         "installed; wanted a CRS that follows from WGS84 without one, as the UTM zone (leave --crs out), or install "

@@ -31,8 +31,8 @@ class Traffic:
         return self.reads + self.writes + self.in_place / 2
 
 
-Way = Literal["copy", "in_place", "read", "fill"]
-WAYS: tuple[Way, ...] = ("copy", "in_place", "read", "fill")
+Access = Literal["copy", "in_place", "read", "fill"]
+ACCESSES: tuple[Access, ...] = ("copy", "in_place", "read", "fill")
 
 _LANES, _GROUP = 4, 256
 # Plain enough that memory is all they wait for; on PoCL the copy outruns the driver's own, which uses one core.
@@ -91,25 +91,25 @@ class Rates:
     works in place has a rate of its own, and may be up to half as fast again.
     """
 
-    # by way, by bytes touched, the highest rate seen; reads and writes both count [bytes/s]
+    # by access, by bytes touched, the highest rate seen; reads and writes both count [bytes/s]
     best: Mapping[str, Mapping[int, float]]
     copy_rate: float  # the median rate of copying what no cache holds [bytes/s]
     flops: float  # multiply-adds in registers, each two operations [1/s]
 
-    def at(self, way: Way, touched: float) -> float:
+    def at(self, access: Access, touched: float) -> float:
         """The highest rate over arrays of about these bytes or more [bytes/s]."""
-        return highest_rate(self.best[way], touched)
+        return highest_rate(self.best[access], touched)
 
     def least_seconds(self, traffic: Traffic) -> float:
         """How long the device's memory takes for a kernel's traffic, each part in its own way [s]."""
         copied = min(traffic.reads, traffic.writes)
-        parts: dict[Way, float] = {
+        parts: dict[Access, float] = {
             "copy": 2 * copied,
             "in_place": traffic.in_place,
             "read": traffic.reads - copied,
             "fill": traffic.writes - copied,
         }
-        return sum(size / self.at(way, traffic.touched) for way, size in parts.items() if size)
+        return sum(size / self.at(access, traffic.touched) for access, size in parts.items() if size)
 
 
 def highest_rate(rates: Mapping[int, float], touched: float) -> float:
@@ -119,20 +119,23 @@ def highest_rate(rates: Mapping[int, float], touched: float) -> float:
 
 
 def measure_rates(device: Device, repeats: int) -> dict[str, dict[int, list[float]]]:
-    """The rates of each way at sizes from a cache's to memory's, several of each [bytes/s]."""
+    """The rates of each access at sizes from a cache's to memory's, several of each [bytes/s]."""
     most = min(_LARGEST, device.cl_device.max_mem_alloc_size, device.cl_device.global_mem_size // 4)
     sizes = [2**k for k in range(_SMALLEST.bit_length() - 1, int(most).bit_length())]
-    rates: dict[str, dict[int, list[float]]] = {way: {} for way in WAYS}
+    rates: dict[str, dict[int, list[float]]] = {access: {} for access in ACCESSES}
     for size in sizes:
-        for way in WAYS:
-            rates[way][size] = _measure(device, way, size, repeats)
+        for access in ACCESSES:
+            rates[access][size] = _measure(device, access, size, repeats)
     return rates
 
 
 def summarize_rates(device: Device, measured: Iterable[dict[str, dict[int, list[float]]]]) -> Rates:
     """The rates of several measurements, and how fast the device computes."""
     measured = list(measured)
-    best = {way: {size: max(max(m[way][size]) for m in measured) for size in measured[0][way]} for way in WAYS}
+    best = {
+        access: {size: max(max(m[access][size]) for m in measured) for size in measured[0][access]}
+        for access in ACCESSES
+    }
     largest = max(best["copy"])
     copying = [rate for m in measured for rate in m["copy"][largest]]
     return Rates(best, float(np.median(copying)), _measure_flops(device))
@@ -154,16 +157,16 @@ def copier(device: Device, source: np.ndarray) -> Callable[[], Any]:
     return run
 
 
-def _measure(device: Device, way: Way, touched: int, repeats: int) -> list[float]:
+def _measure(device: Device, access: Access, touched: int, repeats: int) -> list[float]:
     """The rates of some runs, each of at least _TOUCHED bytes; `touched` is of both arrays of a copy."""
-    kernel, again = _kernels(device)[way], max(1, _TOUCHED // touched)
-    size = touched // 2 if way == "copy" else touched
+    kernel, again = _kernels(device)[access], max(1, _TOUCHED // touched)
+    size = touched // 2 if access == "copy" else touched
     array = device.to_device(np.ones(size // 4, np.float32))
     count, one, group = size // 4 // _LANES, np.float32(1), (_GROUP,)
     arguments: list[Any] = [array.data, one]
-    if way == "copy":
+    if access == "copy":
         arguments = [array.data, device.empty(array.shape).data]
-    elif way == "read":
+    elif access == "read":
         count, group = size // 64 // _per_item(device), ((1,) if device.is_cpu else None)
         arguments = [array.data, device.empty((count,)).data]
 
@@ -173,7 +176,7 @@ def _measure(device: Device, way: Way, touched: int, repeats: int) -> list[float
         device.queue.finish()
 
     run()
-    moved = again * (2 * size if way in ("copy", "in_place") else size)
+    moved = again * (2 * size if access in ("copy", "in_place") else size)
     return [moved / timed(run)[0] for _ in range(repeats)]
 
 
@@ -198,4 +201,4 @@ def _per_item(device: Device) -> int:
 def _kernels(device: Device) -> dict[str, Any]:
     options = (f"-DCOUNT={_per_item(device)}", f"-DFOLLOWING={int(device.is_cpu)}")
     program = device.build(_SOURCE, options, name="rates")
-    return {way: getattr(program, way) for way in WAYS}
+    return {access: getattr(program, access) for access in ACCESSES}

@@ -146,9 +146,11 @@ def judge(sets: Sequence[Consensus], target: Patches, source: Patches, voxel: fl
 
 def _open_ways(planes: Patches, pose: PlanePose, voxel: float) -> str:
     """What the planes leave open, in words; "" where nothing."""
-    ways = {1: "one direction is", 2: "two directions and a turn are"}.get(len(fixed_and_open(planes.normal)[1]))
-    if ways:
-        return f"no three of them span space: {ways} taken from where the patches lie"
+    undetermined = {1: "one direction is", 2: "two directions and a turn are"}.get(
+        len(fixed_and_open(planes.normal)[1])
+    )
+    if undetermined:
+        return f"no three of them span space: {undetermined} taken from where the patches lie"
     turn = float(np.sqrt(np.linalg.eigvalsh(pose.covariance[:3, :3])[-1]))
     shift = float(np.sqrt(np.linalg.eigvalsh(pose.covariance[3:, 3:])[-1]))
     if turn > LARGEST_TURN or shift > LARGEST_SHIFT * voxel:

@@ -124,8 +124,8 @@ def _recall(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict
 
 def _poses(before: Evaluation | None, after: Evaluation) -> list[Row]:
     """Where each usable scan is, aligned, and where it truly is [m]."""
-    ways = {"true": after.T_true, "after": after.T_aligned} | ({"before": before.T_aligned} if before else {})
-    places = {name: T.translation.tolist() for name, T in ways.items()}
+    trajectories = {"true": after.T_true, "after": after.T_aligned} | ({"before": before.T_aligned} if before else {})
+    places = {name: T.translation.tolist() for name, T in trajectories.items()}
     return [
         {"row": POSE, "scan": int(stamp)}
         | {f"{axis}_{name}_m": place[k][n] for name, place in places.items() for n, axis in enumerate("xyz")}
