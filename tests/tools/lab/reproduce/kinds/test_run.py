@@ -149,7 +149,7 @@ def test_a_quick_run_and_its_page(tmp_path: Path, device: Device) -> None:
     assert (shown.exit_code, shown.exception) == (0, None)
     page = (tmp_path / "kinds.md").read_text()
     assert page.startswith("# Every kind of scan\n")
-    assert "## What was used for nothing else" in page
+    assert "## Pairs that had no part in the development" in page
     assert "\nsonarmap reproduce kinds --quick --seed 6 --method spectral --method planes\n" in page
     assert {path.name for path in (tmp_path / "kinds").iterdir()} == {"kinds.png", "kinds-probability.png"}
     headings, *lines = (tmp_path / "out" / "kinds.csv").read_text().splitlines()
