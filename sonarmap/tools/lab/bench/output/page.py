@@ -67,7 +67,7 @@ def figures(result: Row) -> str:
 def _machine(result: Row) -> str:
     versions, rates = result["versions"], result["rates"]
     size = max(map(int, rates["copy"]))
-    copy, in_place, read = (rates[way][str(size)] / 1e9 for way in ("copy", "in_place", "read"))
+    copy, in_place, read = (rates[access][str(size)] / 1e9 for access in ("copy", "in_place", "read"))
     named = ", ".join(f"{name} {versions[name]}" for name in ("python", "numpy", "scipy", "pyfftw") if name in versions)
     loads = [load for load in result["load_average"] if load is not None]
     load = f", load average {loads[0]:.1f} before and {loads[-1]:.1f} after" if loads else ""
