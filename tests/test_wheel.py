@@ -89,12 +89,15 @@ def test_the_wheel_maps_in_an_environment_of_its_own_and_simulates_with_the_extr
         f"{tmp_path}/env/lib/python{sys.version_info[0]}.{sys.version_info[1]}/site-packages/sonarmap/__init__.py\n"
     )
     assert "works" in run(sonarmap, "devices")
-    simulate = ("simulate", "--scene", "floodgate", "--scans", "3", "--seed", "1", "-o")
-    run(sys.executable, "-m", "sonarmap", *simulate, "scans")
+    simulate = ("simulate", "--scene", "floodgate", "--scans", "3", "--seed", "1", "-o", "again")
+    run(sys.executable, "-m", "sonarmap", *simulate[:-1], "scans")
     run(sonarmap, "map", "scans", "--grid", "64", "-o", "map", "--export", "laz,geojson", "--origin", "60.39,5.32")
     assert (tmp_path / "map/map.ply").stat().st_size > 10_000
     assert len((tmp_path / "map/trajectory.tum").read_text().splitlines()) >= 3
     assert (tmp_path / "map/report.html").is_file()
-    assert "pip install 'sonarmap[lab]'" in run(sonarmap, *simulate, "again", code=2)
+    for verb in (simulate, ("bench",)):
+        refused = run(sonarmap, *verb, code=2)
+        assert "pip install 'sonarmap[lab]'" in refused
+        assert "timing" not in refused  # at once, and not after a minute of kernels
     run(python, "-m", "pip", "install", "-q", f"{wheel}[lab]", "-c", ROOT / "constraints.txt")
-    run(sonarmap, *simulate, "again")
+    run(sonarmap, *simulate)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 from sonarmap.kernels.device.device import Device, choose_device
@@ -50,6 +51,8 @@ def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Co
         raise InputError("--no-kernels and --pairs 0 leave nothing to measure; leave one of them out")
     if plan.survey == 1:
         raise InputError("--survey 1: a survey needs 2 scans or more; 0 maps none")
+    if plan.pairs or plan.survey:
+        import_module("open3d")  # of the simulator: missing, it is said now and not after a minute of kernels
     chosen = choose_device(selector)
     device = Device(chosen.cl_device, chosen.selector, chosen.notes, profiling=True)
     cores, before = count_cores(), load_average()
