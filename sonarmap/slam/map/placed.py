@@ -94,9 +94,12 @@ class PlacedScans:
             covariances=self.covariances[list(chosen)],
         )
 
-    def certain_at(self, T_world_sensor: RigidTransform) -> PlacedScans:
-        """The same scans at other S poses, which are certain."""
-        return replace(self, T_world_sensor=T_world_sensor, covariances=np.zeros_like(self.covariances))
+    @property
+    def by_survey(self) -> dict[int, PlacedScans]:
+        """Each survey's scans by its number, ascending; none where there is only one survey."""
+        surveys = np.array(self.surveys)
+        numbers = np.unique(surveys).tolist()
+        return {k: self.take(np.flatnonzero(surveys == k).tolist()) for k in numbers} if len(numbers) > 1 else {}
 
 
 def beams_of(points: np.ndarray, voxel: float) -> Beams:
