@@ -62,8 +62,10 @@ def with_contradictions(pairs: Sequence[Pair], solution: Solution, before: Solut
         return list(pairs)
     # as they were registered: how large the graph takes errors to be depends on what contradicts it
     registered = {pair.scans: _as_registered(pair) for pair in pairs if pair.by_hand and pair.kept}
-    falls = np.maximum(falls_without(edges, solution), _distances(registered, edges, before) ** 2)
-    sizes = {(edge.i, edge.j): fall for edge, fall in zip(edges, falls.tolist(), strict=True)}
+    scans = [(edge.i, edge.j) for edge in edges]
+    from_before = before.distances(np.array(scans), [registered[each] for each in scans])
+    falls = np.maximum(falls_without(edges, solution), np.nan_to_num(from_before) ** 2)
+    sizes = dict(zip(scans, falls.tolist(), strict=True))
     return [replace(pair, contradicted=sizes.get(pair.scans, pair.contradicted)) for pair in pairs]
 
 
@@ -87,16 +89,3 @@ def _as_registered(pair: Pair) -> Registration:
         taken.inv() * RigidTransform.concatenate([answer.T_target_source for answer in answers])
     ).as_exp_coords()
     return answers[int(np.argmin(np.linalg.norm(away, axis=1)))]
-
-
-def _distances(
-    registered: Mapping[tuple[int, int], Registration], edges: Sequence[Edge], before: Solution
-) -> np.ndarray:
-    """(m,) how far edges are from poses [sigmas]; 0 where these do not join their scans."""
-    part = {pose: number for number, members in enumerate(before.graph.components) for pose in members}
-    scans = np.array([(edge.i, edge.j) for edge in edges])
-    joined = np.array([part[i] == part[j] for i, j in scans.tolist()])
-    result = np.zeros(len(edges))
-    chosen = [edges[k] for k in np.flatnonzero(joined).tolist()]
-    result[joined] = before.distances(scans[joined], [registered[edge.i, edge.j] for edge in chosen])
-    return result

@@ -6,7 +6,7 @@ better.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import log
 
 import numpy as np
@@ -166,8 +166,3 @@ def twin_odds(possible_edges: Sequence[PossibleEdge]) -> float:
     expected = sum(1 - possible.probability for possible in judged)
     wrong = sum(not possible.support.agrees for possible in judged)
     return max(1.0, (wrong + _ASSUMED) / (expected + _ASSUMED))
-
-
-def with_odds(possible_edges: Sequence[PossibleEdge], odds: float) -> list[PossibleEdge]:
-    """The same answers, so much more often wrong than their registrations say."""
-    return [replace(possible, odds=odds) for possible in possible_edges]

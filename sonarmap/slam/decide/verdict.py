@@ -59,15 +59,13 @@ def _distances(
     kept: Mapping[tuple[int, int], int],
     solution: Solution,
 ) -> dict[tuple[int, int], float]:
-    """How far what was not kept is from the final poses [sigmas], where these share a frame."""
-    part = {pose: number for number, members in enumerate(solution.graph.components) for pose in members}
+    """How far what was not kept is from the final poses [sigmas]; NaN where these share no frame."""
     asked: dict[tuple[int, int], PossibleEdge] = {}
     for pair in pairs:
-        if pair.scans in kept or pair.registration is None or part[pair.i] != part[pair.j]:
-            continue
-        possible = best.get(pair.scans) or PossibleEdge(pair.i, pair.j, pair.registration)
-        if not possible.fault:
-            asked[pair.scans] = possible
+        if pair.scans not in kept and pair.registration is not None:
+            possible = best.get(pair.scans) or PossibleEdge(pair.i, pair.j, pair.registration)
+            if not possible.fault:
+                asked[pair.scans] = possible
     scans = np.array(list(asked), np.intp).reshape(-1, 2)
     apart = solution.distances(scans, [possible.registration for possible in asked.values()])
     return dict(zip(asked, apart.tolist(), strict=True))

@@ -104,14 +104,8 @@ def _filtered(
     alike: np.ndarray,
     middle: np.ndarray,
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Mean (6,) and covariance (6, 6) of what each row differs from the usual by, as the rows before it tell.
-
-    Args:
-        rows: steps, one after another.
-        measured: what of them was measured, with its covariance.
-        varied, alike: as `rates_by_others`.
-        middle: times of all steps, in usual times between scans.
-    """
+    """Mean (6,) and covariance (6, 6) of what each row differs from the usual by, as the rows before it tell; `middle`
+    are the times of all steps, in usual times between scans."""
     mean, spread = np.zeros(6), np.diag(varied)
     for n, k in enumerate(rows):
         if n:

@@ -152,12 +152,7 @@ def _go_as_far(
     """Change steps and covariances to where a step from T leads whose length is known, too.
 
     In the direction of the way, its length stands for what the motion tells otherwise: both were learned from the same.
-
-    Args:
-        T: n poses.
-        steps: (n, 6) without the length, and `covariances`: (n, 6, 6) of them.
-        by_scans: (n, 6, 6) information that T has.
-        motion: what is expected of T.
+    `by_scans` is the information that T has.
     """
     rows = np.flatnonzero(np.isfinite(motion.lengths[:, 0]))
     for _ in range(_ROUNDS):
