@@ -11,7 +11,6 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.slam.execute.runner import Execution
 from sonarmap.slam.execute.worker import Worker
-from sonarmap.slam.graph.edge import cut_edges
 from sonarmap.slam.graph.trajectory import chain
 from sonarmap.slam.loops.candidates import find_candidates
 from sonarmap.slam.loops.settings import LoopSettings
@@ -21,7 +20,7 @@ from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
-from tests.samples.surveys import KnowingRegistrar, chain_edges, position_error, random_covariance, ring_poses, scans_of
+from tests.samples.surveys import KnowingRegistrar, position_error, random_covariance, ring_poses, scans_of
 
 VOXEL = 0.5
 NO_LOOPS = MapperSettings(loops=LoopSettings(per_scan=0))
@@ -297,12 +296,3 @@ def test_the_only_registration_between_two_parts_may_be_wrong_where_navigation_c
     result = Mapper(KnowingRegistrar(truth, COVARIANCE, spoil), VOXEL).run(in_world(truth))
     assert (3, 4) not in {(edge.i, edge.j) for edge in result.edges}
     assert error(result, truth) < 0.5
-
-
-def test_edges_between_poses_that_the_world_holds_are_not_necessary() -> None:
-    T = ring_poses(6)
-    covariance = random_covariance(np.random.default_rng(0))
-    chain = chain_edges(T, covariance)
-    assert cut_edges(6, chain) == set(range(5))
-    assert cut_edges(6, chain, [1, 4]) == {0, 4}
-    assert cut_edges(6, chain, [0, 2, 5]) == set()

@@ -53,13 +53,6 @@ T, COVARIANCE = RigidTransform.identity(), np.eye(6)
 CHAIN = chain_edges(RigidTransform.identity(10), COVARIANCE)
 
 
-def test_it_is_counted_along_the_order_or_by_way_of_the_nearest_loop() -> None:
-    pairs = np.array([(0, 9), (2, 3), (7, 1), (0, 9)])
-    np.testing.assert_array_equal(separations(10, CHAIN, pairs), [9, 1, 6, 9])
-    loop = edge(1, 8, T, COVARIANCE, "loop")
-    np.testing.assert_array_equal(separations(10, [*CHAIN, loop], pairs), [3, 1, 2, 3])
-
-
 def test_it_is_the_shortest_way_by_at_most_one_loop() -> None:
     rng = np.random.default_rng(3)
     for _ in range(20):
