@@ -134,6 +134,7 @@ def agreeing_groups(chains: Chains, loops: Sequence[Edge], bound: float) -> np.n
         return np.zeros(0, np.intp)
     cycles = _Cycles.of(chains, loops)
     near = KDTree(np.column_stack([cycles.i, cycles.j])).query_pairs(_NEAR, p=np.inf, output_type="ndarray")
+    near = near[np.equal(*chains.part[cycles.i[near]].T)]
     links = _symmetric(near[cycles.agree(near[:, 0], near[:, 1], bound)], len(loops))
     return connected_components(links, directed=False)[1]
 
