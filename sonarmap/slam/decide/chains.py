@@ -1,14 +1,14 @@
 """Scans chained into parts by edges that are trusted: where each is in its part, and what error gathers on the way."""
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.graph.edge import Edge, components, spanning_tree
+from sonarmap.slam.graph.edge import Edge, components
 from sonarmap.slam.graph.tangent import propagated
+from sonarmap.slam.graph.trajectory import composed
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,41 +45,22 @@ class Chains:
 
 def chain_parts(count: int, edges: Sequence[Edge]) -> Chains:
     """The parts of `count` scans that edges join, each chained along a spanning tree from its first scan on."""
-    tree = spanning_tree(count, edges)
-    neighbors: dict[int, list[tuple[int, int, bool]]] = defaultdict(list)
-    for n, edge in enumerate(tree):
-        neighbors[edge.i].append((edge.j, n, True))
-        neighbors[edge.j].append((edge.i, n, False))
-    steps = RigidTransform.concatenate([e.registration.T_target_source for e in tree] or [RigidTransform.identity()])
-    forward, back = steps.as_matrix(), steps.inv().as_matrix()
-    part, T = np.empty(count, np.intp), np.tile(np.eye(4), (count, 1, 1))
-    reached_from, along = np.arange(count), np.zeros(count, np.intp)
-    order: list[int] = []
+    outward = composed(count, edges, {})
+    poses, before, scan = RigidTransform.from_matrix(outward.T), outward.before, outward.order
+    part, gathered, rank = np.empty(count, np.intp), np.zeros((count, 6, 6)), np.empty(count, np.intp)
     for number, members in enumerate(components(count, edges)):
         part[list(members)] = number
-        waiting = [members[0]]
-        while waiting:
-            i = waiting.pop()
-            order.append(i)
-            for j, n, is_forward in neighbors[i]:
-                if j != reached_from[i]:
-                    T[j] = T[i] @ (forward if is_forward else back)[n]
-                    reached_from[j], along[j] = i, n
-                    waiting.append(j)
-    poses, scan = RigidTransform.from_matrix(T), np.array(order, np.intp)
-    gathered = np.zeros((count, 6, 6))
-    behind = np.flatnonzero(reached_from != np.arange(count))
+    behind = np.flatnonzero(before != np.arange(count))
     if len(behind):
-        by = [tree[n] for n in along[behind].tolist()]
+        by = [outward.tree[n] for n in outward.by[behind].tolist()]
         # the noise is on the side of the measured pair's source
         noise = np.stack([edge.registration.covariance for edge in by])
         gathered[behind] = propagated(poses[np.array([edge.j for edge in by])], noise)
-    for k in order:
-        if reached_from[k] != k:
-            gathered[k] += gathered[reached_from[k]]
-    rank = np.empty(count, np.intp)
+    for k in scan.tolist():
+        if before[k] != k:
+            gathered[k] += gathered[before[k]]
     rank[scan] = np.arange(count)
-    return Chains(part, poses, gathered, rank, scan, _lowest_before(rank[reached_from[scan]]))
+    return Chains(part, poses, gathered, rank, scan, _lowest_before(rank[before[scan]]))
 
 
 def _lowest_before(before: np.ndarray) -> np.ndarray:
