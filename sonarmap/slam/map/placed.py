@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.map.cell import lattice_origin
 from sonarmap.spectral.scan import Scan
 
 # So many beams of a scan are looked at, each with its nearest by direction; and in so many groups by range.
@@ -93,6 +94,11 @@ class PlacedScans:
             surveys=tuple(self.surveys[k] for k in chosen),
             covariances=self.covariances[list(chosen)],
         )
+
+    @property
+    def origin(self) -> np.ndarray:
+        """(3,) [m, world], the corner that the map's voxels are counted from, in the midst of the first scan."""
+        return lattice_origin(self.T_world_sensor[0].apply(self.scans[0].points.astype(np.float64)), self.voxel)
 
     @property
     def by_survey(self) -> dict[int, PlacedScans]:

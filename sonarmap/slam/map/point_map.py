@@ -80,8 +80,7 @@ def fuse(placed: PlacedScans) -> PointMap:
         InputError: a voxel so small that no point is within reach.
     """
     voxel = placed.voxel
-    origin = lattice_origin(placed.T_world_sensor[0].apply(placed.scans[0].points.astype(np.float64)), voxel)
-    fused = _FusedCells()
+    origin, fused = placed.origin, _FusedCells()
     for k in range(len(placed.scans)):
         fused.add(_thinned(placed, k, origin))
     columns = fused.columns()
