@@ -71,7 +71,12 @@ class RegisteredPair(Candidate):
 class Pair(RegisteredPair):
     """A registered pair with the verdict of the whole survey.
 
-    Attributes, beside those of a `RegisteredPair`:
+    Attributes:
+        i, j: target and source, i < j.
+        role: "sequential" (consecutive), "bridge" (over a gap) or "loop" (any others).
+        predicted_overlap: expected before it was registered, 0..1; NaN where no estimate existed.
+        alike: distance of the scans' signatures, without a unit; NaN where these were not compared.
+        expected, registration, failure: as of a `Candidate` and a `RegisteredPair`.
         edge: what it contributes to the graph, of the registration or of one of its alternatives; None where it was
             not kept.
         reason: in words, why it was kept or not.

@@ -31,8 +31,8 @@ def contradicted_edges(
 
     Args:
         graph: of E edges, with the optimized poses.
-        solution: the optimum of some of them, those that are asked about among them.
-        asked: (E,) bool, which to look at.
+        solution: the optimum of some of them, those `asked` about, (E,) bool, among them.
+        asked: which to look at.
         bound: of a squared residual.
         gate: of the fall in cost; None for what one right edge in a million exceeds, as thousands are asked about.
     """

@@ -67,13 +67,7 @@ def decide(
     Accepted registrations of consecutive scans are chained. All other answers, alternatives and refused ones among
     them, have to agree with the chain or with one another; those that join parts of the chain come first. What is left
     is optimized robustly, so that an answer that the others contradict, one of the chain too, is left out. What a
-    person accepted or added is an edge in any case, what a person rejected is none.
-
-    Args:
-        pairs: every pair that was tried.
-        measurements: the scans, what instruments say of their poses, and what a person says of pairs.
-        voxel: edge of the survey's voxels [m].
-        settings: how strictly answers are judged.
+    person accepted or added is an edge in any case, what a person rejected is none. The voxel is the survey's [m].
     """
     distrusted: set[tuple[int, int]] = set()
     while True:

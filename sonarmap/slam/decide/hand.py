@@ -27,12 +27,8 @@ def hand_edges(
 ) -> dict[tuple[int, int], Edge]:
     """The edges of the pairs that a person accepted or added, by their scans, whatever the others say of them.
 
-    Of a registration with alternatives it is the answer that the survey would take by itself; else the most probable.
-
-    Args:
-        pairs: that were tried; those without a registration, or with one that cannot be an edge, have none.
-        ties: what the person said, by their scans.
-        taken: the answers that the survey would take by itself beside its chain, by their scans.
+    Of a registration with alternatives it is the answer that the survey would take by itself, if it is among those
+    `taken`; else the most probable. Pairs without a registration, or with one that cannot be an edge, have none.
     """
     edges: dict[tuple[int, int], Edge] = {}
     for pair in pairs:
@@ -51,11 +47,7 @@ def with_contradictions(pairs: Sequence[Pair], solution: Solution, before: Solut
 
     That is the larger of two chi-squared of six numbers: by how much that of the graph would fall without the edge, and
     how far it is from where the survey by itself has its scans. The graph alone would not show a wrong tie for which it
-    gave up the right pairs. 0 where nothing else joins the scans.
-
-    Args:
-        pairs: with their verdicts.
-        solution: with what a person decided, and `before`: without.
+    gave up the right pairs. 0 where nothing else joins the scans. `before`: without a person's decisions.
     """
     edges = [edge for edge in solution.graph.edges if edge.by_hand]
     if not edges:
@@ -70,11 +62,7 @@ def with_contradictions(pairs: Sequence[Pair], solution: Solution, before: Solut
 
 
 def displaced(pairs: Sequence[Pair], before: Sequence[Pair]) -> tuple[tuple[int, int], ...]:
-    """The scans of pairs that a survey keeps by itself, and refuses for what a person said of others.
-
-    Args:
-        pairs: with what a person decided, and `before`: without.
-    """
+    """The scans of pairs that a survey keeps by itself (`before`), and refuses for what a person said of others."""
     kept = {pair.scans for pair in before if pair.kept}
     return tuple(pair.scans for pair in pairs if pair.scans in kept and not pair.kept and pair.by_hand != "reject")
 

@@ -158,9 +158,6 @@ def twin_odds(possible_edges: Sequence[PossibleEdge]) -> float:
 
     A probability is that of scenes of every kind. Where pillars, pools or pipes repeat themselves, registrations of
     scans of different places agree as well as right ones. What loops within a part say is known from its own chain.
-
-    Args:
-        possible_edges: all answers beside the chain, with their support.
     """
     judged = [possible for possible in possible_edges if possible.accepted and not possible.joins_parts]
     expected = sum(1 - possible.probability for possible in judged)

@@ -23,12 +23,8 @@ def with_verdicts(
 ) -> list[Pair]:
     """Every pair with its edge, its reason and its distance from the final poses, in their order.
 
-    Args:
-        pairs: those that were tried.
-        ties: what a person said of them, by their scans.
-        supported: all their answers but those of the chain, with their support.
-        taken: the answers that were given to the optimizer, by their scans.
-        solution: the optimized graph; its edges are what was kept.
+    `supported` are all answers but those of the chain, `taken` those that were given to the optimizer; the edges of the
+    solution are what was kept.
     """
     kept = {(edge.i, edge.j): n for n, edge in enumerate(solution.graph.edges) if edge.is_of_pair}
     best = {possible.scans: possible for possible in reversed(supported)} | dict(taken)

@@ -74,11 +74,8 @@ def without_wrong_fixes(
 
 
 def without_wrong_control(graph: PoseGraph) -> tuple[tuple[ControlPoint, ...], tuple[WrongControl, ...]]:
-    """The control points of a graph without those that its edges, priors and other points contradict; and which.
-
-    Args:
-        graph: its poses about where they are in the world.
-    """
+    """The control points of a graph, its poses about where they are in the world, without those that its edges, priors
+    and other points contradict; and which."""
     if not graph.control:
         return (), ()
 

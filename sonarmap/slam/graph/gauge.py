@@ -209,8 +209,7 @@ def open_motion(
 
     Args:
         control: of the component's poses; the motions are about their middle, or that of the poses where there is none.
-        known: what else is known of poses; those of others do not count.
-        members: the component's poses.
+        known: what else is known of poses; those not among the component's `members` do not count.
         T_world: of all poses, about where they are.
     """
     places: np.ndarray = T_world[list(members)].translation

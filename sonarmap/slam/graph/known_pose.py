@@ -145,12 +145,8 @@ class MeasuredPoses:
 
 
 def known_at(priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> list[KnownPose]:
-    """What instruments tell of poses, as if they had measured an estimate: nothing at all of what they do not measure.
-
-    Args:
-        priors: by pose.
-        T_world_sensor: N poses, the estimate.
-    """
+    """What instruments tell of poses, as if they had measured an estimate of all N: nothing at all of what they do not
+    measure."""
     if not priors:
         return []
     poses = np.array(sorted(priors), np.intp)

@@ -40,8 +40,7 @@ def find_candidates(
     Only scans of one component are compared: between components there is no estimate.
 
     Args:
-        outlines: of N scans, as `outline` gives them in the settings' cells.
-        solution: the optimized graph of their N poses.
+        outlines: of the N scans that the solution has, as `outline` gives them in the settings' cells.
         voxel: edge of the survey's voxels [m].
         settings: thresholds and limits.
         tried: pairs (i, j), i < j, to leave out; consecutive scans are always left out.
@@ -84,8 +83,7 @@ def certainties(
     Args:
         outlines: of N scans (`slam.map.cell.outline`).
         pairs: (m, 2) int, scans i and j.
-        T: T_i_j, m of them, as estimated.
-        covariances: (m, 6, 6) of them, from the joint marginals of both poses.
+        T: m estimates of T_i_j, and `covariances`: (m, 6, 6) of them, from the joint marginals of both poses.
         cell: edge of the cells in which scans are compared [m].
     """
     if not len(pairs):
@@ -115,13 +113,8 @@ def _common(occupied: np.ndarray, points: np.ndarray, cell: float) -> int:
 
 
 def displacement(outlines: Sequence[np.ndarray], pairs: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """(m,) how far points of scan j usually are from where an estimate has them against scan i: root mean squares [m].
-
-    Args:
-        outlines: of N scans.
-        pairs: (m, 2) int, scans i and j.
-        covariances: (m, 6, 6) of T_i_j.
-    """
+    """(m,) how far points of scan j usually are from where an estimate has them against scan i: root mean squares [m];
+    by (m, 6, 6) covariances of T_i_j, for (m, 2) pairs."""
     lever = np.array([np.einsum("na,nb->ab", points, points) / len(points) for points in outlines])
     middle = np.array([points.mean(axis=0) for points in outlines])
     # of w x p + v over all points: the mean of |w x p|^2 is that of w' (p'p I - p p') w

@@ -90,13 +90,8 @@ def clean_map(placed: PlacedScans, min_seen: int = MIN_SEEN) -> CleanMap:
 
 
 def part_doubtful(point_map: PointMap, vote: Votes, min_seen: int = MIN_SEEN) -> CleanMap:
-    """Take out what fewer than `min_seen` scans saw and others contradict; 1 takes out nothing.
-
-    Args:
-        point_map: what free space left.
-        vote: about its points.
-        min_seen: points that as many scans saw all stay.
-    """
+    """Take out what fewer than `min_seen` scans saw and others contradict, of what free space left; 1 takes out
+    nothing."""
     asked = replace(point_map, looked=vote.looked)
     few = (point_map.seen < min_seen) & (vote.looked > point_map.seen)
     doubtful = few & (vote.behind | (vote.contradict > 0) & (vote.contradict >= vote.agree))

@@ -41,13 +41,8 @@ def rate_of(T: RigidTransform) -> np.ndarray:
 
 
 def likeness(steps: Sequence[Step], varied: np.ndarray, surveys: np.ndarray) -> np.ndarray:
-    """(6,) correlation of each number of steps in a row, 0 to 0.99.
-
-    Args:
-        steps: ascending.
-        varied: (6,) variance of the rates.
-        surveys: (N,) the number of each scan's survey.
-    """
+    """(6,) correlation of each number of ascending steps in a row, 0 to 0.99; `varied` (6,) is the rates' variance,
+    `surveys` (N,) the number of each scan's survey."""
     rows = [(a, b) for a, b in pairwise(steps) if b.k == a.k + 1 and surveys[a.k] == surveys[b.k]]
     if not rows:
         return np.zeros(6)

@@ -32,13 +32,8 @@ def is_doubtful(pair: RegisteredPair, motion: AnyMotion) -> bool:
 
 
 def with_both(first: RegisteredPair, second: RegisteredPair, motion: AnyMotion | None = None) -> RegisteredPair:
-    """The pair with its second registration, and the first one's answers beside it.
-
-    Args:
-        first: registered by the scans alone.
-        second: registered about where it is expected.
-        motion: what it contradicts of the first answers is less probable.
-    """
+    """A pair that was registered by the scans alone with its second registration, about where it is expected, and the
+    first one's answers beside it: less probable where the motion contradicts them."""
     if first.registration is None or second.registration is None:
         return first
     left = 1.0 - second.registration.probability
