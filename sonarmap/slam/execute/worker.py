@@ -5,7 +5,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from threading import Lock, Timer
 from time import monotonic, perf_counter
-from typing import Any
+from typing import Any, Protocol
 
 from threadpoolctl import ThreadpoolController
 
@@ -61,6 +61,18 @@ class PairJob:
 Job = PairJob | ScanKey  # a pair to register, or a scan whose signature is wanted
 
 
+class PairWorker(Protocol):
+    """What an executor runs to register pairs."""
+
+    def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
+        """What comes of every job; `sources` give the scans."""
+        ...
+
+    def release(self) -> None:
+        """Free the memory that this process holds for it."""
+        ...
+
+
 class Worker:
     """A registrar with the scans that it prepared last.
 
@@ -83,9 +95,7 @@ class Worker:
         self._prepared.clear()
 
     def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
-        """What comes of every job; `sources` give the scans.
-
-        Where a pair fails, its text says why; a scan that cannot be prepared has no signature.
+        """Where a pair fails, its text says why; a scan that cannot be prepared has no signature.
 
         Raises:
             DeviceError: the machine failed, not the scans.
@@ -142,10 +152,6 @@ class WorkerSpec:
 
     def release(self) -> None:
         """Nothing to free: the process that hands out the work has no worker."""
-
-
-# What an executor runs to register pairs.
-PairWorker = Worker | WorkerSpec
 
 
 # Of this process: a Dask worker may have several threads, but a registrar serves one pair at a time.
