@@ -56,11 +56,7 @@ class PairSearch:
         self._outlines: list[np.ndarray] = []
 
     def steps(self, known: Sequence[RegisteredPair] = ()) -> list[RegisteredPair]:
-        """Consecutive scans of each survey, from which the motion is learned.
-
-        Args:
-            known: those that have been registered already.
-        """
+        """Consecutive scans of each survey, from which the motion is learned; `known` have been registered already."""
         survey, by_scans = self._measurements.surveys, {pair.scans: pair for pair in known}
         steps = [Candidate(k, k + 1, "sequential") for k in range(len(survey) - 1) if survey[k] == survey[k + 1]]
         registered = {
@@ -76,12 +72,8 @@ class PairSearch:
         return self._with_motion(pairs)
 
     def bridges(self, steps: Sequence[RegisteredPair], widest: int) -> list[RegisteredPair]:
-        """Pairs over what gaps separate, the closest scans first, and no farther ones once a gap is bridged.
-
-        Args:
-            steps: as registered.
-            widest: most scans that a pair is apart.
-        """
+        """Pairs over what gaps separate, the closest scans first, at most `widest` apart, and no farther ones once a
+        gap is bridged."""
         surveys = self._measurements.surveys
         joined = DisjointSet(range(len(surveys)))
         for pair in steps:
@@ -99,12 +91,9 @@ class PairSearch:
         return bridges
 
     def loops(self, decision: Decision, tried: Sequence[RegisteredPair], unsure: bool = False) -> list[RegisteredPair]:
-        """The next loops; none where no candidates are left.
+        """The next loops, as was decided about those `tried` so far; none where no candidates are left.
 
-        Args:
-            decision: about the pairs so far.
-            tried: these pairs.
-            unsure: only of scans whose lie to each other the estimate has no better than registrations do.
+        `unsure`: only of scans whose lie to each other the estimate has no better than registrations do.
         """
         candidates = self._candidates(decision, {pair.scans for pair in tried}, unsure)
         self._runner.end_stage("candidates sought")

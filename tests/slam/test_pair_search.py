@@ -81,12 +81,6 @@ def test_a_step_to_a_twin_is_taken_back() -> None:
     assert largest_step_error(result) < 0.3
 
 
-def test_without_a_second_look_a_refused_step_leaves_a_gap() -> None:
-    far = {(k, k + 1 + n) for k in range(5, 8) for n in range(3) if k <= 7 < k + 1 + n}
-    result, _ = mapped(lambda i, j, given: refused(given) if (i, j) in far else given, kind=KnowingRegistrar)
-    assert len(result.components) == 2
-
-
 def test_loops_are_looked_for_where_the_estimate_expects_them() -> None:
     result, registrar = mapped(lambda i, j, given: refused(given) if j > i + 1 else given, loops=2)
     assert registrar.looks

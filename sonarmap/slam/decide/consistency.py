@@ -17,8 +17,10 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.chains import Chains
 from sonarmap.slam.decide.possible_edge import PossibleEdge, Support
+from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.tangent import lengths, propagated
 
+_NEAR = 5  # poses along the chain within which two loops are compared at either end
 _BLOCK = 20_000  # cycles that are looked at together
 # Each answer is compared with so many others, those nearest at both ends: a long way between two leaves so much open
 # that they agree whatever they say.
@@ -103,7 +105,7 @@ def compare(chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.nd
     if not count:
         nothing = sparse.csr_array((0, 0))
         return Comparison((), np.zeros(0), nothing, nothing, bound)
-    cycles = _Cycles.of(chains, possible_edges, floor)
+    cycles = _Cycles.of(chains, possible_edges, floor**2)
     parts = np.sort(np.column_stack([chains.part[cycles.i], chains.part[cycles.j]]), axis=1)
     _, number = np.unique(parts, axis=0, return_inverse=True)
     members = tuple(np.split(np.argsort(number, kind="stable"), np.cumsum(np.bincount(number))[:-1]))
@@ -115,6 +117,31 @@ def compare(chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.nd
     of_one = (cycles.i[pairs[:, 0]] == cycles.i[pairs[:, 1]]) & (cycles.j[pairs[:, 0]] == cycles.j[pairs[:, 1]])
     agree, contradict = (_symmetric(pairs[chosen], count) for chosen in (within & ~of_one, ~within | of_one))
     return Comparison(members, sigmas, agree, contradict, bound)
+
+
+def agreeing_groups(chains: Chains, loops: Sequence[Edge], bound: float) -> np.ndarray:
+    """The number of each loop's group: (m,) int; a loop that agrees with no other is alone.
+
+    Loops between neighbors of the same two places agree where the chain between them, which is short and therefore
+    sure, shows it.
+
+    Args:
+        chains: of the poses, along a spanning tree of a graph.
+        loops: m other edges of it.
+        bound: largest error of a cycle [sigmas].
+    """
+    if not loops:
+        return np.zeros(0, np.intp)
+    cycles = _Cycles.of(chains, loops)
+    near = KDTree(np.column_stack([cycles.i, cycles.j])).query_pairs(_NEAR, p=np.inf, output_type="ndarray")
+    near = near[np.equal(*chains.part[cycles.i[near]].T)]
+    links = _symmetric(near[cycles.agree(near[:, 0], near[:, 1], bound)], len(loops))
+    return connected_components(links, directed=False)[1]
+
+
+def distances_from_chain(chains: Chains, loops: Sequence[Edge]) -> np.ndarray:
+    """(m,) how far each loop is from what the chain alone says [sigmas]; both as of `agreeing_groups`."""
+    return _Cycles.of(chains, loops).from_chain(np.arange(len(loops)))
 
 
 def _neighbors(i: np.ndarray, j: np.ndarray, members: np.ndarray) -> np.ndarray:
@@ -137,9 +164,9 @@ def _symmetric(pairs: np.ndarray, count: int) -> sparse.csr_array:
 
 @dataclass(frozen=True, slots=True)
 class _Cycles:
-    """n possible edges in the frames of their parts."""
+    """n answers in the frames of their parts."""
 
-    # i, j: (n,) int, the scans, i in the part of the lower number
+    # i, j: (n,) int, the scans, i in the part of the lower number, or the lower of one part
     i: np.ndarray
     j: np.ndarray
     X: RigidTransform  # n transforms T_parti_partj between their frames
@@ -147,15 +174,18 @@ class _Cycles:
     chains: Chains  # of the survey's scans
 
     @classmethod
-    def of(cls, chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.ndarray) -> "_Cycles":
-        i, j = np.array([possible.scans for possible in possible_edges]).T
-        registrations = [possible.registration for possible in possible_edges]
-        measured = RigidTransform.concatenate([registration.T_target_source for registration in registrations])
-        covariance = np.stack([registration.covariance for registration in registrations]) + np.diag(floor**2)
+    def of(
+        cls, chains: Chains, answers: Sequence[PossibleEdge] | Sequence[Edge], granted: np.ndarray | float = 0.0
+    ) -> "_Cycles":
+        """With (6,) variances that are granted beside the registrations'."""
+        i, j = np.array([(answer.i, answer.j) for answer in answers]).T
+        measured = RigidTransform.concatenate([answer.registration.T_target_source for answer in answers])
+        covariance = np.stack([answer.registration.covariance for answer in answers]) + np.diag(np.zeros(6) + granted)
         placed = chains.T[i] * measured
         X, noise = placed * chains.T[j].inv(), propagated(placed, covariance)
         # scans are counted in their order, and parts that interleave may be measured from either
-        back = chains.part[i] > chains.part[j]
+        part = chains.part[i], chains.part[j]
+        back = (part[0] > part[1]) | ((part[0] == part[1]) & (i > j))
         X = RigidTransform.concatenate([T.inv() if turned else T for T, turned in zip(X, back, strict=True)])
         noise[back] = propagated(X[back], noise[back])
         return cls(np.where(back, j, i), np.where(back, i, j), X, noise, chains)

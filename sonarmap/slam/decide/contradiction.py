@@ -31,8 +31,8 @@ def contradicted_edges(
 
     Args:
         graph: of E edges, with the optimized poses.
-        solution: the optimum of some of them, those that are asked about among them.
-        asked: (E,) bool, which to look at.
+        solution: the optimum of some of them, those `asked` about, (E,) bool, among them.
+        asked: which to look at.
         bound: of a squared residual.
         gate: of the fall in cost; None for what one right edge in a million exceeds, as thousands are asked about.
     """
@@ -66,22 +66,9 @@ def plausible(solution: Solution, others: Sequence[Edge]) -> np.ndarray:
     Covariances that are stated too large would let nearly everything pass: they are scaled by the largest factor of
     their variances that the inliers' own agreement leaves possible, where that is below 1.
     """
-    if not others:
-        return np.zeros(0, bool)
-    part = np.empty(len(solution.trajectory), np.intp)
-    for number, members in enumerate(solution.graph.components):
-        part[list(members)] = number
-    ends = np.array([(edge.i, edge.j) for edge in others])
-    known = part[ends[:, 0]] == part[ends[:, 1]]  # what no path joins contradicts nothing
-    tried = [edge for edge, one in zip(others, known, strict=True) if one]
-    most = float(np.sqrt(_stated_too_large(solution) * chi_squared(GATE, 6)))
-    plausible = np.ones(len(others), bool)
-    plausible[known] = solution.distances(ends[known], [edge.registration for edge in tried], most) <= most
-    return plausible
-
-
-def _stated_too_large(solution: Solution) -> float:
-    """Of the variances, at most 1: chi-squared over the least that so many degrees of freedom give by chance."""
-    if solution.degrees_of_freedom < 1:
-        return 1.0
-    return min(1.0, solution.chi_squared_after / chi_squared(1 - GATE, solution.degrees_of_freedom))
+    degrees = solution.degrees_of_freedom
+    # chi-squared over the least that so many degrees of freedom give by chance
+    too_large = min(1.0, solution.chi_squared_after / chi_squared(1 - GATE, degrees)) if degrees >= 1 else 1.0
+    most = float(np.sqrt(too_large * chi_squared(GATE, 6)))
+    ends = np.array([(edge.i, edge.j) for edge in others], np.intp).reshape(-1, 2)
+    return ~(solution.distances(ends, [edge.registration for edge in others], most) > most)  # NaN: no path joins them

@@ -10,7 +10,7 @@ from sonarmap.slam.decide.chains import chain_parts
 from sonarmap.slam.decide.consistency import Comparison, compare
 from sonarmap.slam.decide.hand import hand_edges
 from sonarmap.slam.decide.measurements import Measurements
-from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges, twin_odds, with_odds
+from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges, twin_odds
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.decide.verdict import with_verdicts
 from sonarmap.slam.decide.wrong_measurements import WrongControl, WrongFix, without_wrong_control, without_wrong_fixes
@@ -22,6 +22,7 @@ from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.pair import Pair, RegisteredPair
+from sonarmap.spectral.result import Registration
 
 # Loops that a step of the chain outweighs: those that are given to the optimizer have been found consistent before.
 _CHAIN_WORTH = 2.0
@@ -66,13 +67,7 @@ def decide(
     Accepted registrations of consecutive scans are chained. All other answers, alternatives and refused ones among
     them, have to agree with the chain or with one another; those that join parts of the chain come first. What is left
     is optimized robustly, so that an answer that the others contradict, one of the chain too, is left out. What a
-    person accepted or added is an edge in any case, what a person rejected is none.
-
-    Args:
-        pairs: every pair that was tried.
-        measurements: the scans, what instruments say of their poses, and what a person says of pairs.
-        voxel: edge of the survey's voxels [m].
-        settings: how strictly answers are judged.
+    person accepted or added is an edge in any case, what a person rejected is none. The voxel is the survey's [m].
     """
     distrusted: set[tuple[int, int]] = set()
     while True:
@@ -164,7 +159,7 @@ class _Possible:
         compared = compared_with(trusted)
         supported = compared.support(answers)
         if (odds := twin_odds(supported)) > 1:
-            answers = with_odds(answers, odds)
+            answers = [replace(answer, odds=odds) for answer in answers]
             supported = compared.support(answers)
         by_itself = {scans: answer.registration for scans, answer in _taken(supported).items()}
         by_hand = hand_edges(asked, ties, by_itself)
@@ -181,15 +176,15 @@ class _Possible:
 
 def _widened(graph: PoseGraph, floor: np.ndarray) -> PoseGraph:
     """The graph with (6,) standard deviations added to each registration's."""
-    edges: list[Edge] = []
-    for edge in graph.edges:
-        if not edge.is_registered:
-            edges.append(edge)
-            continue
-        covariance = edge.registration.covariance + np.diag(floor**2)
-        widened = replace(edge.registration, covariance=covariance, T_by_scans=None, covariance_by_scans=None)
-        edges.append(replace(edge, registration=widened))
-    return replace(graph, edges=tuple(edges))
+
+    def widened(registration: Registration) -> Registration:
+        covariance = registration.covariance + np.diag(floor**2)
+        return replace(registration, covariance=covariance, T_by_scans=None, covariance_by_scans=None)
+
+    return replace(
+        graph,
+        edges=tuple(replace(e, registration=widened(e.registration)) if e.is_registered else e for e in graph.edges),
+    )
 
 
 def _chain_edge(pair: RegisteredPair) -> Edge | None:

@@ -27,12 +27,8 @@ def hand_edges(
 ) -> dict[tuple[int, int], Edge]:
     """The edges of the pairs that a person accepted or added, by their scans, whatever the others say of them.
 
-    Of a registration with alternatives it is the answer that the survey would take by itself; else the most probable.
-
-    Args:
-        pairs: that were tried; those without a registration, or with one that cannot be an edge, have none.
-        ties: what the person said, by their scans.
-        taken: the answers that the survey would take by itself beside its chain, by their scans.
+    Of a registration with alternatives it is the answer that the survey would take by itself, if it is among those
+    `taken`; else the most probable. Pairs without a registration, or with one that cannot be an edge, have none.
     """
     edges: dict[tuple[int, int], Edge] = {}
     for pair in pairs:
@@ -51,28 +47,22 @@ def with_contradictions(pairs: Sequence[Pair], solution: Solution, before: Solut
 
     That is the larger of two chi-squared of six numbers: by how much that of the graph would fall without the edge, and
     how far it is from where the survey by itself has its scans. The graph alone would not show a wrong tie for which it
-    gave up the right pairs. 0 where nothing else joins the scans.
-
-    Args:
-        pairs: with their verdicts.
-        solution: with what a person decided, and `before`: without.
+    gave up the right pairs. 0 where nothing else joins the scans. `before`: without a person's decisions.
     """
     edges = [edge for edge in solution.graph.edges if edge.by_hand]
     if not edges:
         return list(pairs)
     # as they were registered: how large the graph takes errors to be depends on what contradicts it
     registered = {pair.scans: _as_registered(pair) for pair in pairs if pair.by_hand and pair.kept}
-    falls = np.maximum(falls_without(edges, solution), _distances(registered, edges, before) ** 2)
-    sizes = {(edge.i, edge.j): fall for edge, fall in zip(edges, falls.tolist(), strict=True)}
+    scans = [(edge.i, edge.j) for edge in edges]
+    from_before = before.distances(np.array(scans), [registered[each] for each in scans])
+    falls = np.maximum(falls_without(edges, solution), np.nan_to_num(from_before) ** 2)
+    sizes = dict(zip(scans, falls.tolist(), strict=True))
     return [replace(pair, contradicted=sizes.get(pair.scans, pair.contradicted)) for pair in pairs]
 
 
 def displaced(pairs: Sequence[Pair], before: Sequence[Pair]) -> tuple[tuple[int, int], ...]:
-    """The scans of pairs that a survey keeps by itself, and refuses for what a person said of others.
-
-    Args:
-        pairs: with what a person decided, and `before`: without.
-    """
+    """The scans of pairs that a survey keeps by itself (`before`), and refuses for what a person said of others."""
     kept = {pair.scans for pair in before if pair.kept}
     return tuple(pair.scans for pair in pairs if pair.scans in kept and not pair.kept and pair.by_hand != "reject")
 
@@ -87,16 +77,3 @@ def _as_registered(pair: Pair) -> Registration:
         taken.inv() * RigidTransform.concatenate([answer.T_target_source for answer in answers])
     ).as_exp_coords()
     return answers[int(np.argmin(np.linalg.norm(away, axis=1)))]
-
-
-def _distances(
-    registered: Mapping[tuple[int, int], Registration], edges: Sequence[Edge], before: Solution
-) -> np.ndarray:
-    """(m,) how far edges are from poses [sigmas]; 0 where these do not join their scans."""
-    part = {pose: number for number, members in enumerate(before.graph.components) for pose in members}
-    scans = np.array([(edge.i, edge.j) for edge in edges])
-    joined = np.array([part[i] == part[j] for i, j in scans.tolist()])
-    result = np.zeros(len(edges))
-    chosen = [edges[k] for k in np.flatnonzero(joined).tolist()]
-    result[joined] = before.distances(scans[joined], [registered[edge.i, edge.j] for edge in chosen])
-    return result

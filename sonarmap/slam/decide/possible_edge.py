@@ -6,7 +6,7 @@ better.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import log
 
 import numpy as np
@@ -158,16 +158,8 @@ def twin_odds(possible_edges: Sequence[PossibleEdge]) -> float:
 
     A probability is that of scenes of every kind. Where pillars, pools or pipes repeat themselves, registrations of
     scans of different places agree as well as right ones. What loops within a part say is known from its own chain.
-
-    Args:
-        possible_edges: all answers beside the chain, with their support.
     """
     judged = [possible for possible in possible_edges if possible.accepted and not possible.joins_parts]
     expected = sum(1 - possible.probability for possible in judged)
     wrong = sum(not possible.support.agrees for possible in judged)
     return max(1.0, (wrong + _ASSUMED) / (expected + _ASSUMED))
-
-
-def with_odds(possible_edges: Sequence[PossibleEdge], odds: float) -> list[PossibleEdge]:
-    """The same answers, so much more often wrong than their registrations say."""
-    return [replace(possible, odds=odds) for possible in possible_edges]

@@ -20,13 +20,9 @@ class Region:
 
 
 def regions_about(graph: PoseGraph, active: np.ndarray, doubtful: Sequence[int], size: int) -> list[Region]:
-    """The regions about doubtful edges; those that touch are one.
+    """The regions of `size` poses around each end of doubtful edges; those that touch are one.
 
-    Args:
-        graph: of N poses, about where they are.
-        active: (E,) bool, the edges that join poses.
-        doubtful: some of these, by number.
-        size: poses around each end of a doubtful edge.
+    Of a graph whose poses are about where they are; its active edges, (E,) bool, join them.
     """
     ends = np.array([(edge.i, edge.j) for edge in graph.edges])
     count, joining = len(graph.trajectory), np.flatnonzero(active)

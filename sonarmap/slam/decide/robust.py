@@ -13,7 +13,8 @@ import gtsam
 import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 
-from sonarmap.slam.decide.chains import agreeing_groups, chain_parts, distances_from_chain
+from sonarmap.slam.decide.chains import chain_parts
+from sonarmap.slam.decide.consistency import agreeing_groups, distances_from_chain
 from sonarmap.slam.decide.contradiction import GATE, chi_squared, contradicted_edges, plausible
 from sonarmap.slam.decide.region import regions_about
 from sonarmap.slam.graph.edge import cut_edges, spanning_tree

@@ -23,12 +23,8 @@ def with_verdicts(
 ) -> list[Pair]:
     """Every pair with its edge, its reason and its distance from the final poses, in their order.
 
-    Args:
-        pairs: those that were tried.
-        ties: what a person said of them, by their scans.
-        supported: all their answers but those of the chain, with their support.
-        taken: the answers that were given to the optimizer, by their scans.
-        solution: the optimized graph; its edges are what was kept.
+    `supported` are all answers but those of the chain, `taken` those that were given to the optimizer; the edges of the
+    solution are what was kept.
     """
     kept = {(edge.i, edge.j): n for n, edge in enumerate(solution.graph.edges) if edge.is_of_pair}
     best = {possible.scans: possible for possible in reversed(supported)} | dict(taken)
@@ -59,15 +55,13 @@ def _distances(
     kept: Mapping[tuple[int, int], int],
     solution: Solution,
 ) -> dict[tuple[int, int], float]:
-    """How far what was not kept is from the final poses [sigmas], where these share a frame."""
-    part = {pose: number for number, members in enumerate(solution.graph.components) for pose in members}
+    """How far what was not kept is from the final poses [sigmas]; NaN where these share no frame."""
     asked: dict[tuple[int, int], PossibleEdge] = {}
     for pair in pairs:
-        if pair.scans in kept or pair.registration is None or part[pair.i] != part[pair.j]:
-            continue
-        possible = best.get(pair.scans) or PossibleEdge(pair.i, pair.j, pair.registration)
-        if not possible.fault:
-            asked[pair.scans] = possible
+        if pair.scans not in kept and pair.registration is not None:
+            possible = best.get(pair.scans) or PossibleEdge(pair.i, pair.j, pair.registration)
+            if not possible.fault:
+                asked[pair.scans] = possible
     scans = np.array(list(asked), np.intp).reshape(-1, 2)
     apart = solution.distances(scans, [possible.registration for possible in asked.values()])
     return dict(zip(asked, apart.tolist(), strict=True))

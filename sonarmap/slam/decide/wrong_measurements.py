@@ -74,11 +74,8 @@ def without_wrong_fixes(
 
 
 def without_wrong_control(graph: PoseGraph) -> tuple[tuple[ControlPoint, ...], tuple[WrongControl, ...]]:
-    """The control points of a graph without those that its edges, priors and other points contradict; and which.
-
-    Args:
-        graph: its poses about where they are in the world.
-    """
+    """The control points of a graph, its poses about where they are in the world, without those that its edges, priors
+    and other points contradict; and which."""
     if not graph.control:
         return (), ()
 
@@ -108,15 +105,8 @@ def _reweighted(
     weights_at: Callable[[PoseGraph], np.ndarray],
     edges_too: bool = False,
 ) -> tuple[Solution, np.ndarray]:
-    """The optimum, and the measurements' weights there.
-
-    Args:
-        graph: about where to begin.
-        weights: of the measurements, to begin with.
-        weighed: gives a graph with measurements that count as much as their weights.
-        weights_at: the weights, by how far a graph's poses are from what was measured.
-        edges_too: whether edges are weighed anew, too.
-    """
+    """The optimum, and the measurements' weights there: `weighed` gives a graph whose measurements count by these, and
+    `weights_at` the weights by how far a graph's poses are from what was measured."""
     solution, of_edges = None, np.ones(len(graph.edges))
     for _ in range(_REWEIGHTED):
         solution = weighed(graph, weights).optimize(scale_factors=1 / of_edges)

@@ -16,12 +16,7 @@ _NUMBERS = ("psr", "overlap", "seconds", "probability")
 
 
 def to_text(registration: Registration | None, failure: str = "") -> str:
-    """A registration, or why there is none, as JSON with NaN and Infinity as Python writes them; floats keep all bits.
-
-    Args:
-        registration: the result; None where the pair could not be registered.
-        failure: why not.
-    """
+    """A registration, or why there is none, as JSON with NaN and Infinity as Python has them; floats keep all bits."""
     if registration is None:
         return json.dumps({"failure": failure})
     return json.dumps({"registration": _to_json(registration)})

@@ -31,9 +31,7 @@ IDLE = 60.0
 def prepared_limit(registrar: Registrar, workers: int = 1) -> int:
     """How many prepared scans to keep: as many as are useful and fit, with one more while the next is prepared.
 
-    Args:
-        registrar: its `device` and `grid`, where it has them, say how much memory a prepared scan takes.
-        workers: that share the memory.
+    The registrar's `device` and `grid`, where it has them, say how much memory one takes; `workers` share it.
     """
     device, grid = getattr(registrar, "device", None), getattr(registrar, "grid", None)
     if device is None or grid is None:

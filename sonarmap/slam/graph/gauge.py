@@ -1,5 +1,4 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """What fixes a pose graph's gauge: what ties its components to the world, and what is held where nothing does."""
 
 from collections.abc import Mapping, Sequence
@@ -208,21 +207,22 @@ def open_motion(
     """What control points, and what else is known of poses, leave open of where a component lies.
 
     Args:
-        control: at least one, of the component's poses.
-        known: what else is known of poses; those of others do not count.
-        members: the component's poses.
+        control: of the component's poses; the motions are about their middle, or that of the poses where there is none.
+        known: what else is known of poses; those not among the component's `members` do not count.
         T_world: of all poses, about where they are.
     """
-    scans = [each.scan for each in control]
-    places: np.ndarray = T_world[scans].apply(np.stack([each.point for each in control]))
+    places: np.ndarray = T_world[list(members)].translation
+    if control:
+        places = T_world[[each.scan for each in control]].apply(np.stack([each.point for each in control]))
     middle = RigidTransform.from_translation(places.mean(axis=0))
     lever = max(float(np.sqrt(((places - places.mean(axis=0)) ** 2).sum(axis=1).mean())), 1.0)
-    units = np.repeat([lever, 1.0], 3)
+    units, inside, total = np.repeat([lever, 1.0], 3), set(members), np.zeros((6, 6))
     # a motion of all poses about the middle, as that of each point and of each pose
-    moved = np.tile(np.eye(3, 6, 3), (len(places), 1, 1))
-    moved[:, :, :3] = cross_matrices(places.mean(axis=0) - places) / lever
-    weighed = moved / np.stack([each.sigmas for each in control])[:, :, None]
-    inside, total = set(members), np.einsum("nij,nik->jk", weighed, weighed)
+    if control:
+        moved = np.tile(np.eye(3, 6, 3), (len(places), 1, 1))
+        moved[:, :, :3] = cross_matrices(places.mean(axis=0) - places) / lever
+        weighed = moved / np.stack([each.sigmas for each in control])[:, :, None]
+        total = np.einsum("nij,nik->jk", weighed, weighed)
     for each in known:
         if each.pose in inside:
             A = adjoint(T_world[each.pose].inv() * middle) / units
@@ -230,32 +230,13 @@ def open_motion(
     values, axes = np.linalg.eigh(total)
     sigmas = 1 / np.sqrt(np.maximum(values, 1e-30))
     turns = sigmas * np.linalg.norm(axes[:3], axis=0) / lever
-    return OpenMotion(middle, axes[:, (sigmas > _UNSURE) | (turns > _TURNED)], lever)
+    return OpenMotion(middle, axes[:, (sigmas > _UNSURE) | (turns > (_TURNED if control else np.inf))], lever)
 
 
 def undetermined(members: Sequence[int], known: Sequence[KnownPose], T_world: RigidTransform) -> KnownPose | None:
-    """What holds a component in directions in which nothing known of its poses does; None where there is none.
-
-    Args:
-        members: the component's poses.
-        known: of these poses.
-        T_world: of all poses, about where they are.
-    """
-    places = T_world[list(members)].translation
-    middle = RigidTransform.from_translation(places.mean(axis=0))
-    lever = max(float(np.sqrt(((places - middle.translation) ** 2).sum(axis=1).mean())), 1.0)
-    units = np.repeat([lever, 1.0], 3)
-    total = np.zeros((6, 6))
-    for each in known:
-        # a motion of all poses about the middle, as the motion of this one
-        A = adjoint(T_world[each.pose].inv() * middle) / units
-        total += A.T @ each.information @ A
-    values, axes = np.linalg.eigh(total)
-    free = values < _UNSURE**-2
-    if not free.any():
-        return None
-    T_world_first = T_world[members[0]]
-    return held_pose(members[0], T_world_first, OpenMotion(middle, axes[:, free], lever).at(T_world_first))
+    """What holds a component in directions in which nothing known of its poses does; None where there is none."""
+    free, T_world_first = open_motion((), known, members, T_world), T_world[members[0]]
+    return held_pose(members[0], T_world_first, free.at(T_world_first)) if free.axes.size else None
 
 
 def _level(members: Sequence[int], priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> KnownPose | None:

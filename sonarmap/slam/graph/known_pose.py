@@ -54,13 +54,8 @@ class KnownPose:
         R, t = self.T_world_pose.rotation.as_matrix(), self.T_world_pose.translation
         turn, shift = self.information[:3, :3], R @ self.information[3:, 3:] @ R.T
         if self.information[:3, 3:].any():
-            return [gtsam.PriorFactorPose3(self.pose, gtsam.Pose3(gtsam.Rot3(R), t), _noise(self.information))]
-        factors: list[gtsam.NonlinearFactor] = []
-        if turn.any():
-            factors.append(gtsam.PoseRotationPrior3D(self.pose, gtsam.Rot3(R), _noise(turn)))
-        if shift.any():
-            factors.append(gtsam.PoseTranslationPrior3D(self.pose, t, _noise(shift)))
-        return factors
+            return [gtsam.PriorFactorPose3(self.pose, gtsam.Pose3(gtsam.Rot3(R), t), _noise(_root(self.information)))]
+        return _prior_factors(self.pose, R, t, _root(turn), _root(shift))
 
 
 def held_pose(pose: int, T_world_pose: RigidTransform, free: np.ndarray) -> KnownPose:
@@ -68,10 +63,27 @@ def held_pose(pose: int, T_world_pose: RigidTransform, free: np.ndarray) -> Know
     return KnownPose(pose, T_world_pose, free @ free.T / _HELD**2)
 
 
-def _noise(information: np.ndarray) -> gtsam.noiseModel.Base:
-    """Gaussian noise by a semidefinite information."""
+def _root(information: np.ndarray) -> np.ndarray:
+    """(..., k, k) roots S of semidefinite matrices S'S."""
     values, axes = np.linalg.eigh(information)
-    return gtsam.noiseModel.Gaussian.SqrtInformation(np.sqrt(np.maximum(values, 0.0))[:, None] * axes.T, False)
+    return np.sqrt(np.maximum(values, 0.0))[..., None] * axes.swapaxes(-1, -2)
+
+
+def _noise(root: np.ndarray) -> gtsam.noiseModel.Base:
+    """Gaussian noise by the root of an information."""
+    return gtsam.noiseModel.Gaussian.SqrtInformation(root, False)
+
+
+def _prior_factors(
+    pose: int, R: np.ndarray, t: np.ndarray, turn: np.ndarray, shift: np.ndarray
+) -> list[gtsam.NonlinearFactor]:
+    """Of a rotation and of a translation, by the roots of their information; none of what is not known."""
+    factors: list[gtsam.NonlinearFactor] = []
+    if turn.any():
+        factors.append(gtsam.PoseRotationPrior3D(pose, gtsam.Rot3(R), _noise(turn)))
+    if shift.any():
+        factors.append(gtsam.PoseTranslationPrior3D(pose, t, _noise(shift)))
+    return factors
 
 
 def blocks(turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
@@ -126,27 +138,15 @@ class MeasuredPoses:
     def factors(self) -> list[gtsam.NonlinearFactor]:
         """For GTSAM: of the rotation and of the translation of each."""
         R, t = self.T_world_pose.rotation.as_matrix(), self.T_world_pose.translation
-        values, axes = np.linalg.eigh(self.turn)
-        turn = np.sqrt(np.maximum(values, 0.0))[:, :, None] * axes.swapaxes(1, 2)
-        shift = np.sqrt(self.shift)[:, :, None] * np.eye(3)
-        factors: list[gtsam.NonlinearFactor] = []
-        for n, k in enumerate(self.poses.tolist()):
-            if self.turn[n].any():
-                noise = gtsam.noiseModel.Gaussian.SqrtInformation(turn[n], False)
-                factors.append(gtsam.PoseRotationPrior3D(k, gtsam.Rot3(R[n]), noise))
-            if self.shift[n].any():
-                noise = gtsam.noiseModel.Gaussian.SqrtInformation(shift[n], False)
-                factors.append(gtsam.PoseTranslationPrior3D(k, t[n], noise))
-        return factors
+        rows = zip(
+            self.poses.tolist(), R, t, _root(self.turn), np.sqrt(self.shift)[:, :, None] * np.eye(3), strict=True
+        )
+        return [factor for row in rows for factor in _prior_factors(*row)]
 
 
 def known_at(priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> list[KnownPose]:
-    """What instruments tell of poses, as if they had measured an estimate: nothing at all of what they do not measure.
-
-    Args:
-        priors: by pose.
-        T_world_sensor: N poses, the estimate.
-    """
+    """What instruments tell of poses, as if they had measured an estimate of all N: nothing at all of what they do not
+    measure."""
     if not priors:
         return []
     poses = np.array(sorted(priors), np.intp)

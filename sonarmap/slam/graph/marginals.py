@@ -7,7 +7,7 @@ DOI 10.1016/j.robot.2009.06.008). That takes about as long as the elimination, a
 pairs of them as are asked for.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 
 import gtsam
@@ -91,28 +91,20 @@ class _Eliminated:
         count = len(self.place)
         single, across = np.empty((count, _SIZE, _SIZE)), np.empty((len(pairs), _SIZE, _SIZE))
         asked = self._asked(pairs)
-        heirs, children, room = self._heirs()
-        together: dict[int, np.ndarray] = {}  # of each variable and those that it names; a heir's lies around it
-        spaces: dict[int, tuple[np.ndarray, int]] = {}
+        parents = [int(later[0]) if len(later) else -1 for later in self.later]
+        children = Counter(parents)
+        together: dict[int, np.ndarray] = {}  # of each variable and those that it names
         for k in range(count - 1, -1, -1):
-            later, parent = self.later[k], int(self.later[k][0]) if len(self.later[k]) else -1
-            if parent >= 0 and heirs[parent] == k:
-                space, start = spaces.pop(parent)
-                start -= _SIZE
-            else:
-                size, start = _SIZE * (room[k] + len(later)), _SIZE * (room[k] - 1)
-                space = np.empty((size, size))
-                if parent >= 0:
-                    space[start + _SIZE :, start + _SIZE :] = self._part(together[parent], parent, later)
-            own = space[start:, start:]
+            later, parent = self.later[k], parents[k]
+            own = np.empty((_SIZE * (1 + len(later)),) * 2)
+            if parent >= 0:
+                own[_SIZE:, _SIZE:] = self._part(together[parent], parent, later)
             self._fill(own, k)
             single[k] = own[:_SIZE, :_SIZE]
             for other, pair, first in asked.get(k, ()):
                 at = _SIZE * (1 + int(np.searchsorted(later, other)))
                 block = own[:_SIZE, at : at + _SIZE]
                 across[pair] = block if first else block.T
-            if heirs[k] >= 0:
-                spaces[k] = space, start
             if children[k]:
                 together[k] = own
             if parent >= 0:
@@ -132,24 +124,11 @@ class _Eliminated:
     def _part(self, together: np.ndarray, parent: int, later: np.ndarray) -> np.ndarray:
         """What the parent knows together, of these variables alone."""
         known = np.concatenate([[parent], self.later[parent]])
+        if len(known) == len(later):  # all of it
+            return together
         chosen = np.searchsorted(known, later)
         blocks = together.reshape(len(known), _SIZE, len(known), _SIZE)[chosen][:, :, chosen]
         return blocks.reshape(_SIZE * len(later), -1)
-
-    def _heirs(self) -> tuple[list[int], list[int], list[int]]:
-        """Of each variable: the one that names it and all that it names, and is written around it, or -1; how many
-        others it is the first named of; and how many heirs follow in a row, itself counted."""
-        count = len(self.later)
-        heirs, children, room = [-1] * count, [0] * count, [1] * count
-        for k, later in enumerate(self.later):
-            if heirs[k] >= 0:
-                room[k] += room[heirs[k]]
-            if len(later):
-                parent = int(later[0])
-                children[parent] += 1
-                if heirs[parent] < 0 and len(later) == len(self.later[parent]) + 1:
-                    heirs[parent] = k
-        return heirs, children, room
 
     def _asked(self, pairs: np.ndarray) -> dict[int, list[tuple[int, int, bool]]]:
         """The pairs by the place of their first variable: the other's place, the pair, and whether i is the first."""

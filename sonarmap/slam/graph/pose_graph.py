@@ -251,25 +251,33 @@ class Solution:
 
     def distances(self, pairs: np.ndarray, registrations: Sequence[Registration], most: float = np.inf) -> np.ndarray:
         """(m,) how far registrations of pairs, (m, 2) int, that are no edges are from the poses [sigmas], under their
-        covariances and the poses'.
+        covariances and the poses'; NaN of poses that share no frame.
 
         What is surely farther than `most` counts as infinitely far: for thousands of pairs anywhere in a large graph
         that saves most of the time.
         """
-        if not len(pairs):
-            return np.zeros(0)
-        i, j = pairs.T
+        part = np.empty(len(self.trajectory), np.intp)
+        for number, members in enumerate(self.graph.components):
+            part[list(members)] = number
+        sigmas, joined = np.full(len(pairs), np.nan), (part[pairs[:, 0]] == part[pairs[:, 1]])
+        if not joined.any():
+            return sigmas
+        i, j = pairs[joined].T
         T = self.trajectory.T_world_sensor
-        measured = RigidTransform.concatenate([each.T_target_source for each in registrations])
+        given = [each for each, known in zip(registrations, joined, strict=True) if known]
         T_i_j: RigidTransform = T[i].inv() * T[j]
-        xi: np.ndarray = (T_i_j.inv() * measured).as_exp_coords()
-        stated = np.stack([registration.covariance for registration in registrations])
-        sigmas, near = np.full(len(pairs), np.inf), np.ones(len(pairs), bool)
+        xi: np.ndarray = (
+            T_i_j.inv() * RigidTransform.concatenate([each.T_target_source for each in given])
+        ).as_exp_coords()
+        stated = np.stack([each.covariance for each in given])
+        near = np.ones(len(given), bool)
         if np.isfinite(most):
             # however two errors depend on each other, the covariance of their sum is at most twice that of both
             single = self.covariances()
             near = lengths(xi, stated + 2 * (single[j] + propagated(T_i_j.inv(), single[i]))) <= most
-        sigmas[near] = lengths(xi[near], stated[near] + self.relatives(pairs[near])[1])
+        apart = np.full(len(given), np.inf)
+        apart[near] = lengths(xi[near], stated[near] + self.relatives(pairs[joined][near])[1])
+        sigmas[joined] = apart
         return sigmas
 
     def _marginals(self, pairs: np.ndarray) -> Marginals:

@@ -1,8 +1,8 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Stamped poses."""
 
-from collections import defaultdict, deque
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,27 +63,43 @@ def chain(edges: Sequence[Edge], stamps: np.ndarray) -> Trajectory:
         edges: measurements between poses 0..N-1.
         stamps: (N,) float64 [s], of the poses.
     """
-    count = len(stamps)
-    tree = spanning_tree(count, edges)
-    neighbors: dict[int, list[tuple[int, np.ndarray]]] = defaultdict(list)
-    if tree:
-        T_i_j = RigidTransform.concatenate([edge.registration.T_target_source for edge in tree])
-        for edge, forward, back in zip(tree, T_i_j.as_matrix(), T_i_j.inv().as_matrix(), strict=True):
-            neighbors[edge.i].append((edge.j, forward))
-            neighbors[edge.j].append((edge.i, back))
     priors = {edge.i: edge.registration.T_target_source for edge in reversed(edges) if edge.kind == "prior"}
-    T_world, known = np.tile(np.eye(4), (count, 1, 1)), np.zeros(count, bool)
+    return Trajectory(stamps, RigidTransform.from_matrix(composed(len(stamps), edges, priors).T))
+
+
+@dataclass(frozen=True, slots=True)
+class Composed:
+    """N poses along the spanning tree of their edges, which leads outward from one pose of every component."""
+
+    tree: list[Edge]
+    T: np.ndarray  # (N, 4, 4) float64, each in the frame of its component
+    order: np.ndarray  # (N,) int, the poses, each before those behind it, and all behind it in a row
+    before: np.ndarray  # (N,) int, the pose that each is reached from; itself where a component starts
+    by: np.ndarray  # (N,) int, the edge of the tree that each is reached by
+
+
+def composed(count: int, edges: Sequence[Edge], known: Mapping[int, RigidTransform]) -> Composed:
+    """`count` poses, outward from the first `known` one of every component, or from its first at the identity."""
+    tree = spanning_tree(count, edges)
+    neighbors: dict[int, list[tuple[int, int, bool]]] = defaultdict(list)
+    for n, edge in enumerate(tree):
+        neighbors[edge.i].append((edge.j, n, True))
+        neighbors[edge.j].append((edge.i, n, False))
+    steps = RigidTransform.concatenate([e.registration.T_target_source for e in tree] or [RigidTransform.identity()])
+    forward, back = steps.as_matrix(), steps.inv().as_matrix()
+    T, before, by = np.tile(np.eye(4), (count, 1, 1)), np.arange(count), np.zeros(count, np.intp)
+    order: list[int] = []
     for members in components(count, edges):
-        first = next((pose for pose in members if pose in priors), members[0])
-        if first in priors:
-            T_world[first] = priors[first].as_matrix()
-        known[first] = True
-        reached = deque([first])
-        while reached:
-            i = reached.popleft()
-            for j, step in neighbors[i]:
-                if not known[j]:
-                    T_world[j] = T_world[i] @ step
-                    known[j] = True
-                    reached.append(j)
-    return Trajectory(stamps, RigidTransform.from_matrix(T_world))
+        first = next((pose for pose in members if pose in known), members[0])
+        if first in known:
+            T[first] = known[first].as_matrix()
+        waiting = [first]
+        while waiting:
+            i = waiting.pop()
+            order.append(i)
+            for j, n, is_forward in neighbors[i]:
+                if j != before[i]:
+                    T[j] = T[i] @ (forward if is_forward else back)[n]
+                    before[j], by[j] = i, n
+                    waiting.append(j)
+    return Composed(tree, T, np.array(order, np.intp), before, by)

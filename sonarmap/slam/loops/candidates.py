@@ -1,5 +1,4 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Candidates for loop closures: by the estimate and its uncertainty, or by what the scans look like."""
 
 from collections import defaultdict
@@ -7,19 +6,21 @@ from collections.abc import Sequence, Set
 
 import numpy as np
 from scipy.spatial import KDTree
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
-from sonarmap.slam.loops.forecast import certainties, displacement
 from sonarmap.slam.loops.places import PlaceIndex
 from sonarmap.slam.loops.settings import LoopSettings
-from sonarmap.slam.map.cell import overlapping
+from sonarmap.slam.map.cell import cell_keys, overlapping
 from sonarmap.slam.pair import Candidate
 
 # The power of the overlap in a loop's worth: where scans share less, they see it from other sides, and err more.
 _OVERLAP = 2
 # So many times the wanted number of lookalikes are looked up, as neighbors show the same place.
 _LOOKALIKES = 3
+# Draws from the joint marginal of two poses, the mean aside; always the same.
+_DRAWS = np.random.default_rng(0).standard_normal((12, 6))
 
 
 def find_candidates(
@@ -38,8 +39,7 @@ def find_candidates(
     Only scans of one component are compared: between components there is no estimate.
 
     Args:
-        outlines: of N scans, as `outline` gives them in the settings' cells.
-        solution: the optimized graph of their N poses.
+        outlines: of the N scans that the solution has, as `outline` gives them in the settings' cells.
         voxel: edge of the survey's voxels [m].
         settings: thresholds and limits.
         tried: pairs (i, j), i < j, to leave out; consecutive scans are always left out.
@@ -70,6 +70,59 @@ def _usual(outlines: Sequence[np.ndarray], solution: Solution) -> float:
     scans = np.array([(edge.i, edge.j) for edge in registered])
     covariances = np.stack([edge.registration.covariance for edge in registered])
     return float(np.median(displacement(outlines, scans, covariances)))
+
+
+def certainties(
+    outlines: Sequence[np.ndarray], pairs: np.ndarray, T: RigidTransform, covariances: np.ndarray, cell: float
+) -> np.ndarray:
+    """(m,) the shares of expected overlaps that are left, 0..1, as the poses may not be where the estimate has them.
+
+    The mean number of cells in common over draws from the estimate's uncertainty, over that at the estimate.
+
+    Args:
+        outlines: of N scans (`slam.map.cell.outline`).
+        pairs: (m, 2) int, scans i and j.
+        T: m estimates of T_i_j, and `covariances`: (m, 6, 6) of them, from the joint marginals of both poses.
+        cell: edge of the cells in which scans are compared [m].
+    """
+    if not len(pairs):
+        return np.zeros(0)
+    tangents = np.einsum("nab,kb->nka", np.linalg.cholesky(covariances), _DRAWS).reshape(-1, 6)
+    matrices = T.as_matrix()
+    draws = matrices[:, None] @ RigidTransform.from_exp_coords(tangents).as_matrix().reshape(len(pairs), -1, 4, 4)
+    occupied: dict[int, np.ndarray] = {}
+    result = np.zeros(len(pairs))
+    for k, (i, j) in enumerate(pairs.tolist()):
+        if i not in occupied:
+            occupied[i] = np.unique(cell_keys(outlines[i], cell, np.zeros(3))[0])
+        at_estimate, *drawn = (
+            _common(occupied[i], outlines[j] @ moved[:3, :3].T + moved[:3, 3], cell)
+            for moved in (matrices[k], *draws[k])
+        )
+        if at_estimate:
+            result[k] = min(1.0, sum(drawn) / len(drawn) / at_estimate)
+    return result
+
+
+def _common(occupied: np.ndarray, points: np.ndarray, cell: float) -> int:
+    """How many points lie in cells of these sorted keys."""
+    keys, _ = cell_keys(points, cell, np.zeros(3))
+    place = np.minimum(np.searchsorted(occupied, keys), len(occupied) - 1)
+    return int(np.count_nonzero(occupied[place] == keys))
+
+
+def displacement(outlines: Sequence[np.ndarray], pairs: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """(m,) how far points of scan j usually are from where an estimate has them against scan i: root mean squares [m];
+    by (m, 6, 6) covariances of T_i_j, for (m, 2) pairs."""
+    lever = np.array([np.einsum("na,nb->ab", points, points) / len(points) for points in outlines])
+    middle = np.array([points.mean(axis=0) for points in outlines])
+    # of w x p + v over all points: the mean of |w x p|^2 is that of w' (p'p I - p p') w
+    j = pairs[:, 1]
+    turned = np.trace(lever[j], axis1=1, axis2=2)[:, None, None] * np.eye(3) - lever[j]
+    turn, cross, shift = covariances[:, :3, :3], covariances[:, :3, 3:], covariances[:, 3:, 3:]
+    both = np.stack([cross[:, 1, 2] - cross[:, 2, 1], cross[:, 2, 0] - cross[:, 0, 2], cross[:, 0, 1] - cross[:, 1, 0]])
+    squares = np.einsum("nab,nab->n", turned, turn) - 2 * np.einsum("an,na->n", both, middle[j])
+    return np.sqrt(np.maximum(squares + np.trace(shift, axis1=1, axis2=2), 0.0))
 
 
 def _overlapping(

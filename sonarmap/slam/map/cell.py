@@ -44,12 +44,8 @@ def cell_keys(points: np.ndarray, size: float, origin: np.ndarray) -> tuple[np.n
 
 
 def cell_means(points: np.ndarray, size: float) -> np.ndarray:
-    """(K, 3) float64 [m]: the mean of the points in each cell, ordered by cell; stray points are left out.
-
-    Args:
-        points: (N, 3) float [m], about the origin.
-        size: edge of a cell [m].
-    """
+    """(K, 3) float64 [m]: the mean of (N, 3) points [m], about the origin, in each cell of an edge of `size` [m],
+    ordered by cell; stray points are left out."""
     points = points.astype(np.float64)
     keys, near = cell_keys(points, size, np.zeros(3))
     names, cell, count = np.unique(keys, return_inverse=True, return_counts=True)

@@ -18,14 +18,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import KDTree
-from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.map.cell import cell_keys, lattice_origin
 from sonarmap.slam.map.crossing import CrossingError, crossing_error
 from sonarmap.slam.map.free_space import Votes, uncontradicted, votes
 from sonarmap.slam.map.placed import PlacedScans
-from sonarmap.slam.map.point_map import PointMap, fuse
+from sonarmap.slam.map.point_map import PointMap, fuse, fuse_before
 
 MIN_SEEN = 2  # scans that have to see a point where others looked, unless the user says how many
 _AROUND, _NEIGHBORS = 2.0, 12  # the surface about a point: so far [voxels], and so many of its points at most
@@ -50,7 +48,7 @@ class ComponentMaps:
     # the points that were left out of it, as too few scans saw them where others looked; None where that was not asked
     doubtful: PointMap | None
     # the map of each survey's scans alone, by the survey's number, and what is doubtful by these scans; none where
-    # there is one survey
+    # there is one survey. In the map of all, a survey may contradict what an earlier one saw and what has changed since
     layers: Mapping[int, CleanMap]
     # the map that the poses before the loops would give, in the same frame, of the echoes that make up the map: it is
     # not judged itself, as free space contradicts what drift draws twice
@@ -70,13 +68,13 @@ def component_maps(placed: PlacedScans, chained: Trajectory, min_seen: int = MIN
     Raises:
         InputError: a voxel so small that no point is within reach.
     """
+    layers = {number: clean_map(scans, min_seen) for number, scans in placed.by_survey.items()}
     parted, asked = clean_map(placed, min_seen), min_seen > 1
-    drifted = fuse(placed.certain_at(chained.T_world_sensor))
     return ComponentMaps(
         optimized=parted.clean,
         doubtful=parted.doubtful if asked else None,
-        layers=survey_layers(placed, min_seen),
-        chained=of_the_same_echoes(drifted, chained.T_world_sensor, parted.clean, placed) if asked else drifted,
+        layers=layers,
+        chained=fuse_before(placed, chained.T_world_sensor, parted.clean if asked else None),
         chained_poses=chained,
         crossings=crossing_error(placed, chained.T_world_sensor),
     )
@@ -91,27 +89,9 @@ def clean_map(placed: PlacedScans, min_seen: int = MIN_SEEN) -> CleanMap:
     return part_doubtful(cleared, vote.take(kept), min_seen)
 
 
-def survey_layers(placed: PlacedScans, min_seen: int = MIN_SEEN) -> dict[int, CleanMap]:
-    """One map for each survey, of its own scans alone, by its number; none where there is only one survey.
-
-    In the map of all, a survey may contradict what an earlier one saw and what has changed since: a layer is the
-    place as that survey found it.
-    """
-    surveys = np.array(placed.surveys)
-    numbers = np.unique(surveys).tolist()
-    if len(numbers) < 2:
-        return {}
-    return {k: clean_map(placed.take(np.flatnonzero(surveys == k).tolist()), min_seen) for k in numbers}
-
-
 def part_doubtful(point_map: PointMap, vote: Votes, min_seen: int = MIN_SEEN) -> CleanMap:
-    """Take out what fewer than `min_seen` scans saw and others contradict; 1 takes out nothing.
-
-    Args:
-        point_map: what free space left.
-        vote: about its points.
-        min_seen: points that as many scans saw all stay.
-    """
+    """Take out what fewer than `min_seen` scans saw and others contradict, of what free space left; 1 takes out
+    nothing."""
     asked = replace(point_map, looked=vote.looked)
     few = (point_map.seen < min_seen) & (vote.looked > point_map.seen)
     doubtful = few & (vote.behind | (vote.contradict > 0) & (vote.contradict >= vote.agree))
@@ -142,25 +122,3 @@ def _beside(point_map: PointMap, chosen: np.ndarray) -> np.ndarray:
         part_of = ((around >= well[:, None]) & (distance[:, 1:] <= _NEAR * point_map.voxel)).any(axis=1)
         beside[some] = (around.sum(axis=1) >= well * count) & (count > 0) & ~part_of
     return beside
-
-
-def of_the_same_echoes(drifted: PointMap, before: RigidTransform, clean: PointMap, placed: PlacedScans) -> PointMap:
-    """A map of the same scans by other poses, with the points that a clean map has: for pictures of both.
-
-    A point of several scans stays. One that a scan alone saw is moved with its scan to where it lies in the clean
-    map, and stays if it meets a point there.
-
-    Args:
-        drifted: the map to clean, of the scans at their poses `before`.
-        clean: what is left of the map of the `placed` scans, whose indices ascend.
-    """
-    alone = np.flatnonzero(drifted.seen == 1)
-    scan = np.searchsorted(np.asarray(placed.indices), drifted.scan[alone])
-    moved = (placed.T_world_sensor * before.inv())[scan].apply(drifted.points[alone])
-    origin = lattice_origin(clean.points, clean.voxel)
-    keys, near = cell_keys(moved, clean.voxel, origin)
-    met = np.zeros(len(alone), bool)
-    met[near] = np.isin(keys, cell_keys(clean.points, clean.voxel, origin)[0])
-    kept = np.ones(len(drifted.points), bool)
-    kept[alone[~met]] = False
-    return drifted.take(kept)

@@ -3,13 +3,13 @@ them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.points.visibility import octahedral_cells
-from sonarmap.slam.map.cell import cell_keys, lattice_origin
 from sonarmap.slam.map.placed import Beams, PlacedScans, pose_variance
 from sonarmap.slam.map.point_map import PointMap
 from sonarmap.spectral.scan import Scan
@@ -57,13 +57,12 @@ def votes(point_map: PointMap, placed: PlacedScans) -> Votes:
     """Ask every scan that was seen from one viewpoint about every point of the map that its view takes in."""
     agree, contradict, looked = np.zeros((3, len(point_map.points)), np.int32)
     behind = np.zeros(len(point_map.points), bool)
-    tiles: Tiles | None = None
+    within = ball_search(point_map.points)
     for k, (scan, beams) in enumerate(zip(placed.scans, placed.beams, strict=True)):
         if not beams.single:
             continue
         view, T = _view_of(scan, beams), placed.T_world_sensor[k]
-        tiles = tiles or Tiles.of(point_map.points, view.reach)
-        near = tiles.within(T.translation, view.reach)
+        near = within(T.translation, view.reach)
         local = T.inv().apply(point_map.points[near])
         directions = view.R_view_sensor.apply(local)
         unsure = point_map.sigma[near].astype(np.float64) ** 2 + pose_variance(local, placed.covariances[k])
@@ -76,6 +75,22 @@ def votes(point_map: PointMap, placed: PlacedScans) -> Votes:
         ranges -= _tolerance(ranges, beams.sigma(ranges), point_map.voxel)
         behind[near[own]] = view.behind(directions[own], ranges)
     return Votes(agree, contradict, looked, behind)
+
+
+def ball_search(points: np.ndarray) -> Callable[[np.ndarray, float], np.ndarray]:
+    """Which of (M, 3) points [m] are nearer to a center (3,) than a radius [m], ascending.
+
+    It measures those of a slab along x, which is thin where the points are ordered by x, as a map's are.
+    """
+    x = points[:, 0]
+    most, least = np.maximum.accumulate(x), np.minimum.accumulate(x[::-1])[::-1]
+
+    def within(center: np.ndarray, radius: float) -> np.ndarray:
+        first = np.searchsorted(most, center[0] - radius)
+        away = points[first : np.searchsorted(least, center[0] + radius, "right")] - center
+        return first + np.flatnonzero(np.einsum("ij,ij->i", away, away) < radius**2)
+
+    return within
 
 
 def _ask(
@@ -170,37 +185,3 @@ def _nine(near: np.ndarray, pick: np.ufunc, least: int) -> np.ndarray:
         filled = (filled[:-2] + filled[1:-1] + filled[2:]).T
     image[1:-1, 1:-1] = np.where(filled >= least, picked, np.nan)
     return image
-
-
-@dataclass(frozen=True, slots=True)
-class Tiles:
-    """Points by the tile that they lie in."""
-
-    points: np.ndarray  # (M, 3) float64 [m]
-    size: float  # edge of a tile [m]
-    origin: np.ndarray  # (3,) [m], a corner of the tiles' lattice
-    names: np.ndarray  # (K,) int64, the numbers of the tiles that hold points, ascending
-    first: np.ndarray  # (K + 1,) where each tile's points begin in `order`
-    order: np.ndarray  # (M,) int, the points by tile, and within a tile as they were
-
-    @classmethod
-    def of(cls, points: np.ndarray, size: float) -> Tiles:
-        """Of (M, 3) points, in tiles of an edge of `size` [m]; points a million tiles away are in none."""
-        origin = lattice_origin(points, size)
-        keys, near = cell_keys(points, size, origin)
-        order = np.argsort(keys, kind="stable")
-        names, first = np.unique(keys[order], return_index=True)
-        return cls(points, size, origin, names, np.append(first, len(keys)), np.flatnonzero(near)[order])
-
-    def within(self, center: np.ndarray, radius: float) -> np.ndarray:
-        """(m,) the points nearer to a center (3,) than this [m], ascending."""
-        low, high = (np.floor((center - self.origin + side) / self.size) for side in (-radius, radius))
-        axes = [np.arange(a, b + 1) for a, b in zip(low, high, strict=True)]
-        corners = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        keys, _ = cell_keys((corners + 0.5) * self.size, self.size, np.zeros(3))
-        place = np.searchsorted(self.names, keys)
-        place = place[self.names[np.minimum(place, len(self.names) - 1)] == keys]
-        inside = [self.order[self.first[k] : self.first[k + 1]] for k in place.tolist()]
-        chosen = np.sort(np.concatenate(inside)) if inside else np.zeros(0, np.intp)
-        away = self.points[chosen] - center
-        return chosen[np.einsum("ij,ij->i", away, away) < radius**2]

@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.map.cell import lattice_origin
 from sonarmap.spectral.scan import Scan
 
 # So many beams of a scan are looked at, each with its nearest by direction; and in so many groups by range.
@@ -94,9 +95,17 @@ class PlacedScans:
             covariances=self.covariances[list(chosen)],
         )
 
-    def certain_at(self, T_world_sensor: RigidTransform) -> PlacedScans:
-        """The same scans at other S poses, which are certain."""
-        return replace(self, T_world_sensor=T_world_sensor, covariances=np.zeros_like(self.covariances))
+    @property
+    def origin(self) -> np.ndarray:
+        """(3,) [m, world], the corner that the map's voxels are counted from, in the midst of the first scan."""
+        return lattice_origin(self.T_world_sensor[0].apply(self.scans[0].points.astype(np.float64)), self.voxel)
+
+    @property
+    def by_survey(self) -> dict[int, PlacedScans]:
+        """Each survey's scans by its number, ascending; none where there is only one survey."""
+        surveys = np.array(self.surveys)
+        numbers = np.unique(surveys).tolist()
+        return {k: self.take(np.flatnonzero(surveys == k).tolist()) for k in numbers} if len(numbers) > 1 else {}
 
 
 def beams_of(points: np.ndarray, voxel: float) -> Beams:

@@ -1,5 +1,4 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """How a vehicle moves at a time, by the steps before and behind: what it does varies little by little."""
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -41,13 +40,8 @@ def rate_of(T: RigidTransform) -> np.ndarray:
 
 
 def likeness(steps: Sequence[Step], varied: np.ndarray, surveys: np.ndarray) -> np.ndarray:
-    """(6,) correlation of each number of steps in a row, 0 to 0.99.
-
-    Args:
-        steps: ascending.
-        varied: (6,) variance of the rates.
-        surveys: (N,) the number of each scan's survey.
-    """
+    """(6,) correlation of each number of ascending steps in a row, 0 to 0.99; `varied` (6,) is the rates' variance,
+    `surveys` (N,) the number of each scan's survey."""
     rows = [(a, b) for a, b in pairwise(steps) if b.k == a.k + 1 and surveys[a.k] == surveys[b.k]]
     if not rows:
         return np.zeros(6)
@@ -104,14 +98,8 @@ def _filtered(
     alike: np.ndarray,
     middle: np.ndarray,
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Mean (6,) and covariance (6, 6) of what each row differs from the usual by, as the rows before it tell.
-
-    Args:
-        rows: steps, one after another.
-        measured: what of them was measured, with its covariance.
-        varied, alike: as `rates_by_others`.
-        middle: times of all steps, in usual times between scans.
-    """
+    """Mean (6,) and covariance (6, 6) of what each row differs from the usual by, as the rows before it tell; `middle`
+    are the times of all steps, in usual times between scans."""
     mean, spread = np.zeros(6), np.diag(varied)
     for n, k in enumerate(rows):
         if n:

@@ -32,13 +32,8 @@ def is_doubtful(pair: RegisteredPair, motion: AnyMotion) -> bool:
 
 
 def with_both(first: RegisteredPair, second: RegisteredPair, motion: AnyMotion | None = None) -> RegisteredPair:
-    """The pair with its second registration, and the first one's answers beside it.
-
-    Args:
-        first: registered by the scans alone.
-        second: registered about where it is expected.
-        motion: what it contradicts of the first answers is less probable.
-    """
+    """A pair that was registered by the scans alone with its second registration, about where it is expected, and the
+    first one's answers beside it: less probable where the motion contradicts them."""
     if first.registration is None or second.registration is None:
         return first
     left = 1.0 - second.registration.probability
@@ -152,12 +147,7 @@ def _go_as_far(
     """Change steps and covariances to where a step from T leads whose length is known, too.
 
     In the direction of the way, its length stands for what the motion tells otherwise: both were learned from the same.
-
-    Args:
-        T: n poses.
-        steps: (n, 6) without the length, and `covariances`: (n, 6, 6) of them.
-        by_scans: (n, 6, 6) information that T has.
-        motion: what is expected of T.
+    `by_scans` is the information that T has.
     """
     rows = np.flatnonzero(np.isfinite(motion.lengths[:, 0]))
     for _ in range(_ROUNDS):

@@ -27,16 +27,6 @@ _FALLEN = 1e-6  # least share of the cost that counts as a descent
 
 
 @dataclass(frozen=True, slots=True)
-class Distance:
-    """How far two solutions lie apart with their first poses laid on each other; root mean squares and maxima."""
-
-    rotation_rms_deg: float
-    rotation_max_deg: float
-    translation_rms_m: float
-    translation_max_m: float
-
-
-@dataclass(frozen=True, slots=True)
 class Optimized:
     """What came of a graph.
 
@@ -205,22 +195,25 @@ _SOLVERS = {"full": _full, "isotropic": _isotropic}
 
 
 def distance_to_other(optimized: Optimized) -> dict[str, Any]:
-    """How far the other objective's optimum of the same edges lies, as JSON's types, or why there is none."""
+    """How far the other objective's optimum of the same edges lies, as JSON's types, or why there is none.
+
+    The first poses are laid on each other; root mean squares and maxima.
+    """
     other: Objective = "full" if optimized.objective == "isotropic" else "isotropic"
     try:
         solved = _SOLVERS[other](optimized.given.keep(optimized.accepted), optimized.start)[0]
     except InputError as error:
         return {"to": other, "reason": str(error)}
-    apart = distance_between(optimized.graph.trajectory.T_world_sensor, solved.trajectory.T_world_sensor)
-    return {"to": other} | asdict(apart)
-
-
-def distance_between(a: RigidTransform, b: RigidTransform) -> Distance:
-    """Of two sets of N poses."""
-    apart = a[0].inv() * a, b[0].inv() * b
-    degrees = np.degrees((apart[0].rotation.inv() * apart[1].rotation).magnitude())
-    meters = np.linalg.norm(apart[0].translation - apart[1].translation, axis=1)
-    return Distance(_rms(degrees), float(degrees.max()), _rms(meters), float(meters.max()))
+    one, two = (T[0].inv() * T for T in (optimized.graph.trajectory.T_world_sensor, solved.trajectory.T_world_sensor))
+    degrees = np.degrees((one.rotation.inv() * two.rotation).magnitude())
+    meters = np.linalg.norm(one.translation - two.translation, axis=1)
+    return {
+        "to": other,
+        "rotation_rms_deg": _rms(degrees),
+        "rotation_max_deg": float(degrees.max()),
+        "translation_rms_m": _rms(meters),
+        "translation_max_m": float(meters.max()),
+    }
 
 
 def without_effect(optimized: Optimized) -> str:

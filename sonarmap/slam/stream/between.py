@@ -1,5 +1,4 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The scans between key scans: placed by the motion from one key scan to the next, which strays from a steady one as
 the key scans themselves show it."""
 
@@ -34,9 +33,7 @@ def with_between(
     other passes at its time. It takes part in the graph by that, and by what instruments measured of it.
 
     Args:
-        decision: about the key scans, numbered 0, 1, ...
-        keys: their indices among all scans, ascending.
-        measurements: of all scans.
+        decision: about the key scans, numbered 0, 1, ...; `keys` are their indices among all scans, ascending.
         floor: (6,) standard deviations of a place that is interpolated [rad, m].
     """
     count, graph = len(measurements.scans), decision.solution.graph

@@ -52,13 +52,7 @@ def choose_keys(
     From each key scan a scan further on is registered to it. How far the vehicle went, how much it turned and how much
     both scans share says how far on the next one is sought; where a registration is refused, half as far. One that is
     refused only for a direction that the scans leave open, as along a wall, would be so at half the way as well: there
-    strides are as they were before.
-
-    Args:
-        runner: of all scans.
-        surveys: (N,) the number of each scan's survey.
-        voxel: edge of the survey's voxels [m].
-        settings: how far apart.
+    strides are as they were before. `surveys` are (N,), each scan's number of its survey; the voxel is theirs [m].
     """
     keys: list[int] = []
     pairs: list[RegisteredPair] = []

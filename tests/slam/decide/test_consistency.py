@@ -18,7 +18,6 @@ from tests.samples.surveys import (
     chained_graph,
     edge,
     random_covariance,
-    random_transforms,
     registration,
     ring_poses,
 )
@@ -44,12 +43,6 @@ def answers_of(i: int, j: int, given: Registration) -> list[PossibleEdge]:
 def answer(truth: RigidTransform, i: int, j: int, off: RigidTransform | None = None, **changes) -> PossibleEdge:
     T = truth[i].inv() * truth[j] * (RigidTransform.identity() if off is None else off)
     return PossibleEdge(i, j, replace(registration(T, COVARIANCE), **changes))
-
-
-def test_propagating_twice_is_propagating_by_the_product():
-    T = random_transforms(np.random.default_rng(5), 2)
-    both = propagated(T[0] * T[1], COVARIANCE)
-    np.testing.assert_allclose(both, propagated(T[0], propagated(T[1], COVARIANCE)), rtol=1e-9, atol=1e-12)
 
 
 def test_what_gathers_along_a_chain_is_the_graphs_own_marginal():

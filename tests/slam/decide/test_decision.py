@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.decision import Decision, decide
-from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, twin_odds, with_odds
+from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, twin_odds
 from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.pair import RegisteredPair, Role
 from sonarmap.spectral.result import Registration
@@ -182,7 +182,7 @@ def test_odds_are_what_loops_within_a_part_show() -> None:
 
 @pytest.mark.parametrize("odds", [1.0, 2.0, 30.0])
 def test_odds_count_in_the_weight(odds: float) -> None:
-    (answer,) = with_odds(answers(INSIDE, 1), odds)
+    answer = replace(*answers(INSIDE, 1), odds=odds)
     wrong = 0.1 * odds / (0.1 * odds + 0.9)
     assert answer.weight == pytest.approx(-np.log(wrong))
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.decide.region import regions_about
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.graph.edge import Edge, components, cut_edges
@@ -20,6 +19,7 @@ from tests.samples.clutter_scans import sonarmap
 from tests.samples.lawnmower import lawnmower
 from tests.samples.surveys import (
     aliased,
+    chain_edges,
     chained_graph,
     edge,
     from_the_first,
@@ -129,8 +129,6 @@ def test_a_tree_and_a_prior_cannot_be_rejected() -> None:
     far = edge(4, 4, RigidTransform.from_translation([500.0, 0, 0]), np.eye(6), "prior")
     result = robust_optimize(PoseGraph(chain(edges, np.arange(5.0)), (*edges, far), fixed=(0,)))
     assert result.accepted.all()
-    with pytest.raises(InputError, match="names a pose"):
-        PoseGraph(Trajectory(np.zeros(2), T[:2]), edges)
 
 
 def test_bridges_are_what_takes_a_component_apart() -> None:
@@ -142,19 +140,9 @@ def test_bridges_are_what_takes_a_component_apart() -> None:
         parts = len(components(count, edges))
         want = {k for k in range(len(edges)) if len(components(count, edges[:k] + edges[k + 1 :])) > parts}
         assert cut_edges(count, edges) == want
-
-
-@pytest.mark.slow
-def test_of_a_graph_too_large_for_one_piece_all_wrong_loops_and_few_right_ones_are_rejected() -> None:
-    T, graph = lawnmower(1500, 2.5, 1)
-    wrong = (*scattered(graph, T, 60, 2), *aliased(graph, T, 30, 3))
-    begun = time.process_time()
-    result = robust_optimize(PoseGraph(graph.trajectory, (*wrong, *graph.edges)))
-    assert time.process_time() - begun < 60
-    assert not result.accepted[: len(wrong)].any()
-    assert result.accepted[len(wrong) :].mean() > 0.995
-    best = graph.optimize(covariances=False).trajectory.T_world_sensor
-    assert distance(result.solution.trajectory.T_world_sensor, T) < 1.2 * distance(best, T) + 0.01
+    # of poses that the world holds they are not necessary
+    chained = chain_edges(ring_poses(6), np.eye(6))
+    assert [cut_edges(6, chained, held) for held in ([], [1, 4], [0, 2, 5])] == [set(range(5)), {0, 4}, set()]
 
 
 def test_a_chain_that_is_less_sure_than_it_says_does_not_leave_out_the_loops() -> None:
@@ -187,16 +175,15 @@ def test_ten_thousand_poses_take_less_than_a_minute(groups: int, tmp_path: Path)
     assert kept.isdisjoint({(one.i, one.j) for one in wrong} - {(one.i, one.j) for one in graph.edges})
 
 
-def optimum() -> PoseGraph:
-    return lawnmower(400, 2.0, 4)[1].optimize(covariances=False).graph
-
-
 def test_a_region_has_the_edges_with_both_ends_inside_and_its_rim_is_held() -> None:
-    graph = optimum()
+    """Regions that touch are one."""
+    graph = lawnmower(400, 2.0, 4)[1]
     active = np.ones(len(graph.edges), bool)
     active[450::7] = False
     stamps = graph.trajectory.stamps.astype(int)
-    for region in regions_about(graph, active, [5, 300, 500], 30):
+    regions = regions_about(graph, active, [5, 6, 395], 20)
+    assert [{5, 6, 395} & set(region.edges.tolist()) for region in regions] == [{5, 6}, {395}]
+    for region in regions:
         own = region.graph.trajectory.stamps.astype(int)  # which are the poses' numbers in the whole graph
         inside = np.isin(stamps, own)
         ends = np.array([(one.i, one.j) for one in graph.edges])
@@ -205,21 +192,3 @@ def test_a_region_has_the_edges_with_both_ends_inside_and_its_rim_is_held() -> N
         np.testing.assert_array_equal(own[[(one.i, one.j) for one in region.graph.edges]], ends[both])
         leaving = ends[active & (inside[ends].sum(axis=1) == 1)]
         np.testing.assert_array_equal(own[list(region.graph.fixed)], np.unique(leaving[inside[leaving]]))
-
-
-def test_regions_that_touch_are_one_and_all_doubtful_edges_are_inside() -> None:
-    graph = optimum()
-    active = np.ones(len(graph.edges), bool)
-    apart = regions_about(graph, active, [5, 395], 20)
-    assert len(apart) == 2
-    assert {5, 395} <= {int(k) for region in apart for k in region.edges}
-    (one,) = regions_about(graph, active, [5, 6], 20)
-    assert {5, 6} <= set(one.edges.tolist())
-
-
-def test_the_optimum_of_a_region_is_where_that_of_the_whole_is() -> None:
-    graph = optimum()
-    for region in regions_about(graph, np.ones(len(graph.edges), bool), [200, 700], 60):
-        again = region.graph.optimize(covariances=False).trajectory.T_world_sensor
-        before = region.graph.trajectory.T_world_sensor
-        np.testing.assert_allclose(again.as_matrix(), before.as_matrix(), atol=1e-4)

@@ -176,18 +176,6 @@ class TestJournalEntries:
             computed = [(t.target, t.source) for t in execution.timings.pairs if not t.from_journal]
             assert computed == new
 
-    def test_a_damaged_row_is_computed_again(self, work: Work, undisturbed: list[str]) -> None:
-        work.run()
-        with sqlite3.connect(work.journal) as database:
-            database.execute("UPDATE entry SET content = replace(content, '1', '2') WHERE label = 'scan0 - scan1'")
-        database.close()
-        with work.execution("here") as execution:
-            registered = PairRunner(execution, SCANS, 0, None).register(candidates(PAIRS))
-            assert execution.journal is not None
-            assert execution.journal.damaged == 1
-        assert [to_text(pair.registration, pair.failure) for pair in registered] == undisturbed
-        assert work.registered() == sorted([*ASKED, (0, 1)])
-
     def test_an_entry_that_is_no_result_is_damage(self, work: Work) -> None:
         work.run(pairs=[(0, 1)])
         (key,) = sqlite3.connect(work.journal).execute("SELECT key FROM entry").fetchone()

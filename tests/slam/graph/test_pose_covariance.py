@@ -263,19 +263,6 @@ def test_they_are_blocks_of_the_dense_inverse(seed: int) -> None:
     close(marginals(linear, pairs), pairs, full.reshape(count, 6, count, 6).swapaxes(1, 2))
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_they_are_those_of_gtsam(seed: int) -> None:
-    graph = random_graph(seed)
-    pairs, values = asked(graph, np.random.default_rng(seed)), to_values(graph.trajectory.T_world_sensor)
-    factors = factors_of(graph, gauge_sigma=1e-2)
-    found, known = marginals(factors.linearize(values), pairs), gtsam.Marginals(factors, values)
-    single = np.stack([known.marginalCovariance(key) for key in range(len(graph.trajectory))])
-    np.testing.assert_allclose(found.single, single, atol=TOLERANCE * np.abs(single).max())
-    for (i, j), across in zip(pairs.tolist(), found.across, strict=True):
-        joint = known.jointMarginalCovariance([i, j]).at(i, j)
-        np.testing.assert_allclose(across, joint, atol=TOLERANCE * np.abs(single).max())
-
-
 def test_a_graph_that_does_not_tell_every_pose_is_refused() -> None:
     rng = np.random.default_rng(0)
     T = random_transforms(rng, 4)

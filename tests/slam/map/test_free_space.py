@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map.component_maps import clean_map, survey_layers
+from sonarmap.slam.map.component_maps import clean_map
 from sonarmap.slam.map.crossing import APART, PER_SCAN, CrossingError, crossing_error
-from sonarmap.slam.map.free_space import Tiles, uncontradicted, votes
+from sonarmap.slam.map.free_space import ball_search, uncontradicted, votes
 from sonarmap.slam.map.placed import PlacedScans, beams_of
 from sonarmap.slam.map.point_map import PointMap, fuse
 from sonarmap.spectral.scan import Scan
@@ -100,12 +100,12 @@ def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
     place = np.array([-3.0, 3.0, 0.0])
     block = place + np.random.default_rng(1).uniform(-0.4, 0.4, (400, 3))
     changed = [Scan(np.vstack([scans[0].points, T[0].inv().apply(block)]).astype(np.float32)), *scans[1:]]
-    parted = survey_layers(PlacedScans.of(changed, T, VOXEL, surveys=surveys))
-    layers = {number: layer.clean for number, layer in parted.items()}
+    of_surveys = PlacedScans.of(changed, T, VOXEL, surveys=surveys).by_survey
+    layers = {number: clean_map(placed).clean for number, placed in of_surveys.items()}
     assert list(layers) == [0, 1]
     assert {tuple(np.unique(layer.survey)) for layer in layers.values()} == {(0,), (1,)}
     assert set(layers[0].scan.tolist()) == {0, 1, 2, 3}
-    assert survey_layers(PlacedScans.of(scans, T, VOXEL)) == {}
+    assert PlacedScans.of(scans, T, VOXEL).by_survey == {}
 
     def blocks(point_map: PointMap) -> int:
         return int((np.abs(point_map.points - place) < 0.4).all(axis=1).sum())
@@ -115,19 +115,18 @@ def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
     assert blocks(layers[1]) == 0
 
 
-@pytest.mark.parametrize("size", [0.7, 3.0, 50.0])
-def test_it_finds_the_points_that_all_distances_find(size: float) -> None:
+@pytest.mark.parametrize("ordered", [True, False])
+def test_it_finds_the_points_that_all_distances_find(ordered: bool) -> None:
     rng = np.random.default_rng(3)
     points = rng.normal(size=(2000, 3)) * [20, 5, 1] + [1e6, -3e5, 40]
-    tiles = Tiles.of(points, size)
+    if ordered:  # as a map's, by cells along x
+        points = points[np.argsort(np.floor(points[:, 0]), kind="stable")]
+    within = ball_search(points)
     for _ in range(20):
         center, radius = points[rng.integers(2000)] + rng.normal(size=3), float(rng.uniform(0.1, 9))
         wanted = np.flatnonzero(((points - center) ** 2).sum(axis=1) < radius**2)
-        np.testing.assert_array_equal(tiles.within(center, radius), wanted)
-    assert not len(tiles.within(points[0] + 1e5, 5.0))
-    # a point far away is in no tile
-    points = np.array([[0.0, 0, 0], [1, 0, 0], [1e9, 0, 0]])
-    assert Tiles.of(points, 1.0).within(np.zeros(3), 2.0).tolist() == [0, 1]
+        np.testing.assert_array_equal(within(center, radius), wanted)
+    assert not len(within(points[0] + 1e5, 5.0))
 
 
 CROSSED, COARSE = 14, 0.3

@@ -187,17 +187,8 @@ def test_all_its_edges_together_err_as_much_as_the_whole() -> None:
     assert not some.tells(1, 3)
 
 
-def test_where_it_tells_nothing_anything_is_expected() -> None:
-    motion = MeasuredMotion(Odometry(np.arange(10), POSES[:10], TIMES[:10]), None, FINE)
-    assert motion.is_measured(3, 4)
-    assert not motion.is_measured(3, 14)
-    assert motion.expected(3, 14).sigmas.min() > 3
-    assert not motion.contradicts(3, 14, RigidTransform.from_translation([500.0, 0, 0]))
-    assert motion.is_beyond(3, 4, RigidTransform.from_translation([500.0, 0, 0]))
-
-
-def test_where_it_tells_nothing_the_learned_motion_does() -> None:
-    pairs = steps(20)
+def test_where_it_tells_nothing_the_learned_motion_does_and_without_anything_is_expected() -> None:
+    pairs, far = steps(20), RigidTransform.from_translation([500.0, 0, 0])
     learned_motion = learned(pairs)
     motion = MeasuredMotion(Odometry(np.arange(10), POSES[:10], TIMES[:10]), learned_motion, FINE)
     assert motion.way(3, 4) is None
@@ -206,6 +197,10 @@ def test_where_it_tells_nothing_the_learned_motion_does() -> None:
     np.testing.assert_array_equal(fewer.sigmas, learned_motion.following(pairs[:15]).expected(16, 17).sigmas)
     assert (fewer.sigmas >= motion.expected(16, 17).sigmas).all()
     unlearned = MeasuredMotion(motion.odometry, None, FINE)
+    assert [unlearned.is_measured(3, k) for k in (4, 14)] == [True, False]
+    assert unlearned.expected(3, 14).sigmas.min() > 3
+    assert not unlearned.contradicts(3, 14, far)
+    assert unlearned.is_beyond(3, 4, far)
     assert unlearned.way(14, 15) is None
     assert unlearned.following(pairs) is unlearned
 

@@ -78,14 +78,6 @@ def test_a_noisy_graph_is_certified_from_any_poses_and_no_step_lowers_it(seed: i
         assert problem.cost(found.T * step) > found.cost_after * (1 - 1e-9)
 
 
-def test_without_noise_the_poses_come_back() -> None:
-    rng = np.random.default_rng(8)
-    true = poses(rng, 9)
-    problem = ChordalProblem.of(9, graph(rng, true, ring(9), 0.0))
-    found = optimize_isotropic(problem, true)
-    np.testing.assert_allclose(found.T.as_matrix(), true.as_matrix(), atol=1e-6)
-
-
 def wound(count: int, turns: float) -> RigidTransform:
     """A ring whose rotations wind about the vertical `turns` times more than its edges say."""
     angles = 2 * np.pi * np.arange(count) / count

@@ -81,16 +81,6 @@ def test_a_user_may_set_the_step() -> None:
         KeySettings(0.0)
 
 
-def test_refused_strides_are_halved() -> None:
-    def short(i: int, j: int, given: Registration) -> Registration:
-        return reach(i, j, given) if j - i <= 3 else replace(given, accepted=False, probability=0.0)
-
-    result, _ = mapped(spoil=short)
-    assert result.keys is not None
-    assert max(np.diff(result.keys)) <= 3
-    assert largest_error(result) < 0.4
-
-
 def test_strides_go_on_along_a_wall() -> None:
     """A direction that scans leave open is so at half the way as well; a wrong place is not."""
 

@@ -5,8 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.pose_graph import Solution
-from sonarmap.slam.loops.candidates import separations
-from sonarmap.slam.loops.forecast import certainties, displacement
+from sonarmap.slam.loops.candidates import certainties, displacement, separations
 from sonarmap.slam.map.cell import outline
 from tests.samples.surveys import chain_edges, chained_graph, edge, random_covariance, ring_poses, scans_of
 
@@ -52,13 +51,6 @@ def test_a_displacement_is_the_root_mean_square_over_all_points():
 
 T, COVARIANCE = RigidTransform.identity(), np.eye(6)
 CHAIN = chain_edges(RigidTransform.identity(10), COVARIANCE)
-
-
-def test_it_is_counted_along_the_order_or_by_way_of_the_nearest_loop() -> None:
-    pairs = np.array([(0, 9), (2, 3), (7, 1), (0, 9)])
-    np.testing.assert_array_equal(separations(10, CHAIN, pairs), [9, 1, 6, 9])
-    loop = edge(1, 8, T, COVARIANCE, "loop")
-    np.testing.assert_array_equal(separations(10, [*CHAIN, loop], pairs), [3, 1, 2, 3])
 
 
 def test_it_is_the_shortest_way_by_at_most_one_loop() -> None:
