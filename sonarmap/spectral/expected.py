@@ -52,10 +52,7 @@ class ExpectedPose:
         """Priors of both scans that say what is expected, and what instruments measured where that is surer.
 
         Their world is one of the pair's own: the target's sensor is at its origin. Where both attitudes are measured it
-        is level, else its axes are the target's.
-
-        Args:
-            target, source: what instruments measured of the scans, None where nothing.
+        is level, else its axes are the target's. Given is what instruments measured of the scans, None where nothing.
         """
         if target is not None and source is not None and target.knows_attitude and source.knows_attitude:
             return self._leveled(target, source)

@@ -31,9 +31,6 @@ class RelativePrior(PriorPair):
     attitude bounds the yaw alone, and as widely as roll and pitch up to `UNMEASURED_TILT` require. The shift is bounded
     in the world's axes. Which way these point in the target's frame is known from the target's prior, or, where the
     source's knows more, from that and R_target_source. Without any attitude only the length of the shift is bounded.
-
-    Attributes:
-        target, source: of the two scans, in one world.
     """
 
     @property
@@ -55,22 +52,17 @@ class RelativePrior(PriorPair):
     def turned(self, turns: np.ndarray, tilts: np.ndarray) -> Rotation:
         """The measured R_target_source, turned about the vertical and tilted about level axes; where `knows_tilt`.
 
-        Args:
-            turns: (n,) [rad], from the measured one, where the headings are known.
-            tilts: (m, 2) rotation vectors about East and North [rad].
-
-        Returns:
-            n m rotations, turn by turn.
+        n m rotations, turn by turn, of turns (n,) [rad], from the measured one where the headings are known, and tilts
+        (m, 2), rotation vectors about East and North [rad].
         """
         about = Rotation.from_euler("Z", np.repeat(turns, len(tilts))[:, None])
         tilted = Rotation.from_rotvec(np.tile(np.column_stack([tilts, np.zeros(len(tilts))]), (len(turns), 1)))
         return measured_rotation(self.target).inv() * tilted * about * measured_rotation(self.source)
 
     def shift_box(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray] | None:
-        """Where the source's origin may be in the target's axes, within 4 standard deviations.
+        """Center (3,) and half widths (3,) [m] of where the source's origin may be in the target's axes.
 
-        Returns:
-            Center (3,) and half widths (3,) [m]; None where not all three directions are measured.
+        Within 4 standard deviations; None where not all three directions are measured.
         """
         if self._is_backward or not self._known(self.target)[3:].all():
             return None
@@ -160,11 +152,7 @@ class RelativePrior(PriorPair):
 
 
 def relative_prior(target: PosePrior | None, source: PosePrior | None) -> RelativePrior | None:
-    """What two scans' priors say about T_target_source; None where they bound nothing.
-
-    Args:
-        target, source: the scans' `prior`, None where they have none.
-    """
+    """What two scans' priors say about T_target_source; None where they bound nothing."""
     if target is None or source is None:
         return None
     prior = RelativePrior(target, source)

@@ -80,15 +80,10 @@ class Translation:
         count: int,
         separation: float,
     ) -> list[list[list[Peak]]]:
-        """For each rotation and exponent the `count` highest peaks within a box, or all that are.
+        """For each of m rotations and each exponent the `count` highest peaks within its box, or all that are.
 
-        Within a box a peak's shift is what it names; elsewhere it is one of what is cyclic. What the box moves out
-        of the grid takes no part.
-
-        Args:
-            R_target_source: (m,) rotations.
-            boxes: (m,) of each; None where any shift is possible.
-            separation: the peaks are farther than this apart [voxels].
+        They are farther than `separation` [voxels] apart. Within a box a peak's shift is what it names, and what the
+        box moves out of the grid takes no part; without one, None, it is one of what is cyclic.
         """
         bounds = [box if self.is_bounded(box) else None for box in boxes]
         poses = [
@@ -108,12 +103,7 @@ class Translation:
     def find_at(
         self, target: Volume, source: Volume, R_target_source: Rotation, shifts: np.ndarray
     ) -> Pending[list[Peak]]:
-        """The highest places within a voxel of shifts, be they peaks or on the slope of another.
-
-        Args:
-            R_target_source: (m,) rotations.
-            shifts: (m, 3) [voxels], one for each.
-        """
+        """The highest places within a voxel of shifts (m, 3) [voxels], one for each of m rotations; also on slopes."""
         poses = [Pose(R) for R in R_target_source.as_matrix()]
         places = np.rint(shifts).astype(np.int64)
         return self._correlator.near(source.points, poses, target.spectra, places)

@@ -40,16 +40,11 @@ class PoseCovariance:
 def fit_covariance(
     hypothesis: Hypothesis, centers: tuple[np.ndarray, np.ndarray], grid: Grid, calibration: Calibration = CALIBRATION
 ) -> PoseCovariance:
-    """The covariance of a refined pose.
+    """The covariance of a refined pose, whose evidence is measured on the whole grid.
 
     Rotation and translation are estimated jointly: along a wall that shows nothing else the variance is large, and for
-    a single plane that of three directions, though never beyond half a turn and the grid.
-
-    Args:
-        hypothesis: refined, its evidence measured on the whole grid.
-        centers: (3,) each, the target's and the source's grid center [m, each in its sensor frame].
-        grid: that both scans share.
-        calibration: of the scale.
+    a single plane that of three directions, though never beyond half a turn and the grid. The centers are the target's
+    and the source's grid center, (3,) each [m, each in its sensor frame].
     """
     fit = hypothesis.fit
     target_center, source_center = (center / grid.voxel for center in centers)
@@ -69,16 +64,11 @@ def fit_covariance(
     # from a turn of the target's axes and a shift along them to the source's own
     back = np.kron(np.eye(2), fit.R.as_matrix().T)
     meters = np.outer(*[np.repeat([1.0, grid.voxel], 3)] * 2)
-
-    def at_sensor(covariance: np.ndarray) -> np.ndarray:
-        return covariance_at_sensor(back @ covariance @ back.T * meters, centers[1])
-
-    return PoseCovariance(
-        posterior=at_sensor(posterior),
-        by_scans=at_sensor(by_scans),
-        by_instruments=None if by_instruments is None else at_sensor(by_instruments),
-        step=step,
+    at_sensor = (
+        None if each is None else covariance_at_sensor(back @ each @ back.T * meters, centers[1])
+        for each in (posterior, by_scans, by_instruments)
     )
+    return PoseCovariance(*at_sensor, step=step)  # pyright: ignore[reportArgumentType]
 
 
 def covers(covariance: np.ndarray, T: RigidTransform, other: RigidTransform) -> bool:
@@ -97,18 +87,14 @@ def _by_planes(hypothesis: Hypothesis, calibration: Calibration) -> np.ndarray:
     sure = 1 - (np.maximum(_DOUBTS * fit.doubt, _COMMON * fit.own) / share) ** 2
     axes = axes / np.repeat([max(float(lever), 1e-6), 1.0], 3)[:, None]
     held = (axes * (sure > 0) / np.maximum(share * fit.pairs, _LEAST)) @ axes.T
-    return (axes * variance / np.maximum(sure * share * fit.pairs, _LEAST)) @ axes.T + by_stretch(
-        fit, held, calibration
-    )
+    by_planes = (axes * variance / np.maximum(sure * share * fit.pairs, _LEAST)) @ axes.T
+    return by_planes + by_stretch(fit, held, calibration)
 
 
 def by_stretch(fit: Fit, held: np.ndarray, calibration: Calibration) -> np.ndarray:
-    """(6, 6) what the pose may be off by as the ranges' shares are not known.
+    """(6, 6) what the pose may be off by as the ranges' shares are not known; no more where nothing holds the pose.
 
-    Where nothing holds the pose, shares make no difference.
-
-    Args:
-        held: (6, 6) inverse of the information, in directions in which there is any.
+    `held` is the (6, 6) inverse of the information, in directions in which there is any.
     """
     if fit.stretching is None:
         return np.zeros((6, 6))

@@ -85,9 +85,8 @@ class HypothesisTest:
         R = Rotation.concatenate([finalist.fit.R for finalist in distinct])
         rotations = RotationPeaks(R, np.array([finalist.rotation_score for finalist in distinct]))
         boxes = [self._frames.box(finalist.fit.R) for finalist in distinct]
-        candidates = self._frames.within_bounds(
-            self.verifier.fine_candidates(self.target, self.source, rotations, boxes)
-        )
+        named = self.verifier.fine_candidates(self.target, self.source, rotations, boxes)
+        candidates = self._frames.within_bounds(named)
         if not len(candidates.psr):
             return []
         selection = Selection(2 * len(finalists), FINE, SAME_REFINED_SHIFT)
@@ -116,12 +115,9 @@ class HypothesisTest:
     def finish(
         self, hypotheses: list[Hypothesis], spectral: bool, stages: Sequence[Stage] = (_FINAL,)
     ) -> list[Hypothesis]:
-        """The best hypothesis refined to the end, and the others that are not now where it is.
+        """The first and best hypothesis refined to the end, and the others that are not now where it is.
 
-        Args:
-            hypotheses: best first.
-            spectral: whether the best climbs the translation's peak over the rotation, instead of the planes.
-            stages: of the refinement that are left.
+        If `spectral`, the best climbs the translation's peak over the rotation, instead of the planes.
         """
         best = self._left_to_scans(self._finish_best(hypotheses[0], spectral, stages))
         return [best, *(hypothesis for hypothesis in hypotheses[1:] if not alike(hypothesis.fit, best.fit))]
@@ -196,8 +192,7 @@ class HypothesisTest:
     ) -> list[Hypothesis]:
         """Refined, and observed by so many points, best first; one wait unless instruments take part.
 
-        Args:
-            origins: scores of the rotations and peaks of the candidates, as `Hypothesis` has them.
+        `origins` are scores of the rotations and peaks of the candidates, as `Hypothesis` has them.
         """
         refined = self._steps(start, stages)
         seen = self.verifier.observe(self.target, self.source, refined.poses, points).read()

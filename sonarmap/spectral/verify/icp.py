@@ -111,16 +111,13 @@ def refine(
 
 def _refinement(device: Device, target: Surface, source: Surface, most: int, stretches: bool) -> Refinement:
     """By at most so many points of each scan."""
-    counts = [len(surface.elements) for surface in (target, source)]
-    scale = sum(min(count, _FULL) for count in counts) / sum(
-        surface.elements.thinned(most)[0] for surface in (target, source)
-    )
+    elements = target.elements, source.elements
+    scale = sum(min(len(each), _FULL) for each in elements) / sum(each.thinned(most)[0] for each in elements)
     stretching = None
     if stretches:
         known = float(CALIBRATION.variance(np.array(1.0))) / CALIBRATION.stretched**2
         stretching = Stretching(known, CALIBRATION.width, CALIBRATION.narrowest)
-    weighting = replace(_WEIGHTING, scale=scale)
-    return Refinement(device, target.elements, source.elements, most, weighting, stretching)
+    return Refinement(device, *elements, most, replace(_WEIGHTING, scale=scale), stretching)
 
 
 def _equations(record: Record, prior: PriorTerm | None, stretches: bool) -> tuple[State, NormalEquations]:
@@ -134,10 +131,8 @@ def _fits(record: Record, prior: PriorTerm | None, stretches: bool) -> list[Fit]
     state, normal = _equations(record, prior, stretches)
     if prior is None:
         stretch = record.next_stretch if stretches else None
-        moved, alone = (
-            State(record.next_turn, record.next_shift, record.width, stretch, None),
-            np.zeros((len(record.total), 6)),
-        )
+        moved = State(record.next_turn, record.next_shift, record.width, stretch, None)
+        alone = np.zeros((len(record.total), 6))
     else:
         moved, alone = normal.moved(state)
     shared = normal.shared

@@ -14,8 +14,8 @@ from sonarmap.spectral.result import Registration
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
 from sonarmap.spectral.verify.probability import (
-    LOGISTIC,
     Clues,
+    clear_probability,
     clues,
     explain,
     hypothesis_probabilities,
@@ -40,9 +40,9 @@ def probabilities(*hypotheses: Hypothesis, edge: int = 128, search: float = 0.0)
 
 @pytest.mark.parametrize("clue", [field.name for field in fields(Clues)])
 def test_the_probability_grows_with_every_clue(clue: str) -> None:
-    clear = LOGISTIC.probability(CLEAR)
+    clear = clear_probability(CLEAR)
     assert 0.9 < clear < 1
-    assert LOGISTIC.probability(replace(CLEAR, **{clue: getattr(CLEAR, clue) - 1.0})) < clear
+    assert clear_probability(replace(CLEAR, **{clue: getattr(CLEAR, clue) - 1.0})) < clear
 
 
 def test_clues_are_logarithms_of_the_evidence() -> None:

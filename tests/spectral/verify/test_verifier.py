@@ -189,7 +189,7 @@ class TestEvidence:
         assert right.score > wrong.score + 1
 
     def test_without_a_view_the_surfaces_are_the_evidence(self, verifier, pair) -> None:
-        blind = tuple(replace(scan, view=replace(scan.view, images=())) for scan in pair)
+        blind = tuple(replace(scan, view=replace(scan.view, ranges=None, viewpoints=None)) for scan in pair)
         true = hypothesis(TRUE.rotation, shift_of(pair))
         (without_view,), (with_view,) = (looked_at(verifier, each, [true]) for each in (blind, pair))
         assert np.isnan(without_view.evidence.view)

@@ -10,7 +10,7 @@ import sonarmap
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
 from sonarmap.spectral.registration import SpectralRegistrar
-from sonarmap.tools.methods import reuse
+from sonarmap.tools.methods import registry as reuse
 from sonarmap.tools.methods.registry import Setup
 from tests.samples.scenes.reliefs import above, relief, seen
 
