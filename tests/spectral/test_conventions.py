@@ -162,25 +162,3 @@ class TestSpectra:
         B = magnitude(moved, wave_vectors)
         np.testing.assert_allclose(B, magnitude(blobs, R.apply(wave_vectors)), atol=1e-12)
         assert np.abs(B - magnitude(blobs, R.inv().apply(wave_vectors))).max() > 1
-
-    def test_magnitudes_turn_with_the_volume_on_a_grid(self) -> None:
-        """The same with NumPy's transform and a quarter turn about z, which maps voxels onto voxels."""
-        a = np.random.default_rng(3).random((8, 8, 8))
-        quarter = Rotation.from_euler("Z", 90, degrees=True)  # R (x, y, z) = (-y, x, z)
-        n = 8
-        x = np.stack(np.meshgrid(*3 * [np.arange(n)], indexing="ij"), axis=-1)
-        shift = np.array([1, 5, 2])
-        ix, iy, iz = np.moveaxis((np.rint(quarter.apply(x.reshape(-1, 3))).astype(int) + shift) % n, -1, 0)
-        b = a[ix, iy, iz].reshape(n, n, n)
-        A, B = np.abs(np.fft.fftn(a)), np.abs(np.fft.fftn(b))
-        kx, ky, kz = np.moveaxis(np.rint(quarter.apply(x.reshape(-1, 3))).astype(int) % n, -1, 0)
-        np.testing.assert_allclose(B.ravel(), A[kx, ky, kz], rtol=1e-12)
-        assert np.abs(B.ravel() - A[ky, kx, kz]).max() > 1
-
-    def test_a_point_in_the_source_stands_where_the_law_says(self) -> None:
-        """p_target = R p_source + t is the same R and t as b(x) = a(R x + t)."""
-        p_source = np.array([0.5, -2.0, 1.5])
-        p_target = T_WORLD_I.apply(p_source)
-        a_is_at, b_is_at = p_target, T_WORLD_I.inv().apply(p_target)
-        np.testing.assert_allclose(T_WORLD_I.apply(b_is_at), a_is_at, atol=1e-14)
-        np.testing.assert_allclose(b_is_at, p_source, atol=1e-14)

@@ -36,8 +36,8 @@ class Clues:
 
 
 # The logarithm of the odds where all clues are 0, and the clues' weights in it; the weight of the lead in that against
-# a twin. By maximum likelihood on simulated pairs of every kind, related and unrelated; docs/registration.md names them,
-# and how it did on kinds that were left out.
+# a twin. By maximum likelihood on simulated pairs of every kind, related and unrelated; docs/registration.md names
+# them, and how it did on kinds that were left out.
 _ODDS, _TWIN = 1.4, 5.0
 _WEIGHTS = Clues(psr=0.8, view=1.0, surface=0.92, sharpness=0.66, firmness=0.82, lead=0.49, search=1.0)
 

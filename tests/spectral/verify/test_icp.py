@@ -133,12 +133,6 @@ def test_nothing_within_reach_moves_nothing(pair: tuple[Surface, Surface]) -> No
     assert fit.residual == 0
 
 
-def test_twice_is_the_same(pair: tuple[Surface, Surface]) -> None:
-    first, second = (refine_one(*pair, R_TRUE, SHIFT_TRUE + 0.5, REACHES, 500) for _ in range(2))
-    np.testing.assert_array_equal(first.information, second.information)
-    np.testing.assert_array_equal(first.shift, second.shift)
-
-
 def thick_corner(seed: int, noise: float) -> np.ndarray:
     """Points of three walls at right angles, `noise` voxels (rms) off them, one for each voxel that they fill."""
     rng = np.random.default_rng(seed)
