@@ -37,8 +37,10 @@ class TestWhichSayAnything:
     def test_one_thing_known_of_both_will_do(self, kind: slice) -> None:
         relative = relative_prior(prior(T_TARGET, kind), prior(T_SOURCE, kind))
         assert relative is not None
-        known = (relative.knows_tilt, relative.knows_heading, relative.knows_position, relative.knows_depth)
-        assert known == tuple(kind == known_kind for known_kind in ALL)
+        known = [kind == known_kind for known_kind in ALL]
+        assert [relative.knows_tilt, relative.knows_heading, relative.knows_position, relative.knows_depth] == known
+        one = relative.target
+        assert [one.knows_attitude, one.knows_heading, one.knows_position, one.knows_depth] == known
 
     def test_the_measured_rotation(self) -> None:
         measured = pair(ATTITUDE, HEADING).R_target_source
