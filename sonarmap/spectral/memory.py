@@ -66,13 +66,9 @@ class MemoryPlan:
 
 
 def memory_plan(edge: int, method: Method = "spectral", points: int = POINTS, max_tilt: float = np.pi) -> MemoryPlan:
-    """What a method allocates on a grid.
+    """What a method allocates on a grid of `edge` voxels along each edge, for scans of so many points.
 
-    Args:
-        edge: voxels along each edge.
-        method: "spectral", or the paper's own, "hemisphere".
-        points: of each scan.
-        max_tilt: largest roll and pitch [rad], which the tables of rotations grow with; spectral only.
+    Its tables of rotations grow with the largest roll and pitch [rad]; "hemisphere", the paper's own, has none.
     """
     return _spectral(edge, points, max_tilt) if method == "spectral" else _hemisphere(edge, points)
 

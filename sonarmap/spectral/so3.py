@@ -101,10 +101,9 @@ class So3:
         return float(self._radii[-1]) + 2.0
 
     def analyze(self, magnitude: Array) -> Pending[SphereLayers]:
-        """Queue a scan's layers; reading them raises InputError where the spectrum holds numbers that are not finite.
+        """Queue a scan's layers, of `spectrum.magnitude` (edge, edge, edge/2 + 1) up to `farthest` at least.
 
-        Args:
-            magnitude: (edge, edge, edge/2 + 1), as `spectrum.magnitude` gives it, up to `farthest` at least.
+        Reading them raises InputError where the spectrum holds numbers that are not finite.
         """
         # each layer counts alike (Sect. 2.8)
         coefficients = self._harmonics.analyze(magnitude, self._radii)

@@ -49,10 +49,8 @@ class Preparer:
     ) -> None:
         """Plan the volume and its transform.
 
-        Args:
-            use_strength: whether voxels hold the echo strength, where a scan has it.
-            centered: whether the grid is put at the scan's center, or at the sensor.
-            farthest: magnitudes farther than this from frequency 0 are not needed [bins].
+        Voxels hold the echo strength or the occupancy; the grid is put at the scan's center or at the sensor. What is
+        farther than `farthest` from frequency 0 [bins] of the magnitudes is not needed.
         """
         self.device, self.grid = device, grid
         self.use_strength, self.centered, self._farthest = use_strength, centered, farthest

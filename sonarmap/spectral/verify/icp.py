@@ -82,11 +82,8 @@ def refine(
 ) -> Refined:
     """Queue Gauss-Newton from k places, side by side, as if each were alone; stage by stage, from coarse to fine.
 
-    The device takes all steps without a word; only instruments that have one make each step's sums come back.
-
-    Args:
-        stages: one, if instruments take part or the scans stretch.
-        prior: what instruments measured, about the places to begin with; it counts in every step beside the planes.
+    The device takes all steps without a read. Only a prior, what instruments measured about the places to begin with,
+    makes each step's sums come back, and counts in it beside the planes: with one, or stretches, in a single stage.
     """
     *before, last = stages
     stretches = begin.stretches

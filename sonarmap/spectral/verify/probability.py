@@ -91,12 +91,8 @@ def tolerance_probability(covariance: np.ndarray, voxel: float, instruments: np.
 
     The right hypothesis may still leave the pose open, as along a wall. Turn and shift are each taken along their
     least sure direction. Where instruments bound that direction, as navigation does over a flat bed, an error of three
-    of their standard deviations is none either.
-
-    Args:
-        covariance: (6, 6) of the pose, rotation first [rad, m].
-        voxel: [m].
-        instruments: (6, 6) of the pose by instruments alone; None without.
+    of their standard deviations is none either. Covariances are (6, 6), rotation first [rad, m], that of `instruments`
+    by these alone; the voxel is in meters.
     """
     probability = 1.0
     turn = (slice(0, 3), _RIGHT_TURN, _KNOWN_TURN)

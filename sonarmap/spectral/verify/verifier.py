@@ -104,10 +104,8 @@ class Verifier:
         """Several shifts for each rotation, from the coarse grid, each with all shifts that a cyclic one stands for.
 
         Both whitenings name candidates. What a peak is worth is its height beside the usual highest one of its
-        whitening, over all rotations: so the two can be compared.
-
-        Args:
-            boxes: of each rotation, the shifts that are possible [voxels of the whole grid]; None for all.
+        whitening, over all rotations: so the two can be compared. A box holds the shifts that are possible under its
+        rotation [voxels of the whole grid]; None for all.
         """
         scale = self.edge / self.coarse_edge
         coarse_boxes = [None if box is None else Box(np.rint(box.center / scale), box.half / scale) for box in boxes]
