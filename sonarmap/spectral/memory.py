@@ -73,6 +73,11 @@ def memory_plan(edge: int, method: Method = "spectral", points: int = POINTS, ma
     return _spectral(edge, points, max_tilt) if method == "spectral" else _hemisphere(edge, points)
 
 
+def memory_plans(edge: int) -> tuple[MemoryPlan, MemoryPlan]:
+    """Of both methods."""
+    return memory_plan(edge, "spectral"), memory_plan(edge, "hemisphere")
+
+
 def require_memory(device: Device, plan: MemoryPlan) -> None:
     """Refuse a grid that the device cannot hold together with two prepared scans.
 
@@ -91,19 +96,17 @@ def largest_edge(device: Device) -> int | None:
 
 def scans_that_fit(device: Device, edge: int) -> int:
     """How many prepared scans the device can hold beside what a pair needs, by the method that needs more."""
-    plans = [memory_plan(edge, method) for method in ("spectral", "hemisphere")]
-    return min(max(0, device.memory - plan.scratch) // plan.scan for plan in plans)
+    return min(max(0, device.memory - plan.scratch) // plan.scan for plan in memory_plans(edge))
 
 
 def prepared_size(edge: int) -> int:
     """What a prepared scan takes, by the method that needs more [bytes]."""
-    return max(memory_plan(edge, method).scan for method in ("spectral", "hemisphere"))
+    return max(plan.scan for plan in memory_plans(edge))
 
 
 def _fits(device: Device, edge: int) -> bool:
     try:
-        for method in ("spectral", "hemisphere"):
-            plan = memory_plan(edge, method)
+        for plan in memory_plans(edge):
             device.require(plan.largest, plan.pair, hint="")
     except DeviceError:
         return False

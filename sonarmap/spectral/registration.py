@@ -125,7 +125,7 @@ class SpectralRegistrar(GridRegistrar):
             self._warm = True
             self._register(target, source, bounds)
         start = perf_counter()
-        test = HypothesisTest(self._verifier, self.grid, target, source, bounds)
+        test = HypothesisTest(self.grid, target, source, bounds, self._verifier)
         # 1. rotations under which the magnitude spectra are alike
         rotations = self._rotations(target, source, bounds)
         if not len(rotations.scores):

@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.spectral.covariance import covariance_at_sensor
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.verify.calibration import CALIBRATION, Calibration
+from sonarmap.spectral.verify.calibration import CALIBRATION
 from sonarmap.spectral.verify.fit import Fit, principal_axes
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 
@@ -37,9 +37,7 @@ class PoseCovariance:
     step: np.ndarray
 
 
-def fit_covariance(
-    hypothesis: Hypothesis, centers: tuple[np.ndarray, np.ndarray], grid: Grid, calibration: Calibration = CALIBRATION
-) -> PoseCovariance:
+def fit_covariance(hypothesis: Hypothesis, centers: tuple[np.ndarray, np.ndarray], grid: Grid) -> PoseCovariance:
     """The covariance of a refined pose, whose evidence is measured on the whole grid.
 
     Rotation and translation are estimated jointly: along a wall that shows nothing else the variance is large, and for
@@ -50,8 +48,8 @@ def fit_covariance(
     target_center, source_center = (center / grid.voxel for center in centers)
     away = target_center + fit.shift, fit.R.apply(source_center)
     _, _, lever = principal_axes(fit.information, fit.pairs)
-    by_scans = _by_planes(hypothesis, calibration) + calibration.systematic(*away, lever, fit.stretch is not None)
-    by_scans *= calibration.other_kinds
+    by_scans = _by_planes(hypothesis) + CALIBRATION.systematic(*away, lever, fit.stretch is not None)
+    by_scans *= CALIBRATION.other_kinds
     unknown = np.diag(np.repeat([np.pi, float(grid.edge)], 3) ** -2.0)
     by_scans = np.linalg.inv(np.linalg.inv(by_scans) + unknown)
     posterior, by_instruments, step = by_scans, None, fit.step
@@ -77,21 +75,21 @@ def covers(covariance: np.ndarray, T: RigidTransform, other: RigidTransform) -> 
     return float(away @ np.linalg.solve(covariance, away)) <= _ELLIPSOID
 
 
-def _by_planes(hypothesis: Hypothesis, calibration: Calibration) -> np.ndarray:
+def _by_planes(hypothesis: Hypothesis) -> np.ndarray:
     """(6, 6) by the scans' planes, of a turn of the target's axes about the source's grid center and a shift."""
     fit = hypothesis.fit
     share, axes, lever = principal_axes(fit.information, fit.pairs)
-    variance = float(calibration.variance(np.array(fit.width), hypothesis.evidence.psr))
+    variance = float(CALIBRATION.variance(np.array(fit.width), hypothesis.evidence.psr))
     # a share that is no more than its error may be nothing; one that is far above it is what it seems
     share = np.maximum(share, _LEAST)
     sure = 1 - (np.maximum(_DOUBTS * fit.doubt, _COMMON * fit.own) / share) ** 2
     axes = axes / np.repeat([max(float(lever), 1e-6), 1.0], 3)[:, None]
     held = (axes * (sure > 0) / np.maximum(share * fit.pairs, _LEAST)) @ axes.T
     by_planes = (axes * variance / np.maximum(sure * share * fit.pairs, _LEAST)) @ axes.T
-    return by_planes + by_stretch(fit, held, calibration)
+    return by_planes + by_stretch(fit, held)
 
 
-def by_stretch(fit: Fit, held: np.ndarray, calibration: Calibration) -> np.ndarray:
+def by_stretch(fit: Fit, held: np.ndarray) -> np.ndarray:
     """(6, 6) what the pose may be off by as the ranges' shares are not known; no more where nothing holds the pose.
 
     `held` is the (6, 6) inverse of the information, in directions in which there is any.
@@ -101,6 +99,6 @@ def by_stretch(fit: Fit, held: np.ndarray, calibration: Calibration) -> np.ndarr
     across, both = fit.stretching[:, :6], fit.stretching[:, 6:]
     response = -held @ across.T
     values, axes = np.linalg.eigh(both + across @ response)
-    by_planes = np.maximum(values, 0.0) / float(calibration.variance(np.array(fit.width)))
-    shares = (axes / (by_planes + calibration.stretched**-2)) @ axes.T
+    by_planes = np.maximum(values, 0.0) / float(CALIBRATION.variance(np.array(fit.width)))
+    shares = (axes / (by_planes + CALIBRATION.stretched**-2)) @ axes.T
     return response @ shares @ response.T

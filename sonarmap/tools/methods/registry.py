@@ -194,7 +194,6 @@ def reused(name: str, setup: Setup) -> Generator[Registrar]:
 def _is_worth_keeping(registrar: Any, edge: int) -> bool:
     if not hasattr(registrar, "with_voxel"):  # made at once
         return False
-    from sonarmap.spectral.memory import memory_plan
+    from sonarmap.spectral.memory import memory_plans
 
-    plans = (memory_plan(edge, method) for method in ("spectral", "hemisphere"))
-    return _PART * max(plan.pair for plan in plans) <= registrar.device.memory
+    return _PART * max(plan.pair for plan in memory_plans(edge)) <= registrar.device.memory

@@ -171,7 +171,7 @@ ASIDE = np.array([5.0, -4.0, 0.0])  # voxels
 @pytest.fixture(scope="module")
 def pair_test() -> HypothesisTest:
     """Of two scans whose grids' centers lie 18 and -18 voxels apart."""
-    return HypothesisTest(Verifier(choose_device(), EDGE), Grid(EDGE, VOXEL), *two_scans(), Bounds(np.pi, None, VOXEL))
+    return HypothesisTest(Grid(EDGE, VOXEL), *two_scans(), Bounds(np.pi, None, VOXEL), Verifier(choose_device(), EDGE))
 
 
 def true_shift(pair_test: HypothesisTest) -> np.ndarray:
