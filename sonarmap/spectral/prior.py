@@ -31,6 +31,9 @@ class RelativePrior(PriorPair):
     attitude bounds the yaw alone, and as widely as roll and pitch up to `UNMEASURED_TILT` require. The shift is bounded
     in the world's axes. Which way these point in the target's frame is known from the target's prior, or, where the
     source's knows more, from that and R_target_source. Without any attitude only the length of the shift is bounded.
+
+    Attributes:
+        target, source: of the two scans, in one world.
     """
 
     @property
@@ -152,7 +155,11 @@ class RelativePrior(PriorPair):
 
 
 def relative_prior(target: PosePrior | None, source: PosePrior | None) -> RelativePrior | None:
-    """What two scans' priors say about T_target_source; None where they bound nothing."""
+    """What two scans' priors say about T_target_source; None where they bound nothing.
+
+    Args:
+        target, source: the scans' `prior`, None where they have none.
+    """
     if target is None or source is None:
         return None
     prior = RelativePrior(target, source)

@@ -40,14 +40,10 @@ class View:
 
 
 def scan_view(device: Device, points: np.ndarray, surface: np.ndarray, viewpoints: np.ndarray) -> View:
-    """What a scan saw.
+    """What a scan saw, of all its points (n, 3) and one a voxel (m, 3), about the grid's center [voxels].
 
-    Args:
-        points: (n, 3) all points, about the grid's center [voxels].
-        surface: (m, 3) one point a voxel [voxels].
-        viewpoints: (3,) the sensor's place for all points, which is examined: a scan whose points do not form a single
-            layer as seen from there was put together from several places. Or (n, 3), for each point the sensor's
-            place when it saw it [voxels].
+    Viewpoints are (n, 3), for each point the sensor's place when it saw it [voxels]; or (3,), one for all, which is
+    examined: a scan whose points do not form a single layer as seen from there was put together from several places.
     """
     if viewpoints.ndim == 1:
         ranges = _Ranges.of(points - viewpoints)

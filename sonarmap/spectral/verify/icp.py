@@ -52,11 +52,7 @@ class Stage:
 
 
 class Refined:
-    """Refinements from k places, on their way to the host.
-
-    Attributes:
-        poses: device (k, 16) float32, where they lead, as `upload_poses` has them.
-    """
+    """Refinements from k places, on their way to the host; `poses`, where they lead, are as `upload_poses` has them."""
 
     def __init__(self, device: Device, last: LastStep, prior: PriorTerm | None, stretches: bool) -> None:
         """What `refine` has queued; what instruments say of the last step is said on the host, and at once."""
