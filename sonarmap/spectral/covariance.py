@@ -4,14 +4,9 @@ import numpy as np
 
 
 def covariance_at_sensor(about_center: np.ndarray, center: np.ndarray) -> np.ndarray:
-    """A covariance carried from the source's grid center to its sensor: the adjoint of that translation.
+    """(6, 6), rotation first, body tangent of the source's sensor frame [rad, m]: by the adjoint of a translation.
 
-    Args:
-        about_center: (6, 6), rotation first [rad, m], of errors about the grid's center, in the source's axes.
-        center: (3,) the grid's center [m, source sensor frame].
-
-    Returns:
-        (6, 6), rotation first, body tangent of the source's sensor frame [rad, m].
+    From errors (6, 6) about the source's grid center, in its axes; the center is (3,) [m, source sensor frame].
     """
     shift = np.eye(6)
     shift[3:, :3] = cross_matrices(center[None])[0]

@@ -52,10 +52,7 @@ class ExpectedPose:
         """Priors of both scans that say what is expected, and what instruments measured where that is surer.
 
         Their world is one of the pair's own: the target's sensor is at its origin. Where both attitudes are measured it
-        is level, else its axes are the target's.
-
-        Args:
-            target, source: what instruments measured of the scans, None where nothing.
+        is level, else its axes are the target's. Given is what instruments measured of the scans, None where nothing.
         """
         if target is not None and source is not None and target.knows_attitude and source.knows_attitude:
             return self._leveled(target, source)
@@ -64,13 +61,14 @@ class ExpectedPose:
 
     def _leveled(self, target: PosePrior, source: PosePrior) -> tuple[PosePrior, PosePrior]:
         R_target, R_source = measured_rotation(target), measured_rotation(source)
-        turn_sigma, *shift_sigmas = self._about(R_target)[2:]
+        # variances about and along the world's axes
+        R: np.ndarray = R_target.as_matrix() ** 2
+        expected = np.sqrt(np.concatenate([R @ self.sigmas[:3] ** 2, R @ self.sigmas[3:] ** 2]))[2:]
         shift = R_target.apply(self.translation)
         measured = source.T_world_sensor.translation - target.T_world_sensor.translation
         both = np.hypot(target.sigmas, source.sigmas)  # inf where not measured
         sigmas = np.array([both[2], *both[3:]])
-        expected = np.array([turn_sigma, *shift_sigmas])
-        headed = sigmas[0] < turn_sigma
+        headed = sigmas[0] < expected[0]
         if not headed:
             expected_turn = twist(R_target * Rotation.from_rotvec(self.rotation))
             R_source = Rotation.from_euler("Z", expected_turn - twist(R_source)) * R_source
@@ -84,8 +82,3 @@ class ExpectedPose:
             PosePrior(RigidTransform.from_components(np.zeros(3), R_target), at_target),
             PosePrior(RigidTransform.from_components(combined, R_source), at_source),
         )
-
-    def _about(self, R_world_target: Rotation) -> np.ndarray:
-        """(6,) the standard deviations about and along the world's axes."""
-        R: np.ndarray = R_world_target.as_matrix()
-        return np.sqrt(np.concatenate([R**2 @ self.sigmas[:3] ** 2, R**2 @ self.sigmas[3:] ** 2]))

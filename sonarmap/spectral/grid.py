@@ -19,9 +19,7 @@ from sonarmap.spectral.scan import Scan
 _TRIM = 0.01
 # The most voxels along an edge of the grid that places are first looked for on.
 _FINEST_COARSE = 64
-
 _FARTHEST = 1e6  # [voxels]
-
 # Free space around the largest scan, as a factor on its box: a periodic shift needs it to distinguish left
 # from right.
 _MARGIN = 1.2
@@ -102,11 +100,7 @@ def choose_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = No
 
 
 def voxel_for(extent: float, edge: int) -> float:
-    """The voxel [m] with which a scan of this extent [m] fits into the grid with a margin.
-
-    Raises:
-        InputError: the extent is 0, or the edge is none of a grid's.
-    """
+    """The voxel [m] with which a scan of this extent [m] fits into the grid with a margin; InputError where it is 0."""
     _require_edge(edge)
     if extent <= 0:
         raise InputError(

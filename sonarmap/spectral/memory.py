@@ -66,25 +66,23 @@ class MemoryPlan:
 
 
 def memory_plan(edge: int, method: Method = "spectral", points: int = POINTS, max_tilt: float = np.pi) -> MemoryPlan:
-    """What a method allocates on a grid.
+    """What a method allocates on a grid of `edge` voxels along each edge, for scans of so many points.
 
-    Args:
-        edge: voxels along each edge.
-        method: "spectral", or the paper's own, "hemisphere".
-        points: of each scan.
-        max_tilt: largest roll and pitch [rad], which the tables of rotations grow with; spectral only.
+    Its tables of rotations grow with the largest roll and pitch [rad]; "hemisphere", the paper's own, has none.
     """
     return _spectral(edge, points, max_tilt) if method == "spectral" else _hemisphere(edge, points)
+
+
+def memory_plans(edge: int) -> tuple[MemoryPlan, MemoryPlan]:
+    """Of both methods."""
+    return memory_plan(edge, "spectral"), memory_plan(edge, "hemisphere")
 
 
 def require_memory(device: Device, plan: MemoryPlan) -> None:
     """Refuse a grid that the device cannot hold together with two prepared scans.
 
-    Args:
-        plan: of `memory_plan`; whether another grid would fit is asked of the method that needs more.
-
     Raises:
-        DeviceError: saying how much is needed and which grid would fit.
+        DeviceError: saying how much is needed, and which grid would fit by the method that needs more.
     """
     smaller = [edge for edge in reversed(EDGES) if edge < plan.edge and edge % 8 == 0]
     fitting = next((edge for edge in smaller if _fits(device, edge)), None)
@@ -98,19 +96,17 @@ def largest_edge(device: Device) -> int | None:
 
 def scans_that_fit(device: Device, edge: int) -> int:
     """How many prepared scans the device can hold beside what a pair needs, by the method that needs more."""
-    plans = [memory_plan(edge, method) for method in ("spectral", "hemisphere")]
-    return min(max(0, device.memory - plan.scratch) // plan.scan for plan in plans)
+    return min(max(0, device.memory - plan.scratch) // plan.scan for plan in memory_plans(edge))
 
 
 def prepared_size(edge: int) -> int:
     """What a prepared scan takes, by the method that needs more [bytes]."""
-    return max(memory_plan(edge, method).scan for method in ("spectral", "hemisphere"))
+    return max(plan.scan for plan in memory_plans(edge))
 
 
 def _fits(device: Device, edge: int) -> bool:
     try:
-        for method in ("spectral", "hemisphere"):
-            plan = memory_plan(edge, method)
+        for plan in memory_plans(edge):
             device.require(plan.largest, plan.pair, hint="")
     except DeviceError:
         return False
@@ -135,10 +131,10 @@ def _spectral(edge: int, points: int, max_tilt: float) -> MemoryPlan:
     } | _rotation_tables(edge, max_tilt)
     preparing = {
         "preparing: magnitudes": _magnitude(edge),
-        "preparing: waves on the sphere": 4 * 2 * _SPHERES * _sphere(edge)[0] * _BANDWIDTH,
+        "preparing: waves on the sphere": 4 * 2 * _SPHERES * _latitudes(edge) * _BANDWIDTH,
     }
     registering = {"refinement: pairs of points": _REFINEMENT}
-    correlations = (_batch(n, exponents) * _half_spectrum(n) for n, exponents in ((edge, 1), (coarse, 2)))
+    correlations = (exponents * at_once(n) * _half_spectrum(n) for n, exponents in ((edge, 1), (coarse, 2)))
     largest = max(shared["rotations: d-matrices"], *correlations)
     return MemoryPlan(edge, prepared, shared, preparing=preparing, registering=registering, largest=largest)
 
@@ -154,24 +150,20 @@ def _rotation_tables(edge: int, max_tilt: float) -> dict[str, int]:
         "rotations: spectra": 8 * _BANDS * (betas + 1) * n * row_pitch(n),
         "rotations: correlations": 4 * _BANDS * (betas + 1) * n * n,
         "rotations: peaks": 4 * _BANDS * 32 * (1 + 4 * n * betas),
-        "rotations: Legendre functions": 4 * _BANDWIDTH * (_BANDWIDTH // 2) * _sphere(edge)[0],
+        "rotations: Legendre functions": 4 * _BANDWIDTH * (_BANDWIDTH // 2) * _latitudes(edge),
     }
 
 
 def _correlator(edge: int, exponents: int) -> int:
     """Volumes, spectra and correlations of a `Correlator`; maxima of rows, powers, and sums near a shift."""
-    poses, cubes = at_once(edge), _batch(edge, exponents)
+    poses = at_once(edge)
+    cubes = exponents * poses  # correlations that exist at once
     large = (poses + cubes) * _volume(edge) + cubes * _half_spectrum(edge)
     return large + 4 * cubes * edge**2 + poses * edge**2 // 2 + poses * 6 * _half_spectrum(edge) // edge
 
 
-def _batch(edge: int, exponents: int) -> int:
-    """How many correlations of a grid exist at once."""
-    return exponents * at_once(edge)
-
-
 def _hemisphere(edge: int, points: int) -> MemoryPlan:
-    layers, image = _layers(edge), image_edge(edge)
+    layers, image = int(0.6 * edge / 2) + 1, image_edge(edge)
     wide, high = min(2 * image, 512), max(image // 2, 16)
     yaw = 8 * layers * high * row_pitch(wide)
     tilt = 8 * 2 * layers * image * row_pitch(image)
@@ -191,7 +183,7 @@ def _hemisphere(edge: int, points: int) -> MemoryPlan:
     }
     stack = 4 * 2 * layers * image**2
     registering = {"tilt: turned layers, their spectra": stack + tilt}
-    largest = max(_batch(edge, 1) * _half_spectrum(edge), tilt)
+    largest = max(at_once(edge) * _half_spectrum(edge), tilt)
     return MemoryPlan(edge, prepared, shared, registering=registering, largest=largest)
 
 
@@ -207,10 +199,6 @@ def _half_spectrum(edge: int) -> int:
     return 8 * edge**2 * row_pitch(edge)
 
 
-def _sphere(edge: int) -> tuple[int, int]:
-    """Latitudes and longitudes that the layers are sampled at."""
-    return max(2 * _BANDWIDTH, -(-3 * edge // 64) * 16), max(256, 2 * edge)
-
-
-def _layers(edge: int) -> int:
-    return int(0.6 * edge / 2) + 1
+def _latitudes(edge: int) -> int:
+    """That the layers are sampled at."""
+    return max(2 * _BANDWIDTH, -(-3 * edge // 64) * 16)

@@ -16,14 +16,9 @@ _SAMPLE = 2000
 
 
 def overlap(device: Device, target: Prepared, source: Prepared, R_target_source: Rotation, shift: np.ndarray) -> float:
-    """The share of points, one per voxel, with a counterpart in the other scan; the smaller of both directions.
+    """The share of points, 0..1, one per voxel, with a counterpart in the other scan; the smaller of both directions.
 
-    Args:
-        device: that prepared them.
-        R_target_source, shift: p_target = R p_source + shift, both about the scans' grid centers [voxels].
-
-    Returns:
-        0..1.
+    p_target = R p_source + shift, both about the scans' grid centers [voxels].
     """
     back = R_target_source.inv()
     there = _shares_near(device, target, source.surface, R_target_source, shift[None])[0]

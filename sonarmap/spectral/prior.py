@@ -55,22 +55,17 @@ class RelativePrior(PriorPair):
     def turned(self, turns: np.ndarray, tilts: np.ndarray) -> Rotation:
         """The measured R_target_source, turned about the vertical and tilted about level axes; where `knows_tilt`.
 
-        Args:
-            turns: (n,) [rad], from the measured one, where the headings are known.
-            tilts: (m, 2) rotation vectors about East and North [rad].
-
-        Returns:
-            n m rotations, turn by turn.
+        n m rotations, turn by turn, of turns (n,) [rad], from the measured one where the headings are known, and tilts
+        (m, 2), rotation vectors about East and North [rad].
         """
         about = Rotation.from_euler("Z", np.repeat(turns, len(tilts))[:, None])
         tilted = Rotation.from_rotvec(np.tile(np.column_stack([tilts, np.zeros(len(tilts))]), (len(turns), 1)))
         return measured_rotation(self.target).inv() * tilted * about * measured_rotation(self.source)
 
     def shift_box(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray] | None:
-        """Where the source's origin may be in the target's axes, within 4 standard deviations.
+        """Center (3,) and half widths (3,) [m] of where the source's origin may be in the target's axes.
 
-        Returns:
-            Center (3,) and half widths (3,) [m]; None where not all three directions are measured.
+        Within 4 standard deviations; None where not all three directions are measured.
         """
         if self._is_backward or not self._known(self.target)[3:].all():
             return None

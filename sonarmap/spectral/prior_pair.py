@@ -14,9 +14,8 @@ from sonarmap.spectral.scan import PosePrior
 
 @dataclass(frozen=True, slots=True)
 class PriorPair:
-    """The priors of a pair."""
+    """The priors of two scans, in one world."""
 
-    # target, source: of the two scans, in one world
     target: PosePrior
     source: PosePrior
 
@@ -67,11 +66,8 @@ class PriorPair:
         Counted are the tilt (2) and the turn (1) where both attitudes are known, the height (1) where an attitude is
         known, and the horizontal shift (2) where a heading is known with it. What only bounds is not counted.
 
-        Args:
-            T_target_source: a stack of N.
-
         Returns:
-            (N, k) [rad, m] in the order tilt, tilt, turn, East, North, Up, of which k <= 6 are measured.
+            Of a stack of N (N, k) [rad, m], in the order tilt, tilt, turn, East, North, Up; k <= 6 are measured.
         """
         if self._is_backward:
             return PriorPair(self.source, self.target).residuals(T_target_source.inv())
@@ -81,15 +77,9 @@ class PriorPair:
         return residual[:, self._known(self.target)]
 
     def residual_covariance(self, T_target_source: RigidTransform) -> np.ndarray:
-        """The covariance of relative poses' `residuals`, each as if it were the true pose.
+        """The covariance (N, k, k) of N relative poses' `residuals`, each as if it were the true pose.
 
         An error of the attitude that turns the scan and its shift alike is counted once.
-
-        Args:
-            T_target_source: a stack of N.
-
-        Returns:
-            (N, k, k).
         """
         if self._is_backward:
             return PriorPair(self.source, self.target).residual_covariance(T_target_source.inv())
@@ -106,15 +96,9 @@ class PriorPair:
         return covariance[:, known][:, :, known]
 
     def residual_jacobian(self, T_target_source: RigidTransform) -> np.ndarray:
-        """How relative poses' `residuals` change, to first order in what is left of their tilt.
+        """How N relative poses' `residuals` change, (N, k, 6), to first order in what is left of their tilt.
 
         Of a turn w and a shift s in the target's axes, rotation first [rad, m]: R <- Exp(w) R, t <- t + s.
-
-        Args:
-            T_target_source: a stack of N.
-
-        Returns:
-            (N, k, 6).
         """
         jacobian = np.zeros((len(T_target_source), 6, 6))
         if self._is_backward:
@@ -150,8 +134,7 @@ class PriorPair:
     def _turn(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray]:
         """What is left of a rotation in the world, R_world_target R_target_source R_world_source^-1 = S Rz(turn).
 
-        Returns:
-            (N, 2) the rotation vectors of S, whose axes are level [rad], and (N,) turns within pi [rad].
+        (N, 2) the rotation vectors of S, whose axes are level [rad], and (N,) turns within pi [rad].
         """
         R = Rotation.from_quat(np.atleast_2d(R_target_source.as_quat()))
         left = measured_rotation(self.target) * R * measured_rotation(self.source).inv()

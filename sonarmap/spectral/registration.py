@@ -82,11 +82,7 @@ class SpectralRegistrar(GridRegistrar):
     """Spectral registration on one device and grid; any two scans it prepared can be registered."""
 
     def __init__(self, device: Device, grid: Grid, config: SpectralConfig | None = None) -> None:
-        """Plan everything that does not depend on the scans; device and grid as `GridRegistrar` takes them.
-
-        Args:
-            config: None for the defaults.
-        """
+        """Plan everything that does not depend on the scans; device and grid as `GridRegistrar` takes them."""
         self.config = config or SpectralConfig()
         super().__init__(device, grid, memory_plan(grid.edge, max_tilt=self.config.max_tilt))
         self.so3 = So3(device, grid.edge, self.config.max_tilt)
@@ -95,11 +91,7 @@ class SpectralRegistrar(GridRegistrar):
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
 
     def prepare(self, scan: Scan) -> SpectralScan:
-        """What the scan contributes to every pair: its spectra, its layers' harmonics, its surface and its view.
-
-        Raises:
-            InputError: the scan shows too little structure.
-        """
+        """Its spectra, its layers' harmonics, its surface and its view; InputError of one with little structure."""
         # all that the device can do is queued before anything is read
         volume, magnitude = self._preparer.prepare(scan)
         analyzed = self.so3.analyze(magnitude)
@@ -108,7 +100,7 @@ class SpectralRegistrar(GridRegistrar):
         places = np.zeros(3) if scan.viewpoints is None else scan.viewpoints
         viewpoints = self.grid.to_voxels(places, volume.center)
         view = scan_view(self.device, points, volume.surface, viewpoints)
-        surface = smooth_surface(self.device, volume.cells, [image.viewpoint for image in view.images])
+        surface = smooth_surface(self.device, volume.cells, list(view.places))
         layers = analyzed.read()
         return SpectralScan(
             volume=volume,
@@ -121,14 +113,9 @@ class SpectralRegistrar(GridRegistrar):
         )
 
     def register(self, target: SpectralScan, source: SpectralScan) -> Registration:
-        """Find T_target_source.
+        """T_target_source of two scans from `prepare`, how probable it is, and whether to believe it.
 
-        Args:
-            target, source: from `prepare` of this registrar.
-
-        Returns:
-            Its `probability` is that the transform is right, its `accepted` whether to believe it. Where the bound on
-            tilt and the priors leave no candidate, the identity with unknown covariance, not accepted.
+        Where the bound on tilt and the priors leave no candidate, the identity with unknown covariance, not accepted.
         """
         return self._register(target, source, self._bounds(target, source))
 
@@ -138,7 +125,7 @@ class SpectralRegistrar(GridRegistrar):
             self._warm = True
             self._register(target, source, bounds)
         start = perf_counter()
-        test = HypothesisTest(self._verifier, self.grid, target, source, bounds)
+        test = HypothesisTest(self.grid, target, source, bounds, self._verifier)
         # 1. rotations under which the magnitude spectra are alike
         rotations = self._rotations(target, source, bounds)
         if not len(rotations.scores):
@@ -159,11 +146,7 @@ class SpectralRegistrar(GridRegistrar):
         """Find T_target_source about where the vehicle's motion expects it, which counts as a measurement.
 
         It also says how far the scans are tilted: two that look ahead and down, in opposite directions, are by twice as
-        much as each. So the bound on roll and pitch does not count.
-
-        Args:
-            target, source: from `prepare` of this registrar; what their own instruments measured counts too.
-            expected: where.
+        much as each. So the bound on roll and pitch does not count. What the scans' instruments measured counts too.
         """
         ours, theirs = expected.priors(target.prior, source.prior)
         target, source = replace(target, prior=ours), replace(source, prior=theirs)
@@ -175,23 +158,19 @@ class SpectralRegistrar(GridRegistrar):
         return prepared.signature
 
     def rotations(self, target: SpectralScan, source: SpectralScan) -> RotationPeaks:
-        """Those that `register` follows.
+        """Those that `register` follows: under which the spectra are most alike.
 
-        Where instruments know which way is up in both scans, turns about the vertical at that tilt under which the
-        spectra are most alike. Else those of all rotations under which the spectra are most alike, and the measured
-        one, if there is one.
+        Where instruments know which way is up in both scans, of turns about the vertical at that tilt. Else of all
+        rotations, and the measured one besides, if there is one.
         """
         return self._rotations(target, source, self._bounds(target, source))
 
     def _rotations(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> RotationPeaks:
-        count = self.config.hypotheses
-        sweep = bounds.sweep
-        if sweep is not None:
-            return self.so3.best_of(target.coefficients, source.coefficients, sweep, 4 * count)
-        coefficients = target.coefficients, source.coefficients
+        count, coefficients = self.config.hypotheses, (target.coefficients, source.coefficients)
+        if (sweep := bounds.sweep) is not None:
+            return self.so3.best_of(*coefficients, sweep, 4 * count)
         peaks = distinct_rotations(self.so3.candidates(*coefficients, count, bounds.allow_rotations))
-        measured = bounds.measured
-        if measured is None:
+        if (measured := bounds.measured) is None:
             return peaks
         return RotationPeaks(Rotation.concatenate([peaks.R, measured]), np.append(peaks.scores, 0.0))
 
@@ -270,7 +249,6 @@ class SpectralRegistrar(GridRegistrar):
         """The scan on the coarse grid."""
         edge = self._verifier.coarse_edge
         points = scaled(self.device, volume.points, edge / self.grid.edge)
-        shape = edge, edge, row_pitch(edge)
-        spectra = tuple(recycled(self.device, shape, np.complex64) for _ in WHITENINGS)
+        spectra = tuple(recycled(self.device, (edge, edge, row_pitch(edge)), np.complex64) for _ in WHITENINGS)
         self._coarse_spectra.transform(points, spectra)
         return CoarseVolume(points, spectra)

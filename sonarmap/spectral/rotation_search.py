@@ -21,17 +21,11 @@ def search_rotation(
     peak: Peak,
     stay: bool = False,
 ) -> tuple[Rotation, Peak]:
-    """Climb to the rotation near the given one under which the translation's peak is highest.
+    """Climb from a rotation and its peak to one nearby under which the translation's peak is highest, and that peak.
 
     Each step tries the rotation vector's three axes either way, fits a parabola through each, and tries where their
-    tops lie: a fixed number of correlations, seven a step.
-
-    Args:
-        R_target_source, peak: where to begin, and the translation's peak there.
-        stay: whether to follow that peak, known to be the right one, step by step, instead of the highest.
-
-    Returns:
-        The best rotation that was tried and its peak.
+    tops lie: a fixed number of correlations, seven a step. If `stay`, it follows the given peak, known to be the right
+    one, instead of the highest.
     """
     R = R_target_source
 

@@ -31,8 +31,6 @@ _SEPARATION = float(np.deg2rad(7.0))
 _EXAMINED = 600
 # So many at a time.
 _AT_ONCE = 64
-
-
 _SQUARES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -103,10 +101,9 @@ class So3:
         return float(self._radii[-1]) + 2.0
 
     def analyze(self, magnitude: Array) -> Pending[SphereLayers]:
-        """Queue a scan's layers; reading them raises InputError where the spectrum holds numbers that are not finite.
+        """Queue a scan's layers, of `spectrum.magnitude` (edge, edge, edge/2 + 1) up to `farthest` at least.
 
-        Args:
-            magnitude: (edge, edge, edge/2 + 1), as `spectrum.magnitude` gives it, up to `farthest` at least.
+        Reading them raises InputError where the spectrum holds numbers that are not finite.
         """
         # each layer counts alike (Sect. 2.8)
         coefficients = self._harmonics.analyze(magnitude, self._radii)
@@ -135,13 +132,11 @@ class So3:
         allowed: Callable[[Rotation], np.ndarray],
         parts: Sequence[tuple[int, int]] = PARTS[1:],
     ) -> list[RotationPeaks]:
-        """For each part of the layers the `count` highest distinct rotations that are allowed; fewer where there are no
-        more.
+        """For each of PARTS, the bands by default, the `count` highest distinct rotations, or all that are.
 
         Args:
             target, source: `SphereLayers.coefficients`.
             allowed: which (n,) bool of n rotations are possible.
-            parts: of PARTS; the bands.
         """
         correlation = self._correlation.correlate(target, source, parts)
         return [self._best_distinct(peaks, count, allowed) for peaks in self._correlation.peaks(correlation)]
@@ -166,17 +161,12 @@ class So3:
             kept = _distinct(R, np.arange(len(scores)), count)
             if len(kept) == count or examined == _EXAMINED:
                 break
-        if not len(kept):
-            return RotationPeaks(R, scores)
-        return RotationPeaks(R[kept], scores[kept])  # pyright: ignore[reportArgumentType]
+        return RotationPeaks(R[kept], scores[kept]) if len(kept) else RotationPeaks(R, scores)  # pyright: ignore[reportArgumentType]
 
     def best_of(self, target: Array, source: Array, sweep: Sweep, count: int) -> RotationPeaks:
         """The `count` best turns of a sweep that are far enough apart, best first, each at its best tilt.
 
         Not its peaks alone: where the tilt is off, or the scans share little, the true turn may be on a slope.
-
-        Args:
-            target, source: `SphereLayers.coefficients`.
         """
         R, each = sweep.R, sweep.tilts
         correlation = self.correlate(target, source).get()[: len(self._correlation.betas)]

@@ -49,27 +49,23 @@ class Translation:
         self.device, self.edge, self.exponents = device, edge, exponents
         self._correlator = Correlator(device, edge, BLUR, exponents, at_once(edge))
 
-    def correlations(
-        self, target: Volume, source: Volume, R_target_source: Rotation, offset: np.ndarray | None = None
-    ) -> list[Array]:
+    def correlations(self, target: Volume, source: Volume, R_target_source: Rotation) -> list[Array]:
         """For each exponent the correlation (N, N, N) float32; the arrays are used again by the next call.
 
         A peak at s means p_target = R p_source + s about the grid centers. The points are turned and put into voxels
         anew: turning the voxel data would blur them.
-
-        Args:
-            offset: (3,) [voxels] by which the source is moved before; peaks are at s - offset then.
         """
-        pose = Pose(R_target_source.as_matrix(), offset)
-        return self._correlator.correlations(source.points, pose, target.spectra)
+        return self._correlator.correlations(source.points, Pose(R_target_source.as_matrix()), target.spectra)
 
     def find(self, target: Volume, source: Volume, R_target_source: Rotation) -> Peak:
         """The highest peak of the correlation with the first exponent."""
-        return self._find(target, source, R_target_source, 1, 3.0)[0]
+        return self.find_within(target, source, Rotation.concatenate([R_target_source]), [None], 1, 3.0)[0][0][0]
 
     def find_others(self, target: Volume, source: Volume, R_target_source: Rotation, separation: float) -> list[Peak]:
         """The next highest peak of that correlation, farther than `separation` [voxels] from the highest, if any."""
-        return self._find(target, source, R_target_source, 2, separation)[1:]
+        return self.find_within(target, source, Rotation.concatenate([R_target_source]), [None], 2, separation)[0][0][
+            1:
+        ]
 
     def find_within(
         self,
@@ -80,15 +76,10 @@ class Translation:
         count: int,
         separation: float,
     ) -> list[list[list[Peak]]]:
-        """For each rotation and exponent the `count` highest peaks within a box, or all that are.
+        """For each of m rotations and each exponent the `count` highest peaks within its box, or all that are.
 
-        Within a box a peak's shift is what it names; elsewhere it is one of what is cyclic. What the box moves out
-        of the grid takes no part.
-
-        Args:
-            R_target_source: (m,) rotations.
-            boxes: (m,) of each; None where any shift is possible.
-            separation: the peaks are farther than this apart [voxels].
+        They are farther than `separation` [voxels] apart. Within a box a peak's shift is what it names, and what the
+        box moves out of the grid takes no part; without one, None, it is one of what is cyclic.
         """
         bounds = [box if self.is_bounded(box) else None for box in boxes]
         poses = [
@@ -108,18 +99,7 @@ class Translation:
     def find_at(
         self, target: Volume, source: Volume, R_target_source: Rotation, shifts: np.ndarray
     ) -> Pending[list[Peak]]:
-        """The highest places within a voxel of shifts, be they peaks or on the slope of another.
-
-        Args:
-            R_target_source: (m,) rotations.
-            shifts: (m, 3) [voxels], one for each.
-        """
+        """The highest places within a voxel of shifts (m, 3) [voxels], one for each of m rotations; also on slopes."""
         poses = [Pose(R) for R in R_target_source.as_matrix()]
         places = np.rint(shifts).astype(np.int64)
         return self._correlator.near(source.points, poses, target.spectra, places)
-
-    def _find(
-        self, target: Volume, source: Volume, R_target_source: Rotation, count: int, separation: float
-    ) -> list[Peak]:
-        poses = [Pose(R_target_source.as_matrix())]
-        return self._correlator.find(source.points, poses, target.spectra, count, separation)[0][0]

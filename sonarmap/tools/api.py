@@ -16,8 +16,7 @@ from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.result import Registrar, Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.given import ScanLike, as_scan, as_scans, as_surveys, require, require_type
-from sonarmap.tools.methods.registry import Setup, find_method
-from sonarmap.tools.methods.reuse import reused
+from sonarmap.tools.methods.registry import Setup, find_method, reused
 
 if TYPE_CHECKING:
     from sonarmap.slam.execute.runner import Progress

@@ -2,8 +2,8 @@
 
 import gc
 import re
-from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,55 +15,39 @@ from sonarmap.kernels.errors import DeviceError
 from sonarmap.kernels.fft.edges import EDGES
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
-from sonarmap.spectral.memory import MemoryPlan, memory_plan, require_memory, scans_that_fit
+from sonarmap.spectral.memory import memory_plan, require_memory, scans_that_fit
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
-from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
 from tests.samples.scenes.structures import structure
 
 TILT = float(np.deg2rad(35))
-# A registrar, and the plan for scans of so many points.
-MAKERS: dict[str, tuple[Callable[[Device, Grid], Registrar], Callable[[int, int], MemoryPlan]]] = {
-    "spectral": (
-        lambda device, grid: SpectralRegistrar(device, grid),
-        lambda edge, points: memory_plan(edge, "spectral", points, TILT),
-    ),
-    "any rotation": (
-        lambda device, grid: SpectralRegistrar(device, grid, SpectralConfig(max_tilt=np.pi)),
-        lambda edge, points: memory_plan(edge, "spectral", points),
-    ),
-    "hemisphere": (
-        lambda device, grid: HemisphereRegistrar(device, grid),
-        lambda edge, points: memory_plan(edge, "hemisphere", points),
-    ),
-    "paper": (
-        lambda device, grid: HemisphereRegistrar(device, grid, HemisphereConfig.paper()),
-        lambda edge, points: memory_plan(edge, "hemisphere", points),
-    ),
+# A registrar, its config, and the method and tilt of its plan.
+MAKERS: dict[str, tuple[Any, ...]] = {
+    "spectral": (SpectralRegistrar, None, "spectral", TILT),
+    "any rotation": (SpectralRegistrar, SpectralConfig(max_tilt=np.pi), "spectral", np.pi),
+    "hemisphere": (HemisphereRegistrar, None, "hemisphere", np.pi),
+    "paper": (HemisphereRegistrar, HemisphereConfig.paper(), "hemisphere", np.pi),
 }
 
 
 @pytest.mark.parametrize(
     ("maker", "edge"),
     [
-        ("spectral", 32),
-        ("spectral", 64),
-        ("spectral", 128),
-        ("any rotation", 64),
+        *(("spectral", edge) for edge in (32, 64, 128)),
+        *(("any rotation", edge) for edge in (50, 64)),
         ("hemisphere", 64),
-        ("any rotation", 50),
-        ("hemisphere", 128),
         *(pytest.param(maker, edge, marks=pytest.mark.slow) for maker in MAKERS for edge in (90, 256)),
+        pytest.param("hemisphere", 128, marks=pytest.mark.slow),
     ],
 )
 def test_a_plan_is_within_a_tenth_of_what_is_allocated(maker: str, edge: int) -> None:
     """Of one prepared scan, and at most while two are prepared and registered; a term that is off is then named."""
     chosen = choose_device()
     device = Device(chosen.cl_device, chosen.selector)  # without the tables that other tests left
-    usage, (make, plan_of) = MemoryUsage(device), MAKERS[maker]
+    usage, (make, config, method, tilt) = MemoryUsage(device), MAKERS[maker]
     scans = [Scan(structure(seed, 8000)) for seed in (1, 2)]
-    plan = plan_of(edge, round(np.mean([len(scan.points) for scan in scans])))
-    registrar = make(device, Grid(edge, 25.6 / edge))
+    plan = memory_plan(edge, method, round(np.mean([len(scan.points) for scan in scans])), tilt)
+    registrar = make(device, Grid(edge, 25.6 / edge), config)
     target = registrar.prepare(scans[0])
     gc.collect()
     before = usage.now

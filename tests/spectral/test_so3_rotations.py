@@ -69,13 +69,6 @@ def test_the_true_rotation_is_the_highest_between_samples_too(spectra, target, r
     assert peaks.scores[0] > peaks.scores[1]
 
 
-def test_where_a_scan_lies_does_not_matter(spectra: Spectra, target: Array) -> None:
-    """A magnitude spectrum knows no shift; the grid's center follows the scan."""
-    true = Rotation.from_rotvec([0.2, -0.1, 0.9])
-    shifted = turned(true) + np.array([500.0, -90, 30], np.float32)
-    assert errors(spectra.best(target, spectra.of(shifted), 1, everything), true)[0] < 1.5
-
-
 def test_equal_scans_score_one(spectra: Spectra, target: Array) -> None:
     for first, count in PARTS:
         assert np.linalg.norm(target.get()[:, first : first + count]) == pytest.approx(1.0, abs=1e-5)
@@ -198,19 +191,6 @@ def test_the_best_is_the_nearest_tilt_of_the_nearest_turn(bounded: Spectra, scan
     best = swept(bounded, scans, 5)
     assert indices(best.R)[0] == GROUP * EACH + TILT
     assert best.scores[0] > best.scores[1]
-
-
-def test_groups_come_once_and_the_best_first_and_no_more_than_there_are(bounded, scans: tuple[Array, Array]) -> None:
-    best = swept(bounded, scans, 20)
-    assert len(best.R) == len(best.scores) == 20
-    assert best.scores.dtype == np.float64
-    assert (np.diff(best.scores) <= 0).all()
-    assert len(set(indices(best.R) // EACH)) == 20
-    every = swept(bounded, scans, 1000)
-    assert sorted(indices(every.R) // EACH) == list(range(len(TURNS)))
-    one_group = Sweep(SWEEP[:EACH], EACH, 0.0)
-    (only,) = bounded.so3.best_of(*scans, one_group, 3).scores
-    assert only in every.scores
 
 
 def test_each_stands_for_its_group_by_its_highest(bounded: Spectra, scans: tuple[Array, Array]) -> None:

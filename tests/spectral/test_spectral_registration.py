@@ -1,4 +1,4 @@
-"""The registration over all rotations: laws that any registration obeys, and asymmetric scenes with truth."""
+"""The registration over all rotations: asymmetric scenes with truth, priors and bounds."""
 
 from dataclasses import replace
 
@@ -52,54 +52,12 @@ def assert_near(T: RigidTransform, truth: RigidTransform, degrees: float = 0.3, 
     structures.assert_near(T, truth, degrees, meters)
 
 
-class TestLaws:
-    def test_a_scan_registers_to_itself(self, registrar: SpectralRegistrar) -> None:
-        points = seen(relief(1), THERE)
-        registration = register(registrar, points, points)
-        assert_near(registration.T_target_source, RigidTransform.identity(), 0.01, 0.001)
-        assert registration.overlap == 1.0
-
-    @pytest.mark.parametrize("seed", [1, 2, 3])
-    def test_finds_a_known_transform_and_says_the_ratio_of_every_step(self, registrar, seed: int) -> None:
-        registration = register(registrar, seen(relief(seed), HERE), seen(relief(seed), THERE))
-        assert_near(registration.T_target_source, T_TRUE)
-        assert 0.7 < registration.overlap < 0.95
-        steps = dict(registration.step_psr)
-        assert list(steps) == ["rotation", "candidate", "translation"]
-        assert 0 < steps["rotation"] <= 1
-        assert steps["translation"] == registration.psr > steps["candidate"] > 10
-        assert registration.seconds > 0
-
-    @pytest.mark.parametrize("yaw", [-170.0, -95.0, 100.0, 180.0])
-    def test_yaw_covers_the_circle(self, registrar: SpectralRegistrar, yaw: float) -> None:
-        turned = above(3, -2, 13, yaw, 4, -7)
-        registration = register(registrar, seen(relief(4), HERE), seen(relief(4), turned))
-        assert_near(registration.T_target_source, HERE.inv() * turned)
-
+class TestAccuracy:
     @pytest.mark.parametrize("rotvec", [(2.5, -1.0, 0.7), (0.0, 3.1, 0.0), (-1.6, 0.1, 0.2), (0.3, 1.5, -2.4)])
     def test_any_rotation_is_found_where_none_is_excluded(self, of_any_rotation, rotvec):
         Q = RigidTransform.from_components([2, -3, 1], Rotation.from_rotvec(rotvec))
         registration = register(of_any_rotation, seen(relief(2), HERE), moved(seen(relief(2), THERE), Q))
         assert_near(registration.T_target_source, T_TRUE * Q.inv(), 1.0, 0.25)
-
-    def test_the_other_way_round_is_the_inverse(self, registrar: SpectralRegistrar) -> None:
-        target, source = seen(relief(5), HERE), seen(relief(5), THERE)
-        there, back = register(registrar, target, source), register(registrar, source, target)
-        assert_near(back.T_target_source, there.T_target_source.inv())
-        assert back.overlap == pytest.approx(there.overlap, abs=0.03)
-
-    def test_turning_the_sources_frame_turns_the_answer(self, registrar: SpectralRegistrar) -> None:
-        target, source = seen(relief(6), HERE), seen(relief(6), THERE)
-        Q = RigidTransform.from_components([4.0, -6.0, 2.0], Rotation.from_euler("ZYX", [70, 6, 9], degrees=True))
-        plain, turned = register(registrar, target, source), register(registrar, target, moved(source, Q))
-        assert_near(turned.T_target_source, plain.T_target_source * Q.inv())
-
-    def test_the_same_pair_gives_the_same_bytes(self, registrar: SpectralRegistrar) -> None:
-        target, source = seen(relief(7), HERE), seen(relief(7), THERE)
-        first, second = register(registrar, target, source), register(registrar, target, source)
-        for what in ("covariance", "psr", "overlap", "probability", "step_psr", "reason"):
-            np.testing.assert_array_equal(getattr(first, what), getattr(second, what))
-        np.testing.assert_array_equal(first.T_target_source.as_matrix(), second.T_target_source.as_matrix())
 
     def test_the_translations_peak_refines_to_within_a_voxel(self) -> None:
         registrar = SpectralRegistrar(choose_device(), Grid(EDGE, VOXEL), SpectralConfig(refinement="spectral"))
@@ -122,12 +80,12 @@ class TestViews:
         both = np.vstack([relief(4), relief(54) + np.array([0, 0, 7.0])])
         here, there = above(0, 0, 14), above(3, -2, 15, 25, 4, -7)
         target, source = (registrar.prepare(Scan(seen(both, T))) for T in (here, there))
-        assert not target.view.images
-        assert not source.view.images
+        assert target.view.ranges is None
+        assert source.view.ranges is None
         registration = registrar.register(target, source)
         assert_near(registration.T_target_source, here.inv() * there)
         ground = registrar.prepare(Scan(seen(relief(4), there)))
-        assert ground.view.images
+        assert ground.view.ranges is not None
         assert_near(registrar.register(target, ground).T_target_source, here.inv() * there)
 
     @pytest.mark.parametrize("side", [-1, 1])

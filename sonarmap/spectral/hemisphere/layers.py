@@ -153,13 +153,8 @@ class Hemisphere:
         """Roll and pitch that are missing once R_known is applied (Sects. 2.6, 2.7).
 
         Both unwraps see a rotation about x and y as nearly the same shift; the rotation vector (roll, pitch, 0)
-        treats both axes alike. It is about the target's axes, each part within `limit` [rad].
-
-        Args:
-            allowed: whether a rotation R R_known is possible; the highest peak that is possible is taken.
-
-        Returns:
-            None where the correlation has no such peak.
+        treats both axes alike. It is about the target's axes, each part within `limit` [rad], and of the highest peak
+        that makes an `allowed` R R_known; None where the correlation has no such peak.
         """
         correlation = self.tilt_correlation(target, source_magnitude, R_known)
         bins = limit / self.tilt_bin

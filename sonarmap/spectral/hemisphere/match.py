@@ -32,11 +32,6 @@ def differ(a: Match, b: Match, edge: int) -> bool:
     return bool(turned or np.linalg.norm(apart) > SAME_SHIFT)
 
 
-def by_peak(match: Match) -> float:
-    """Sorts the highest peak to the front."""
-    return -match.peak.psr
-
-
 @dataclass(frozen=True, slots=True)
 class Acceptance:
     """What makes a registration believed; docs/method.md says on which pairs the thresholds were measured."""
@@ -51,15 +46,12 @@ class Acceptance:
 def assess(
     best: Match, rival: float, overlap: float, least: Acceptance, max_tilt: float, grid: Grid
 ) -> tuple[bool, str]:
-    """Whether to believe a match, and the reason in words.
+    """Whether to believe the best match, and the reason in words.
 
     Args:
-        best: what won.
         rival: the peak-to-sidelobe ratio of the next best answer.
         overlap: the share of points in common under it, 0..1.
-        least: the thresholds.
         max_tilt: largest roll and pitch [rad]; 3 degrees more are let through.
-        grid: that both scans share.
     """
     psr, least_psr = best.peak.psr, least.psr * max(1.0, grid.edge / 128) ** 0.75
     if refusal := tilt_refusal(best.R, max_tilt):

@@ -12,7 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.covariance import peak_covariance
 from sonarmap.spectral.hemisphere.layers import Hemisphere, LayerSpectra
-from sonarmap.spectral.hemisphere.match import Acceptance, Match, assess, by_peak, differ
+from sonarmap.spectral.hemisphere.match import Acceptance, Match, assess, differ
 from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.overlap import overlap, unwrap
 from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer
@@ -88,11 +88,7 @@ class HemisphereRegistrar(GridRegistrar):
     _LARGEST_TILT = float(np.deg2rad(85.0))
 
     def __init__(self, device: Device, grid: Grid, config: HemisphereConfig | None = None) -> None:
-        """Plan everything that does not depend on the scans; device and grid as `GridRegistrar` takes them.
-
-        Args:
-            config: None for the defaults.
-        """
+        """Plan everything that does not depend on the scans; device and grid as `GridRegistrar` takes them."""
         self.config = config or HemisphereConfig()
         super().__init__(device, grid, memory_plan(grid.edge, "hemisphere"))
         self.hemisphere = Hemisphere(device, grid.edge, self.config.windowed)
@@ -100,23 +96,12 @@ class HemisphereRegistrar(GridRegistrar):
         self._preparer = Preparer(device, grid, self.config.use_strength, self.config.centered)
 
     def prepare(self, scan: Scan) -> LayeredScan:
-        """What the scan contributes to every pair: its spectra and, for the steps 1 and 4, its layers.
-
-        Raises:
-            InputError: the scan shows too little structure.
-        """
+        """Its spectra and, for the steps 1 and 4, its layers; InputError where it shows too little structure."""
         volume, magnitude = self._preparer.prepare(scan)
         return LayeredScan(volume, magnitude, self.hemisphere.prepare(magnitude))
 
     def register(self, target: LayeredScan, source: LayeredScan) -> Registration:
-        """Find T_target_source.
-
-        Args:
-            target, source: from `prepare` of this registrar.
-
-        Returns:
-            Its `accepted` says whether to believe it; this method gives no probability.
-        """
+        """T_target_source of two scans from `prepare`, and whether to believe it; without a probability."""
         return self._register(target, source)
 
     def _register(self, target: LayeredScan, source: LayeredScan) -> Registration:
@@ -125,12 +110,12 @@ class HemisphereRegistrar(GridRegistrar):
             self._warm = True
             self._register(target, source)
         start = perf_counter()
-        matches = sorted(self._matches(target, source), key=by_peak)
+        matches = sorted(self._matches(target, source), key=lambda match: -match.peak.psr)
         first = matches[0]
         others = [match for match in matches if differ(first, match, self.grid.edge)]
         # the best other answer is refined alike: it may win, and if not, how high it comes out is what to compare with
         refined = [self._refine_further(target, source, match) for match in (first, *others[:1])]
-        refined.sort(key=lambda match: (not self._may_tilt(match.R), by_peak(match)))
+        refined.sort(key=lambda match: (not self._may_tilt(match.R), -match.peak.psr))
         rival = self._rival(target, source, refined[0], refined[1:] + others[1:])
         return self._conclude(target, source, refined[0], rival, start)
 

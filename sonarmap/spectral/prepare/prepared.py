@@ -49,10 +49,8 @@ class Preparer:
     ) -> None:
         """Plan the volume and its transform.
 
-        Args:
-            use_strength: whether voxels hold the echo strength, where a scan has it.
-            centered: whether the grid is put at the scan's center, or at the sensor.
-            farthest: magnitudes farther than this from frequency 0 are not needed [bins].
+        Voxels hold the echo strength or the occupancy; the grid is put at the scan's center or at the sensor. What is
+        farther than `farthest` from frequency 0 [bins] of the magnitudes is not needed.
         """
         self.device, self.grid = device, grid
         self.use_strength, self.centered, self._farthest = use_strength, centered, farthest
@@ -61,8 +59,7 @@ class Preparer:
     def prepare(self, scan: Scan) -> tuple[Prepared, Array]:
         """Voxelize and transform one scan; the device may still be at work on it.
 
-        Returns:
-            The scan, and device (N, N, N/2 + 1) float32, its centered magnitude spectrum, which no registration keeps.
+        Beside it device (N, N, N/2 + 1) float32, its centered magnitude spectrum, which no registration keeps.
 
         Raises:
             InputError: the scan has too few occupied voxels, or shows a single plane.
@@ -73,7 +70,12 @@ class Preparer:
         cells = np.floor(voxels + np.float32(edge / 2 + 0.5)).astype(np.int64)
         x, y, z = ((cells >= 0) & (cells < edge)).T
         inside = x & y & z
-        self._require_inside(scan.name, float(inside.mean()))
+        if (share := float(inside.mean())) < _LEAST_INSIDE:
+            raise InputError(
+                f"{scan.name}: the grid of {edge} voxels of {self.grid.voxel:g} m holds {share:.1%} of its points; "
+                f"wanted at least {_LEAST_INSIDE:.0%}. Give a larger `voxel`, a larger `edge`, or leave `voxel` out to "
+                "have it chosen."
+            )
         points = self.device.to_device(self._weighted(scan, voxels, inside))
         spectrum = recycled(self.device, (edge, edge, row_pitch(edge)), np.complex64)
         magnitude = recycled(self.device, (edge, edge, edge // 2 + 1))
@@ -83,15 +85,8 @@ class Preparer:
         # of a plane whose place is measured, height and tilt can still be made finer
         placed = scan.prior is not None and scan.prior.is_complete
         self._require_structure(scan.name, surface, plane_allowed=placed)
-        prepared = Prepared(
-            name=scan.name,
-            center=center,
-            points=points,
-            surface=surface,
-            cells=sort_into_cells(self.device, surface),
-            spectrum=spectrum,
-        )
-        return prepared, magnitude
+        cells_of_surface = sort_into_cells(self.device, surface)
+        return Prepared(scan.name, center, points, surface, cells_of_surface, spectrum), magnitude
 
     def _weighted(self, scan: Scan, voxels: np.ndarray, inside: np.ndarray) -> np.ndarray:
         """(n, 4) float32: occupancy as in the paper, or echo strength where wanted and present."""
@@ -100,14 +95,6 @@ class Preparer:
             strongest = scan.strength[inside].max()
             weight = scan.strength / strongest if strongest > 0 else weight
         return np.column_stack([voxels, weight]).astype(np.float32)
-
-    def _require_inside(self, name: str, share: float) -> None:
-        if share < _LEAST_INSIDE:
-            raise InputError(
-                f"{name}: the grid of {self.grid.edge} voxels of {self.grid.voxel:g} m holds {share:.1%} of its "
-                f"points; wanted at least {_LEAST_INSIDE:.0%}. Give a larger `voxel`, a larger "
-                "`edge`, or leave `voxel` out to have it chosen."
-            )
 
     def _require_structure(self, name: str, surface: np.ndarray, plane_allowed: bool) -> None:
         size = f"grid of {self.grid.edge} voxels of {self.grid.voxel:.3g} m"
@@ -131,16 +118,7 @@ class GridRegistrar:
     _preparer: Preparer
 
     def __init__(self, device: Device, grid: Grid, plan: MemoryPlan) -> None:
-        """Require the memory.
-
-        Args:
-            device: what to compute on.
-            grid: that all scans share; `choose_grid` makes it.
-            plan: of `memory_plan`, for this grid.
-
-        Raises:
-            DeviceError: the device cannot hold what the grid needs.
-        """
+        """Require the memory that `memory_plan` names; DeviceError where the device cannot hold it."""
         require_memory(device, plan)
         self.device, self.grid = device, grid
         self._warm = False

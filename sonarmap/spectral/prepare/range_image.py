@@ -25,54 +25,38 @@ COARSE, FINE = (1.5, 0.03), (1.0, 0.01)
 
 
 @dataclass(frozen=True, slots=True)
-class RangeImage:
-    """What a scan saw from one place."""
-
-    viewpoint: np.ndarray  # (3,) float64, the sensor, from the grid's center [voxels]
-    # device (_EDGE, _EDGE, 2) float32, nearest and farthest range of each cell of an octahedral map [voxels]
-    view: Array
-
-
-@dataclass(frozen=True, slots=True)
 class View:
     """All that a scan saw, and a sample of its points to compare with others' views."""
 
-    # from each place where its sensor is known to have been; none for a scan put together from places that are not
-    # known
-    images: tuple[RangeImage, ...]
-    # device (len(images), _EDGE, _EDGE, 2) float32, their views behind one another; None without any
+    # (k, 3) float64, where its sensor is known to have been, from the grid's center [voxels]; none for a scan put
+    # together from places that are not known
+    places: np.ndarray
+    # device (k, _EDGE, _EDGE, 2) float32, what it saw from each: nearest and farthest range of each cell of an
+    # octahedral map [voxels]; None without any
     ranges: Array | None
-    # device (len(images), 4) float32, where they were seen from, as `upload_viewpoints` puts them; None without any
-    viewpoints: Array | None
-    repeats: float  # in how many of the images a point of the scan is seen, on the average
-    sample: tuple[Array, int]  # points about the grid's center, on the device [voxels]
-    count: int  # number of points in the sample
+    viewpoints: Array | None  # device (k, 4) float32, the places as `upload_viewpoints` puts them; None without any
+    repeats: float  # from how many of the places a point of the scan is seen, on the average
+    sample: tuple[Array, int]  # points about the grid's center, on the device [voxels], and their number
 
 
 def scan_view(device: Device, points: np.ndarray, surface: np.ndarray, viewpoints: np.ndarray) -> View:
-    """What a scan saw.
+    """What a scan saw, of all its points (n, 3) and one a voxel (m, 3), about the grid's center [voxels].
 
-    Args:
-        points: (n, 3) all points, about the grid's center [voxels].
-        surface: (m, 3) one point a voxel [voxels].
-        viewpoints: (3,) the sensor's place for all points, which is examined: a scan whose points do not form a single
-            layer as seen from there was put together from several places. Or (n, 3), for each point the sensor's
-            place when it saw it [voxels].
+    Viewpoints are (n, 3), for each point the sensor's place when it saw it [voxels]; or (3,), one for all, which is
+    examined: a scan whose points do not form a single layer as seen from there was put together from several places.
     """
     if viewpoints.ndim == 1:
         ranges = _Ranges.of(points - viewpoints)
         images, repeats = [(viewpoints, ranges)] if ranges.are_single else [], 1.0
     else:
         images, repeats = _images(points, viewpoints)
-    views = device.to_device(np.stack([ranges.image() for _, ranges in images])) if images else None
-    sample = surface[:: max(1, len(surface) // _SAMPLE)]
+    places = np.array([place for place, _ in images]).reshape(-1, 3)
     return View(
-        images=tuple(RangeImage(place, views[n]) for n, (place, _) in enumerate(images)) if views is not None else (),
-        ranges=views,
-        viewpoints=upload_viewpoints(device, np.array([place for place, _ in images])) if images else None,
+        places=places,
+        ranges=device.to_device(np.stack([ranges.image() for _, ranges in images])) if images else None,
+        viewpoints=upload_viewpoints(device, places) if images else None,
         repeats=repeats,
-        sample=upload_points(device, sample),
-        count=len(sample),
+        sample=upload_points(device, surface[:: max(1, len(surface) // _SAMPLE)]),
     )
 
 
@@ -155,18 +139,17 @@ def visibility(
     Returns:
         For each tolerance how far the poses agree with both views; a scan that has no view is left out.
     """
-    viewings = [
-        Viewing(view.ranges, view.viewpoints, other.sample) if view.images else Viewing(None, None, other.sample)
-        for view, other in ((target, source), (source, target))
-    ]
-    scales = [
-        other.count * view.repeats if view.images else None for view, other in ((target, source), (source, target))
-    ]
+    ways = (target, source), (source, target)
+    viewings = [Viewing(view.ranges, view.viewpoints, other.sample) for view, other in ways]
     queued = agreement(device, viewings, poses, tolerances)
 
     def read() -> list[Visibility]:
         counts = queued.read()
-        shares = [count.sum(axis=0) / scale for count, scale in zip(counts, scales, strict=True) if scale is not None]
+        shares = [
+            count.sum(axis=0) / (other.sample[1] * view.repeats)
+            for count, (view, other) in zip(counts, ways, strict=True)
+            if view.ranges is not None
+        ]
         mean = np.mean(shares, axis=0) if shares else np.full(counts[0].shape[1:], np.nan)
         return [Visibility(*of_one.T) for of_one in np.moveaxis(mean, 1, 0)]
 

@@ -47,11 +47,8 @@ class Calibration:
     ) -> np.ndarray:
         """(..., 6, 6) the covariance of errors that all points share, of a turn and a shift [rad, voxels].
 
-        Args:
-            from_target, from_source: (..., 3) from each sensor to the source's grid center, in one frame's axes
-                [voxels].
-            lever: (...) what a turn moves the points by [voxels].
-            stretches: whether the ranges' share is estimated with the pose, and so is not an error that remains.
+        Of what lies (..., 3) from each sensor to the source's grid center, in one frame's axes, and a turn moves by the
+        lever (...) [voxels]. If `stretches`, the ranges' share is estimated with the pose, and no error remains of it.
         """
         per_voxel = np.maximum(lever, 1.0)[..., None] ** -2 * np.ones(3)
         diagonal = self.bent * np.concatenate([per_voxel, np.ones_like(per_voxel)], axis=-1)

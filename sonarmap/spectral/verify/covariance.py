@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.spectral.covariance import covariance_at_sensor
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.verify.calibration import CALIBRATION, Calibration
+from sonarmap.spectral.verify.calibration import CALIBRATION
 from sonarmap.spectral.verify.fit import Fit, principal_axes
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 
@@ -37,26 +37,19 @@ class PoseCovariance:
     step: np.ndarray
 
 
-def fit_covariance(
-    hypothesis: Hypothesis, centers: tuple[np.ndarray, np.ndarray], grid: Grid, calibration: Calibration = CALIBRATION
-) -> PoseCovariance:
-    """The covariance of a refined pose.
+def fit_covariance(hypothesis: Hypothesis, centers: tuple[np.ndarray, np.ndarray], grid: Grid) -> PoseCovariance:
+    """The covariance of a refined pose, whose evidence is measured on the whole grid.
 
     Rotation and translation are estimated jointly: along a wall that shows nothing else the variance is large, and for
-    a single plane that of three directions, though never beyond half a turn and the grid.
-
-    Args:
-        hypothesis: refined, its evidence measured on the whole grid.
-        centers: (3,) each, the target's and the source's grid center [m, each in its sensor frame].
-        grid: that both scans share.
-        calibration: of the scale.
+    a single plane that of three directions, though never beyond half a turn and the grid. The centers are the target's
+    and the source's grid center, (3,) each [m, each in its sensor frame].
     """
     fit = hypothesis.fit
     target_center, source_center = (center / grid.voxel for center in centers)
     away = target_center + fit.shift, fit.R.apply(source_center)
     _, _, lever = principal_axes(fit.information, fit.pairs)
-    by_scans = _by_planes(hypothesis, calibration) + calibration.systematic(*away, lever, fit.stretch is not None)
-    by_scans *= calibration.other_kinds
+    by_scans = _by_planes(hypothesis) + CALIBRATION.systematic(*away, lever, fit.stretch is not None)
+    by_scans *= CALIBRATION.other_kinds
     unknown = np.diag(np.repeat([np.pi, float(grid.edge)], 3) ** -2.0)
     by_scans = np.linalg.inv(np.linalg.inv(by_scans) + unknown)
     posterior, by_instruments, step = by_scans, None, fit.step
@@ -69,16 +62,11 @@ def fit_covariance(
     # from a turn of the target's axes and a shift along them to the source's own
     back = np.kron(np.eye(2), fit.R.as_matrix().T)
     meters = np.outer(*[np.repeat([1.0, grid.voxel], 3)] * 2)
-
-    def at_sensor(covariance: np.ndarray) -> np.ndarray:
-        return covariance_at_sensor(back @ covariance @ back.T * meters, centers[1])
-
-    return PoseCovariance(
-        posterior=at_sensor(posterior),
-        by_scans=at_sensor(by_scans),
-        by_instruments=None if by_instruments is None else at_sensor(by_instruments),
-        step=step,
+    at_sensor = (
+        None if each is None else covariance_at_sensor(back @ each @ back.T * meters, centers[1])
+        for each in (posterior, by_scans, by_instruments)
     )
+    return PoseCovariance(*at_sensor, step=step)  # pyright: ignore[reportArgumentType]
 
 
 def covers(covariance: np.ndarray, T: RigidTransform, other: RigidTransform) -> bool:
@@ -87,34 +75,30 @@ def covers(covariance: np.ndarray, T: RigidTransform, other: RigidTransform) -> 
     return float(away @ np.linalg.solve(covariance, away)) <= _ELLIPSOID
 
 
-def _by_planes(hypothesis: Hypothesis, calibration: Calibration) -> np.ndarray:
+def _by_planes(hypothesis: Hypothesis) -> np.ndarray:
     """(6, 6) by the scans' planes, of a turn of the target's axes about the source's grid center and a shift."""
     fit = hypothesis.fit
     share, axes, lever = principal_axes(fit.information, fit.pairs)
-    variance = float(calibration.variance(np.array(fit.width), hypothesis.evidence.psr))
+    variance = float(CALIBRATION.variance(np.array(fit.width), hypothesis.evidence.psr))
     # a share that is no more than its error may be nothing; one that is far above it is what it seems
     share = np.maximum(share, _LEAST)
     sure = 1 - (np.maximum(_DOUBTS * fit.doubt, _COMMON * fit.own) / share) ** 2
     axes = axes / np.repeat([max(float(lever), 1e-6), 1.0], 3)[:, None]
     held = (axes * (sure > 0) / np.maximum(share * fit.pairs, _LEAST)) @ axes.T
-    return (axes * variance / np.maximum(sure * share * fit.pairs, _LEAST)) @ axes.T + by_stretch(
-        fit, held, calibration
-    )
+    by_planes = (axes * variance / np.maximum(sure * share * fit.pairs, _LEAST)) @ axes.T
+    return by_planes + by_stretch(fit, held)
 
 
-def by_stretch(fit: Fit, held: np.ndarray, calibration: Calibration) -> np.ndarray:
-    """(6, 6) what the pose may be off by as the ranges' shares are not known.
+def by_stretch(fit: Fit, held: np.ndarray) -> np.ndarray:
+    """(6, 6) what the pose may be off by as the ranges' shares are not known; no more where nothing holds the pose.
 
-    Where nothing holds the pose, shares make no difference.
-
-    Args:
-        held: (6, 6) inverse of the information, in directions in which there is any.
+    `held` is the (6, 6) inverse of the information, in directions in which there is any.
     """
     if fit.stretching is None:
         return np.zeros((6, 6))
     across, both = fit.stretching[:, :6], fit.stretching[:, 6:]
     response = -held @ across.T
     values, axes = np.linalg.eigh(both + across @ response)
-    by_planes = np.maximum(values, 0.0) / float(calibration.variance(np.array(fit.width)))
-    shares = (axes / (by_planes + calibration.stretched**-2)) @ axes.T
+    by_planes = np.maximum(values, 0.0) / float(CALIBRATION.variance(np.array(fit.width)))
+    shares = (axes / (by_planes + CALIBRATION.stretched**-2)) @ axes.T
     return response @ shares @ response.T

@@ -10,6 +10,13 @@ from sonarmap.spectral.verify.fit import Fit
 
 # Farther from what instruments measured than this chi-squared is all alike: something is wrong with one or the other.
 _MOST_MEASURED = 30.0
+# Powers of the evidence in a score, each for its logarithm, of residual and width for that of their inverse;
+# docs/registration.md says how they were fitted.
+_VIEW, _COARSE_VIEW, _SURFACE = 1.5, 1.0, 0.05
+_SURFACE_ALONE, _OVERLAP = 1.0, 2.0  # of the surfaces and of the overlap, where there is no view
+_RESIDUAL, _WIDTH, _FIRMNESS = 0.4, 3.0, 1.7
+_MEASURED = 0.3  # of the likelihood of what instruments measured; distorted scans follow it less than in full
+_PSR, _COARSE_PSR = 0.3, 0.3
 # Refined poses nearer than this to each other are the same hypothesis [rad; voxels].
 _SAME_ROTATION, SAME_REFINED_SHIFT = float(np.deg2rad(3.0)), 2.0
 
@@ -41,13 +48,13 @@ class Evidence:
     def agreement(self) -> float:
         """The logarithm of how well the scans agree, before they are correlated at the pose."""
         if isnan(self.view):
-            seen = RANKING.alone * _log(self.surface) + RANKING.overlap * _log(self.overlap)
+            seen = _SURFACE_ALONE * _log(self.surface) + _OVERLAP * _log(self.overlap)
         else:
-            seen = RANKING.view * _log(self.view) + RANKING.coarse_view * _log(self.coarse_view)
-            seen += RANKING.surface * _log(self.surface)
-        blur = RANKING.residual * log(max(self.residual, 0.03)) + RANKING.width * log(max(self.width, 0.03))
-        held = RANKING.firmness * log(max(self.firmness, 1e-4))
-        return seen - blur + held - RANKING.measured * min(self.measured, _MOST_MEASURED) / 2
+            seen = _VIEW * _log(self.view) + _COARSE_VIEW * _log(self.coarse_view)
+            seen += _SURFACE * _log(self.surface)
+        blur = _RESIDUAL * log(max(self.residual, 0.03)) + _WIDTH * log(max(self.width, 0.03))
+        held = _FIRMNESS * log(max(self.firmness, 1e-4))
+        return seen - blur + held - _MEASURED * min(self.measured, _MOST_MEASURED) / 2
 
     @property
     def score(self) -> float:
@@ -56,30 +63,7 @@ class Evidence:
         Where beams lie farther apart than voxels, the lines that they draw on a floor or a wall correlate on the whole
         grid, whatever stands there; on the coarse one less.
         """
-        return self.agreement + RANKING.psr * _peak(self.psr) + RANKING.coarse_psr * _peak(self.coarse_psr)
-
-
-@dataclass(frozen=True, slots=True)
-class Ranking:
-    """The powers of the evidence in a score, each for its logarithm; docs/registration.md says how they were fitted."""
-
-    # view, coarse_view, surface, residual, width, firmness, psr, coarse_psr: of `Evidence`; of the inverse of the
-    # residual and of the width
-    view: float = 1.5
-    coarse_view: float = 1.0
-    surface: float = 0.05
-    # alone, overlap: of the surfaces and of the overlap, where there is no view
-    alone: float = 1.0
-    overlap: float = 2.0
-    residual: float = 0.4
-    width: float = 3.0
-    firmness: float = 1.7
-    measured: float = 0.3  # of the likelihood of what instruments measured; distorted scans follow it less than in full
-    psr: float = 0.3
-    coarse_psr: float = 0.3
-
-
-RANKING = Ranking()
+        return self.agreement + _PSR * _peak(self.psr) + _COARSE_PSR * _peak(self.coarse_psr)
 
 
 @dataclass(frozen=True, slots=True)

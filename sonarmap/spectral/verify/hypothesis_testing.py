@@ -4,21 +4,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.points.poses import upload_poses
-from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.prepare.range_image import FINE
-from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.rotation_search import search_rotation
 from sonarmap.spectral.so3 import RotationPeaks
-from sonarmap.spectral.verify.bounds import Bounds
 from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Hypothesis, alike, ranked
 from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
 from sonarmap.spectral.verify.pair_frames import PairFrames
-from sonarmap.spectral.verify.prior_term import PriorTerm
 from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Selection, Verifier
 
 # Reaches of the refinement's steps [voxels] and its points: out of a candidate's error, which a coarse voxel and a
@@ -41,19 +37,15 @@ _SAME_ROTATION = float(np.deg2rad(1.0))
 
 
 @dataclass(frozen=True, slots=True)
-class HypothesisTest:
+class HypothesisTest(PairFrames):
     """One pair of scans on a grid that both share, and which poses are possible between them."""
 
     verifier: Verifier
-    grid: Grid
-    target: SpectralScan
-    source: SpectralScan
-    bounds: Bounds
 
     def find_candidates(self, rotations: RotationPeaks) -> Candidates:
         """Where the scan would lie under each of the rotations, by the coarse grid; possible places only."""
-        boxes = [self._frames.box(R) for R in rotations.R]
-        return self._frames.within_bounds(self.verifier.candidates(self.target, self.source, rotations, boxes))
+        boxes = [self.box(R) for R in rotations.R]
+        return self.within_bounds(self.verifier.candidates(self.target, self.source, rotations, boxes))
 
     def refine_candidates(self, candidates: Candidates, count: int) -> list[Hypothesis]:
         """The best of the `count` best candidates, refined roughly, best first.
@@ -84,17 +76,16 @@ class HypothesisTest:
                 distinct.append(finalist)
         R = Rotation.concatenate([finalist.fit.R for finalist in distinct])
         rotations = RotationPeaks(R, np.array([finalist.rotation_score for finalist in distinct]))
-        boxes = [self._frames.box(finalist.fit.R) for finalist in distinct]
-        candidates = self._frames.within_bounds(
-            self.verifier.fine_candidates(self.target, self.source, rotations, boxes)
-        )
+        boxes = [self.box(finalist.fit.R) for finalist in distinct]
+        named = self.verifier.fine_candidates(self.target, self.source, rotations, boxes)
+        candidates = self.within_bounds(named)
         if not len(candidates.psr):
             return []
         selection = Selection(2 * len(finalists), FINE, SAME_REFINED_SHIFT)
         best = self.verifier.best(self.target, self.source, candidates, selection)
         hypotheses = self._refine_candidates(candidates, best, [_ROUGH])
         missed = [new for new in hypotheses if not any(alike(new.fit, finalist.fit) for finalist in finalists)]
-        return self._frames.possible(missed)[: len(finalists)]
+        return self.possible(missed)[: len(finalists)]
 
     def conclude(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
         """The hypotheses compared, and the best refined to the end as `finish` does; one alone is not compared."""
@@ -116,23 +107,12 @@ class HypothesisTest:
     def finish(
         self, hypotheses: list[Hypothesis], spectral: bool, stages: Sequence[Stage] = (_FINAL,)
     ) -> list[Hypothesis]:
-        """The best hypothesis refined to the end, and the others that are not now where it is.
+        """The first and best hypothesis refined to the end, and the others that are not now where it is.
 
-        Args:
-            hypotheses: best first.
-            spectral: whether the best climbs the translation's peak over the rotation, instead of the planes.
-            stages: of the refinement that are left.
+        If `spectral`, the best climbs the translation's peak over the rotation, instead of the planes.
         """
         best = self._left_to_scans(self._finish_best(hypotheses[0], spectral, stages))
         return [best, *(hypothesis for hypothesis in hypotheses[1:] if not alike(hypothesis.fit, best.fit))]
-
-    def transform(self, fit: Fit) -> RigidTransform:
-        """T_target_source between the sensor frames [m]."""
-        return self._frames.transform(fit)
-
-    @property
-    def _frames(self) -> PairFrames:
-        return PairFrames(self.grid, self.target, self.source, self.bounds)
 
     def _finish_best(self, best: Hypothesis, spectral: bool, stages: Sequence[Stage]) -> Hypothesis:
         """Its evidence is of the scans as they are; its pose, by planes, is with their ranges set right."""
@@ -173,7 +153,7 @@ class HypothesisTest:
 
     def _possible(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
         """The possible ones; all where none is."""
-        return self._frames.possible(hypotheses) or hypotheses
+        return self.possible(hypotheses) or hypotheses
 
     def _refine_candidates(
         self, candidates: Candidates, chosen: np.ndarray, stages: Sequence[Stage], points: int = SURFACE_POINTS
@@ -196,8 +176,7 @@ class HypothesisTest:
     ) -> list[Hypothesis]:
         """Refined, and observed by so many points, best first; one wait unless instruments take part.
 
-        Args:
-            origins: scores of the rotations and peaks of the candidates, as `Hypothesis` has them.
+        `origins` are scores of the rotations and peaks of the candidates, as `Hypothesis` has them.
         """
         refined = self._steps(start, stages)
         seen = self.verifier.observe(self.target, self.source, refined.poses, points).read()
@@ -213,11 +192,9 @@ class HypothesisTest:
         # what instruments measured is linear about where a stage begins
         *before, last = stages
         for stage in before:
-            start = _start(refine(*scans, start, [stage], self._prior_at(start)).read(), start.stretches)
-        return refine(*scans, start, [last], self._prior_at(start))
-
-    def _prior_at(self, start: Start) -> PriorTerm | None:
-        return self._frames.prior_at(start.R, start.shifts, start.stretches)
+            prior = self.prior_at(start.R, start.shifts, start.stretches)
+            start = _start(refine(*scans, start, [stage], prior).read(), start.stretches)
+        return refine(*scans, start, [last], self.prior_at(start.R, start.shifts, start.stretches))
 
 
 def _start(fits: Sequence[Fit], stretches: bool = False) -> Start:

@@ -52,11 +52,7 @@ class Stage:
 
 
 class Refined:
-    """Refinements from k places, on their way to the host.
-
-    Attributes:
-        poses: device (k, 16) float32, where they lead, as `upload_poses` has them.
-    """
+    """Refinements from k places, on their way to the host; `poses`, where they lead, are as `upload_poses` has them."""
 
     def __init__(self, device: Device, last: LastStep, prior: PriorTerm | None, stretches: bool) -> None:
         """What `refine` has queued; what instruments say of the last step is said on the host, and at once."""
@@ -82,11 +78,8 @@ def refine(
 ) -> Refined:
     """Queue Gauss-Newton from k places, side by side, as if each were alone; stage by stage, from coarse to fine.
 
-    The device takes all steps without a word; only instruments that have one make each step's sums come back.
-
-    Args:
-        stages: one, if instruments take part or the scans stretch.
-        prior: what instruments measured, about the places to begin with; it counts in every step beside the planes.
+    The device takes all steps without a read. Only a prior, what instruments measured about the places to begin with,
+    makes each step's sums come back, and counts in it beside the planes: with one, or stretches, in a single stage.
     """
     *before, last = stages
     stretches = begin.stretches
@@ -111,16 +104,13 @@ def refine(
 
 def _refinement(device: Device, target: Surface, source: Surface, most: int, stretches: bool) -> Refinement:
     """By at most so many points of each scan."""
-    counts = [len(surface.elements) for surface in (target, source)]
-    scale = sum(min(count, _FULL) for count in counts) / sum(
-        surface.elements.thinned(most)[0] for surface in (target, source)
-    )
+    elements = target.elements, source.elements
+    scale = sum(min(len(each), _FULL) for each in elements) / sum(each.thinned(most)[0] for each in elements)
     stretching = None
     if stretches:
         known = float(CALIBRATION.variance(np.array(1.0))) / CALIBRATION.stretched**2
         stretching = Stretching(known, CALIBRATION.width, CALIBRATION.narrowest)
-    weighting = replace(_WEIGHTING, scale=scale)
-    return Refinement(device, target.elements, source.elements, most, weighting, stretching)
+    return Refinement(device, *elements, most, replace(_WEIGHTING, scale=scale), stretching)
 
 
 def _equations(record: Record, prior: PriorTerm | None, stretches: bool) -> tuple[State, NormalEquations]:
@@ -134,10 +124,8 @@ def _fits(record: Record, prior: PriorTerm | None, stretches: bool) -> list[Fit]
     state, normal = _equations(record, prior, stretches)
     if prior is None:
         stretch = record.next_stretch if stretches else None
-        moved, alone = (
-            State(record.next_turn, record.next_shift, record.width, stretch, None),
-            np.zeros((len(record.total), 6)),
-        )
+        moved = State(record.next_turn, record.next_shift, record.width, stretch, None)
+        alone = np.zeros((len(record.total), 6))
     else:
         moved, alone = normal.moved(state)
     shared = normal.shared

@@ -117,13 +117,9 @@ def _damped(hessian: np.ndarray) -> np.ndarray:
 
 
 def usual_covariance(hessian: np.ndarray, shared: np.ndarray, variance: np.ndarray) -> np.ndarray:
-    """(k, 6, 6) of where the planes have the pose, as errors usually are.
+    """(k, 6, 6) of where the planes have the pose, as errors usually are; arguments as of `NormalEquations`.
 
     In directions that noise alone seems to fix the scans are worth a tenth as much as where both show the same planes.
-
-    Args:
-        hessian, shared: (k, 6, 6) by one scan's normals, and by those of both (`NormalEquations.shared`).
-        variance: (k,) of the distances to the planes [voxels^2].
     """
     inverse = np.linalg.inv(np.linalg.cholesky(hessian))
     share, axes = np.linalg.eigh(inverse @ shared @ inverse.transpose(0, 2, 1))

@@ -51,10 +51,7 @@ class PriorTerm:
         A sonar that guesses elevations shows walls that lean, a wrong speed of sound bends the bed. Two such scans fit
         best where the vehicle was not. Where the best fit is as far from what was measured as 3 standard deviations of
         a single number would be, the scans are believed less in that direction, and from 4 on only the instruments are.
-
-        Args:
-            covariance: (..., 6, 6) of the pose, by the scans alone.
-            step: (..., 6) from the pose to where the scans alone would have it.
+        The covariance (..., 6, 6) is by the scans alone; the step leads from the pose to where they would have it.
         """
         off = self.residual + _times(self.jacobian, step)
         together = self.jacobian @ covariance @ _transposed(self.jacobian) + self.covariance
@@ -69,10 +66,7 @@ class PriorTerm:
 def posterior_step(step: np.ndarray, covariance: np.ndarray, term: PriorTerm) -> np.ndarray:
     """(..., 6) the step by the scans and the instruments together.
 
-    Args:
-        step: (..., 6) by the scans alone.
-        covariance: (..., 6, 6) of where it leads, as far as the scans' points err independently.
-        term: what the instruments measured.
+    From that by the scans alone, and the covariance of where it leads, as far as the scans' points err independently.
     """
     scans = covariance + term.systematic
     information = np.linalg.inv(scans + term.distortion(scans, step))

@@ -35,41 +35,27 @@ class Clues:
         return tuple((f"p_{name}", float(value)) for name, value in asdict(self).items())
 
 
-@dataclass(frozen=True, slots=True)
-class Logistic:
-    """The probability that a hypothesis is right: that the scans show one place so clearly, times that it is this one.
+# The logarithm of the odds where all clues are 0, and the clues' weights in it; the weight of the lead in that against
+# a twin. By maximum likelihood on simulated pairs of every kind, related and unrelated; docs/registration.md names
+# them, and how it did on kinds that were left out.
+_ODDS, _TWIN = 1.4, 5.0
+_WEIGHTS = Clues(psr=0.8, view=1.0, surface=0.92, sharpness=0.66, firmness=0.82, lead=0.49, search=1.0)
+
+
+def clear_probability(given: Clues) -> float:
+    """That a hypothesis is right: that the scans show one place so clearly, times that it is this one.
 
     Each is logistic in the clues. The second is 1/2 for a hypothesis and its exact twin, however high their peaks
-    stand, as between the two ends of a room. By maximum likelihood on simulated pairs of every kind, related and
-    unrelated; docs/registration.md names them, and how it did on kinds that were left out.
+    stand, as between the two ends of a room.
     """
-
-    odds: float = 1.4  # logarithm of the first's odds where all clues are 0
-    # psr, view, surface, sharpness, firmness, lead, search: weights of the clues in it
-    psr: float = 0.8
-    view: float = 1.0
-    surface: float = 0.92
-    sharpness: float = 0.66
-    firmness: float = 0.82
-    lead: float = 0.49
-    search: float = 1.0
-    twin: float = 5.0  # weight of the lead in the logarithm of the second's odds
-
-    def probability(self, clues: Clues) -> float:
-        """From the clues."""
-        clear = self.odds + sum(getattr(self, name) * value for name, value in asdict(clues).items())
-        return _logistic(clear) * _logistic(self.twin * clues.lead)
-
-
-LOGISTIC = Logistic()
+    clear = _ODDS + sum(getattr(_WEIGHTS, name) * value for name, value in asdict(given).items())
+    return _logistic(clear) * _logistic(_TWIN * given.lead)
 
 
 def clues(hypothesis: Hypothesis, hypotheses: Sequence[Hypothesis], edge: int, search: float = 0.0) -> Clues:
-    """What speaks for a hypothesis in the light of the others.
+    """What speaks for a hypothesis, measured on the whole grid, in the light of all of the pair.
 
     Args:
-        hypothesis: measured on the whole grid.
-        hypotheses: all of the pair, this one among them.
         edge: voxels per edge of the grid.
         search: logarithm, base 10, of the share of all poses that instruments leave, as `Bounds` has it.
     """
@@ -87,18 +73,12 @@ def clues(hypothesis: Hypothesis, hypotheses: Sequence[Hypothesis], edge: int, s
     )
 
 
-def hypothesis_probabilities(
-    hypotheses: Sequence[Hypothesis], edge: int, search: float = 0.0, logistic: Logistic = LOGISTIC
-) -> list[float]:
-    """That each hypothesis names the right place, 0..1, in the light of the others; their sum is at most 1.
+def hypothesis_probabilities(hypotheses: Sequence[Hypothesis], edge: int, search: float = 0.0) -> list[float]:
+    """That each hypothesis, the best first, names the right place, 0..1; arguments as of `clues`.
 
-    Args:
-        hypotheses: measured on the whole grid, the best first.
-        edge, search: as `clues` takes them.
-        logistic: the calibration.
+    Their sum is at most 1.
     """
-    weighed = [clues(hypothesis, hypotheses, edge, search) for hypothesis in hypotheses]
-    probabilities = np.array([logistic.probability(each) for each in weighed])
+    probabilities = np.array([clear_probability(clues(each, hypotheses, edge, search)) for each in hypotheses])
     # one answer at most is right: what the best leaves is all that the others can have
     left, others = 1 - probabilities[0], probabilities[1:].sum()
     if others > left:
@@ -111,12 +91,8 @@ def tolerance_probability(covariance: np.ndarray, voxel: float, instruments: np.
 
     The right hypothesis may still leave the pose open, as along a wall. Turn and shift are each taken along their
     least sure direction. Where instruments bound that direction, as navigation does over a flat bed, an error of three
-    of their standard deviations is none either.
-
-    Args:
-        covariance: (6, 6) of the pose, rotation first [rad, m].
-        voxel: [m].
-        instruments: (6, 6) of the pose by instruments alone; None without.
+    of their standard deviations is none either. Covariances are (6, 6), rotation first [rad, m], that of `instruments`
+    by these alone; the voxel is in meters.
     """
     probability = 1.0
     turn = (slice(0, 3), _RIGHT_TURN, _KNOWN_TURN)

@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.device.readback import Pending
 from sonarmap.kernels.points.poses import upload_poses
-from sonarmap.kernels.pomf.peak_fit import Peak
 from sonarmap.spectral.grid import coarse_edge
 from sonarmap.spectral.prepare.range_image import COARSE, FINE, Visibility, visibility
 from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, SpectralScan
@@ -105,10 +104,8 @@ class Verifier:
         """Several shifts for each rotation, from the coarse grid, each with all shifts that a cyclic one stands for.
 
         Both whitenings name candidates. What a peak is worth is its height beside the usual highest one of its
-        whitening, over all rotations: so the two can be compared.
-
-        Args:
-            boxes: of each rotation, the shifts that are possible [voxels of the whole grid]; None for all.
+        whitening, over all rotations: so the two can be compared. A box holds the shifts that are possible under its
+        rotation [voxels of the whole grid]; None for all.
         """
         scale = self.edge / self.coarse_edge
         coarse_boxes = [None if box is None else Box(np.rint(box.center / scale), box.half / scale) for box in boxes]
@@ -141,14 +138,15 @@ class Verifier:
             shifts = np.array([peak.shift for row in rows for peak in row]).reshape(-1, 3) * scale
             psr = np.array([peak.psr for row in rows for peak in row])
             peak, places = self._unwrapped(shifts, np.array(bounded, bool)[rotation])
-            candidates.append(_gathered(rotations, rotation[peak], places, psr[peak]))
+            named = rotation[peak]
+            R, scores = rotations.R[named], rotations.scores[named]  # pyright: ignore[reportArgumentType]
+            candidates.append(Candidates(named, R, places, psr[peak], scores))
         return candidates
 
     def _unwrapped(self, shifts: np.ndarray, bounded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The shifts that cyclic ones (m, 3) stand for and that leave the scans something in common.
+        """(n,) int64, of which of the cyclic shifts (m, 3), and (n, 3) what these stand for: alone, if bounded (m,).
 
-        Returns:
-            (n,) int64, of which of them, and (n, 3); a bounded (m,) one stands for itself alone.
+        Only what leaves the scans something in common.
         """
         wrapped = shifts - np.copysign(self.edge, shifts)
         unwrapped = np.where(_WRAPS, wrapped[:, None], shifts[:, None])
@@ -185,27 +183,32 @@ class Verifier:
         """
         views = visibility(self.device, target.view, source.view, poses, (FINE, COARSE))
         surfaces = shared_surfaces(self.device, target.surface, source.surface, poses, points)
-        return Pending(lambda: _observation(views, surfaces))
+        # the surfaces are queued last: reading them waits for all
+        return Pending(lambda: Observation(surfaces.read(), views.read()))
 
     def measure(
         self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis]
     ) -> Pending[list[Hypothesis]]:
-        """Queue the translation's correlation at the hypotheses' poses, at least one, on both grids.
-
-        Returns:
-            The hypotheses with the peaks at their poses.
-        """
+        """Queue the translation's correlation on both grids at the poses of hypotheses, which then have these peaks."""
         R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
         shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
         fine = self.translation.find_at(target.volume, source.volume, R, shifts)
         coarse = self._coarse.find_at(target.coarse, source.coarse, R, shifts * (self.coarse_edge / self.edge))
-        return Pending(lambda: _measured(hypotheses, fine, coarse))
+
+        def read() -> list[Hypothesis]:
+            coarse_peaks = coarse.read()  # queued last: it waits for all
+            return [
+                replace(each, evidence=replace(each.evidence, psr=peak.psr, coarse_psr=coarse_peak.psr))
+                for each, peak, coarse_peak in zip(hypotheses, fine.read(), coarse_peaks, strict=True)
+            ]
+
+        return Pending(read)
 
     def _scores(
         self, target: SpectralScan, source: SpectralScan, candidates: Candidates, tolerance: tuple[float, float]
     ) -> np.ndarray:
         """(n,) consistency times the peak's height."""
-        if target.view.images or source.view.images:
+        if target.view.ranges is not None or source.view.ranges is not None:
             poses = upload_poses(self.device, candidates.R.as_matrix(), candidates.shifts)
             (seen,) = visibility(self.device, target.view, source.view, poses, [tolerance]).read()
             agreement = consistency(seen.agree, seen.contradict)
@@ -217,28 +220,3 @@ class Verifier:
             shared = shared_surfaces(self.device, target.surface, source.surface, poses, _POINTS)
             agreement[highest] = [each.consistency for each in shared.read()]
         return agreement * np.maximum(candidates.psr, 0.0)
-
-
-def _gathered(rotations: RotationPeaks, rotation: np.ndarray, shifts: np.ndarray, psr: np.ndarray) -> Candidates:
-    """Candidates of rotations by number (n,), shift and height of the peak."""
-    return Candidates(
-        rotation=rotation,
-        R=rotations.R[rotation],  # pyright: ignore[reportArgumentType]
-        shifts=shifts,
-        psr=psr,
-        rotation_scores=rotations.scores[rotation],
-    )
-
-
-def _observation(views: Pending[list[Visibility]], surfaces: Pending[list[SharedSurface]]) -> Observation:
-    return Observation(surfaces.read(), views.read())  # the surfaces are queued last: reading them waits for all
-
-
-def _measured(
-    hypotheses: Sequence[Hypothesis], fine: Pending[list[Peak]], coarse: Pending[list[Peak]]
-) -> list[Hypothesis]:
-    coarse_peaks = coarse.read()  # queued last: it waits for all
-    return [
-        replace(each, evidence=replace(each.evidence, psr=peak.psr, coarse_psr=coarse_peak.psr))
-        for each, peak, coarse_peak in zip(hypotheses, fine.read(), coarse_peaks, strict=True)
-    ]

@@ -33,10 +33,7 @@ def fingerprint(value: Any) -> str:
 def source_digest(places: Sequence[str], left_out: Sequence[str] = (), root: Path = ROOT) -> str:
     """A digest of Python files and OpenCL programs, as they were when it was first computed, which is what runs.
 
-    Args:
-        places: folders and files, relative to the root.
-        left_out: patterns of file names that do not count, as "*figure.py".
-        root: of the project.
+    Of folders and files, relative to the root, without files whose names match a pattern, as "*figure.py".
 
     Raises:
         FileNotFoundError: a place does not exist.
@@ -69,10 +66,7 @@ def method_versions(name: str) -> dict[str, str | None]:
 def method_key(name: str, setup: Setup, registrar: "Registrar") -> str:
     """A digest of all that decides what a method finds in two scans: settings, code, device, driver and versions.
 
-    Args:
-        name: a key of METHODS.
-        setup: what the registrar was made from.
-        registrar: the method as this process has it.
+    The registrar is the method as this process has it, made from this setup.
     """
     device = getattr(registrar, "device", None)
     return fingerprint(
@@ -96,19 +90,8 @@ def _source_files(place: Path) -> list[Path]:
     return [path for path in place.rglob("*") if path.suffix in (".py", ".cl")]
 
 
-if TYPE_CHECKING:
-    from sonarmap.spectral.result import Registrar
-
-
 def worker_spec(name: str, setup: Setup, registrar: "Registrar", prepared: int) -> WorkerSpec:
-    """For workers on this machine.
-
-    Args:
-        name: a key of METHODS.
-        setup: what the registrar was made from.
-        registrar: the method as this process has it.
-        prepared: how many prepared scans a worker keeps.
-    """
+    """For workers on this machine, which keep so many prepared scans; other arguments as of `method_key`."""
     return WorkerSpec(partial(find_method(name).make, setup), method_key(name, setup, registrar), prepared)
 
 

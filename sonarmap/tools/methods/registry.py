@@ -1,8 +1,14 @@
-"""Every method of registration by its name. A new one is a function that builds it and a row of METHODS."""
+"""Every method of registration by its name. A new one is a function that builds it and a row of METHODS.
+
+The last one stays ready from one registration to the next: to make its tables takes longer than a pair.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+from collections import deque
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from types import MappingProxyType
@@ -56,13 +62,7 @@ class Method:
 
 
 def build(name: str, grid: Grid, device: str | None = None, seed: int = 0) -> Registrar:
-    """A method with its defaults: what experiments compare.
-
-    Args:
-        name: a key of METHODS.
-        grid: which the scans share.
-        device: of the spectral methods, as `choose_device` takes it; the others use none.
-        seed: of the methods that draw at random.
+    """A method with its defaults, which experiments compare; device and seed as of `Setup`.
 
     Raises:
         InputError: there is no such method, or the package that it needs is not installed.
@@ -72,11 +72,7 @@ def build(name: str, grid: Grid, device: str | None = None, seed: int = 0) -> Re
 
 
 def find_method(name: str) -> Method:
-    """The method of this name.
-
-    Raises:
-        InputError: there is none.
-    """
+    """The method of this name; InputError where there is none."""
     if name not in METHODS:
         raise InputError(f"no method is called {name!r}; wanted one of {', '.join(METHODS)}")
     return METHODS[name]
@@ -163,3 +159,41 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         ),
     }
 )
+
+# What is kept takes no more than this part of the device's memory: on larger grids a pair takes far longer.
+_PART = 32
+_CHOOSE = ("PYOPENCL_CTX", "SONARMAP_FLAVOR")  # what else decides about the device
+# The last method and what it was made from; taking it out and putting it back are one step each for all threads.
+_KEPT: deque[tuple[object, Any]] = deque(maxlen=1)
+
+
+@contextmanager
+def reused(name: str, setup: Setup) -> Generator[Registrar]:
+    """A method as `make` builds it: that of the last block, if nothing but the voxel is another.
+
+    It is the block's alone, also where several threads register at once, and what the block raised leaves none.
+
+    Raises:
+        InputError, DeviceError: it cannot be made, as of `build`.
+    """
+    key = name, setup.grid.edge, setup.device, setup.seed, *setup.changes.items(), *map(os.environ.get, _CHOOSE)
+    try:
+        last, kept = _KEPT.pop()
+    except IndexError:
+        last = kept = None
+    if kept is not None and last == key:
+        registrar = kept.with_voxel(setup.grid.voxel)
+    else:
+        kept = None  # its memory is free before the next one takes some
+        registrar = find_method(name).make(setup)
+    yield registrar
+    if _is_worth_keeping(registrar, setup.grid.edge):
+        _KEPT.append((key, registrar))
+
+
+def _is_worth_keeping(registrar: Any, edge: int) -> bool:
+    if not hasattr(registrar, "with_voxel"):  # made at once
+        return False
+    from sonarmap.spectral.memory import memory_plans
+
+    return _PART * max(plan.pair for plan in memory_plans(edge)) <= registrar.device.memory

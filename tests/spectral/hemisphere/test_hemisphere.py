@@ -56,7 +56,7 @@ def degrees(R: Rotation) -> float:
 
 @pytest.mark.parametrize("yaw", [-75.0, -20.0, 8.0, 50.0])
 def test_yaw_is_among_the_candidates_with_its_half_turn(room: Room, yaw: float) -> None:
-    true = Rotation.from_euler("Z", yaw, degrees=True)
+    true = turn(yaw, 0, 0)
     layers = room.hemisphere.prepare(room.magnitude(true))
     candidates = room.hemisphere.yaw_candidates(room.layers, layers, 6)
     assert len(candidates) <= 12
@@ -67,37 +67,29 @@ def test_yaw_is_among_the_candidates_with_its_half_turn(room: Room, yaw: float) 
     assert [c.psr for c in candidates] == sorted((c.psr for c in candidates), reverse=True)
 
 
-@pytest.mark.parametrize(("roll", "pitch"), [(9.0, 0.0), (0.0, -12.0), (-7.0, 15.0), (25.0, 5.0)])
-def test_tilt_is_found_once_yaw_is_known(room: Room, roll: float, pitch: float) -> None:
-    tilt, yaw = Rotation.from_euler("YX", [pitch, roll], degrees=True), Rotation.from_euler("Z", 40, degrees=True)
-    estimate = room.hemisphere.tilt(room.layers, room.magnitude(tilt * yaw), yaw, np.deg2rad(35))
-    assert estimate is not None
-    assert degrees(estimate.R * tilt.inv()) < 4.0
+def turn(*angles: float, axes: str = "ZYX") -> Rotation:
+    return Rotation.from_euler(axes, angles, degrees=True)
+
+
+TILTED, YAW = turn(70, 6, -9), Rotation.from_euler("Z", 40, degrees=True)
+
+
+@pytest.mark.parametrize(
+    ("step", "true", "known", "limit", "near"),
+    [
+        *(("tilt", turn(*tilt, axes="YX") * YAW, YAW, 35, 4.0) for tilt in ((0, 9), (-12, 0), (15, -7), (5, 25))),
+        *(("heading", TILTED, turn(-left, 0, 0) * TILTED, 20, 0.7) for left in (-16, -3, 5, 18)),
+    ],
+)
+def test_what_is_left_of_a_rotation_is_found(room: Room, step: str, true: Rotation, known: Rotation, limit, near):
+    estimate = getattr(room.hemisphere, step)(room.layers, room.magnitude(true), known, np.deg2rad(limit))
+    assert degrees(estimate.R * known * true.inv()) < near
 
 
 def test_tilt_keeps_to_its_limit(room: Room) -> None:
     source = room.magnitude(Rotation.from_euler("X", 30, degrees=True))
     estimate = room.hemisphere.tilt(room.layers, source, Rotation.identity(), np.deg2rad(10))
     assert estimate is None or degrees(estimate.R) < 10 * np.sqrt(2) + 3
-
-
-@pytest.mark.parametrize("left", [-16.0, -3.0, 5.0, 18.0])
-def test_heading_finds_the_yaw_that_is_left(room: Room, left: float) -> None:
-    true = Rotation.from_euler("ZYX", [70.0, 6.0, -9.0], degrees=True)
-    known = Rotation.from_euler("Z", -left, degrees=True) * true
-    estimate = room.hemisphere.heading(room.layers, room.magnitude(true), known, np.deg2rad(20))
-    assert estimate is not None
-    assert degrees(estimate.R * known * true.inv()) < 0.7
-
-
-def test_translation_has_the_sign_and_unit_of_the_conventions(room: Room) -> None:
-    R = Rotation.from_euler("ZYX", [30.0, 5.0, -8.0], degrees=True)
-    source, _ = room.turned(R, shift=(2.0, -1.0, 0.5))
-    peak = room.translation.find(room.target, source, R)
-    shift = room.target.center + peak.shift * VOXEL - R.apply(source.center)
-    np.testing.assert_allclose(shift, [2.0, -1.0, 0.5], atol=0.3 * VOXEL)
-    others = room.translation.find_others(room.target, source, R, 6.0)
-    assert all(other.psr < 0.5 * peak.psr for other in others)
 
 
 def test_search_climbs_back_to_the_rotation(room: Room) -> None:

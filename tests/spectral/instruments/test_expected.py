@@ -90,21 +90,9 @@ COVARIANCES, UNSURE = ([random_covariance(RNG) for _ in range(3)] for _ in range
 
 def registration(n: int, by_scans: bool, alternatives: tuple[Registration, ...] = ()) -> Registration:
     """Numbers of its own in every field."""
-    return Registration(
-        T_target_source=POSES[n],
-        covariance=COVARIANCES[n],
-        psr=20.0 + n,
-        overlap=0.3 + n / 10,
-        accepted=n != 1,
-        seconds=0.5 + n,
-        reason=f"reason {n}",
-        probability=0.9 - n / 10,
-        step_psr=(("rotation", 0.4 + n),),
-        alternatives=alternatives,
-        T_by_scans=BY_SCANS[n] if by_scans else None,
-        covariance_by_scans=UNSURE[n] if by_scans else None,
-        evidence=(("view", 0.7 + n),),
-    )
+    numbers = 20.0 + n, 0.3 + n / 10, n != 1, 0.5 + n, f"reason {n}", 0.9 - n / 10, (("rotation", 0.4 + n),)
+    alone = (BY_SCANS[n], UNSURE[n]) if by_scans else (None, None)
+    return Registration(POSES[n], COVARIANCES[n], *numbers, alternatives, *alone, (("view", 0.7 + n),))
 
 
 def same(a: RigidTransform, b: RigidTransform) -> bool:

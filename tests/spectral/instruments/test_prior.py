@@ -1,7 +1,5 @@
 """What priors allow: laws of relative poses, and numbers that tell every axis and sign from the others."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -21,7 +19,6 @@ from tests.samples.relative_priors import (
     T_TARGET,
     T_TRUE,
     about_vertical,
-    knowing,
     pair,
     prior,
     random_rotations,
@@ -40,8 +37,10 @@ class TestWhichSayAnything:
     def test_one_thing_known_of_both_will_do(self, kind: slice) -> None:
         relative = relative_prior(prior(T_TARGET, kind), prior(T_SOURCE, kind))
         assert relative is not None
-        known = (relative.knows_tilt, relative.knows_heading, relative.knows_position, relative.knows_depth)
-        assert known == tuple(kind == known_kind for known_kind in ALL)
+        known = [kind == known_kind for known_kind in ALL]
+        assert [relative.knows_tilt, relative.knows_heading, relative.knows_position, relative.knows_depth] == known
+        one = relative.target
+        assert [one.knows_attitude, one.knows_heading, one.knows_position, one.knows_depth] == known
 
     def test_the_measured_rotation(self) -> None:
         measured = pair(ATTITUDE, HEADING).R_target_source
@@ -161,49 +160,12 @@ class TestHeadingsWithoutAttitude:
 
 
 class TestNormalized:
-    @pytest.mark.parametrize(
-        ("kinds", "dof"),
-        [
-            ((ATTITUDE,), 2),
-            ((ATTITUDE, HEADING), 3),
-            ((HEADING,), 0),
-            ((ATTITUDE, DEPTH), 3),
-            ((POSITION, DEPTH), 0),
-            ((ATTITUDE, POSITION), 2),
-            ((ATTITUDE, HEADING, POSITION), 5),
-        ],
-    )
-    def test_counted_is_what_is_measured(self, kinds: tuple[slice, ...], dof: int) -> None:
-        moved = T_TRUE * RigidTransform.from_exp_coords([0.05, -0.1, 0.07, 1, 2, 3])
-        chi2, counted = pair(*kinds).normalized(moved)
-        assert counted == dof
-        assert (chi2 > 0.1) == (dof > 0)
-
     def test_the_measured_pose_is_no_way_off_and_a_turn_of_one_sigma_is_1(self) -> None:
         assert pair(*ALL).normalized(T_TRUE) == (pytest.approx(0, abs=1e-20), 6)
         sigmas = [np.array([1e-3, 1e-3, heading, INF, INF, INF]) for heading in (0.03, 0.04)]
         relative = RelativePrior(PosePrior(T_TARGET, sigmas[0]), PosePrior(T_SOURCE, sigmas[1]))
         turned = T_TARGET.rotation.inv() * Rotation.from_euler("Z", 0.05) * T_SOURCE.rotation
         assert relative.normalized(RigidTransform.from_rotation(turned))[0] == pytest.approx(1.0)
-
-    @pytest.mark.parametrize("far", [1.0, 20.0])
-    @pytest.mark.parametrize("kinds", [ALL, (ATTITUDE, DEPTH)])
-    @pytest.mark.slow
-    def test_it_is_distributed_as_chi_squared(self, kinds: tuple[slice, ...], far: float) -> None:
-        """Also where the attitude's error moves what is far by many of the position's own sigmas."""
-        rng = np.random.default_rng(11)
-        T_far = RigidTransform.from_components(far * T_SOURCE.translation, T_SOURCE.rotation)
-        T_true = T_TARGET.inv() * T_far
-        sigmas = SIGMAS * 0.2
-        values, dof = [], 0
-        for _ in range(600):
-            target, source = (unexact(T, rng, sigmas) for T in (T_TARGET, T_far))
-            known = knowing(*kinds, sigmas=sigmas)
-            relative = RelativePrior(replace(target, sigmas=known), replace(source, sigmas=known))
-            chi2, dof = relative.normalized(T_true)
-            values.append(chi2)
-        assert np.mean(values) == pytest.approx(dof, rel=4 * np.sqrt(2 / dof / 600))
-        assert np.var(values) == pytest.approx(2 * dof, rel=0.4)
 
     @pytest.mark.parametrize("kinds", [ALL, (ATTITUDE, HEADING, POSITION)])
     def test_swapped_scans_and_the_inverse_give_the_same(self, kinds: tuple[slice, ...]) -> None:
@@ -213,14 +175,6 @@ class TestNormalized:
         here, there = relative.normalized(moved), swapped.normalized(moved.inv())
         assert here[0] > 0.1
         assert there == (pytest.approx(here[0], rel=2e-3), here[1])
-
-    def test_the_better_known_side_is_the_reference_either_way(self) -> None:
-        target, source = prior(T_TARGET, ATTITUDE, POSITION, DEPTH), prior(T_SOURCE, *ALL)
-        moved = T_TRUE * RigidTransform.from_exp_coords([0.01, -0.02, 0.3, 1, 2, 0.3])
-        here = RelativePrior(target, source).normalized(moved)
-        there = RelativePrior(source, target).normalized(moved.inv())
-        assert here == pytest.approx(there)
-        assert here[1] == 5
 
 
 def poses_near(seed: int) -> RigidTransform:
@@ -289,9 +243,3 @@ class TestPosePrior:
         for T in (RigidTransform.concatenate([T_TARGET, T_SOURCE]), *off):
             with pytest.raises(InputError, match="finite"):
                 PosePrior(T, SIGMAS)
-
-    @pytest.mark.parametrize("kind", ALL)
-    def test_what_is_known(self, kind: slice) -> None:
-        measured = prior(T_TARGET, kind)
-        known = (measured.knows_attitude, measured.knows_heading, measured.knows_position, measured.knows_depth)
-        assert known == tuple(kind == known_kind for known_kind in ALL)

@@ -73,38 +73,25 @@ class TestShifts:
             assert relative.allows_shift(moved(sign * (limit + 0.49)), T_TRUE.rotation, slack=0.5)
             assert not relative.allows_shift(moved(sign * (limit + 0.51)), T_TRUE.rotation, slack=0.5)
 
-    def test_an_unsure_attitude_moves_what_is_far(self) -> None:
-        """0.01 rad of pitch are 1 m of height at 100 m ahead, and 0.02 rad of roll nothing there."""
-        sigmas = np.array([0.02, 0.01, 0.03, 1e-3, 1e-3, 1e-3])
-        target = PosePrior(RigidTransform.identity(), sigmas)
-        for ahead, limit in (([100.0, 0, 0], 4.0), ([0, 100.0, 0], 8.0)):
-            source = PosePrior(RigidTransform.from_translation(ahead), np.full(6, 1e-3))
-            relative = RelativePrior(target, source)
-            for off, allowed in ((0.98 * limit, True), (1.02 * limit, False)):
-                t = np.add(ahead, [0, 0, off])
-                assert relative.allows_shift(t, Rotation.identity()) == allowed
-
-    def test_an_unsure_attitude_moves_what_is_far_above_aside(self) -> None:
-        """100 m up, 0.01 rad of pitch are 1 m forward and 0.02 rad of roll 2 m to the side."""
-        above = [0.0, 0.0, 100.0]
+    @pytest.mark.parametrize(
+        ("at", "turn", "lift", "allowed"),
+        [
+            # 100 m ahead 0.01 rad of pitch are 1 m of height, and 0.02 rad of roll nothing; 100 m aside these are 2 m
+            *(([100.0, 0, 0], [0, 0, 0], lift, lift < 4) for lift in (3.92, 4.08)),
+            *(([0, 100.0, 0], [0, 0, 0], lift, lift < 8) for lift in (7.84, 8.16)),
+            # 100 m up, pitch moves forward by 1 m and roll to the side by 2 m
+            *(([0, 0, 100.0], [0, turn, 0], 0, turn < 0.04) for turn in (0.0395, 0.0405)),
+            *(([0, 0, 100.0], [turn, 0, 0], 0, turn > -0.08) for turn in (0.079, -0.081)),
+            # a heading known to 0.03 rad moves what is far aside, but not ahead
+            *(([100.0, 0, 0], [0, 0, turn], 0, abs(turn) < 0.12) for turn in (0.117, -0.117, 0.123, -0.123)),
+        ],
+    )
+    def test_an_unsure_rotation_moves_what_is_far(self, at, turn, lift, allowed) -> None:
         target = PosePrior(RigidTransform.identity(), np.array([0.02, 0.01, 0.03, 1e-3, 1e-3, 1e-3]))
-        relative = RelativePrior(target, PosePrior(RigidTransform.from_translation(above), np.full(6, 1e-3)))
-        for tilt, allowed in (
-            ([0, 0.0395, 0], True),
-            ([0, 0.0405, 0], False),
-            ([0.079, 0, 0], True),
-            ([-0.081, 0, 0], False),
-        ):
-            assert relative.allows_shift(Rotation.from_rotvec(tilt).apply(above), Rotation.identity()) == allowed
-
-    def test_an_unsure_heading_moves_what_is_far_aside(self) -> None:
-        sigmas = np.array([1e-4, 1e-4, 0.03, 1e-3, 1e-3, 1e-3])
-        target = PosePrior(RigidTransform.identity(), sigmas)
-        source = PosePrior(RigidTransform.from_translation([100.0, 0, 0]), np.full(6, 1e-3))
-        turned = [Rotation.from_euler("Z", angle).apply([100.0, 0, 0]) for angle in (0.117, -0.117, 0.123, -0.123)]
-        t = np.array([*turned, [100.5, 0, 0]])
-        answer = RelativePrior(target, source).allows_shift(t, Rotation.identity())
-        np.testing.assert_array_equal(answer, [True, True, False, False, False])
+        relative = RelativePrior(target, PosePrior(RigidTransform.from_translation(at), np.full(6, 1e-3)))
+        t = Rotation.from_rotvec(turn).apply(at) + np.array([0, 0, lift])
+        assert relative.allows_shift(t, Rotation.identity()) == allowed
+        assert not relative.allows_shift(1.005 * np.array(at), Rotation.identity())
 
     def test_the_sources_attitude_will_do_with_the_rotation(self) -> None:
         sigmas = np.full(6, 1e-3)

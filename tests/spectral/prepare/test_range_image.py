@@ -36,8 +36,8 @@ def view_of(device: Device, points: np.ndarray, viewpoints: np.ndarray = VIEWPOI
 
 def cells_of(view: View) -> np.ndarray:
     """(edge, edge, 2) of its only image."""
-    (image,) = view.images
-    return image.view.get()
+    assert view.ranges is not None
+    return view.ranges.get()[0]
 
 
 def test_cells_hold_the_ranges_of_their_points(device: Device) -> None:
@@ -69,7 +69,7 @@ SPARSE = [(1500, 1500, False), (6000, 6000, False), (1500, 0, True), (6000, 0, T
 )
 def test_a_second_surface_behind_the_first_is_no_view(device: Device, count: int, inner: int, single: bool) -> None:
     points = np.vstack([shell(20.0, 1, count), shell(12.0, 2, count)[:inner]])
-    assert bool(view_of(device, points).images) is single
+    assert bool(len(view_of(device, points).places)) is single
 
 
 class TestVisibility:
@@ -80,7 +80,7 @@ class TestVisibility:
         """Shares that agree, contradict, and are seen, of the source's points alone."""
         target = view_of(device, shell(20.0, 1))
         source = view_of(device, np.vstack([shell(radius, 3, cone=0.5), shell(9.0, 4, cone=0.5)]))
-        assert not source.images
+        assert source.ranges is None
         (shares,) = visibility(device, target, source, still(device), [(reach, slope)]).read()
         return np.array([shares.agree[0], shares.contradict[0], shares.seen[0]])
 
@@ -142,10 +142,10 @@ class TestManyViewpoints:
     def test_every_place_has_an_image_of_what_was_seen_from_there(self, device: Device) -> None:
         points, places = self.wall(1)
         view = view_of(device, points, places)
-        assert len(view.images) == 2
-        for image in view.images:
-            (place,) = [place for place in self.PLACES if np.allclose(place, image.viewpoint)]
-            near = image.view.get()[..., 0]
+        assert view.ranges is not None
+        for viewpoint, cells in zip(view.places, view.ranges.get(), strict=True):
+            (place,) = [place for place in self.PLACES if np.allclose(place, viewpoint)]
+            near = cells[..., 0]
             half = points[np.sign(points[:, 1]) == np.sign(place[1])]
             ranges = np.linalg.norm(half - place, axis=1)
             assert ranges.min() - 0.01 <= near[np.isfinite(near)].min()
@@ -157,7 +157,7 @@ class TestManyViewpoints:
         shares = []
         for before in (0.0, 6.0):
             there = self.wall(2)[0] - [before, 0, 0]
-            blind = replace(view_of(device, there), images=())
+            blind = replace(view_of(device, there), ranges=None, viewpoints=None)
             shares += visibility(device, target, blind, still(device), [(1.0, 0.0)]).read()
         assert shares[0].agree[0] > 0.85
         assert shares[0].contradict[0] < 0.02
@@ -177,7 +177,7 @@ class TestManyViewpoints:
         points = np.column_stack([along, across, np.full(12_000, -12.0)])
         places = np.column_stack([along, 0 * along, 0 * along])
         view = view_of(device, points, places)
-        assert len(view.images) == 12
-        stations = np.array([image.viewpoint[0] for image in view.images])
+        assert len(view.places) == 12
+        stations = view.places[:, 0]
         assert stations.min() < 10
         assert stations.max() > 290

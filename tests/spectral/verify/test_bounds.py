@@ -39,8 +39,7 @@ class TestSweep:
         for relative in (None, pair(HEADING, POSITION, DEPTH), pair(DEPTH), unsure_target):
             assert bounds(relative).sweep is None
 
-    def test_there_is_none_where_a_tilt_is_less_sure_than_three_degrees(self) -> None:
-        """Of both scans together, about the less sure axis."""
+        # nor where the less sure axis of both scans together is less sure than three degrees
         for degrees, swept in ((2.2, False), (2.1, True)):
             sigmas = np.array([0.01, np.deg2rad(degrees), 0.1, 1, 1, 1])
             assert (bounds(pair(ATTITUDE, sigmas=sigmas)).sweep is not None) is swept

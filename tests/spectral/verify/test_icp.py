@@ -112,14 +112,11 @@ def test_points_that_lie_on_the_planes_count_in_full() -> None:
     assert np.trace(fit.information[3:, 3:]) == pytest.approx(fit.pairs)
     np.testing.assert_allclose(fit.information, fit.information.T)
 
-
-def test_turns_are_about_the_sources_grid_center() -> None:
-    """About an axis through it along a wall's normal, points far out have the longest arms: sum of the squares."""
+    # turns are about the source's grid center: one about x lifts a point by y, one about y lowers it by x
     points = lattice(12, 10, 4.0)
     x, y, _ = points.T
     plane = surface_of(points)
     fit = refine_one(plane, plane, Rotation.identity(), np.zeros(3), (2.0,), 10_000)
-    # a turn about x lifts a point by y, one about y lowers it by x
     expected = 2 * np.array([np.sum(y**2), np.sum(x**2), 0])
     np.testing.assert_allclose(np.diag(fit.information)[:3], expected, rtol=1e-6, atol=1e-3)
 
@@ -131,12 +128,6 @@ def test_nothing_within_reach_moves_nothing(pair: tuple[Surface, Surface]) -> No
     assert off(fit, R_TRUE, shift) == pytest.approx((0.0, 0.0), abs=1e-9)
     assert np.isfinite(fit.information).all()
     assert fit.residual == 0
-
-
-def test_twice_is_the_same(pair: tuple[Surface, Surface]) -> None:
-    first, second = (refine_one(*pair, R_TRUE, SHIFT_TRUE + 0.5, REACHES, 500) for _ in range(2))
-    np.testing.assert_array_equal(first.information, second.information)
-    np.testing.assert_array_equal(first.shift, second.shift)
 
 
 def thick_corner(seed: int, noise: float) -> np.ndarray:
@@ -240,12 +231,12 @@ class TestStretch:
         """Two scans stretched alike about places apart fit at a shift that is off by a share of their distance."""
         rigid, estimated = rigid_and_stretched(stretched, Rotation.identity(), np.zeros(3))
         apart = self.SOURCE_VIEW - self.TARGET_VIEW
-        left = by_stretch(estimated, np.linalg.inv(estimated.information), CALIBRATION)
+        left = by_stretch(estimated, np.linalg.inv(estimated.information))
         direction = np.concatenate([np.zeros(3), apart / np.linalg.norm(apart)])
         # the mean of two shares of one standard deviation each; their difference shows
         expected = (CALIBRATION.stretched * np.linalg.norm(apart)) ** 2 / 2
         assert direction @ left @ direction == pytest.approx(expected, rel=0.15)
-        assert not by_stretch(rigid, np.linalg.inv(rigid.information), CALIBRATION).any()
+        assert not by_stretch(rigid, np.linalg.inv(rigid.information)).any()
 
     def test_scans_do_not_shrink_to_fit(self) -> None:
         """Two scans that are smaller, with the way between them, have smaller gaps; that is no reason to believe it."""

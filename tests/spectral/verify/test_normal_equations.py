@@ -6,12 +6,8 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.surface.record import Record
-from sonarmap.kernels.surface.refinement import Refinement, Weighting
 from sonarmap.spectral.verify.calibration import CALIBRATION
-from sonarmap.spectral.verify.fit import principal_axes
 from sonarmap.spectral.verify.normal_equations import NormalEquations, State, usual_covariance
-from tests.kernels.surface.scenes import upload
-from tests.spectral.surfaces import chosen_device
 
 HESSIAN = np.diag([400.0, 300, 500, 90, 80, 70])
 VARIANCE = np.array([0.5])
@@ -66,44 +62,3 @@ class TestStretch:
         np.testing.assert_allclose(alone, whole[:, :6], atol=1e-6)
         np.testing.assert_allclose(moved.stretch, whole[:, 6:] * [1.0, -1.0], atol=1e-6)
         np.testing.assert_allclose(moved.shift, whole[:, 3:6], atol=1e-6)
-
-
-class TestDoubt:
-    """What noisy normals seem to hold along a plane: nothing, but for chance."""
-
-    @staticmethod
-    def of_a_plane(seed: int, tilt: float = 0.0) -> tuple[float, float]:
-        """Points of a level plane, some of which lean by `tilt`; normals of both scans are off independently.
-
-        Returns:
-            What is held along the plane, and its doubt.
-        """
-        rng = np.random.default_rng(seed)
-        count = 400
-        true = np.tile([0.0, 0.0, 1.0], (count, 1))
-        true[::4] = [np.sin(tilt), 0.0, np.cos(tilt)]
-        surfaces = []
-        for _ in range(2):
-            rows = np.zeros((count, 12), np.float32)
-            rows[:, 0], rows[:, 3] = np.arange(count), 1
-            rows[:, 4:7] = true + 0.2 * rng.normal(size=(count, 3))
-            surfaces.append(upload(chosen_device(), rows))
-        target, source = surfaces
-        steps = Refinement(chosen_device(), target, source, count, Weighting(1 / 6, 0.8, 4.0, 3.0, 0.5), None)
-        steps.begin(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1), None)
-        steps.step(0.5, alone=False)
-        record = steps.end().read()
-        shared = (record.shared[0] + record.shared[0].T)[:6, :6] / 2
-        _, axes, _ = principal_axes(shared, float(record.total[0]))
-        axis = int(np.abs(axes[3]).argmax())
-        return float(shared[3, 3]), float(np.sqrt(record.doubts[0, axis]))
-
-    def test_it_is_the_spread_of_what_chance_gives(self) -> None:
-        held, doubts = np.array([self.of_a_plane(seed) for seed in range(100)]).T
-        assert abs(np.mean(held)) < 3 * np.std(held) / np.sqrt(len(held))
-        # each pair counts both ways, which is no more to learn from
-        assert np.mean(doubts) * np.sqrt(2) == pytest.approx(np.std(held), rel=0.25)
-
-    def test_what_planes_do_hold_is_far_above_it(self) -> None:
-        held, doubt = self.of_a_plane(0, tilt=0.9)
-        assert held > 5 * doubt

@@ -16,7 +16,6 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.translation import Box
 from sonarmap.spectral.verify.bounds import Bounds
-from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Hypothesis, ranked
 from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
@@ -92,32 +91,6 @@ class TestCandidates:
         assert candidates.psr[right].max() > 1.5 * candidates.psr[candidates.rotation == 0].max()
         np.testing.assert_allclose((candidates.R[int(right[0])] * TRUE.rotation.inv()).magnitude(), 0, atol=1e-9)
 
-    def test_the_whole_grid_names_it_to_a_voxel(self, verifier, pair) -> None:
-        candidates = verifier.fine_candidates(*pair, peaks(TRUE.rotation), ANYWHERE)
-        highest = np.argmax(candidates.psr)
-        off = np.linalg.norm(candidates.shifts - shift_of(pair), axis=1)
-        assert off[candidates.psr == candidates.psr[highest]].min() < 1.0
-
-    def test_a_cyclic_shift_stands_for_several(self, verifier) -> None:
-        """-3 is also 61, and 1 also -63, but these leave nothing in common of 64 voxels; 20 is also -44."""
-        shifts = np.array([[20.0, -3.0, 1.0], [20.0, -30.0, 31.5], [50.0, -3.0, 70.0]])
-        peak, unwrapped = verifier._unwrapped(shifts, np.array([False, False, True]))
-        np.testing.assert_array_equal(peak, [0, 0, *[1] * 8, 2])
-        np.testing.assert_array_equal(unwrapped[:2], [[20.0, -3.0, 1.0], [-44.0, -3.0, 1.0]])
-        np.testing.assert_array_equal(unwrapped[-1], shifts[2])
-
-    def test_those_that_are_wanted_are_kept_in_order(self) -> None:
-        R = Rotation.from_euler("Z", [[0], [10], [20], [30]], degrees=True)
-        scores = np.array([0.4, 0.3, 0.2, 0.1])
-        all_four = Candidates(np.arange(4), R, np.arange(12.0).reshape(4, 3), np.array([9.0, 8, 7, 6]), scores)
-        some = all_four.select(np.array([False, True, False, True]))
-        assert some.rotation.tolist() == [1, 3]
-        np.testing.assert_array_equal(some.shifts, [[3, 4, 5], [9, 10, 11]])
-        assert some.psr.tolist() == [8, 6]
-        assert some.rotation_scores.tolist() == [0.3, 0.1]
-        np.testing.assert_allclose(some.R.as_euler("ZYX", degrees=True)[:, 0], [10, 30])
-        assert len(all_four.select(np.zeros(4, dtype=bool)).psr) == 0
-
     def test_the_best_is_the_true_one_and_none_comes_twice(self, verifier, pair) -> None:
         nearby = Rotation.from_rotvec([0, 0, 0.03]) * TRUE.rotation
         candidates = verifier.candidates(*pair, peaks(WRONG, nearby, TRUE.rotation), ANYWHERE * 3)
@@ -151,14 +124,6 @@ class TestCandidates:
             highest = candidates.shifts[np.argmax(candidates.psr)]
             assert np.linalg.norm(highest - shift_of(pair)) < 2.0
 
-    def test_heights_are_those_of_the_highest_peaks_of_rotations(self) -> None:
-        R = Rotation.identity(5)
-        given = Candidates(np.array([0, 0, 1, 1, 2]), R, np.zeros((5, 3)), np.array([9.0, 4, 8, 2, 20]), np.zeros(5))
-        assert given.usual_height() == 9.0
-        assert given.raised(2.0).psr.tolist() == [18, 8, 16, 4, 40]
-        assert Candidates.joined([given, given.raised(0.5)]).psr.tolist() == [9, 4, 8, 2, 20, 4.5, 2, 4, 1, 10]
-        assert given.select(np.zeros(5, dtype=bool)).usual_height() == 1.0
-
 
 class TestEvidence:
     def test_the_true_pose_is_told_from_one_that_is_off(self, verifier, pair) -> None:
@@ -189,7 +154,7 @@ class TestEvidence:
         assert right.score > wrong.score + 1
 
     def test_without_a_view_the_surfaces_are_the_evidence(self, verifier, pair) -> None:
-        blind = tuple(replace(scan, view=replace(scan.view, images=())) for scan in pair)
+        blind = tuple(replace(scan, view=replace(scan.view, ranges=None, viewpoints=None)) for scan in pair)
         true = hypothesis(TRUE.rotation, shift_of(pair))
         (without_view,), (with_view,) = (looked_at(verifier, each, [true]) for each in (blind, pair))
         assert np.isnan(without_view.evidence.view)
@@ -206,7 +171,7 @@ ASIDE = np.array([5.0, -4.0, 0.0])  # voxels
 @pytest.fixture(scope="module")
 def pair_test() -> HypothesisTest:
     """Of two scans whose grids' centers lie 18 and -18 voxels apart."""
-    return HypothesisTest(Verifier(choose_device(), EDGE), Grid(EDGE, VOXEL), *two_scans(), Bounds(np.pi, None, VOXEL))
+    return HypothesisTest(Grid(EDGE, VOXEL), *two_scans(), Bounds(np.pi, None, VOXEL), Verifier(choose_device(), EDGE))
 
 
 def true_shift(pair_test: HypothesisTest) -> np.ndarray:

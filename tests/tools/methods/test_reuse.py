@@ -10,7 +10,7 @@ import sonarmap
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
 from sonarmap.spectral.registration import SpectralRegistrar
-from sonarmap.tools.methods import reuse
+from sonarmap.tools.methods import registry as reuse
 from sonarmap.tools.methods.registry import Setup
 from tests.samples.scenes.reliefs import above, relief, seen
 
@@ -60,13 +60,7 @@ def test_it_is_made_once_and_a_call_registers_once(calls: list[str], method: str
 
 
 def test_other_settings_make_another_and_one_is_kept(calls: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    several: tuple[dict[str, Any], ...] = (
-        {},
-        {"max_tilt": 0.5},
-        {"max_tilt": 0.5, "seed": 3},
-        {"method": "hemisphere"},
-        {},
-    )
+    several: list[Any] = [{}, {"max_tilt": 0.5}, {"max_tilt": 0.5, "seed": 3}, {"method": "hemisphere"}, {}]
     for options in several:
         matrix(**options)
         assert len(reuse._KEPT) == 1

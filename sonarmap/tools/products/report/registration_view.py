@@ -96,10 +96,9 @@ def contradicting(view: View, points: np.ndarray) -> np.ndarray:
     """
     contradicted = np.zeros(len(points), dtype=bool)
     reach, slope = FINE
-    for image in view.images:
-        beams = points - image.viewpoint
+    for place, cells in zip(view.places, () if view.ranges is None else view.ranges.get(), strict=True):
+        beams = points - place
         ranges = np.linalg.norm(beams, axis=1)
-        cells = image.view.get()
         nearest, farthest = cells.reshape(-1, 2)[octahedral_cells(beams, len(cells))].T
         contradicted |= (farthest >= 0) & (ranges < nearest - (reach + slope * ranges))
     return contradicted

@@ -126,7 +126,9 @@ class TestView:
         back = contradicting(b.view, R.inv().apply(every[0] - shift))
         assert shares.contradict[0] > 0.02
         assert (forth.mean() + back.mean()) / 2 == pytest.approx(shares.contradict[0], abs=0.002)
-        assert not contradicting(replace(a.view, images=()), R.apply(every[1]) + shift).any()
+        assert not contradicting(
+            replace(a.view, places=a.view.places[:0], ranges=None), R.apply(every[1]) + shift
+        ).any()
 
 
 class TestPicture:
