@@ -47,15 +47,11 @@ def test_a_turned_box_is_hit_on_its_corner_edge():
         (cylinder((1, 2, -3), (4, 2, 1), 0.7, sides=96), np.pi * 0.49 * 5, 1e-3),
         (ellipsoid((0, 1, 2), (2, 3, 1.5), Rotation.from_euler("x", 0.4), rings=40), 4 / 3 * np.pi * 9, 1e-2),
         (wall([(0, 0), (10, 0)], 2.0, -3.0, 4.0), 12 * 2 * 7, 1e-12),
+        (merge([box((0, 0, 0), (1, 1, 1)), box((5, 0, 0), (2, 2, 2))]), 9.0, 1e-12),
     ],
 )
 def test_solids_are_closed_and_face_outward(mesh: Mesh, volume: float, tolerance: float):
     assert_allclose(_volume(mesh), volume, rtol=tolerance)
-
-
-def test_merging_keeps_every_solid():
-    both = merge([box((0, 0, 0), (1, 1, 1)), box((5, 0, 0), (2, 2, 2))])
-    assert_allclose(_volume(both), 9.0)
 
 
 def test_a_shell_is_closed_and_holds_what_is_between_its_sheets():
@@ -137,9 +133,7 @@ class TestSurfaceDistance:
         both = merge([box((0, 0, 0), (2, 2, 2)), box((10, 0, 0), (4, 2, 2))])
         points = np.array([[4.0, 0, 0], [5.0, 0, 0], [0, 0, 0], [0, 0, 3.5]])
         assert surface_distance(both, points) == pytest.approx([3, 3, 1, 2.5], abs=1e-6)
-
-    def test_no_point(self) -> None:
-        assert surface_distance(box((0, 0, 0), (2, 2, 2)), np.empty((0, 3))).shape == (0,)
+        assert surface_distance(both, points[:0]).shape == (0,)
 
 
 class TestTriangleDistance:
