@@ -58,7 +58,7 @@ def patches(normal: np.ndarray, middle: np.ndarray, turn: float = 0.01, shift: f
     extent = 9.0 * (np.eye(3) - normal[:, :, None] * normal[:, None, :])
     area = np.full(len(normal), 108.0)
     distance = np.einsum("ki,ki->k", normal, middle)
-    return Patches(normal, distance, spread @ np.swapaxes(spread, 1, 2), middle, extent, area, area.astype(np.int64))
+    return Patches(normal, distance, spread @ np.swapaxes(spread, 1, 2), middle, extent, area)
 
 
 def seen_from(planes: Patches, T: RigidTransform) -> Patches:
@@ -73,5 +73,5 @@ def disturbed(planes: Patches, rng: np.random.Generator) -> Patches:
     normal = planes.normal + draw[:, :3]
     length = np.linalg.norm(normal, axis=1)
     distance = planes.distance + draw[:, 3]
-    fields = (planes.covariance, planes.middle, planes.spread, planes.area, planes.count)
+    fields = (planes.covariance, planes.middle, planes.spread, planes.area)
     return Patches(normal / length[:, None], distance, *fields)

@@ -2,28 +2,23 @@
 some pairs once more on a device that notes times and counts its arrays: where time and memory go."""
 
 import gc
-import multiprocessing
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict
-from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
+from functools import lru_cache
 from statistics import mean
-from time import perf_counter
 from typing import Any
 
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import Device, choose_device
 from sonarmap.kernels.device.usage import MemoryUsage
-from sonarmap.kernels.errors import DeviceError, SonarmapError
+from sonarmap.kernels.errors import DeviceError
+from sonarmap.slam.execute.processes import spawned
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
-from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.lab.bench.stages import PAIR_STAGES, Stage, clocked
@@ -110,104 +105,62 @@ def measure_pairs(
         DeviceError: the process was ended from outside, as where memory runs out.
     """
     grid = choose_grid((scan for pair in pairs for scan in pair[:2]), edge)
-    context = multiprocessing.get_context("spawn")
-    receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_work, args=(sender, pairs, grid, selector), daemon=True)
-    with _interrupts_ignored():
-        process.start()
-    sender.close()
-    try:
-        while not isinstance(message := _receive(receiver, process), dict):
-            if isinstance(message, SonarmapError):
-                raise message
-            step(str(message))
-    finally:
-        process.terminate()
-        process.join()
-    return message
-
-
-def _receive(receiver: Connection, process: BaseProcess) -> object:
-    try:
-        return receiver.recv()
-    except EOFError:
-        process.join()
-        code = process.exitcode or 0
-        if code < 0:
+    with spawned(1) as pool:
+        try:
+            # once for itself: kernels are compiled at their first launch
+            first, _ = pool.submit(timed, _measure_pair, selector, grid, pairs[0]).result()
+            measured: list[_Measured] = []
+            for n, pair in enumerate(pairs):
+                measured.append(pool.submit(_measure_pair, selector, grid, pair).result())
+                step(f"pair {n + 1} at {grid.edge}^3")
+            memory = pool.submit(peak_memory).result()
+            traced = pool.submit(_trace, selector, grid, [pair[:2] for pair in pairs[:_PAIRS]]).result()
+        except BrokenProcessPool:
             raise DeviceError(
-                f"the process that registers pairs was ended by signal {-code}, as happens where memory runs "
-                "out. Use a smaller --grid, or --pairs 0 to leave pairs out."
+                "the process that registers pairs was ended from outside, as happens where memory runs out. Use a "
+                "smaller --grid, or --pairs 0 to leave pairs out."
             ) from None
-        raise RuntimeError(f"the process that registers pairs ended with code {code}, without a result") from None
-
-
-@contextmanager
-def _interrupts_ignored() -> Iterator[None]:
-    """A process started within ignores Ctrl-C, so that only the parent reports that it was stopped."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _work(sender: Connection, pairs: list[SimulatedPair], grid: Grid, selector: str | None) -> None:
-    """The spawned process: sends words after each pair, and last the row or a SonarmapError."""
-    try:
-        row = _measure(selector, grid, pairs, sender)
-        sender.send(row | _trace(selector, grid, [pair[:2] for pair in pairs[:_PAIRS]]))
-    except SonarmapError as error:
-        sender.send(error)
-
-
-def _measure(selector: str | None, grid: Grid, pairs: list[SimulatedPair], sender: Connection) -> dict[str, Any]:
-    start = perf_counter()
-    registrar = SpectralRegistrar(choose_device(selector), grid, SpectralConfig())
-    # once for itself: kernels are compiled at their first launch
-    _measure_pair(registrar, *pairs[0][:2])
-    first = perf_counter() - start
-    preparing, registering, accepted, right = [], [], 0, 0
-    for n, (target, source, truth) in enumerate(pairs):
-        times, seconds, registration = _measure_pair(registrar, target, source)
-        preparing += times
-        registering.append(seconds)
-        accepted += registration.accepted
-        right += is_right(registration.T_target_source, truth, registrar.grid.voxel)
-        sender.send(f"pair {n + 1} at {registrar.grid.edge}^3")
+    preparing, registering, accepted, right = zip(*measured, strict=True)
     return {
-        "grid": registrar.grid.edge,
-        "voxel": registrar.grid.voxel,
-        "prepare_seconds": _with_longest(preparing),
+        "grid": grid.edge,
+        "voxel": grid.voxel,
+        "prepare_seconds": _with_longest([seconds for both in preparing for seconds in both]),
         "register_seconds": _with_longest(registering),
-        "paper_seconds": _PAPER_SECONDS.get(registrar.grid.edge),
-        "accepted": accepted,
-        "right": right,
-        "peak_memory": peak_memory(),
+        "paper_seconds": _PAPER_SECONDS.get(grid.edge),
+        "accepted": sum(accepted),
+        "right": sum(right),
+        "peak_memory": memory,
         "first_seconds": first,
-    }
+    } | traced
 
 
-def _with_longest(seconds: list[float]) -> dict[str, float]:
+def _with_longest(seconds: Sequence[float]) -> dict[str, float]:
     times = summarize(seconds)
     return asdict(times) | {"most_over_median": times.most_over_median}
 
 
-def _measure_pair(registrar: SpectralRegistrar, target: Scan, source: Scan) -> tuple[list[float], float, Registration]:
-    """Seconds of preparing each scan, of registering them, and the result; no more than two scans are held."""
+# Of a pair: seconds of preparing each scan, of registering them, whether the result is believed, whether it is right.
+_Measured = tuple[list[float], float, bool, bool]
+
+
+@lru_cache(maxsize=1)
+def _registrar(selector: str | None, grid: Grid) -> SpectralRegistrar:
+    """The new process's only one."""
+    return SpectralRegistrar(choose_device(selector), grid, SpectralConfig())
+
+
+def _measure_pair(selector: str | None, grid: Grid, pair: SimulatedPair) -> _Measured:
+    """In a new process; no more than two prepared scans are held."""
+    registrar = _registrar(selector, grid)
 
     def prepare(scan: Scan) -> SpectralScan:
         prepared = registrar.prepare(scan)
         registrar.device.queue.finish()
         return prepared
 
-    (target_seconds, target_prepared), (source_seconds, source_prepared) = (
-        timed(prepare, scan) for scan in (target, source)
-    )
-    seconds, registration = timed(registrar.register, target_prepared, source_prepared)
-    return [target_seconds, source_seconds], seconds, registration
+    (first, target), (second, source) = (timed(prepare, scan) for scan in pair[:2])
+    seconds, found = timed(registrar.register, target, source)
+    return [first, second], seconds, found.accepted, is_right(found.T_target_source, pair[2], grid.voxel)
 
 
 def is_right(T_target_source: RigidTransform, truth: RigidTransform, voxel: float) -> bool:

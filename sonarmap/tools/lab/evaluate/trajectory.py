@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
@@ -198,11 +199,13 @@ def associate(
     Raises:
         InputError: no two stamps lie within the tolerance.
     """
-    mine, true = _near(estimate, truth, tolerance)
+    trees = (KDTree(stamps[:, None]) for stamps in (estimate, truth))
+    # the trees' search rounds; the tolerance itself is applied to what it gives
+    near = next(trees).sparse_distance_matrix(next(trees), 1.01 * tolerance + 1e-6, p=1, output_type="ndarray")
+    near = near[near["v"] <= tolerance]
     pairs: dict[int, int] = {}
     taken: set[int] = set()
-    for row in np.argsort(np.abs(estimate[mine] - truth[true]), kind="stable"):
-        i, j = int(mine[row]), int(true[row])
+    for i, j in near[np.lexsort((near["j"], near["i"], near["v"]))][["i", "j"]].tolist():
         if i not in pairs and j not in taken:
             pairs[i] = j
             taken.add(j)
@@ -213,22 +216,6 @@ def associate(
         )
     chosen = np.array(sorted(pairs, key=lambda i: (estimate[i], i)))
     return chosen, np.array([pairs[i] for i in chosen.tolist()])
-
-
-def _near(estimate: np.ndarray, truth: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """All pairs of stamps within the tolerance, as indices, by the estimate's and then by the truth's."""
-    order = np.argsort(truth, kind="stable")
-    ordered = truth[order]
-    # the search rounds; the tolerance itself is applied below
-    reach = tolerance + 4 * np.spacing(np.abs(estimate) + tolerance)
-    low = np.searchsorted(ordered, estimate - reach, "left")
-    count = np.searchsorted(ordered, estimate + reach, "right") - low
-    mine = np.repeat(np.arange(len(estimate)), count)
-    true = order[np.arange(len(mine)) + np.repeat(low - np.cumsum(count) + count, count)]
-    near = np.abs(estimate[mine] - truth[true]) <= tolerance
-    mine, true = mine[near], true[near]
-    rows = np.lexsort((true, mine))
-    return mine[rows], true[rows]
 
 
 def yaw_deg(T_world_sensor: RigidTransform) -> np.ndarray:

@@ -9,7 +9,7 @@ from sonarmap.tools.lab.baselines.planes.pose import LOOSE_ROTATION, NO_SLACK, S
 from tests.samples.scenes.plane_rooms import T_TARGET_SOURCE, disturbed, patches, seen_from
 
 EXTENT = 80.0
-REST = ("middle", "spread", "area", "count")
+REST = ("middle", "spread", "area")
 
 
 def some_planes(count: int = 7, seed: int = 0) -> Patches:
@@ -40,28 +40,6 @@ HALF_A_TURN = RigidTransform.from_components([1.0, 2, 3], Rotation.from_rotvec(n
 )
 def test_the_closed_form_is_exact_without_noise(source: Patches, T: RigidTransform, atol: float) -> None:
     np.testing.assert_allclose(error(closed_form(seen_from(source, T), source), T), 0, atol=atol)
-
-
-def test_the_closed_form_moves_with_the_target() -> None:
-    source = disturbed(some_planes(), np.random.default_rng(1))
-    target = disturbed(seen_from(some_planes(), T_TARGET_SOURCE), np.random.default_rng(2))
-    R = Rotation.from_euler("ZYX", [0.4, 0.8, -1.2])
-    wide = np.eye(4)
-    wide[:3, :3] = R.as_matrix()
-    covariance = wide @ target.covariance @ wide.T
-    rest = (target.spread, target.area, target.count)
-    turned = Patches(R.apply(target.normal), target.distance, covariance, R.apply(target.middle), *rest)
-    first, second = closed_form(target, source), closed_form(turned, source)
-    np.testing.assert_allclose(error(second, RigidTransform.from_rotation(R) * first), 0, atol=1e-9)
-
-
-def test_swapped_scans_give_the_inverse() -> None:
-    source = disturbed(some_planes(), np.random.default_rng(1))
-    target = disturbed(seen_from(some_planes(), T_TARGET_SOURCE), np.random.default_rng(2))
-    there, back = closed_form(target, source), closed_form(source, target)
-    there = refine(target, source, there, EXTENT, NO_SLACK)
-    back = refine(source, target, back, EXTENT, NO_SLACK)
-    np.testing.assert_allclose(error(back.T_target_source, there.T_target_source.inv()), 0, atol=2e-2)
 
 
 def test_refining_is_more_exact_than_the_closed_form_and_its_covariance_is_right() -> None:

@@ -9,7 +9,6 @@ from numpy.testing import assert_array_equal
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.extras import load_package
 from sonarmap.tools.files.map_folder.pairs import CHAIN
 from sonarmap.tools.lab.baselines.surveys import run_kiss_slam, run_multiway
 from sonarmap.tools.lab.evaluate.pairs import score_pairs
@@ -67,8 +66,3 @@ def test_kiss_slam_maps_small_motions() -> None:
     assert result.ate_m < VOXEL / 2
     assert result.rotation_deg.max() < 3
     assert (run.pairs, run.loops) == ((), 0)
-
-
-def test_a_missing_package_names_the_extra_that_brings_it() -> None:
-    with pytest.raises(InputError, match=r"sonarmap\[slam-peers\]"):
-        load_package("no_such_module", "kiss-slam", "the method kiss-slam", "slam-peers")

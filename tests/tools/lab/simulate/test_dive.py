@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from sonarmap.tools.lab.simulate.folder import read_settings
 from sonarmap.tools.lab.simulate.paths.routes import lawnmower_path
-from sonarmap.tools.lab.simulate.paths.trajectories import DRIFT_AMPLITUDE, DRIFT_PERIODS, drift, lawnmower, start_of
+from sonarmap.tools.lab.simulate.paths.trajectories import lawnmower, start_of
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
@@ -28,15 +28,6 @@ def test_dives_begin_far_apart_and_the_first_at_the_start() -> None:
     assert starts[0] == 0.0
     apart = np.abs(starts[:, None] - starts)[np.triu_indices(5, 1)]
     assert np.minimum(apart, 300 - apart).min() > 300 / 10
-
-
-@pytest.mark.parametrize("dive", [2, 5])
-def test_a_dive_drifts_off_its_path_and_no_farther_than_is_clear(dive: int) -> None:
-    aside = drift(200, 4, dive)
-    most = DRIFT_AMPLITUDE * len(DRIFT_PERIODS)
-    assert 0.5 * most < np.abs(aside).max() <= most
-    assert np.abs(np.diff(aside)).max() < 0.4
-    assert_array_equal(drift(200, 4, 1), 0.0)
 
 
 @pytest.mark.parametrize("scene", SCENE_KINDS)

@@ -282,7 +282,3 @@ def test_memory_that_runs_out_all_the_same_is_told(
     result = sonarmap("simulate", "-o", tmp_path / "out")
     refused_with_reason(result)
     said(result, f"this machine's memory is used up{reason and f' ({reason})'}; give less at a time")
-
-
-def test_what_fits_is_simulated(tmp_path: Path) -> None:
-    assert len(simulate(read_settings(description(tmp_path))).scans) == 3

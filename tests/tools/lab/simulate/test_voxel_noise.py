@@ -27,15 +27,6 @@ def test_the_envelope_is_a_chessboard_distance(margin: int):
     assert_array_equal(envelope(occupied, margin), expected)
 
 
-def test_the_envelope_of_one_voxel_is_a_cube_that_the_faces_cut():
-    occupied = np.zeros(SHAPE, bool)
-    occupied[2, 20, 27] = True
-    expected = np.zeros(SHAPE, bool)
-    expected[0:8, 15:26, 22:31] = True
-    assert_array_equal(envelope(occupied, 5), expected)
-    assert occupied.sum() == 1
-
-
 def test_an_envelope_of_nothing_is_empty_and_none_is_everywhere():
     void = np.zeros(SHAPE, bool)
     assert not envelope(void, 5).any()
@@ -84,11 +75,6 @@ def test_one_seed_flips_the_same_voxels_and_another_others():
     assert (swap(occupied, noise, generator()) != swap(occupied, noise, generator(4))).any()
     turned = np.asfortranarray(occupied)
     assert_array_equal(swap(turned, noise, generator()), swap(occupied, noise, generator()))
-
-
-def test_all_voxels_flip_where_the_share_is_one():
-    occupied = scattered(0.01)
-    assert_array_equal(swap(occupied, VoxelNoise(1.0, None), generator()), ~occupied)
 
 
 @pytest.mark.parametrize("bad", [(-0.1, 5), (1.1, 5), (np.nan, 5), (0.1, -1)])

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 
 from sonarmap.slam.map.cell import cell_keys, lattice_origin
-from sonarmap.tools.lab.baselines.planes.fit import Patches, fit_plane, no_patches, tangents
+from sonarmap.tools.lab.baselines.planes.fit import Patches, fit_plane, tangents
 
 # A cell's surroundings must hold so many points for their plane to mean anything.
 _FEWEST_IN_BLOCK = 10
@@ -55,22 +55,12 @@ def extract_patches(points: np.ndarray, size: float) -> Patches:
         size: edge of the cells in which planes are grown [m], about as large as the noise or larger.
     """
     cells = sort_into_cells(points, size)
-    patches = [patch for index in _members(cells) if (patch := _patch(cells.points[index], size)) is not None]
+    members = (cells.points[np.isin(cells.cell, region)] for region in grow(cells))
+    patches = [patch for own in members if (patch := _patch(own, size)) is not None]
     if not patches:
-        return no_patches()
+        return Patches(*(np.empty((0, *shape)) for shape in ((3,), (), (4, 4), (3,), (3, 3), ())))
     all_patches = Patches(*(np.array(column) for column in zip(*patches, strict=True)))
     return all_patches.take(np.argsort(-all_patches.area, kind="stable"))
-
-
-def _members(cells: Cells) -> list[np.ndarray]:
-    """The points (n,) of each region, by index."""
-    regions = grow(cells)
-    owner = np.full(len(cells.deviation), -1)
-    for number, region in enumerate(regions):
-        owner[region] = number
-    owner = owner[cells.cell]
-    order = np.argsort(owner, kind="stable")
-    return np.split(order, np.searchsorted(owner[order], np.arange(len(regions))))[1:]
 
 
 def _patch(points: np.ndarray, size: float) -> tuple | None:
@@ -88,8 +78,7 @@ def _patch(points: np.ndarray, size: float) -> tuple | None:
     places = points[fit.kept][first]
     middle = places.mean(axis=0)
     middle = middle - (middle @ fit.normal - fit.distance) * fit.normal
-    spread = np.cov(places.T)
-    return fit.normal, fit.distance, fit.covariance, middle, spread, len(faces) * size**2, int(fit.kept.sum())
+    return fit.normal, fit.distance, fit.covariance, middle, np.cov(places.T), len(faces) * size**2
 
 
 def grow(cells: Cells) -> list[np.ndarray]:
@@ -114,8 +103,7 @@ def _grow_from(seed: int, cells: Cells, free: np.ndarray) -> np.ndarray:
     """The cells (n,) that one seed's plane reaches, layer by layer; the plane is fitted anew after each."""
     asked = ~free
     asked[seed] = True
-    region = [seed]
-    front = np.array([seed])
+    region, front = [seed], np.array([seed])
     middle, normal = cells.middle[seed], cells.normal[seed]
     while len(front):
         near = np.unique(cells.neighbors[front])
@@ -126,48 +114,34 @@ def _grow_from(seed: int, cells: Cells, free: np.ndarray) -> np.ndarray:
         apart = np.abs((cells.middle[near] - middle) @ normal) <= _APART * cells.size
         front = near[apart & (cells.normal[near] @ normal >= _TURNED)]
         region.extend(front.tolist())
-        middle, normal = _plane(cells, region, middle, normal)
+        if len(region) < 6:
+            continue
+        points = cells.middle[region]
+        middle = points.mean(axis=0)
+        turn = np.linalg.eigh((points - middle).T @ (points - middle))[1][:, 0]
+        # the blocks' own normals steady the plane of a region that is still narrow
+        mean, share = cells.normal[region].mean(axis=0), min(1.0, len(region) / 40)
+        normal = share * (turn * np.sign(turn @ normal)) + (1 - share) * mean / np.linalg.norm(mean)
+        normal = normal / np.linalg.norm(normal)
     return np.array(region)
-
-
-def _plane(cells: Cells, region: list[int], middle: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Middle (3,) and normal (3,) of the plane through a region's blocks; as given while it is small."""
-    if len(region) < 6:
-        return middle, normal
-    points = cells.middle[region]
-    middle = points.mean(axis=0)
-    # the blocks' own normals steady the plane of a region that is still narrow
-    turn = np.linalg.eigh((points - middle).T @ (points - middle))[1][:, 0]
-    turn = turn * np.sign(turn @ normal)
-    mean = cells.normal[region].mean(axis=0)
-    share = min(1.0, len(region) / 40)
-    normal = share * turn + (1 - share) * mean / np.linalg.norm(mean)
-    return middle, normal / np.linalg.norm(normal)
 
 
 def sort_into_cells(points: np.ndarray, size: float) -> Cells:
     """Cells of edge `size` [m] from points (N, 3) [m] in the sensor frame."""
     points = points.astype(np.float64)
-    origin = lattice_origin(points, size)
-    keys, near = cell_keys(points, size, origin)
+    keys, near = cell_keys(points, size, lattice_origin(points, size))
     points = points[near]
     unique, cell = np.unique(keys, return_inverse=True)
-    neighbors = _neighbors(unique)
+    wanted = unique[:, None] + _OFFSETS[None, :]
+    place = np.minimum(np.searchsorted(unique, wanted), len(unique) - 1)
+    neighbors = np.where(unique[place] == wanted, place, -1)
     count, middle, scatter = _block_moments(points, cell, neighbors)
     values, vectors = np.linalg.eigh(scatter)
     normal = vectors[:, :, 0]
-    away = np.einsum("ci,ci->c", normal, middle)
-    normal = normal * np.where(away < 0, -1.0, 1.0)[:, None]
+    normal = normal * np.where(np.einsum("ci,ci->c", normal, middle) < 0, -1.0, 1.0)[:, None]
     flat = (count >= _FEWEST_IN_BLOCK) & (values[:, 1] >= (_LEAST_SPREAD * size) ** 2)
     deviation = np.where(flat, np.sqrt(np.maximum(values[:, 0], 0.0)), np.inf)
     return Cells(points, cell, neighbors, middle, normal, deviation, size)
-
-
-def _neighbors(keys: np.ndarray) -> np.ndarray:
-    """(C, 27) indices into the sorted keys (C,), -1 where a cell is empty."""
-    wanted = keys[:, None] + _OFFSETS[None, :]
-    place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    return np.where(keys[place] == wanted, place, -1)
 
 
 def _block_moments(

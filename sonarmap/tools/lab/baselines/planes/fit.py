@@ -21,7 +21,6 @@ class Patches:
     middle: np.ndarray  # (K, 3) [m, sensor frame] middle of each patch
     spread: np.ndarray  # (K, 3, 3) [m^2] second moments of its area about the middle
     area: np.ndarray  # (K,) [m^2]
-    count: np.ndarray  # (K,) points of each
 
     def __len__(self) -> int:
         return len(self.distance)
@@ -29,14 +28,6 @@ class Patches:
     def take(self, index: np.ndarray) -> Patches:
         """The patches (M,) of `index`, in its order."""
         return Patches(*(getattr(self, field.name)[index] for field in fields(self)))
-
-
-def no_patches() -> Patches:
-    """What a scan without planes has."""
-    empty = np.zeros
-    return Patches(
-        empty((0, 3)), empty(0), empty((0, 4, 4)), empty((0, 3)), empty((0, 3, 3)), empty(0), empty(0, dtype=np.int64)
-    )
 
 
 def tangents(normal: np.ndarray) -> np.ndarray:
@@ -85,14 +76,14 @@ def fit_plane(points: np.ndarray, block: np.ndarray) -> PlaneFit:
     ranges = np.maximum(np.linalg.norm(points, axis=1), 1e-9)
     _, block = np.unique(block, return_inverse=True)
     kept = np.ones(len(points), bool)
-    weight = kept / ranges
-    distance = float(normal @ middle)
+    weight, distance = kept / ranges, float(normal @ middle)
     for _ in range(_ROUNDS):
         sine = np.maximum(np.abs(points @ normal) / ranges, _LEAST_SINE)
         shape = ranges * sine**2
         off = points @ normal - distance
         variance, bump = _variances(off[kept], shape[kept], block[kept])
-        weight = _weights(variance * shape, bump, kept, block)
+        own = kept / (variance * shape)
+        weight = own / (1 + bump * np.bincount(block, own))[block]  # less what it shares with its block
         normal, distance, _ = _weighted_plane(points, weight)
         off = points @ normal - distance
         kept = np.abs(off) <= _STRAY * np.sqrt(variance * shape + bump) + 1e-12
@@ -100,7 +91,8 @@ def fit_plane(points: np.ndarray, block: np.ndarray) -> PlaneFit:
     normal, distance, hessian = _weighted_plane(points, weight)
     if distance < 0:  # (n, d) and (-n, -d) are one plane, and the Hessian is the same for both
         normal, distance = -normal, -distance
-    return PlaneFit(normal, distance, _covariance(normal, hessian), kept)
+    basis = tangents(normal)  # the changes that keep |n| = 1
+    return PlaneFit(normal, distance, basis @ np.linalg.inv(basis.T @ hessian @ basis) @ basis.T, kept)
 
 
 def _variances(off: np.ndarray, shape: np.ndarray, block: np.ndarray) -> tuple[float, float]:
@@ -122,12 +114,6 @@ def _variances(off: np.ndarray, shape: np.ndarray, block: np.ndarray) -> tuple[f
     return variance, max(excess / scale, 0.0) if freedom and scale > 0 else 0.0
 
 
-def _weights(variance: np.ndarray, bump: float, kept: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """(N,) [1 / m^2]: of a point's own variance, less what it shares with its block."""
-    own = kept / variance
-    return own / (1 + bump * np.bincount(block, own))[block]
-
-
 def _weighted_plane(points: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
     """Normal (3,), distance and the Hessian (4, 4) of half the weighted squares in (n, d), |n| = 1.
 
@@ -145,9 +131,3 @@ def _weighted_plane(points: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray,
     hessian[:3, 3] = hessian[3, :3] = -total * middle
     hessian[3, 3] = total
     return normal, float(normal @ middle), hessian
-
-
-def _covariance(normal: np.ndarray, hessian: np.ndarray) -> np.ndarray:
-    """(4, 4), of rank 3: the inverse of the Hessian among the changes that keep |n| = 1."""
-    basis = tangents(normal)
-    return basis @ np.linalg.inv(basis.T @ hessian @ basis) @ basis.T

@@ -174,7 +174,7 @@ def _linearize(target: Patches, source: Patches, T: RigidTransform) -> _Linear:
     transposed = np.swapaxes(basis, 1, 2)
     across = np.concatenate([target.normal - normal, (target.distance - source.distance - normal @ t)[:, None]], axis=1)
     jacobian = np.zeros((len(target), 4, 6))
-    jacobian[:, :3, :3] = R @ _cross(source.normal)
+    jacobian[:, :3, :3] = R @ np.cross(np.eye(3), source.normal[:, None])  # [n]x
     jacobian[:, 3, :3] = -np.cross(source.normal, R.T @ t)
     jacobian[:, 3, 3:] = -source.normal
     moved = np.zeros((4, 4))
@@ -211,10 +211,3 @@ def _slack_needed(linear: _Linear, slack: Slack) -> float:
         fits = _normal_equations(linear, slack.times(middle))[2].sum() <= freedom
         low, high = (low, middle) if fits else (middle, high)
     return high
-
-
-def _cross(vectors: np.ndarray) -> np.ndarray:
-    """(M, 3, 3) matrices [v] of v x ."""
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)

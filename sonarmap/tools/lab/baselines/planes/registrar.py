@@ -16,9 +16,9 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, thin
-from sonarmap.tools.lab.baselines.planes.consensus import Consensus, Matching
 from sonarmap.tools.lab.baselines.planes.extraction import extract_patches
 from sonarmap.tools.lab.baselines.planes.fit import Patches
+from sonarmap.tools.lab.baselines.planes.matching import Consensus, Matching
 from sonarmap.tools.lab.baselines.planes.pose import LOOSE_ROTATION, PlanePose, fixed_and_open
 from sonarmap.tools.lab.baselines.result import NO_PEAK, REACH, MethodVerdict, overlap, verdict
 
@@ -95,8 +95,9 @@ class PlaneRegistrar:
         sets: list[Consensus] = []
         if len(target.patches) and len(source.patches):
             sets = Matching(target.patches, source.patches, self.voxel, self.max_tilt, farthest).find()
-        pose = sets[0].pose if sets else nothing_found(farthest)
-        share = self._overlap(target, source, pose.T_target_source)
+        nothing = np.diag([LOOSE_ROTATION**2] * 3 + [farthest**2] * 3)
+        pose = sets[0].pose if sets else PlanePose(RigidTransform.identity(), nothing)
+        share = overlap(target.cloud, source.cloud, pose.T_target_source, REACH * self.voxel)
         belief = judge(sets, target.patches, source.patches, self.voxel, share)
         return Registration(
             T_target_source=pose.T_target_source,
@@ -108,24 +109,9 @@ class PlaneRegistrar:
             reason=belief.reason,
         )
 
-    def _overlap(self, target: Planes, source: Planes, T_target_source: RigidTransform) -> float:
-        return overlap(target.cloud, source.cloud, T_target_source, REACH * self.voxel)
-
-
-def nothing_found(farthest: float) -> PlanePose:
-    """The identity, known to nothing better than any angle and `farthest` [m]."""
-    return PlanePose(RigidTransform.identity(), np.diag([LOOSE_ROTATION**2] * 3 + [farthest**2] * 3))
-
 
 def judge(sets: Sequence[Consensus], target: Patches, source: Patches, voxel: float, overlap: float) -> MethodVerdict:
-    """Whether to believe the first consensus, and the reason in words.
-
-    Args:
-        found: best first; may be empty.
-        target, source: the patches that were matched.
-        voxel: edge of a voxel [m].
-        overlap: the share of points in common under it, 0..1.
-    """
+    """Whether to believe the first of the sets, best first, and the reason in words."""
     if not sets:
         return MethodVerdict(False, f"no two of {len(target)} and {len(source)} planes agree on a transform")
     best = sets[0]

@@ -84,31 +84,32 @@ class Shot:
         return float(self.name == "source")
 
 
-def view_pair(
-    kind: str,
-    measured: Callable[[Shot], Scan],
-    number: int,
-    seed: int,
-    scene: str,
-    overlaps: tuple[float, float],
-    equip: Callable[[Observer, np.random.Generator], Observer] = lambda still, rng: still,
-) -> KindPair:
-    """Pair `number` of the set `seed`: two views from anywhere, by observers that `equip` makes of the still one,
-    measured as the kind does. Raises InputError: the scene has no such pair."""
-    draws, noise = pair_draws(kind, number, seed), noise_of(kind, number, scene)
-    still = observer_of(scene, draws.scene)
-    observers = equip(still, draws.poses), equip(still, draws.poses)
-    views = draw_views(observers, overlaps, draws.poses)
-    scans = [
-        measured(Shot(observer, view, noise, draws.distortion, rng, name, number))
-        for observer, view, rng, name in zip(
-            observers, views, (draws.target, draws.source), ("target", "source"), strict=True
-        )
-    ]
-    poses = views[0].T_world_sensor, views[1].T_world_sensor
-    radius = OVERLAP_RADIUS * still.world.kind.scale
-    shared = mutual_overlap(views[0].points, views[1].points, poses[0].inv() * poses[1], radius)
-    return KindPair(kind, number, seed, scene, scans[0], scans[1], *poses, shared)
+@dataclass(frozen=True, slots=True)
+class ViewKind:
+    """Pairs of two views from anywhere, each measured as the kind does."""
+
+    name: str  # a key of SCAN_KINDS
+    measured: Callable[[Shot], Scan]  # what the sonar writes down of a view
+    # makes the observer of a scan of the one that is still
+    equip: Callable[[Observer, np.random.Generator], Observer] = lambda still, rng: still
+
+    def pair(self, number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
+        """Pair `number` of the set `seed`. Raises InputError: the scene has no such pair."""
+        draws, noise = pair_draws(self.name, number, seed), noise_of(self.name, number, scene)
+        still = observer_of(scene, draws.scene)
+        observers = self.equip(still, draws.poses), self.equip(still, draws.poses)
+        target, source = draw_views(observers, overlaps, draws.poses)
+        scans = [
+            self.measured(Shot(observer, view, noise, draws.distortion, rng, name, number))
+            for observer, view, rng, name in (
+                (observers[0], target, draws.target, "target"),
+                (observers[1], source, draws.source, "source"),
+            )
+        ]
+        poses = target.T_world_sensor, source.T_world_sensor
+        radius = OVERLAP_RADIUS * still.world.kind.scale
+        shared = mutual_overlap(target.points, source.points, poses[0].inv() * poses[1], radius)
+        return KindPair(self.name, number, seed, scene, scans[0], scans[1], *poses, shared)
 
 
 ACROSS = 0.5  # share of the sources that look at the target's middle from anywhere; the others stand beside it

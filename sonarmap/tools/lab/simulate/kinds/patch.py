@@ -6,13 +6,13 @@ frame is the patch's.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.kinds.draws import Shot, view_pair
+from sonarmap.tools.lab.simulate.kinds.draws import Shot, ViewKind
 from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View
 from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
 from sonarmap.tools.lab.simulate.sensing.noise import disturb, scan_of
@@ -173,4 +173,4 @@ def merged_scan(shot: Shot) -> Scan:
     )
 
 
-patch_pair = partial(view_pair, "patch", merged_scan, equip=on_path)  # a builder of SCAN_KINDS
+patch_pair = ViewKind("patch", merged_scan, on_path).pair  # a builder of SCAN_KINDS

@@ -27,13 +27,12 @@ one: a row's echoes take 0.16 s from 120 m and 0.02 s from 15 m, and several row
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.kinds.draws import Shot, view_pair
+from sonarmap.tools.lab.simulate.kinds.draws import Shot, ViewKind
 from sonarmap.tools.lab.simulate.sensing.ghosts import reflect, reflect_beams
 from sonarmap.tools.lab.simulate.sensing.noise import disturb, fade, pick_strongest, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, cast_beams
@@ -133,10 +132,10 @@ def scan_in_motion(shot: Shot, motion: Motion) -> Scan:
 
 
 # The builders of SCAN_KINDS
-sound_speed_pair = partial(view_pair, "sound_speed", scaled_scan)
-range_bias_pair = partial(view_pair, "range_bias", shifted_scan)
-sonar3d15_pair = partial(view_pair, "sonar3d15", real_scan)
-moving_pair = partial(view_pair, "moving", moving_scan)
+sound_speed_pair = ViewKind("sound_speed", scaled_scan).pair
+range_bias_pair = ViewKind("range_bias", shifted_scan).pair
+sonar3d15_pair = ViewKind("sonar3d15", real_scan).pair
+moving_pair = ViewKind("moving", moving_scan).pair
 
 
 def _write(shot: Shot, echoes: Echoes, ghosts: Echoes | None) -> Scan:

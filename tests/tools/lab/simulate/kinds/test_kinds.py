@@ -72,20 +72,21 @@ def test_a_pair_is_as_its_number_says(kind: str, turn: int):
             assert (scan.viewpoints is not None) == (number % 2 == 0 and kind != "imaging")
 
 
-@pytest.mark.parametrize("kind", VIEWS)
-def test_both_scans_lie_on_the_scene_where_the_truth_says(kind: str):
+@pytest.mark.parametrize(("kind", "most"), [*((kind, 0.1) for kind in VIEWS), *((kind, 0.4) for kind in SWEEPS)])
+def test_both_scans_lie_on_the_scene_where_the_truth_says(kind: str, most: float):
     """But for noise and distortion; at the other's place they do not."""
-    number = SCAN_KINDS[kind].scenes.index("manifold")
-    pair = kind_pair(kind, number, 12)
-    mesh = build_scene("manifold", pair_draws(kind, number, 12).scene).mesh
+    scene = "shallow" if kind in SWEEPS else "manifold"
+    number = SCAN_KINDS[kind].scenes.index(scene)
+    pair = kind_pair(kind, number, 12, (0.2, 0.9) if kind in SWEEPS else None)
+    mesh = build_scene(scene, pair_draws(kind, number, 12).scene).mesh
     target, source = (scan.points.astype(np.float64) for scan in (pair.target, pair.source))
     for right, wrong, points in (
         (pair.T_world_target, pair.T_world_source, target),
         (pair.T_world_target * pair.T_target_source, pair.T_world_target, source),
     ):
         off = np.median(surface_distance(mesh, right.apply(points)))
-        assert 0.001 < off < 0.1
-        assert np.median(surface_distance(mesh, wrong.apply(points))) > 3 * off
+        assert 0.001 < off < most
+        assert kind in SWEEPS or np.median(surface_distance(mesh, wrong.apply(points))) > 3 * off
 
 
 @pytest.mark.parametrize("kind", SWEEPS)
@@ -106,23 +107,13 @@ def test_without_noise_and_distortion_both_scans_lie_on_the_scene(kind: str, mon
     )
 
 
-@pytest.mark.parametrize("kind", SWEEPS)
-def test_noise_and_distortion_leave_most_points_near_the_scene(kind: str):
-    pair = _pair(kind, "shallow")
-    scenes = SCAN_KINDS[kind].scenes
-    mesh = build_scene("shallow", pair_draws(kind, scenes.index("shallow"), 12).scene).mesh
-    off = surface_distance(mesh, pair.T_world_source.apply(pair.source.points.astype(np.float64)))
-    assert 0.005 < np.median(off) < 0.4
-
-
-@pytest.mark.parametrize("kind", [*VIEWS, *SWEEPS])
-def test_every_kind_meets_every_relief(kind: str):
-    assert {relief_of(scene) for scene in SCAN_KINDS[kind].scenes} == set(RELIEFS)
-
-
-def test_every_scene_has_a_relief():
+def test_every_kind_meets_every_relief_and_every_scene_has_one():
+    for kind in SCAN_KINDS.values():
+        assert {relief_of(scene) for scene in kind.scenes} == set(RELIEFS)
     assert set(RELIEF_OF) == set(SCENE_KINDS)
     refuses("moon", relief_of, "moon")
+    # what alternates with the pairs' numbers, as a patch's viewpoints do, does so over every scene
+    assert len(SCAN_KINDS["patch"].scenes) % 2 == 1
 
 
 def test_the_frames_look_any_way_at_one_another():
@@ -138,6 +129,10 @@ def test_what_does_not_exist_is_refused(monkeypatch: pytest.MonkeyPatch):
     refuses(">= 0", kind_pair, "patch", -1, 0)
     monkeypatch.setattr(viewpoints, "TRIES", 20)
     refuses("widen the range", kind_pair, "sonar3d15", 4, 0, (0.4, 0.4 + 1e-9))
+    monkeypatch.setattr(partners, "PLACES", 1)
+    monkeypatch.setattr(partners, "TRIES", 3)
+    for kind in SWEEPS:
+        refuses("widen the range", _pair, kind, "shallow", (0.5, 0.5 + 1e-9))
 
 
 def test_instruments_err_by_their_sigmas_and_each_on_its_own():
@@ -161,10 +156,3 @@ def test_instruments_err_by_their_sigmas_and_each_on_its_own():
         ups.append(off[2])
     assert ups[0] != ups[1]
     assert_array_equal(full.source.points, pair.source.points)
-
-
-@pytest.mark.parametrize("kind", SWEEPS)
-def test_an_overlap_that_cannot_be_had_is_refused(kind: str, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(partners, "PLACES", 1)
-    monkeypatch.setattr(partners, "TRIES", 3)
-    refuses("widen the range", _pair, kind, "shallow", (0.5, 0.5 + 1e-9))

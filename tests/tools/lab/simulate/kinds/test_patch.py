@@ -9,7 +9,6 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds import patch
-from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.lab.simulate.kinds.draws import Shot, observer_of
 from sonarmap.tools.lab.simulate.pairs.viewpoints import first_view
 from sonarmap.tools.lab.simulate.sensing.overlap import overlap
@@ -99,13 +98,3 @@ def test_one_point_is_kept_in_a_cell_and_a_lonely_one_is_known():
     assert_array_equal(patch.lonely(points, 0.5), [False, False, True, True, False])
     turned = Rotation.from_euler("z", 90, degrees=True).apply(points)
     assert len(patch.thinned(turned, 0.5)) == 3
-
-
-def test_points_say_where_they_were_seen_from_on_even_numbers_in_every_scene():
-    with_viewpoints = kind_pair("patch", 16, 2)
-    without = kind_pair("patch", 5, 2)
-    for scan in (with_viewpoints.target, with_viewpoints.source):
-        assert scan.viewpoints is not None
-        assert 4 <= len(np.unique(scan.viewpoints, axis=0)) <= 10
-    assert (without.target.viewpoints, without.source.viewpoints) == (None, None)
-    assert len(SCAN_KINDS["patch"].scenes) % 2 == 1

@@ -80,12 +80,6 @@ def _wall_shot() -> Shot:
     return Shot(observer, view, QUIET, np.random.default_rng(0), np.random.default_rng(0), "target")
 
 
-def test_a_sensor_at_rest_measures_what_a_still_one_does():
-    shot = _wall_shot()
-    scan = single_view.scan_in_motion(shot, single_view.Motion(np.zeros(3), np.zeros(3), 1.0))
-    assert_array_equal(scan.points, single_view.distorted_scan(shot, lambda ranges: ranges).points)
-
-
 def test_a_sensor_that_goes_ahead_sees_the_wall_lean():
     """At 0.8 m/s over 0.5 s: the lowest row, measured first, from 0.2 m farther off, the highest from 0.2 m nearer."""
     shot = _wall_shot()
