@@ -51,12 +51,9 @@ class CsvTable:
     def declared_columns(
         self, known: Sequence[str], required: Sequence[str], words: str, missing: str = ""
     ) -> dict[str, int]:
-        """The place of each column of a table that a person fills in, by its name in small letters.
-
-        `words` say what is wanted where a column has another name, `missing` where one of `required` is not there.
-
-        Raises InputError: a column that is not known, there twice, or missing.
-        """
+        """The place of each column of a table that a person fills in, by its name in small letters. `words` say what is
+        wanted where a column has another name, `missing` where one of `required` is not there. Raises InputError: a
+        column that is not known, there twice, or missing."""
         names = [cell.lower() for cell in self.heading.cells]
         for k, name in enumerate(names):
             if name not in known:
@@ -73,13 +70,9 @@ class CsvTable:
 
 
 def read_csv_table(path: Path) -> CsvTable:
-    """The table of a file; blank rows and lines that begin with # are left out.
-
-    The separator is what the heading has most of: a comma, a semicolon or a tab. Between semicolons or tabs a number
-    may have a decimal comma, which is made a point.
-
-    Raises InputError: the file cannot be read, holds no line, or is neither UTF-8 nor UTF-16.
-    """
+    """The table of a file without its blank rows and lines that begin with #. The separator is what the heading has
+    most of: a comma, a semicolon or a tab; with the latter two a decimal comma is made a point. Raises InputError: the
+    file cannot be read, holds no line, or is neither UTF-8 nor UTF-16."""
     lines, whole = _lines(path)
     if not lines:
         raise InputError(f"{path} holds no line but comments; wanted a heading and rows")

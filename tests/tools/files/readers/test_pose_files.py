@@ -17,8 +17,7 @@ from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.map_folder.names import EXPORTS
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.readers.poses.gt_log import read_gt_log
-from sonarmap.tools.files.readers.poses.trajectory import read_kitti
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_kitti, read_tum
 from sonarmap.tools.files.writers.g2o import write_g2o
 from sonarmap.tools.files.writers.json_text import to_json, write_json
 from sonarmap.tools.files.writers.trajectory import write_trajectory, write_tum

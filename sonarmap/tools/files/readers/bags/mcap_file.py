@@ -73,10 +73,8 @@ def ros_name(name: str) -> str:
 
 
 def _records(path: Path, most: int, faults: list[str]) -> Iterator[McapRecord]:
-    """Every record, those in chunks too, of which there may be `most` believably.
-
-    A chunk that is damaged is left out; what is cut or has no end is the end.
-    """
+    """Every record, those in chunks too, of which there may be `most` believably. A chunk that is damaged is left out;
+    what is cut or has no end is the end."""
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader
 

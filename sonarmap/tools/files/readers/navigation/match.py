@@ -14,13 +14,9 @@ _SUFFIX = re.compile(rf"(.+)({'|'.join(map(re.escape, FORMATS))})(#\d+)?", re.IG
 
 
 def find_scan(scans: Sequence[Scan], by: str, key: str, time: float, where: str, allow_unknown: bool) -> int | None:
-    """The index of the scan with a row's name or stamp; None if there is none and `allow_unknown`.
-
-    `by` is "name" (with or without the suffix of the scan's file, as `recording.sonar#3`) or "stamp"; `key` is what the
-    row has, `time` its stamp [s, UTC].
-
-    Raises InputError: a row that fits several scans or none.
-    """
+    """The index of the scan with a row's name or stamp; None if there is none and `allow_unknown`. `by` is "name" (with
+    or without the suffix of the scan's file, as `recording.sonar#3`) or "stamp"; `key` is what the row has, `time` its
+    stamp [s, UTC]. Raises InputError: a row that fits several scans or none."""
     indices = [k for k, scan in enumerate(scans) if abs(scan.stamp - time) <= SAME_STAMP]
     if by == "name":
         match = _SUFFIX.fullmatch(key)

@@ -115,9 +115,9 @@ def _is_series(stamps: np.ndarray, log: NavigationLog) -> bool:
 def _from_series(path: Path, log: NavigationLog, stamps: np.ndarray, notes: list[str]) -> list[PosePrior | None]:
     """Of rows at times of their own."""
     rows = log.measured
-    known = at_scans(stamps, log.times[rows], log.values[rows], log.sigmas[rows])
-    measured = np.any(np.isfinite(known.values), axis=1)
+    values, sigmas = at_scans(stamps, log.times[rows], log.values[rows], log.sigmas[rows])
+    measured = np.any(np.isfinite(values), axis=1)
     if not measured.any():
         raise InputError(f"{path}: no row is at the time of a scan, or near it: {why_apart(log.times, stamps)}")
     notes.append(f"{path} has times of its own; it was interpolated to those of the scans")
-    return [prior_of(known.values[k], known.sigmas[k]) if measured[k] else None for k in range(len(stamps))]
+    return [prior_of(values[k], sigmas[k]) if measured[k] else None for k in range(len(stamps))]

@@ -13,7 +13,7 @@ from sonarmap.tools.files.readers.navigation.log import NavigationLog
 from sonarmap.tools.files.readers.navigation.nmea import is_nmea, read_nmea
 from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings
 from sonarmap.tools.files.readers.navigation.table import read_table
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.user_file import reading, require_file
 
 _LOOKED_AT = 20_000  # bytes of a file's beginning that tell its kind

@@ -26,11 +26,8 @@ def read_lines(path: Path) -> list[Line]:
 
 
 def finite_rows(path: Path, lines: list[Line], layout: str) -> np.ndarray:
-    """Numbers in rows, as many as `layout` has words: (N, words) float64.
-
-    Raises InputError: naming the line that has more or fewer columns, something that is no number, NaN, infinity, or a
-    number that is larger than its column's (`tools.files.readers.limits`).
-    """
+    """Numbers in rows, as many as `layout` has words: (N, words) float64. Raises InputError: naming the line that has
+    more or fewer columns, something that is no number, NaN, infinity, or a number beyond its column's `largest_of`."""
     try:
         rows = parse_rows(lines, len(layout.split()))
     except InputError as error:

@@ -16,6 +16,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.sonar.messages import pixels_of
 
 STRENGTH = rip.BitmapImageType.SIGNAL_STRENGTH_IMAGE
+_LINEAR = np.where(np.arange(256) > 0, 30.0 * 10.0 ** (np.arange(256) / 100.0), 0.0)  # strength of every level
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,11 +73,4 @@ def strength_of(frame: Frame, image: rip.BitmapImageGreyscale8) -> np.ndarray:
             f"is a strength image of {image.width} x {image.height} with {len(levels):,} pixels beside a range image "
             f"of {frame.shape[0]} x {frame.shape[1]}"
         )
-    return _linear()[levels[frame.pixels]]
-
-
-@lru_cache(maxsize=1)
-def _linear() -> np.ndarray:
-    """(256,) strength of every level."""
-    levels = np.arange(256, dtype=np.float64)
-    return np.where(levels > 0, 30.0 * 10.0 ** (levels / 100.0), 0.0)
+    return _LINEAR[levels[frame.pixels]]

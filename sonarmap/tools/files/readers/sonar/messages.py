@@ -29,11 +29,8 @@ def message_of(content: bytes, *kinds: type[Message]) -> Message | None:
 
 @cache
 def range_image_type() -> type[Message]:
-    """wlsonar's RangeImage, but for its pixels, which stay the bytes that were sent.
-
-    They are the same on the wire. Python makes an object of each of 16,384 pixels otherwise, which takes longer than
-    all else.
-    """
+    """wlsonar's RangeImage, but for its pixels, which stay the bytes that were sent: of each Python makes an object
+    otherwise, which takes longer than all else."""
     file = descriptor_pb2.FileDescriptorProto()
     rip.RangeImage.DESCRIPTOR.file.CopyToProto(file)
     image = next(message for message in file.message_type if message.name == rip.RangeImage.DESCRIPTOR.name)

@@ -158,12 +158,9 @@ def _times(number: int) -> str:
 
 
 def stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
-    """One cloud per range image, in the order of the shots; one without an echo is empty.
-
-    What is lost, doubled, damaged or out of order leaves a gap, and is added to the notes when all is read.
-
-    Raises InputError: the file cannot be read, or holds no good range image.
-    """
+    """One cloud per range image, in the order of the shots; one without an echo is empty. What is lost, doubled,
+    damaged or out of order leaves a gap, and is added to the notes when all is read. Raises InputError: the file cannot
+    be read, or holds no good range image."""
     recording = Recording()
     for shot in recording.read(path):
         frame, prior = shot.frame, recording.imu.prior_at(shot.frame.stamp)

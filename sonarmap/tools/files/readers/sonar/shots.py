@@ -24,11 +24,8 @@ _REMEMBERED = 1 << 16
 
 class ShotNumbers:
     """Puts wrapping numbers in one order as they come, and counts: shots that came `late`, after a later one, how often
-    the numbers wrapped, and how often they started again (`restarts`).
-
-    A fall by more than half of 2^32 is a wrap, one by a few a packet that came late, any other that the count started
-    again, as after a restart of the sonar.
-    """
+    the numbers wrapped, and how often they started again (`restarts`). A fall by more than half of 2^32 is a wrap, one
+    by a few a packet that came late, any other that the count started again, as after a restart of the sonar."""
 
     def __init__(self) -> None:
         self.late = self.wraps = self.restarts = 0
@@ -94,9 +91,7 @@ class Shot:
 
 class ShotQueue:
     """Shots wait here until seventeen have come after them: for strength images, and for shots that come late.
-
-    `doubled` images came twice, and were left out; the range image of a strength image that is `alone` never came.
-    """
+    `doubled` images came twice, and were left out; the range image of a strength image that is `alone` never came."""
 
     def __init__(self) -> None:
         self.numbers = ShotNumbers()

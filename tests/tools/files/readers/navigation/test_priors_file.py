@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import PosePrior, Scan
-from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, pose_of, prior_of, sigmas_of, values_of
+from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, poses_of, prior_of, sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
 from sonarmap.tools.files.writers.priors import write_priors
@@ -47,14 +47,14 @@ class TestConventions:
             ]
         )
         R_enu_ned, R_frd_flu = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]]), np.diag([1, -1, -1])
-        T = pose_of(np.array([11.0, -23.0, 137.0, 4.0, 5.0, 6.0]))
+        T = poses_of(np.array([[11.0, -23.0, 137.0, 4.0, 5.0, 6.0]]))[0]
         np.testing.assert_allclose(T.rotation.as_matrix(), R_enu_ned @ R_ned_frd @ R_frd_flu, atol=1e-14)
         np.testing.assert_array_equal(T.translation, [4.0, 5.0, -6.0])
 
     def test_the_values_come_back(self) -> None:
         rng = np.random.default_rng(1)
         for values in rng.uniform([-180, -89, 0, -9, -9, -9], [180, 89, 360, 9, 9, 9], (50, 6)):
-            np.testing.assert_allclose(values_of(pose_of(values)), values, atol=1e-9)
+            np.testing.assert_allclose(values_of(poses_of(values[None])[0]), values, atol=1e-9)
 
     def test_sigmas_keep_their_columns_and_change_their_unit(self) -> None:
         assert SIGMA_COLUMNS[0] == "roll_sigma_deg"

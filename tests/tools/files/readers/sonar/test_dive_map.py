@@ -19,7 +19,7 @@ from sonarmap.slam.mapper import MapperSettings
 from sonarmap.tools.command.main import app
 from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.files.readers.clouds.ply import read_ply
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.scans import read_survey
 from tests.samples.dives import Dive
 from tests.samples.recordings import Events, damage_a_shot, disturbed, written
