@@ -92,14 +92,11 @@ class TestLogs:
         values, _ = read(path, text.rstrip("\n").replace("\n", ending).encode(encoding))
         np.testing.assert_allclose(values, [self.WANTED] * 3)
 
-    def test_what_is_not_used_is_noted_once(self, path: Path) -> None:
+    def test_what_is_not_used_is_noted_once_and_cells_at_the_end_and_words_for_nothing(self, path: Path) -> None:
         notes: list[str] = []
         read(path, self.TEXT, notes=notes)
         assert [note for note in notes if "not used" in note] == [f"{path}: not used: the columns 'Batt'"]
-
-    def test_cells_at_the_end_and_words_for_nothing(self, path: Path) -> None:
-        text = "Time,Depth,Heading\n" + rows("N/A", "90", "", "") + rows("7", "---")
-        values, _ = read(path, text)
+        values, _ = read(path, "Time,Depth,Heading\n" + rows("N/A", "90", "", "") + rows("7", "---"))
         np.testing.assert_allclose(values[:, [2, 5]], [[90, 7]] * 3)
 
     def test_columns_are_mapped(self, path: Path) -> None:
