@@ -2,22 +2,26 @@
 
 import codecs
 import csv
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.csv_cell import text_of
 from sonarmap.tools.files.user_file import read_content
 
 SEPARATORS = (",", ";", "\t")
 
+# A spreadsheet takes a cell that begins with one of these for a formula, whoever named the scan; the wide forms are of
+# Japanese ones. Such a text has an apostrophe before it in our files, which says "text" to a spreadsheet's user.
+_FORMULA = re.compile("'*[=+\\-@\uff1d\uff0b\uff0d\uff20]")
+_CONTROL = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029]")
 PAIRS = "pairs.csv"  # as `sonarmap map` calls the table of its pairs
 
 
 @dataclass(frozen=True, slots=True)
 class CsvRow:
-    """A row: its `line` in the file, and its cells' texts (`tools.files.csv_cell`) without blanks around them."""
+    """A row: its `line` in the file, and its cells' texts (`text_of`) without blanks around them."""
 
     line: int
     cells: list[str]
@@ -123,3 +127,26 @@ def _with_point(cell: str) -> str:
     except ValueError:
         return cell
     return changed
+
+
+def cell_of(text: str) -> str:
+    """The cell of a text; a number stays as it is. `text_of` gives `plain_text` of it again."""
+    text = plain_text(text)
+    return f"'{text}" if _FORMULA.match(text) and not _is_number(text) else text
+
+
+def text_of(cell: str) -> str:
+    """The text of a cell."""
+    return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
+
+
+def plain_text(text: str) -> str:
+    """A text as a cell can have it: on one line, without blanks around it, and what is no UTF-8 as its number."""
+    return _CONTROL.sub(" ", text).encode("utf-8", "backslashreplace").decode().strip()
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return "_" not in text and float(text) is not None
+    except ValueError:
+        return False

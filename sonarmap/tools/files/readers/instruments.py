@@ -55,10 +55,10 @@ def poses_of(values: np.ndarray) -> RigidTransform:
 
 
 def values_of(T_world_sensor: RigidTransform) -> np.ndarray:
-    """(6,) in the columns' order and units: the inverse of `poses_of`, heading in [0, 360)."""
-    yaw, pitch, roll = T_world_sensor.rotation.as_euler("ZYX", degrees=True)
-    x, y, z = T_world_sensor.translation
-    return np.array([roll, -pitch, (90.0 - yaw) % 360.0, x, y, -z])
+    """(6,), or (n, 6) of n poses, in the columns' order and units: the inverse of `poses_of`, heading in [0, 360)."""
+    yaw, pitch, roll = np.moveaxis(T_world_sensor.rotation.as_euler("ZYX", degrees=True), -1, 0)
+    x, y, z = np.moveaxis(T_world_sensor.translation, -1, 0)
+    return np.stack([roll, -pitch, (90.0 - yaw) % 360.0, x, y, -z], axis=-1)
 
 
 def sigmas_of(prior: PosePrior) -> np.ndarray:

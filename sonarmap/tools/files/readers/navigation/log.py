@@ -1,12 +1,10 @@
 """Navigation as a file has it, rows of measurements at names or times, and what these say at the scans' times."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.readers.instruments import COLUMNS
 from sonarmap.tools.files.readers.navigation.match import SAME_STAMP
 
 # What is measured at times of its own: columns of a priors file.
@@ -37,11 +35,6 @@ class NavigationLog:
     def measured(self) -> np.ndarray:
         """(n,) bool: rows in which anything was measured."""
         return np.any(np.isfinite(self.values), axis=1)
-
-
-def with_defaults(sigmas: np.ndarray, defaults: Mapping[str, float]) -> np.ndarray:
-    """(n, 6) standard deviations, where there are none those of {column of COLUMNS: standard deviation}."""
-    return np.where(np.isnan(sigmas), [defaults.get(column, np.nan) for column in COLUMNS], sigmas)
 
 
 def at_scans(

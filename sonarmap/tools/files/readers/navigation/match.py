@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.csv_cell import plain_text
+from sonarmap.tools.files.readers.csv_table import plain_text
 from sonarmap.tools.files.readers.file import FORMATS
 
 SAME_STAMP = 1e-3  # seconds: files carry stamps with other numbers of digits

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.instruments import COLUMNS
+from sonarmap.tools.files.readers.instruments import COLUMNS, values_of
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
 from sonarmap.tools.files.readers.navigation.nmea import is_nmea, read_nmea
 from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings
@@ -62,9 +62,7 @@ def _of_tum(path: Path, settings: NavigationSettings) -> NavigationLog:
     trajectory = read_tum(path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of scipy: looking straight up or down a rotation has many headings and rolls
-        yaw, pitch, roll = trajectory.T_world_sensor.rotation.as_euler("ZYX", degrees=True).T
-    x, y, z = trajectory.T_world_sensor.translation.T
-    values = np.column_stack([roll, -pitch, np.mod(90.0 - yaw, 360.0), x, y, -z])
+        values = values_of(trajectory.T_world_sensor)
     keys = tuple(f"{stamp:.3f}" for stamp in trajectory.stamps.tolist())
     lines = np.arange(1, len(trajectory.stamps) + 1)
     return NavigationLog("stamp", lines, keys, trajectory.stamps, values, np.full_like(values, np.nan), None)

@@ -12,7 +12,7 @@ from itertools import count
 import numpy as np
 from wlsonar import range_image_protocol as rip
 
-from sonarmap.tools.files.readers.sonar.frames import Frame, stamp_of, strength_of
+from sonarmap.tools.files.readers.sonar.messages import Frame, stamp_of, strength_of
 
 REACH = 16  # shots that a packet may come too late
 _EARLY = 2 * REACH  # strength images that wait for their range image

@@ -222,7 +222,7 @@ SERIES = "stamp,heading_deg,heading_sigma_deg,x_m,y_m,x_sigma_m,y_sigma_m,depth_
 
 def interpolated(folder: Path, rows: str, *stamps: float) -> tuple[np.ndarray, np.ndarray]:
     """Values and sigmas in the columns' units, (N, 6) each; NaN where a scan has no prior."""
-    values, navigated = read_log(folder / "nav.csv", SERIES + rows, scans=scans_at(*stamps))
+    values, navigated, _ = read_log(folder / "nav.csv", SERIES + rows, scans=scans_at(*stamps))
     priors = [scan.prior for scan in navigated.scans]
     return values, np.array([np.full(6, np.nan) if prior is None else sigmas_of(prior) for prior in priors])
 
