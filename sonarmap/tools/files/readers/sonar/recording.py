@@ -53,10 +53,8 @@ class Recording:
                     self._take(message)
             except InputError as error:
                 self.damage.add(packet.number, packet.start, len(packet.content), str(error))
-            for shot in self.queue.ready():
-                yield self._counted(shot)
-        for shot in self.queue.rest():
-            yield self._counted(shot)
+            yield from map(self._counted, self.queue.shots())
+        yield from map(self._counted, self.queue.shots(waiting=0))
 
     def _take(self, message: Message) -> None:
         if isinstance(message, range_image_type()):
