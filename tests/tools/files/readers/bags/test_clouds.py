@@ -129,26 +129,23 @@ class TestLayouts:
         assert "dive.bag: message 1 of /sonar/points: its points of 30 bytes, 9 in rows of 150" in read.notes[0]
 
 
-class TestTimes:
-    """A time for every point, as drivers write it."""
-
-    @pytest.mark.parametrize(
-        ("name", "dtype", "values"),
-        [
-            ("t", "u4", [0, 250_000_000, 500_000_000, 750_000_000, 1_000_000_000]),  # Ouster
-            ("time", "f4", [0, 0.25, 0.5, 0.75, 1]),  # Velodyne
-            ("timestamp", "f8", [STAMP + k / 4 for k in range(5)]),  # Hesai
-            ("timestamp", "f8", [(STAMP + k / 4) * 1e9 for k in range(5)]),  # Livox
-        ],
-    )
-    def test_it_becomes_seconds_in_utc(self, tmp_path: Path, name: str, dtype: str, values: list[float]) -> None:
-        table = np.column_stack([TABLE, values])
-        names = ("x", "y", "z", "intensity", name)
-        message = cloud(table, STAMP, names=names, fields=[*FIELDS, (name, dtype, 32)], step=40)
-        write_mcap(tmp_path / "a.mcap", single(message))
-        (tmp_path / "a.tum").write_text(f"{STAMP} 0 0 0 0 0 0 1\n{STAMP + 2} 8 0 -2 0 0 0 1\n")
-        scan = read_scan(tmp_path / "a.mcap")
-        np.testing.assert_allclose(np.asarray(scan.viewpoints), [[k, 0, -k / 4] for k in range(5)], atol=1e-6)
+@pytest.mark.parametrize(
+    ("name", "dtype", "values"),
+    [
+        ("t", "u4", [0, 250_000_000, 500_000_000, 750_000_000, 1_000_000_000]),  # Ouster
+        ("time", "f4", [0, 0.25, 0.5, 0.75, 1]),  # Velodyne
+        ("timestamp", "f8", [STAMP + k / 4 for k in range(5)]),  # Hesai
+        ("timestamp", "f8", [(STAMP + k / 4) * 1e9 for k in range(5)]),  # Livox
+    ],
+)
+def test_times_of_points_become_seconds_in_utc(tmp_path: Path, name: str, dtype: str, values: list[float]) -> None:
+    names = ("x", "y", "z", "intensity", name)
+    table = np.column_stack([TABLE, values])
+    message = cloud(table, STAMP, names=names, fields=[*FIELDS, (name, dtype, 32)], step=40)
+    write_mcap(tmp_path / "a.mcap", single(message))
+    (tmp_path / "a.tum").write_text(f"{STAMP} 0 0 0 0 0 0 1\n{STAMP + 2} 8 0 -2 0 0 0 1\n")
+    scan = read_scan(tmp_path / "a.mcap")
+    np.testing.assert_allclose(np.asarray(scan.viewpoints), [[k, 0, -k / 4] for k in range(5)], atol=1e-6)
 
 
 class TestTopics:
