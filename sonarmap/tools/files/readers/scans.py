@@ -148,7 +148,7 @@ def _require_known(files: Sequence[Path], corrections: Corrections) -> None:
     for path in files:
         if (known := FORMATS.get(path.suffix.lower())) is None:
             continue
-        if known.has_axes and not corrections.frame.is_default:
+        if known.has_axes and corrections.frame != AS_RECORDED.frame:
             raise InputError(
                 f"{path}: `frame` and `units` cannot be used, as {known.kind} says its own; leave them out, or read it "
                 "apart from other files"

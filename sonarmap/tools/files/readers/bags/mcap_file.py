@@ -46,7 +46,9 @@ def open_mcap(path: Path, packed: int | None = None) -> Recording:
     known = Counter[tuple[str, str]]()
     for number, channel in written.items():
         schema, encoding = schemas.get(channel.schema_id), channel.message_encoding
-        kind = ros_name(schema.name) if schema else "(no type)"
+        kind = schema.name if schema else "(no type)"
+        if kind.count("/") == 1:  # ROS 1 leaves the /msg/ out
+            kind = kind.replace("/", "/msg/")
         needed = schema.data if schema and encoding == "protobuf" else b""
         empty[number] = Message(channel.topic, kind, 0, b"", encoding, needed)
         known[channel.topic, kind] += counts[number]
@@ -64,12 +66,6 @@ def _messages(
     for record in _records(path, most, faults):
         if isinstance(record, Record) and (of := empty.get(record.channel_id)) and of.topic in names:
             yield replace(of, time=record.log_time, content=record.data)
-
-
-def ros_name(name: str) -> str:
-    """The ROS 2 name of a type: ROS 1 leaves the /msg/ out."""
-    package, slash, kind = name.partition("/")
-    return f"{package}/msg/{kind}" if slash and "/" not in kind else name
 
 
 def _records(path: Path, most: int, faults: list[str]) -> Iterator[McapRecord]:

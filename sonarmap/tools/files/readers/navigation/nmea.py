@@ -38,11 +38,6 @@ class _Sentences:
     unfixed: int = 0
 
 
-def is_nmea(text: str) -> bool:
-    """Whether a file's beginning holds a sentence."""
-    return SENTENCE.search(text) is not None
-
-
 def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes: list[str]) -> NavigationLog:
     """The places and headings of a file of sentences. `scans`: (N,) stamps of the scans [s], for sentences without a
     date. Raises InputError: it cannot be read, or has neither places nor headings at times."""

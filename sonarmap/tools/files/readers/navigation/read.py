@@ -10,7 +10,7 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.instruments import COLUMNS, values_of
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
-from sonarmap.tools.files.readers.navigation.nmea import is_nmea, read_nmea
+from sonarmap.tools.files.readers.navigation.nmea import SENTENCE, read_nmea
 from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings
 from sonarmap.tools.files.readers.navigation.table import read_table
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
@@ -26,7 +26,7 @@ def read_navigation(
     """The rows of a file, which is told by its content. `sigmas`: {column of COLUMNS: standard deviation} where the
     file has none; None where none is needed."""
     beginning = _beginning(path)
-    if is_nmea(beginning):
+    if SENTENCE.search(beginning):
         log = read_nmea(path, settings, scans, notes)
     elif path.suffix.lower() == ".tum" or _is_tum(beginning):
         log = _of_tum(path, settings)

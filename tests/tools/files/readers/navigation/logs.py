@@ -27,10 +27,7 @@ SCANS = scans_at(START, START + 5, START + 10)
 
 
 def read(
-    path: Path,
-    text: str | bytes,
-    settings: NavigationSettings = AS_IT_SAYS,
-    scans: list[Scan] = SCANS,
+    path: Path, text: str | bytes, settings: NavigationSettings = AS_IT_SAYS, scans: list[Scan] = SCANS
 ) -> tuple[np.ndarray, Navigated, list[str]]:
     """(N, 6) what a file says of the scans, in the order of COLUMNS, NaN where nothing; all that was read; notes."""
     notes: list[str] = []
