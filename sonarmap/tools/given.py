@@ -44,10 +44,7 @@ _ARGUMENTS: dict[str, tuple[tuple[Any, ...], str]] = {
 
 def require(**arguments: object) -> list[Any]:
     """The arguments in their order, numbers as Python's own: NumPy's of few bits overflow, and fractions are no floats.
-
-    Raises:
-        InputError: an argument's type is not its own, or its number too large: what was given and what is wanted.
-    """
+    Raises InputError: an argument's type is not its own, or its number too large: what was given and what is wanted."""
     values: list[Any] = []
     for name, value in arguments.items():
         types, wanted = _ARGUMENTS[name]
@@ -64,11 +61,7 @@ def require(**arguments: object) -> list[Any]:
 
 
 def require_type(name: str, values: Sequence[object], *types: type | None) -> None:
-    """Refuse an argument of which a value is of none of these classes.
-
-    Raises:
-        InputError: as `require`.
-    """
+    """Refuse an argument of which a value is of none of these classes. Raises InputError: as `require`."""
     for value in values:
         if not any(value is None if each is None else isinstance(value, each) for each in types):
             wanted = " or ".join("None" if each is None else each.__name__ for each in types)
@@ -85,11 +78,8 @@ def _refusal(name: str, value: object, wanted: str) -> InputError:
 
 
 def as_scans(scans: Iterable[ScanLike]) -> list[Scan]:
-    """Each as a scan, stamped with its number where it is not one yet.
-
-    Raises:
-        InputError: no iterable of scans, none in it, or one that cannot be used.
-    """
+    """Each as a scan, stamped with its number where it is not one yet. Raises InputError: no iterable of scans, none in
+    it, or one that cannot be used."""
     if isinstance(scans, _PATHS) or not np.iterable(scans):
         wanted = "a list of scans; `map_scans` takes the path of a folder or file too, and `read_scans` reads it"
         raise _refusal("scans", scans, wanted)
@@ -100,11 +90,7 @@ def as_scans(scans: Iterable[ScanLike]) -> list[Scan]:
 
 
 def as_surveys(surveys: Sequence[int] | None, count: int) -> list[int] | None:
-    """The number of each scan's survey.
-
-    Raises:
-        InputError: they are not as many whole numbers, ascending.
-    """
+    """The number of each scan's survey. Raises InputError: they are not as many whole numbers, ascending."""
     if surveys is None:
         return None
     numbers: list[Any] = list(surveys) if np.iterable(surveys) else []
@@ -116,11 +102,8 @@ def as_surveys(surveys: Sequence[int] | None, count: int) -> list[int] | None:
 
 
 def as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
-    """A scan, the points of one, or the only scan of a file.
-
-    Raises:
-        InputError: it is none of these, or its points cannot be used, with the same words as those of a file.
-    """
+    """A scan, the points of one, or the only scan of a file. Raises InputError: it is none of these, or its points
+    cannot be used, with the same words as those of a file."""
     if isinstance(scan, Scan):
         refuse_map_coordinates(scan.points, f"points of {scan.name or name}")
         return scan

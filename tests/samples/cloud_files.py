@@ -11,6 +11,8 @@ import numpy as np
 from laspy.header import GpsTimeType
 from wlsonar import range_image_protocol as rip
 
+from tests.samples.recordings import range_image, strength_image
+
 # x, y, z, strength; no two numbers alike, all exact in float32, one line of text each
 TABLE = np.array(
     [
@@ -87,33 +89,6 @@ def npz(compressed: bool = False, **arrays: np.ndarray) -> bytes:
     file = io.BytesIO()
     (np.savez_compressed if compressed else np.savez)(file, allow_pickle=True, **arrays)
     return file.getvalue()
-
-
-def range_image(sequence: int, pixels: np.ndarray, seconds: int = 1_700_000_000) -> rip.RangeImage:
-    """A range image (height, width) of integers, scale 1/8 m, 90 x 40 degrees, stamped a quarter past."""
-    image = rip.RangeImage(
-        width=pixels.shape[1],
-        height=pixels.shape[0],
-        fov_horizontal=90.0,
-        fov_vertical=40.0,
-        image_pixel_scale=0.125,
-        image_pixel_data=pixels.ravel().tolist(),
-    )
-    image.header.sequence_id = sequence
-    image.header.timestamp.seconds = seconds + sequence
-    image.header.timestamp.nanos = 250_000_000
-    return image
-
-
-def strength_image(sequence: int, levels: np.ndarray) -> rip.BitmapImageGreyscale8:
-    image = rip.BitmapImageGreyscale8(
-        type=rip.BitmapImageType.SIGNAL_STRENGTH_IMAGE,
-        width=levels.shape[1],
-        height=levels.shape[0],
-        image_pixel_data=levels.astype(np.uint8).tobytes(),
-    )
-    image.header.sequence_id = sequence
-    return image
 
 
 def sonar_packets(frames: int = 3) -> list[bytes]:

@@ -5,17 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
-from wlsonar import range_image_protocol as rip
 
 from sonarmap.tools.lab.simulate.paths.routes import survey_path
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
 from sonarmap.tools.lab.simulate.sensing.sensors import SONAR_3D15, Echoes, Sensor, cast
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
-from tests.samples.recordings import SPEED, PacketOf, stamp_at
+from tests.samples.recordings import PIXEL, SPEED, PacketOf, packets_of, range_image, stamp_at, strength_image
 
 NOISE = Noise(sigma2=0.0025, outliers=0.01, dropouts=0.05)
-PIXEL = 0.00075  # [m]
 SWAY = np.deg2rad((1.5, 1.0))  # amplitudes of roll and pitch [rad], and their periods [s]
 PERIODS = 34.0, 21.0
 
@@ -58,22 +56,12 @@ class Dive:
             echoes = cast(scene, sensor, T_scene_sensor[shot])
             yield from self._images(shot, disturb(echoes, sensor, NOISE, np.random.default_rng([self.seed, shot])))
 
-    def _images(self, shot: int, echoes: Echoes) -> Iterator[PacketOf]:
+    def _images(self, shot: int, echoes: Echoes) -> list[PacketOf]:
         """As the sonar sends them: columns from the left to the right, rows from below."""
         seen = np.isfinite(echoes.ranges)
         pixels = np.rint(np.where(seen, echoes.ranges, 0.0) / PIXEL).astype(np.uint32)[:, ::-1]
         levels = np.where(seen, np.clip(200 + 100 * np.log10(np.maximum(echoes.strengths, 1e-9)), 1, 255), 0)
-        field = np.rad2deg((SONAR_3D15.horizontal, SONAR_3D15.vertical))
-        image = rip.RangeImage(
-            width=self.columns, height=self.rows, fov_horizontal=field[0], fov_vertical=field[1],
-            image_pixel_scale=PIXEL, image_pixel_data=pixels.ravel().tolist(), speed_of_sound=SPEED, range=15.0,
-            frequency=round(self.rate),
-        )  # fmt: skip
-        strength = rip.BitmapImageGreyscale8(
-            type=rip.BitmapImageType.SIGNAL_STRENGTH_IMAGE, width=self.columns, height=self.rows,
-            image_pixel_data=levels[:, ::-1].astype(np.uint8).tobytes(),
-        )  # fmt: skip
-        for kind, message in (("range", image), ("strength", strength)):
-            message.header.sequence_id = (self.first + shot) % 2**32
-            message.header.timestamp.seconds, message.header.timestamp.nanos = stamp_at(shot, self.rate)
-            yield PacketOf(kind, shot, rip.packb(message))
+        fields = np.rad2deg((SONAR_3D15.horizontal, SONAR_3D15.vertical)).tolist()
+        more = {"speed_of_sound": SPEED, "range": 15.0, "frequency": round(self.rate)}
+        image, strength = range_image(0, pixels, PIXEL, fields, **more), strength_image(0, levels[:, ::-1])
+        return packets_of(shot, self.first + shot, stamp_at(shot, self.rate), image, strength)

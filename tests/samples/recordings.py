@@ -5,12 +5,21 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from wlsonar import range_image_protocol as rip
 
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.sonar.recording import stream_sonar
+
+START = 1_700_000_000.25  # [s]
+RATE = 5.0  # shots per second
+WIDTH, HEIGHT = 64, 16
+PIXEL, SPEED = 0.00075, 1480.0  # [m], [m/s]
+
+"""Recordings of a Sonar 3D-15, written with wlsonar's own codec: whole, and with packets lost, doubled, late."""
+
 
 START = 1_700_000_000.25  # [s]
 RATE = 5.0  # shots per second
@@ -42,21 +51,45 @@ def stamp_at(shot: int, rate: float = RATE) -> tuple[int, int]:
     return int(START) + (nanos + 250_000_000) // 10**9, (nanos + 250_000_000) % 10**9
 
 
-def shot_packets(shot: int, number: int, rng: np.random.Generator, speed: float = SPEED) -> list[PacketOf]:
-    """The range and the strength image of one shot, of noise."""
-    pixels = rng.integers(0, 20_000, (HEIGHT, WIDTH)) * (rng.random((HEIGHT, WIDTH)) < 0.7)
+def range_image(
+    sequence: int, pixels: np.ndarray, scale: float = 0.125, fields: Sequence[float] = (90.0, 40.0), **more: Any
+) -> rip.RangeImage:
+    """A range image (height, width) of integers, of fields of view [deg], stamped a quarter past."""
+    height, width = pixels.shape
     image = rip.RangeImage(
-        width=WIDTH, height=HEIGHT, fov_horizontal=90.0, fov_vertical=40.0, image_pixel_scale=0.00075,
-        image_pixel_data=pixels.ravel().tolist(), speed_of_sound=speed, range=15.0, frequency=5,
+        width=width, height=height, fov_horizontal=fields[0], fov_vertical=fields[1], image_pixel_scale=scale,
+        image_pixel_data=pixels.ravel().tolist(), **more,
     )  # fmt: skip
-    strength = rip.BitmapImageGreyscale8(
-        type=rip.BitmapImageType.SIGNAL_STRENGTH_IMAGE, width=WIDTH, height=HEIGHT,
-        image_pixel_data=rng.integers(0, 256, WIDTH * HEIGHT, dtype=np.uint8).tobytes(),
-    )  # fmt: skip
+    image.header.sequence_id = sequence
+    image.header.timestamp.seconds, image.header.timestamp.nanos = int(START) + sequence, 250_000_000
+    return image
+
+
+def strength_image(sequence: int, levels: np.ndarray) -> rip.BitmapImageGreyscale8:
+    """Of levels (height, width), without a time."""
+    kind, (height, width) = rip.BitmapImageType.SIGNAL_STRENGTH_IMAGE, levels.shape
+    content = levels.astype(np.uint8).tobytes()
+    image = rip.BitmapImageGreyscale8(type=kind, width=width, height=height, image_pixel_data=content)
+    image.header.sequence_id = sequence
+    return image
+
+
+def packets_of(
+    shot: int, number: int, stamp: tuple[int, int], image: rip.RangeImage, strength: rip.BitmapImageGreyscale8
+) -> list[PacketOf]:
+    """Both images of a shot, numbered and stamped."""
     for message in (image, strength):
         message.header.sequence_id = number % 2**32
-        message.header.timestamp.seconds, message.header.timestamp.nanos = stamp_at(shot)
+        message.header.timestamp.seconds, message.header.timestamp.nanos = stamp
     return [PacketOf("range", shot, rip.packb(image)), PacketOf("strength", shot, rip.packb(strength))]
+
+
+def shot_packets(shot: int, number: int, rng: np.random.Generator) -> list[PacketOf]:
+    """The range and the strength image of one shot, of noise."""
+    pixels = rng.integers(0, 20_000, (HEIGHT, WIDTH)) * (rng.random((HEIGHT, WIDTH)) < 0.7)
+    image = range_image(0, pixels, PIXEL, speed_of_sound=SPEED, range=15.0, frequency=5)
+    strength = strength_image(0, rng.integers(0, 256, (HEIGHT, WIDTH), dtype=np.uint8))
+    return packets_of(shot, number, stamp_at(shot), image, strength)
 
 
 def with_checksum(packet: bytes) -> bytes:

@@ -32,10 +32,8 @@ def available_memory() -> int:
 
 
 def peak_memory() -> int:
-    """The most memory that this process had resident since it began [bytes].
-
-    Linux's ru_maxrss starts with what the parent held when it spawned the process; VmHWM does not.
-    """
+    """The most memory that this process had resident since it began [bytes]. Linux's ru_maxrss starts with what the
+    parent held when it spawned the process; VmHWM does not."""
     status = Path("/proc/self/status")
     if status.exists():
         line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))

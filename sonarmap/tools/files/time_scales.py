@@ -11,7 +11,7 @@ TIME_SCALES: tuple[TimeScale, ...] = ("utc", "gps", "tai")
 
 WEEK = 604_800.0  # [s]
 GPS_EPOCH = 315_964_800.0  # 1980-01-06 00:00 UTC [s, Unix]
-_TAI_GPS = 19.0  # TAI - GPS time [s], always
+TAI_GPS = 19.0  # TAI - GPS time [s], always
 # TAI - UTC [s] from these Unix times on: IERS Bulletin C, as in IANA's leap-seconds.list; none is announced for 2026
 _LEAPS = (
     (63072000, 10), (78796800, 11), (94694400, 12), (126230400, 13), (157766400, 14), (189302400, 15), (220924800, 16),
@@ -38,19 +38,12 @@ def utc_of_tai(tai: np.ndarray) -> np.ndarray:
 
 def utc_of_gps(seconds: np.ndarray) -> np.ndarray:
     """(n,) Unix times [s] of seconds since the GPS epoch, 1980-01-06 00:00 UTC."""
-    return utc_of_tai(seconds + GPS_EPOCH + _TAI_GPS)
-
-
-def utc_of_calendar(calendar: np.ndarray, scale: TimeScale) -> np.ndarray:
-    """(n,) Unix times [s] of dates and times of day in a scale, given as if they were UTC."""
-    if scale == "utc":
-        return calendar
-    return utc_of_tai(calendar + (_TAI_GPS if scale == "gps" else 0.0))
+    return utc_of_tai(seconds + GPS_EPOCH + TAI_GPS)
 
 
 def gps_of_utc(utc: np.ndarray) -> np.ndarray:
     """(n,) seconds since the GPS epoch, leap seconds counted, of Unix times (n,) [s]."""
-    return utc + tai_minus_utc(utc) - _TAI_GPS - GPS_EPOCH
+    return utc + tai_minus_utc(utc) - TAI_GPS - GPS_EPOCH
 
 
 def are_times(stamps: np.ndarray) -> bool:

@@ -27,8 +27,7 @@ from tests.samples.cloud_files import SAMPLES, TABLE, las
 from tests.samples.damage.folder_files import folder_files
 from tests.samples.damage.mutations import mutated
 from tests.samples.damage.navigation_files import NAVIGATION_FILES
-from tests.samples.damage.pose_files import POSE_FILES, SCANS, numbers_in
-from tests.samples.damage.readable import Readable
+from tests.samples.damage.pose_files import POSE_FILES, SCANS, Readable, numbers_in
 from tests.samples.processor_time import processor_time
 from tests.samples.surveys import random_covariance, random_transforms, registration
 
@@ -167,7 +166,7 @@ def _end(file: Readable, path: Path, which: str, faults: list[str]) -> str:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            file.check(path)
+            file.read(path)
     except InputError as error:
         if "ended with SIG" in str(error):
             return "crashed apart"

@@ -19,7 +19,7 @@ from sonarmap.tools.lab.bench.output.compare import compare, read_result, result
 from tests.samples.bags.samples import dive
 from tests.samples.bags.writers import write_ros2
 from tests.samples.cloud_files import las
-from tests.samples.damage.readable import Readable
+from tests.samples.damage.pose_files import Readable
 from tests.tools.products.export.finished import finished_map
 
 _VERBS: Any = typer.main.get_command(app)
@@ -44,7 +44,7 @@ _BENCH = {
 
 
 def folder_files() -> dict[str, Readable]:
-    """By their kind; `check` writes what belongs beside."""
+    """By their kind; `read` writes what belongs beside."""
     bag, packed, finished = _bag(""), _bag("file"), _map()
     return {
         "file of a bag": _one_of(bag, "dive.db3", _read_bag),

@@ -9,7 +9,7 @@ import numpy as np
 from sonarmap.tools.files.readers.navigation.odometry import read_odometry
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings, parse_mount
-from tests.samples.damage.readable import Readable
+from tests.samples.damage.pose_files import Readable
 from tests.tools.files.readers.navigation.logs import SCANS, SIGMAS, START
 from tests.tools.files.readers.navigation.test_nmea import dive
 

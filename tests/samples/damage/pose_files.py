@@ -17,8 +17,7 @@ from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.readers.poses.graph_json import FORMAT, read_graph_json
 from sonarmap.tools.files.readers.poses.gt_log import read_gt_log
-from sonarmap.tools.files.readers.poses.trajectory import read_kitti
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_kitti, read_tum
 from sonarmap.tools.files.readers.ties import read_ties
 from sonarmap.tools.lab.evaluate.survey import SurveySummary, read_summary
 from sonarmap.tools.lab.simulate.folder import read_settings
@@ -81,8 +80,8 @@ _DESCRIPTION = {
 
 
 @dataclass(frozen=True, slots=True)
-class PoseFile:
-    """A file of poses or settings: its name, what is in it, and how it is read."""
+class Readable:
+    """A file, and how it is read and what has to hold of it: `read` raises InputError where it is refused."""
 
     name: str
     content: bytes
@@ -105,26 +104,26 @@ def _summary(path: Path) -> SurveySummary:
 
 
 POSE_FILES = {
-    "tum": PoseFile("poses.tum", _TUM.encode(), read_tum),
-    "kitti": PoseFile("poses.kitti", (" ".join(_ROWS.split()[:12]) + "\n").encode() * 2, read_kitti),
-    "gt.log": PoseFile("gt.log", f"0 1 3\n{_ROWS}\n1 2 3\n{_ROWS}\n".encode(), read_gt_log),
-    "g2o": PoseFile("graph.g2o", _G2O.encode(), read_g2o),
-    "g2o repaired": PoseFile("graph.g2o", _G2O.encode(), lambda path: read_g2o(path, [])),
-    "graph.json": PoseFile("graph.json", json.dumps(_GRAPH).encode(), read_graph_json),
-    "summary.json": PoseFile("summary.json", json.dumps(_SUMMARY).encode(), _summary),
-    "pairs.csv": PoseFile("pairs.csv", _PAIRS.encode(), lambda path: read_pairs(path, 2)),
-    "description.json": PoseFile("description.json", json.dumps(_DESCRIPTION).encode(), read_settings),
-    "priors by name": PoseFile("priors.csv", _csv("name"), lambda path: navigate(SCANS, path).scans),
-    "priors by stamp": PoseFile("priors.csv", _csv("stamp"), lambda path: navigate(SCANS, path).scans),
-    "odometry.csv": PoseFile(
+    "tum": Readable("poses.tum", _TUM.encode(), read_tum),
+    "kitti": Readable("poses.kitti", (" ".join(_ROWS.split()[:12]) + "\n").encode() * 2, read_kitti),
+    "gt.log": Readable("gt.log", f"0 1 3\n{_ROWS}\n1 2 3\n{_ROWS}\n".encode(), read_gt_log),
+    "g2o": Readable("graph.g2o", _G2O.encode(), read_g2o),
+    "g2o repaired": Readable("graph.g2o", _G2O.encode(), lambda path: read_g2o(path, [])),
+    "graph.json": Readable("graph.json", json.dumps(_GRAPH).encode(), read_graph_json),
+    "summary.json": Readable("summary.json", json.dumps(_SUMMARY).encode(), _summary),
+    "pairs.csv": Readable("pairs.csv", _PAIRS.encode(), lambda path: read_pairs(path, 2)),
+    "description.json": Readable("description.json", json.dumps(_DESCRIPTION).encode(), read_settings),
+    "priors by name": Readable("priors.csv", _csv("name"), lambda path: navigate(SCANS, path).scans),
+    "priors by stamp": Readable("priors.csv", _csv("stamp"), lambda path: navigate(SCANS, path).scans),
+    "odometry.csv": Readable(
         "odometry.csv",
         b"stamp,roll_deg,pitch_deg,heading_deg,x_m,y_m,depth_m\n0,1,2,30,4,5,6\n1,1,2,30,5,5,6\n2,1,2,30,6,5,6\n",
         _odometry,
     ),
-    "odometry.tum": PoseFile("odometry.tum", _TUM.encode(), _odometry),
-    "ties.csv": PoseFile("ties.csv", _TIES.encode(), lambda path: read_ties(path, SCANS)),
-    "control.csv": PoseFile("control.csv", _CONTROL.encode(), lambda path: read_control(path, SCANS).points),
-    "control on the Earth": PoseFile("earth.csv", _EARTH.encode(), lambda path: read_control(path, SCANS).points),
+    "odometry.tum": Readable("odometry.tum", _TUM.encode(), _odometry),
+    "ties.csv": Readable("ties.csv", _TIES.encode(), lambda path: read_ties(path, SCANS)),
+    "control.csv": Readable("control.csv", _CONTROL.encode(), lambda path: read_control(path, SCANS).points),
+    "control on the Earth": Readable("earth.csv", _EARTH.encode(), lambda path: read_control(path, SCANS).points),
 }  # fmt: skip
 
 

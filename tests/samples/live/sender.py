@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from wlsonar import range_image_protocol as rip
 
-from tests.samples.recordings import SPEED, imu_batch
+from tests.samples.recordings import PIXEL, SPEED, imu_batch, range_image, strength_image
 
 LOOPBACK = "127.0.0.1"
 WIDTH, HEIGHT = 256, 64  # the sonar's, in both of its modes
@@ -60,15 +60,8 @@ def full_size(shots: int, rate: float, seed: int, start: float) -> Iterator[byte
 def _images(rng: np.random.Generator) -> Sequence[rip.RangeImage | rip.BitmapImageGreyscale8]:
     """A bed that rises to a side, with noise: about as many bytes as a real image packs to."""
     bed = 6000 + 20 * np.arange(WIDTH) + 40 * np.arange(HEIGHT)[:, None] + rng.integers(0, 64, (HEIGHT, WIDTH))
-    image = rip.RangeImage(
-        width=WIDTH, height=HEIGHT, fov_horizontal=40.0, fov_vertical=40.0, image_pixel_scale=0.00075,
-        image_pixel_data=bed.ravel().tolist(), speed_of_sound=SPEED, range=15.0, frequency=2_400_000,
-    )  # fmt: skip
-    strength = rip.BitmapImageGreyscale8(
-        type=rip.BitmapImageType.SIGNAL_STRENGTH_IMAGE, width=WIDTH, height=HEIGHT,
-        image_pixel_data=rng.integers(60, 200, WIDTH * HEIGHT, dtype=np.uint8).tobytes(),
-    )  # fmt: skip
-    return image, strength
+    image = range_image(0, bed, PIXEL, (40.0, 40.0), speed_of_sound=SPEED, range=15.0, frequency=2_400_000)
+    return image, strength_image(0, rng.integers(60, 200, (HEIGHT, WIDTH), dtype=np.uint8))
 
 
 def send_with_losses(shots: int, port: int, times: float, share: float) -> dict[str, object]:

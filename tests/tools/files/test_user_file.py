@@ -15,7 +15,7 @@ from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.readers.navigation.read import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.selection import BAG_METADATA, is_bag_folder
 from sonarmap.tools.files.user_file import read_content
 from sonarmap.tools.lab.bench.output.compare import read_result

@@ -8,8 +8,7 @@ from google.protobuf.message import Message
 from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.sonar.frames import STRENGTH, stamp_of
-from sonarmap.tools.files.readers.sonar.messages import message_of, range_image_type
+from sonarmap.tools.files.readers.sonar.messages import STRENGTH, message_of, range_image_type, stamp_of
 from sonarmap.tools.files.readers.sonar.shots import Remembered, ShotNumbers
 
 RANGES, STRENGTHS, SHADED, IMU = "range_images", "strength_images", "shaded_images", "imu_batches"

@@ -184,11 +184,8 @@ def _require_exact(crs: "CRS", name: str, georeference: Georeference) -> None:
 
 
 def utm_epsg(latitude: float, longitude: float) -> int:
-    """The EPSG code of the UTM zone of a place [deg], or of UPS near the poles.
-
-    The zones are those of the Defense Mapping Agency's TM 8358.2 (1989), with its exceptions for southwestern Norway
-    and Svalbard.
-    """
+    """The EPSG code of the UTM zone of a place [deg], or of UPS near the poles. The zones are those of the Defense
+    Mapping Agency's TM 8358.2 (1989), with its exceptions for southwestern Norway and Svalbard."""
     if not _LOWEST <= latitude < _HIGHEST:
         return _POLES[latitude > 0]
     zone = int((longitude + 180) // 6) % 60 + 1

@@ -32,14 +32,9 @@ class PointFrame:
             if given not in known:
                 raise InputError(f"{given!r} is not known; choose one of {', '.join(known)}")
 
-    @property
-    def is_default(self) -> bool:
-        """Whether points stay as they are."""
-        return self == PointFrame()
-
     def turned(self, cloud: Cloud) -> Cloud:
         """The cloud with points and viewpoints in meters, x forward, y left, z up."""
-        if self.is_default:
+        if self == PointFrame():
             return cloud
         viewpoints = None if cloud.viewpoints is None else self._turned(cloud.viewpoints)
         return replace(cloud, points=self._turned(cloud.points), viewpoints=viewpoints)

@@ -2,22 +2,26 @@
 
 import codecs
 import csv
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.csv_cell import text_of
 from sonarmap.tools.files.user_file import read_content
 
 SEPARATORS = (",", ";", "\t")
 
+# A spreadsheet takes a cell that begins with one of these for a formula, whoever named the scan; the wide forms are of
+# Japanese ones. Such a text has an apostrophe before it in our files, which says "text" to a spreadsheet's user.
+_FORMULA = re.compile("'*[=+\\-@\uff1d\uff0b\uff0d\uff20]")
+_CONTROL = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029]")
 PAIRS = "pairs.csv"  # as `sonarmap map` calls the table of its pairs
 
 
 @dataclass(frozen=True, slots=True)
 class CsvRow:
-    """A row: its `line` in the file, and its cells' texts (`tools.files.csv_cell`) without blanks around them."""
+    """A row: its `line` in the file, and its cells' texts (`text_of`) without blanks around them."""
 
     line: int
     cells: list[str]
@@ -51,12 +55,9 @@ class CsvTable:
     def declared_columns(
         self, known: Sequence[str], required: Sequence[str], words: str, missing: str = ""
     ) -> dict[str, int]:
-        """The place of each column of a table that a person fills in, by its name in small letters.
-
-        `words` say what is wanted where a column has another name, `missing` where one of `required` is not there.
-
-        Raises InputError: a column that is not known, there twice, or missing.
-        """
+        """The place of each column of a table that a person fills in, by its name in small letters. `words` say what is
+        wanted where a column has another name, `missing` where one of `required` is not there. Raises InputError: a
+        column that is not known, there twice, or missing."""
         names = [cell.lower() for cell in self.heading.cells]
         for k, name in enumerate(names):
             if name not in known:
@@ -73,13 +74,9 @@ class CsvTable:
 
 
 def read_csv_table(path: Path) -> CsvTable:
-    """The table of a file; blank rows and lines that begin with # are left out.
-
-    The separator is what the heading has most of: a comma, a semicolon or a tab. Between semicolons or tabs a number
-    may have a decimal comma, which is made a point.
-
-    Raises InputError: the file cannot be read, holds no line, or is neither UTF-8 nor UTF-16.
-    """
+    """The table of a file without its blank rows and lines that begin with #. The separator is what the heading has
+    most of: a comma, a semicolon or a tab; with the latter two a decimal comma is made a point. Raises InputError: the
+    file cannot be read, holds no line, or is neither UTF-8 nor UTF-16."""
     lines, whole = _lines(path)
     if not lines:
         raise InputError(f"{path} holds no line but comments; wanted a heading and rows")
@@ -130,3 +127,26 @@ def _with_point(cell: str) -> str:
     except ValueError:
         return cell
     return changed
+
+
+def cell_of(text: str) -> str:
+    """The cell of a text; a number stays as it is. `text_of` gives `plain_text` of it again."""
+    text = plain_text(text)
+    return f"'{text}" if _FORMULA.match(text) and not _is_number(text) else text
+
+
+def text_of(cell: str) -> str:
+    """The text of a cell."""
+    return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
+
+
+def plain_text(text: str) -> str:
+    """A text as a cell can have it: on one line, without blanks around it, and what is no UTF-8 as its number."""
+    return _CONTROL.sub(" ", text).encode("utf-8", "backslashreplace").decode().strip()
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return "_" not in text and float(text) is not None
+    except ValueError:
+        return False

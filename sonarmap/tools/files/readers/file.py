@@ -2,24 +2,29 @@
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path
 
+import numpy as np
+
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.memory import require_memory
 from sonarmap.tools.files.readers.bags.clouds import stream_recording
-from sonarmap.tools.files.readers.clouds.cloud import POINT_BYTES, Cloud
+from sonarmap.tools.files.readers.clouds.cloud import POINT_BYTES, TIME_NAMES, Cloud
 from sonarmap.tools.files.readers.clouds.las import read_las
 from sonarmap.tools.files.readers.clouds.npy import read_npy, read_npz
 from sonarmap.tools.files.readers.clouds.pcd import read_pcd
 from sonarmap.tools.files.readers.clouds.ply import read_ply
 from sonarmap.tools.files.readers.clouds.rows import require_believable
 from sonarmap.tools.files.readers.clouds.text import read_text
+from sonarmap.tools.files.readers.poses.trajectory import places_at, read_tum
 from sonarmap.tools.files.readers.selection import SelectedFile
-from sonarmap.tools.files.readers.trajectory_beside import TRAJECTORY, with_viewpoints
 from sonarmap.tools.files.user_file import naming, unreadable
 
+TRAJECTORY = ".tum"  # the suffix of one beside a file of points
+_COARSEST = 0.01  # seconds between two numbers of a point's time; a vehicle moves centimeters in it
 _HEAD = 4096  # bytes that are looked at to recognize a format
 _LISTED = 3  # scans without points that a note names
 
@@ -84,10 +89,8 @@ class NamedCloud:
 
 
 def clouds_of(selected: SelectedFile, notes: list[str]) -> Iterator[NamedCloud]:
-    """The clouds of one file that hold points, one by one; notes about the file are added to the list.
-
-    A trajectory NAME.tum beside NAME.ply, or whatever its suffix, says where the sensor was at each point's time.
-    """
+    """The clouds of one file that hold points, one by one; notes about the file are added to the list. A trajectory
+    NAME.tum beside NAME.ply, or whatever its suffix, says where the sensor was at each point's time."""
     with naming(selected.path):
         try:
             yield from _named(selected, _clouds_in(selected, notes), notes)
@@ -98,7 +101,8 @@ def clouds_of(selected: SelectedFile, notes: list[str]) -> Iterator[NamedCloud]:
 def _clouds_in(selected: SelectedFile, notes: list[str]) -> Iterator[Cloud]:
     """Every cloud of a file, those without points too."""
     path = selected.path
-    known = _BAG_FOLDER if path.is_dir() else _format_of(path)
+    if (known := _BAG_FOLDER if path.is_dir() else FORMATS.get(path.suffix.lower())) is None:
+        raise InputError(f"unknown format {path.suffix or '(no suffix)'!r}; known formats are {', '.join(FORMATS)}")
     if known is not _BAG_FOLDER:
         _check_start(path)
     if selected.topic is not None and not known.has_topics:
@@ -113,7 +117,7 @@ def _clouds_in(selected: SelectedFile, notes: list[str]) -> Iterator[Cloud]:
         clouds = iter(known.read(content))
     beside = path.with_suffix(TRAJECTORY)
     believable = _believable(clouds, path)
-    return (with_viewpoints(cloud, beside) for cloud in believable) if beside.is_file() else believable
+    return (_with_viewpoints(cloud, beside) for cloud in believable) if beside.is_file() else believable
 
 
 def _believable(clouds: Iterator[Cloud], path: Path) -> Iterator[Cloud]:
@@ -149,12 +153,6 @@ def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) ->
         notes.append(f"{name}: {len(empty):,} of {count:,} scans were skipped, as they have no points: {which}")
 
 
-def _format_of(path: Path) -> Format:
-    if (known := FORMATS.get(path.suffix.lower())) is None:
-        raise InputError(f"unknown format {path.suffix or '(no suffix)'!r}; known formats are {', '.join(FORMATS)}")
-    return known
-
-
 def _check_start(path: Path) -> None:
     """Refuse a file that does not start as its suffix says."""
     if not path.is_file():
@@ -163,14 +161,46 @@ def _check_start(path: Path) -> None:
         head = file.read(_HEAD)
     if not head:
         raise InputError("the file is empty (0 bytes); write or copy it again")
-    expected, kind = FORMATS[path.suffix.lower()].kind, _kind_of(head)
+    expected = FORMATS[path.suffix.lower()].kind
+    kinds = (known.kind for known in FORMATS.values() if re.match(known.start, head))
+    kind = next(kinds, "binary content of no known kind")
     if kind != expected:
         suffixes = [suffix for suffix, known in FORMATS.items() if known.kind == kind]
         hint = f"rename it to {' or '.join(suffixes)} if that is what it is" if suffixes else "write or copy it again"
         raise InputError(f"it is called {path.suffix} but holds {kind}; wanted {expected}: {hint}")
 
 
-def _kind_of(head: bytes) -> str:
-    """What a file holds by its first bytes, whatever it is called."""
-    kinds = (known.kind for known in FORMATS.values() if re.match(known.start, head))
-    return next(kinds, "binary content of no known kind")
+def _with_viewpoints(cloud: Cloud, path: Path) -> Cloud:
+    """The cloud with a viewpoint per point, interpolated between the positions of the trajectory at `path`: a TUM file
+    whose poses are T_scan_sensor, by the clock of the cloud's times [s]. One that has viewpoints keeps them, and one
+    without times stays as it is; a note says so. Raises InputError: the trajectory cannot be used, its stamps do not
+    ascend, or points were seen outside of its time."""
+    if cloud.viewpoints is not None:
+        return replace(cloud, notes=(*cloud.notes, f"{path.name} is not used: the points have viewpoints of their own"))
+    if cloud.times is None:
+        note = f"{path.name} is not used: the points have no time (a field {' or '.join(TIME_NAMES)})"
+        return replace(cloud, notes=(*cloud.notes, note))
+    trajectory = read_tum(path)
+    if not (np.diff(trajectory.stamps) > 0).all():
+        later = int(np.argmin(np.diff(trajectory.stamps) > 0)) + 1
+        raise InputError(f"{path}: the stamps do not ascend (pose {later}); sort its lines")
+    _require_within(cloud, cloud.times, trajectory, path)
+    return replace(cloud, viewpoints=places_at(trajectory, cloud.times.astype(np.float64)))
+
+
+def _require_within(cloud: Cloud, times: np.ndarray, trajectory: Trajectory, path: Path) -> None:
+    first, last = trajectory.stamps[0], trajectory.stamps[-1]
+    if times.dtype.kind == "f" and np.spacing(np.abs(times[np.isfinite(times)]).max(initial=0)) > _COARSEST:
+        raise InputError(
+            f"the points' times are {times.dtype}, too coarse for numbers as large as these; write them as float64 "
+            f"(double), or count them, and those of {path.name}, from the scan's start"
+        )
+    with np.errstate(invalid="ignore"):
+        finite = np.isfinite(cloud.points).all(axis=1)  # the others are dropped, whatever their time
+    outside = finite & ~((times >= first) & (times <= last))  # NaN is outside too
+    if outside.any():
+        raise InputError(
+            f"{int(outside.sum()):,} of {len(times):,} points have times outside of {path.name} (the points from "
+            f"{times[finite].min():.6f} to {times[finite].max():.6f} s, the trajectory from {first:.6f} to {last:.6f} "
+            "s); give both in seconds by one clock, and a trajectory that covers the scan, or remove the trajectory"
+        )

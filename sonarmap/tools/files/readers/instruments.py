@@ -41,16 +41,11 @@ def prior_of(values: np.ndarray, sigmas: np.ndarray) -> PosePrior:
     other."""
     known = np.isfinite(values)
     measured = np.where(known, sigmas, np.inf).astype(np.float64) * _UNITS
-    return PosePrior(pose_of(np.where(known, values, 0.0)), measured)
-
-
-def pose_of(values: np.ndarray) -> RigidTransform:
-    """T_world_sensor (world East-North-Up, sensor x forward, y left, z up) of six finite values, COLUMNS' order."""
-    return poses_of(values[None])[0]
+    return PosePrior(poses_of(np.where(known, values, 0.0)[None])[0], measured)
 
 
 def poses_of(values: np.ndarray) -> RigidTransform:
-    """The n poses of (n, 6) values, as `pose_of` has them."""
+    """The n poses T_world_sensor (world East-North-Up, sensor x forward, y left, z up) of (n, 6) finite values."""
     roll, pitch, heading, x, y, depth = np.asarray(values, np.float64).T
     # y and z point the other way and the heading starts at North: yaw = 90 - heading, the pitch changes its sign
     angles = np.column_stack([90.0 - heading, -pitch, roll])
@@ -60,10 +55,10 @@ def poses_of(values: np.ndarray) -> RigidTransform:
 
 
 def values_of(T_world_sensor: RigidTransform) -> np.ndarray:
-    """(6,) in the columns' order and units: the inverse of `pose_of`, heading in [0, 360)."""
-    yaw, pitch, roll = T_world_sensor.rotation.as_euler("ZYX", degrees=True)
-    x, y, z = T_world_sensor.translation
-    return np.array([roll, -pitch, (90.0 - yaw) % 360.0, x, y, -z])
+    """(6,), or (n, 6) of n poses, in the columns' order and units: the inverse of `poses_of`, heading in [0, 360)."""
+    yaw, pitch, roll = np.moveaxis(T_world_sensor.rotation.as_euler("ZYX", degrees=True), -1, 0)
+    x, y, z = np.moveaxis(T_world_sensor.translation, -1, 0)
+    return np.stack([roll, -pitch, (90.0 - yaw) % 360.0, x, y, -z], axis=-1)
 
 
 def sigmas_of(prior: PosePrior) -> np.ndarray:

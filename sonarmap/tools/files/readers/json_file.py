@@ -13,12 +13,8 @@ _LARGEST_INTEGER = 2**63 - 1
 
 
 def read_json(path: Path, expected: str) -> Any:
-    """What the file, which should be what is `expected`, holds, its numbers finite and of a size that can be computed
-    with.
-
-    Raises InputError: it cannot be read, is no JSON in UTF-8, is nested too deeply, or holds NaN, Infinity or a number
-    beyond 1e30 (a whole one: 2^63).
-    """
+    """What the file, which should be what is `expected`, holds. Raises InputError: it cannot be read, is no JSON in
+    UTF-8, is nested too deeply, or holds NaN, Infinity or a number beyond 1e30 (a whole one: 2^63)."""
     try:
         text = read_content(Path(path), pipe=True).decode("utf-8")
         return json.loads(text, parse_float=_number, parse_int=_integer, parse_constant=_no_number)

@@ -1,9 +1,5 @@
 """The largest numbers that files of poses may hold: beyond any use, and far below where squares overflow."""
 
-import numpy as np
-
-from sonarmap.kernels.errors import InputError
-
 # Of a coordinate, a rotation's parts and a standard deviation [m, rad, degrees]: 80 times as wide as the Earth.
 LARGEST = 1e9
 LARGEST_STAMP = 1e19  # nanoseconds since 1970 are 1.8e18
@@ -16,10 +12,3 @@ def largest_of(column: str) -> float:
     if column.startswith("I"):
         return LARGEST_INFORMATION
     return LARGEST_STAMP if column in ("stamp", "id") else LARGEST
-
-
-def require_within(what: str, values: np.ndarray, largest: float) -> None:
-    """Refuse numbers of which one is NaN or beyond `largest`."""
-    bad = ~(np.abs(values) <= largest)
-    if bad.any():
-        raise InputError(f"{what} holds {values[bad].flat[0]:g}; wanted numbers within {largest:g}")

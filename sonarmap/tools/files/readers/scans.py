@@ -58,16 +58,15 @@ def read_survey(
     progress: Progress | None = None,
     corrections: Corrections = AS_RECORDED,
 ) -> ReadScans:
-    """Every scan of the files, folders and patterns in `paths` that can be read, in natural order.
+    """Every scan of the files, folders and patterns in `paths` that can be read, in natural order; `recording.sonar#3`
+    is one scan of a file that holds several, counted from 0.
 
-    `recording.sonar#3` is one scan of a file that holds several, counted from 0. Stamps are those of the files if all
-    of them have one, otherwise 0, 1, 2, ... over the whole input, unreadable scans counted. A scan is named after its
-    file, and `recording#3` if the file holds several; files of the same name in several folders keep their paths. The
-    priors.csv of a folder or pattern is skipped, and so are the files in `not_scans`. The points of large surveys are
-    on disk (`PointStore`). `progress` is called with (files read, files in all, the file's name), and within a file
-    every so many scans. `corrections` is done to the points of each.
-
-    Raises InputError: a path that does not exist, no path at all, or a speed of sound for files that say none.
+    Stamps are those of the files if all of them have one, otherwise 0, 1, 2, ... over the whole input, unreadable scans
+    counted. A scan is named after its file, and `recording#3` if the file holds several; files of the same name in
+    several folders keep their paths. The priors.csv of a folder or pattern is skipped, and so are the files in
+    `not_scans`. The points of large surveys are on disk (`PointStore`). `progress` is called with (files read, files in
+    all, the file's name), and within a file every so many scans. `corrections` is done to the points of each. Raises
+    InputError: a path that does not exist, no path at all, or a speed of sound for files that say none.
     """
     notes: list[str] = []
     selection = select_files(paths, FORMATS, not_scans)
@@ -119,10 +118,8 @@ def read_entries(
     selection: Selection, notes: list[str], progress: Progress | None = None, corrections: Corrections = AS_RECORDED
 ) -> Iterator[ScanEntry]:
     """Every scan of the files one by one, and the places of those that could not be read. What the user should know of
-    files as a whole is added to the notes; `progress` and `corrections` are as of `read_survey`.
-
-    Raises InputError: a speed of sound for files that say none.
-    """
+    files as a whole is added to the notes; the others are as of `read_survey`. Raises InputError: a speed of sound for
+    files that say none."""
     if selection.reordered:
         notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
     files = files_of(selection)
@@ -136,7 +133,9 @@ def read_entries(
                 if progress is not None and count % _SHOWN == 0:
                     progress(number, len(selection.files), f"{selected.path.name}: {count:,} scans")
         except InputError as error:
-            if _is_remark(selected.path, files):
+            # a text that cannot be read as points, as a README.txt or a log, beside scans of another format
+            texts = [path.suffix.lower() in _TEXTS for path in (selected.path, *files)]
+            if texts[0] and not all(texts):
                 notes.append(f"{selected.path} holds no points, and the scans are in another format: it is left out")
             else:
                 yield ScanEntry(selected.path, selected.place, "", reason=str(error))
@@ -144,17 +143,12 @@ def read_entries(
             progress(number + 1, len(selection.files), selected.path.name)
 
 
-def _is_remark(path: Path, files: Sequence[Path]) -> bool:
-    """Whether a text that cannot be read as points lies beside scans of another format, as a README.txt or a log."""
-    return path.suffix.lower() in _TEXTS and any(other.suffix.lower() not in _TEXTS for other in files)
-
-
 def _require_known(files: Sequence[Path], corrections: Corrections) -> None:
     """Refuse corrections of what a format does not say, or says itself."""
     for path in files:
         if (known := FORMATS.get(path.suffix.lower())) is None:
             continue
-        if known.has_axes and not corrections.frame.is_default:
+        if known.has_axes and corrections.frame != AS_RECORDED.frame:
             raise InputError(
                 f"{path}: `frame` and `units` cannot be used, as {known.kind} says its own; leave them out, or read it "
                 "apart from other files"
@@ -209,17 +203,13 @@ def _all_of(
         scans.append(replace(entry.scan, stamp=stamp))
         folder = entry.path if entry.path.is_dir() else entry.path.parent
         surveys.append(folders.setdefault(folder, len(folders)))
+        in_file = entry.path.name + entry.where.removeprefix(str(entry.path))
         for note in entry.notes:
-            labels.setdefault(note, []).append(_label(entry))
+            labels.setdefault(note, []).append(entry.name if entry.name == entry.where else in_file)
     if len(folders) == len(scans):
         surveys = [0] * len(scans)
     about_scans = [f"{of[0]}{f' and {len(of) - 1:,} more' * (len(of) > 1)}: {note}" for note, of in labels.items()]
     return ReadScans(tuple(scans), (*notes, *about_scans), files, tuple(unread), tuple(surveys))
-
-
-def _label(entry: ScanEntry) -> str:
-    """What a scan is called in a note."""
-    return entry.name if entry.name == entry.where else entry.path.name + entry.where.removeprefix(str(entry.path))
 
 
 def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[list[float], list[str]]:

@@ -19,11 +19,9 @@ appeared: list[Path] = []  # every file that this program has written so far, wh
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A temporary name beside `path` to write to; renamed to `path` when the block ends well, removed otherwise.
-
-    The folder is made where it is missing. A full disk, a missing permission and the like raise InputError, and
-    whatever stood under `path` before stays as it was. Inside `all_or_none` the renaming waits for that block's end.
-    """
+    """A temporary name beside `path` to write to; renamed to `path` when the block ends well, removed otherwise. The
+    folder is made where it is missing. A full disk, a missing permission and the like raise InputError, and whatever
+    stood under `path` before stays as it was. Inside `all_or_none` the renaming waits for that block's end."""
     path = Path(path)
     if path.is_dir():
         raise InputError(f"cannot write {path}: a folder of that name is there. Choose another output folder.")

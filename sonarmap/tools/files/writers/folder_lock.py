@@ -11,12 +11,8 @@ from sonarmap.kernels.errors import InputError
 @contextmanager
 def locked(folder: Path, writing: bool) -> Iterator[None]:
     """Keep other runs of sonarmap from a folder, whose files are to be of one run, while the block lasts; with
-    `writing` those that read it too. The lock ends with the process at the latest.
-
-    Nothing is locked where there is no such folder, or no such locks, as on some network file systems.
-
-    Raises InputError: another run has the folder.
-    """
+    `writing` those that read it too. The lock ends with the process at the latest. Nothing is locked where there is no
+    such folder, or no such locks, as on some network file systems. Raises InputError: another run has the folder."""
     descriptor = _lock(folder, writing)
     try:
         yield

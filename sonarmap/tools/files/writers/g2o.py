@@ -22,13 +22,9 @@ _NONE: Mapping[int, Edge] = MappingProxyType({})
 
 def write_g2o(path: Path, graph: PoseGraph, left_out: Container[int] = ()) -> None:
     """Write poses, fixed poses, what is known of single ones (lines of EDGE_SE3_PRIOR), and edges; vertex k is pose k,
-    without those `left_out`, which nothing places.
-
-    Translations are kept to the last bit, quaternions to its rounding, covariances to that of inverting them. Stamps
-    have no place in the format.
-
-    Raises InputError: the graph holds an edge of kind "prior", or the file cannot be written.
-    """
+    without those `left_out`, which nothing places. Translations are kept to the last bit, quaternions to its rounding,
+    covariances to that of inverting them. Stamps have no place in the format. Raises InputError: the graph holds an
+    edge of kind "prior", or the file cannot be written."""
     prior = next((edge for edge in graph.edges if edge.kind == "prior"), None)
     if prior is not None:
         raise InputError(f"edge {prior.name} is a prior, and {EDGE} knows none; give it as a `KnownPose`")
@@ -53,12 +49,9 @@ def rewrite_g2o(
     repaired: Mapping[int, Edge] = _NONE,
 ) -> None:
     """Write `source`, a file that `read_g2o` has read, again with other poses; all else, comments and the edges' digits
-    too, stays as it is.
-
-    `trajectory` has the poses of its vertices, each with its vertex's id for a stamp, as `read_g2o` gives them. Edges
-    are counted from 0 in the file's order: those `left_out` are dropped, those `repaired` are written with the
-    information that they have now.
-    """
+    too, stays as it is. `trajectory` has the poses of its vertices, each with its vertex's id for a stamp, as
+    `read_g2o` gives them. Edges are counted from 0 in the file's order: those `left_out` are dropped, those `repaired`
+    are written with the information that they have now."""
     numbers = pose_numbers(trajectory.T_world_sensor).tolist()
     poses = {int(stamp): pose for stamp, pose in zip(trajectory.stamps.tolist(), numbers, strict=True)}
     lines, edges = [], 0

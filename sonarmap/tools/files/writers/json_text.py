@@ -13,12 +13,9 @@ from sonarmap.tools.files.writers.atomic import atomic_path
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a mapping of anything that `to_json` takes as JSON.
-
-    Every name of a mapping has a line of its own, and so has every item of a list that is a list or a mapping itself.
-
-    Raises TypeError: a value that JSON has no form for; InputError: the file cannot be written.
-    """
+    """Write a mapping of anything that `to_json` takes as JSON. Every name of a mapping has a line of its own, and so
+    has every item of a list that is a list or a mapping itself. Raises TypeError: a value that JSON has no form for;
+    InputError: the file cannot be written."""
     text = _in_lines(to_json(content))
     with atomic_path(path) as temporary:
         # A file name that is no UTF-8 holds lone surrogates; written with a backslash they are JSON's own escapes.

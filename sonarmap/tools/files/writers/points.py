@@ -40,11 +40,9 @@ def write_ply(path: str | Path, points: np.ndarray, columns: Mapping[str, np.nda
 
 
 def write_pcd(path: str | Path, points: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
-    """Write points (N, 3) [m] and `columns` {name: (N,)}, such as intensity, to PCD 0.7.
-
-    Coordinates are float32, as Open3D reads those of 8 bytes as 0, and relative to `float32_origin(points)`, a comment
-    of the header where it is not 0; points of float32 are written as they are.
-    """
+    """Write points (N, 3) [m] and `columns` {name: (N,)}, such as intensity, to PCD 0.7. Coordinates are float32, as
+    Open3D reads those of 8 bytes as 0, and relative to `float32_origin(points)`, a comment of the header where it is
+    not 0; points of float32 are written as they are."""
     exact = points.dtype == np.float32 or points.ndim != 2
     origin = np.zeros(3) if exact else float32_origin(points)
     records = pack_records(points if exact else (points - origin).astype(np.float32), columns)
@@ -77,13 +75,10 @@ def _write(path: Path, header: list[str], records: np.ndarray) -> None:
 
 
 def pack_records(points: np.ndarray, columns: Mapping[str, np.ndarray] | None) -> np.ndarray:
-    """(N,) packed little-endian records: x, y, z, then every column {name: (N,)} of numbers in its order.
-
-    Points (N, 3) [m] of float64 are kept, any others become float32. 64-bit integers, which PLY does not know, become
-    32-bit ones where they all fit and float64 where they don't; booleans become 0 and 1.
-
-    Raises InputError: another shape, a column of another length or without numbers, a name no header can hold.
-    """
+    """(N,) packed little-endian records: x, y, z, then every column {name: (N,)} of numbers in its order. Points (N, 3)
+    [m] of float64 are kept, any others become float32. 64-bit integers, which PLY does not know, become 32-bit ones
+    where they all fit and float64 where they don't; booleans become 0 and 1. Raises InputError: another shape, a column
+    of another length or without numbers, a name no header can hold."""
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"points to write have shape {points.shape}; wanted (N, 3)")
     points = points.astype(np.float64 if points.dtype == np.float64 else np.float32, copy=False)
@@ -118,11 +113,9 @@ def _portable(name: str, column: np.ndarray) -> np.ndarray:
 
 
 def float32_origin(points: np.ndarray) -> np.ndarray:
-    """(3,) float64: what to subtract of points (N, 3) [m] so that float32 keeps them to 0.1 mm; a multiple of 100 m.
-
-    It is 0 along each axis where they lie within 2048 m already. Points that lie more than 4 km apart lose more: 0.12
-    mm up to 4 km from the origin, and so on in proportion.
-    """
+    """(3,) float64: what to subtract of points (N, 3) [m] so that float32 keeps them to 0.1 mm; a multiple of 100 m. It
+    is 0 along each axis where they lie within 2048 m already. Points that lie more than 4 km apart lose more: 0.12 mm
+    up to 4 km from the origin, and so on in proportion."""
     if len(points) == 0:
         return np.zeros(3)
     low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)

@@ -8,7 +8,7 @@ from typing import Any
 from sonarmap.kernels.device.device import Device, choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
-from sonarmap.tools.files.versions import package_versions
+from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.lab.bench.kernels import CASES, measure_kernels
 from sonarmap.tools.lab.bench.machine import count_cores, load_average, processor_name
 from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.tools.files.versions import package_versions
+from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.files.writers.json_text import to_json
 from sonarmap.tools.lab.bench.machine import count_cores, processor_name
 from sonarmap.tools.lab.reproduce.experiment import ByMethod, Experiment

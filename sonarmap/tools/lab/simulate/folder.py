@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.files.readers.clouds.cloud import columns_of
 from sonarmap.tools.files.readers.instruments import PRIORS
 from sonarmap.tools.files.readers.json_file import read_json
-from sonarmap.tools.files.versions import package_versions
 from sonarmap.tools.files.writers.atomic import all_or_none
 from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.files.writers.points import write_ply

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from sonarmap.tools.files.geo.georeference import EAST, VERTICALS
-from sonarmap.tools.files.inputs import sha256_of
+from sonarmap.tools.files.inputs import package_versions, sha256_of
 from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
 from sonarmap.tools.files.time_scales import are_times, utc_text
-from sonarmap.tools.files.versions import package_versions
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 

@@ -14,8 +14,8 @@ from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.pair import Pair, Role
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.files.readers.csv_table import PAIRS
-from sonarmap.tools.files.versions import package_versions
 from sonarmap.tools.products.output.faults import faults
 from sonarmap.tools.products.output.hand import control_fit, control_rows, tie_rows
 from sonarmap.tools.products.output.pairs_file import fields_of

@@ -10,8 +10,7 @@ import pytest
 from typer.testing import Result
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.readers.poses.trajectory import read_kitti
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_kitti, read_tum
 from sonarmap.tools.files.readers.scans import read_scan, read_survey
 from sonarmap.tools.files.writers.trajectory import write_tum
 from sonarmap.tools.lab.evaluate.trajectory import evaluate

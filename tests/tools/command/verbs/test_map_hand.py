@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from tests.samples.clutter_scans import done, said, sonarmap, table_of
 
 GRID = ("--grid", "64", "--no-report")

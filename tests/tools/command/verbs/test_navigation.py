@@ -9,7 +9,7 @@ import pytest
 
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.instruments import values_of
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from tests.samples.clutter_scans import done, refused, said, scan, sonarmap, table_of, write
 
 SCANS, WRONG = 10, "scan_006.ply"

@@ -12,7 +12,7 @@ from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.command.navigation import parse_prior_sigmas
 from sonarmap.tools.files.readers.navigation.priors import navigate
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.scans import read_scans
 from sonarmap.tools.lab.simulate.sensing.navigation import Instruments, instruments_for, measure_poses
 from tests.samples.clutter_scans import files_in, refused, said, scan, sonarmap, table_of, write

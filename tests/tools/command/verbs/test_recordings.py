@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from sonarmap.tools.files.readers.clouds.ply import read_ply
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.scans import read_scans
 from sonarmap.tools.files.writers.points import write_ply
 from tests.samples.bags.messages import CLOUD, ODOMETRY, STAMP, cloud, odometry

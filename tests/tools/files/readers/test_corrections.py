@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from wlsonar import range_image_protocol as rip
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.corrections import FRAMES, UNITS, Corrections, PointFrame
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
@@ -60,11 +59,13 @@ def test_any_format_can_be_scaled(tmp_path: Path) -> None:
         np.testing.assert_array_equal(scan.points, TABLE[:, :3] / 2)
 
 
-def test_a_speed_for_a_format_without_one_is_refused(tmp_path: Path) -> None:
+def test_a_speed_for_a_format_without_one_and_axes_of_one_that_says_its_own_are_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", TABLE)
-    write_recording(tmp_path / "dive.sonar", [1480.0])
-    with pytest.raises(InputError, match=r"a\.npy: `sound_speed=1500` cannot be used, as a NumPy .* `range_scale`"):
-        read_survey([tmp_path], corrections=Corrections(1500.0))
+    words = r"a\.npy: `sound_speed=1500` cannot be used, as a NumPy .* `range_scale`"
+    refuses(words, read_survey, [tmp_path], corrections=Corrections(1500.0))
+    (tmp_path / "dive.sonar").write_bytes(b"RIP2")
+    words = r"dive\.sonar: `frame` and `units` cannot be used"
+    refuses(words, read_survey, [tmp_path / "dive.sonar"], corrections=Corrections(frame=PointFrame("frd")))
 
 
 def test_a_shot_without_one_is_a_gap(tmp_path: Path) -> None:
@@ -90,12 +91,6 @@ def test_axes_and_units_come_before_ranges(tmp_path: Path) -> None:
     np.save(tmp_path / "scan.npy", np.array([[5000.0, 2000, 1000]] * 3))  # mm, right and down positive
     read = read_scans([tmp_path / "scan.npy"], Corrections(scale=2.0, frame=PointFrame("frd", "mm")))
     np.testing.assert_allclose(read.scans[0].points, [[10, -4, -2]] * 3)
-
-
-def test_a_recording_says_its_own_axes(tmp_path: Path) -> None:
-    (tmp_path / "dive.sonar").write_bytes(b"RIP2")
-    with pytest.raises(InputError, match=r"dive\.sonar: `frame` and `units` cannot be used"):
-        read_survey([tmp_path], corrections=Corrections(frame=PointFrame("frd")))
 
 
 # 5 m ahead, 2 m to starboard, 1 m below the sensor, as each convention writes it; ned: the sensor looks North

@@ -87,8 +87,7 @@ def test_control_points_on_the_earth(tmp_path: Path) -> None:
 
 def test_control_points_of_a_grid(tmp_path: Path) -> None:
     """Of the 32nd zone, whose middle is 9 East, where grid North is true North and the scale 0.9996."""
-    rows = "A,0,1,2,3,500000,6650000,-3\nB,1,1,2,3,500099.96,6650049.98,-2\n"
-    text = GRID + rows
+    text = f"{GRID}A,0,1,2,3,500000,6650000,-3\nB,1,1,2,3,500099.96,6650049.98,-2\n"
     read = read_control(written(tmp_path, text), SCANS, crs="EPSG:32632")
     assert read.georeference is not None
     assert read.georeference.longitude == pytest.approx(9.0)
@@ -102,9 +101,8 @@ def test_a_grid_is_asked_where_the_points_are(tmp_path: Path) -> None:
     assert ours.georeference is not None
     assert ours.georeference == world.georeference
     np.testing.assert_allclose(ours.points[0].known, world.points[0].known, atol=1e-3)
-    swapped = written(tmp_path, GRID + "A,0,1,2,3,6650000,500000,-3\n")
-    with pytest.raises(InputError, match=r"by_hand.csv: --control-crs EPSG:25832 .*; check the coordinates, or choose"):
-        read_control(swapped, SCANS, crs="EPSG:25832")
+    swapped, words = written(tmp_path, GRID + "A,0,1,2,3,6650000,500000,-3\n"), "; check the coordinates, or choose"
+    refuses(f"by_hand.csv: --control-crs EPSG:25832 .*{words}", read_control, swapped, SCANS, crs="EPSG:25832")
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers import point_store, scans
 from sonarmap.tools.files.readers.point_store import PointStore
 from sonarmap.tools.files.readers.scans import read_survey
 from sonarmap.tools.files.writers.points import write_points
+from tests.samples.refusals import refuses
 
 
 def test_arrays_come_back_as_they_were_in_memory_and_on_disk(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -33,20 +33,18 @@ def test_arrays_come_back_as_they_were_in_memory_and_on_disk(monkeypatch: pytest
         kept[-1][0] = 0
 
 
-def test_nothing_is_left_in_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_left_in_the_folder_and_a_full_disk_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     kept = PointStore(0).keep(np.ones(10, np.float32))
     assert not list(tmp_path.iterdir())
     assert kept.sum() == 10
 
-
-def test_a_full_disk_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "posix_fallocate", full)
-    with pytest.raises(InputError, match=r"no room for the rest: No space left on device\. Make room there, or set"):
-        PointStore(0).keep(np.ones(10, np.float32))
+    words = r"no room for the rest: No space left on device\. Make room there, or set"
+    refuses(words, PointStore(0).keep, np.ones(10, np.float32))
 
 
 def test_a_survey_is_read_the_same_from_memory_and_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

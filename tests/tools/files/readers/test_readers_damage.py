@@ -51,7 +51,7 @@ class TestDamageOfEveryKindOfFile:
     """Scans, trajectories, graphs, priors, settings and journals; damaged as mutations.py has it."""
 
     def test_a_few_are_refused_or_harmless(self, tmp_path: Path) -> None:
-        outcome = damage(tmp_path, each=50, seed=2)
+        outcome = damage(tmp_path, each=30, seed=2)
         assert outcome.faults == []
         assert all(ends["refused"] > 0 for ends in outcome.ends.values())
         assert all(outcome.ends[kind]["read"] > 0 for kind in NAVIGATION_FILES)

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.csv_cell import plain_text
-from sonarmap.tools.files.readers.csv_table import read_csv_table
+from sonarmap.tools.files.readers.csv_table import plain_text, read_csv_table
 from sonarmap.tools.files.readers.navigation.match import named_scan
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.files.writers.points import WRITERS, write_points

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.lab.simulate.folder import read_settings, write_simulation
 from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
 from sonarmap.tools.lab.simulate.paths.trajectories import survey

@@ -32,13 +32,9 @@ _LARGEST_SECONDS, _SINCE_THE_STAMP = 1e14, 1e6
 
 
 def stream_recording(path: Path, topic: str | None, notes: list[str]) -> Iterator[Cloud]:
-    """The clouds of a topic (None: the only one with clouds), one per message, stamped by their headers.
-
-    They are in base_link where tf_static has the sensor's mounting, and else in the sensor's frame. A message that
-    cannot be used is an empty cloud.
-
-    Raises InputError: no such topic, several of which none is named, or none of its messages can be used.
-    """
+    """The clouds of a topic (None: the only one with clouds), one per message, stamped by their headers; empty for a
+    message that cannot be used. They are in base_link where tf_static has the sensor's mounting, else in the sensor's
+    frame. Raises InputError: no such topic, several of which none is named, or none of its messages can be used."""
     about: list[str] = []
     recording = open_recording(path, about)
     chosen = choose_topic(recording, topic, CLOUD_KINDS, path)

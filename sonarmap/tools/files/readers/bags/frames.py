@@ -88,25 +88,21 @@ class Frames:
         """T_base_frame to base_link where tf_static has it, else to the same frame with x forward, y left, z up. Raises
         InputError: the transforms of tf_static between the two are damaged."""
         if frame not in self._known:
-            T, note = self._to_base(frame)
-            self._known[frame] = T
-            self.notes += note
+            self._known[frame] = self._to_base(frame)
         return self._known[frame]
 
-    def _to_base(self, frame: str) -> tuple[RigidTransform, list[str]]:
+    def _to_base(self, frame: str) -> RigidTransform:
         base, T = self._by_tf(frame)
-        if base == frame:
-            return T, []
-        if base:
+        if base and base != frame:
             yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
             x, y, z = T.translation
             where = f"{x:.3f}, {y:.3f}, {z:.3f} m, with roll {roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f} degrees"
-            return T, [f"points are in {base}, by tf_static: {frame} is there at {where}"]
-        for suffix, turn in R_FLU.items():
-            if frame.endswith(suffix):
-                note = f"points in {frame} are turned to x forward, y left, z up, as its name {suffix} says"
-                return RigidTransform.from_rotation(turn), [note]
-        return T, []
+            self.notes.append(f"points are in {base}, by tf_static: {frame} is there at {where}")
+        suffix = "" if base else next((suffix for suffix in R_FLU if frame.endswith(suffix)), "")
+        if not suffix:
+            return T
+        self.notes.append(f"points in {frame} are turned to x forward, y left, z up, as its name {suffix} says")
+        return RigidTransform.from_rotation(R_FLU[suffix])
 
     def _by_tf(self, frame: str) -> tuple[str, RigidTransform]:
         """The nearest frame that is called base_link, and T_base_frame; "" and the identity where there is none."""

@@ -23,8 +23,7 @@ def open_ros1(path: Path) -> Recording:
 
 def open_sqlite(path: Path, packed: int | None = None) -> Recording:
     """The recording of a .db3 file, whose messages may be compressed one by one. `packed`: its bytes before it was
-    unpacked, if it was. Raises InputError: it is no database of ROS 2 messages, or damaged, or has too many messages
-    for its bytes."""
+    unpacked, if it was. Raises InputError: no database of ROS 2 messages, a damaged one, or too many for its bytes."""
     size = path.stat().st_size if packed is None else packed
     recording = _recording(path, _opened_sqlite, "cdr", partial(_plain, Unpacker(size)))
     if sum(topic.count for topic in recording.topics) > most_records(size):
@@ -45,19 +44,13 @@ def _messages(
 ) -> Iterator[Message]:
     with opened(path) as reader:
         wanted = [connection for connection in reader.connections if connection.topic in names]
-        messages: Iterator[Any] = reader.messages(wanted) if wanted else iter(())
-        while True:
-            try:
-                with refused("a message of it cannot be read"):
-                    entry = next(messages, None)
-                    if entry is None:
-                        return
-                    connection, time, content = entry
+        try:
+            with refused("a message of it cannot be read"):
+                for connection, time, content in reader.messages(wanted) if wanted else ():
                     plain = unpacked(content, time, connection.topic)
-            except InputError as error:
-                faults.append(f"{error}; what follows is missing")
-                return
-            yield Message(connection.topic, connection.msgtype, time, plain, encoding)
+                    yield Message(connection.topic, connection.msgtype, time, plain, encoding)
+        except InputError as error:
+            faults.append(f"{error}; what follows is missing")
 
 
 @contextmanager

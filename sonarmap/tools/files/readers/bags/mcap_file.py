@@ -46,7 +46,9 @@ def open_mcap(path: Path, packed: int | None = None) -> Recording:
     known = Counter[tuple[str, str]]()
     for number, channel in written.items():
         schema, encoding = schemas.get(channel.schema_id), channel.message_encoding
-        kind = ros_name(schema.name) if schema else "(no type)"
+        kind = schema.name if schema else "(no type)"
+        if kind.count("/") == 1:  # ROS 1 leaves the /msg/ out
+            kind = kind.replace("/", "/msg/")
         needed = schema.data if schema and encoding == "protobuf" else b""
         empty[number] = Message(channel.topic, kind, 0, b"", encoding, needed)
         known[channel.topic, kind] += counts[number]
@@ -66,17 +68,9 @@ def _messages(
             yield replace(of, time=record.log_time, content=record.data)
 
 
-def ros_name(name: str) -> str:
-    """The ROS 2 name of a type: ROS 1 leaves the /msg/ out."""
-    package, slash, kind = name.partition("/")
-    return f"{package}/msg/{kind}" if slash and "/" not in kind else name
-
-
 def _records(path: Path, most: int, faults: list[str]) -> Iterator[McapRecord]:
-    """Every record, those in chunks too, of which there may be `most` believably.
-
-    A chunk that is damaged is left out; what is cut or has no end is the end.
-    """
+    """Every record, those in chunks too, of which there may be `most` believably. A chunk that is damaged is left out;
+    what is cut or has no end is the end."""
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader
 

@@ -29,12 +29,8 @@ _R_ENU_NED = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 def read_recorded_odometry(path: Path, topic: str | None, notes: list[str]) -> Trajectory:
     """Where dead reckoning had the vehicle: T_odom_base with stamps that ascend; of base_link where tf_static has the
-    frame that moves.
-
-    `topic` is of nav_msgs/Odometry; None for the only one, or for tf where there is none.
-
-    Raises InputError: naming the file: there is no odometry in it, or several of which none is named.
-    """
+    frame that moves. `topic`: of nav_msgs/Odometry; None for the only one, or for tf where there is none. Raises
+    InputError: naming the file: there is no odometry in it, or several of which none is named."""
     with naming(path):
         faults: list[str] = []
         recording = open_recording(path, faults)

@@ -1,10 +1,10 @@
 """A recording of messages on topics, whatever file it comes from, and what a message of the known types holds."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Protocol
+from typing import Any
 
 from sonarmap.kernels.errors import InputError
 
@@ -37,10 +37,8 @@ class Message:
     schema: bytes = b""  # what protobuf needs to decode it
 
 
-class ReadMessages(Protocol):
-    """The messages of some topics in the order of their times; what is damaged is added to `faults` and left out."""
-
-    def __call__(self, names: Collection[str], faults: list[str]) -> Iterator[Message]: ...
+# The messages of topics with some names, in the order of their times; what is damaged is added to the list of faults.
+ReadMessages = Callable[[Collection[str], list[str]], Iterator[Message]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,18 +35,15 @@ class Cloud:
 
 
 def column_roles(names: Sequence[str]) -> dict[str, int]:
-    """Which columns are x, y, z and, where there are such, strength, vp_x, vp_y, vp_z and time: {role: index}.
-
-    Upper and lower case are the same, and CloudCompare's prefix `scalar_` is ignored.
-
-    Raises InputError: when a coordinate, of the points or of the viewpoints, has no column.
-    """
+    """Which columns are x, y, z and, where there are such, strength, vp_x, vp_y, vp_z and time: {role: index}, in upper
+    or lower case, with or without CloudCompare's prefix `scalar_`. Raises InputError: a coordinate, of the points or of
+    the viewpoints, has no column."""
     plain = [name.lower().removeprefix("scalar_") for name in names]
     missing = [axis for axis in "xyz" if axis not in plain]
     if missing:
-        raise InputError(
-            f"no column {', '.join(missing)} among the columns {_listed(names)}; name the coordinates x, y and z"
-        )
+        listed = ", ".join(names) or "(none)"
+        listed = listed if len(listed) <= _LISTED else f"{listed[:_LISTED]}..."
+        raise InputError(f"no column {', '.join(missing)} among the columns {listed}; name the coordinates x, y and z")
     roles = {axis: plain.index(axis) for axis in "xyz"}
     seen_from = [name for name in VIEWPOINT_NAMES if name in plain]
     if 0 < len(seen_from) < 3:
@@ -59,11 +56,6 @@ def column_roles(names: Sequence[str]) -> dict[str, int]:
         name = next((name for name in known if name in plain), None)
         roles |= {} if name is None else {role: plain.index(name)}
     return roles
-
-
-def _listed(names: Sequence[str]) -> str:
-    text = ", ".join(names) or "(none)"
-    return text if len(text) <= _LISTED else f"{text[:_LISTED]}..."
 
 
 def cloud_of_columns(columns: Mapping[str, np.ndarray], notes: Sequence[str] = ()) -> Cloud:
@@ -84,13 +76,9 @@ def columns_of(scan: Scan) -> dict[str, np.ndarray]:
 
 
 def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str]]:
-    """The usable points of `cloud` as a scan, and notes about what was dropped or corrected.
-
-    Points that are NaN or infinite are dropped; strengths that are negative, NaN or infinite become 0.
-
-    Raises InputError: no point at all, none of them finite, one further than COORDINATE_LIMIT off, or one whose
-    viewpoint is, or is not finite.
-    """
+    """The usable points of `cloud` as a scan, and notes about what was dropped or corrected: points that are NaN or
+    infinite are dropped; strengths that are negative, NaN or infinite become 0. Raises InputError: no finite point, one
+    further than COORDINATE_LIMIT off, or one whose viewpoint is, or is not finite."""
     notes = list(cloud.notes)
     total = len(cloud.points)
     if total == 0:

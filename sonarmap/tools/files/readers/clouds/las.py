@@ -47,13 +47,9 @@ _DAMAGED = "the file is cut or damaged; copy it again"
 
 
 def read_las(content: bytes) -> list[Cloud]:
-    """The points of a LAS or LAZ file, their intensity as strength, and their GPS times as they are.
-
-    Compressed points are read in a process of its own, as damage can crash lazrs. The stamp is the first of these times
-    in UTC, where the header says that they are adjusted standard GPS time.
-
-    Raises InputError: a damaged or cut file, or map coordinates.
-    """
+    """The points of a LAS or LAZ file, their intensity as strength, and their GPS times as they are; compressed points
+    by another process, as damage can crash lazrs. The stamp is the first time in UTC, where the header says that times
+    are adjusted standard GPS time. Raises InputError: a damaged or cut file, or map coordinates."""
     _require_sound_header(content)
     return read_apart(_read, content) if content[_POINT_FORMAT] & _COMPRESSED else _read(content)
 

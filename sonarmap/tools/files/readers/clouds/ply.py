@@ -63,8 +63,13 @@ def read_ply(content: bytes) -> list[Cloud]:
     header = _header_of(content)
     roles = column_roles([p.name for p in header.vertex.properties])
     if header.order == "":
-        columns, surplus = _read_ascii(rows.whole_lines(content[header.end :], header.lines + 1), header, roles)
-        return [cloud_of_columns(columns, rows.surplus_note(surplus, "lines", "element"))]
+        lines = rows.whole_lines(content[header.end :], header.lines + 1)
+        counts = [element.count for element in header.elements]
+        rows.require_lines(sum(counts), len(lines), "lines of points and the like", "")
+        start = sum(counts[: header.elements.index(header.vertex)])
+        numbers = rows.parse_rows(lines[start : start + header.vertex.count], len(header.vertex.properties))
+        columns = {role: numbers[:, column] for role, column in roles.items()}
+        return [cloud_of_columns(columns, rows.surplus_note(len(lines) - sum(counts), "lines", "element"))]
     columns, start = _read_binary(content, header, roles)
     return [cloud_of_columns(columns, rows.surplus_note(len(content) - start, "bytes", "element"))]
 
@@ -121,15 +126,6 @@ def _parse_header(lines: list[list[str]]) -> tuple[str, list[_Element]]:
     if order is None:
         raise InputError("its PLY header has no line 'format ... 1.0'; write the file again")
     return order, elements
-
-
-def _read_ascii(lines: list[rows.Line], header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], int]:
-    """The vertices' columns, and how many lines follow the last element."""
-    counts = [element.count for element in header.elements]
-    rows.require_lines(sum(counts), len(lines), "lines of points and the like", "")
-    start = sum(counts[: header.elements.index(header.vertex)])
-    numbers = rows.parse_rows(lines[start : start + header.vertex.count], len(header.vertex.properties))
-    return {role: numbers[:, column] for role, column in roles.items()}, len(lines) - sum(counts)
 
 
 def _read_binary(content: bytes, header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], int]:

@@ -66,13 +66,9 @@ def shown(token: bytes) -> str:
 def unpack_records(
     content: bytes, start: int, count: int, fields: Sequence[tuple[str, int]], roles: Mapping[str, int]
 ) -> dict[str, np.ndarray]:
-    """Columns of `count` packed records, from byte `start` on: {role: (count,)}.
-
-    `fields` are dtype and bytes of each field of a record, `roles` those that are wanted.
-
-    Raises InputError: the content is shorter than that, or a record beyond any sense; nothing is allocated before this
-    is known.
-    """
+    """Columns of `count` packed records, from byte `start` on: {role: (count,)}. `fields` are dtype and bytes of each
+    field of a record, `roles` those that are wanted. Raises InputError: the content is shorter than that, or a record
+    beyond any sense; nothing is allocated before this is known."""
     offsets = [0, *accumulate(size for _, size in fields)]
     stride = offsets[-1]
     if stride > _LARGEST_RECORD:
@@ -90,20 +86,18 @@ def unpack_records(
 
 def require_lines(needed: int, held: int, what: str, unit: str) -> None:
     """Refuse a header that promises more lines, `what` is in them, than the file holds after it."""
-    if needed > held:
-        raise InputError(
-            f"the header promises {needed:,} {what} and {held:,}{unit} follow: "
-            "the file is cut or its header is wrong; write or copy it again"
-        )
+    _require(f"{needed:,} {what} and {held:,}{unit} follow", needed, held)
 
 
 def require_bytes(what: str, needed: int, held: int) -> None:
     """Refuse a header that promises more bytes than the file holds after it."""
+    _require(f"{what}, {needed:,} bytes, but only {max(held, 0):,} bytes follow", needed, held)
+
+
+def _require(promised: str, needed: int, held: int) -> None:
     if needed > held:
-        raise InputError(
-            f"the header promises {what}, {needed:,} bytes, but only {max(held, 0):,} bytes follow: "
-            "the file is cut or its header is wrong; write or copy it again"
-        )
+        remedy = "the file is cut or its header is wrong; write or copy it again"
+        raise InputError(f"the header promises {promised}: {remedy}")
 
 
 def surplus_note(count: int, what: str, last: str) -> list[str]:

@@ -38,11 +38,9 @@ def numbers(cells: Sequence[str], strict: bool) -> tuple[np.ndarray, np.ndarray]
 
 
 def degrees(cell: str, quantity: str) -> float:
-    """Decimal degrees of a latitude or longitude ("lat_deg" or "lon_deg"); NaN for anything else.
-
-    Understood are decimal degrees, degrees and decimal minutes, and degrees, minutes and seconds, with a sign or with
-    N, S, E or W before or after: `-5.3221`, `60 23.478 N`, `60°23'28.7"N`, `W 5:19,3`.
-    """
+    """Decimal degrees of a latitude or longitude ("lat_deg" or "lon_deg"); NaN for anything else. Understood are
+    decimal degrees, degrees and decimal minutes, and degrees, minutes and seconds, with a sign or with N, S, E or W
+    before or after: `-5.3221`, `60 23.478 N`, `60°23'28.7"N`, `W 5:19,3`."""
     plain = number(cell)
     if np.isfinite(plain):
         return plain

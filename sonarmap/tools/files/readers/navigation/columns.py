@@ -34,16 +34,11 @@ class Columns:
 
 
 def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapping[str, float] | None) -> Columns:
-    """The columns of a file by its headings.
-
-    A file is of this program's own kind if all columns that say something have exactly its names (`stamp`, `depth_m`,
-    ...) and none is mapped by the user: then any other column is taken for a misspelled one and refused. In a log other
-    columns are left out, and only those are refused that are nearly spelled as an own one.
-
-    `sigmas` are {quantity of COLUMNS: standard deviation}, where the file has none; None where none is needed.
-
-    Raises InputError: a column that may be two things, is there twice, or is missing.
-    """
+    """The columns of a file by its headings. A file is of this program's own kind if all columns that say something
+    have exactly its names (`stamp`, `depth_m`, ...) and none is mapped by the user: then any other column is taken for
+    a misspelled one and refused. In a log other columns are left out, but for those nearly spelled as an own one.
+    `sigmas` are {quantity of COLUMNS: standard deviation}, where the file has none; None where none is needed. Raises
+    InputError: a column that may be two things, is there twice, or is missing."""
     mapped = _mapped(header, settings.columns)
     taken = {column.index for column in mapped.values()}
     read = (column_of(k, heading) for k, heading in enumerate(header) if k not in taken and heading)
@@ -56,8 +51,9 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     _choose_depth(of, settings)
     _choose_place(of, settings, mapped, notes)
     _check_keys(of, is_own)
-    if not is_own:
-        _drop_lone(of, notes)
+    for lone, other in () if is_own else (PAIRS[0], PAIRS[0][::-1]):  # in a log roll without pitch is left out
+        if lone in of and other not in of:
+            notes.append(f"{of.pop(lone).heading!r} is not used without a column of {other}")
     _check_measured(of, sigmas, is_own)
     used = {column.index for column in of.values()}
     left = [heading for k, heading in enumerate(header) if heading and k not in used]
@@ -198,13 +194,6 @@ def _check_keys(of: dict[str, Column], is_own: bool) -> None:
     if sum(key in of for key in KEYS) != 1:
         both = f" ({of['name'].heading!r} and {of['stamp'].heading!r} may both be it)" if "name" in of else ""
         raise InputError(f"wanted either a column name or a column stamp, which says which scan a row is for{both}")
-
-
-def _drop_lone(of: dict[str, Column], notes: list[str]) -> None:
-    """In a log roll without pitch is left out."""
-    for lone, other in (PAIRS[0], PAIRS[0][::-1]):
-        if lone in of and other not in of:
-            notes.append(f"{of.pop(lone).heading!r} is not used without a column of {other}")
 
 
 def _check_measured(of: Mapping[str, Column], sigmas: Mapping[str, float] | None, is_own: bool) -> None:

@@ -112,14 +112,10 @@ _SCANS: Mapping[str, tuple[np.ndarray, float]] = {
 
 
 def contradiction(priors: Sequence[PosePrior | None], registered: Registered) -> Contradiction | None:
-    """What is wrong with the navigation, as far as the scans tell it.
-
-    Something is named only if many pairs contradict the navigation as it is, most agree with it changed, and the
-    evidence is overwhelming. Hypotheses that agree alike are named together; where there are many, none is.
-
-    `priors` are of the scans in the order of their times, `registered` pairs that registrations without any prior are
-    sure of.
-    """
+    """What is wrong with the navigation, as far as the scans tell it. Something is named only if many pairs contradict
+    the navigation as it is, most agree with it changed, and the evidence is overwhelming; hypotheses that agree alike
+    are named together, or, where there are many, none is. `priors` are of the scans in the order of their times,
+    `registered` pairs that registrations without any prior are sure of."""
     values, sigmas = _table(priors)
     given = pair_costs(values, sigmas, registered)
     counted = given[:, 1] > 0
@@ -155,10 +151,8 @@ def _agreeing(costs: np.ndarray) -> float:
 
 def pair_costs(values: Values, sigmas: np.ndarray, registered: Registered) -> np.ndarray:
     """(n, 2) chi-squared, capped, and degrees of freedom, of each registration beside what was measured of its scans.
-
     As `spectral.prior_pair.PriorPair` has them, for many pairs at once; errors of roll and pitch are taken to be alike.
-    `values` (N, 6) are in the order of COLUMNS, NaN where not measured; `sigmas` (N, 6) [rad, m].
-    """
+    `values` (N, 6) are in the order of COLUMNS, NaN where not measured; `sigmas` (N, 6) [rad, m]."""
     i, j, T = registered.i, registered.j, registered.T_i_j
     measured = np.isfinite(values)
     poses = poses_of(np.nan_to_num(values))

@@ -20,13 +20,9 @@ _ROUNDED = 5  # decimals of the origin's degrees: a meter
 def local_places(
     values: np.ndarray, are_degrees: bool, settings: NavigationSettings, notes: list[str]
 ) -> tuple[np.ndarray, Georeference]:
-    """Rows with x East and y North of the map's origin, and where that is.
-
-    `values`: (n, 6) in the order of `readers.instruments.COLUMNS`, with longitude and latitude [deg] (`are_degrees`) or
-    easting and northing [m] in place of x and y.
-
-    Raises InputError: a place that the CRS does not cover, or far from the others.
-    """
+    """Rows with x East and y North of the map's origin, and where that is. `values`: (n, 6) in the order of COLUMNS,
+    with longitude and latitude [deg] (`are_degrees`) or easting and northing [m] in place of x and y. Raises
+    InputError: a place that the CRS does not cover, or far from the others."""
     values = values.copy()
     known = np.isfinite(values[:, 3:5]).all(axis=1)
     if are_degrees:
@@ -65,9 +61,7 @@ def rounded_origin(geodetic: np.ndarray, what: str, notes: list[str]) -> Georefe
 
 def on_the_earth(projected: np.ndarray, crs: str | None, option: str) -> np.ndarray:
     """(n, 3) latitude, longitude [deg] and height [m] of (n, 3) easting, northing, height [m] in a CRS as EPSG:32632.
-
-    Raises InputError: no such CRS, or one that does not hold at the first of the places, naming the `option`.
-    """
+    Raises InputError: no such CRS, or one that does not hold at the first of the places, naming the `option`."""
     try:
         return Projection.of(_about(crs, *projected[0, :2].tolist()), crs).unproject(projected)
     except InputError as error:
@@ -100,9 +94,8 @@ def by_the_maps_north(
     priors: Sequence[PosePrior | None], georeference: Georeference, grid: Projection | None
 ) -> list[PosePrior | None]:
     """Priors of a vehicle with headings by the North of the map's origin, where they were by that of their own places.
-
-    The place of a prior that has none is taken to be the origin; `grid` is what headings are by, None for true North.
-    """
+    The place of a prior that has none is taken to be the origin; `grid` is what headings are by, None for true
+    North."""
     changed = list(priors)
     headed = [(k, prior) for k, prior in enumerate(priors) if prior is not None and prior.knows_heading]
     if not headed:

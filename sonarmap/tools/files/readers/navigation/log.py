@@ -1,12 +1,10 @@
 """Navigation as a file has it, rows of measurements at names or times, and what these say at the scans' times."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.readers.instruments import COLUMNS
 from sonarmap.tools.files.readers.navigation.match import SAME_STAMP
 
 # What is measured at times of its own: columns of a priors file.
@@ -39,14 +37,11 @@ class NavigationLog:
         return np.any(np.isfinite(self.values), axis=1)
 
 
-def with_defaults(sigmas: np.ndarray, defaults: Mapping[str, float]) -> np.ndarray:
-    """(n, 6) standard deviations, where there are none those of {column of COLUMNS: standard deviation}."""
-    return np.where(np.isnan(sigmas), [defaults.get(column, np.nan) for column in COLUMNS], sigmas)
-
-
-def at_scans(stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray) -> "AtScans":
-    """What rows at `times` (n,) [s], in any order, say of each scan: `values` (n, 6) in the order and units of
-    `tools.files.readers.instruments.COLUMNS`, NaN where not measured, and standard deviations in the same units.
+def at_scans(
+    stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What rows at `times` (n,) [s], in any order, say of scans at (N,) stamps: (N, 6) values in the order and units of
+    COLUMNS, NaN where unknown, and standard deviations, inf there, of `values` and `sigmas` (n, 6) alike.
 
     Attitude, heading, position and depth may be in rows of their own. Each is interpolated between the measurements
     before and after a scan if these are at most 5 s apart; the larger of both standard deviations counts. A position or
@@ -57,7 +52,7 @@ def at_scans(stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: 
     times, values, sigmas = times[order], values[order], sigmas[order]
     steps = np.diff(np.unique(stamps))
     apart = float(np.median(steps)) if len(steps) else 0.0
-    known = AtScans(stamps, np.full((len(stamps), 6), np.nan), np.full((len(stamps), 6), np.inf))
+    known, deviations = np.full((len(stamps), 6), np.nan), np.full((len(stamps), 6), np.inf)
     for columns in _SERIES:
         rows = np.flatnonzero(np.isfinite(values[:, columns]).all(axis=1))
         if not len(rows):
@@ -65,59 +60,46 @@ def at_scans(stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: 
         series = values[np.ix_(rows, columns)]
         if columns[0] <= _HEADING:
             series = np.degrees(np.unwrap(np.radians(series), axis=0))
-        measured = _Series(columns, times[rows], series, sigmas[np.ix_(rows, columns)])
-        known.interpolate(measured)
+        measured = times[rows], series, sigmas[np.ix_(rows, columns)]
+        known[:, columns], deviations[:, columns] = _interpolated(stamps, *measured)
         if columns[0] > _HEADING:
-            known.attach(measured, apart / 2)
-    return known
+            single = np.isnan(known[:, columns[0]])
+            fixes = _attached(stamps, *measured, apart / 2)
+            known[np.ix_(single, columns)], deviations[np.ix_(single, columns)] = (each[single] for each in fixes)
+    return known, deviations
 
 
-@dataclass(frozen=True, slots=True)
-class _Series:
-    """What is measured together: (m,) columns, (n,) times [s], (n, m) values and standard deviations."""
+def _interpolated(
+    stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What lies between two measurements, or at one: (N, m) values, NaN where unknown, and standard deviations."""
+    known, deviations = (np.full((len(stamps), values.shape[1]), unknown) for unknown in (np.nan, np.inf))
+    after = np.clip(np.searchsorted(times, stamps), 0, len(times) - 1)
+    before = np.maximum(after - 1, 0)
+    for near in (before, after):
+        same = np.abs(times[near] - stamps) <= SAME_STAMP
+        known[same], deviations[same] = values[near[same]], sigmas[near[same]]
+    between = (times[before] < stamps) & (stamps < times[after]) & (times[after] - times[before] <= _MOST_BETWEEN)
+    between &= np.isnan(known[:, 0])
+    a, b = before[between], after[between]
+    share = ((stamps[between] - times[a]) / (times[b] - times[a]))[:, None]
+    known[between] = (1 - share) * values[a] + share * values[b]
+    deviations[between] = np.maximum(sigmas[a], sigmas[b])
+    return known, deviations
 
-    columns: np.ndarray
-    times: np.ndarray
-    values: np.ndarray
-    sigmas: np.ndarray
 
-
-@dataclass(frozen=True, slots=True)
-class AtScans:
-    """What is told of N scans so far: (N,) stamps [s], (N, 6) values, NaN where unknown, and standard deviations."""
-
-    stamps: np.ndarray
-    values: np.ndarray
-    sigmas: np.ndarray
-
-    def interpolate(self, series: _Series) -> None:
-        """Fill in what lies between two measurements, or at one."""
-        stamps, times, columns = self.stamps, series.times, series.columns
-        after = np.clip(np.searchsorted(times, stamps), 0, len(times) - 1)
-        before = np.maximum(after - 1, 0)
-        for near in (before, after):
-            same = np.abs(times[near] - stamps) <= SAME_STAMP
-            self.values[np.ix_(same, columns)] = series.values[near[same]]
-            self.sigmas[np.ix_(same, columns)] = series.sigmas[near[same]]
-        between = (times[before] < stamps) & (stamps < times[after]) & (times[after] - times[before] <= _MOST_BETWEEN)
-        between &= ~np.isfinite(self.values[:, columns[0]])
-        a, b = before[between], after[between]
-        share = ((stamps[between] - times[a]) / (times[b] - times[a]))[:, None]
-        self.values[np.ix_(between, columns)] = (1 - share) * series.values[a] + share * series.values[b]
-        self.sigmas[np.ix_(between, columns)] = np.maximum(series.sigmas[a], series.sigmas[b])
-
-    def attach(self, series: _Series, reach: float) -> None:
-        """Give single fixes to the scans next to them, at most so far away [s]."""
-        order = np.argsort(self.stamps, kind="stable")
-        sorted_stamps = self.stamps[order]
-        after = np.clip(np.searchsorted(sorted_stamps, series.times), 0, len(order) - 1)
-        before = np.maximum(after - 1, 0)
-        is_before = np.abs(sorted_stamps[before] - series.times) <= np.abs(sorted_stamps[after] - series.times)
-        nearest = order[np.where(is_before, before, after)]
-        near = np.abs(self.stamps[nearest] - series.times) <= reach
-        for row in np.flatnonzero(near).tolist():
-            k = nearest[row]
-            if not np.isfinite(self.values[k, series.columns[0]]):
-                self.values[k, series.columns] = series.values[row]
-                away = _SPEED * (self.stamps[k] - series.times[row])
-                self.sigmas[k, series.columns] = np.hypot(series.sigmas[row], away)
+def _attached(
+    stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `_interpolated`, of the first measurement whose next scan is a scan, at most so far away [s]."""
+    known, deviations = (np.full((len(stamps), values.shape[1]), unknown) for unknown in (np.nan, np.inf))
+    order = np.argsort(stamps, kind="stable")
+    after = np.clip(np.searchsorted(stamps[order], times), 0, len(order) - 1)
+    before = np.maximum(after - 1, 0)
+    is_before = np.abs(stamps[order[before]] - times) <= np.abs(stamps[order[after]] - times)
+    nearest = order[np.where(is_before, before, after)]
+    away = np.abs(stamps[nearest] - times)
+    for row in np.flatnonzero(away <= reach)[::-1].tolist():  # the first wins
+        known[nearest[row]] = values[row]
+        deviations[nearest[row]] = np.hypot(sigmas[row], _SPEED * away[row])
+    return known, deviations

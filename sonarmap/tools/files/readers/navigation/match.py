@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.csv_cell import plain_text
+from sonarmap.tools.files.readers.csv_table import plain_text
 from sonarmap.tools.files.readers.file import FORMATS
 
 SAME_STAMP = 1e-3  # seconds: files carry stamps with other numbers of digits
@@ -14,13 +14,9 @@ _SUFFIX = re.compile(rf"(.+)({'|'.join(map(re.escape, FORMATS))})(#\d+)?", re.IG
 
 
 def find_scan(scans: Sequence[Scan], by: str, key: str, time: float, where: str, allow_unknown: bool) -> int | None:
-    """The index of the scan with a row's name or stamp; None if there is none and `allow_unknown`.
-
-    `by` is "name" (with or without the suffix of the scan's file, as `recording.sonar#3`) or "stamp"; `key` is what the
-    row has, `time` its stamp [s, UTC].
-
-    Raises InputError: a row that fits several scans or none.
-    """
+    """The index of the scan with a row's name or stamp; None if there is none and `allow_unknown`. `by` is "name" (with
+    or without the suffix of the scan's file, as `recording.sonar#3`) or "stamp"; `key` is what the row has, `time` its
+    stamp [s, UTC]. Raises InputError: a row that fits several scans or none."""
     indices = [k for k, scan in enumerate(scans) if abs(scan.stamp - time) <= SAME_STAMP]
     if by == "name":
         match = _SUFFIX.fullmatch(key)

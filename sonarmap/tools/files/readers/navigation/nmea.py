@@ -38,11 +38,6 @@ class _Sentences:
     unfixed: int = 0
 
 
-def is_nmea(text: str) -> bool:
-    """Whether a file's beginning holds a sentence."""
-    return SENTENCE.search(text) is not None
-
-
 def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes: list[str]) -> NavigationLog:
     """The places and headings of a file of sentences. `scans`: (N,) stamps of the scans [s], for sentences without a
     date. Raises InputError: it cannot be read, or has neither places nor headings at times."""
@@ -62,7 +57,7 @@ def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes
 
 def _read_line(number: int, line: str, read: _Sentences) -> None:
     matches = list(SENTENCE.finditer(line))
-    whole = [match for match in matches if _checksum(match[0][1:-3]) == int(match[4], 16)]
+    whole = [match for match in matches if reduce(xor, match[0][1:-3].encode("latin-1"), 0) == int(match[4], 16)]
     read.damaged += max(len(_STARTS.findall(line)), len(matches)) - len(whole)
     for match in whole:
         kind, fields = match[2], match[3].split(",")[1:]
@@ -122,10 +117,6 @@ def _angle(digits: str, half: str, halves: str) -> float:
     if angle > (90 if halves == "NS" else 180):
         raise ValueError
     return angle if half == halves[0] else -angle
-
-
-def _checksum(text: str) -> int:
-    return reduce(xor, text.encode("latin-1"), 0)
 
 
 def _say(path: Path, read: _Sentences, notes: list[str]) -> None:

@@ -107,9 +107,7 @@ def _read_log(
 
 def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, float]:
     """The share of the distance and the rotation per second [rad/s], from "percent,degrees per hour" of an option.
-
-    Raises InputError: not two numbers of 0 or more, one of them above 0.
-    """
+    Raises InputError: not two numbers of 0 or more, one of them above 0."""
     try:
         percent, degrees = (float(part) for part in text.split(","))
     except ValueError:

@@ -13,11 +13,11 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.readers.instruments import prior_of
+from sonarmap.tools.files.readers.instruments import COLUMNS, prior_of
 from sonarmap.tools.files.readers.navigation.clocks.time_offset import estimate_offset, heading_rates, why_apart
 from sonarmap.tools.files.readers.navigation.columns import some
 from sonarmap.tools.files.readers.navigation.earth import by_the_maps_north, grid_of
-from sonarmap.tools.files.readers.navigation.log import NavigationLog, at_scans, with_defaults
+from sonarmap.tools.files.readers.navigation.log import NavigationLog, at_scans
 from sonarmap.tools.files.readers.navigation.match import SAME_STAMP, find_scan
 from sonarmap.tools.files.readers.navigation.read import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
@@ -53,7 +53,9 @@ def navigate(
     stamps = np.array([scan.stamp for scan in scans], np.float64)
     log = read_navigation(path, settings, settings.sigmas, stamps, notes)
     offset = _estimated_offset(path, log, turn_rates, notes) if settings.offset is None else settings.offset
-    log = replace(log, sigmas=with_defaults(log.sigmas, settings.sigmas), times=log.times + offset)
+    defaults = [settings.sigmas.get(column, np.nan) for column in COLUMNS]
+    sigmas = np.where(np.isnan(log.sigmas), defaults, log.sigmas)
+    log = replace(log, sigmas=sigmas, times=log.times + offset)
     if log.key == "stamp" and _is_series(stamps, log):
         priors = _from_series(path, log, stamps, notes)
     else:
@@ -115,9 +117,9 @@ def _is_series(stamps: np.ndarray, log: NavigationLog) -> bool:
 def _from_series(path: Path, log: NavigationLog, stamps: np.ndarray, notes: list[str]) -> list[PosePrior | None]:
     """Of rows at times of their own."""
     rows = log.measured
-    known = at_scans(stamps, log.times[rows], log.values[rows], log.sigmas[rows])
-    measured = np.any(np.isfinite(known.values), axis=1)
+    values, sigmas = at_scans(stamps, log.times[rows], log.values[rows], log.sigmas[rows])
+    measured = np.any(np.isfinite(values), axis=1)
     if not measured.any():
         raise InputError(f"{path}: no row is at the time of a scan, or near it: {why_apart(log.times, stamps)}")
     notes.append(f"{path} has times of its own; it was interpolated to those of the scans")
-    return [prior_of(known.values[k], known.sigmas[k]) if measured[k] else None for k in range(len(stamps))]
+    return [prior_of(values[k], sigmas[k]) if measured[k] else None for k in range(len(stamps))]

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.instruments import COLUMNS
+from sonarmap.tools.files.readers.instruments import COLUMNS, values_of
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
-from sonarmap.tools.files.readers.navigation.nmea import is_nmea, read_nmea
+from sonarmap.tools.files.readers.navigation.nmea import SENTENCE, read_nmea
 from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings
 from sonarmap.tools.files.readers.navigation.table import read_table
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.user_file import reading, require_file
 
 _LOOKED_AT = 20_000  # bytes of a file's beginning that tell its kind
@@ -26,7 +26,7 @@ def read_navigation(
     """The rows of a file, which is told by its content. `sigmas`: {column of COLUMNS: standard deviation} where the
     file has none; None where none is needed."""
     beginning = _beginning(path)
-    if is_nmea(beginning):
+    if SENTENCE.search(beginning):
         log = read_nmea(path, settings, scans, notes)
     elif path.suffix.lower() == ".tum" or _is_tum(beginning):
         log = _of_tum(path, settings)
@@ -62,9 +62,7 @@ def _of_tum(path: Path, settings: NavigationSettings) -> NavigationLog:
     trajectory = read_tum(path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of scipy: looking straight up or down a rotation has many headings and rolls
-        yaw, pitch, roll = trajectory.T_world_sensor.rotation.as_euler("ZYX", degrees=True).T
-    x, y, z = trajectory.T_world_sensor.translation.T
-    values = np.column_stack([roll, -pitch, np.mod(90.0 - yaw, 360.0), x, y, -z])
+        values = values_of(trajectory.T_world_sensor)
     keys = tuple(f"{stamp:.3f}" for stamp in trajectory.stamps.tolist())
     lines = np.arange(1, len(trajectory.stamps) + 1)
     return NavigationLog("stamp", lines, keys, trajectory.stamps, values, np.full_like(values, np.nan), None)

@@ -51,13 +51,10 @@ class Mount:
         return float(np.arctan2(np.hypot(up[0], up[1]), up[2]))
 
     def of_sensor(self, vehicle: PosePrior) -> PosePrior:
-        """The prior of the sonar: T_world_sensor = T_world_vehicle * T_vehicle_sensor.
-
-        What is not known of the rotation makes the place at the end of the lever arm less sure. Where no heading is
-        known the lever arm's direction is open: the sonar's place is the vehicle's, less sure by the arm's length.
-
-        Raises InputError: a heading without roll and pitch, where the sonar is mounted at a tilt.
-        """
+        """The prior of the sonar: T_world_sensor = T_world_vehicle * T_vehicle_sensor. What is not known of the
+        rotation makes the place at the end of the lever arm less sure; without a heading the sonar's place is the
+        vehicle's, less sure by the arm's length. Raises InputError: a heading without roll and pitch, where the sonar
+        is mounted at a tilt."""
         if vehicle.knows_heading and not vehicle.knows_attitude and np.degrees(self.tilt) > _MOST_TILT:
             raise InputError(
                 f"the sonar is mounted at a tilt of {np.degrees(self.tilt):.0f} degrees, where a heading alone does "

@@ -55,17 +55,16 @@ class Repair:
 
 
 def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:
-    """A pose graph; pose k is the vertex of k-th smallest id, and its stamp is that id.
+    """A pose graph; pose k is the vertex of k-th smallest id, and its stamp is that id. Edges between consecutive poses
+    are "sequential", others "loop". Quaternions are normalized.
 
-    Edges between consecutive poses are "sequential", others "loop". Quaternions are normalized. Edges whose information
-    matrix is not positive definite are refused without `repairs`; else its eigenvalues below a millionth of the largest
-    are raised to it, so that what the edge would push away from, or does not know, is as good as unknown, and what was
-    done is added to `repairs`.
+    Edges whose information matrix is not positive definite are refused without `repairs`; else its eigenvalues below a
+    millionth of the largest are raised to it, so that what the edge would push away from, or does not know, is as good
+    as unknown, and what was done is added to `repairs`.
 
-    Raises InputError: naming the file and the line: an unknown tag, too few or too many numbers, NaN, infinity, no
-    number, an id that is not a whole number or stands twice, an edge, prior or FIX without its vertex, an information
-    matrix that is not positive definite, or of a prior indefinite, a zero quaternion, an offset other than the
-    identity.
+    Raises InputError: naming the file and the line: an unknown tag, a wrong number, an id that is not a whole number or
+    stands twice, an edge, prior or FIX without its vertex, an information matrix that is not positive definite, or of a
+    prior indefinite, a zero quaternion, an offset other than the identity.
     """
     lines = _by_tag(path)
     if not lines[VERTEX]:

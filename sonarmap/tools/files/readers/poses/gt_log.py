@@ -31,11 +31,9 @@ class TruePair:
 
 
 def read_gt_log(path: Path) -> tuple[TruePair, ...]:
-    """All pairs of the file, in its order.
-
-    Raises InputError: naming the file and the line: numbers or a matrix that are none, a matrix that is no rigid
-    transform, a scan paired with itself, a pair that is there twice, in whichever direction.
-    """
+    """All pairs of the file, in its order. Raises InputError: naming the file and the line: numbers or a matrix that
+    are none, a matrix that is no rigid transform, a scan paired with itself, a pair that is there twice, in whichever
+    direction."""
     lines = read_lines(path)
     starts = range(0, len(lines), _LINES)
     pairs = [_pair(path, lines[start : start + _LINES]) for start in starts]

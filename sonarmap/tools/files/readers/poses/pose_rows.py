@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.rows import Line, parse_rows, whole_lines
-from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA, largest_of, require_within
+from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA, largest_of
 from sonarmap.tools.files.user_file import naming, read_content
 
 ORTHONORMAL = 1e-3  # what rounding to few digits may do to R R^T: more is not a rotation
@@ -26,11 +26,8 @@ def read_lines(path: Path) -> list[Line]:
 
 
 def finite_rows(path: Path, lines: list[Line], layout: str) -> np.ndarray:
-    """Numbers in rows, as many as `layout` has words: (N, words) float64.
-
-    Raises InputError: naming the line that has more or fewer columns, something that is no number, NaN, infinity, or a
-    number that is larger than its column's (`tools.files.readers.limits`).
-    """
+    """Numbers in rows, as many as `layout` has words: (N, words) float64. Raises InputError: naming the line that has
+    more or fewer columns, something that is no number, NaN, infinity, or a number beyond its column's `largest_of`."""
     try:
         rows = parse_rows(lines, len(layout.split()))
     except InputError as error:
@@ -71,7 +68,9 @@ def rigid_transform(rows: Any, what: str) -> RigidTransform:
     matrix = np.array(rows, np.float64)
     if matrix.shape != (4, 4):
         raise InputError(f"the matrix of {what} has shape {matrix.shape}; wanted (4, 4)")
-    require_within(f"the matrix of {what}", matrix, LARGEST)
+    bad = matrix[~(np.abs(matrix) <= LARGEST)]  # NaN too
+    if len(bad):
+        raise InputError(f"the matrix of {what} holds {bad[0]:g}; wanted numbers within {LARGEST:g}")
     (off,), (determinant,) = rotation_faults(matrix[None, :3, :3])
     if off > ORTHONORMAL or determinant < 0 or not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-6):
         raise InputError(

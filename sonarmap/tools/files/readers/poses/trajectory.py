@@ -1,6 +1,6 @@
 """Trajectories of TUM or KITTI, told apart by what the file holds.
 
-KITTI has one pose per line, the upper 3 x 4 of its matrix row by row; no stamps.
+TUM has one pose per line, `stamp tx ty tz qx qy qz qw`, KITTI the upper 3 x 4 of its matrix row by row; no stamps.
 """
 
 from collections.abc import Sequence
@@ -11,20 +11,23 @@ from scipy.spatial.transform import RigidTransform, Slerp
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.readers.poses.pose_rows import ORTHONORMAL, finite_rows, read_lines, rotation_faults
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.pose_rows import (
+    ORTHONORMAL,
+    finite_rows,
+    read_lines,
+    rotation_faults,
+    transforms,
+)
 
+LAYOUT = "stamp tx ty tz qx qy qz qw"  # of TUM
 _KITTI = "r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz"
 
 
 def read_pair(estimate: Path, *truths: Path) -> tuple[Trajectory, Trajectory]:
     """The trajectories of one map's estimate and of its truth, whose poses belong together: by stamp in TUM files, by
-    line in KITTI files. The truth is one file, or one for each dive in the map's order, see `in_order`.
-
-    A file is KITTI where its suffix says so or its first line has twelve columns; any other is taken for TUM.
-
-    Raises InputError: naming the file and the line that is not as it should be; or only one of the two has stamps.
-    """
+    line in KITTI files (of that suffix, or of twelve columns). The truth is one file, or one for each dive in the map's
+    order, see `in_order`. Raises InputError: naming the file and the line that is not as it should be; or only one of
+    the two has stamps."""
     stamped = not _is_kitti(estimate)
     for truth in truths:
         if stamped == _is_kitti(truth):
@@ -38,11 +41,8 @@ def read_pair(estimate: Path, *truths: Path) -> tuple[Trajectory, Trajectory]:
 
 
 def in_order(trajectories: Sequence[Trajectory]) -> Trajectory:
-    """One trajectory after the other, in one world.
-
-    Stamps that only count, 0, 1, 2, ... in every one of them, are counted on, as the scans of files without times are
-    over all of a map's input; other stamps stay as they are.
-    """
+    """One trajectory after the other, in one world. Stamps that only count, 0, 1, 2, ... in every one of them, are
+    counted on, as the scans of files without times are over all of a map's input; others stay as they are."""
     stamps = [trajectory.stamps for trajectory in trajectories]
     if all(np.array_equal(own, np.arange(len(own))) for own in stamps):
         stamps = [np.arange(sum(map(len, stamps)), dtype=np.float64)]
@@ -80,3 +80,10 @@ def read_kitti(path: Path) -> Trajectory:
             f"determinant {determinant[bad[0]]:.3f}); wanted {_KITTI}"
         )
     return Trajectory(np.arange(len(lines), dtype=np.float64), RigidTransform.from_matrix(matrices))
+
+
+def read_tum(path: Path) -> Trajectory:
+    """A trajectory, its stamps in seconds and its poses as T_world_sensor in meters."""
+    lines = read_lines(path)
+    rows = finite_rows(path, lines, LAYOUT)
+    return Trajectory(rows[:, 0].copy(), transforms(path, lines, rows[:, 1:]))

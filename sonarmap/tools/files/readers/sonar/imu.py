@@ -89,12 +89,10 @@ class ImuWindow:
 
 
 def attitude_at(stamp: float, samples: ImuSamples) -> PosePrior | None:
-    """Roll and pitch at a time [s], from ascending samples around it; None where they do not tell.
-
-    Each force is turned to the sensor's frame at that time by the turn rates in between, and their mean points up. What
-    means of five parts scatter, and what the mean's length is off gravity, is acceleration, and part of the standard
-    deviation, beside what neither shows.
-    """
+    """Roll and pitch at a time [s], from ascending samples around it; None where they do not tell. Each force is turned
+    to the sensor's frame at that time by the turn rates in between, and their mean points up. What means of five parts
+    scatter, and what the mean's length is off gravity, is acceleration, and part of the standard deviation, beside what
+    neither shows."""
     times, forces = samples.times, samples.forces
     if len(times) < _LEAST or np.abs(times - stamp).min() > _NEAR:
         return None
@@ -123,10 +121,7 @@ def attitude_at(stamp: float, samples: ImuSamples) -> PosePrior | None:
 
 def turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """The turn rates that the IMU of a `.sonar` file measured: times (n,) [s, UTC by the sonar's clock], ascending, and
-    rates (n, 3) [rad/s] about x forward, y left, z up.
-
-    Raises InputError: the file cannot be read, or holds no IMU batch.
-    """
+    rates (n, 3) [rad/s] about x forward, y left, z up. Raises InputError: the file cannot be read, or has no batch."""
     batches: list[ImuSamples] = []
     seen = Remembered()
     for packet in packets_in(path, Damage()):
@@ -153,10 +148,8 @@ def batch_key(batch: rip.ImuBatch, samples: ImuSamples) -> tuple[int, float | No
 
 def vertical_turn_rates(paths: Sequence[Path]) -> tuple[np.ndarray, np.ndarray] | None:
     """Turn rates about the sensor's z axis, of all recordings among files of any format that have an IMU: times (n,)
-    [s], ascending, and rates (n,) [rad/s], positive to the left; None where no file has one.
-
-    For a sensor that is about level these are the turns of its heading.
-    """
+    [s], ascending, and rates (n,) [rad/s], positive to the left; None where no file has one. For a sensor that is about
+    level these are the turns of its heading."""
     measured: list[tuple[np.ndarray, np.ndarray]] = []
     for path in (path for path in paths if path.suffix.lower() == ".sonar"):
         with suppress(InputError):  # without an IMU

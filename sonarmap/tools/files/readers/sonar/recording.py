@@ -15,9 +15,8 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clock import clock_faults, clock_of
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
-from sonarmap.tools.files.readers.sonar.frames import STRENGTH, frame_of
 from sonarmap.tools.files.readers.sonar.imu import ImuWindow, batch_key, samples_of
-from sonarmap.tools.files.readers.sonar.messages import message_of, range_image_type
+from sonarmap.tools.files.readers.sonar.messages import STRENGTH, frame_of, message_of, range_image_type
 from sonarmap.tools.files.readers.sonar.packets import Damage, packets_in
 from sonarmap.tools.files.readers.sonar.shots import REACH, Remembered, Shot, ShotNumbers, ShotQueue
 
@@ -54,10 +53,8 @@ class Recording:
                     self._take(message)
             except InputError as error:
                 self.damage.add(packet.number, packet.start, len(packet.content), str(error))
-            for shot in self.queue.ready():
-                yield self._counted(shot)
-        for shot in self.queue.rest():
-            yield self._counted(shot)
+            yield from map(self._counted, self.queue.shots())
+        yield from map(self._counted, self.queue.shots(waiting=0))
 
     def _take(self, message: Message) -> None:
         if isinstance(message, range_image_type()):
@@ -90,40 +87,30 @@ class Recording:
     def notes(self, changed: float | None = None) -> list[str]:
         """What the user should know about the recording as a whole, a line each. `changed`: when the file was last
         changed [s, UTC]."""
-        return [*self._damage_notes(), *self._number_notes(), *self._image_notes(), *self._clock_notes(changed)]
-
-    def _damage_notes(self) -> Iterator[str]:
-        damage = self.damage
-        if damage.packets:
-            which = "" if damage.packets == 1 else "the first is "
-            count = _counted(damage.packets, "damaged packet")
-            yield f"{count} left out, {damage.size:,} bytes: {which}{damage.first}"
-        if damage.cut:
-            yield f"the recording is cut: of its last packet there are only {_counted(damage.cut, 'byte')}"
-
-    def _number_notes(self) -> Iterator[str]:
-        numbers, batches, doubled = self.queue.numbers, self.batches.missing, self.doubled_batches
-        missing, total = numbers.missing, self.shots + numbers.missing
-        counts = {
-            f"{missing:,} of {total:,} shots are missing by their numbers": missing,
-            f"{_counted(self.queue.doubled, 'doubled image')} left out": self.queue.doubled,
-            f"{_counted(numbers.late, 'shot')} came late, now in order": numbers.late,
-            f"the numbers of the shots wrapped {_times(numbers.wraps)}, at 2^32": numbers.wraps,
-            f"the numbers of the shots start again {_times(numbers.restarts)}: the sonar was restarted, or recordings "
-            "were put together": numbers.restarts,
-            f"{_counted(batches, 'batch', 'batches')} of the IMU missing by their numbers": batches,
-            f"{_counted(doubled, 'doubled batch', 'doubled batches')} of the IMU left out": doubled,
-        }
-        yield from (note for note, count in counts.items() if count)
-
-    def _image_notes(self) -> Iterator[str]:
-        if 0 < self.bare < self.shots:
-            yield f"{self.bare:,} of {_counted(self.shots, 'shot')} have no strength image"
-        if self.queue.alone:
-            yield f"{_counted(self.queue.alone, 'strength image')} left out, without a range image of the same shot"
-        if self.speeds and self.speeds[2]:
-            low, high, changes = self.speeds
-            yield f"the speed of sound changes {_times(changes)}, between {low:.1f} and {high:.1f} m/s"
+        damage, queue, numbers = self.damage, self.queue, self.queue.numbers
+        missing, total, batches = numbers.missing, self.shots + numbers.missing, self.batches.missing
+        which = "" if damage.packets == 1 else "the first is "
+        low, high, changes = self.speeds or (0.0, 0.0, 0)
+        rows = [
+            (damage.packets, f"{_counted(damage.packets, 'damaged packet')} left out, {damage.size:,} bytes: {which}"
+             f"{damage.first}"),
+            (damage.cut, f"the recording is cut: of its last packet there are only {_counted(damage.cut, 'byte')}"),
+            (missing, f"{missing:,} of {total:,} shots are missing by their numbers"),
+            (queue.doubled, f"{_counted(queue.doubled, 'doubled image')} left out"),
+            (numbers.late, f"{_counted(numbers.late, 'shot')} came late, now in order"),
+            (numbers.wraps, f"the numbers of the shots wrapped {_times(numbers.wraps)}, at 2^32"),
+            (numbers.restarts, f"the numbers of the shots start again {_times(numbers.restarts)}: the sonar was "
+             "restarted, or recordings were put together"),
+            (batches, f"{_counted(batches, 'batch', 'batches')} of the IMU missing by their numbers"),
+            (self.doubled_batches, f"{_counted(self.doubled_batches, 'doubled batch', 'doubled batches')} of the IMU "
+             "left out"),
+            (self.bare < self.shots and self.bare, f"{self.bare:,} of {_counted(self.shots, 'shot')} have no strength "
+             "image"),
+            (queue.alone, f"{_counted(queue.alone, 'strength image')} left out, without a range image of the same "
+             "shot"),
+            (changes, f"the speed of sound changes {_times(changes)}, between {low:.1f} and {high:.1f} m/s"),
+        ]  # fmt: skip
+        return [note for count, note in rows if count] + list(self._clock_notes(changed))
 
     def _clock_notes(self, changed: float | None) -> Iterator[str]:
         if not self._stamps:
@@ -158,12 +145,9 @@ def _times(number: int) -> str:
 
 
 def stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
-    """One cloud per range image, in the order of the shots; one without an echo is empty.
-
-    What is lost, doubled, damaged or out of order leaves a gap, and is added to the notes when all is read.
-
-    Raises InputError: the file cannot be read, or holds no good range image.
-    """
+    """One cloud per range image, in the order of the shots; one without an echo is empty. What is lost, doubled,
+    damaged or out of order leaves a gap, and is added to the notes when all is read. Raises InputError: the file cannot
+    be read, or holds no good range image."""
     recording = Recording()
     for shot in recording.read(path):
         frame, prior = shot.frame, recording.imu.prior_at(shot.frame.stamp)

@@ -12,9 +12,10 @@ from itertools import count
 import numpy as np
 from wlsonar import range_image_protocol as rip
 
-from sonarmap.tools.files.readers.sonar.frames import Frame, stamp_of, strength_of
+from sonarmap.tools.files.readers.sonar.messages import Frame, stamp_of, strength_of
 
 REACH = 16  # shots that a packet may come too late
+WAITING = REACH + 1  # or a shot that comes last of these leaves before its strength image
 _EARLY = 2 * REACH  # strength images that wait for their range image
 
 _RANGE = 1 << 32  # sequence_id is a uint32, and begins at 0 again
@@ -24,11 +25,8 @@ _REMEMBERED = 1 << 16
 
 class ShotNumbers:
     """Puts wrapping numbers in one order as they come, and counts: shots that came `late`, after a later one, how often
-    the numbers wrapped, and how often they started again (`restarts`).
-
-    A fall by more than half of 2^32 is a wrap, one by a few a packet that came late, any other that the count started
-    again, as after a restart of the sonar.
-    """
+    the numbers wrapped, and how often they started again (`restarts`). A fall by more than half of 2^32 is a wrap, one
+    by a few a packet that came late, any other that the count started again, as after a restart of the sonar."""
 
     def __init__(self) -> None:
         self.late = self.wraps = self.restarts = 0
@@ -94,14 +92,12 @@ class Shot:
 
 class ShotQueue:
     """Shots wait here until seventeen have come after them: for strength images, and for shots that come late.
-
-    `doubled` images came twice, and were left out; the range image of a strength image that is `alone` never came.
-    """
+    `doubled` images came twice, and were left out; the range image of a strength image that is `alone` never came."""
 
     def __init__(self) -> None:
         self.numbers = ShotNumbers()
         self.doubled = self.alone = 0
-        self._order: list[tuple[int, int, int]] = []  # a heap of (place, arrival, number)
+        self._order: list[tuple[int, int]] = []  # a heap of (place, arrival)
         self._arrivals = count()
         self._shots: dict[int, Shot] = {}  # by arrival
         self._latest: dict[int, int] = {}  # number -> arrival
@@ -118,7 +114,7 @@ class ShotQueue:
         place = self.numbers.place(frame.number, frame.stamp)
         self._shots[arrival] = Shot(place, frame)
         self._latest[frame.number] = arrival
-        heapq.heappush(self._order, (place, arrival, frame.number))
+        heapq.heappush(self._order, (place, arrival))
         image = self._early.get(frame.number)
         if image is not None and _together(frame, image):
             del self._early[frame.number]
@@ -140,27 +136,21 @@ class ShotQueue:
             del self._early[next(iter(self._early))]
             self.alone += 1
 
-    def ready(self) -> Iterator[Shot]:
-        """Shots that nothing can come before any more, in order."""
-        while len(self._order) > REACH + 1:  # or a shot that comes last of these leaves before its strength image
-            yield self._pop()
-
-    def rest(self) -> Iterator[Shot]:
-        """All that wait, when the recording has ended."""
-        while self._order:
-            yield self._pop()
-        self.alone += len(self._early)
-        self._early.clear()
+    def shots(self, waiting: int = WAITING) -> Iterator[Shot]:
+        """Shots in their order until so many wait: 0 when the recording has ended."""
+        while len(self._order) > waiting:
+            _, arrival = heapq.heappop(self._order)
+            shot = self._shots.pop(arrival)
+            if self._latest.get(shot.frame.number) == arrival:
+                del self._latest[shot.frame.number]
+            yield shot
+        if not waiting:
+            self.alone += len(self._early)
+            self._early.clear()
 
     def _join(self, arrival: int, image: rip.BitmapImageGreyscale8) -> None:
         shot = self._shots[arrival]
         self._shots[arrival] = replace(shot, strength=strength_of(shot.frame, image))
-
-    def _pop(self) -> Shot:
-        _, arrival, number = heapq.heappop(self._order)
-        if self._latest.get(number) == arrival:
-            del self._latest[number]
-        return self._shots.pop(arrival)
 
 
 def _together(frame: Frame, image: rip.BitmapImageGreyscale8) -> bool:

@@ -37,8 +37,7 @@ PACKERS: dict[str, Callable[[bytes], bytes]] = {
 def test_an_mcap_file_that_was_cut_is_read_as_far_as_it_goes(tmp_path: Path, kind: str) -> None:
     """As it is where a vehicle loses its power: what is there is right, and a note tells where it ends."""
     suffix, content = recordings()[kind]
-    path = tmp_path / f"dive{suffix}"
-    path.write_bytes(content)
+    path = put(tmp_path / f"dive{suffix}", content)
     whole = read_scans([path]).scans
     counts = set()
     for kept in range(0, len(content), 83):

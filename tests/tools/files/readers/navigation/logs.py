@@ -27,13 +27,10 @@ SCANS = scans_at(START, START + 5, START + 10)
 
 
 def read(
-    path: Path,
-    text: str | bytes,
-    settings: NavigationSettings = AS_IT_SAYS,
-    scans: list[Scan] = SCANS,
-    notes: list[str] | None = None,
-) -> tuple[np.ndarray, Navigated]:
-    """(N, 6) what a file says of the scans, in the order of COLUMNS, NaN where nothing; and all that was read."""
+    path: Path, text: str | bytes, settings: NavigationSettings = AS_IT_SAYS, scans: list[Scan] = SCANS
+) -> tuple[np.ndarray, Navigated, list[str]]:
+    """(N, 6) what a file says of the scans, in the order of COLUMNS, NaN where nothing; all that was read; notes."""
+    notes: list[str] = []
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     navigated = navigate(scans, path, replace(settings, sigmas=SIGMAS), notes=notes)
     values = np.full((len(scans), 6), np.nan)
@@ -41,7 +38,7 @@ def read(
         if scan.prior is not None:
             known = np.isfinite(sigmas_of(scan.prior))
             values[k, known] = values_of(scan.prior.T_world_sensor)[known]
-    return values, navigated
+    return values, navigated, notes
 
 
 def require_words(path: Path, words: Sequence[str], read: Callable[..., object], *given: Any, **options: Any) -> None:

@@ -27,7 +27,7 @@ def test_ways_are_those_of_the_geodesic(path: Path, place: tuple[float, float]) 
     """The second fix is 400 m away at 35 degrees, the third 250 m at 160 degrees, by Karney's geodesic."""
     lon, lat, _ = GEOD.fwd([place[1]] * 3, [place[0]] * 3, [0, 35, 160], [0, 400, 250])
     text = log("Latitude;Longitude", *(f"{a:.10f};{b:.10f}" for a, b in zip(lat, lon, strict=True)))
-    values, navigated = read(path, text)
+    values, navigated, _ = read(path, text)
     origin = navigated.georeference
     assert origin is not None
     assert (origin.latitude, origin.longitude) == (round(place[0], 5), round(place[1], 5))
@@ -47,7 +47,7 @@ def test_eastings_and_northings_are_places(path: Path, epsg: int) -> None:
     easting, northing = to_grid.transform(lon, lat)
     text = log("Easting;Northing", *(f"{e:.4f};{n:.4f}" for e, n in zip(easting, northing, strict=True)))
     settings = NavigationSettings(crs=f"EPSG:{epsg}", origin=Georeference(60.0, 12.0))
-    values, _ = read(path, text, settings)
+    values, *_ = read(path, text, settings)
     np.testing.assert_allclose(values[:, 3:5], [[0, 0], [0, 500], [500, 0]], atol=0.02)
     assert abs(easting[1] - easting[0]) > 20  # what a shift would do
 
@@ -57,7 +57,7 @@ def test_heights_and_depths_do_not_change(path: Path) -> None:
     settings = NavigationSettings(origin=Georeference(60.0, 5.0, height=2.5))
     lon, lat, _ = GEOD.fwd(5.0, 60.0, 90.0, 5000.0)
     text = log("Lat;Lon;Depth", *[f"{lat:.9f};{lon:.9f};100"] * 3)
-    values, navigated = read(path, text, settings)
+    values, navigated, _ = read(path, text, settings)
     np.testing.assert_allclose(values[:, 5], 100)
     np.testing.assert_allclose(values[:, 3], 5000 * (1 - 100 / 6.39e6), atol=0.01)
     assert navigated.georeference == settings.origin
@@ -95,7 +95,7 @@ def test_grid_headings(path: Path) -> None:
     easting, northing = Transformer.from_crs(4326, 32632, always_xy=True).transform([lon] * 2, [lat, lat + 1e-4])
     bearing = np.degrees(np.arctan2(np.diff(easting), np.diff(northing)))[0]  # of true North, by the grid
     text = log("Heading;Lat;Lon", *[f"40;{lat};{lon}"] * 3)
-    values, _ = read(path, text, NavigationSettings(heading_reference="grid"))
+    values, *_ = read(path, text, NavigationSettings(heading_reference="grid"))
     np.testing.assert_allclose(values[:, 2], 40 - bearing, atol=1e-4)
     assert bearing == pytest.approx(3.2, abs=0.1)
     with pytest.raises(InputError, match="--heading-reference grid"):
@@ -106,14 +106,13 @@ def test_headings_by_the_north_of_another_place(path: Path) -> None:
     """A vehicle 5 km East of the map's origin that keeps to the geodesic back has the origin due West of it."""
     lon, lat, back = GEOD.fwd(5.0, 65.0, 90.0, 5000.0)
     text = log("Heading;Lat;Lon", *[f"{back % 360:.6f};{lat:.9f};{lon:.9f}"] * 3)
-    values, _ = read(path, text, NavigationSettings(origin=Georeference(65.0, 5.0)))
+    values, *_ = read(path, text, NavigationSettings(origin=Georeference(65.0, 5.0)))
     assert abs(back % 360 - 270) > 0.09
     np.testing.assert_allclose(values[:, 2], 270, atol=1e-3)
 
 
 def test_no_fix_is_no_place(path: Path) -> None:
-    notes: list[str] = []
-    values, _ = read(path, log("Lat;Lon", "0;0", "60.4;5.3", "0.0;0.000"), notes=notes)
+    values, _, notes = read(path, log("Lat;Lon", "0;0", "60.4;5.3", "0.0;0.000"))
     np.testing.assert_array_equal(np.isfinite(values[:, 3]), [False, True, False])
     assert any("2 rows are at 0, 0" in note for note in notes)
 

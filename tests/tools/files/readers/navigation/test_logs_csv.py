@@ -89,39 +89,34 @@ class TestLogs:
         text = "# a comment\n\n" + self.TEXT.replace(",", separator) + separator * 5 + "\n"
         if separator != ",":
             text = text.replace(".", point)
-        values, _ = read(path, text.rstrip("\n").replace("\n", ending).encode(encoding))
+        values, *_ = read(path, text.rstrip("\n").replace("\n", ending).encode(encoding))
         np.testing.assert_allclose(values, [self.WANTED] * 3)
 
-    def test_what_is_not_used_is_noted_once(self, path: Path) -> None:
-        notes: list[str] = []
-        read(path, self.TEXT, notes=notes)
+    def test_what_is_not_used_is_noted_once_and_cells_at_the_end_and_words_for_nothing(self, path: Path) -> None:
+        *_, notes = read(path, self.TEXT)
         assert [note for note in notes if "not used" in note] == [f"{path}: not used: the columns 'Batt'"]
-
-    def test_cells_at_the_end_and_words_for_nothing(self, path: Path) -> None:
-        text = "Time,Depth,Heading\n" + rows("N/A", "90", "", "") + rows("7", "---")
-        values, _ = read(path, text)
+        values, *_ = read(path, "Time,Depth,Heading\n" + rows("N/A", "90", "", "") + rows("7", "---"))
         np.testing.assert_allclose(values[:, [2, 5]], [[90, 7]] * 3)
 
     def test_columns_are_mapped(self, path: Path) -> None:
         text = 'Time,KP_DEPTH,Gyro [rad],Depth,"a, b",Roll (rad),Pitch\n' + rows("3.5", "1.5", "99", "4", "0.1", "-2")
         columns = parse_columns('depth_m=KP_DEPTH,heading_deg=gyro [rad],"depth_sigma_m=a, b"')
-        values, navigated = read(path, text, NavigationSettings(columns=columns))
+        values, navigated, _ = read(path, text, NavigationSettings(columns=columns))
         np.testing.assert_allclose(values[:, [0, 1, 2, 5]], [[np.degrees(0.1), -2, np.degrees(1.5), 3.5]] * 3)
         assert navigated.scans[0].prior is not None
         assert navigated.scans[0].prior.sigmas[5] == 4
-        values, _ = read(path, "Time,Alt\n" + rows("-7"), NavigationSettings(columns=parse_columns("height_m=Alt")))
+        values, *_ = read(path, "Time,Alt\n" + rows("-7"), NavigationSettings(columns=parse_columns("height_m=Alt")))
         np.testing.assert_allclose(values[:, 5], 7)
 
     def test_columns_of_our_own_and_others(self, path: Path) -> None:
         """With a log's heading among them others are left out, and a misspelled one is not."""
-        values, _ = read(path, "Time,depth_m,altitude_m\n" + rows("3", "9"))
+        values, *_ = read(path, "Time,depth_m,altitude_m\n" + rows("3", "9"))
         np.testing.assert_allclose(values[:, 5], 3)
         refused(path, "stamp,depth_m,altitude_m\n" + rows("3", "9"), "unknown column 'altitude_m'", "--nav-columns")
         refused(path, "Time,Depth,rol_deg,pitch_deg\n" + rows("3", "9", "1"), "nearly called roll_deg")
 
     def test_roll_without_pitch(self, path: Path) -> None:
-        notes: list[str] = []
-        values, _ = read(path, "Time,Depth,Roll\n" + rows("3", "9"), notes=notes)
+        values, _, notes = read(path, "Time,Depth,Roll\n" + rows("3", "9"))
         assert np.isnan(values[:, :2]).all()
         assert any("'Roll' is not used without a column of pitch_deg" in note for note in notes)
 
@@ -142,19 +137,19 @@ class TestFrames:
         ],
     )
     def test_frames(self, path: Path, frame: str | None, heading: str, cells: tuple[str, ...]) -> None:
-        values, _ = read(path, f"{heading}\n{rows(*cells)}", NavigationSettings(frame=frame))  # type: ignore[arg-type]
+        values, *_ = read(path, f"{heading}\n{rows(*cells)}", NavigationSettings(frame=frame))  # type: ignore[arg-type]
         np.testing.assert_allclose(values, [self.WANTED] * 3, atol=1e-9)
 
     def test_standard_deviations_go_with_their_axes(self, path: Path) -> None:
         text = "Time,x,y,x std,y std\n" + rows("5", "2", "0.25", "0.75")
-        _, navigated = read(path, text, NavigationSettings(frame="ned"))
+        _, navigated, _ = read(path, text, NavigationSettings(frame="ned"))
         prior = navigated.scans[0].prior
         assert prior is not None
         np.testing.assert_allclose(prior.sigmas[3:5], [0.75, 0.25])
 
     def test_magnetic_headings(self, path: Path) -> None:
         text = "Time,Magnetic Heading\n" + rows("358.5")
-        values, _ = read(path, text, NavigationSettings(declination=3.5))
+        values, *_ = read(path, text, NavigationSettings(declination=3.5))
         np.testing.assert_allclose(values[:, 2], 2)
         refused(path, text, "holds magnetic headings", "--magnetic-declination")
         refuses("--magnetic-declination", NavigationSettings, heading_reference="magnetic")
@@ -178,9 +173,8 @@ class TestAmbiguous:
         refused(path, f"{heading}\n{rows(*cells)}", *words)
 
     def test_places_twice_are_taken_once(self, path: Path) -> None:
-        notes: list[str] = []
         text = "Time,Lat,Lon,Easting,Northing\n" + rows("60.4", "5.3", "296000", "6701000")
-        values, navigated = read(path, text, notes=notes)
+        values, navigated, notes = read(path, text)
         assert navigated.georeference is not None
         np.testing.assert_allclose(values[:, 3:5], 0, atol=1e-6)
         assert any("places are taken from Lat and Lon" in note for note in notes)
@@ -189,7 +183,7 @@ class TestAmbiguous:
         cells = (f"{START + k},{5.32 + k / 1e3:.6f},{60.39 + k / 2e3:.6f}\n" for k in range(9))
         text = "stamp,x_m,y_m\n" + "".join(cells)
         refused(path, text, "x_m runs from 5.32 to 5.328", "look like degrees", "Longitude and Latitude", "millimeters")
-        values, _ = read(path, text.replace("000\n", "\n").replace("000,", ","))
+        values, *_ = read(path, text.replace("000\n", "\n").replace("000,", ","))
         assert np.isfinite(values[:2, 3:5]).all()  # in meters of few decimals
 
     def test_mappings_that_cannot_be_and_meters_in_the_columns_of_degrees(self, path: Path) -> None:

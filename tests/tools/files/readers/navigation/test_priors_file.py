@@ -7,11 +7,12 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import PosePrior, Scan
-from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, pose_of, prior_of, sigmas_of, values_of
+from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, poses_of, prior_of, sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
 from sonarmap.tools.files.writers.priors import write_priors
 from tests.samples.refusals import refuses
+from tests.tools.files.readers.navigation.logs import read as read_log
 from tests.tools.files.readers.navigation.logs import require_words, scans_at
 
 POINTS = np.ones((1, 3), np.float32)
@@ -47,14 +48,14 @@ class TestConventions:
             ]
         )
         R_enu_ned, R_frd_flu = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]]), np.diag([1, -1, -1])
-        T = pose_of(np.array([11.0, -23.0, 137.0, 4.0, 5.0, 6.0]))
+        T = poses_of(np.array([[11.0, -23.0, 137.0, 4.0, 5.0, 6.0]]))[0]
         np.testing.assert_allclose(T.rotation.as_matrix(), R_enu_ned @ R_ned_frd @ R_frd_flu, atol=1e-14)
         np.testing.assert_array_equal(T.translation, [4.0, 5.0, -6.0])
 
     def test_the_values_come_back(self) -> None:
         rng = np.random.default_rng(1)
         for values in rng.uniform([-180, -89, 0, -9, -9, -9], [180, 89, 360, 9, 9, 9], (50, 6)):
-            np.testing.assert_allclose(values_of(pose_of(values)), values, atol=1e-9)
+            np.testing.assert_allclose(values_of(poses_of(values[None])[0]), values, atol=1e-9)
 
     def test_sigmas_keep_their_columns_and_change_their_unit(self) -> None:
         assert SIGMA_COLUMNS[0] == "roll_sigma_deg"
@@ -119,50 +120,57 @@ class TestRows:
         refused(path, FIRST + "else,1,1,1,1\n", "no row belongs to any of the scans", "'first'", allow_unknown=True)
 
 
+HEADINGS = (
+    ("name,hedding_deg", "unknown column 'hedding_deg'", "heading_deg"),
+    ("name,depth_m,depth_m,depth_sigma_m", "depth_m is there 2 times"),
+    ("depth_m,depth_sigma_m", "either a column name or a column stamp"),
+    ("File,Time,depth_m,depth_sigma_m", "either a column name or a column stamp", "'File' and 'Time'"),
+    ("name", "no column of measurements", "depth_m"),
+    ("name,roll_deg,roll_sigma_deg", "roll_deg and pitch_deg", "both or neither"),
+    ("name,y_m,y_sigma_m", "x_m and y_m", "both or neither"),
+    ("name,depth_m", "depth_m has no standard deviation", "depth_sigma_m", "--prior-sigmas"),
+    ("name,depth_m,depth_sigma_m,heading_sigma_deg", "heading_sigma_deg but no heading_deg"),
+)
+ROWS = (
+    ("first,1,1,1", "4 cells where the heading has 5"),
+    ("first,1,1,1,1,", "6 cells"),
+    (",1,1,1,1", "name is empty"),
+    ("first,north,1,1,1", "heading_deg is 'north'", "empty cell"),
+    ("first,nan,1,1,1", "heading_deg is 'nan'", "finite"),
+    ("first,1,1,-inf,1", "depth_m is '-inf'"),
+    ("first,1_0,1,1,1", "'1_0'"),
+    ("first,1,0,1,1", "heading_sigma_deg is 0", "above 0"),
+    ("first,1,1,1,-0.1", "depth_sigma_m is -0.1", "above 0"),
+    ("first,1,inf,1,1", "heading_sigma_deg is 'inf'", "finite"),
+    ("first,1,,1,1", "heading_deg has no standard deviation", "fill in heading_sigma_deg"),
+    ("first,361,1,1,1", "heading_deg is 361", "within 360"),
+    ("frist,1,1,1,1", "no scan has the name 'frist'", "'first'", "delete the line"),
+    ("rec,1,1,1,1", "no scan has the name 'rec'"),
+    ('"first,1,1,1,1', "CSV"),
+)
+OTHERS = (
+    (f"name,{ATTITUDE}\nfirst,1,,1,1\n", "line 2", "only be used together"),
+    (f"name,{ATTITUDE}\nfirst,9,91,1,1\n", "line 2", "within 90"),
+    ("stamp,depth_m,depth_sigma_m\nnoon,1,1\n", "line 2", "'noon'"),
+    ("stamp,depth_m,depth_sigma_m\nnan,1,1\n", "line 2", "'nan'"),
+    ("stamp,depth_m,depth_sigma_m\n9000.5,1,1\n", "no row is at the time of a scan", "9000.500", "one clock"),
+    (FIRST, "no row below its heading"),
+    (f"{FIRST}rec#3,1,1,1,1\nfirst,1,1", "line 3", "3 cells", "may have been cut"),
+    *((f"name,{column}\nfirst,1\n", "line 1", column, "only be used with") for column in ("lat", "lon_deg", "LON")),
+)
+
+
 class TestRefusals:
     @pytest.mark.parametrize(
-        ("header", "words"),
+        "case",
         [
-            ("name,hedding_deg", ["unknown column 'hedding_deg'", "heading_deg"]),
-            ("name,depth_m,depth_m,depth_sigma_m", ["depth_m is there 2 times"]),
-            ("depth_m,depth_sigma_m", ["either a column name or a column stamp"]),
-            ("File,Time,depth_m,depth_sigma_m", ["either a column name or a column stamp", "'File' and 'Time'"]),
-            ("name", ["no column of measurements", "depth_m"]),
-            ("name,roll_deg,roll_sigma_deg", ["roll_deg and pitch_deg", "both or neither"]),
-            ("name,y_m,y_sigma_m", ["x_m and y_m", "both or neither"]),
-            ("name,depth_m", ["depth_m has no standard deviation", "depth_sigma_m", "--prior-sigmas"]),
-            ("name,depth_m,depth_sigma_m,heading_sigma_deg", ["heading_sigma_deg but no heading_deg"]),
+            *((f"# told\n{header}\nfirst\n", "line 2", *words) for header, *words in HEADINGS),
+            *((f"{FIRST}rec#3,1,1,1,1\n{row}\n", "line 3", *words) for row, *words in ROWS),
+            *OTHERS,
         ],
     )
-    def test_headings(self, path: Path, header: str, words: list[str]) -> None:
-        refused(path, f"# told\n{header}\nfirst\n", "line 2", *words)
-
-    @pytest.mark.parametrize(
-        ("row", "words"),
-        [
-            ("first,1,1,1", ["4 cells where the heading has 5"]),
-            ("first,1,1,1,1,", ["6 cells"]),
-            (",1,1,1,1", ["name is empty"]),
-            ("first,north,1,1,1", ["heading_deg is 'north'", "empty cell"]),
-            ("first,nan,1,1,1", ["heading_deg is 'nan'", "finite"]),
-            ("first,1,1,-inf,1", ["depth_m is '-inf'"]),
-            ("first,1_0,1,1,1", ["'1_0'"]),
-            ("first,1,0,1,1", ["heading_sigma_deg is 0", "above 0"]),
-            ("first,1,1,1,-0.1", ["depth_sigma_m is -0.1", "above 0"]),
-            ("first,1,inf,1,1", ["heading_sigma_deg is 'inf'", "finite"]),
-            ("first,1,,1,1", ["heading_deg has no standard deviation", "fill in heading_sigma_deg"]),
-            ("first,361,1,1,1", ["heading_deg is 361", "within 360"]),
-            ("frist,1,1,1,1", ["no scan has the name 'frist'", "'first'", "delete the line"]),
-            ("rec,1,1,1,1", ["no scan has the name 'rec'"]),
-            ('"first,1,1,1,1', ["CSV"]),
-        ],
-    )
-    def test_rows(self, path: Path, row: str, words: list[str]) -> None:
-        refused(path, FIRST + "rec#3,1,1,1,1\n" + row + "\n", "line 3", *words)
-
-    def test_attitudes(self, path: Path) -> None:
-        refused(path, f"name,{ATTITUDE}\nfirst,1,,1,1\n", "line 2", "only be used together")
-        refused(path, f"name,{ATTITUDE}\nfirst,9,91,1,1\n", "line 2", "within 90")
+    def test_what_cannot_be_used_is_named(self, path: Path, case: tuple[str, ...]) -> None:
+        refused(path, *case)
 
     @pytest.mark.parametrize(("one", "other"), [("first", "first"), ("first", "first.ply"), ("a.ply", "a.ply.ply")])
     def test_two_rows_for_one_scan(self, path: Path, one: str, other: str) -> None:
@@ -173,21 +181,8 @@ class TestRefusals:
         scans = (Scan(POINTS, name="a"), Scan(POINTS, name="b"))
         refuses("line 2: the stamp '0' fits 2 scans, among them a and b", navigate, scans, path)
 
-    @pytest.mark.parametrize(
-        ("stamp", "words"),
-        [
-            ("noon", ["line 2", "'noon'"]),
-            ("nan", ["line 2", "'nan'"]),
-            ("9000.5", ["no row is at the time of a scan", "9000.500", "one clock"]),
-        ],
-    )
-    def test_stamps(self, path: Path, stamp: str, words: list[str]) -> None:
-        refused(path, f"stamp,depth_m,depth_sigma_m\n{stamp},1,1\n", *words)
-
     def test_files(self, path: Path, tmp_path: Path) -> None:
         refuses("cannot read", navigate, SCANS, tmp_path / "missing.csv")
-        refused(path, FIRST, "no row below its heading")
-        refused(path, FIRST + "rec#3,1,1,1,1\nfirst,1,1", "line 3", "3 cells", "may have been cut")
         path.write_bytes(FIRST.encode() + b"f\xffrst,1,1,1,1\n")
         refuses(r"line 2 .* UTF-8", navigate, SCANS, path)
 
@@ -198,10 +193,6 @@ class TestOffices:
         assert read(path, FIRST + "first,12.5,1.5,-3.25,0.1", notes=notes)[0].prior is not None
         (note,) = notes
         assert "no line break" in note
-
-    @pytest.mark.parametrize("column", ["lat", "Latitude", "lon_deg", "LON"])
-    def test_half_a_place_on_the_earth_is_refused(self, path: Path, column: str) -> None:
-        refused(path, f"name,{column}\nfirst,1\n", "line 1", column, "can only be used with")
 
     def test_times_of_iso_8601(self, path: Path) -> None:
         scans = (Scan(POINTS, name="a", stamp=1782898200.0), Scan(POINTS, name="b", stamp=1782898205.5))
@@ -231,13 +222,9 @@ SERIES = "stamp,heading_deg,heading_sigma_deg,x_m,y_m,x_sigma_m,y_sigma_m,depth_
 
 def interpolated(folder: Path, rows: str, *stamps: float) -> tuple[np.ndarray, np.ndarray]:
     """Values and sigmas in the columns' units, (N, 6) each; NaN where a scan has no prior."""
-    path = folder / "nav.csv"
-    path.write_text(SERIES + rows)
-    found = [scan.prior for scan in navigate(scans_at(*stamps), path).scans]
-    nothing = np.full(6, np.nan)
-    values = np.array([nothing if prior is None else values_of(prior.T_world_sensor) for prior in found])
-    sigmas = np.array([nothing if prior is None else sigmas_of(prior) for prior in found])
-    return np.where(np.isfinite(sigmas), values, np.nan), sigmas
+    values, navigated, _ = read_log(folder / "nav.csv", SERIES + rows, scans=scans_at(*stamps))
+    priors = [scan.prior for scan in navigated.scans]
+    return values, np.array([np.full(6, np.nan) if prior is None else sigmas_of(prior) for prior in priors])
 
 
 def test_what_lies_between_rows_is_interpolated(tmp_path: Path) -> None:
@@ -267,5 +254,5 @@ def test_a_single_fix_is_one_of_the_scan_next_to_it(tmp_path: Path) -> None:
 
 def test_rows_of_the_scans_themselves_are_no_series(tmp_path: Path) -> None:
     """One row whose stamp is wrong is interpolated, as it was."""
-    with pytest.raises(Exception, match=r"line 4: no scan has the stamp '2\.5'"):
-        interpolated(tmp_path, "0,90,1,,,,,,\n1,91,1,,,,,,\n2.5,92,1,,,,,,\n", 0.0, 1.0, 2.0)
+    rows = "0,90,1,,,,,,\n1,91,1,,,,,,\n2.5,92,1,,,,,,\n"
+    refuses(r"line 4: no scan has the stamp '2\.5'", interpolated, tmp_path, rows, 0.0, 1.0, 2.0)

@@ -22,7 +22,7 @@ GPS_SCANS = scans_at(START, START + 5)
 def depths(path: Path, heading: str, times: list[str], **settings: object) -> np.ndarray:
     """(2,) depths at two scans; the rows' are 0, 1, 2, ... from START on, one a second."""
     text = f"{heading},Depth\n" + "".join(f"{time},{k}\n" for k, time in enumerate(times))
-    values, _ = read(path, text, NavigationSettings(**settings), GPS_SCANS)  # type: ignore[arg-type]
+    values, *_ = read(path, text, NavigationSettings(**settings), GPS_SCANS)  # type: ignore[arg-type]
     return values[:, 5]
 
 
@@ -241,7 +241,7 @@ def test_navigation_is_moved_to_the_scans_clock(tmp_path: Path) -> None:
     imu = (START + times[::5], rates[::5] + rng.normal(0, 0.01, len(times[::5])))
     navigated = navigate(scans, tmp_path / "log.csv", settings, notes=notes, turn_rates=imu)
     assert any("37.0" in note and "by the turn rates" in note for note in notes)
-    values, _ = read(tmp_path / "log.csv", "Time,Heading\n" + rows, NavigationSettings(offset=37.0), scans)
+    values, *_ = read(tmp_path / "log.csv", "Time,Heading\n" + rows, NavigationSettings(offset=37.0), scans)
     for scan, value in zip(navigated.scans, values[:, 2], strict=True):
         assert scan.prior is not None
         yaw = scan.prior.T_world_sensor.rotation.as_euler("ZYX", degrees=True)[0]

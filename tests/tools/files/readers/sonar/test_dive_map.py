@@ -19,41 +19,31 @@ from sonarmap.slam.mapper import MapperSettings
 from sonarmap.tools.command.main import app
 from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.files.readers.clouds.ply import read_ply
-from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.scans import read_survey
 from tests.samples.dives import Dive
 from tests.samples.recordings import Events, damage_a_shot, disturbed, written
 from tests.tools.files.readers.sonar.test_large import MOST_MEMORY, run
 
 
-@dataclass(frozen=True, slots=True)
-class Recorded:
-    """Recordings of a dive, whole and disturbed, shots without a range image in the second, and what else was done."""
-
-    shots: int
-    whole: Path
-    disturbed: Path
-    lost: set[int]
-    events: Events
-
-
-def record(folder: Path, dive: Dive) -> Recorded:
-    """Of a dive, 1 % of the packets lost, 1 % doubled, 1 % exchanged with the next, and a damaged one."""
+def record(folder: Path, dive: Dive) -> tuple[list[Path], set[int], Events]:
+    """A dive as it is, and with 1 % of the packets lost, 1 % doubled, 1 % exchanged with the next, and a damaged one;
+    shots without a range image in the second, and what else was done."""
     clean = list(dive.packets())
     packets, events = disturbed(clean, seed=1)
     lost = damage_a_shot(packets, events, dive.shots // 3)
-    whole, other = written(folder / "whole.sonar", clean), written(folder / "dive.sonar", packets)
-    return Recorded(dive.shots, whole, other, lost, events)
+    assert 0 not in lost
+    return [written(folder / "whole.sonar", clean), written(folder / "dive.sonar", packets)], lost, events
 
 
-def check_notes(words: str, recorded: Recorded) -> None:
-    """That what was done to the recording is counted in what the command says of it."""
-    missing = len(recorded.lost & set(range(1, recorded.shots - 1)))  # nobody misses the first and the last
+def check_notes(words: str, shots: int, lost: set[int], events: Events) -> None:
+    """That what was done to a recording is counted in what the command says of it."""
+    missing = len(lost & set(range(1, shots - 1)))  # nobody misses the first and the last
     for note in (
         "1 damaged packet left out",
-        f"{missing:,} of {recorded.shots - len(recorded.lost) + missing:,} shots are missing by their numbers",
-        f"{recorded.events.doubled:,} doubled image",
-        f"{recorded.events.exchanged:,} shot",
+        f"{missing:,} of {shots - len(lost) + missing:,} shots are missing by their numbers",
+        f"{events.doubled:,} doubled image",
+        f"{events.exchanged:,} shot",
         "the numbers of the shots wrapped once",
     ):
         assert note in words, f"{note!r} is not in {words}"
@@ -106,16 +96,15 @@ def check_same(dive: Dive, whole: Mapped, other: Mapped) -> None:
 def test_a_disturbed_dive_gives_the_same_map(tmp_path: Path) -> None:
     maps, notes = list[Mapped](), ""
     dive = Dive("rubble", 100, rate=2.5, columns=64, rows=16, first=2**32 - 50)
-    recorded = record(tmp_path, dive)
-    assert 0 not in recorded.lost
-    for path in (recorded.whole, recorded.disturbed):
+    paths, lost, events = record(tmp_path, dive)
+    for path in paths:
         read = read_survey([path])
         notes = "; ".join(read.notes)
         result = sonarmap.map_scans(read.scans, edge=64, settings=MapperSettings(LoopSettings(per_scan=0)))
         assert len(result.keys or ()) in range(4, dive.shots // 4)
         assert len(result.components) == 1
         maps.append(Mapped(result.voxel, result.trajectory, result.maps[0].points))
-    check_notes(notes, recorded)
+    check_notes(notes, dive.shots, lost, events)
     check_same(dive, *maps)
 
 
@@ -125,23 +114,20 @@ def test_18_000_disturbed_shots_give_the_same_map(tmp_path: Path) -> None:
     """A quarter of an hour at 20 Hz; the maps are made side by side, in about ten minutes on two cores."""
     shots = 18_000
     dive = Dive("rubble", shots, first=2**32 - shots // 2)
-    recorded = record(tmp_path, dive)
-    assert 0 not in recorded.lost
+    paths, lost, events = record(tmp_path, dive)
     read = "from tests.tools.files.readers.sonar.test_large import main; main()"
-    (whole, *_), (digests, seconds, memory, _) = (
-        json.loads(run(read, str(path))) for path in (recorded.whole, recorded.disturbed)
-    )
-    assert digests == [whole[shot] for shot in range(shots) if shot not in recorded.lost]
+    (whole, *_), (digests, seconds, memory, _) = (json.loads(run(read, str(path))) for path in paths)
+    assert digests == [whole[shot] for shot in range(shots) if shot not in lost]
     assert memory < MOST_MEMORY
     print(f"read in {seconds:.0f} s, {memory / 2**20:.0f} MiB")
     mapped = "from tests.tools.files.readers.sonar.test_dive_map import main; main()"
-    folders = {path: tmp_path / path.stem for path in (recorded.whole, recorded.disturbed)}
+    folders = {path: tmp_path / path.stem for path in paths}
     with ThreadPoolExecutor() as pool:
         said = pool.map(lambda path: run(mapped, str(path), "-o", str(folders[path]), "--grid", "64"), folders)
         ended = list(map(json.loads, said))
     for seconds, memory, _ in ended:
         print(f"mapped in {seconds:.0f} s, {memory / 2**20:.0f} MiB")
-    check_notes(ended[1][2], recorded)
+    check_notes(ended[1][2], shots, lost, events)
     check_same(dive, *map(Mapped.of_folder, folders.values()))
 
 

@@ -22,26 +22,6 @@ pytestmark = pytest.mark.filterwarnings("error")
 REAL = DATA / "sonar3d15" / "ship_short.sonar"
 
 
-def single_echo(row: int, column: int, height: int = 5, width: int = 9) -> np.ndarray:
-    """The point of a range image with one echo, at 80 / 8 = 10 m."""
-    pixels = np.zeros((height, width), int)
-    pixels[row, column] = 80
-    (cloud,) = read_sonar(rip.packb(range_image(0, pixels)))
-    (point,) = cloud.points
-    return point
-
-
-def test_rows_go_up_and_columns_to_the_right():
-    """90 x 40 degrees: the first row is 20 degrees down, the last column 45 degrees right, which is -y."""
-    down, right = np.radians(20.0), np.radians(45.0)
-    np.testing.assert_allclose(single_echo(2, 4), [10.0, 0.0, 0.0], atol=1e-12)
-    np.testing.assert_allclose(single_echo(0, 4), [10 * np.cos(down), 0.0, -10 * np.sin(down)], atol=1e-12)
-    np.testing.assert_allclose(single_echo(2, 8), [10 * np.cos(right), -10 * np.sin(right), 0.0], atol=1e-12)
-    level = 10 * np.cos(np.radians(10.0))  # a row above the middle, a column left of it
-    wanted = [level * np.cos(right / 4), level * np.sin(right / 4), 10 * np.sin(np.radians(10.0))]
-    np.testing.assert_allclose(single_echo(3, 3), wanted, atol=1e-12)
-
-
 def test_points_are_wlsonars_with_y_and_z_turned():
     rng = np.random.default_rng(3)
     image = range_image(0, rng.integers(0, 90, (7, 11)))

@@ -1,5 +1,6 @@
 """The IMU in a recording: attitude from gravity, turn rates, and when there is none to be had."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -53,39 +54,23 @@ def angles_of(prior: PosePrior) -> np.ndarray:
 
 
 class TestAttitude:
-    def test_one_axis_at_a_time_by_hand(self) -> None:
-        """Rolled to starboard, the force points to the left, -y; with the nose up, forward."""
-        np.testing.assert_allclose(at_rest(30.0, 0.0), [0, -GRAVITY / 2, -GRAVITY * np.sqrt(0.75)], atol=1e-12)
-        np.testing.assert_allclose(at_rest(0.0, 30.0), [GRAVITY / 2, 0, -GRAVITY * np.sqrt(0.75)], atol=1e-12)
-
     @pytest.mark.parametrize(("roll", "pitch"), [(0, 0), (ROLL, PITCH), (-30, 20), (170, 10), (5, 80)])
     def test_roll_and_pitch_of_a_sonar_at_rest(self, roll: float, pitch: float) -> None:
         packets = imu_packets(2.0, lambda _: at_rest(roll, pitch), np.zeros(3))
         prior = prior_of(*packets[:10], shot(1.0), *packets[10:])
         np.testing.assert_allclose(angles_of(prior), [roll, pitch], atol=1e-4)
+        force = at_rest(roll, pitch) * [1, -1, -1]  # which the prior turns to the world's vertical
+        np.testing.assert_allclose(prior.T_world_sensor.apply(force), [0, 0, GRAVITY], atol=1e-4)
         assert prior.knows_attitude
         np.testing.assert_array_equal(prior.sigmas[2:], np.inf)
         assert 1.5 <= np.rad2deg(prior.sigmas[0]) < 1.6
         assert prior.sigmas[0] == prior.sigmas[1]
 
-    def test_up_is_up(self) -> None:
-        """The prior turns the force to the world's vertical."""
-        packets = imu_packets(1.0, lambda _: at_rest(ROLL, PITCH), np.zeros(3))
-        prior = prior_of(*packets, shot(0.5))
-        force = at_rest(ROLL, PITCH) * [1, -1, -1]
-        np.testing.assert_allclose(prior.T_world_sensor.apply(force), [0, 0, GRAVITY], atol=1e-4)
-
     def test_of_a_sonar_that_turns_it_is_that_at_the_shots_time(self) -> None:
         """A roll at 40 degrees per second, also where all samples are before the shot."""
-        rate = np.deg2rad(40.0)
-
-        def force(t: float) -> np.ndarray:
-            return at_rest(np.rad2deg(rate * t), 3.0)
-
-        rates = np.array([rate, 0.0, 0.0])
         for seconds, batches in ((0.7, 20), (0.7, 7)):
-            prior = prior_of(*imu_packets(batches / 10, force, rates), shot(seconds))
-            np.testing.assert_allclose(angles_of(prior), [28.0, 3.0], atol=0.3)
+            packets = imu_packets(batches / 10, lambda t: at_rest(40.0 * t, 3.0), np.deg2rad([40.0, 0.0, 0.0]))
+            np.testing.assert_allclose(angles_of(prior_of(*packets, shot(seconds))), [28.0, 3.0], atol=0.3)
 
     def test_noise_is_averaged(self) -> None:
         rng = np.random.default_rng(1)
@@ -101,11 +86,8 @@ class TestAttitude:
         """Of 0.3 m/s^2 and 3 s: what it says is off by up to 1.5 degrees, and it says so."""
         sigmas, pulls = [], []
         for phase in np.linspace(0, 2 * np.pi, 12):
-
-            def force(t: float, phase: float = phase) -> np.ndarray:
-                return LEVEL + np.array([0.3 * np.sin(2 * np.pi * t / 3 + phase), 0, 0])
-
-            prior = prior_of(*imu_packets(1.0, force, np.zeros(3)), shot(0.5))
+            waves = partial(lambda phase, t: LEVEL + np.array([0.3 * np.sin(2 * np.pi * t / 3 + phase), 0, 0]), phase)
+            prior = prior_of(*imu_packets(1.0, waves, np.zeros(3)), shot(0.5))
             sigmas.append(np.rad2deg(prior.sigmas[0]))
             pulls.append(values_of(prior.T_world_sensor)[1] / sigmas[-1])
         assert max(sigmas) > 1.6

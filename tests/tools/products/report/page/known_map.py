@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.tools.files.csv_cell import plain_text
 from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
+from sonarmap.tools.files.readers.csv_table import plain_text
 from sonarmap.tools.products.report.page.content import Content, content_of
 from sonarmap.tools.products.report.page.page import report_text
 from sonarmap.tools.products.report.page.points import FRACTION, Packed

@@ -47,11 +47,10 @@ def heading_rates(times: np.ndarray, headings: np.ndarray) -> tuple[np.ndarray, 
 def estimate_offset(
     times_a: np.ndarray, rates_a: np.ndarray, times_b: np.ndarray, rates_b: np.ndarray, most: float = 60.0
 ) -> TimeOffset:
-    """The offset between two clocks that makes the turn rates agree.
-
-    Both are averaged over some seconds and correlated at all offsets; the peak of the correlation is interpolated. Of
-    several lengths of the average the surest counts. The standard deviation is that of the correlation's derivative,
-    from its spread over blocks of time, over its second derivative.
+    """The offset between two clocks that makes the turn rates agree: these are averaged over some seconds and
+    correlated at all offsets, and the peak is interpolated. Of several lengths of the average the surest counts. The
+    standard deviation is that of the correlation's derivative, from its spread over blocks of time, over its second
+    derivative.
 
     Args:
         times_a, times_b: (n,), (m,) by the first and the second clock [s], ascending.

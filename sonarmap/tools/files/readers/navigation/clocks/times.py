@@ -11,7 +11,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.limits import LARGEST_STAMP
 from sonarmap.tools.files.readers.navigation.cells import number, refuse
 from sonarmap.tools.files.readers.navigation.headings import GPS_NAMES, Column, zone_of
-from sonarmap.tools.files.time_scales import WEEK, TimeScale, utc_of_calendar, utc_of_gps, utc_of_tai
+from sonarmap.tools.files.time_scales import TAI_GPS, WEEK, TimeScale, utc_of_gps, utc_of_tai
 
 # Seconds since 1970 are below the first number until the year 5138, milliseconds above it since 1973, and so on
 _SIZES = ((1e11, 1.0), (1e14, 1e-3), (1e17, 1e-6), (np.inf, 1e-9))
@@ -124,7 +124,7 @@ def _of_calendar(cells: TimeCells, scale: TimeScale, scans: np.ndarray, notes: l
         notes.append(
             f"{cells.path}: times without a zone are taken as UTC; for a local clock give --nav-offset in seconds"
         )
-    return utc_of_calendar(times, scale)
+    return times if scale == "utc" else utc_of_tai(times + (TAI_GPS if scale == "gps" else 0.0))
 
 
 def _moment(text: str, day_first: bool) -> datetime | None:

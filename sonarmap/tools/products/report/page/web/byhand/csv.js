@@ -12,7 +12,7 @@ function oneLine(text) {
 }
 
 /**
- * A cell: with an apostrophe before what a spreadsheet would take for a formula, as tools/files/csv_cell.py has it, and in quotes
+ * A cell: with an apostrophe before what a spreadsheet would take for a formula, as tools/files/readers/csv_table.py has it, and in quotes
  * where it must be: some divide cells at semicolons, and a line that began with # would be a comment.
  */
 function cellOf(value) {
