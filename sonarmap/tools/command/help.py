@@ -15,7 +15,7 @@ from rich.text import Text
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 from sonarmap.tools.command.failures import print_failure
-from sonarmap.tools.command.options.groups import GROUPS, INPUT, RUNNING
+from sonarmap.tools.command.options.option import GROUPS, INPUT, RUNNING
 from sonarmap.tools.command.terminal import say
 from sonarmap.tools.command.usage import UsageError, usage_words
 

@@ -7,11 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
-import typer
-
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options import groups
-from sonarmap.tools.command.options.option import completes, given, option, refuse_without
+from sonarmap.tools.command.options.option import NAVIGATION, completes, given, option, refuse_without, switch
 from sonarmap.tools.command.options.registration import refused_by
 from sonarmap.tools.command.terminal import say
 
@@ -25,17 +22,11 @@ if TYPE_CHECKING:
 
 AUTO = "auto"
 DEFAULT_DRIFT = "1,10"
-_nav = partial(option, groups.NAVIGATION)
+_nav = partial(option, NAVIGATION)
 _rare = partial(_nav, rare=True)
 
 ImuOption = Annotated[
-    bool,
-    typer.Option(
-        "--imu/--no-imu",
-        help="Use roll and pitch as the IMU within a recording has them.",
-        rich_help_panel=groups.NAVIGATION,
-        hidden=True,
-    ),
+    bool, switch(NAVIGATION, "--imu/--no-imu", "Use roll and pitch as the IMU within a recording has them.", rare=True)
 ]
 
 
@@ -177,7 +168,7 @@ class NavigationReading:
         )
 
 
-NAVIGATION = tuple(each.name for each in fields(NavigationReading))
+NAVIGATION_READING = tuple(each.name for each in fields(NavigationReading))
 
 
 def _offset(text: str) -> float | None:

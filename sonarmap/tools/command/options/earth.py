@@ -5,8 +5,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import EARTH
-from sonarmap.tools.command.options.option import completes, option, refuse_without
+from sonarmap.tools.command.options.option import EARTH, completes, option, refuse_without
 
 if TYPE_CHECKING:
     from sonarmap.tools.files.geo.georeference import Georeference

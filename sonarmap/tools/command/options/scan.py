@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarmap.tools.command.options.groups import INPUT
-from sonarmap.tools.command.options.option import completes, option
+from sonarmap.tools.command.options.option import INPUT, completes, option
 
 if TYPE_CHECKING:
     from sonarmap.tools.files.readers.corrections import Corrections

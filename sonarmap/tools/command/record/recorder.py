@@ -11,8 +11,7 @@ from threading import Event
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.record.part_file import PartFile
-from sonarmap.tools.command.record.receiver import Datagram, Receiver
-from sonarmap.tools.command.record.senders import Senders
+from sonarmap.tools.command.record.receiver import Datagram, Receiver, Senders
 from sonarmap.tools.command.record.source import Source, join, open_socket, system_buffer
 from sonarmap.tools.command.record.tally import Tally
 

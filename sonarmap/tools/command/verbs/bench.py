@@ -11,8 +11,7 @@ from typing import Any
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import MEASUREMENT, OUTPUT
-from sonarmap.tools.command.options.option import flag, option
+from sonarmap.tools.command.options.option import MEASUREMENT, OUTPUT, flag, option
 from sonarmap.tools.command.options.registration import SeedOption
 from sonarmap.tools.command.options.running import DeviceOption, JsonOption
 from sonarmap.tools.command.progress import progress

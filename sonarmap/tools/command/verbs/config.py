@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import OUTPUT
+from sonarmap.tools.command.options.option import OUTPUT
 from sonarmap.tools.command.options.running import JsonOption
 from sonarmap.tools.command.terminal import printable, result_console, say
 

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import INPUT, MEASUREMENT, RUNNING
-from sonarmap.tools.command.options.option import completes, flag, option
+from sonarmap.tools.command.options.option import INPUT, MEASUREMENT, RUNNING, completes, flag, option
 from sonarmap.tools.command.options.registration import checked, is_positive
 from sonarmap.tools.command.options.running import JsonOption
 from sonarmap.tools.command.terminal import say, warn

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.options.groups import OUTPUT
-from sonarmap.tools.command.options.option import given
+from sonarmap.tools.command.options.option import OUTPUT, given, switch
 from sonarmap.tools.command.options.registration import DEFAULT_EDGE, GridOption
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.options.scan import InputsArgument, PointReading
@@ -17,7 +16,7 @@ from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import print_rows, printable, say, warn
 
 if TYPE_CHECKING:
-    from sonarmap.tools.command.inspect.overview import Overview
+    from sonarmap.tools.command.overview import Overview
     from sonarmap.tools.files.readers.clock import Clock
 
 INCOMPLETE = 3
@@ -26,9 +25,7 @@ INCOMPLETE = 3
 def command(
     inputs: InputsArgument,
     points: PointReading,
-    names: Annotated[
-        bool, typer.Option("--names", help="List all scans' names alone, as priors need them.", rich_help_panel=OUTPUT)
-    ] = False,
+    names: Annotated[bool, switch(OUTPUT, "--names", "List all scans' names alone, as priors need them.")] = False,
     grid: GridOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -39,7 +36,7 @@ def command(
     Nothing is written, and a scan at a time is in memory. The exit code is 3 if a file or scan cannot be read, 2 if
     none can.
     """
-    from sonarmap.tools.command.inspect.overview import overview_of
+    from sonarmap.tools.command.overview import overview_of
 
     with growing_progress("reading", quiet or as_json) as step:
         overview = overview_of(inputs, points.corrections(), grid or DEFAULT_EDGE, step)

@@ -14,16 +14,13 @@ from sonarmap.tools.command.execution import ExecutionOptions, open_execution
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile, scans_with_priors
 from sonarmap.tools.command.navigation_check import contradiction_of
-from sonarmap.tools.command.options.control import TiesAndControl
 from sonarmap.tools.command.options.earth import EarthPlace
-from sonarmap.tools.command.options.export import export_with_progress
-from sonarmap.tools.command.options.groups import RUNNING
-from sonarmap.tools.command.options.map_output import MapOutput
-from sonarmap.tools.command.options.option import given
+from sonarmap.tools.command.options.option import RUNNING, given, switch
+from sonarmap.tools.command.options.output import MapOutput, export_with_progress
 from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.options.scan import InputsArgument, PointReading
-from sonarmap.tools.command.options.survey import SurveyOptions
+from sonarmap.tools.command.options.survey import SurveyOptions, TiesAndControl
 from sonarmap.tools.command.progress import growing_progress, stage
 from sonarmap.tools.command.stops import when_stopped
 from sonarmap.tools.command.terminal import say, warn
@@ -51,10 +48,7 @@ if TYPE_CHECKING:
 
 INCOMPLETE = 3
 
-VerboseOption = Annotated[
-    bool,
-    typer.Option("--verbose", "-v", help="Print the table of pairs and all warnings too.", rich_help_panel=RUNNING),
-]
+VerboseOption = Annotated[bool, switch(RUNNING, "--verbose -v", "Print the table of pairs and all warnings too.")]
 
 
 @dataclass(frozen=True, slots=True)

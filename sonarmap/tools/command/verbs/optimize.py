@@ -12,8 +12,7 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.options.groups import OPTIMIZATION, OUTPUT
-from sonarmap.tools.command.options.option import REQUIRED, completes, flag, option
+from sonarmap.tools.command.options.option import OPTIMIZATION, OUTPUT, REQUIRED, completes, flag, option
 from sonarmap.tools.command.options.registration import checked
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.progress import progress

@@ -13,8 +13,7 @@ import typer
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
-from sonarmap.tools.command.options.groups import OUTPUT
-from sonarmap.tools.command.options.option import option
+from sonarmap.tools.command.options.option import OUTPUT, option
 from sonarmap.tools.command.options.registration import MethodOptions, refused_by
 from sonarmap.tools.command.options.running import JsonOption
 from sonarmap.tools.command.options.scan import PointReading

@@ -8,8 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import INSTRUMENTS, MOST, NAVIGATION, NOISE, OUTPUT, SCENE
-from sonarmap.tools.command.options.option import completes, completes_list, given, option
+from sonarmap.tools.command.options.option import (
+    INSTRUMENTS,
+    MOST,
+    NAVIGATION,
+    NOISE,
+    OUTPUT,
+    SCENE,
+    completes,
+    completes_list,
+    given,
+    option,
+    value,
+)
 from sonarmap.tools.command.options.registration import check_seed
 from sonarmap.tools.command.options.running import QuietOption
 from sonarmap.tools.command.progress import growing_progress
@@ -152,9 +163,7 @@ class SimulatedNavigation:
 
 
 def command(
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="Folder for the scans.", metavar="DIR", rich_help_panel=OUTPUT)
-    ],
+    out: Annotated[Path, value(OUTPUT, "DIR", "Folder for the scans.", "-o", "--out")],
     scans: SimulatedScans,
     noise: EchoNoise,
     lost: LostEchoes,

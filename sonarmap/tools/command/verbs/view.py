@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import RUNNING
+from sonarmap.tools.command.options.option import RUNNING, switch
 from sonarmap.tools.command.terminal import printable
 from sonarmap.tools.files.writers.folder_lock import locked
 
@@ -14,16 +14,9 @@ from sonarmap.tools.files.writers.folder_lock import locked
 def command(
     source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="OUT")],
     write: Annotated[
-        bool,
-        typer.Option(
-            "--write",
-            help="Write OUT/report.html anew first. It is made from the map's files.",
-            rich_help_panel=RUNNING,
-        ),
+        bool, switch(RUNNING, "--write", "Write OUT/report.html anew first. It is made from the map's files.")
     ] = False,
-    show: Annotated[
-        bool, typer.Option("--open/--no-open", help="Open the report in the browser.", rich_help_panel=RUNNING)
-    ] = True,
+    show: Annotated[bool, switch(RUNNING, "--open/--no-open", "Open the report in the browser.")] = True,
 ) -> None:
     """Open a finished map's report, OUT/report.html, in the browser.
 

@@ -120,7 +120,7 @@ def test_of_two_sonars_one_is_recorded(tmp_path: Path, wanted: str | None, kept:
 
 
 def test_a_sonar_that_comes_back_at_another_address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sonarmap.tools.command.record.senders._GONE", 0.2)
+    monkeypatch.setattr("sonarmap.tools.command.record.receiver._GONE", 0.2)
     packets = contents(10)
 
     def sends(to: tuple[str, int]) -> None:

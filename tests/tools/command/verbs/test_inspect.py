@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sonarmap.slam.survey_grid import survey_grid
-from sonarmap.tools.command.inspect import overview
+from sonarmap.tools.command import overview
 from sonarmap.tools.command.navigation import PriorsFile, scans_with_priors
 from sonarmap.tools.files.readers.clock import clock_faults, clock_of, utc
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS

@@ -1,27 +1,50 @@
-"""What `sonarmap map` writes beside the map itself."""
+"""What a map is written as: the options of `map` beside the map itself, and --format of `export`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.export import FormatsOption
-from sonarmap.tools.command.options.groups import OUTPUT
-from sonarmap.tools.command.options.option import REQUIRED, completes, flag, option
+from sonarmap.tools.command.options.option import OUTPUT, REQUIRED, completes, completes_list, flag, option, value
+from sonarmap.tools.command.progress import growing_progress
+from sonarmap.tools.command.terminal import say
 from sonarmap.tools.files.map_folder.names import EXPORTS
 from sonarmap.tools.products.export.formats import FORMATS
 
 if TYPE_CHECKING:
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo.georeference import Georeference
-    from sonarmap.tools.products.export.run import ExportSettings
+    from sonarmap.tools.files.map_folder.folder import MapFolder
+    from sonarmap.tools.products.export.run import Exported, ExportSettings
 
+_KNOWN = "; ".join(f"{name}: {known.words}" for name, known in FORMATS.items())
 _EXPORTS = " or ".join(f"{file.format('')} ({name})" for name, file in EXPORTS.items())
 _output = partial(option, OUTPUT)
+
+
+def _check_formats(values: list[str] | None) -> list[str] | None:
+    """The names, each once, commas taken apart."""
+    names = [name.strip().lower() for value in values or () for name in value.split(",")]
+    for name in names:
+        if name not in FORMATS:
+            raise typer.BadParameter(f"{name!r}; choose from {', '.join(FORMATS)}, several separated by commas")
+    return list(dict.fromkeys(names))
+
+
+FormatsOption = Annotated[
+    list[str],
+    value(
+        OUTPUT,
+        "NAME",
+        f"{', '.join(FORMATS)}; several separated by commas. {_KNOWN}. The option may also be repeated.",
+        callback=_check_formats,
+        autocompletion=completes_list(FORMATS),
+    ),
+]
 
 
 def _check_also(formats: list[str]) -> list[str]:
@@ -68,3 +91,17 @@ class MapOutput:
             raise InputError(f"--export {own[0]} would write {file}, which `map` writes anyway; leave it out")
         check_files(settings, self.out)
         return settings
+
+
+def export_with_progress(folder: "MapFolder", to: Path, settings: "ExportSettings", quiet: bool) -> "Exported":
+    """Export a map, and say what the user should know about it.
+
+    Raises InputError: see `tools.products.export.run.export_map`.
+    """
+    from sonarmap.tools.products.export.run import export_map
+
+    with growing_progress("exporting", quiet) as step:
+        exported = export_map(folder, to, settings, step)
+    for note in exported.notes:
+        say(note)
+    return exported
