@@ -8,7 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import NAVIGATION, completes, given, option, refuse_without, switch
+from sonarmap.tools.command.options.option import (
+    NAVIGATION,
+    completes,
+    given,
+    listed_in,
+    option,
+    refuse_without,
+    switch,
+)
 from sonarmap.tools.command.options.registration import refused_by
 from sonarmap.tools.command.terminal import say
 
@@ -95,16 +103,7 @@ class OdometryFile:
         return odometry
 
 
-def _frames() -> tuple[str, ...]:
-    from sonarmap.tools.files.readers.navigation.settings import DOWN_FRAMES, UP_FRAMES  # imports SciPy
-
-    return (*DOWN_FRAMES, *UP_FRAMES)
-
-
-def _time_scales() -> tuple[str, ...]:
-    from sonarmap.tools.files.time_scales import TIME_SCALES
-
-    return tuple(TIME_SCALES)
+_SETTINGS, _TIMES = "sonarmap.tools.files.readers.navigation.settings", "sonarmap.tools.files.time_scales"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +116,10 @@ class NavigationReading:
         shown="by their names",
     )
     time_scale: str | None = _rare(
-        "NAME", "Of its times that name no zone: utc, gps or tai.", shown="utc", autocompletion=completes(_time_scales)
+        "NAME",
+        "Of its times that name no zone: utc, gps or tai.",
+        shown="utc",
+        autocompletion=completes(listed_in(_TIMES, "TIME_SCALES")),
     )
     nav_offset: str | None = _rare(
         "S",
@@ -131,7 +133,7 @@ class NavigationReading:
         "Of its pitch, yaw, x, y, z, and of --mount: frd or ned (forward, right, down; North, East, Down), flu or enu "
         "(forward, left, up; East, North, Up).",
         shown="heading, pitch nose up, x East, y North, depth",
-        autocompletion=completes(_frames),
+        autocompletion=completes(listed_in(_SETTINGS, "DOWN_FRAMES", "UP_FRAMES")),
     )
     mount: str | None = _rare(
         "R,P,H[,X,Y,Z]",

@@ -20,54 +20,29 @@ from sonarmap.tools.files.readers.selection import select_files
 _MOST_NOTES = 20  # of single scans
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Overview:
-    """What files of scans hold."""
+    """What files of scans hold: some numbers of every scan so far, and at the end of all."""
 
     files: tuple[Path, ...]  # in natural order
-    size: int  # of all files [bytes]
-    kinds: tuple[str, ...]  # what the files are, in words, each kind once
-    changed: float  # when the last file was changed [s, UTC]
-    names: tuple[str, ...]  # of all scans, as a file of priors and `map` call them
-    unread: tuple[str, ...]  # why files or scans could not be read, in words
-    points: tuple[int, float, int]  # least, median and largest number of points of a scan
-    extent: np.ndarray  # (3,) median size of a scan along x, y, z, without stray echoes [m]
-    farthest: float  # distance of the farthest point from its frame's origin [m]
-    clock: Clock | None  # of the scans' stamps; None where not all of them have a time
-    # with_strength, with_viewpoints, with_attitude: how many scans have echo strengths, viewpoints, and roll and pitch
-    # by an IMU in the recording
-    with_strength: int
-    with_viewpoints: int
-    with_attitude: int
-    attitude: tuple[float, float]  # median roll and pitch [deg], starboard down and nose up positive; NaN without any
-    sound_speeds: tuple[float, float] | None  # lowest and highest recorded one [m/s], or None
-    grid: Grid | None  # that `map` would choose; None where no scan has an extent
-    notes: tuple[str, ...]  # what the user should know, in words
-
-
-@dataclass(slots=True)
-class _Seen:
-    """Some numbers of every scan so far."""
-
-    names: list[str] = field(default_factory=list)
-    unread: list[str] = field(default_factory=list)
-    own_stamps: list[float | None] = field(default_factory=list)
-    are_clouds: list[bool] = field(default_factory=list)
-    are_scans: list[bool] = field(default_factory=list)
-    counts: list[int] = field(default_factory=list)
-    extents: list[np.ndarray] = field(default_factory=list)
-    attitudes: list[np.ndarray] = field(default_factory=list)
-    speeds: list[float] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    farthest: float = 0.0
+    edge: int  # voxels along each edge of the grid
+    names: list[str] = field(default_factory=list[str])  # of all scans, as a file of priors and `map` call them
+    unread: list[str] = field(default_factory=list[str])  # why files or scans could not be read, in words
+    counts: list[int] = field(default_factory=list[int])  # points of each scan
+    extents: list[np.ndarray] = field(default_factory=list[np.ndarray])  # (3,) along x, y, z, without stray echoes [m]
+    farthest: float = 0.0  # distance of the farthest point from its frame's origin [m]
+    # with_strength, with_viewpoints: how many scans have echo strengths, and viewpoints
     with_strength: int = 0
     with_viewpoints: int = 0
+    # of scans with an IMU in the recording, roll and pitch [deg], starboard down and nose up positive
+    attitudes: list[np.ndarray] = field(default_factory=list[np.ndarray])
+    speeds: list[float] = field(default_factory=list[float])  # of sound, as recorded [m/s]
+    clock: Clock | None = None  # of the scans' stamps; None where not all of them have a time
+    notes: list[str] = field(default_factory=list[str])  # what the user should know, in words
 
     def add(self, entry: ScanEntry) -> None:
+        """Count in a scan; nothing of it is kept."""
         scan = entry.scan
-        self.own_stamps.append(entry.stamp)
-        self.are_clouds.append(entry.is_cloud)
-        self.are_scans.append(scan is not None)
         if scan is None:
             self.unread.append(entry.reason)
             return
@@ -84,6 +59,39 @@ class _Seen:
         if entry.sound_speed is not None:
             self.speeds.append(entry.sound_speed)
 
+    @property
+    def size(self) -> int:
+        """Of all files [bytes]."""
+        return sum(path.stat().st_size for path in self.files)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What the files are, in words, each kind once."""
+        return tuple(dict.fromkeys(FORMATS[path.suffix.lower()].kind for path in self.files))
+
+    @property
+    def changed(self) -> float:
+        """When the last file was changed [s, UTC]."""
+        return self.files[-1].stat().st_mtime
+
+    @property
+    def points(self) -> tuple[int, float, int]:
+        """Least, median and largest number of points of a scan."""
+        return min(self.counts), float(np.median(self.counts)), max(self.counts)
+
+    @property
+    def attitude(self) -> list[float]:
+        """Median roll and pitch [deg]; NaN without any."""
+        return np.median(self.attitudes, axis=0).tolist() if self.attitudes else [nan, nan]
+
+    @property
+    def grid(self) -> Grid | None:
+        """That `map` would choose; None where all points of each scan are in one place."""
+        try:
+            return grid_of_extents([float(extent.max()) for extent in self.extents], self.edge)
+        except InputError:
+            return None
+
 
 def overview_of(
     paths: Sequence[str | Path],
@@ -97,44 +105,23 @@ def overview_of(
     InputError: a path that does not exist, or not one scan that can be read.
     """
     selection = select_files(paths, FORMATS)
-    files, seen, file_notes = files_of(selection), _Seen(), list[str]()
+    overview, file_notes = Overview(files_of(selection), edge), list[str]()
+    own, are_clouds, are_scans = list[float | None](), list[bool](), list[bool]()
     for entry in read_entries(selection, file_notes, progress, corrections):
-        seen.add(entry)
-    if not seen.names:
-        raise InputError(seen.unread[0])
-    clock, stamp_notes = _clock(seen)
-    more = len(seen.notes) - _MOST_NOTES
-    few = seen.notes[:_MOST_NOTES] + ([f"and {more:,} more notes of single scans"] if more > 0 else [])
-    roll, pitch = np.median(seen.attitudes, axis=0).tolist() if seen.attitudes else (nan, nan)
-    return Overview(
-        files=files,
-        size=sum(path.stat().st_size for path in files),
-        kinds=tuple(dict.fromkeys(FORMATS[path.suffix.lower()].kind for path in files)),
-        changed=files[-1].stat().st_mtime,
-        names=tuple(seen.names),
-        unread=tuple(seen.unread),
-        points=(min(seen.counts), float(np.median(seen.counts)), max(seen.counts)),
-        extent=np.median(seen.extents, axis=0),
-        farthest=seen.farthest,
-        clock=clock,
-        with_strength=seen.with_strength,
-        with_viewpoints=seen.with_viewpoints,
-        with_attitude=len(seen.attitudes),
-        attitude=(roll, pitch),
-        sound_speeds=(min(seen.speeds), max(seen.speeds)) if seen.speeds else None,
-        grid=_grid(seen, edge),
-        notes=(*file_notes, *stamp_notes, *few),
-    )
-
-
-def _clock(seen: _Seen) -> tuple[Clock | None, list[str]]:
-    stamps, notes = stamps_of(seen.own_stamps, seen.are_clouds)
-    own = [stamp for stamp, is_cloud in zip(seen.own_stamps, seen.are_clouds, strict=True) if is_cloud]
-    return (None if None in own else clock_of(np.array(stamps)[seen.are_scans])), notes
-
-
-def _grid(seen: _Seen, edge: int) -> Grid | None:
-    try:
-        return grid_of_extents([float(extent.max()) for extent in seen.extents], edge)
-    except InputError:
-        return None  # all points of each scan are in one place
+        overview.add(entry)
+        own.append(entry.stamp)
+        are_clouds.append(entry.is_cloud)
+        are_scans.append(entry.scan is not None)
+    if not overview.names:
+        raise InputError(overview.unread[0])
+    stamps, stamp_notes = stamps_of(own, are_clouds)
+    if all(stamp is not None for stamp, is_cloud in zip(own, are_clouds, strict=True) if is_cloud):
+        overview.clock = clock_of(np.array(stamps)[are_scans])
+    few, more = overview.notes[:_MOST_NOTES], len(overview.notes) - _MOST_NOTES
+    overview.notes = [
+        *file_notes,
+        *stamp_notes,
+        *few,
+        *([f"and {more:,} more notes of single scans"] if more > 0 else []),
+    ]
+    return overview

@@ -5,18 +5,12 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import EARTH, completes, option, refuse_without
+from sonarmap.tools.command.options.option import EARTH, completes, listed_in, option, refuse_without
 
 if TYPE_CHECKING:
     from sonarmap.tools.files.geo.georeference import Georeference
 
 _earth = partial(option, EARTH)
-
-
-def _verticals() -> tuple[str, ...]:
-    from sonarmap.tools.files.geo.georeference import VERTICALS  # imports SciPy, which the help can do without
-
-    return tuple(VERTICALS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +33,7 @@ class EarthPlace:
         "What heights count from. Names: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or EGM2008. ",
         rare=True,
         shown="surface",
-        autocompletion=completes(_verticals),
+        autocompletion=completes(listed_in("sonarmap.tools.files.geo.georeference", "VERTICALS")),
     )
     crs: str | None = _earth(
         "CRS", "Projected coordinates of exported files, as EPSG:25832.", rare=True, shown="the UTM zone of the origin"

@@ -7,6 +7,7 @@ import functools
 import inspect
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, field, fields, is_dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, get_origin
 
@@ -80,6 +81,11 @@ def completes(names: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[s
     return lambda incomplete: [name for name in (names() if callable(names) else names) if name.startswith(incomplete)]
 
 
+def listed_in(module: str, *tables: str) -> Callable[[], Iterable[str]]:
+    """The names in tables of a module that is slow to load: loaded when a shell asks, as the help can do without."""
+    return lambda: [name for table in tables for name in getattr(import_module(module), table)]
+
+
 def completes_list(names: Iterable[str]) -> Callable[[str], list[str]]:
     """A completion for an option that takes several of the names, separated by commas."""
 
@@ -92,8 +98,9 @@ def completes_list(names: Iterable[str]) -> Callable[[str], list[str]]:
 
 
 def given(options: Any) -> dict[str, Any]:
-    """The options of a dataclass that were given, by their names and as a summary holds them."""
-    values = {each.name: getattr(options, each.name) for each in fields(options)}
+    """The options of a dataclass, or of a mapping, that were given, by their names and as a summary holds them."""
+    is_mapping = isinstance(options, Mapping)
+    values = options if is_mapping else {each.name: getattr(options, each.name) for each in fields(options)}
     return {name: str(it) if isinstance(it, Path) else it for name, it in values.items() if it is not None}
 
 

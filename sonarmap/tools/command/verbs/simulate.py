@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -184,7 +184,7 @@ def command(
     several = {"count": scans.scans, "spacing": scans.spacing, "dive": scans.dive, "unusable": lost.unusable}
     sensor = settings.sensor if lost.threshold is None else replace(settings.sensor, threshold=lost.threshold)
     changed = {"noise": replace(settings.noise, **given(noise)), "sensor": sensor}
-    settings = replace(settings, **changed, **_given(several))
+    settings = replace(settings, **changed, **given(several))
     require_writable(out)
     with growing_progress("simulating", quiet) as step:
         simulation = simulate(settings, progress=lambda done: step(done, settings.count, ""))
@@ -209,7 +209,7 @@ def _settings(scans: SimulatedScans) -> "SimulationSettings":
 
     if scans.like is not None:
         settled = {name: getattr(scans, name) for name in ("scene", "trajectory", "sensor", "seed")}
-        if conflicting := _given(settled):
+        if conflicting := given(settled):
             flags = ", ".join(f"--{name}" for name in conflicting)
             raise InputError(
                 f"--like takes scene, trajectory, sensor and seed from {scans.like}; leave out {flags}, or leave out "
@@ -220,7 +220,3 @@ def _settings(scans: SimulatedScans) -> "SimulationSettings":
         raise InputError("--sensor has no effect with --trajectory table1, which has the paper's sensor; leave it out")
     seed = DEFAULT_SEED if scans.seed is None else scans.seed
     return plan(scans.scene or DEFAULT_SCENE, scans.trajectory or DEFAULT_TRAJECTORY, scans.sensor, seed)
-
-
-def _given(options: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in options.items() if value is not None}

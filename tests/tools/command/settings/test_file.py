@@ -9,8 +9,8 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.settings.file import read_settings
-from sonarmap.tools.command.settings.listing import _literal
 from sonarmap.tools.command.settings.setting import Setting
+from sonarmap.tools.command.verbs.config import _literal
 from tests.samples.refusals import refuses
 from tests.tools.command.settings.test_setting import GROUP, SETTINGS
 
