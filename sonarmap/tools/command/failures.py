@@ -15,7 +15,7 @@ from typing import Any, TextIO
 
 import typer
 
-from sonarmap.kernels.errors import InputError, SonarmapError
+from sonarmap.kernels.errors import SonarmapError
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.log import log, logged, results_to
 from sonarmap.tools.command.stops import terminated_as_interrupted, what_became
@@ -31,6 +31,7 @@ PIPE_CLOSED = 128 + 13  # as a shell reports SIGPIPE
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a disk that takes no more
 STOPPED = "stopped: "
 LISTED = 5  # names of files in a message
+_LESS = "give less at a time, or thin it out; 'sonarmap doctor' says what fits"
 
 
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -90,72 +91,56 @@ def _logged_end() -> Iterator[None]:
 def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
     """Say what went wrong, on stdout as JSON too; `written` are the files that are there, whole. The exit code."""
     match error:
-        case SonarmapError():
-            return _misuse(error, as_json)
         case KeyboardInterrupt():
-            return _stopped(error, as_json, written)
+            message = what_became(error) or _written(written)
+            say(message, STOPPED, "bold yellow")
+            print_failure(STOPPED + message, INTERRUPTED, as_json)
+            return INTERRUPTED
         case BrokenPipeError():
             discard(sys.stdout)  # the reader has left, as `head` does: no error to report
             return PIPE_CLOSED
         case OSError() if error.errno in FULL:
             return output_lost(error)
-        case ImportError():
-            return _unloadable(error, as_json)
+        case SonarmapError():
+            message, code = str(error), MISUSE
+        case ImportError() if (module := (error.name or "").partition(".")[0]) != "sonarmap":  # ours are never missing
+            message, code = _unloadable(error, module), MISUSE
         case MemoryError():
             reason = f" ({error})" if str(error) else ""
-            full = f"this machine's memory is used up{reason}; give less at a time, or thin it out; "
-            full += "'sonarmap doctor' says what fits"
-            return _misuse(InputError(full), as_json)
+            message, code = f"this machine's memory is used up{reason}; {_LESS}", MISUSE
         case Exception():
-            return _defect(error, as_json)
-    raise error
+            message, code = _defect(error), DEFECT
+        case _:
+            raise error
+    if os.environ.get("SONARMAP_DEBUG", "0").lower() not in ("", "0", "false", "no", "off"):
+        traceback.print_exception(error)
+    message = as_options(message) if code == MISUSE else message
+    say(message, "error: ", "bold red")
+    print_failure(message, code, as_json)
+    return code
 
 
-def _misuse(error: SonarmapError, as_json: bool) -> int:
-    _debug(error)
-    return _fail(as_options(str(error)), MISUSE, as_json)
-
-
-def _unloadable(error: ImportError, as_json: bool) -> int:
-    """A library is missing or broken; our own modules never are."""
-    module = (error.name or "").partition(".")[0]
-    if module == "sonarmap":
-        return _defect(error, as_json)
+def _unloadable(error: ImportError, module: str) -> str:
+    """A library is missing or broken."""
     if (extra := EXTRA_OF.get(module)) and isinstance(error, ModuleNotFoundError):
-        return _misuse(InputError(f"this needs {module}, which is not installed. {how_to_install(extra)}."), as_json)
-    reason = " ".join(str(error).split())
-    return _misuse(InputError(f"a library cannot be loaded: {reason}. 'sonarmap doctor' says what to do"), as_json)
+        return f"this needs {module}, which is not installed. {how_to_install(extra)}."
+    return f"a library cannot be loaded: {' '.join(str(error).split())}. 'sonarmap doctor' says what to do"
 
 
-def _defect(error: Exception, as_json: bool) -> int:
-    _debug(error)
+def _defect(error: Exception) -> str:
     frame = traceback.extract_tb(error.__traceback__)[-1]
     description = " ".join(f"{type(error).__name__}: {error}".split())
-    message = (
+    return (
         f"this is a defect of sonarmap {metadata.version('sonarmap')}: {description} "
         f"({Path(frame.filename).name}, line {frame.lineno}). Please report it in the project's issues, "
         "with what the same command prints under SONARMAP_DEBUG=1."
     )
-    return _fail(message, DEFECT, as_json)
-
-
-def _fail(message: str, code: int, as_json: bool) -> int:
-    say(message, "error: ", "bold red")
-    print_failure(message, code, as_json)
-    return code
 
 
 def print_failure(message: str, code: int, as_json: bool) -> None:
     """Print why a command failed, for the program that asked for JSON."""
     if as_json:
         typer.echo(json.dumps({"error": shortened(message), "exit_code": code}))
-
-
-def _stopped(stop: KeyboardInterrupt, as_json: bool, written: Sequence[Path]) -> int:
-    message = what_became(stop) or _written(written)
-    say(message, STOPPED, "bold yellow")
-    print_failure(STOPPED + message, INTERRUPTED, as_json)
-    return INTERRUPTED
 
 
 def _written(paths: Sequence[Path]) -> str:
@@ -179,8 +164,3 @@ def output_lost(error: OSError) -> int:
 def discard(stream: TextIO) -> None:
     """Send what is still buffered nowhere, or the interpreter reports it as an error when it ends."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def _debug(error: Exception) -> None:
-    if os.environ.get("SONARMAP_DEBUG", "0").lower() not in ("", "0", "false", "no", "off"):
-        traceback.print_exception(error)

@@ -103,7 +103,7 @@ class OdometryFile:
         return odometry
 
 
-_SETTINGS, _TIMES = "sonarmap.tools.files.readers.navigation.settings", "sonarmap.tools.files.time_scales"
+_SETTINGS = "sonarmap.tools.files.readers.navigation.settings"
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +119,7 @@ class NavigationReading:
         "NAME",
         "Of its times that name no zone: utc, gps or tai.",
         shown="utc",
-        autocompletion=completes(listed_in(_TIMES, "TIME_SCALES")),
+        autocompletion=completes(listed_in("sonarmap.tools.files.time_scales", "TIME_SCALES")),
     )
     nav_offset: str | None = _rare(
         "S",

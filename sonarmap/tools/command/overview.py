@@ -117,11 +117,7 @@ def overview_of(
     stamps, stamp_notes = stamps_of(own, are_clouds)
     if all(stamp is not None for stamp, is_cloud in zip(own, are_clouds, strict=True) if is_cloud):
         overview.clock = clock_of(np.array(stamps)[are_scans])
-    few, more = overview.notes[:_MOST_NOTES], len(overview.notes) - _MOST_NOTES
-    overview.notes = [
-        *file_notes,
-        *stamp_notes,
-        *few,
-        *([f"and {more:,} more notes of single scans"] if more > 0 else []),
-    ]
+    if (more := len(overview.notes) - _MOST_NOTES) > 0:
+        overview.notes[_MOST_NOTES:] = [f"and {more:,} more notes of single scans"]
+    overview.notes[:0] = [*file_notes, *stamp_notes]
     return overview

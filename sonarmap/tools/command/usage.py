@@ -24,10 +24,11 @@ _EXTRA = re.compile(r"Got unexpected extra argument\(?s?\)? \((.*)\)", re.DOTALL
 def usage_words(error: Any) -> str:
     """What was given, what was wanted and what to do, of a `UsageError`."""
     call = error.ctx.command_path if error.ctx is not None else "sonarmap"
+    everything = f"`{call} --help-all` lists all options." if " " in call else f"`{call} --help` lists them."
     match type(error).__name__:
         case "NoSuchOption":
             meant = f"; did you mean {' or '.join(sorted(error.possibilities))}?" if error.possibilities else "."
-            return f"{call} has no option {error.option_name}{meant} {_everything(call)}"
+            return f"{call} has no option {error.option_name}{meant} {everything}"
         case "MissingParameter":
             wanted = (error.param.help or "").partition(". ")[0].rstrip(".").replace("\\[", "[")
             return f"{_name(error.param)} is missing: {wanted}. `{call} --help` shows how it is called."
@@ -60,10 +61,6 @@ def _other(message: str, call: str) -> str:
     if match := _EXTRA.fullmatch(message):
         return f"{match[1]} is too much; `{call} --help` shows how it is called."
     return message
-
-
-def _everything(call: str) -> str:
-    return f"`{call} --help-all` lists all options." if " " in call else f"`{call} --help` lists them."
 
 
 def _name(parameter: Any) -> str:

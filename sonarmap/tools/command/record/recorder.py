@@ -71,7 +71,12 @@ def record(settings: RecordSettings, follow: Callable[[Status], None], stop: Eve
         part = PartFile(settings.out, settings.overwrite)
         status = Status(settings, part.path, system_buffer(listening), senders=Senders(settings.sonar))
         try:
-            _require_room(part.path, status)
+            status.disk = shutil.disk_usage(part.path.parent).free
+            if status.disk < _LEAST_DISK:
+                raise InputError(
+                    f"the disk of {part.path.parent} has {status.disk / 1e6:.1f} MB left, enough for some seconds; "
+                    "make room, or record to another disk"
+                )
             recording = _Recording(status, part, follow)
             with Receiver(listening) as receiver:
                 recording.run(receiver, stop, lambda: join(listening, settings.source))
@@ -82,15 +87,6 @@ def record(settings: RecordSettings, follow: Callable[[Status], None], stop: Eve
             part.close()
         follow(status)
         return status
-
-
-def _require_room(path: Path, status: Status) -> None:
-    status.disk = shutil.disk_usage(path.parent).free
-    if status.disk < _LEAST_DISK:
-        raise InputError(
-            f"the disk of {path.parent} has {status.disk / 1e6:.1f} MB left, enough for some seconds; make room, or "
-            "record to another disk"
-        )
 
 
 class _Recording:

@@ -32,7 +32,7 @@ def status_lines(status: Status) -> tuple[str, str]:
     lasts = "" if status.disk_lasts is None else f", for {lasting(status.disk_lasts)}"
     lost_here = status.unsaved + status.overflow
     lost = f", lost here {lost_here:,}" if lost_here else ""
-    clock = "unknown" if offset is None else _signed(offset)
+    clock = "unknown" if offset is None else f"{offset:+.2f} s" if abs(offset) < 86400 else "days off"
     imu = "IMU" if tally.kinds[IMU].came else "no IMU"
     return (
         f"recording {clock_time(status.seconds)}: {status.shot_rate:.1f} shots/s, {status.packet_rate:.0f} packets/s; "
@@ -105,10 +105,6 @@ def clock_words(offset: float) -> str:
     """As in "0.21 s behind"; the sonar's clock against this computer's [s]."""
     amount = f"{abs(offset):,.2f} s" if abs(offset) < 86400 else f"{abs(offset) / 86400:,.0f} days"
     return f"{amount} {'ahead of' if offset > 0 else 'behind'}"
-
-
-def _signed(offset: float) -> str:
-    return f"{offset:+.2f} s" if abs(offset) < 86400 else "days off"
 
 
 def clock_time(seconds: float) -> str:

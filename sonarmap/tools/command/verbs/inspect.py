@@ -165,9 +165,9 @@ def _sound_speed(overview: "Overview") -> str:
 def _attitude(overview: "Overview") -> str:
     if not overview.attitudes:
         return "not recorded"
-    roll, pitch = overview.attitude
+    (roll, pitch), share = overview.attitude, _share(len(overview.attitudes), len(overview.names))
     return (
-        f"{_share(len(overview.attitudes), len(overview.names))}, by the recording's own IMU: in the median roll {roll:+.1f}, "
+        f"{share}, by the recording's own IMU: in the median roll {roll:+.1f}, "
         f"pitch {pitch:+.1f} degrees (starboard down, nose up)"
     )
 

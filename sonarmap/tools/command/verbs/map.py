@@ -1,7 +1,7 @@
 """`sonarmap map`: scans in, a map out."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from sonarmap.slam.graph.control import ControlPoint
     from sonarmap.slam.motion.odometry import Odometry
     from sonarmap.slam.tie import Tie
-    from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo.georeference import Georeference
     from sonarmap.tools.files.readers.corrections import Corrections
     from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
@@ -113,14 +112,14 @@ def command(
     mapper = survey.mapper_settings()
     navigation = reading.settings(priors.priors, odometry.odometry, origin=earth.georeference())
     read = _read_scans(inputs, priors.priors, points.corrections(), output.out, silent)
-    read, georeference = _navigate(read, priors, navigation, imu and method.uses_priors)
-    _refuse_second_heading(read.scans, earth.origin_heading)
+    read, georeference = _navigate(read, priors, navigation, imu and method.uses_priors, earth.origin_heading)
     ties = person.read_ties(read.scans)
     control, georeference = person.read_control(read.scans, georeference)
     exports = output.export_settings(earth.crs, georeference, read.scans)
     reckoned = odometry.read(read.scans, navigation)
     configured = configure_method(read.scans, method, survey=True)
-    _warn_of_contradiction(read, configured, priors.priors, silent)
+    if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, silent):
+        warn(f"{contradiction}; correct {priors.priors}, or say how it is meant (docs/navigation.md)")
     described = given(priors) | given(odometry) | given(reading) | given(points) | given(person)
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapper}
     require_writable(output.out)
@@ -160,22 +159,16 @@ def _read_scans(
 
 
 def _navigate(
-    read: "ReadScans", priors: PriorsFile, navigation: "NavigationSettings", use_imu: bool
+    read: "ReadScans", priors: PriorsFile, navigation: "NavigationSettings", use_imu: bool, heading: float | None
 ) -> "tuple[ReadScans, Georeference | None]":
-    """The scans with what instruments measured of them, and where the map lies on the Earth by that."""
+    """The scans with what instruments measured of them, and where the map lies on the Earth by that.
+
+    Raises InputError: they have headings, and --origin-heading is another one.
+    """
     navigated = scans_with_priors(read.scans, priors, navigation, use_imu, bool(read.unread), read.files)
-    return replace(read, scans=navigated.scans), navigated.georeference
-
-
-def _refuse_second_heading(scans: "Sequence[Scan]", heading: float | None) -> None:
-    if heading is not None and any(scan.prior is not None and scan.prior.knows_heading for scan in scans):
+    if heading is not None and any(scan.prior is not None and scan.prior.knows_heading for scan in navigated.scans):
         raise InputError("--origin-heading: the priors have headings, which say where the map points; leave it out")
-
-
-def _warn_of_contradiction(read: "ReadScans", method: ConfiguredMethod, priors: Path | None, quiet: bool) -> None:
-    """Warn where scans that are registered without the navigation contradict it."""
-    if contradiction := contradiction_of(read.scans, read.surveys, method.registrar, quiet):
-        warn(f"{contradiction}; correct {priors}, or say how it is meant (docs/navigation.md)")
+    return replace(read, scans=navigated.scans), navigated.georeference
 
 
 def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quiet: bool) -> Mapped:

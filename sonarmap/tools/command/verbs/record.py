@@ -5,7 +5,7 @@ import math
 import re
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
 from ipaddress import AddressValueError, IPv4Address
@@ -153,8 +153,5 @@ def _shown(quiet: bool) -> Iterator[Callable[["Status"], None]]:
                 shown_at = status.seconds
 
     live = Live(console=console, auto_refresh=False) if console.is_terminal and not quiet else None
-    if live is None:
-        yield follow
-        return
-    with live:
+    with live or nullcontext():
         yield follow

@@ -176,11 +176,16 @@ def command(
     """
     from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.lab.simulate.folder import write_simulation
+    from sonarmap.tools.lab.simulate.plan import SPACED
     from sonarmap.tools.lab.simulate.simulation import simulate
 
     settings = _settings(scans)
     fixes, drift, instruments = navigation.fixes(), navigation.drift(), navigation.instruments()
-    _require_spaced(settings.trajectory, scans.spacing)
+    if scans.spacing is not None and settings.trajectory not in SPACED:
+        raise InputError(
+            f"--spacing has no effect with --trajectory {settings.trajectory}, only with {' or '.join(SPACED)}; "
+            "leave it out"
+        )
     several = {"count": scans.scans, "spacing": scans.spacing, "dive": scans.dive, "unusable": lost.unusable}
     sensor = settings.sensor if lost.threshold is None else replace(settings.sensor, threshold=lost.threshold)
     changed = {"noise": replace(settings.noise, **given(noise)), "sensor": sensor}
@@ -190,16 +195,6 @@ def command(
         simulation = simulate(settings, progress=lambda done: step(done, settings.count, ""))
     write_simulation(simulation, out, instruments, fixes, drift)
     typer.echo(f"{len(simulation.scans)} scans of {settings.scene} and their true poses in {printable(str(out))}")
-
-
-def _require_spaced(trajectory: str, spacing: float | None) -> None:
-    """Refuse a spacing where the trajectory has none to choose."""
-    from sonarmap.tools.lab.simulate.plan import SPACED
-
-    if spacing is not None and trajectory not in SPACED:
-        raise InputError(
-            f"--spacing has no effect with --trajectory {trajectory}, only with {' or '.join(SPACED)}; leave it out"
-        )
 
 
 def _settings(scans: SimulatedScans) -> "SimulationSettings":

@@ -120,12 +120,6 @@ class TestOtherFormats:
         said(shown, "cannot be read")
         assert "2: a to b" in shown.stdout
 
-    @pytest.mark.parametrize("name", ["missing.sonar", "void.sonar", "noise.sonar"])
-    def test_bad_input_is_said(self, tmp_path: Path, name: str) -> None:
-        (tmp_path / "void.sonar").write_bytes(b"")
-        (tmp_path / "noise.sonar").write_bytes(b"RIP2" + np.random.default_rng(1).bytes(3000))
-        refused(sonarmap("inspect", tmp_path / name), name)
-
     def test_one_scan_alone_makes_no_map(self, tmp_path: Path) -> None:
         write(tmp_path, a=scan(0))
         assert "a map needs at least two scans" in sonarmap("inspect", tmp_path / "a.ply").stdout
