@@ -1,7 +1,7 @@
-"""What a map is written as: the options of `map` beside the map itself, and --format of `export`."""
+"""What a map is written as: options of `map` beside the map itself, and of `export`; where it lies on the Earth."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import OUTPUT, REQUIRED, completes, completes_list, flag, option, value
+from sonarmap.tools.command.options.option import (
+    EARTH,
+    OUTPUT,
+    REQUIRED,
+    completes,
+    completes_list,
+    flag,
+    listed_in,
+    option,
+    refuse_without,
+    value,
+)
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import say
 from sonarmap.tools.files.map_folder.names import EXPORTS
@@ -24,6 +35,7 @@ if TYPE_CHECKING:
 _KNOWN = "; ".join(f"{name}: {known.words}" for name, known in FORMATS.items())
 _EXPORTS = " or ".join(f"{file.format('')} ({name})" for name, file in EXPORTS.items())
 _output = partial(option, OUTPUT)
+_earth = partial(option, EARTH)
 
 
 def _check_formats(values: list[str] | None) -> list[str] | None:
@@ -105,3 +117,60 @@ def export_with_progress(folder: "MapFolder", to: Path, settings: "ExportSetting
     for note in exported.notes:
         say(note)
     return exported
+
+
+@dataclass(frozen=True, slots=True)
+class EarthPlace:
+    """Where the map's origin is, and the coordinates of exported files."""
+
+    origin: str | None = _earth(
+        "LAT,LON[,HEIGHT]",
+        "Where the map's origin is: WGS84 \\[deg]. The height is above the vertical reference \\[m].",
+        shown="as the map says",
+    )
+    origin_heading: float | None = _earth(
+        "DEG",
+        "True heading of the map's x axis. It is for a map without a heading of its own.",
+        rare=True,
+        shown="90, East",
+    )
+    vertical: str | None = _earth(
+        "NAME",
+        "What heights count from. Names: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or EGM2008. ",
+        rare=True,
+        shown="surface",
+        autocompletion=completes(listed_in("sonarmap.tools.files.geo.georeference", "VERTICALS")),
+    )
+    crs: str | None = _earth(
+        "CRS", "Projected coordinates of exported files, as EPSG:25832.", rare=True, shown="the UTM zone of the origin"
+    )
+
+    def georeference(self, known: "Georeference | None" = None) -> "Georeference | None":
+        """What --origin, --origin-heading and --vertical say; what none of them says stays as `known` has it.
+
+        None without an origin. Raises InputError: numbers that cannot be one, or another option without any origin.
+        """
+        from sonarmap.tools.files.geo.georeference import DEFAULT_VERTICAL, EAST, Georeference
+
+        if self.origin is None and known is None:
+            refuse_without("--origin", {"--origin-heading": self.origin_heading, "--vertical": self.vertical})
+            return None
+        if known is None or self.origin is not None:
+            unsaid = (DEFAULT_VERTICAL, EAST) if known is None else (known.vertical, known.heading)
+            known = Georeference(*_numbers(self.origin or ""), *unsaid)
+        heading = known.heading if self.origin_heading is None else self.origin_heading
+        return replace(known, vertical=self.vertical or known.vertical, heading=heading)
+
+
+def _numbers(origin: str) -> tuple[float, float, float]:
+    """Latitude, longitude [deg] and height [m], 0 where it is left out."""
+    try:
+        numbers = [float(part) for part in origin.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (2, 3):
+        raise InputError(
+            f"--origin is {origin!r}; wanted latitude and longitude in degrees with decimal points, and perhaps a "
+            "height in meters, as in --origin 60.3913,5.3221 or --origin=-33.8568,151.2153,2.5"
+        )
+    return numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 0.0

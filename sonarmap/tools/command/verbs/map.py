@@ -14,9 +14,8 @@ from sonarmap.tools.command.execution import ExecutionOptions, open_execution
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile, scans_with_priors
 from sonarmap.tools.command.navigation_check import contradiction_of
-from sonarmap.tools.command.options.earth import EarthPlace
 from sonarmap.tools.command.options.option import RUNNING, given, switch
-from sonarmap.tools.command.options.output import MapOutput, export_with_progress
+from sonarmap.tools.command.options.output import EarthPlace, MapOutput, export_with_progress
 from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.options.scan import InputsArgument, PointReading
