@@ -10,6 +10,7 @@ from tests.commands.pages import (
     PAGES,
     all_options,
     examples,
+    is_complete,
     mentions,
     named,
     options,
@@ -22,6 +23,16 @@ from tests.commands.pages import (
 
 # Options of other programs that sentences name.
 FOREIGN = {"-m", "--no-deps", "--quiet"}
+
+
+def test_pages_have_commands_and_wrong_ones_are_refused() -> None:
+    found = [example for page in PAGES for example in examples(page)]
+    assert len(found) > 100
+    assert {example.language for example in found} == {"sh", "python"}
+    for wrong in ("mapp scans/", "map scans/ -o map/ --grids 64", "map scans/", "devices --tests"):
+        assert not is_complete(f"sonarmap {wrong}")
+    assert not is_complete("sonarmap map SCANS -o map/")
+    assert is_complete("sonarmap map scans/ -o map/")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)

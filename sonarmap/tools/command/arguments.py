@@ -2,31 +2,15 @@
 
 import re
 
-OPTIONS = {
+_SAME = ("device", "fix_sigma", "frame", "fresh", "hypotheses", "max_tilt", "method", "objective", "range_scale")
+_SAME += ("scheduler", "seed", "sound_speed", "start", "ties", "units", "voxel", "workers", "yaw_peaks")
+OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _SAME} | {
     "alignment": "--align",
     "count": "--scans",
-    "device": "--device",
     "edge": "--grid",
-    "fix_sigma": "--fix-sigma",
-    "frame": "--frame",
-    "fresh": "--fresh",
-    "hypotheses": "--hypotheses",
-    "max_tilt": "--max-tilt",
-    "method": "--method",
-    "objective": "--objective",
-    "range_scale": "--range-scale",
     "refinement": "--refine",
     "repairs": "--repair",
-    "scheduler": "--scheduler",
-    "seed": "--seed",
-    "sound_speed": "--sound-speed",
-    "start": "--start",
-    "ties": "--ties",
-    "units": "--units",
     "use_strength": "--strength",
-    "voxel": "--voxel",
-    "workers": "--workers",
-    "yaw_peaks": "--yaw-peaks",
 }
 FLAGS = {"--fresh", "--repair", "--strength"}  # without a value
 

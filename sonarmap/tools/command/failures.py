@@ -1,9 +1,10 @@
-"""How a verb fails: a message on stderr, with --json a JSON object on stdout too, and an exit code."""
+"""How a verb fails, or typer refuses a command line: a message on stderr, with --json an object too, and a code."""
 
 import errno
 import functools
 import json
 import os
+import re
 import shlex
 import sys
 import traceback
@@ -15,12 +16,11 @@ from typing import Any, TextIO
 
 import typer
 
-from sonarmap.kernels.errors import InputError, SonarmapError
+from sonarmap.kernels.errors import SonarmapError
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.log import log, logged, results_to
 from sonarmap.tools.command.stops import terminated_as_interrupted, what_became
 from sonarmap.tools.command.terminal import quietly, say, shortened
-from sonarmap.tools.command.usage import usage_words
 from sonarmap.tools.extras import EXTRA_OF, how_to_install
 from sonarmap.tools.files.writers.atomic import appeared
 
@@ -31,6 +31,21 @@ PIPE_CLOSED = 128 + 13  # as a shell reports SIGPIPE
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a disk that takes no more
 STOPPED = "stopped: "
 LISTED = 5  # names of files in a message
+_LESS = "give less at a time, or thin it out; 'sonarmap doctor' says what fits"
+UsageError: Any = typer.BadParameter.__base__  # of all that typer refuses; it has no public name
+
+# what is said of a value -> what to give instead
+_WANTED = (
+    (re.compile(r"Input should be a valid integer.*"), "give a whole number"),
+    (re.compile(r"Input should be a valid number.*"), "give a number"),
+    (re.compile(r"Input should be greater than or equal to (\S+)"), r"give \1 or more"),
+    (re.compile(r"Input should be less than or equal to (\S+)"), r"give \1 or less"),
+)
+_NO_VERB = re.compile(r"No such command '(.*?)'\.?")
+_MEANT = re.compile(r"Did you mean (.*)\?")
+_NO_VALUE = re.compile(r"Option '?(\S+?)'? requires an argument\.?")
+_A_VALUE = re.compile(r"Option '?(\S+?)'? does not take a value\.?")
+_EXTRA = re.compile(r"Got unexpected extra argument\(?s?\)? \((.*)\)", re.DOTALL)
 
 
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -90,72 +105,56 @@ def _logged_end() -> Iterator[None]:
 def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
     """Say what went wrong, on stdout as JSON too; `written` are the files that are there, whole. The exit code."""
     match error:
-        case SonarmapError():
-            return _misuse(error, as_json)
         case KeyboardInterrupt():
-            return _stopped(error, as_json, written)
+            message = what_became(error) or _written(written)
+            say(message, STOPPED, "bold yellow")
+            print_failure(STOPPED + message, INTERRUPTED, as_json)
+            return INTERRUPTED
         case BrokenPipeError():
             discard(sys.stdout)  # the reader has left, as `head` does: no error to report
             return PIPE_CLOSED
         case OSError() if error.errno in FULL:
             return output_lost(error)
-        case ImportError():
-            return _unloadable(error, as_json)
+        case SonarmapError():
+            message, code = str(error), MISUSE
+        case ImportError() if (module := (error.name or "").partition(".")[0]) != "sonarmap":  # ours are never missing
+            message, code = _unloadable(error, module), MISUSE
         case MemoryError():
             reason = f" ({error})" if str(error) else ""
-            full = f"this machine's memory is used up{reason}; give less at a time, or thin it out; "
-            full += "'sonarmap doctor' says what fits"
-            return _misuse(InputError(full), as_json)
+            message, code = f"this machine's memory is used up{reason}; {_LESS}", MISUSE
         case Exception():
-            return _defect(error, as_json)
-    raise error
+            message, code = _defect(error), DEFECT
+        case _:
+            raise error
+    if os.environ.get("SONARMAP_DEBUG", "0").lower() not in ("", "0", "false", "no", "off"):
+        traceback.print_exception(error)
+    message = as_options(message) if code == MISUSE else message
+    say(message, "error: ", "bold red")
+    print_failure(message, code, as_json)
+    return code
 
 
-def _misuse(error: SonarmapError, as_json: bool) -> int:
-    _debug(error)
-    return _fail(as_options(str(error)), MISUSE, as_json)
-
-
-def _unloadable(error: ImportError, as_json: bool) -> int:
-    """A library is missing or broken; our own modules never are."""
-    module = (error.name or "").partition(".")[0]
-    if module == "sonarmap":
-        return _defect(error, as_json)
+def _unloadable(error: ImportError, module: str) -> str:
+    """A library is missing or broken."""
     if (extra := EXTRA_OF.get(module)) and isinstance(error, ModuleNotFoundError):
-        return _misuse(InputError(f"this needs {module}, which is not installed. {how_to_install(extra)}."), as_json)
-    reason = " ".join(str(error).split())
-    return _misuse(InputError(f"a library cannot be loaded: {reason}. 'sonarmap doctor' says what to do"), as_json)
+        return f"this needs {module}, which is not installed. {how_to_install(extra)}."
+    return f"a library cannot be loaded: {' '.join(str(error).split())}. 'sonarmap doctor' says what to do"
 
 
-def _defect(error: Exception, as_json: bool) -> int:
-    _debug(error)
+def _defect(error: Exception) -> str:
     frame = traceback.extract_tb(error.__traceback__)[-1]
     description = " ".join(f"{type(error).__name__}: {error}".split())
-    message = (
+    return (
         f"this is a defect of sonarmap {metadata.version('sonarmap')}: {description} "
         f"({Path(frame.filename).name}, line {frame.lineno}). Please report it in the project's issues, "
         "with what the same command prints under SONARMAP_DEBUG=1."
     )
-    return _fail(message, DEFECT, as_json)
-
-
-def _fail(message: str, code: int, as_json: bool) -> int:
-    say(message, "error: ", "bold red")
-    print_failure(message, code, as_json)
-    return code
 
 
 def print_failure(message: str, code: int, as_json: bool) -> None:
     """Print why a command failed, for the program that asked for JSON."""
     if as_json:
         typer.echo(json.dumps({"error": shortened(message), "exit_code": code}))
-
-
-def _stopped(stop: KeyboardInterrupt, as_json: bool, written: Sequence[Path]) -> int:
-    message = what_became(stop) or _written(written)
-    say(message, STOPPED, "bold yellow")
-    print_failure(STOPPED + message, INTERRUPTED, as_json)
-    return INTERRUPTED
 
 
 def _written(paths: Sequence[Path]) -> str:
@@ -181,6 +180,49 @@ def discard(stream: TextIO) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def _debug(error: Exception) -> None:
-    if os.environ.get("SONARMAP_DEBUG", "0").lower() not in ("", "0", "false", "no", "off"):
-        traceback.print_exception(error)
+def usage_words(error: Any) -> str:
+    """What was given, what was wanted and what to do, of a `UsageError`."""
+    call = error.ctx.command_path if error.ctx is not None else "sonarmap"
+    everything = f"`{call} --help-all` lists all options." if " " in call else f"`{call} --help` lists them."
+    match type(error).__name__:
+        case "NoSuchOption":
+            meant = f"; did you mean {' or '.join(sorted(error.possibilities))}?" if error.possibilities else "."
+            return f"{call} has no option {error.option_name}{meant} {everything}"
+        case "MissingParameter":
+            wanted = (error.param.help or "").partition(". ")[0].rstrip(".").replace("\\[", "[")
+            return f"{_name(error.param)} is missing: {wanted}. `{call} --help` shows how it is called."
+        case "BadParameter":
+            return _refused(error)
+    return _other(error.format_message(), call)
+
+
+def _refused(error: Any) -> str:
+    """Of a value that an option cannot have."""
+    message = error.message
+    for pattern, wanted in _WANTED:
+        if match := pattern.fullmatch(message):
+            given = getattr(error.__cause__, "errors", list)()
+            value = repr(given[0]["input"]) if given else "the value"
+            message = f"{value}; {match.expand(wanted)}"
+    name = _name(error.param) if error.param is not None else ""
+    return message if not name or message.startswith(name) else f"{name}: {message}"
+
+
+def _other(message: str, call: str) -> str:
+    if match := _NO_VERB.match(message):
+        meant = _MEANT.search(message)
+        verb = f"; did you mean {meant[1]}?" if meant else "."
+        return f"there is no verb '{match[1]}'{verb} `{call} --help` lists them."
+    if match := _NO_VALUE.fullmatch(message):
+        return f"{match[1]} needs a value after it; give one, or leave {match[1]} out."
+    if match := _A_VALUE.fullmatch(message):
+        return f"{match[1]} takes no value; leave out what stands after it."
+    if match := _EXTRA.fullmatch(message):
+        return f"{match[1]} is too much; `{call} --help` shows how it is called."
+    return message
+
+
+def _name(parameter: Any) -> str:
+    """As the help calls it: "--out", "INPUT..."."""
+    names = [name for name in parameter.opts if name.startswith("-")]
+    return max(names, key=len) if names else parameter.metavar or str(parameter.name).upper()

@@ -14,10 +14,9 @@ from rich.console import Console
 from rich.text import Text
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
-from sonarmap.tools.command.failures import print_failure
-from sonarmap.tools.command.options.groups import GROUPS, INPUT, RUNNING
+from sonarmap.tools.command.failures import UsageError, print_failure, usage_words
+from sonarmap.tools.command.options.option import GROUPS, INPUT, RUNNING
 from sonarmap.tools.command.terminal import say
-from sonarmap.tools.command.usage import UsageError, usage_words
 
 _NAMES = 26  # columns for the names of options
 _NARROW = 60  # below, words stand below the names

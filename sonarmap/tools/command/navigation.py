@@ -7,11 +7,16 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
-import typer
-
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options import groups
-from sonarmap.tools.command.options.option import completes, given, option, refuse_without
+from sonarmap.tools.command.options.option import (
+    NAVIGATION,
+    completes,
+    given,
+    listed_in,
+    option,
+    refuse_without,
+    switch,
+)
 from sonarmap.tools.command.options.registration import refused_by
 from sonarmap.tools.command.terminal import say
 
@@ -25,17 +30,11 @@ if TYPE_CHECKING:
 
 AUTO = "auto"
 DEFAULT_DRIFT = "1,10"
-_nav = partial(option, groups.NAVIGATION)
+_nav = partial(option, NAVIGATION)
 _rare = partial(_nav, rare=True)
 
 ImuOption = Annotated[
-    bool,
-    typer.Option(
-        "--imu/--no-imu",
-        help="Use roll and pitch as the IMU within a recording has them.",
-        rich_help_panel=groups.NAVIGATION,
-        hidden=True,
-    ),
+    bool, switch(NAVIGATION, "--imu/--no-imu", "Use roll and pitch as the IMU within a recording has them.", rare=True)
 ]
 
 
@@ -104,16 +103,7 @@ class OdometryFile:
         return odometry
 
 
-def _frames() -> tuple[str, ...]:
-    from sonarmap.tools.files.readers.navigation.settings import DOWN_FRAMES, UP_FRAMES  # imports SciPy
-
-    return (*DOWN_FRAMES, *UP_FRAMES)
-
-
-def _time_scales() -> tuple[str, ...]:
-    from sonarmap.tools.files.time_scales import TIME_SCALES
-
-    return tuple(TIME_SCALES)
+_SETTINGS = "sonarmap.tools.files.readers.navigation.settings"
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +116,10 @@ class NavigationReading:
         shown="by their names",
     )
     time_scale: str | None = _rare(
-        "NAME", "Of its times that name no zone: utc, gps or tai.", shown="utc", autocompletion=completes(_time_scales)
+        "NAME",
+        "Of its times that name no zone: utc, gps or tai.",
+        shown="utc",
+        autocompletion=completes(listed_in("sonarmap.tools.files.time_scales", "TIME_SCALES")),
     )
     nav_offset: str | None = _rare(
         "S",
@@ -140,7 +133,7 @@ class NavigationReading:
         "Of its pitch, yaw, x, y, z, and of --mount: frd or ned (forward, right, down; North, East, Down), flu or enu "
         "(forward, left, up; East, North, Up).",
         shown="heading, pitch nose up, x East, y North, depth",
-        autocompletion=completes(_frames),
+        autocompletion=completes(listed_in(_SETTINGS, "DOWN_FRAMES", "UP_FRAMES")),
     )
     mount: str | None = _rare(
         "R,P,H[,X,Y,Z]",
@@ -177,7 +170,7 @@ class NavigationReading:
         )
 
 
-NAVIGATION = tuple(each.name for each in fields(NavigationReading))
+NAVIGATION_READING = tuple(each.name for each in fields(NavigationReading))
 
 
 def _offset(text: str) -> float | None:

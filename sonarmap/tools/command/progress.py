@@ -3,7 +3,7 @@
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from datetime import timedelta
 
 from rich.console import Console, RenderableType
@@ -63,11 +63,8 @@ def growing_progress(label: str, quiet: bool = False) -> Iterator[Step]:
             bar.show(done, planned, note)
 
     bar = _Bar(console, printable(label), pace) if on_terminal else None
-    if bar is None:
+    with nullcontext() if bar is None else bar.shown():
         yield step
-    else:
-        with bar.shown():
-            yield step
     lines.end()
 
 

@@ -17,7 +17,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.journal import Journal, JournalEntry
 from sonarmap.slam.execute.pair_text import from_text, to_text
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.command.inspect.overview import overview_of
+from sonarmap.tools.command.overview import overview_of
 from sonarmap.tools.files.readers.clouds import apart
 from sonarmap.tools.files.readers.clouds.cloud import COORDINATE_LIMIT
 from sonarmap.tools.files.readers.navigation.odometry import read_odometry

@@ -48,10 +48,6 @@ class TestExitCodes:
         exit_code_of(raiser(error))
         assert "Traceback (most recent call last)" in capsys.readouterr().err
 
-    def test_an_interruption_is_130(self, capsys: pytest.CaptureFixture[str]) -> None:
-        assert exit_code_of(raiser(KeyboardInterrupt())) == 130
-        assert capsys.readouterr().err == "stopped: nothing was written\n"
-
     @pytest.mark.parametrize("ending", [typer.Exit(3), typer.BadParameter("no")])
     def test_what_a_verb_decides_itself_passes(self, ending: Exception) -> None:
         with pytest.raises(type(ending)) as ended:

@@ -7,7 +7,7 @@ import typer
 from typer.testing import CliRunner
 
 from sonarmap.tools.command.main import VERBS, app
-from sonarmap.tools.command.options.groups import GROUPS
+from sonarmap.tools.command.options.option import GROUPS
 
 COMMANDS = typer.main.get_command(app).commands  # pyright: ignore[reportAttributeAccessIssue]
 MOST_ROWS = {"map": 45, "register": 40, "simulate": 40}

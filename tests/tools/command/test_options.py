@@ -1,4 +1,6 @@
-"""The options that verbs share: their defaults, and what arrives of them; test_bad_input has what they refuse."""
+"""The options that verbs share: their defaults and what arrives of them; arguments in errors become options."""
+
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -7,6 +9,8 @@ from typer.testing import CliRunner, Result
 
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig
 from sonarmap.spectral.registration import SpectralConfig
+from sonarmap.tools.command.arguments import OPTIONS, as_options
+from sonarmap.tools.command.main import VERBS, app
 from sonarmap.tools.command.options.option import spread
 from sonarmap.tools.command.options.registration import MethodOptions
 
@@ -48,3 +52,32 @@ class TestSharedOptions:
     @pytest.mark.parametrize("edge", ["16", "90", "96", "512"])
     def test_the_ends_of_the_grids_range(self, edge: str) -> None:
         assert arrived(f"--grid {edge}").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("message", "shown"),
+    [
+        ("`edge=98` is not; try `edge=96` or `edge=100`", "--grid 98 is not; try --grid 96 or --grid 100"),
+        ("give a larger `voxel`", "give a larger --voxel"),
+        ("`scheduler=tcp://10.0.0.5:8786`", "--scheduler tcp://10.0.0.5:8786"),
+        ("`use_strength=True` needs strengths", "--strength needs strengths"),
+        ("`bandwidth=7` and `stack`", "bandwidth=7 and stack"),
+        ("run `sonarmap map` first", "run `sonarmap map` first"),
+        ("edge=100, max_tilt", "edge=100, max_tilt"),
+    ],
+)
+def test_an_argument_becomes_its_option(message: str, shown: str) -> None:
+    assert as_options(message) == shown
+
+
+def test_every_option_of_the_table_is_one_of_a_verb() -> None:
+    from typer.main import get_command
+
+    commands = [get_command(app).commands[verb] for verb in VERBS]  # pyright: ignore[reportAttributeAccessIssue]
+    options = {option for command in commands for parameter in command.params for option in parameter.opts}
+    assert set(OPTIONS.values()) <= options
+
+
+def test_every_setting_that_an_option_changes_is_in_the_table() -> None:
+    settings = {field.name for config in (SpectralConfig, HemisphereConfig) for field in fields(config)}
+    assert settings & OPTIONS.keys() == {"max_tilt", "hypotheses", "refinement", "yaw_peaks", "use_strength"}

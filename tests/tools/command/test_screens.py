@@ -1,10 +1,12 @@
-"""What is seen in a terminal of 80 columns and 24 rows, and in narrower ones."""
+"""Progress and results on terminals of 80 columns and fewer; few lines elsewhere."""
 
 import signal
 from pathlib import Path
 
 import pytest
 
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.progress import growing_progress, progress
 from tests.samples.clutter_scans import scan, write
 from tests.samples.screens import on_screen
 
@@ -103,3 +105,47 @@ def test_a_table_of_pairs_keeps_its_numbers(scans: Path) -> None:
         assert ("distance" in shown.lines[head]) == (columns == 80)
         assert shown.lines[head + 1].startswith("a - b")
         assert "…" not in "".join(shown.lines[head : head + 5])
+
+
+class TestProgress:
+    def test_quiet_says_nothing(self, capsys: pytest.CaptureFixture[str]) -> None:
+        with progress("pairs", 2, quiet=True) as advance:
+            advance("one")
+            advance("two")
+        assert capsys.readouterr() == ("", "")
+
+    def test_a_pipe_gets_few_lines(self, capsys: pytest.CaptureFixture[str]) -> None:
+        with progress("pairs", 100) as advance:
+            for _ in range(100):
+                advance("a [note]")
+        printed = capsys.readouterr()
+        assert printed.out == ""
+        assert printed.err.count("\n") == 1
+        assert printed.err.startswith("pairs: 100 of 100, ")
+        assert printed.err.endswith("(a [note])\n")
+
+    def test_the_time_left(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+        clock = iter([0.0, 0.0, 0.0, 2.0, 6.0, 9.0])  # the start, the plan, three pieces
+        monkeypatch.setattr("sonarmap.tools.command.progress.time.monotonic", lambda: next(clock))
+        with progress("pairs", 3) as advance:
+            for _ in range(3):
+                advance("")
+        assert capsys.readouterr().err == "pairs: 2 of 3, 6.0 s, about 3 s left\npairs: 3 of 3, 9.0 s\n"
+
+    def test_the_plan_may_grow(self, capsys: pytest.CaptureFixture[str]) -> None:
+        with growing_progress("mapping") as step:
+            step(1, 2, "0 - 1")
+            step(2, 5, "1 - 2")
+        said = capsys.readouterr().err
+        assert said.startswith("mapping: 2 of 5, ")
+        assert said.endswith(" s left (1 - 2)\n")
+
+    def test_an_error_ends_it_without_a_word(self, capsys: pytest.CaptureFixture[str]) -> None:
+        def fail_after_one() -> None:
+            with progress("pairs", 2) as advance:
+                advance("one")
+                raise InputError("no")
+
+        with pytest.raises(InputError):
+            fail_after_one()
+        assert capsys.readouterr().err == ""

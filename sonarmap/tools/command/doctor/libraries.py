@@ -38,6 +38,7 @@ APT_PACKAGES = {
 # Modules whose names their distributions do not tell.
 _MODULES = {"pillow": "PIL", "protobuf": "google.protobuf", "python-neo-lzf": "lzf", "pyfftw": "pyfftw"}
 _NO_MEMORY = ("failed to map segment", "MemoryError", "out of memory", "Cannot allocate memory")  # see memory
+_EXTRA = re.compile(r"extra\s*==\s*[\"']([\w-]+)[\"']")
 _SHARED_OBJECT = re.compile(r"(lib[\w.+-]+\.so[\w.]*): cannot open shared object file")
 
 
@@ -199,10 +200,5 @@ def _project() -> tuple[str, list[tuple[str, str]]]:
         lines = [("", text) for text in project["dependencies"]]
         return project["requires-python"], lines + [(extra, text) for extra in extras for text in extras[extra]]
     about = metadata.metadata("sonarmap")
-    lines = [(_extra_of(text), text) for text in metadata.requires("sonarmap") or []]
+    lines = [(match[1] if (match := _EXTRA.search(text)) else "", text) for text in metadata.requires("sonarmap") or []]
     return about["Requires-Python"] or ">=3", lines
-
-
-def _extra_of(text: str) -> str:
-    match = re.search(r"extra\s*==\s*[\"']([\w-]+)[\"']", text)
-    return match[1] if match else ""

@@ -15,6 +15,7 @@ from sonarmap.tools.command.doctor.machine import memory_is_short
 
 _SECONDS = 900.0  # every driver is tried in a process of its own, which has a limit itself
 _SHORT = 30.0  # a library that finds too little memory can try for ever, as OpenBLAS does
+_METHODS = ("spectral", "hemisphere")  # that run on a device
 _POCL = Remedy("install PoCL, an OpenCL driver for processors:", "sudo apt-get install pocl-opencl-icd")
 _OF_PIP = Remedy("or, without root, Intel's, which AMD processors run too:", pip_command(*DRIVER_OF_PIP))
 
@@ -43,6 +44,8 @@ def main(arguments: Sequence[str]) -> None:
         answer(unloadable=str(error))
         return
     from sonarmap.kernels.errors import DeviceError, SonarmapError
+    from sonarmap.kernels.fft.edges import EDGES
+    from sonarmap.spectral.memory import largest_edge, memory_plan
 
     try:
         answer(begins="testing the devices" if arguments else "trying the devices")
@@ -50,20 +53,12 @@ def main(arguments: Sequence[str]) -> None:
         answer(begins="choosing a device")
         device = choose_device()
         answer(chosen=device.selector)
-        _say_what_fits(device)
+        pairs = [(edge, max(memory_plan(edge, method).pair for method in _METHODS)) for edge in EDGES]
+        answer(largest=largest_edge(device), pairs=pairs, device_memory=device.memory, shared=device.is_cpu)
     except DeviceError as error:
         answer(unavailable=str(error))
     except SonarmapError as error:  # a variable of the environment
         answer(refused=str(error))
-
-
-def _say_what_fits(device: Any) -> None:
-    from sonarmap.kernels.fft.edges import EDGES
-    from sonarmap.spectral.memory import largest_edge, memory_plan
-
-    methods = ("spectral", "hemisphere")
-    pairs = {edge: max(memory_plan(edge, method).pair for method in methods) for edge in EDGES}
-    answer(largest=largest_edge(device), pairs=list(pairs.items()), device_memory=device.memory, shared=device.is_cpu)
 
 
 def _fault(answers: Answers) -> Finding | None:

@@ -6,7 +6,7 @@ import sys
 import textwrap
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from importlib import metadata
 from itertools import chain
 from pathlib import Path
@@ -124,16 +124,7 @@ def lines_of(finding: Finding, width: int = 80) -> list[str]:
 
 def as_json(findings: Sequence[Finding]) -> dict[str, Any]:
     """All of it, of JSON's types."""
-    checks = [
-        {
-            "check": finding.check,
-            "verdict": finding.verdict,
-            "seen": finding.seen,
-            "remedies": [{"words": remedy.words, "command": remedy.command} for remedy in finding.remedies],
-            "details": dict(finding.details),
-        }
-        for finding in findings
-    ]
+    checks = [{"check": finding.check} | asdict(finding) for finding in findings]
     return {"sonarmap": _version(), "verdict": worst(finding.verdict for finding in findings), "checks": checks}
 
 

@@ -7,8 +7,18 @@ from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.options.groups import EXPERIMENT, INPUT, INSTRUMENTS, MOST_WORKERS, OUTPUT, RUNNING
-from sonarmap.tools.command.options.option import completes, completes_list, flag, option
+from sonarmap.tools.command.options.option import (
+    EXPERIMENT,
+    INPUT,
+    INSTRUMENTS,
+    MOST_WORKERS,
+    OUTPUT,
+    RUNNING,
+    completes,
+    completes_list,
+    flag,
+    option,
+)
 from sonarmap.tools.command.options.registration import VoxelOption, check_seed, check_tilt, checked, refused_by
 from sonarmap.tools.lab.reproduce.experiments import EVERY, EXPERIMENTS, groups, members
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS

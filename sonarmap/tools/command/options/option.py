@@ -1,12 +1,13 @@
 """Options as fields of dataclasses: each is declared once, and a verb takes a few dataclasses, not dozens of values.
 
-`spread` gives typer the fields in place of the dataclasses.
+`spread` gives typer the fields in place of the dataclasses. GROUPS are the groups in which `--help` lists options.
 """
 
 import functools
 import inspect
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, field, fields, is_dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, get_origin
 
@@ -14,49 +15,75 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 
+INPUT = "Input"
+NAVIGATION = "Navigation"
+SCENE = "Scene"
+NOISE = "Noise"
+REGISTRATION = "Registration"
+EXPERIMENT = "Experiment"
+OPTIMIZATION = "Optimization"
+MEASUREMENT = "Measurement"
+LOOPS = "Loops and motion"
+EARTH = "Place on the Earth"
+OUTPUT = "Output"
+RUNNING = "Running"
+GROUPS = (
+    *(INPUT, NAVIGATION, SCENE, NOISE, REGISTRATION, EXPERIMENT, OPTIMIZATION, MEASUREMENT),
+    *(LOOPS, EARTH, OUTPUT, RUNNING),
+)
+
+MOST_WORKERS = 1024  # more processes than any machine has use for
+MOST = 1_000_000  # of whatever is counted, so that every file and library can hold the number
+
+# As --priors of `simulate` and --known of `reproduce` name them.
+INSTRUMENTS = ("attitude", "heading", "depth", "position")
+
 REQUIRED: Any = MISSING  # the default of an option that has to be given
 _OPTION = "option"  # in a field's metadata
 
 
-def option(
-    panel: str,
-    metavar: str,
-    words: str,
-    default: Any = None,
-    *names: str,
-    rare: bool = False,
-    shown: str | bool = True,
-    **more: Any,
-) -> Any:
-    """A field that is an option with a value, in one of the panels of GROUPS; `metavar` stands for the value.
+def value(panel: str, metavar: str, words: str, *names: str, rare: bool = False, **more: Any) -> Any:
+    """An option with a value, in one of the panels of GROUPS, as `Annotated` takes it; `metavar` stands for the value.
 
     Args:
         words: its help; `--help` shows the first sentence.
-        default: None for none, REQUIRED where it has to be given.
-        names: on the command line, where they are not the field's.
+        names: on the command line, where they are not the parameter's.
         rare: whether only --help-all lists it.
-        shown: the default in words, where it is not the value.
         more: of typer.Option, as min, max, `callback`, which returns the value or raises typer.BadParameter, and
             `autocompletion`, as `completes` makes it.
     """
-    info = typer.Option(
-        *names, metavar=metavar, help=words, rich_help_panel=panel, hidden=rare, show_default=shown, **more
-    )
-    metadata = {_OPTION: info}
+    return typer.Option(*names, metavar=metavar, help=words, rich_help_panel=panel, hidden=rare, **more)
+
+
+def switch(panel: str, names: str, words: str, rare: bool = False) -> Any:
+    """An option without a value, likewise; its names are as in "--quiet -q" or "--report/--no-report"."""
+    return typer.Option(*names.split(), help=words, rich_help_panel=panel, hidden=rare)
+
+
+def option(
+    panel: str, metavar: str, words: str, default: Any = None, *names: str, shown: str | bool = True, **more: Any
+) -> Any:
+    """A field that is an option with a value: `value`, with its default (None for none, REQUIRED where it has to be
+    given) and `shown`, the default in words where it is not the value."""
+    metadata = {_OPTION: value(panel, metavar, words, *names, show_default=shown, **more)}
     if isinstance(default, list):
         return field(default_factory=lambda: list[Any](default), metadata=metadata)
     return field(default=default, metadata=metadata)
 
 
 def flag(panel: str, names: str, words: str, default: bool = False, rare: bool = False) -> Any:
-    """A field that is an option without a value; its names are as in "--quiet -q" or "--report/--no-report"."""
-    info = typer.Option(*names.split(), help=words, rich_help_panel=panel, hidden=rare)
-    return field(default=default, metadata={_OPTION: info})
+    """A field that is an option without a value: `switch`, with its default."""
+    return field(default=default, metadata={_OPTION: switch(panel, names, words, rare)})
 
 
 def completes(names: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
     """A completion for an option that takes one of the names; a function gives those that are slow to load."""
     return lambda incomplete: [name for name in (names() if callable(names) else names) if name.startswith(incomplete)]
+
+
+def listed_in(module: str, *tables: str) -> Callable[[], Iterable[str]]:
+    """The names in tables of a module that is slow to load: loaded when a shell asks, as the help can do without."""
+    return lambda: [name for table in tables for name in getattr(import_module(module), table)]
 
 
 def completes_list(names: Iterable[str]) -> Callable[[str], list[str]]:
@@ -71,11 +98,10 @@ def completes_list(names: Iterable[str]) -> Callable[[str], list[str]]:
 
 
 def given(options: Any) -> dict[str, Any]:
-    """The options of a dataclass that were given, by their names and as a summary holds them."""
-    values = {each.name: getattr(options, each.name) for each in fields(options)}
-    return {
-        name: str(value) if isinstance(value, Path) else value for name, value in values.items() if value is not None
-    }
+    """The options of a dataclass, or of a mapping, that were given, by their names and as a summary holds them."""
+    is_mapping = isinstance(options, Mapping)
+    values = options if is_mapping else {each.name: getattr(options, each.name) for each in fields(options)}
+    return {name: str(it) if isinstance(it, Path) else it for name, it in values.items() if it is not None}
 
 
 def refuse_without(needed: str, options: Mapping[str, Any]) -> None:

@@ -10,8 +10,7 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.options.groups import REGISTRATION
-from sonarmap.tools.command.options.option import completes, flag, option
+from sonarmap.tools.command.options.option import REGISTRATION, completes, flag, option, value
 from sonarmap.tools.command.options.running import DeviceOption
 from sonarmap.tools.methods.registry import DEFAULT_METHOD, METHODS, find_method
 
@@ -75,36 +74,36 @@ check_seed = checked(
 
 GridOption = Annotated[
     int | None,
-    typer.Option(
-        metavar="N",
-        help="Voxels per edge, 16..512. The number is an even product of 2, 3 and 5.",
+    value(
+        REGISTRATION,
+        "N",
+        "Voxels per edge, 16..512. The number is an even product of 2, 3 and 5.",
         callback=refused_by(_require_edge),
-        rich_help_panel=REGISTRATION,
         show_default=f"{DEFAULT_EDGE}",
     ),
 ]
 VoxelOption = Annotated[
     float | None,
-    typer.Option(
-        metavar="M",
-        help="Edge of a voxel \\[m].",
+    value(
+        REGISTRATION,
+        "M",
+        "Edge of a voxel \\[m].",
         callback=checked(
             is_positive,
             "{} m; give a length above 0, about the size of the noise, as in --voxel 0.5, or leave it out to have it "
             "chosen from the extents of the scans.",
         ),
-        rich_help_panel=REGISTRATION,
         show_default="suits the scans",
     ),
 ]
 SeedOption = Annotated[
     int,
-    typer.Option(
-        metavar="S",
-        help="Seed for methods that use random numbers. The same seed gives the same result.",
+    value(
+        REGISTRATION,
+        "S",
+        "Seed for methods that use random numbers. The same seed gives the same result.",
+        rare=True,
         callback=check_seed,
-        rich_help_panel=REGISTRATION,
-        hidden=True,
     ),
 ]
 

@@ -4,9 +4,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from sonarmap.tools.command.options.groups import RUNNING
+from sonarmap.tools.command.options.option import RUNNING, switch, value
 
 
 def _devices(incomplete: str) -> list[tuple[str, str]]:
@@ -22,27 +20,17 @@ def _devices(incomplete: str) -> list[tuple[str, str]]:
 
 DeviceOption = Annotated[
     str | None,
-    typer.Option(
+    value(
+        RUNNING,
+        "DEVICE",
+        "OpenCL device: cpu, gpu, or a part of its name. platform:device too; `sonarmap devices` lists them.",
         "--device",
-        metavar="DEVICE",
-        help="OpenCL device: cpu, gpu, or a part of its name. platform:device too; `sonarmap devices` lists them.",
-        rich_help_panel=RUNNING,
         autocompletion=_devices,
     ),
 ]
 LogFileOption = Annotated[
     Path | None,
-    typer.Option(
-        metavar="FILE",
-        dir_okay=False,
-        help="Add everything that is said, with times, to the end of FILE.",
-        rich_help_panel=RUNNING,
-        hidden=True,
-    ),
+    value(RUNNING, "FILE", "Add everything that is said, with times, to the end of FILE.", rare=True, dir_okay=False),
 ]
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print the result as JSON, without progress.", rich_help_panel=RUNNING)
-]
-QuietOption = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.", rich_help_panel=RUNNING)
-]
+JsonOption = Annotated[bool, switch(RUNNING, "--json", "Print the result as JSON, without progress.")]
+QuietOption = Annotated[bool, switch(RUNNING, "--quiet -q", "Print nothing but warnings and errors.")]

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarmap.tools.command.options.groups import INPUT
-from sonarmap.tools.command.options.option import completes, option
+from sonarmap.tools.command.options.option import INPUT, completes, listed_in, option
 
 if TYPE_CHECKING:
     from sonarmap.tools.files.readers.corrections import Corrections
@@ -25,16 +24,7 @@ InputsArgument = Annotated[
 ]
 
 
-def _frames() -> tuple[str, ...]:
-    from sonarmap.tools.files.readers.corrections import FRAMES  # imports SciPy, which the help can do without
-
-    return tuple(FRAMES)
-
-
-def _units() -> tuple[str, ...]:
-    from sonarmap.tools.files.readers.corrections import UNITS
-
-    return tuple(UNITS)
+_CORRECTIONS = "sonarmap.tools.files.readers.corrections"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,13 +41,13 @@ class PointReading:
         "frd forward, right, down; rdf right, down, forward, as of cameras; ned North, East, Down: scans that were "
         "leveled and turned North.",
         shown="flu",
-        autocompletion=completes(_frames),
+        autocompletion=completes(listed_in(_CORRECTIONS, "FRAMES")),
     )
     units: str | None = _input(
         "NAME",
         "Lengths: m, cm, mm, ft or us-ft. They are those of the points in the files.",
         shown="m",
-        autocompletion=completes(_units),
+        autocompletion=completes(listed_in(_CORRECTIONS, "UNITS")),
     )
 
     def corrections(self) -> "Corrections":

@@ -1,5 +1,6 @@
 """Recording from the first packet to the last: receive, keep what is the sonar's, write it, and say how it goes."""
 
+import os
 import shutil
 import time
 from collections import deque
@@ -10,9 +11,7 @@ from pathlib import Path
 from threading import Event
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.record.part_file import PartFile
-from sonarmap.tools.command.record.receiver import Datagram, Receiver
-from sonarmap.tools.command.record.senders import Senders
+from sonarmap.tools.command.record.receiver import Datagram, Receiver, Senders
 from sonarmap.tools.command.record.source import Source, join, open_socket, system_buffer
 from sonarmap.tools.command.record.tally import Tally
 
@@ -20,6 +19,90 @@ _TICK = 1.0  # seconds between reports
 _WAIT = 0.2  # seconds after which an end that was asked for is noticed, at the latest
 _OVER = 5  # ticks, over which rates are taken, and after which the disk is made to hold what was written
 _LEAST_DISK = 16 << 20  # bytes; about a quarter of a minute
+ENDING = ".sonar"
+
+
+class PartFile:
+    """NAME.part.sonar beside NAME.sonar. What an earlier recording left under such a name stays: this takes another.
+
+    Attributes:
+        path: of the part.
+        size: bytes of the packets in it.
+    """
+
+    def __init__(self, out: Path, overwrite: bool) -> None:
+        """Make an empty file, which will be called `out`; in place of a file of that name only to `overwrite` it.
+
+        Raises InputError: it may not, or nothing can be written there.
+        """
+        self.out, self.size, self._overwrite = out, 0, overwrite
+        if out.suffix != ENDING:
+            raise InputError(f"{out} does not end in {ENDING}, by which recordings are recognized; try {out}{ENDING}")
+        self._require_free()
+        number = 1
+        while True:
+            self.path = out.with_name(f"{out.stem}.part{number if number > 1 else ''}{ENDING}")
+            try:
+                out.parent.mkdir(parents=True, exist_ok=True)
+                self._file = self.path.open("xb", buffering=0)  # a packet is in the system's hands once it is written
+                return
+            except FileExistsError:
+                number += 1
+            except OSError as error:
+                raise InputError(
+                    f"cannot write {self.path}: {error.strerror}. Check the folder's permissions, or choose another."
+                ) from error
+
+    def write(self, packet: bytes) -> None:
+        """Append a packet, all of it or nothing.
+
+        Raises InputError: the disk takes no more. The packets before are in the file.
+        """
+        left = memoryview(packet)
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            with suppress(OSError):
+                self._file.truncate(self.size)
+            raise InputError(
+                f"the recording ended, as {self.path} cannot grow: {error.strerror}. What came until then can be read "
+                "from it. Make room, or record to another disk."
+            ) from error
+        self.size += len(packet)
+
+    def sync(self) -> None:
+        """Have the disk hold what was written, for a crash of the computer."""
+        with suppress(OSError):  # where the disk is full, writing says so
+            os.fsync(self._file.fileno())
+
+    def finish(self) -> None:
+        """Give it its name. Raises InputError: a file of that name has come, or the disk refuses; the part stays."""
+        try:
+            os.fsync(self._file.fileno())
+            self._file.close()
+            self._require_free()
+            self.path.replace(self.out)
+        except OSError as error:
+            raise InputError(
+                f"cannot write {self.out}: {error.strerror}. The recording is in {self.path}; what was there before is "
+                "as it was."
+            ) from error
+        except InputError as error:
+            raise InputError(f"{error}. The recording is in {self.path}.") from error
+
+    def close(self) -> None:
+        """End without giving it its name; removed if nothing came."""
+        with suppress(OSError):
+            self._file.close()
+            if self.size == 0:
+                self.path.unlink(missing_ok=True)
+
+    def _require_free(self) -> None:
+        if self.out.is_dir():
+            raise InputError(f"cannot write {self.out}: a folder of that name is there; choose another name")
+        if self.out.exists() and not self._overwrite:
+            raise InputError(f"{self.out} is there already; choose another name, or give --overwrite to replace it")
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +155,12 @@ def record(settings: RecordSettings, follow: Callable[[Status], None], stop: Eve
         part = PartFile(settings.out, settings.overwrite)
         status = Status(settings, part.path, system_buffer(listening), senders=Senders(settings.sonar))
         try:
-            _require_room(part.path, status)
+            status.disk = shutil.disk_usage(part.path.parent).free
+            if status.disk < _LEAST_DISK:
+                raise InputError(
+                    f"the disk of {part.path.parent} has {status.disk / 1e6:.1f} MB left, enough for some seconds; "
+                    "make room, or record to another disk"
+                )
             recording = _Recording(status, part, follow)
             with Receiver(listening) as receiver:
                 recording.run(receiver, stop, lambda: join(listening, settings.source))
@@ -83,15 +171,6 @@ def record(settings: RecordSettings, follow: Callable[[Status], None], stop: Eve
             part.close()
         follow(status)
         return status
-
-
-def _require_room(path: Path, status: Status) -> None:
-    status.disk = shutil.disk_usage(path.parent).free
-    if status.disk < _LEAST_DISK:
-        raise InputError(
-            f"the disk of {path.parent} has {status.disk / 1e6:.1f} MB left, enough for some seconds; make room, or "
-            "record to another disk"
-        )
 
 
 class _Recording:

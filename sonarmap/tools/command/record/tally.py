@@ -85,20 +85,15 @@ class Tally:
         if message is None:
             self.undocumented += 1
         elif isinstance(message, rip.ImuBatch):
-            self._add_batch(message, packet)
+            first = message.timestamp[0] if message.timestamp else None
+            stamp = None if first is None else first.seconds + first.nanos * 1e-9
+            self.kinds[IMU].add(message.batch_sequence_id, stamp, packet)
         else:
-            self._add_image(message, packet, arrival)
-
-    def _add_batch(self, batch: rip.ImuBatch, packet: bytes) -> None:
-        first = batch.timestamp[0] if batch.timestamp else None
-        stamp = None if first is None else first.seconds + first.nanos * 1e-9
-        self.kinds[IMU].add(batch.batch_sequence_id, stamp, packet)
-
-    def _add_image(self, image: Any, packet: bytes, arrival: float) -> None:
-        stamp = stamp_of(image)
-        self.kinds[_kind_of(image)].add(image.header.sequence_id, stamp, packet)
-        if stamp is not None:
-            self.clock.add(stamp, arrival)
+            image: Any = message
+            stamp = stamp_of(image)
+            self.kinds[_kind_of(image)].add(image.header.sequence_id, stamp, packet)
+            if stamp is not None:
+                self.clock.add(stamp, arrival)
 
     @property
     def shots(self) -> int:

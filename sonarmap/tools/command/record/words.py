@@ -1,8 +1,13 @@
-"""A recording in words: the lines that are shown while it goes on, what is said at its end, and the same as JSON."""
+"""A recording in words: what is shown and warned of while it goes on, what is said at its end, and the same as JSON.
 
+Someone who records is warned, once each, of silence, a full disk, a wrong clock, other senders, and losses.
+"""
+
+from collections.abc import Iterator
 from typing import Any
 
 from sonarmap.tools.command.record.recorder import Status
+from sonarmap.tools.command.record.source import Source
 from sonarmap.tools.command.record.tally import IMU, RANGES, SHADED, STRENGTHS, ClockOffset
 
 _PLAIN = {
@@ -12,6 +17,11 @@ _PLAIN = {
     IMU: ("IMU batch", "IMU batches"),
 }
 _DRIFTED = 0.05  # [s], by which a clock's offset changes
+_SILENT = 5.0  # seconds
+_DISK_SHORT, _DISK_ENDS = 600.0, 60.0  # seconds that the disk lasts
+_CLOCK_OFF = 1.0  # [s]; a second is a meter of a vehicle's way
+_SMALL_BUFFER = 2 << 20  # bytes; Linux counts a datagram double, and the sonar sends up to 10 Mbit/s
+_SETTLED = 3.0  # seconds after which rates and the clock are known
 
 
 def status_lines(status: Status) -> tuple[str, str]:
@@ -22,7 +32,7 @@ def status_lines(status: Status) -> tuple[str, str]:
     lasts = "" if status.disk_lasts is None else f", for {lasting(status.disk_lasts)}"
     lost_here = status.unsaved + status.overflow
     lost = f", lost here {lost_here:,}" if lost_here else ""
-    clock = "unknown" if offset is None else _signed(offset)
+    clock = "unknown" if offset is None else f"{offset:+.2f} s" if abs(offset) < 86400 else "days off"
     imu = "IMU" if tally.kinds[IMU].came else "no IMU"
     return (
         f"recording {clock_time(status.seconds)}: {status.shot_rate:.1f} shots/s, {status.packet_rate:.0f} packets/s; "
@@ -97,10 +107,6 @@ def clock_words(offset: float) -> str:
     return f"{amount} {'ahead of' if offset > 0 else 'behind'}"
 
 
-def _signed(offset: float) -> str:
-    return f"{offset:+.2f} s" if abs(offset) < 86400 else "days off"
-
-
 def clock_time(seconds: float) -> str:
     """As in 0:12:34."""
     whole = int(seconds)
@@ -121,3 +127,98 @@ def sized(size: float) -> str:
         if size < most:
             return f"{size / unit:.1f} {name}"
     return f"{size / 1e9:.1f} GB" if size < 1e11 else f"{size / 1e9:,.0f} GB"
+
+
+class Watch:
+    """Looks at a recording each second; a warning comes once, that of silence each time that packets cease to come."""
+
+    def __init__(self) -> None:
+        self._warned = set[str]()
+        self._is_silent = False
+
+    def warnings(self, status: Status) -> Iterator[str]:
+        """What is new, a sentence or some each."""
+        was_silent, self._is_silent = self._is_silent, status.silence > _SILENT
+        if self._is_silent and not was_silent:
+            yield _silence_words(status)
+        for name, words in _faults(status):
+            if name not in self._warned:
+                self._warned.add(name)
+                yield words
+
+
+def _silence_words(status: Status) -> str:
+    silent = f"for {status.silence:.0f} s"
+    if status.tally.packets:
+        return f"nothing has come {silent}. Look at the sonar's power and its cable; the recording continues."
+    source = status.settings.source
+    wanted = f" of a sonar at {status.settings.sonar}" if status.settings.sonar else ""
+    return (
+        f"no packet{wanted} has come {silent} at {source.words}. Check that the sonar is on and its acoustics are "
+        f"enabled; {_sends_words(source)}; that this computer's network interface is up and has an address in the "
+        "sonar's network (192.168.194.90, say, for a sonar at its fallback address 192.168.194.96); and that no "
+        f"firewall blocks UDP port {source.port}. The recording waits."
+    )
+
+
+def _sends_words(source: Source) -> str:
+    if source.address.is_multicast:
+        return (
+            "that its settings say UDP multicast (where they say unicast, give --unicast 0.0.0.0:PORT with their port)"
+        )
+    return f"that its settings say UDP unicast to this computer's address, port {source.port}"
+
+
+def _faults(status: Status) -> Iterator[tuple[str, str]]:
+    """What is wrong now, by a name under which it is said once."""
+    yield from _computer_faults(status)
+    yield from _disk_faults(status)
+    yield from _sender_faults(status)
+    offset = status.tally.clock.latest
+    if offset is not None and abs(offset) > _CLOCK_OFF and status.seconds > _SETTLED:
+        words = (
+            f"the sonar's clock is {clock_words(offset)} this computer's: set both clocks by NTP. Logs with this "
+            f"computer's times fit by --nav-offset={offset:.2f}."
+        )
+        yield "clock", words
+
+
+def _sender_faults(status: Status) -> Iterator[tuple[str, str]]:
+    senders = status.senders
+    if senders.others:
+        recorded = senders.sonar or status.settings.sonar
+        words = f"another sonar sends too ({', '.join(senders.addresses)}); only packets of {recorded} are recorded"
+        yield "others", f"{words}. Give --sonar ADDRESS to choose."
+    if senders.moves:
+        yield f"moves {senders.moves}", f"the sonar's packets now come from {senders.sonar}; they are recorded too"
+    if senders.foreign:
+        yield "foreign", f"datagrams that are not of a Sonar 3D-15 are left out; the first {senders.first_foreign}"
+    if senders.damaged:
+        yield "damaged", f"damaged packets are left out; the first {senders.first_damage}"
+
+
+def _computer_faults(status: Status) -> Iterator[tuple[str, str]]:
+    if status.buffer < _SMALL_BUFFER:
+        words = (
+            f"the system's receive buffer holds {sized(status.buffer)} only, and packets may be lost while this "
+            "computer is busy; on Linux `sudo sysctl -w net.core.rmem_max=16777216` allows more"
+        )
+        yield "buffer", words
+    if status.overflow:
+        yield "overflow", "this computer is too busy: packets were lost in the system's receive buffer"
+    if status.unsaved:
+        yield "unsaved", f"the disk of {status.path.parent} is too slow: packets were lost while it was waited for"
+
+
+def _disk_faults(status: Status) -> Iterator[tuple[str, str]]:
+    lasts, duration = status.disk_lasts, status.settings.duration
+    if lasts is None or status.seconds < _SETTLED:
+        return
+    left = None if duration is None else duration - status.seconds
+    words = f"the disk of {status.path.parent} is full in {lasting(lasts)} ({sized(status.disk)} left)"
+    if left is not None and lasts < left:
+        yield "disk", f"{words}, and the recording is to go on for {lasting(left)}"
+    elif left is None and lasts < _DISK_SHORT:
+        yield "disk", words
+    if lasts < _DISK_ENDS and (left is None or lasts < left):
+        yield "disk ends", f"{words}: make room now, or end the recording"

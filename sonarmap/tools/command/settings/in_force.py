@@ -9,7 +9,7 @@ import typer
 from sonarmap.tools.command.failures import MISUSE
 from sonarmap.tools.command.help import Verb
 from sonarmap.tools.command.method import idle_options
-from sonarmap.tools.command.navigation import NAVIGATION
+from sonarmap.tools.command.navigation import NAVIGATION_READING
 from sonarmap.tools.command.settings.file import DEFAULT_FILE, SettingsFile, read_settings
 from sonarmap.tools.command.settings.setting import Setting, in_words, settings_of
 from sonarmap.tools.command.terminal import say, shortened, warn
@@ -34,7 +34,7 @@ _CONNECTS = ("scheduler", "multicast", "unicast", "interface", "sonar")
 NAMED_ONLY = frozenset((*_WRITES, *_DISCARDS, *_CONNECTS))
 # What a setting of a file needs, so as to say anything: one of these.
 NEEDS: Mapping[str, tuple[str, ...]] = {
-    **dict.fromkeys(NAVIGATION, ("priors", "odometry")),
+    **dict.fromkeys(NAVIGATION_READING, ("priors", "odometry")),
     "prior_sigmas": ("priors",),
     "odometry_drift": ("odometry",),
     "crs": ("export",),

@@ -27,22 +27,10 @@ class Setting:
     verb: str  # whose
     parameter: Any  # Typer's, which has no public type
     kind: type  # bool, int, float, str or Path
+    name: str  # of the verb's parameter
+    key: str  # what it is called in a file: as on the command line, without the dashes before it
+    many: bool  # whether it can be given several times; then its value is a list
     help: str  # what it does, as the verb's help says it
-
-    @property
-    def name(self) -> str:
-        """Of the verb's parameter."""
-        return self.parameter.name
-
-    @property
-    def key(self) -> str:
-        """What it is called in a file: as on the command line, without the dashes before it."""
-        return max(self.parameter.opts, key=len).lstrip("-")
-
-    @property
-    def many(self) -> bool:
-        """Whether it can be given several times; then its value is a list."""
-        return self.parameter.multiple
 
     @property
     def wanted(self) -> str:
@@ -96,7 +84,8 @@ def settings_of(verbs: Mapping[str, Any]) -> list[Setting]:
         hints = get_type_hints(command.callback)
         for option in command.params:
             if option.param_type_name == "option" and option.name in hints and option.name != "help_all":
-                settings.append(Setting(verb, option, _kind(hints[option.name]), option.help or ""))
+                key, kind = max(option.opts, key=len).lstrip("-"), _kind(hints[option.name])
+                settings.append(Setting(verb, option, kind, option.name, key, option.multiple, option.help or ""))
     return settings
 
 

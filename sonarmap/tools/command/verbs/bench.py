@@ -11,8 +11,7 @@ from typing import Any
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import MEASUREMENT, OUTPUT
-from sonarmap.tools.command.options.option import flag, option
+from sonarmap.tools.command.options.option import MEASUREMENT, OUTPUT, flag, option
 from sonarmap.tools.command.options.registration import SeedOption
 from sonarmap.tools.command.options.running import DeviceOption, JsonOption
 from sonarmap.tools.command.progress import progress
@@ -71,7 +70,9 @@ def command(measurement: Measurement, files: BenchFiles, as_json: JsonOption = F
         if path is not None:
             require_writable(path.parent)
     if files.from_ is not None:
-        _refuse_measuring(measurement)
+        given = {"--grid": measurement.grid, "--survey": measurement.survey, "--device": measurement.device}
+        if without := [name for name, value in given.items() if value]:
+            raise InputError(f"--from measures nothing, so {', '.join(without)} has no effect; leave one of them out")
         result, wrong = read_result(files.from_), []
     else:
         result, wrong = _run(measurement, as_json)
@@ -87,12 +88,6 @@ def command(measurement: Measurement, files: BenchFiles, as_json: JsonOption = F
         slower = old is not None and _compared(old, result)
     if slower:
         raise typer.Exit(SLOWER)
-
-
-def _refuse_measuring(asked: Measurement) -> None:
-    given = {"--grid": asked.grid, "--survey": asked.survey, "--device": asked.device}
-    if without := [name for name, value in given.items() if value]:
-        raise InputError(f"--from measures nothing, so {', '.join(without)} has no effect; leave one of them out")
 
 
 def _run(asked: Measurement, as_json: bool) -> tuple[dict[str, Any], list[str]]:

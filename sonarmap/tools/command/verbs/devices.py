@@ -8,7 +8,7 @@ import typer
 
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.tools.command.failures import MISUSE
-from sonarmap.tools.command.options.groups import RUNNING
+from sonarmap.tools.command.options.option import RUNNING, switch
 from sonarmap.tools.command.options.running import DeviceOption, JsonOption
 from sonarmap.tools.command.terminal import number_table, printable, result_console, say
 
@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 
 def command(
     device: DeviceOption = None,
-    test: Annotated[
-        bool, typer.Option("--test", help="Run all self-tests, even those done before.", rich_help_panel=RUNNING)
-    ] = False,
+    test: Annotated[bool, switch(RUNNING, "--test", "Run all self-tests, even those done before.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """List the OpenCL devices, try each, and mark the one that would be used.

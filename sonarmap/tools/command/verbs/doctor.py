@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.options.groups import RUNNING
+from sonarmap.tools.command.options.option import RUNNING, switch
 from sonarmap.tools.command.options.running import JsonOption
 
 
@@ -14,10 +14,7 @@ def command(
         Path, typer.Argument(metavar="[OUT]", help="The folder that results are to go to.", show_default=False)
     ] = Path(),
     quick: Annotated[
-        bool,
-        typer.Option(
-            "--quick", help="Load no library, and run no self-test; takes about a second.", rich_help_panel=RUNNING
-        ),
+        bool, switch(RUNNING, "--quick", "Load no library, and run no self-test; takes about a second.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:

@@ -2,36 +2,46 @@
 
 import json
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
+import numpy as np
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import INPUT, MEASUREMENT, RUNNING
-from sonarmap.tools.command.options.option import completes, flag, option
+from sonarmap.tools.command.options.option import INPUT, MEASUREMENT, RUNNING, completes, flag, option
 from sonarmap.tools.command.options.registration import checked, is_positive
 from sonarmap.tools.command.options.running import JsonOption
-from sonarmap.tools.command.terminal import say, warn
-from sonarmap.tools.command.words.evaluation import (
-    ALIGNMENTS,
-    print_calibration,
-    print_map,
-    print_poses,
-    print_scores,
-    print_trajectory,
-    shown_stamp,
-)
+from sonarmap.tools.command.terminal import number_table, print_result, result_console, say, warn
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from sonarmap.tools.lab.evaluate.map_error import MapError
+    from sonarmap.tools.lab.evaluate.pairs import PairScore
+    from sonarmap.tools.lab.evaluate.pose_calibration import PoseCalibration
     from sonarmap.tools.lab.evaluate.survey import SurveySummary
     from sonarmap.tools.lab.evaluate.trajectory import Alignment, Evaluation
 
 EXCEEDED = 3
 _LISTED = 5  # poses beyond the limits
+ALIGNMENTS = {"poses": "all poses", "positions": "all positions", "first": "the first pose"}
+ANCHORS = {
+    "first": "relative to the first pose",
+    "world": "without alignment, both in one world frame",
+    "partly": "in one world frame, aligned at the first pose in what no instrument measured",
+}
+MOST_POSES = 12  # of which each has a row
+WORST = 10  # rows, where there are more
+_COUNTS = ("kept_right", "kept_wrong", "rejected_right", "rejected_wrong", "failed", "unjudged")
+_SHARES = {"precision": "precision", "recall": "recall"} | {
+    "rejections' precision": "rejected_precision",
+    "rejections' recall": "rejected_recall",
+}
+_WIDE = 112  # columns for estimated beside true poses
 
 
 _input = partial(option, INPUT)
@@ -108,14 +118,14 @@ def command(
         }
         typer.echo(json.dumps(result.to_json() | further, allow_nan=False))
     else:
-        print_poses(result, options.verbose)
+        _print_poses(result, options.verbose)
         if survey:
-            print_scores(scores, RIGHT_DEG, RIGHT_VOXELS * survey.voxel)
-        print_trajectory(result)
+            _print_scores(scores, RIGHT_DEG, RIGHT_VOXELS * survey.voxel)
+        _print_trajectory(result)
         if error:
-            print_map(error, options.align)
+            _print_map(error, options.align)
         if calibration:
-            print_calibration(calibration)
+            _print_calibration(calibration)
     if survey and survey.covariances is None:
         say(f"{options.summary} has no covariances of the poses; their uncertainty is not evaluated")
     if result.unmatched_truths:
@@ -151,7 +161,7 @@ def _exceeds(result: "Evaluation", max_error_m: float | None, max_error_deg: flo
     allowed = [f"{limit:g} {unit}" for limit, unit in zip(limits, ("m", "degrees"), strict=True) if limit < math.inf]
     for k in beyond[:_LISTED]:
         say(
-            f"the pose at {shown_stamp(float(result.stamps[k]))} s is {result.translation_m[k]:.3f} m and "
+            f"the pose at {_shown_stamp(float(result.stamps[k]))} s is {result.translation_m[k]:.3f} m and "
             f"{result.rotation_deg[k]:.2f} degrees off; the limits are {' and '.join(allowed)}",
             "error: ",
             "bold red",
@@ -159,3 +169,96 @@ def _exceeds(result: "Evaluation", max_error_m: float | None, max_error_deg: flo
     if len(beyond) > _LISTED:
         say(f"and {len(beyond) - _LISTED} more poses are farther off than that")
     return bool(beyond)
+
+
+def _print_poses(result: "Evaluation", everything: bool) -> None:
+    """Poses beside their truth: all if `everything`, else, of many, those that are off farthest."""
+    rows = list(range(len(result.stamps)))
+    if len(rows) > MOST_POSES and not everything:
+        rows = sorted(np.argsort(-result.translation_m, kind="stable")[:WORST].tolist())
+        print_result(f"The {WORST} of {len(result.stamps)} poses that are off farthest; --verbose lists all:")
+    console = result_console()
+    console.print(_pose_table(result, rows, console.width >= _WIDE))
+    console.print()
+
+
+def _pose_table(result: "Evaluation", rows: Sequence[int], wide: bool) -> "Table":
+    """Where there is little room without the estimated poses, so that no number is cut at 80 columns."""
+    from sonarmap.tools.lab.evaluate.trajectory import yaw_deg
+
+    estimated, true = result.T_aligned.translation, result.T_true.translation
+    estimated_yaw, true_yaw = yaw_deg(result.T_aligned), yaw_deg(result.T_true)
+    columns = {
+        "stamp [s]": [_shown_stamp(float(result.stamps[k])) for k in rows],
+        "estimated x, y, z [m]": [_place(estimated[k].tolist()) for k in rows],
+        "true x, y, z [m]": [_place(true[k].tolist()) for k in rows],
+        "off [m]": [f"{result.translation_m[k]:.3f}" for k in rows],
+        "estimated yaw": [f"{estimated_yaw[k]:+.2f}°" for k in rows],
+        "true yaw": [f"{true_yaw[k]:+.2f}°" for k in rows],
+        "rotated by": [f"{result.rotation_deg[k]:.2f}°" for k in rows],
+    }
+    narrow = ("stamp [s]", "true x, y, z [m]", "true yaw", "off [m]", "rotated by")
+    names = tuple(columns) if wide else narrow
+    table = number_table(*names)
+    for row in zip(*(columns[name] for name in names), strict=True):
+        table.add_row(*row)
+    return table
+
+
+def _print_trajectory(result: "Evaluation") -> None:
+    """How far off the trajectory is: ATE, RPE and the worst pose."""
+    worst, turned = int(result.translation_m.argmax()), int(result.rotation_deg.argmax())
+    print_result(
+        f"Positions are off by {result.ate_m:.3f} m (ATE, the root mean square of {len(result.stamps)} poses, "
+        f"aligned by {ALIGNMENTS[result.alignment]}), at most by {result.translation_m[worst]:.3f} m, at "
+        f"{_shown_stamp(float(result.stamps[worst]))} s."
+    )
+    print_result(
+        f"Rotations are off by {np.median(result.rotation_deg):.2f}° in the median, at most by "
+        f"{result.rotation_deg[turned]:.2f}°, at {_shown_stamp(float(result.stamps[turned]))} s."
+    )
+    if len(result.step_translation_m):
+        meters, degrees = result.step_translation_m.max(), result.step_rotation_deg.max()
+        print_result(f"Steps are off by at most {meters:.3f} m and {degrees:.2f}° (RPE, of consecutive poses).")
+
+
+def _print_map(error: "MapError", alignment: str) -> None:
+    """The distances of the map's points from the true surface."""
+    print_result(
+        f"The map is off by {error.median_m:.3f} m in the median; 90 % of its points lie within {error.p90_m:.3f} m, "
+        f"{100 * error.within_voxel:.1f} % within one voxel ({error.voxel:.3g} m): {len(error.distance_m):,} points "
+        f"compared with {error.reference}, aligned like the trajectory by {ALIGNMENTS[alignment]}."
+    )
+
+
+def _print_scores(scores: Mapping[str, "PairScore"], rotation_deg: float, translation_m: float) -> None:
+    """One column for each kind of pair."""
+    table = number_table(f"pairs, right within {rotation_deg:g}° and {translation_m:.2f} m", *scores, words=1)
+    table.columns[0].no_wrap = True
+    for count in _COUNTS:
+        table.add_row(f"  {count.replace('_', ' ')}", *(f"{getattr(score, count):,}" for score in scores.values()))
+    for name, attribute in _SHARES.items():
+        shares = [getattr(score, attribute) for score in scores.values()]
+        table.add_row(f"  {name}", *("-" if share is None else f"{share:.3f}" for share in shares))
+    console = result_console()
+    console.print(table)
+    console.print()
+
+
+def _print_calibration(calibration: "PoseCalibration") -> None:
+    """How many true poses lie within the estimates' 95 % ellipsoids."""
+    print_result(
+        f"Uncertainty of {len(calibration.nees)} poses, {ANCHORS[calibration.anchor]}: "
+        f"{100 * calibration.within_95:.1f} % of the true poses and "
+        f"{100 * calibration.position_within_95:.1f} % of the true positions lie in the 95 % ellipsoid; mean NEES "
+        f"{calibration.nees.mean():.2f} (ideal 6), of the positions {calibration.position_nees.mean():.2f} (ideal 3)."
+    )
+
+
+def _shown_stamp(seconds: float) -> str:
+    """A stamp without trailing zeros."""
+    return f"{seconds:.6f}".rstrip("0").rstrip(".")
+
+
+def _place(meters: list[float]) -> str:
+    return " ".join(f"{value:8.2f}" for value in meters)

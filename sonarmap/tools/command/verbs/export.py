@@ -8,10 +8,8 @@ from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.options.earth import EarthPlace
-from sonarmap.tools.command.options.export import FormatsOption, export_with_progress
-from sonarmap.tools.command.options.groups import OUTPUT
-from sonarmap.tools.command.options.option import REQUIRED, option
+from sonarmap.tools.command.options.option import OUTPUT, REQUIRED, option
+from sonarmap.tools.command.options.output import EarthPlace, FormatsOption, export_with_progress
 from sonarmap.tools.command.options.registration import checked, is_positive
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.terminal import printable

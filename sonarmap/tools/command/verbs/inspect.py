@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.options.groups import OUTPUT
-from sonarmap.tools.command.options.option import given
+from sonarmap.tools.command.options.option import OUTPUT, given, switch
 from sonarmap.tools.command.options.registration import DEFAULT_EDGE, GridOption
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.options.scan import InputsArgument, PointReading
@@ -17,7 +16,7 @@ from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import print_rows, printable, say, warn
 
 if TYPE_CHECKING:
-    from sonarmap.tools.command.inspect.overview import Overview
+    from sonarmap.tools.command.overview import Overview
     from sonarmap.tools.files.readers.clock import Clock
 
 INCOMPLETE = 3
@@ -26,9 +25,7 @@ INCOMPLETE = 3
 def command(
     inputs: InputsArgument,
     points: PointReading,
-    names: Annotated[
-        bool, typer.Option("--names", help="List all scans' names alone, as priors need them.", rich_help_panel=OUTPUT)
-    ] = False,
+    names: Annotated[bool, switch(OUTPUT, "--names", "List all scans' names alone, as priors need them.")] = False,
     grid: GridOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -39,7 +36,7 @@ def command(
     Nothing is written, and a scan at a time is in memory. The exit code is 3 if a file or scan cannot be read, 2 if
     none can.
     """
-    from sonarmap.tools.command.inspect.overview import overview_of
+    from sonarmap.tools.command.overview import overview_of
 
     with growing_progress("reading", quiet or as_json) as step:
         overview = overview_of(inputs, points.corrections(), grid or DEFAULT_EDGE, step)
@@ -64,9 +61,11 @@ def command(
 
 def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any]:
     """All of it as JSON; null for what is not known."""
+    import numpy as np
+
     from sonarmap.tools.files.readers.clock import utc
 
-    clock, grid, (least, median, most) = overview.clock, overview.grid, overview.points
+    clock, grid = overview.clock, overview.grid
     return {
         "files": [str(path) for path in overview.files],
         "bytes": overview.size,
@@ -74,8 +73,8 @@ def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any
         "scans": len(overview.names),
         "first": overview.names[0],
         "last": overview.names[-1],
-        "points": {"least": least, "median": median, "most": most},
-        "extent_m": overview.extent.tolist(),
+        "points": dict(zip(("least", "median", "most"), overview.points, strict=True)),
+        "extent_m": np.median(overview.extents, axis=0).tolist(),
         "farthest_m": overview.farthest,
         "clock": clock
         and {
@@ -92,9 +91,9 @@ def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any
         "changed": overview.changed,
         "strengths": overview.with_strength,
         "viewpoints": overview.with_viewpoints,
-        "sound_speed_mps": overview.sound_speeds,
-        "attitudes": overview.with_attitude,
-        "roll_pitch_deg": overview.attitude if overview.with_attitude else None,
+        "sound_speed_mps": (min(overview.speeds), max(overview.speeds)) if overview.speeds else None,
+        "attitudes": len(overview.attitudes),
+        "roll_pitch_deg": overview.attitude if overview.attitudes else None,
         "grid": grid and {"edge": grid.edge, "voxel": grid.voxel},
         "notes": overview.notes,
         "unread": overview.unread,
@@ -104,8 +103,10 @@ def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any
 
 
 def _print(overview: "Overview", following: str) -> None:
+    import numpy as np
+
     scans, (least, median, most) = len(overview.names), overview.points
-    x, y, z = overview.extent
+    x, y, z = np.median(overview.extents, axis=0)
     files = overview.files[0].name if len(overview.files) == 1 else f"{len(overview.files):,} files"
     span = overview.names[0] if scans == 1 else f"{overview.names[0]} to {overview.names[-1]}"
     grid = overview.grid
@@ -155,18 +156,18 @@ def _share(count: int, scans: int) -> str:
 
 
 def _sound_speed(overview: "Overview") -> str:
-    if overview.sound_speeds is None:
+    if not overview.speeds:
         return "not recorded"
-    low, high = overview.sound_speeds
+    low, high = min(overview.speeds), max(overview.speeds)
     return f"{low:.1f} m/s" if math.isclose(low, high) else f"changes, {low:.1f} to {high:.1f} m/s"
 
 
 def _attitude(overview: "Overview") -> str:
-    count, (roll, pitch) = overview.with_attitude, overview.attitude
-    if not count:
+    if not overview.attitudes:
         return "not recorded"
+    (roll, pitch), share = overview.attitude, _share(len(overview.attitudes), len(overview.names))
     return (
-        f"{_share(count, len(overview.names))}, by the recording's own IMU: in the median roll {roll:+.1f}, "
+        f"{share}, by the recording's own IMU: in the median roll {roll:+.1f}, "
         f"pitch {pitch:+.1f} degrees (starboard down, nose up)"
     )
 

@@ -1,7 +1,7 @@
 """`sonarmap map`: scans in, a map out."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,16 +14,12 @@ from sonarmap.tools.command.execution import ExecutionOptions, open_execution
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile, scans_with_priors
 from sonarmap.tools.command.navigation_check import contradiction_of
-from sonarmap.tools.command.options.control import TiesAndControl
-from sonarmap.tools.command.options.earth import EarthPlace
-from sonarmap.tools.command.options.export import export_with_progress
-from sonarmap.tools.command.options.groups import RUNNING
-from sonarmap.tools.command.options.map_output import MapOutput
-from sonarmap.tools.command.options.option import given
+from sonarmap.tools.command.options.option import RUNNING, given, switch
+from sonarmap.tools.command.options.output import EarthPlace, MapOutput, export_with_progress
 from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.options.scan import InputsArgument, PointReading
-from sonarmap.tools.command.options.survey import SurveyOptions
+from sonarmap.tools.command.options.survey import SurveyOptions, TiesAndControl
 from sonarmap.tools.command.progress import growing_progress, stage
 from sonarmap.tools.command.stops import when_stopped
 from sonarmap.tools.command.terminal import say, warn
@@ -42,7 +38,6 @@ if TYPE_CHECKING:
     from sonarmap.slam.graph.control import ControlPoint
     from sonarmap.slam.motion.odometry import Odometry
     from sonarmap.slam.tie import Tie
-    from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo.georeference import Georeference
     from sonarmap.tools.files.readers.corrections import Corrections
     from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
@@ -51,10 +46,7 @@ if TYPE_CHECKING:
 
 INCOMPLETE = 3
 
-VerboseOption = Annotated[
-    bool,
-    typer.Option("--verbose", "-v", help="Print the table of pairs and all warnings too.", rich_help_panel=RUNNING),
-]
+VerboseOption = Annotated[bool, switch(RUNNING, "--verbose -v", "Print the table of pairs and all warnings too.")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,14 +111,14 @@ def command(
     mapper = survey.mapper_settings()
     navigation = reading.settings(priors.priors, odometry.odometry, origin=earth.georeference())
     read = _read_scans(inputs, priors.priors, points.corrections(), output.out, silent)
-    read, georeference = _navigate(read, priors, navigation, imu and method.uses_priors)
-    _refuse_second_heading(read.scans, earth.origin_heading)
+    read, georeference = _navigate(read, priors, navigation, imu and method.uses_priors, earth.origin_heading)
     ties = person.read_ties(read.scans)
     control, georeference = person.read_control(read.scans, georeference)
     exports = output.export_settings(earth.crs, georeference, read.scans)
     reckoned = odometry.read(read.scans, navigation)
     configured = configure_method(read.scans, method, survey=True)
-    _warn_of_contradiction(read, configured, priors.priors, silent)
+    if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, silent):
+        warn(f"{contradiction}; correct {priors.priors}, or say how it is meant (docs/navigation.md)")
     described = given(priors) | given(odometry) | given(reading) | given(points) | given(person)
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapper}
     require_writable(output.out)
@@ -166,22 +158,16 @@ def _read_scans(
 
 
 def _navigate(
-    read: "ReadScans", priors: PriorsFile, navigation: "NavigationSettings", use_imu: bool
+    read: "ReadScans", priors: PriorsFile, navigation: "NavigationSettings", use_imu: bool, heading: float | None
 ) -> "tuple[ReadScans, Georeference | None]":
-    """The scans with what instruments measured of them, and where the map lies on the Earth by that."""
+    """The scans with what instruments measured of them, and where the map lies on the Earth by that.
+
+    Raises InputError: they have headings, and --origin-heading is another one.
+    """
     navigated = scans_with_priors(read.scans, priors, navigation, use_imu, bool(read.unread), read.files)
-    return replace(read, scans=navigated.scans), navigated.georeference
-
-
-def _refuse_second_heading(scans: "Sequence[Scan]", heading: float | None) -> None:
-    if heading is not None and any(scan.prior is not None and scan.prior.knows_heading for scan in scans):
+    if heading is not None and any(scan.prior is not None and scan.prior.knows_heading for scan in navigated.scans):
         raise InputError("--origin-heading: the priors have headings, which say where the map points; leave it out")
-
-
-def _warn_of_contradiction(read: "ReadScans", method: ConfiguredMethod, priors: Path | None, quiet: bool) -> None:
-    """Warn where scans that are registered without the navigation contradict it."""
-    if contradiction := contradiction_of(read.scans, read.surveys, method.registrar, quiet):
-        warn(f"{contradiction}; correct {priors}, or say how it is meant (docs/navigation.md)")
+    return replace(read, scans=navigated.scans), navigated.georeference
 
 
 def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quiet: bool) -> Mapped:

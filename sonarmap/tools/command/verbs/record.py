@@ -5,7 +5,7 @@ import math
 import re
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
 from ipaddress import AddressValueError, IPv4Address
@@ -18,8 +18,7 @@ from rich.live import Live
 from rich.text import Text
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import INPUT, OUTPUT, RUNNING
-from sonarmap.tools.command.options.option import REQUIRED, flag, option
+from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, RUNNING, flag, option
 from sonarmap.tools.command.options.registration import checked, refused_by
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.terminal import error_console, printable, say, warn
@@ -134,8 +133,7 @@ def _ending() -> Iterator[Event]:
 @contextmanager
 def _shown(quiet: bool) -> Iterator[Callable[["Status"], None]]:
     """A function that shows how a recording goes. A terminal that has gone ends what is shown, not the recording."""
-    from sonarmap.tools.command.record.watch import Watch
-    from sonarmap.tools.command.record.words import status_lines
+    from sonarmap.tools.command.record.words import Watch, status_lines
 
     console, watch, shown_at = error_console(), Watch(), -math.inf
 
@@ -155,8 +153,5 @@ def _shown(quiet: bool) -> Iterator[Callable[["Status"], None]]:
                 shown_at = status.seconds
 
     live = Live(console=console, auto_refresh=False) if console.is_terminal and not quiet else None
-    if live is None:
-        yield follow
-        return
-    with live:
+    with live or nullcontext():
         yield follow

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,9 +13,8 @@ import typer
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
-from sonarmap.tools.command.options.groups import OUTPUT
-from sonarmap.tools.command.options.option import option
-from sonarmap.tools.command.options.registration import MethodOptions, refused_by
+from sonarmap.tools.command.options.option import OUTPUT, option
+from sonarmap.tools.command.options.registration import MethodOptions, checked, refused_by
 from sonarmap.tools.command.options.running import JsonOption
 from sonarmap.tools.command.options.scan import PointReading
 from sonarmap.tools.command.terminal import printable, say, warn
@@ -41,11 +40,6 @@ def _require_points_suffix(path: Path) -> None:
         raise InputError(f"{path}; give a name that ends in {ending}.")
 
 
-def _require_png(path: Path) -> None:
-    if path.suffix.lower() != ".png":
-        raise InputError(f"{path}; the picture is a PNG file. Give a name that ends in .png, as in --picture pair.png.")
-
-
 _output = partial(option, OUTPUT)
 
 
@@ -62,7 +56,10 @@ class PairFiles:
     picture: Path | None = _output(
         "FILE.png",
         f"Draw the registration step by step; only with --method {DEFAULT_METHOD}.",
-        callback=refused_by(_require_png),
+        callback=checked(
+            lambda path: path.suffix.lower() == ".png",
+            "{}; the picture is a PNG file. Give a name that ends in .png, as in --picture pair.png.",
+        ),
     )
 
 
@@ -84,7 +81,11 @@ def command(
     2 for bad input.
     """
     method = checked_method(method, context)
-    _require_steps(files.picture, method.method)
+    if files.picture is not None and method.method != DEFAULT_METHOD:
+        raise InputError(
+            f"--picture draws the steps of --method {DEFAULT_METHOD}, and --method {method.method} has other steps; "
+            f"leave --picture out, or use --method {DEFAULT_METHOD}"
+        )
     navigation = reading.settings(priors.priors)
     pair = _read((target, source), points.corrections(), files.write)
     scans = scans_with_priors(pair, priors, navigation, imu and method.uses_priors, allow_unknown=True).scans
@@ -108,18 +109,10 @@ def command(
         raise typer.Exit(UNRELIABLE)
 
 
-def _require_steps(picture: Path | None, method: str) -> None:
-    """Refuse a picture of another method than DEFAULT_METHOD."""
-    if picture is not None and method != DEFAULT_METHOD:
-        raise InputError(
-            f"--picture draws the steps of --method {DEFAULT_METHOD}, and --method {method} has other steps; leave "
-            f"--picture out, or use --method {DEFAULT_METHOD}"
-        )
-
-
 def _read(paths: Sequence[str], corrections: "Corrections", write: Path | None) -> "list[Scan]":
-    """The scan of each path; a moved scan that would replace a file of them is refused."""
+    """The scan of each path; a moved scan that would replace a file of them, or cannot be written, is refused."""
     from sonarmap.tools.files.readers.scans import only_scan, read_scans
+    from sonarmap.tools.files.writers.atomic import require_writable
 
     scans, files = [], []
     for path in paths:
@@ -129,18 +122,11 @@ def _read(paths: Sequence[str], corrections: "Corrections", write: Path | None) 
         scans.append(only_scan(path, read))
         files += read.files
     if write is not None:
-        _require_new_name(write, files)
+        for source in files:
+            if source.resolve() == write.resolve():
+                raise InputError(f"--write {write} would replace {source}, which is read here; give another name")
+        require_writable(write.parent)
     return scans
-
-
-def _require_new_name(path: Path, inputs: Iterable[Path]) -> None:
-    """Refuse a moved scan that would replace what it is made from, or that cannot be written."""
-    from sonarmap.tools.files.writers.atomic import require_writable
-
-    for source in inputs:
-        if source.resolve() == path.resolve():
-            raise InputError(f"--write {path} would replace {source}, which is read here; give another name")
-    require_writable(path.parent)
 
 
 def write_moved(path: Path, scan: "Scan", T_target_source: "RigidTransform") -> None:

@@ -3,13 +3,24 @@
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import INSTRUMENTS, MOST, NAVIGATION, NOISE, OUTPUT, SCENE
-from sonarmap.tools.command.options.option import completes, completes_list, given, option
+from sonarmap.tools.command.options.option import (
+    INSTRUMENTS,
+    MOST,
+    NAVIGATION,
+    NOISE,
+    OUTPUT,
+    SCENE,
+    completes,
+    completes_list,
+    given,
+    option,
+    value,
+)
 from sonarmap.tools.command.options.registration import check_seed
 from sonarmap.tools.command.options.running import QuietOption
 from sonarmap.tools.command.progress import growing_progress
@@ -152,9 +163,7 @@ class SimulatedNavigation:
 
 
 def command(
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="Folder for the scans.", metavar="DIR", rich_help_panel=OUTPUT)
-    ],
+    out: Annotated[Path, value(OUTPUT, "DIR", "Folder for the scans.", "-o", "--out")],
     scans: SimulatedScans,
     noise: EchoNoise,
     lost: LostEchoes,
@@ -167,30 +176,25 @@ def command(
     """
     from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.lab.simulate.folder import write_simulation
+    from sonarmap.tools.lab.simulate.plan import SPACED
     from sonarmap.tools.lab.simulate.simulation import simulate
 
     settings = _settings(scans)
     fixes, drift, instruments = navigation.fixes(), navigation.drift(), navigation.instruments()
-    _require_spaced(settings.trajectory, scans.spacing)
+    if scans.spacing is not None and settings.trajectory not in SPACED:
+        raise InputError(
+            f"--spacing has no effect with --trajectory {settings.trajectory}, only with {' or '.join(SPACED)}; "
+            "leave it out"
+        )
     several = {"count": scans.scans, "spacing": scans.spacing, "dive": scans.dive, "unusable": lost.unusable}
     sensor = settings.sensor if lost.threshold is None else replace(settings.sensor, threshold=lost.threshold)
     changed = {"noise": replace(settings.noise, **given(noise)), "sensor": sensor}
-    settings = replace(settings, **changed, **_given(several))
+    settings = replace(settings, **changed, **given(several))
     require_writable(out)
     with growing_progress("simulating", quiet) as step:
         simulation = simulate(settings, progress=lambda done: step(done, settings.count, ""))
     write_simulation(simulation, out, instruments, fixes, drift)
     typer.echo(f"{len(simulation.scans)} scans of {settings.scene} and their true poses in {printable(str(out))}")
-
-
-def _require_spaced(trajectory: str, spacing: float | None) -> None:
-    """Refuse a spacing where the trajectory has none to choose."""
-    from sonarmap.tools.lab.simulate.plan import SPACED
-
-    if spacing is not None and trajectory not in SPACED:
-        raise InputError(
-            f"--spacing has no effect with --trajectory {trajectory}, only with {' or '.join(SPACED)}; leave it out"
-        )
 
 
 def _settings(scans: SimulatedScans) -> "SimulationSettings":
@@ -200,7 +204,7 @@ def _settings(scans: SimulatedScans) -> "SimulationSettings":
 
     if scans.like is not None:
         settled = {name: getattr(scans, name) for name in ("scene", "trajectory", "sensor", "seed")}
-        if conflicting := _given(settled):
+        if conflicting := given(settled):
             flags = ", ".join(f"--{name}" for name in conflicting)
             raise InputError(
                 f"--like takes scene, trajectory, sensor and seed from {scans.like}; leave out {flags}, or leave out "
@@ -211,7 +215,3 @@ def _settings(scans: SimulatedScans) -> "SimulationSettings":
         raise InputError("--sensor has no effect with --trajectory table1, which has the paper's sensor; leave it out")
     seed = DEFAULT_SEED if scans.seed is None else scans.seed
     return plan(scans.scene or DEFAULT_SCENE, scans.trajectory or DEFAULT_TRAJECTORY, scans.sensor, seed)
-
-
-def _given(options: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in options.items() if value is not None}

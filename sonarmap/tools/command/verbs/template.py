@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import OUTPUT
+from sonarmap.tools.command.options.option import OUTPUT, value
 from sonarmap.tools.command.options.scan import InputsArgument
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import printable, say, warn
@@ -14,9 +14,7 @@ from sonarmap.tools.command.terminal import printable, say, warn
 
 def command(
     inputs: InputsArgument,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="CSV file to write.", metavar="FILE", rich_help_panel=OUTPUT)
-    ],
+    out: Annotated[Path, value(OUTPUT, "FILE", "CSV file to write.", "-o", "--out")],
 ) -> None:
     """Write a CSV file for `--priors`: one row per scan with its name and stamp, and empty cells to fill in.
 

@@ -1,12 +1,13 @@
 """`sonarmap view`: a finished map's report in the browser."""
 
+import webbrowser
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import RUNNING
+from sonarmap.tools.command.options.option import RUNNING, switch
 from sonarmap.tools.command.terminal import printable
 from sonarmap.tools.files.writers.folder_lock import locked
 
@@ -14,16 +15,9 @@ from sonarmap.tools.files.writers.folder_lock import locked
 def command(
     source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="OUT")],
     write: Annotated[
-        bool,
-        typer.Option(
-            "--write",
-            help="Write OUT/report.html anew first. It is made from the map's files.",
-            rich_help_panel=RUNNING,
-        ),
+        bool, switch(RUNNING, "--write", "Write OUT/report.html anew first. It is made from the map's files.")
     ] = False,
-    show: Annotated[
-        bool, typer.Option("--open/--no-open", help="Open the report in the browser.", rich_help_panel=RUNNING)
-    ] = True,
+    show: Annotated[bool, switch(RUNNING, "--open/--no-open", "Open the report in the browser.")] = True,
 ) -> None:
     """Open a finished map's report, OUT/report.html, in the browser.
 
@@ -31,8 +25,9 @@ def command(
     network and no other file, so it can be copied and sent. `--write --no-open` writes it where there is no
     browser.
     """
-    from sonarmap.tools.files.map_folder.names import REPORT
+    from sonarmap.tools.files.map_folder.names import REPORT, SUMMARY
 
+    report = source / REPORT
     if write:
         from sonarmap.tools.files.map_folder.folder import read_map_folder
         from sonarmap.tools.products.report.page.page import write_report
@@ -40,31 +35,16 @@ def command(
         with locked(source, writing=True):
             write_report(read_map_folder(source))
         typer.echo(f"written to {printable(str(source))}: {REPORT}")
-    report = _report_in(source)
-    if show:
-        _open(report)
-
-
-def _report_in(folder: Path) -> Path:
-    """The report of a map's folder. Raises InputError: there is none."""
-    from sonarmap.tools.files.map_folder.names import REPORT, SUMMARY
-
-    if (folder / REPORT).is_file():
-        return folder / REPORT
-    if not (folder / SUMMARY).is_file():
+    elif not report.is_file():
+        if not (source / SUMMARY).is_file():
+            raise InputError(
+                f"{source} is not a folder that `sonarmap map` wrote: it has no {SUMMARY}. Give the folder after -o"
+            )
         raise InputError(
-            f"{folder} is not a folder that `sonarmap map` wrote: it has no {SUMMARY}. Give the folder after -o"
+            f"{source} has no {REPORT}, as of a map made with --no-report or by an earlier version; "
+            f"`sonarmap view {source} --write` makes it"
         )
-    raise InputError(
-        f"{folder} has no {REPORT}, as of a map made with --no-report or by an earlier version; "
-        f"`sonarmap view {folder} --write` makes it"
-    )
-
-
-def _open(report: Path) -> None:
-    """Open a page in the browser. Raises InputError: there is no browser."""
-    import webbrowser
-
-    if not webbrowser.open(report.resolve().as_uri()):
-        raise InputError(f"no browser can be opened here; open {report} in one, on this machine or another")
-    typer.echo(f"opened {printable(str(report))} in the browser")
+    if show:
+        if not webbrowser.open(report.resolve().as_uri()):
+            raise InputError(f"no browser can be opened here; open {report} in one, on this machine or another")
+        typer.echo(f"opened {printable(str(report))} in the browser")

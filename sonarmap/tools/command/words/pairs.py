@@ -1,8 +1,8 @@
-"""The pairs of a survey as a table that keeps its numbers at any width."""
+"""The pairs of a survey as a table that keeps its numbers at any width, and what became of ties and control points."""
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -12,6 +12,7 @@ from sonarmap.tools.command.terminal import number_table, printable, result_cons
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from sonarmap.slam.graph.control import MeasuredControl
     from sonarmap.slam.pair import Pair
     from sonarmap.slam.survey_result import SurveyResult
 
@@ -20,6 +21,7 @@ SIGMAS_EXPLAINED = "sigmas: how far the pair is from the final poses, in standar
 _NUMBERS = ("peak", "overlap", "yaw", "distance", "sigmas", "seconds")
 _LESS_IMPORTANT = ("seconds", "distance", "yaw")  # in the order in which a narrow terminal does without them
 _LEAST_FOR_NAMES = 20  # columns of a terminal
+LISTED = 20  # points in the table; summary.json lists all
 
 
 def print_pairs(result: "SurveyResult", names: Sequence[str]) -> None:
@@ -74,3 +76,41 @@ def _numbers(pair: "Pair") -> dict[str, str]:
         "sigmas": f"{pair.residual:.1f}" if math.isfinite(pair.residual) else "",
         "seconds": f"{registration.seconds:.2f}",
     }
+
+
+def print_hand(result: "SurveyResult", names: Sequence[str]) -> None:
+    """Print what ties and control points of a survey came to; nothing without any."""
+    from sonarmap.tools.products.output.hand import control_fit, has_no_effect, tie_effect
+
+    for tie in result.ties:
+        if not has_no_effect(result, tie):
+            pair = printable(f"{names[tie.i]} - {names[tie.j]}")
+            typer.echo(f"tie {pair}: {as_options(tie_effect(result, tie))}")
+    if fit := control_fit(result, names):
+        _print_control(result, names, fit)
+
+
+def _print_control(result: "SurveyResult", names: Sequence[str], fit: Mapping[str, Any]) -> None:
+    """The worst points with their residuals, and how well all fit."""
+    table = number_table("point", "scan", "use", "East m", "North m", "Up m", "length m", "sigmas", words=2)
+    table.columns[2].justify = "left"
+    ranked = sorted(range(len(result.control)), key=lambda k: -result.control[k].in_sigmas)
+    worst = sorted(ranked[:LISTED])
+    for k in worst:
+        table.add_row(*_cells(result.control[k], names))
+    typer.echo("residuals of control and check points, the map less the known coordinates:")
+    result_console().print(table)
+    if len(result.control) > len(worst):
+        typer.echo(f"the {len(worst)} worst of {len(result.control)}; summary.json lists all")
+    uses = {"control": "control points, which the map is fitted to", "check": "check points, which are only compared"}
+    for use, what in uses.items():
+        if (row := fit[use])["points"]:
+            residuals = f"{row['rms_m']:.3f} m root mean square, {row['largest_m']:.3f} m at most"
+            typer.echo(f"{what}: {row['points']}, residuals {residuals}")
+
+
+def _cells(each: "MeasuredControl", names: Sequence[str]) -> list[str]:
+    use = "left out" if each.left_out else each.point.use if each.in_world else f"{each.point.use}, not placed"
+    residual = each.residual.tolist()
+    numbers = [*(f"{value:+.3f}" for value in residual), f"{math.hypot(*residual):.3f}", f"{each.in_sigmas:.1f}"]
+    return [printable(each.point.name), printable(names[each.point.scan]), use, *numbers]

@@ -46,8 +46,7 @@ class Mapped:
 
 def print_mapped(mapped: Mapped, seconds: float, verbose: bool) -> None:
     """Print what came of a survey, what its user should look at, what to do next, and the files."""
-    from sonarmap.tools.command.words.hand import print_hand
-    from sonarmap.tools.command.words.pairs import print_pairs
+    from sonarmap.tools.command.words.pairs import print_hand, print_pairs
 
     if verbose:
         print_pairs(mapped.result, mapped.names)

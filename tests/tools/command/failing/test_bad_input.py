@@ -1,7 +1,6 @@
 """Bad input, end to end: a clear error that says what to do, the right exit code, nothing lost."""
 
 import json
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +11,6 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
-from sonarmap.tools.files.readers.scans import read_survey
-from tests.samples.cloud_files import SAMPLES
 from tests.samples.clutter_scans import (
     clutter,
     done,
@@ -28,7 +25,6 @@ from tests.samples.clutter_scans import (
     table_of,
     write,
 )
-from tests.samples.processor_time import processor_time
 
 GRID = ("--grid", "64")
 HEADER = "ply\nformat binary_little_endian 1.0\nelement vertex {}\n" + "".join(
@@ -86,27 +82,6 @@ def test_what_is_missing_is_refused(good: str, tmp_path: Path, name: str) -> Non
     assert not (tmp_path / "out").exists()
 
 
-def test_a_header_that_lies_takes_no_memory_and_no_time(good: str, tmp_path: Path) -> None:
-    (tmp_path / "bad.ply").write_bytes(ply(10**12, plane()))
-    sonarmap("register", good, good, *GRID)  # imports
-    tracemalloc.start()
-    start = processor_time()
-    assert sonarmap("register", tmp_path / "bad.ply", good).exit_code == 2
-    assert processor_time() - start < 10.0  # 10^12 points would take hours
-    assert tracemalloc.get_traced_memory()[1] < 10e6
-    tracemalloc.stop()
-
-
-@pytest.mark.parametrize("sample", [name for name in SAMPLES if name != "sonar"])  # whose whole shots are read
-def test_a_file_cut_anywhere_is_refused_by_its_name(good: str, tmp_path: Path, sample: str) -> None:
-    """Every byte of every format is cut in test_readers_damage; here, what the user hears of it."""
-    suffix, content = SAMPLES[sample]
-    for length in (1, 5, len(content) // 2, len(content) - 2):
-        cut = tmp_path / f"cut{suffix}"
-        cut.write_bytes(content[:length])
-        refused(sonarmap("register", cut, good), f"error: {cut}: ")
-
-
 def test_one_scan_alone_is_no_map(good: str, tmp_path: Path) -> None:
     for inputs in ([good], [good, good], [tmp_path]):
         result = sonarmap("map", *inputs, "-o", tmp_path / "out", *GRID)
@@ -150,21 +125,6 @@ def test_an_error_of_the_method_leaves_the_map_incomplete(tmp_path: Path, monkey
     assert "ended by an error of the method" in summary["warnings"][0]
     reasons = [pair["reason"] for pair in table_of(tmp_path / "out" / "pairs.csv") if pair["kept"] == "no"]
     assert reasons == ["failed: an error of the method, not of the scans: a slice begins at 7"]
-
-
-@pytest.mark.slow
-def test_scans_that_do_not_overlap_are_two_maps(tmp_path: Path) -> None:
-    paths = write(tmp_path, a=scan(0), b=scan(1), c=scan(2, scene=2), d=scan(3, scene=2))
-    result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID, "--json")
-    summary = printed(result, 3)
-    assert [part["scans"] for part in summary["components"]] == [[0, 1], [2, 3]]
-    assert summary["gaps"] == [[1, 2]]
-    tried = table_of(tmp_path / "out" / "pairs.csv")
-    assert not any(pair["kept"] == "yes" for pair in tried if int(pair["target"]) < 2 <= int(pair["source"]))
-    said(result, "gap between b and c: refused by the registration", "2 separate parts")
-    told = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
-    assert told.exit_code == 3
-    assert "4 of 4 placed in 2 separate maps" in told.stdout
 
 
 def test_where_nothing_joins_any_two_scans_the_first_is_the_map(tmp_path: Path) -> None:
@@ -284,18 +244,6 @@ def test_a_bad_file_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
     assert unread["name"] == str(file)
     assert [unread["gap"]] == summary["gaps"] == [{"a": [None, 0], "b": [0, 1], "c": [1, 2], "d": [2, None]}[bad]]
     assert words[0] in unread["reason"]
-
-
-@pytest.mark.parametrize("bad", ["a", "b", "d"])
-@pytest.mark.parametrize("case", ["nothing finite", "no bytes", "more promised", "text"])
-def test_a_bad_file_keeps_its_place_among_the_scans(tmp_path: Path, bad: str, case: str) -> None:
-    write(tmp_path, **{name: plane() for name in "abcd"})
-    (tmp_path / f"{bad}.ply").write_bytes(NOT_SCANS[case][1])
-    read = read_survey([tmp_path])
-    (unread,) = read.unread
-    assert (Path(unread.where).stem, unread.before) == (bad, "abcd".index(bad))
-    assert all(word in unread.reason for word in NOT_SCANS[case][2][1:])
-    assert [(scan.name, scan.stamp) for scan in read.scans] == [(n, "abcd".index(n)) for n in "abcd" if n != bad]
 
 
 def test_fewer_than_two_scans_that_can_be_read_are_an_error(good: str, tmp_path: Path) -> None:

@@ -1,8 +1,14 @@
-"""What typer refuses: one look with all other errors, and what to do."""
+"""What typer refuses; failures with --json are JSON, --quiet is quiet, and --log-file has all that was said."""
+
+import json
+import re
+from pathlib import Path
 
 import pytest
+from typer.testing import Result
 
-from tests.samples.clutter_scans import sonarmap
+from sonarmap.kernels.errors import InputError
+from tests.samples.clutter_scans import refused, said, scan, sonarmap, write
 
 
 @pytest.mark.parametrize(
@@ -52,3 +58,121 @@ def test_without_a_verb_there_is_the_help() -> None:
     assert result.exit_code == 2
     assert "Usage: sonarmap VERB ..." in result.output
     assert "error" not in result.stderr
+
+
+GRID = ("--grid", "64")
+LINE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ ")
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    return write(tmp_path_factory.mktemp("scans"), a=scan(0), b=scan(1), c=scan(2, scene=2))
+
+
+def failure(result: Result) -> dict[str, object]:
+    printed = json.loads(result.stdout)
+    assert set(printed) == {"error", "exit_code"}
+    assert printed["exit_code"] == result.exit_code
+    return printed
+
+
+class TestJson:
+    @pytest.mark.parametrize(
+        ("arguments", "words"),
+        [
+            ("map missing.ply -o out --json", "no such file or folder: missing.ply"),
+            ("map x -o out --grid 98 --json", "try --grid 96 or --grid 100"),
+            ("map x --json --out", "--out needs a value after it"),
+            ("devices --bogus --json", "no option --bogus"),
+            ("register --json", "is missing"),
+            ("fly --json", "there is no verb 'fly'"),
+        ],
+    )
+    def test_what_is_refused(self, arguments: str, words: str) -> None:
+        result = sonarmap(*arguments.split())
+        assert words in str(failure(result)["error"])
+        refused(result, words)
+
+    @pytest.mark.parametrize(("error", "code"), [(ZeroDivisionError("by zero"), 1), (KeyboardInterrupt(), 130)])
+    def test_a_defect_and_an_interruption(
+        self, error: BaseException, code: int, scans: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
+        def fail(*_: object, **__: object) -> None:
+            raise error
+
+        monkeypatch.setattr("sonarmap.slam.mapper.Mapper.run", fail)
+        result = sonarmap("map", *scans, "-o", tmp_path, *GRID, "--json")
+        assert result.exit_code == code
+        words = str(failure(result)["error"])
+        assert ("stopped: no pair was done yet" in words) == (code == 130)
+        said(result, words)
+
+    def test_a_message_is_never_longer_than_anybody_reads(self) -> None:
+        """Whatever it quotes of a damaged file, or of the command line."""
+        result = sonarmap("map", "x" * 100_000, "-o", "out", "--json")
+        message = str(failure(result)["error"])
+        assert len(message) < 3100
+        assert "x [... 1" in message
+        assert message.endswith("Check the path and its permissions")
+        said(result, message)
+
+    def test_without_json_stdout_stays_empty(self) -> None:
+        assert sonarmap("map", "missing.ply", "-o", "out").stdout == ""
+        assert sonarmap("devices", "--bogus").stdout == ""
+
+    def test_a_failed_export(self, scans: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def fail(*_: object) -> None:
+            raise InputError("no room for it")
+
+        monkeypatch.setattr("sonarmap.tools.products.report.page.page.write_report", fail)
+        result = sonarmap("map", *scans[:2], "-o", tmp_path, *GRID, "--json")
+        assert failure(result) == {"error": "no room for it", "exit_code": 2}
+        assert (tmp_path / "map.ply").exists()
+
+
+class TestQuiet:
+    def test_nothing_but_warnings_and_errors(self, scans: list[str], tmp_path: Path) -> None:
+        result = sonarmap("map", *scans[:2], "-o", tmp_path, *GRID, "--quiet")
+        assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")
+        again = sonarmap("map", *reversed(scans), "-o", tmp_path, *GRID, "--quiet")
+        assert (again.exit_code, again.stdout) == (3, "")
+        assert all(line.startswith("warning: ") for line in again.stderr.splitlines())
+        assert "c" in again.stderr
+        refused = sonarmap("map", "missing.ply", "-o", tmp_path, "--quiet")
+        assert refused.stderr.startswith("error: ")
+
+
+class TestLogFile:
+    def test_everything_said_is_added_with_times(self, scans: list[str], tmp_path: Path) -> None:
+        log = tmp_path / "logs" / "run.txt"
+        first = sonarmap("map", *scans, "-o", tmp_path / "out", *GRID, "--quiet", "--log-file", log)
+        assert (first.exit_code, first.stdout) == (3, "")
+        lines = log.read_text().splitlines()
+        assert all(LINE.match(line) for line in lines)
+        said_then = [LINE.sub("", line) for line in lines]
+        assert re.match(r"sonarmap \S+: sonarmap ", said_then[0])
+        assert said_then[-1] == "ended with exit code 3"
+        assert any(line.startswith("mapping: ") for line in said_then)
+        assert any(line.startswith("scans     2 of 3 placed in one map (1 in no map)") for line in said_then)
+        assert [line for line in first.stderr.splitlines() if line not in said_then] == []
+        refused = sonarmap("map", "missing.ply", "-o", tmp_path / "out", "--log-file", log)
+        assert refused.exit_code == 2
+        added = log.read_text().splitlines()[len(lines) :]
+        assert len(added) == 3
+        assert added[1].endswith(refused.stderr.strip())
+
+    def test_a_file_that_is_no_log_stays_as_it_is(self, scans: list[str], tmp_path: Path) -> None:
+        before = Path(scans[0]).read_bytes()
+        refused(sonarmap("devices", "--log-file", scans[0]), "is not a log of sonarmap; choose another")
+        assert Path(scans[0]).read_bytes() == before
+        unwritable = sonarmap("devices", "--json", "--log-file", Path(scans[0]) / "log")
+        refused(unwritable, "cannot write the log")
+        assert "cannot write the log" in str(failure(unwritable)["error"])
+        refused(sonarmap("devices", "--log-file", tmp_path))
+
+    def test_a_full_disk_ends_the_log_and_not_the_work(self, scans: list[str], tmp_path: Path) -> None:
+        if not Path("/dev/full").exists():
+            pytest.skip("no /dev/full here")
+        result = sonarmap("map", *scans[:2], "-o", tmp_path, *GRID, "--log-file", "/dev/full", "--json", "--quiet")
+        assert (result.exit_code, result.stderr) == (0, "")
+        assert json.loads(result.stdout)["unplaced"] == []

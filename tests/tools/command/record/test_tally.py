@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from wlsonar import range_image_protocol as rip
 
-from sonarmap.tools.command.record.receiver import Datagram
+from sonarmap.tools.command.record.receiver import Datagram, Senders
 from sonarmap.tools.command.record.recorder import RecordSettings, Status
-from sonarmap.tools.command.record.senders import Senders
 from sonarmap.tools.command.record.source import Source
 from sonarmap.tools.command.record.tally import IMU, RANGES, ClockOffset, Tally
-from sonarmap.tools.command.record.watch import Watch
-from sonarmap.tools.command.record.words import clock_words, end_lines, lasting, sized, status_lines
+from sonarmap.tools.command.record.words import Watch, clock_words, end_lines, lasting, sized, status_lines
 from sonarmap.tools.files.readers.sonar.packets import fault_of
 from tests.samples.damage.mutations import mutated
 from tests.samples.live.sender import LOOPBACK

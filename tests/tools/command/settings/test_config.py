@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from sonarmap.tools.command.settings.in_force import NAMED_ONLY
-from tests.samples.clutter_scans import refused, said, scan, write
+from tests.samples.clutter_scans import refused
 from tests.samples.clutter_scans import sonarmap as run
 from tests.samples.command_line import ROOT, SONARMAP
 from tests.tools.command.settings.test_setting import SETTINGS
@@ -131,19 +131,20 @@ class TestInForce:
         wanted = run("register", *pair, "--method", "icp", "--yaw-peaks", "4")
         refused(wanted, "--yaw-peaks has no effect with --method icp")
 
-    def test_a_way_to_work_on_the_command_line_replaces_that_of_the_file(self) -> None:
-        sets("[map]\nworkers = 2\nvoxel = 0.4\nmethod = 'icp'\n")
-        result = run("map", "nowhere", "-o", "out", "--scheduler", "tcp://127.0.0.1:1")
-        assert "--workers" not in result.stderr
-        assert "nowhere" in result.stderr
-
-    def test_a_value_that_only_the_run_can_refuse_is_said_to_be_the_file_s(self) -> None:
-        sets("[map]\nunits = 'yard'\nquiet = true\n")
-        refused(run("map", "nowhere", "-o", "out"), "'yard' is not known", "sonarmap.toml: units yard, quiet true")
-
-    def test_an_earlier_simulation_replaces_the_scene_of_the_file(self) -> None:
-        sets("[simulate]\nscene = 'harbor'\nseed = 5\n")
-        said(run("simulate", "--like", "gone.json", "-o", "out"), "without effect here: scene, seed", "gone.json")
+    @pytest.mark.parametrize(
+        ("text", "line", "words"),
+        [
+            ("[map]\nworkers = 2\nvoxel = 0.4\nmethod = 'icp'\n",
+             "map nowhere -o out --scheduler tcp://127.0.0.1:1", "without effect here: workers; nowhere"),
+            ("[map]\nunits = 'yard'\nquiet = true\n",
+             "map nowhere -o out", "'yard' is not known; sonarmap.toml: units yard, quiet true"),
+            ("[simulate]\nscene = 'harbor'\nseed = 5\n",
+             "simulate --like gone.json -o out", "without effect here: scene, seed; gone.json"),
+        ],
+    )  # fmt: skip
+    def test_what_the_command_line_replaces_or_only_the_run_can_refuse(self, text: str, line: str, words: str) -> None:
+        sets(text)
+        refused(run(*line.split()), *words.split("; "))
 
     def test_nothing_is_said_where_nothing_is_set(self, pair: list[str]) -> None:
         sets("[simulate]\nscans = 4\n")
@@ -202,22 +203,3 @@ class TestInForce:
         read = {"priors", "odometry", "ties", "control", "like", "map", "surface", "summary", "compare", "from"}
         assert {entry.key for entry in SETTINGS if entry.kind is Path} - NAMED_ONLY == read
         assert {entry.key for entry in SETTINGS} >= NAMED_ONLY
-
-    @pytest.mark.slow
-    def test_a_map_has_the_settings_in_its_summary_and_goes_on(self, folder: Path) -> None:
-        files = write(folder / "scans", **{f"s{k}": scan(k) for k in range(3)})
-        sets('[map]\nmethod = "icp"\nvoxel = 0.4\nmax-step = 9\nframe = "flu"\nreport = false\n')
-        by_file = run("--config", "sonarmap.toml", "map", *files, "-o", "a", "--quiet")
-        assert by_file.exit_code in (0, 3), by_file.output
-        assert "settings from" not in by_file.stderr  # --quiet
-        by_words = run(
-            *("--config", "/dev/null", "map", *files, "-o", "b", "--no-report", "--method", "icp", "--voxel", "0.4"),
-            *("--max-step", "9", "--frame", "flu", "--quiet"),
-        )
-        assert by_words.exit_code == by_file.exit_code
-        summaries = [json.loads((folder / name / "summary.json").read_text()) for name in "ab"]
-        assert summaries[0]["settings"] == summaries[1]["settings"]
-        assert summaries[0]["settings"]["mapper"]["limits"]["step"] == 9
-        words = ("-o", "a", "--method", "icp", "--voxel", "0.4", "--max-step", "9", "--no-report")
-        again = run("--config", "/dev/null", "map", *files, *words)
-        assert re.search(r"(\d+) of \1 pairs were in a/journal.sqlite", again.stderr)

@@ -1,6 +1,7 @@
-"""A map's folder that another run of sonarmap uses: refused with what to do, and nothing of the other run is lost."""
+"""`sonarmap view`, and a map's folder that another run uses: refused with what to do, and nothing is lost."""
 
 import json
+import webbrowser
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from sonarmap.tools.files.writers.folder_lock import locked
 from sonarmap.tools.files.writers.trajectory import write_trajectory
 from sonarmap.tools.products.export import tables
 from tests.samples import command_line
-from tests.samples.clutter_scans import done, files_in, refused, scan, sonarmap, write
+from tests.samples.clutter_scans import done, files_in, refused, said, scan, sonarmap, write
 from tests.tools.products.export.finished import finished_map
 
 KITTI = ("--format", "kitti", "--quiet")
@@ -80,3 +81,50 @@ def test_another_that_begins_meanwhile_is_refused(
     assert [(ended.returncode, "in use" in ended.stderr) for ended in tried] == [(2, True)]
     listed = json.loads((out / "summary.json").read_text())["files"]
     assert files <= {*listed} & {path.name for path in out.iterdir()}
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The addresses that a browser was asked to open."""
+    addresses: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", lambda address: addresses.append(address) or True)
+    return addresses
+
+
+def test_it_writes_and_opens_the_report(tmp_path: Path, asked: list[str]) -> None:
+    out = finished_map(tmp_path / "out ü #1")
+    refused(sonarmap("view", out), "has no report.html", "--write")
+    written = sonarmap("view", out, "--write", "--no-open")
+    assert (written.exit_code, asked) == (0, [])
+    assert (out / "report.html").read_text(encoding="utf-8").startswith("<!doctype html>")
+    done(sonarmap("view", out))
+    assert asked == [(out / "report.html").as_uri()]
+    assert asked[0].endswith("out%20%C3%BC%20%231/report.html")
+
+
+def test_it_writes_anew(tmp_path: Path, asked: list[str]) -> None:
+    out = finished_map(tmp_path / "out")
+    (out / "report.html").write_text("old")
+    assert sonarmap("view", out).exit_code == 0
+    assert (out / "report.html").read_text() == "old"
+    assert sonarmap("view", out, "--write").exit_code == 0
+    assert (out / "report.html").read_text(encoding="utf-8") != "old"
+    assert len(asked) == 2
+
+
+@pytest.mark.parametrize("options", [(), ("--write",)])
+def test_what_is_no_map_is_refused(tmp_path: Path, asked: list[str], options: tuple[str, ...]) -> None:
+    (tmp_path / "file").write_text("")
+    (tmp_path / "empty").mkdir()
+    for name in ("file", "empty", "missing"):
+        refused(sonarmap("view", tmp_path / name, *options), str(tmp_path / name), "`sonarmap map` wrote")
+    assert asked == []
+
+
+def test_without_a_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(webbrowser, "open", lambda address: False)
+    out = finished_map(tmp_path / "out")
+    result = sonarmap("view", out, "--write")
+    assert result.exit_code == 2
+    said(result, "no browser can be opened here", "report.html")
+    assert (out / "report.html").exists()

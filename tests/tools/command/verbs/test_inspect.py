@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sonarmap.slam.survey_grid import survey_grid
-from sonarmap.tools.command.inspect import overview
+from sonarmap.tools.command import overview
 from sonarmap.tools.command.navigation import PriorsFile, scans_with_priors
 from sonarmap.tools.files.readers.clock import clock_faults, clock_of, utc
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
@@ -119,12 +119,6 @@ class TestOtherFormats:
         assert shown.exit_code == 3
         said(shown, "cannot be read")
         assert "2: a to b" in shown.stdout
-
-    @pytest.mark.parametrize("name", ["missing.sonar", "void.sonar", "noise.sonar"])
-    def test_bad_input_is_said(self, tmp_path: Path, name: str) -> None:
-        (tmp_path / "void.sonar").write_bytes(b"")
-        (tmp_path / "noise.sonar").write_bytes(b"RIP2" + np.random.default_rng(1).bytes(3000))
-        refused(sonarmap("inspect", tmp_path / name), name)
 
     def test_one_scan_alone_makes_no_map(self, tmp_path: Path) -> None:
         write(tmp_path, a=scan(0))

@@ -182,7 +182,8 @@ def test_in_words(two_places: tuple[list[str], Path, Result]) -> None:
     assert "standard deviations" in result.stdout
     assert all(name in result.stdout for name in RESULTS)
     assert "the other parts are in map_2.ply" in result.stdout
-    said(result, "mapping:")
+    assert "4 of 4 placed in 2 separate maps" in result.stdout
+    said(result, "mapping:", "gap between b and c: refused by the registration", "2 separate parts")
 
 
 def test_further_formats_are_written(two_places: tuple[list[str], Path, Result]) -> None:
@@ -191,6 +192,8 @@ def test_further_formats_are_written(two_places: tuple[list[str], Path, Result])
     second = "map_2.ply map_all_2.ply map_2.png profile_2.png trajectory_2.tum"
     assert set(files_in(out)) == RESULTS | {*more.split(), *second.split()}
     assert "map.pcd, trajectory.kitti" in result.stdout
+    tried = [(int(row["target"]), int(row["source"])) for row in table_of(out / "pairs.csv") if row["kept"] == "yes"]
+    assert not any(i < 2 <= j for i, j in tried)
     # float32 keeps 0.1 mm
     np.testing.assert_allclose(read_scan(out / "map.pcd").points, read_scan(out / "map.ply").points, atol=1e-4)
     poses = [read(out / f"trajectory.{kind}") for kind, read in (("tum", read_tum), ("kitti", read_kitti))]

@@ -43,7 +43,7 @@ def test_a_cluster_with_certificates_gives_the_same_bytes(tmp_path: Path) -> Non
     assert "Traceback" not in refused.stderr
 
 
-def test_two_workers_on_two_cores_are_faster_than_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_two_workers_on_two_cores_are_faster_than_one(tmp_path: Path) -> None:
     """One, two, and a Dask cluster of two in turn; seconds of the registrations, with the start of the workers."""
     write_simulation(simulate(SimulationSettings(count=SCANS, seed=SEED)), tmp_path / "scans")
     load, cores = os.getloadavg()[0], len(os.sched_getaffinity(0))
@@ -59,9 +59,8 @@ def test_two_workers_on_two_cores_are_faster_than_one(tmp_path: Path, capsys: py
                 stages = json.loads((out / "times.json").read_text())["stages_s"]
                 seconds.setdefault(name, []).append(stages["pairs registered"])
     assert written["two workers"] == written["Dask, two"] == written["one worker"]
-    with capsys.disabled():
-        print(f"\n{cores} cores, load {load:.1f} before")
-        for name, taken in seconds.items():
-            print(f"{name}: {', '.join(f'{s:.1f}' for s in taken)} s, median {median(taken):.1f} s")
+    print(f"\n{cores} cores, load {load:.1f} before")
+    for name, taken in seconds.items():
+        print(f"{name}: {', '.join(f'{s:.1f}' for s in taken)} s, median {median(taken):.1f} s")
     if load < QUIET and cores >= 2:
         assert median(seconds["one worker"]) / median(seconds["two workers"]) >= 1.2

@@ -1,0 +1,176 @@
+"""What a map is written as: options of `map` beside the map itself, and of `export`; where it lies on the Earth."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.options.option import (
+    EARTH,
+    OUTPUT,
+    REQUIRED,
+    completes,
+    completes_list,
+    flag,
+    listed_in,
+    option,
+    refuse_without,
+    value,
+)
+from sonarmap.tools.command.progress import growing_progress
+from sonarmap.tools.command.terminal import say
+from sonarmap.tools.files.map_folder.names import EXPORTS
+from sonarmap.tools.products.export.formats import FORMATS
+
+if TYPE_CHECKING:
+    from sonarmap.spectral.scan import Scan
+    from sonarmap.tools.files.geo.georeference import Georeference
+    from sonarmap.tools.files.map_folder.folder import MapFolder
+    from sonarmap.tools.products.export.run import Exported, ExportSettings
+
+_KNOWN = "; ".join(f"{name}: {known.words}" for name, known in FORMATS.items())
+_EXPORTS = " or ".join(f"{file.format('')} ({name})" for name, file in EXPORTS.items())
+_output = partial(option, OUTPUT)
+_earth = partial(option, EARTH)
+
+
+def _check_formats(values: list[str] | None) -> list[str] | None:
+    """The names, each once, commas taken apart."""
+    names = [name.strip().lower() for value in values or () for name in value.split(",")]
+    for name in names:
+        if name not in FORMATS:
+            raise typer.BadParameter(f"{name!r}; choose from {', '.join(FORMATS)}, several separated by commas")
+    return list(dict.fromkeys(names))
+
+
+FormatsOption = Annotated[
+    list[str],
+    value(
+        OUTPUT,
+        "NAME",
+        f"{', '.join(FORMATS)}; several separated by commas. {_KNOWN}. The option may also be repeated.",
+        callback=_check_formats,
+        autocompletion=completes_list(FORMATS),
+    ),
+]
+
+
+def _check_also(formats: list[str]) -> list[str]:
+    unknown = [name for name in formats if name not in EXPORTS]
+    if unknown:
+        raise typer.BadParameter(f"{unknown[0]!r}; choose one of {', '.join(EXPORTS)}")
+    return list(dict.fromkeys(formats))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapOutput:
+    """The folder, and what else is written to it."""
+
+    out: Path = _output("OUT", "Folder for the results.", REQUIRED, "-o", "--out")
+    report: bool = flag(
+        OUTPUT, "--report/--no-report", "Write report.html, the page that `sonarmap view OUT` opens.", True, rare=True
+    )
+    also: list[str] = _output(
+        "FORMAT",
+        f"Also write {_EXPORTS}; may be repeated.",
+        [],
+        rare=True,
+        callback=_check_also,
+        autocompletion=completes(EXPORTS),
+    )
+    export: FormatsOption = field(default_factory=list[str])
+
+    def export_settings(
+        self, crs: str | None, georeference: "Georeference | None", scans: "Sequence[Scan]"
+    ) -> "ExportSettings":
+        """What --export and --crs ask for, refused now where it could not be done when the map is there."""
+        from sonarmap.tools.files.map_folder.names import OF_EACH
+        from sonarmap.tools.products.export.run import ExportSettings, check_files, check_settings
+
+        formats = self.export
+        if crs is not None and not formats:
+            raise InputError("--crs has no effect without --export; leave it out, or name a format")
+        settings = ExportSettings(tuple(formats), crs)
+        check_settings(settings, georeference, [scan.stamp for scan in scans] if formats else [])
+        if both := [name for name in self.also if EXPORTS[name] in {FORMATS[chosen].file for chosen in formats}]:
+            raise InputError(f"--also and --export would both write {EXPORTS[both[0]].format('')}; leave one out")
+        if own := [name for name in formats if FORMATS[name].file in OF_EACH]:
+            file = FORMATS[own[0]].file.format("")
+            raise InputError(f"--export {own[0]} would write {file}, which `map` writes anyway; leave it out")
+        check_files(settings, self.out)
+        return settings
+
+
+def export_with_progress(folder: "MapFolder", to: Path, settings: "ExportSettings", quiet: bool) -> "Exported":
+    """Export a map, and say what the user should know about it.
+
+    Raises InputError: see `tools.products.export.run.export_map`.
+    """
+    from sonarmap.tools.products.export.run import export_map
+
+    with growing_progress("exporting", quiet) as step:
+        exported = export_map(folder, to, settings, step)
+    for note in exported.notes:
+        say(note)
+    return exported
+
+
+@dataclass(frozen=True, slots=True)
+class EarthPlace:
+    """Where the map's origin is, and the coordinates of exported files."""
+
+    origin: str | None = _earth(
+        "LAT,LON[,HEIGHT]",
+        "Where the map's origin is: WGS84 \\[deg]. The height is above the vertical reference \\[m].",
+        shown="as the map says",
+    )
+    origin_heading: float | None = _earth(
+        "DEG",
+        "True heading of the map's x axis. It is for a map without a heading of its own.",
+        rare=True,
+        shown="90, East",
+    )
+    vertical: str | None = _earth(
+        "NAME",
+        "What heights count from. Names: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or EGM2008. ",
+        rare=True,
+        shown="surface",
+        autocompletion=completes(listed_in("sonarmap.tools.files.geo.georeference", "VERTICALS")),
+    )
+    crs: str | None = _earth(
+        "CRS", "Projected coordinates of exported files, as EPSG:25832.", rare=True, shown="the UTM zone of the origin"
+    )
+
+    def georeference(self, known: "Georeference | None" = None) -> "Georeference | None":
+        """What --origin, --origin-heading and --vertical say; what none of them says stays as `known` has it.
+
+        None without an origin. Raises InputError: numbers that cannot be one, or another option without any origin.
+        """
+        from sonarmap.tools.files.geo.georeference import DEFAULT_VERTICAL, EAST, Georeference
+
+        if self.origin is None and known is None:
+            refuse_without("--origin", {"--origin-heading": self.origin_heading, "--vertical": self.vertical})
+            return None
+        if known is None or self.origin is not None:
+            unsaid = (DEFAULT_VERTICAL, EAST) if known is None else (known.vertical, known.heading)
+            known = Georeference(*_numbers(self.origin or ""), *unsaid)
+        heading = known.heading if self.origin_heading is None else self.origin_heading
+        return replace(known, vertical=self.vertical or known.vertical, heading=heading)
+
+
+def _numbers(origin: str) -> tuple[float, float, float]:
+    """Latitude, longitude [deg] and height [m], 0 where it is left out."""
+    try:
+        numbers = [float(part) for part in origin.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (2, 3):
+        raise InputError(
+            f"--origin is {origin!r}; wanted latitude and longitude in degrees with decimal points, and perhaps a "
+            "height in meters, as in --origin 60.3913,5.3221 or --origin=-33.8568,151.2153,2.5"
+        )
+    return numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 0.0
