@@ -1,6 +1,5 @@
 """Drivers that crash, hang, lie or are not there, tried in processes of their own, and what is remembered of them."""
 
-import logging
 import os
 import shutil
 import subprocess
@@ -218,13 +217,3 @@ class TestMemory:
             path.write_text(damaged)
             assert self.trials(monkeypatch) == 1
         assert recall(path.stem)
-
-    def test_without_a_folder_to_write_to_it_goes_on(self, drivers, monkeypatch, caplog):
-        monkeypatch.setattr("sonarmap.kernels.device.cache.require_caches", lambda: None)
-        monkeypatch.setattr(trial, "require_caches", lambda: None)
-        monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/nowhere")
-        monkeypatch.setattr("sonarmap.kernels.device.cache._warned", set())
-        trial._keep(Driver("a.icd", "liba.so"), GPUS)
-        trial._keep(Driver("a.icd", "liba.so"), GPUS)
-        warned = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
-        assert len([text for text in warned if "cannot be written (not a directory)" in text]) == 1
