@@ -9,7 +9,7 @@ from sonarmap.kernels.fft.cpu import KERNEL, columns, tables
 from sonarmap.kernels.fft.cpu_rows import real_rows
 from sonarmap.kernels.fft.edges import radices
 from sonarmap.kernels.fft.plan import Layout
-from sonarmap.kernels.fft.stage import KEEP, block, from_private, private_stages, stage, to_private
+from sonarmap.kernels.fft.stage import KEEP, Edges
 
 
 def sheet_width(layout: Layout) -> int:
@@ -18,21 +18,16 @@ def sheet_width(layout: Layout) -> int:
 
 
 def emit_planes(layout: Layout) -> str:
-    """The program of `planes`, which whatever follows along the first axis shares: it is compiled once."""
-    n1 = layout.shape[1]
-    parts = ['#include "device/complex.cl"', *tables(layout, inverse=False)]
-    parts += [columns("columns_1", n1, 2 * layout.pitch, 1, inverse=False), real_rows(layout, inverse=False)]
-    return "\n".join([*parts, _sparse_planes(layout)])
+    """The program of `planes`, the last two axes of volumes, which whatever follows along the first axis shares.
 
-
-def _sparse_planes(layout: Layout) -> str:
-    """The last two axes of volumes, a work-item per plane; rows that were read are cleared, and so are the marks.
-
-    A mark stands for 8 rows; rows without hold zeros. A plane of such rows alone is not written: `filled` is 0 for it.
+    A work-item has a plane; rows that were read are cleared, and so are the marks. A mark stands for 8 rows; rows
+    without hold zeros. A plane of such rows alone is not written: `filled` is 0 for it.
     """
     _, n1, n2 = layout.shape
     pitch = 2 * layout.pitch
-    return f"""
+    parts = ['#include "device/complex.cl"', *tables(layout, inverse=False)]
+    parts += [columns("columns_1", pitch, Edges(n1, 1), inverse=False), real_rows(layout, inverse=False)]
+    parts.append(f"""
 {KERNEL} planes(__global float* volume, __global int* marks, __global int* filled, __global float* spectrum) {{
     volume += get_global_id(0) * {n1 * n2};
     marks += get_global_id(0) * {n1 // 8};
@@ -51,42 +46,17 @@ def _sparse_planes(layout: Layout) -> str:
         }}
     }}
     {KEEP} for (int i = 0; i < {16 * layout.column_blocks}; i += 16) columns_1(spectrum + i);
-}}"""
+}}""")
+    return "\n".join(parts)
 
 
-def forward_columns(n: int, stride: int, wide: int, lanes: int = 8) -> str:
-    """The stages but the last of `wide` times 8 or 16 columns at p, into the private arrays re and im.
-
-    `filled` points to the (n,) int of `emit_planes`.
-    """
-    first = radices(n)[0]
+def forward_columns(edges: Edges, stride: int) -> str:
+    """The stages but the last of the columns at p, into re and im; `filled` points to the (n,) int of `emit_planes`."""
+    n, lanes = edges.n, int(edges.vector.removeprefix("float"))
 
     def load(q: int, _: str) -> str:
-        f = f"(k + {q * n // first})"
+        f = f"(k + {q * n // radices(n)[0]})"
         return f"""x{q}r = x{q}i = 0.0f;
             if (filled[{f}]) load_columns{lanes}(p + {f} * {stride} + i * {2 * lanes}, &x{q}r, &x{q}i);"""
 
-    return f"""{KEEP} for (int k = 0; k < {n // first}; ++k) {{
-        {KEEP} for (int i = 0; i < {wide}; ++i) {{
-            const int at = i * {n} + position_{n}[k];
-            {block(stage(n, 0, f"float{lanes}", load, to_private))}
-        }}
-    }}
-    {private_stages(n, 1, len(radices(n)) - 1, wide, f"float{lanes}")}"""
-
-
-def last_stage(n: int, wide: int, store: str, before: str = "", after: str = "", lanes: int = 8) -> str:
-    """The last stage out of re and im; `store` is the statement for number f of the spectrum, Q in place of q."""
-    last = radices(n)[-1]
-
-    def stored(q: int, _: str) -> str:
-        return f"{{ const int f = k + {q * n // last}; {store.replace('Q', str(q))} }}"
-
-    return f"""{KEEP} for (int k = 0; k < {n // last}; ++k) {{
-        {KEEP} for (int i = 0; i < {wide}; ++i) {{
-            const int at = i * {n} + k;
-            {before}
-            {block(stage(n, len(radices(n)) - 1, f"float{lanes}", from_private, stored))}
-            {after}
-        }}
-    }}"""
+    return f"{edges.first(load)}\n    {edges.middle()}"

@@ -4,8 +4,8 @@
 from sonarmap.kernels.device.source import literal
 from sonarmap.kernels.fft.cpu import KERNEL, tables
 from sonarmap.kernels.fft.plan import Layout
-from sonarmap.kernels.fft.sparse import forward_columns, last_stage, sheet_width
-from sonarmap.kernels.fft.stage import KEEP, block
+from sonarmap.kernels.fft.sparse import forward_columns, sheet_width
+from sonarmap.kernels.fft.stage import KEEP, Edges, block
 
 
 def emit_spectra(layout: Layout, exponents: tuple[float, ...], magnitude: bool, lanes: int = 8) -> str:
@@ -41,7 +41,7 @@ def _columns(layout: Layout, exponents: tuple[float, ...], magnitude: bool, lane
     Those of the first exponent take the place of p. `first` is which block of its sheet, which begins at `row`, p is.
     """
     n0, n1, _ = layout.shape
-    stride, wide = 2 * n1 * layout.pitch, 8 * sheet_width(layout) // lanes
+    stride, edges = 2 * n1 * layout.pitch, Edges(n0, 8 * sheet_width(layout) // lanes, f"float{lanes}")
     others = "".join(f", __global float* whitened{e}" for e in range(1, len(exponents)))
     stores = ["const LANE power = yQr * yQr + yQi * yQi;"]
     for e, exponent in enumerate(exponents):
@@ -58,10 +58,10 @@ def _columns(layout: Layout, exponents: tuple[float, ...], magnitude: bool, lane
         stores.append(_store_magnitudes(layout, lanes))
     return f"""
 static inline void whitened_columns(__global float* p, __global const int* filled{others}{parameters}) {{
-    LANE re[{wide * n0}], im[{wide * n0}];
+    LANE re[{edges.wide * n0}], im[{edges.wide * n0}];
     {rows}
-    {forward_columns(n0, stride, wide, lanes)}
-    {last_stage(n0, wide, block(stores), lanes=lanes)}
+    {forward_columns(edges, stride)}
+    {edges.last(block(stores))}
 }}"""
 
 
