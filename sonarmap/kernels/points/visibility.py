@@ -14,6 +14,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array
 from sonarmap.kernels.device.readback import Pending, Readback
 from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.points.poses import require_places, upload_places
 
 _LANES = 8
 _GROUP = 64
@@ -35,7 +36,7 @@ def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
     Raises:
         InputError: the directions have another shape or are not finite, or there is no cell.
     """
-    _require_places(directions, "directions")
+    require_places(directions, "directions")
     if edge < 1:
         raise InputError(f"`edge={edge}` cells are too few; give at least 1")
     x, y, z = np.moveaxis(directions / np.maximum(np.abs(directions).sum(axis=1, keepdims=True), 1e-20), -1, 0)
@@ -51,7 +52,7 @@ def upload_points(device: Device, points: np.ndarray) -> tuple[cla.Array, int]:
     Raises:
         InputError: the points have another shape, or are not finite.
     """
-    _require_places(points, "points")
+    require_places(points, "points")
     padded = np.zeros((3, -(-max(len(points), 1) // _LANES) * _LANES), np.float32)
     padded[:, : len(points)] = points.T
     return device.to_device(padded), len(points)
@@ -63,10 +64,8 @@ def upload_viewpoints(device: Device, places: np.ndarray) -> cla.Array:
     Raises:
         InputError: the places have another shape, or are not finite.
     """
-    _require_places(places, "viewpoints")
-    rows = np.zeros((len(places), 4), np.float32)
-    rows[:, :3] = places
-    return device.to_device(rows)
+    require_places(places, "viewpoints")
+    return upload_places(device, places)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,8 +143,3 @@ def _images(viewing: Viewing) -> int:
         raise InputError("range images have no `viewpoints`; give a place for each")
     require_array(viewing.viewpoints, "viewpoints", (len(viewing.views), 4))
     return len(viewing.views)
-
-
-def _require_places(places: np.ndarray, what: str) -> None:
-    if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
-        raise InputError(f"`{what}` have shape {places.shape}; wanted (n, 3), all of it finite numbers")

@@ -12,8 +12,7 @@ from sonarmap.kernels.device.launch import affine_rows, enqueue, require_array, 
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.fft.plan import Layout
-from sonarmap.kernels.fft.sparse import emit_planes, sheet_width
-from sonarmap.kernels.fft.spectra import emit_spectra
+from sonarmap.kernels.fft.sparse import emit_planes, emit_spectra, sheet_width
 from sonarmap.kernels.fft.transform import RealFFT, column_lanes
 from sonarmap.kernels.points.voxelize import voxelize, voxelize_poses
 from sonarmap.kernels.pomf.spectrum import magnitude, whiten
@@ -48,7 +47,7 @@ class PointSpectra:
             self._plan_sparse(Layout((edge, edge, edge)))
 
     def _plan_sparse(self, layout: Layout) -> None:
-        """For processors: a work-item per plane or sheet; see `kernels.fft.spectra`."""
+        """For processors: a work-item per plane or sheet; see `kernels.fft.sparse`."""
         device, edge = self._device, self._edge
         self._sheet_count = edge // sheet_width(layout)
         self._marks = device.empty((1, edge**2 // 8), np.int32)

@@ -54,20 +54,20 @@ def test_half_whitened_spectra_correlate_as_their_amplitudes_say(device):
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize(("blur", "batched"), [(0.0, False), (0.7, False), (1.3, True)])
 def test_cross_power(device, shape, blur, batched):
-    rng = np.random.default_rng(2)
+    rng, along = np.random.default_rng(2), (0.0 if batched else blur, blur, blur)
     n0, n1, n2 = shape
     target, source = (whiten(device, device.to_device(random_spectrum(rng, shape, batched))) for _ in range(2))
     f0, f1, f2 = np.fft.fftfreq(n0) * (not batched), np.fft.fftfreq(n1), np.fft.rfftfreq(n2)
     squared = f0[:, None, None] ** 2 + f1[:, None] ** 2 + f2**2
     valid = n2 // 2 + 1
     want = (target.get() * np.conj(source.get()))[..., :valid] * np.exp(-2 * np.pi**2 * blur**2 * squared)
-    got = cross_power(device, target, source, shape, blur, batched).get()
+    got = cross_power(device, target, source, shape, along).get()
     assert relative_error(got[..., :valid], want) < 1e-6
     assert not got[..., valid:].any()
     if batched:
         summed = sum_layers(device, target, source, shape, blur).get()
         assert relative_error(summed[0, :, :valid], want.sum(axis=0)) < 1e-6
-    assert cross_power(device, target, source, shape, blur, batched, out=target) is target
+    assert cross_power(device, target, source, shape, along, out=target) is target
     np.testing.assert_array_equal(target.get(), got)
 
 
@@ -119,5 +119,5 @@ def test_refuses_what_it_cannot_use(device):
     for exponent in (-0.1, 1.5, float("nan")):
         refuses(r"`exponent=.*give 0, plain correlation, to 1, phase only", whiten, device, spectrum, exponent)
     refuses("`source` is", cross_power, device, spectrum, device.empty((8, 16, 16), np.complex64), (16, 16, 16))
-    refuses("blur", cross_power, device, spectrum, spectrum, (16, 16, 16), blur=-1)
+    refuses("blur", cross_power, device, spectrum, spectrum, (16, 16, 16), blur=(0, -1, 0))
     refuses("batched=True", Pomf(device, (16, 16, 16)).correlate_layers, spectrum, spectrum)
