@@ -128,6 +128,10 @@ class TestRegister:
         a, b = sonarmap.prepare([points(1), source], edge=32)
         again, once = sonarmap.register(a, b), sonarmap.register(points(1), source, edge=32)
         np.testing.assert_array_equal(again.T_target_source.as_matrix(), once.T_target_source.as_matrix())
+        (other,) = sonarmap.prepare([points(1)], edge=32)
+        for source, message in ((other, "one call of prepare"), (points(2), "only one of the two")):
+            with pytest.raises(sonarmap.InputError, match=message):
+                sonarmap.register(a, source)
 
     def test_paths_and_scans(self, tmp_path: Path) -> None:
         np.save(tmp_path / "target.npy", points(1))
@@ -173,13 +177,6 @@ class TestRegister:
             with pytest.raises(sonarmap.InputError, match=r"masked, and masks are not used; .*getmaskarray"):
                 use([masked])
 
-    def test_prepared_by_two_calls_or_half_prepared_is_refused(self) -> None:
-        (a,), (b,) = (sonarmap.prepare([points(1)], method="planes") for _ in range(2))
-        with pytest.raises(sonarmap.InputError, match="one call of prepare"):
-            sonarmap.register(a, b)
-        with pytest.raises(sonarmap.InputError, match="only one of the two"):
-            sonarmap.register(a, points(2))
-
 
 class TestOtherDoors:
     def test_a_method_of_ones_own_in_the_mapper(self) -> None:
@@ -209,11 +206,9 @@ class TestOtherDoors:
         np.save(tmp_path / "scan.npy", np.array([[1000.0, -2500.0, 750.0], [300.0, 40.0, -5000.0]]))
         (scan,) = sonarmap.read_scans(tmp_path, frame="frd", units="mm", range_scale=1.02)
         np.testing.assert_allclose(scan.points, [[1.02, 2.55, -0.765], [0.306, -0.0408, 5.1]], rtol=1e-6)
-
-    def test_scans_with_the_right_speed_of_sound(self, tmp_path: Path) -> None:
         written(tmp_path / "dive.sonar", recording(2))
-        wrong = sonarmap.read_scans(tmp_path)
-        for scan, other in zip(sonarmap.read_scans(tmp_path, sound_speed=1517.0), wrong, strict=True):
+        wrong, right = (sonarmap.read_scans(tmp_path / "dive.sonar", sound_speed=speed) for speed in (None, 1517.0))
+        for scan, other in zip(right, wrong, strict=True):
             np.testing.assert_allclose(scan.points, 1517.0 / 1480.0 * other.points, rtol=1e-6)
 
     @pytest.mark.parametrize(

@@ -162,12 +162,9 @@ class TestMemory:
         monkeypatch.setattr(cla, "empty", taken)
         limit = device.cl_device.max_mem_alloc_size
         need = f"{limit / 2**30 + 1:.2f} GiB"
-        with pytest.raises(DeviceError) as raised:
+        most = f"at most {limit / 2**30:.2f} GiB in one piece"
+        with pytest.raises(DeviceError, match=f"needs {need} on the device, {need} .*{most}. Use a smaller `edge`"):
             device.empty((limit // 4 + 2**28,))
-        message = str(raised.value)
-        assert f"this needs {need} on the device, {need} of it in one piece" in message
-        assert f"at most {limit / 2**30:.2f} GiB in one piece" in message
-        assert "Use a smaller `edge`" in message
         with pytest.raises(DeviceError, match=r"Use --grid 64\."):
             device.require(2**20, device.memory + 1, hint="--grid 64")
 
