@@ -1,6 +1,7 @@
 """Copies that are queued and waited for when they are wanted; memory of arrays that are gone goes to the next ones."""
 
 import gc
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,18 +44,23 @@ def test_a_slice_may_begin_anywhere_and_the_array_may_be_gone(device: Device, sh
     np.testing.assert_array_equal(readback.read(), values[1:])
 
 
+def place(array: Any) -> int:
+    """Which memory an array is in."""
+    return array.base_data.int_ptr
+
+
 def test_memory_is_used_again_once_nothing_refers_to_it(device):
     """By arrays of another shape and type, too."""
     first, second = (recycled(device, (64, 1024)) for _ in range(2))
     first.fill(1.0)
     second.fill(2.0)
     kept = second.reshape(1024, 64)  # refers to the same memory
-    freed, taken = (array.base_data.int_ptr for array in (first, second))
+    freed, taken = place(first), place(second)
     assert freed != taken
     del first, second
     gc.collect()
     third = recycled(device, (1024, 32), np.complex64)
-    assert third.base_data.int_ptr == freed
+    assert place(third) == freed
     values = (np.arange(2**15) * (1 + 2j)).reshape(1024, 32).astype(np.complex64)
     third.set(values)
     np.testing.assert_array_equal(third.get(), values)

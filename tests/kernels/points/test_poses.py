@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.points.poses import upload_poses
-from sonarmap.kernels.points.scaled import scaled
+from sonarmap.kernels.points.voxelize import scaled
 from tests.samples.refusals import refuses
 
 

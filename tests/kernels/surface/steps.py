@@ -34,15 +34,15 @@ class Sums:
 
 
 def sums_of(
-    target: np.ndarray,
-    source: np.ndarray,
+    surfaces: list[np.ndarray],
     most: int,
     pose: Pose,
     reach: float,
     weighting: Weighting,
     stretching: Stretching | None,
 ) -> Sums:
-    """Of a step between surfaces of rows (m, 12); the pose's width is set where it is measured."""
+    """Of a step between target and source, of rows (m, 12); the pose's width is set where it is measured."""
+    target, source = surfaces
     bell = max(reach * weighting.bell, pose.width * weighting.wide_bell)
     near_step, far = reach < weighting.measured, max(reach, weighting.bells * bell)
     R, t = pose.turn, pose.shift

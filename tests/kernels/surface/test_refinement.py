@@ -60,7 +60,7 @@ def test_sums_equal_the_twin(device, rows, reach, most, poses, stretching):
     steps.step(reach, alone=False)
     got = steps.end().read()
     for n, pose in enumerate(start):
-        want = sums_of(*rows, most, pose, reach, WEIGHTING, stretching)
+        want = sums_of(rows, most, pose, reach, WEIGHTING, stretching)
         for name in ("moving", "whole", "shared", "gradient", "total", "squares"):
             value = getattr(want, name)
             np.testing.assert_allclose(getattr(got, name)[n], value, atol=3e-5 * np.abs(value).max())
@@ -78,7 +78,7 @@ def test_steps_without_a_read_lead_where_the_twins_do(device, rows, stretching):
     for reach in (4.0, 3.0, 2.0):
         steps.step(reach, alone=True)
         for n, pose in enumerate(poses):
-            poses[n] = moved(pose, sums_of(*rows, 600, pose, reach, WEIGHTING, stretching), stretching)
+            poses[n] = moved(pose, sums_of(rows, 600, pose, reach, WEIGHTING, stretching), stretching)
     steps.step(2.0, alone=False)
     last = steps.end()
     leads, got = last.poses.get()[:, :12].reshape(-1, 3, 4), last.read()
@@ -88,7 +88,7 @@ def test_steps_without_a_read_lead_where_the_twins_do(device, rows, stretching):
         np.testing.assert_allclose(got.stretch[n], pose.stretch, atol=3e-5)
         assert got.width[n] == pytest.approx(pose.width, abs=1e-4)
         np.testing.assert_allclose(got.turn[n] @ got.turn[n].T, np.eye(3), atol=1e-12)
-        following = moved(pose, sums_of(*rows, 600, pose, 2.0, WEIGHTING, stretching), stretching)
+        following = moved(pose, sums_of(rows, 600, pose, 2.0, WEIGHTING, stretching), stretching)
         np.testing.assert_allclose(got.next_turn[n], following.turn, atol=5e-5)
         np.testing.assert_allclose(got.next_shift[n], following.shift, atol=2e-3)
         np.testing.assert_allclose(got.next_stretch[n], following.stretch, atol=5e-5)
