@@ -3,7 +3,7 @@
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -15,41 +15,12 @@ PACKAGE = ROOT / "sonarmap"
 ROOMS = ("kernels", "spectral", "slam", "tools")  # imports point left only
 WINGS = ("files", "methods", "products", "lab", "command")  # of tools, likewise
 FILES = sorted(path for room in ROOMS for path in (PACKAGE / room).rglob("*.py"))
-OWNERS = {  # a library, and the one room that may import it
-    "pyopencl": "kernels",
-    "gtsam": "slam",
-    "open3d": "tools",
-    "matplotlib": "tools",
-    "pyproj": "tools",
-    "pyogrio": "tools",
-    "laspy": "tools",
-    "lazrs": "tools",
-    "rosbags": "tools",
-    "mcap": "tools",
-    "lz4": "tools",
-    "zstandard": "tools",
-    "ruamel": "tools",
-    "rasterio": "tools",
-    "plyfile": "tools",
-    "wlsonar": "tools",
-    "typer": "tools",
-    "rich": "tools",
-}
 # slow to load: inside the function that uses them
-LATE = {
-    "open3d",
-    "matplotlib",
-    "pyproj",
-    "pyogrio",
-    "laspy",
-    "lazrs",
-    "rosbags",
-    "mcap",
-    "lz4",
-    "zstandard",
-    "ruamel",
-    "rasterio",
-}
+LATE = {"open3d", "matplotlib", "pyproj", "pyogrio", "laspy", "lazrs", "rosbags", "mcap"}
+LATE |= {"lz4", "zstandard", "ruamel", "rasterio"}
+# a library, and the one room that may import it
+OWNERS = dict.fromkeys(LATE | {"plyfile", "wlsonar", "typer", "rich"}, "tools")
+OWNERS |= {"pyopencl": "kernels", "gtsam": "slam"}
 SLOW_TO_LOAD = {"pyopencl", "scipy", "gtsam", *LATE}
 MOST_LINES = 400
 MOST_FILES = 18  # directly in a folder: beyond about 15 it wants to be divided by meaning
@@ -60,34 +31,44 @@ def room_of(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0]
 
 
-def imported(tree: ast.AST) -> Iterator[str]:
-    """The top-level packages that any statement under a node imports."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from (alias.name.split(".")[0] for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"line {node.lineno}: a relative import hides its room"
-            yield (node.module or "").split(".")[0]
+def modules_of(node: ast.AST) -> set[str]:
+    """The modules that statements under a node import, in full."""
+    modules: set[str] = set()
+    for part in ast.walk(node):
+        if isinstance(part, ast.Import):
+            modules.update(alias.name for alias in part.names)
+        elif isinstance(part, ast.ImportFrom):
+            assert part.level == 0, f"line {part.lineno}: a relative import hides its room"
+            modules |= {part.module or "", *(f"{part.module}.{alias.name}" for alias in part.names)}
+    return modules
 
 
-def rooms_imported(tree: ast.AST) -> set[str]:
-    """The rooms of sonarmap that any statement under a node imports."""
-    return {module.split(".")[1] for module in modules_of(tree) if module.startswith("sonarmap.")}
+def libraries(modules: set[str]) -> set[str]:
+    return {module.split(".")[0] for module in modules}
 
 
 def imported_at_load(tree: ast.Module) -> set[str]:
-    """What loading the module imports: its statements outside functions and `if TYPE_CHECKING`."""
+    """The modules that loading this one imports: its statements outside functions and `if TYPE_CHECKING`."""
     found: set[str] = set()
     waiting: list[ast.AST] = list(tree.body)
     while waiting:
         node = waiting.pop()
         if isinstance(node, ast.Import | ast.ImportFrom):
-            found.update(imported(node))
+            found |= modules_of(node)
         elif isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             waiting += node.orelse
         elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             waiting += ast.iter_child_nodes(node)
     return found
+
+
+def circle_in(graph: Mapping[str, set[str]]) -> str:
+    """What imports itself over others; "" where nothing does."""
+    try:
+        list(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        return " -> ".join(error.args[1])
+    return ""
 
 
 def parse(path: Path) -> ast.Module:
@@ -101,27 +82,27 @@ def named(path: Path) -> str:
 def test_imports_point_left() -> None:
     faults = []
     for path in FILES:
-        room = room_of(path)
+        room, modules = room_of(path), modules_of(parse(path))
         to_the_right = ROOMS[ROOMS.index(room) + 1 :]
-        for package in rooms_imported(parse(path)) & set(to_the_right):
+        for package in {module.split(".")[1] for module in modules if module.startswith("sonarmap.")} & set(
+            to_the_right
+        ):
             faults.append(f"{named(path)} imports {package}/, which lies to the right of {room}/")
-        for package in imported(parse(path)):
+        for package in libraries(modules):
             if package in ROOMS:
                 faults.append(f"{named(path)} imports {package}, which is sonarmap.{package}")
             if OWNERS.get(package, room) != room:
                 faults.append(f"{named(path)} imports {package}, which belongs to {OWNERS[package]}/ alone")
     assert not faults
+    assert {room_of(path) for path in FILES} == set(ROOMS)
+    links = {room: (ROOT / room).readlink().as_posix() for room in ROOMS}  # so that the top level shows them, too
+    assert links == {room: f"sonarmap/{room}" for room in ROOMS}
 
 
 def test_slow_libraries_load_late() -> None:
     """Inside the function that uses them."""
-    early = {named(path): imported_at_load(parse(path)) & LATE for path in FILES}
-    assert not {name: libraries for name, libraries in early.items() if libraries}
-
-
-def test_files_stay_short() -> None:
-    lines = {named(path): len(path.read_text().splitlines()) for path in FILES}
-    assert not {name: count for name, count in lines.items() if count > MOST_LINES}
+    early = {named(path): libraries(imported_at_load(parse(path))) & LATE for path in FILES}
+    assert not {name: found for name, found in early.items() if found}
 
 
 def test_the_command_line_starts_without_the_slow_libraries() -> None:
@@ -130,17 +111,9 @@ def test_the_command_line_starts_without_the_slow_libraries() -> None:
     assert (loaded.stdout.split(), loaded.stderr) == ([], "")
 
 
-def test_the_rooms_are_there() -> None:
-    assert {room_of(path) for path in FILES} == set(ROOMS)
-    links = {room: (ROOT / room).readlink().as_posix() for room in ROOMS}  # so that the top level shows them, too
-    assert links == {room: f"sonarmap/{room}" for room in ROOMS}
-
-
-FOLDERS = sorted({path.parent for path in FILES})
-MODULES = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in FILES}
-
-
-def test_folders_stay_small() -> None:
+def test_files_stay_short_and_folders_small() -> None:
+    lines = {named(path): len(path.read_text().splitlines()) for path in FILES}
+    assert not {name: count for name, count in lines.items() if count > MOST_LINES}
     counts = {named(folder): len(list(folder.glob("*.py"))) for folder in FOLDERS}
     assert not {name: count for name, count in counts.items() if count > MOST_FILES}
 
@@ -158,17 +131,9 @@ def test_every_room_says_what_lives_in_it_and_holds_no_code_in_its_init() -> Non
     assert not faults
 
 
-def modules_of(node: ast.AST) -> Iterator[str]:
-    """The modules that statements under a node import, in full."""
-    for part in ast.walk(node):
-        if isinstance(part, ast.Import):
-            yield from (alias.name for alias in part.names)
-        elif isinstance(part, ast.ImportFrom) and part.module:
-            yield part.module
-            yield from (f"{part.module}.{alias.name}" for alias in part.names)
-
-
-IMPORTS = {name: {module for module in modules_of(parse(path)) if module in MODULES} for name, path in MODULES.items()}
+FOLDERS = sorted({path.parent for path in FILES})
+MODULES = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in FILES}
+IMPORTS = {name: modules_of(parse(path)) & set(MODULES) for name, path in MODULES.items()}
 
 
 def test_no_import_circle() -> None:
@@ -194,12 +159,3 @@ def test_no_import_circle_between_folders(folder: Path) -> None:
         for wing in set(WINGS) & set(graph):
             assert graph[wing] <= set(WINGS[: WINGS.index(wing)]), wing
         assert set(graph) == set(WINGS)
-
-
-def circle_in(graph: Mapping[str, set[str]]) -> str:
-    """What imports itself over others; "" where nothing does."""
-    try:
-        list(TopologicalSorter(graph).static_order())
-    except CycleError as error:
-        return " -> ".join(error.args[1])
-    return ""

@@ -1,6 +1,7 @@
 """The pages of docs/, README and CHANGELOG: files and links that they name exist."""
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,9 @@ from tests.samples.places import ROOT
 
 PACKAGES = ("kernels", "spectral", "slam", "tools")
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
-# In backticks any path of this repository; elsewhere, as in drawings, files of the packages and tests.
+# `FORMATS` in `tools/files/readers/file.py`, `Pair` (`slam/pair.py`), `FORMATS` in `tools/files/readers`,
+# `slam.map.point_map.fuse`, `PlaceIndex`, `Translation.find`. In backticks any
+# path of this repository; elsewhere, as in drawings, files of the packages and tests.
 PATHS = re.compile(r"`((?:kernels|spectral|slam|tools|tests|docs|\.ci)/[\w./-]*|[\w-]+\.(?:py|toml|sh))`")
 FILES = re.compile(r"\b(?:kernels|spectral|slam|tools|tests)/[\w./-]+\.(?:py|cl|sh)\b")
 LINKS = re.compile(r"\]\((?!https?:)([^)\s]+)\)")
@@ -28,56 +31,41 @@ def named(page: Path) -> str:
     return page.relative_to(ROOT).as_posix()
 
 
-@pytest.mark.parametrize("page", PAGES, ids=named)
-def test_named_paths_exist(page: Path) -> None:
-    text = page.read_text()
-    named = {path for path in PATHS.findall(text) + FILES.findall(text) if not PLACEHOLDER.search(path)}
-    assert not [path for path in sorted(named) if not (ROOT / path).exists()]
+def defined(pattern: str, text: str) -> bool:
+    return re.search(rf"^{pattern}", text, re.MULTILINE) is not None
 
 
-@pytest.mark.parametrize("page", PAGES, ids=named)
-def test_names_are_in_the_files_that_are_named(page: Path) -> None:
-    """`FORMATS` in `tools/files/readers/file.py`, and `Pair` (`slam/pair.py`)."""
-    missing = []
-    for name, file in IN_FILE.findall(page.read_text()):
-        definition = rf"^(class|def) {name}\b|^{name}\b.* ="
-        if not re.search(definition, (ROOT / file).read_text(), re.MULTILINE):
-            missing.append(f"{name} in {file}")
-    assert not missing
-
-
-@pytest.mark.parametrize("page", PAGES, ids=named)
-def test_tables_are_in_the_folders_that_are_named(page: Path) -> None:
-    """`FORMATS` in `tools/files/readers`."""
-    missing = []
-    for name, folder in IN_FOLDER.findall(page.read_text()):
-        sources = [path.read_text() for path in (ROOT / folder).rglob("*.py")]
-        if not any(re.search(rf"^{name}\b.* =", source, re.MULTILINE) for source in sources):
-            missing.append(f"{name} in {folder}")
-    assert not missing
-
-
-@pytest.mark.parametrize("page", PAGES, ids=named)
-def test_named_modules_define_what_is_named(page: Path) -> None:
-    """`slam.map.point_map.fuse` is `fuse` of slam/map/point_map.py."""
-    missing = []
-    for name in MODULES.findall(page.read_text()):
+def absent(text: str) -> Iterator[str]:
+    """What a page names that is not there."""
+    for path in {*PATHS.findall(text), *FILES.findall(text)}:
+        if not PLACEHOLDER.search(path) and not (ROOT / path).exists():
+            yield path
+    for name, file in IN_FILE.findall(text):
+        if not defined(rf"((class|def) {name}\b|{name}\b.* =)", (ROOT / file).read_text()):
+            yield f"{name} in {file}"
+    for name, folder in IN_FOLDER.findall(text):
+        if not any(defined(rf"{name}\b.* =", path.read_text()) for path in (ROOT / folder).rglob("*.py")):
+            yield f"{name} in {folder}"
+    for name in MODULES.findall(text):
         module, _, member = name.strip(".").rpartition(".")
         file = (ROOT / module.replace(".", "/")).with_suffix(".py")
-        if not file.exists() or not re.search(rf"^(def|class) {member}\b", file.read_text(), re.MULTILINE):
-            missing.append(name)
-    assert not missing
+        if not file.exists() or not defined(rf"(def|class) {member}\b", file.read_text()):
+            yield name
+    for name, method in CLASSES.findall(text):
+        sources = [source for source in SOURCES if defined(rf"class {name}\b", source)]
+        if name not in FOREIGN and not any(not method or f"def {method}(" in source for source in sources):
+            yield f"{name}.{method}"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
-def test_named_classes_have_the_named_methods(page: Path) -> None:
-    """`PlaceIndex` and `Translation.find`."""
-    missing = []
-    for name, method in CLASSES.findall(page.read_text()):
-        sources = [source for source in SOURCES if re.search(rf"^class {name}\b", source, re.MULTILINE)]
-        if name not in FOREIGN and not any(not method or f"def {method}(" in source for source in sources):
-            missing.append(f"{name}.{method}")
-    assert not missing
+def test_what_is_named_is_there(page: Path) -> None:
+    assert not [*absent(page.read_text())]
+
+
+def test_what_is_not_there_is_found() -> None:
+    names = "tools/nowhere.py", "gone in slam/pair.py", "GONE in tools/files/readers", "slam.pair.gone"
+    page = "`{}`; `gone` in `slam/pair.py`; `GONE` in `tools/files/readers`; `{}`; `PlaceIndex.gone`; `GoneClass`"
+    assert {*absent(page.format(names[0], names[3]))} == {*names, "PlaceIndex.gone", "GoneClass."}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
@@ -97,17 +85,10 @@ def headings(page: Path) -> set[str]:
     return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
-def test_the_readme_is_short() -> None:
+def test_the_readme_is_short_and_there_are_few_pages() -> None:
+    assert len(list((ROOT / "docs").rglob("*.md"))) <= MOST_PAGES
     lines = (ROOT / "README.md").read_text().splitlines()
     assert len([line for line in lines if not line.startswith("<!--")]) < README_LINES
-
-
-def test_there_are_few_pages() -> None:
-    assert len(list((ROOT / "docs").rglob("*.md"))) <= MOST_PAGES
-
-
-def test_the_readme_names_every_page_that_lies_directly_in_docs() -> None:
-    assert set((ROOT / "docs").glob("*.md")) <= linked_from(ROOT / "README.md")
 
 
 def test_every_page_is_reachable_from_the_readme() -> None:
@@ -118,6 +99,7 @@ def test_every_page_is_reachable_from_the_readme() -> None:
         reached |= new
         waiting += [page for page in new if page.suffix == ".md"]
     assert set(PAGES) - reached <= {ROOT / "README.md"}
+    assert set((ROOT / "docs").glob("*.md")) <= linked_from(ROOT / "README.md")
 
 
 def linked_from(page: Path) -> set[Path]:

@@ -56,15 +56,13 @@ class TestNames:
         rooms = [import_module(f"sonarmap.{room}") for room in ("kernels", "spectral", "slam", "tools.api")]
         assert set(NAMES) == {name for room in rooms for name in room.__all__}
         assert all(getattr(sonarmap, name) is not None for name in NAMES)
+        names: dict[str, object] = {}
+        exec("from sonarmap import *", names)
+        assert set(NAMES) <= set(names)
 
     def test_an_unknown_name_is_an_attribute_error(self) -> None:
         with pytest.raises(AttributeError, match="No sonarmap attribute registre"):
             _ = sonarmap.registre  # pyright: ignore[reportAttributeAccessIssue]
-
-    def test_a_star_import_brings_all(self) -> None:
-        names: dict[str, object] = {}
-        exec("from sonarmap import *", names)
-        assert set(NAMES) <= set(names)
 
     def test_it_is_imported_beside_packages_of_the_names_that_its_own_have(self, tmp_path: Path) -> None:
         for room in ("kernels", "spectral", "slam", "tools"):
@@ -84,30 +82,21 @@ class TestNames:
 
 class TestDocumentation:
     @pytest.mark.parametrize("name", NAMES)
-    def test_every_name_has_a_docstring(self, name: str) -> None:
-        assert len(documented(getattr(sonarmap, name))) > 15
+    def test_every_name_has_a_docstring_and_functions_say_what_they_raise(self, name: str) -> None:
+        """What a function's own lines raise."""
+        assert len(documented(VALUES[name])) > 15
+        if name in CALLS and "raise " in inspect.getsource(VALUES[name]):
+            assert "Raises:" in documented(VALUES[name])
 
     @pytest.mark.parametrize("name", [*DATA, *CALLS])
-    def test_every_argument_and_field_is_described(self, name: str) -> None:
-        described = descriptions(documented(VALUES[name]))
-        missing = [argument for argument in annotations(VALUES[name]) if argument not in described]
-        assert not missing, f"{name} does not describe {missing}"
-
-    @pytest.mark.parametrize("name", [*DATA, *CALLS])
-    def test_arrays_have_shapes_and_numbers_have_units(self, name: str) -> None:
+    def test_every_argument_is_described_arrays_have_shapes_and_numbers_units(self, name: str) -> None:
         described = descriptions(documented(VALUES[name]))
         for argument, annotation in annotations(VALUES[name]).items():
+            assert argument in described, f"{name} does not describe {argument}"
             if re.search(r"ndarray|NDArray|\bArray\b", annotation):
                 assert SHAPE.search(described[argument]), f"{name}.{argument}: {described[argument]} has no shape"
             elif re.search(r"\bfloat\b", annotation):
                 assert UNIT.search(described[argument]), f"{name}.{argument}: {described[argument]} has no unit"
-
-    @pytest.mark.parametrize("name", CALLS)
-    def test_errors_are_said_where_they_are_raised(self, name: str) -> None:
-        """A function whose own lines raise says what; the same goes for the checks of a dataclass."""
-        call = getattr(sonarmap, name)
-        if "raise " in inspect.getsource(call):
-            assert "Raises:" in documented(call), name
 
 
 def points(seed: int, dtype: type = np.float64) -> np.ndarray:
@@ -139,6 +128,10 @@ class TestRegister:
         a, b = sonarmap.prepare([points(1), source], edge=32)
         again, once = sonarmap.register(a, b), sonarmap.register(points(1), source, edge=32)
         np.testing.assert_array_equal(again.T_target_source.as_matrix(), once.T_target_source.as_matrix())
+        (other,) = sonarmap.prepare([points(1)], edge=32)
+        for source, message in ((other, "one call of prepare"), (points(2), "only one of the two")):
+            with pytest.raises(sonarmap.InputError, match=message):
+                sonarmap.register(a, source)
 
     def test_paths_and_scans(self, tmp_path: Path) -> None:
         np.save(tmp_path / "target.npy", points(1))
@@ -184,13 +177,6 @@ class TestRegister:
             with pytest.raises(sonarmap.InputError, match=r"masked, and masks are not used; .*getmaskarray"):
                 use([masked])
 
-    def test_prepared_by_two_calls_or_half_prepared_is_refused(self) -> None:
-        (a,), (b,) = (sonarmap.prepare([points(1)], method="planes") for _ in range(2))
-        with pytest.raises(sonarmap.InputError, match="one call of prepare"):
-            sonarmap.register(a, b)
-        with pytest.raises(sonarmap.InputError, match="only one of the two"):
-            sonarmap.register(a, points(2))
-
 
 class TestOtherDoors:
     def test_a_method_of_ones_own_in_the_mapper(self) -> None:
@@ -220,11 +206,9 @@ class TestOtherDoors:
         np.save(tmp_path / "scan.npy", np.array([[1000.0, -2500.0, 750.0], [300.0, 40.0, -5000.0]]))
         (scan,) = sonarmap.read_scans(tmp_path, frame="frd", units="mm", range_scale=1.02)
         np.testing.assert_allclose(scan.points, [[1.02, 2.55, -0.765], [0.306, -0.0408, 5.1]], rtol=1e-6)
-
-    def test_scans_with_the_right_speed_of_sound(self, tmp_path: Path) -> None:
         written(tmp_path / "dive.sonar", recording(2))
-        wrong = sonarmap.read_scans(tmp_path)
-        for scan, other in zip(sonarmap.read_scans(tmp_path, sound_speed=1517.0), wrong, strict=True):
+        wrong, right = (sonarmap.read_scans(tmp_path / "dive.sonar", sound_speed=speed) for speed in (None, 1517.0))
+        for scan, other in zip(right, wrong, strict=True):
             np.testing.assert_allclose(scan.points, 1517.0 / 1480.0 * other.points, rtol=1e-6)
 
     @pytest.mark.parametrize(

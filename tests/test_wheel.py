@@ -1,6 +1,5 @@
 """The wheel: what is in it, and that it works in an environment of its own."""
 
-import ast
 import os
 import re
 import shutil
@@ -15,6 +14,7 @@ from zipfile import ZipFile
 import pytest
 
 from tests.samples.places import ROOT
+from tests.test_architecture import libraries, modules_of, parse
 
 PACKAGE = ROOT / "sonarmap"
 SUFFIXES = {".py", ".pyi", ".cl", ".typed", ".html", ".css", ".js"}
@@ -49,23 +49,12 @@ def test_every_imported_library_is_a_dependency() -> None:
     declared = {re.split(r"[\[>=]", requirement)[0].replace("_", "-") for requirement in requirements}
     distributions = packages_distributions()
     missing = set()
-    for library in imported_libraries():
+    modules = set[str]().union(*(modules_of(parse(path)) for path in PACKAGE.rglob("*.py")))
+    for library in libraries(modules) - {PACKAGE.name, *sys.stdlib_module_names}:
         names = {name.replace("_", "-") for name in distributions.get(library, [library])}
         if not names & declared:
             missing.add(library)
     assert not missing
-
-
-def imported_libraries() -> set[str]:
-    """The top-level modules that the product imports and that neither it nor Python has."""
-    libraries: set[str] = set()
-    for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Import):
-                libraries.update(alias.name.split(".")[0] for alias in node.names)
-            elif isinstance(node, ast.ImportFrom) and node.module:
-                libraries.add(node.module.split(".")[0])
-    return libraries - {PACKAGE.name, *sys.stdlib_module_names}
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.recycled import recycled
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
-from sonarmap.kernels.points.scaled import scaled
+from sonarmap.kernels.points.voxelize import scaled
 from sonarmap.kernels.pomf.point_spectra import PointSpectra
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.grid import Grid

@@ -3,6 +3,20 @@
 import numpy as np
 from scipy.ndimage import maximum_filter
 
+from sonarmap.kernels.fft.edges import row_pitch
+
+
+def relative_error(got: np.ndarray, want: np.ndarray) -> float:
+    """The difference over what is wanted, both in the 2-norm."""
+    return float(np.linalg.norm(got - want) / np.linalg.norm(want))
+
+
+def padded(spectrum: np.ndarray, length: int) -> np.ndarray:
+    """A half spectrum of rows of this length in the kernels' layout; the padding holds what must never be seen."""
+    out = np.full((*spectrum.shape[:-1], row_pitch(length)), np.nan, np.complex64)
+    out[..., : length // 2 + 1] = spectrum
+    return out
+
 
 def occupied(points: np.ndarray, edge: int, weights: np.ndarray | float = 1.0) -> np.ndarray:
     """(edge, edge, edge), the largest weight of the points (n, 3) in each voxel."""
@@ -25,13 +39,13 @@ def highest_maxima(
     correlation: np.ndarray, count: int, separation: float, limits: np.ndarray | None = None
 ) -> list[list[int]]:
     """Voxels of the highest local maxima within the limits, each farther than this from the others along an axis."""
-    n = len(correlation)
+    shape = np.array(correlation.shape)
     tops = np.argwhere(correlation == maximum_filter(correlation, 3, mode="wrap"))
     if limits is not None:
-        tops = tops[(np.minimum(tops, n - tops) <= limits).all(axis=1)]
+        tops = tops[(np.minimum(tops, shape - tops) <= limits).all(axis=1)]
     kept: list[np.ndarray] = []
-    for place in tops[np.argsort(-correlation[tuple(tops.T)])]:
-        if all(np.abs((place - other + n // 2) % n - n // 2).max() > separation for other in kept):
+    for place in tops[np.argsort(-correlation[tuple(tops.T)], kind="stable")]:
+        if all(np.abs((place - other + shape // 2) % shape - shape // 2).max() > separation for other in kept):
             kept.append(place)
         if len(kept) == count:
             break

@@ -94,8 +94,13 @@ class _Tracer:
         return event
 
     def copied(self, original: Callable[..., Any], queue: Any, to: Any, source: Any, **options: Any) -> Any:
-        if self._is_ours(queue):
-            _count_copy(self._counts(), to, source, options.get("is_blocking", True))
+        counts = self._counts()
+        if self._is_ours(queue) and not isinstance(to, cl.MemoryObjectHolder):
+            counts.reads += bool(options.get("is_blocking", True))
+            counts.read_bytes += to.nbytes
+        elif self._is_ours(queue) and not isinstance(source, cl.MemoryObjectHolder):
+            counts.writes += 1
+            counts.written_bytes += source.nbytes
         return original(queue, to, source, **options)
 
     def mapped(self, original: Callable[..., Any], queue: Any, *rest: Any, **options: Any) -> Any:
@@ -128,15 +133,6 @@ def everywhere(function: Callable[..., Any]) -> list[tuple[Any, str]]:
     rooms = {"kernels", "spectral", "slam", "tools", function.__module__.partition(".")[0]}
     modules = [module for name, module in list(sys.modules.items()) if name.partition(".")[0] in rooms]
     return [(module, name) for module in modules for name, value in list(vars(module).items()) if value is function]
-
-
-def _count_copy(counts: Counts, to: Any, source: Any, blocking: bool) -> None:
-    if not isinstance(to, cl.MemoryObjectHolder):
-        counts.reads += bool(blocking)
-        counts.read_bytes += to.nbytes
-    elif not isinstance(source, cl.MemoryObjectHolder):
-        counts.writes += 1
-        counts.written_bytes += source.nbytes
 
 
 @contextmanager

@@ -14,17 +14,7 @@ from sonarmap.kernels.device.source import literal
 from sonarmap.kernels.fft.cpu_rows import real_rows
 from sonarmap.kernels.fft.edges import radices
 from sonarmap.kernels.fft.plan import Layout, Pass, Plan
-from sonarmap.kernels.fft.stage import (
-    KEEP,
-    block,
-    from_private,
-    half_turns,
-    positions,
-    private_stages,
-    stage,
-    to_private,
-    twiddles,
-)
+from sonarmap.kernels.fft.stage import KEEP, Edges, half_turns, positions, twiddles
 
 KERNEL = "__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void"
 _ARGUMENTS = "__global float* volume, __global float* spectrum, const ulong volume_at, const ulong spectrum_at"
@@ -41,7 +31,7 @@ def emit(layout: Layout, inverse: bool, lanes: int = 8) -> Plan:
     """
     n0, n1, _ = layout.shape
     parts = ['#include "device/complex.cl"', *tables(layout, inverse)]
-    parts.append(columns("columns_1", n1, 2 * layout.pitch, 1, inverse))
+    parts.append(columns("columns_1", 2 * layout.pitch, Edges(n1, 1), inverse))
     parts.append(real_rows(layout, inverse))
     parts.append(_planes(layout, inverse))
     passes = [Pass("planes", n0)]
@@ -50,8 +40,14 @@ def emit(layout: Layout, inverse: bool, lanes: int = 8) -> Plan:
         # set of the first-level cache. Several neighbors at once spread over several sets: up to 3 times faster.
         choices = _ROWS_OF_16 if lanes == 16 else _ROWS_OF_8 if n0 > 128 else _SHORT_ROWS_OF_8
         rows = next(count for count in choices if n1 % count == 0)
-        parts.append(columns("columns_0", n0, 2 * n1 * layout.pitch, rows * 8 // lanes, inverse, lanes))
-        parts.append(_sheets(layout, rows))
+        edges, floats = Edges(n0, rows * 8 // lanes, f"float{lanes}"), 2 * layout.pitch * rows
+        parts.append(columns("columns_0", 2 * n1 * layout.pitch, edges, inverse))
+        # a work-item per `rows` rows of the second axis, neighbors in memory
+        parts.append(f"""
+{KERNEL} sheets({_ARGUMENTS}) {{
+    spectrum += spectrum_at + get_global_id(0) * {floats};
+    {KEEP} for (int i = 0; i < {floats}; i += {16 * rows}) columns_0(spectrum + i);
+}}""")
         passes.insert(0 if inverse else 1, Pass("sheets", n1 // rows))
     return Plan("\n".join(parts), tuple(passes))
 
@@ -89,44 +85,20 @@ def _planes(layout: Layout, inverse: bool) -> str:
 }}"""
 
 
-def _sheets(layout: Layout, rows: int) -> str:
-    """The kernel of the first axis: a work-item per `rows` rows of the second, neighbors in memory."""
-    floats = 2 * layout.pitch * rows
-    return f"""
-{KERNEL} sheets({_ARGUMENTS}) {{
-    spectrum += spectrum_at + get_global_id(0) * {floats};
-    {KEEP} for (int i = 0; i < {floats}; i += {16 * rows}) columns_0(spectrum + i);
-}}"""
-
-
-def columns(name: str, n: int, stride: int, wide: int, inverse: bool, lanes: int = 8) -> str:
-    """The function that transforms `wide` times `lanes` adjacent columns in place; stride is in floats."""
-    first, last = radices(n)[0], radices(n)[-1]
+def columns(name: str, stride: int, edges: Edges, inverse: bool) -> str:
+    """The function that transforms adjacent columns in place, as many vectors as edges; stride is in floats."""
+    first, lanes = radices(edges.n)[0], int(edges.vector.removeprefix("float"))
     re, im = ("i", "r") if inverse else ("r", "i")
-    vector = f"float{lanes}"
 
     def load(q: int, _: str) -> str:
-        at = f"p + (k + {q * n // first}) * {stride} + i * {2 * lanes}"
+        at = f"p + (k + {q * edges.n // first}) * {stride} + i * {2 * lanes}"
         return f"load_columns{lanes}({at}, &x{q}{re}, &x{q}{im});"
 
-    def store(q: int, _: str) -> str:
-        at = f"p + (k + {q * n // last}) * {stride} + i * {2 * lanes}"
-        return f"store_columns{lanes}({at}, y{q}{re}, y{q}{im});"
-
+    store = f"store_columns{lanes}(p + f * {stride} + i * {2 * lanes}, yQ{re}, yQ{im});"
     return f"""
 static inline void {name}(__global float* p) {{
-    {vector} re[{wide * n}], im[{wide * n}];
-    {KEEP} for (int k = 0; k < {n // first}; ++k) {{
-        {KEEP} for (int i = 0; i < {wide}; ++i) {{
-            const int at = i * {n} + position_{n}[k];
-            {block(stage(n, 0, vector, load, to_private))}
-        }}
-    }}
-    {private_stages(n, 1, len(radices(n)) - 1, wide, vector)}
-    {KEEP} for (int k = 0; k < {n // last}; ++k) {{
-        {KEEP} for (int i = 0; i < {wide}; ++i) {{
-            const int at = i * {n} + k;
-            {block(stage(n, len(radices(n)) - 1, vector, from_private, store))}
-        }}
-    }}
+    {edges.vector} re[{edges.wide * edges.n}], im[{edges.wide * edges.n}];
+    {edges.first(load)}
+    {edges.middle()}
+    {edges.last(store)}
 }}"""

@@ -11,8 +11,8 @@ from sonarmap.kernels.fft.cpu import KERNEL, columns, tables
 from sonarmap.kernels.fft.cpu_rows import real_rows
 from sonarmap.kernels.fft.edges import radices
 from sonarmap.kernels.fft.plan import Layout
-from sonarmap.kernels.fft.sparse import forward_columns, last_stage, sheet_width
-from sonarmap.kernels.fft.stage import KEEP, block, private_stages, stage, to_private
+from sonarmap.kernels.fft.sparse import forward_columns, sheet_width
+from sonarmap.kernels.fft.stage import KEEP, Edges, block, to_private
 
 # Real and imaginary sums of a column near a shift: at it, times the cosine and the sine of 1 and of 2 voxels' phase.
 _SUMS = 10
@@ -21,48 +21,48 @@ _HEADER = '#include "device/complex.cl"\n#include "pomf/whitening.cl"'
 
 def emit_forward(layout: Layout, exponents: tuple[float, ...]) -> str:
     """The program of `correlate` and `near`, which follow the planes of `kernels.fft.sparse`."""
-    n0, n1, _ = layout.shape
-    stride, wide = 2 * n1 * layout.pitch, sheet_width(layout)
+    stride, edges = 2 * layout.shape[1] * layout.pitch, Edges(layout.shape[0], sheet_width(layout))
     parts = [_HEADER, *tables(layout, inverse=False)]
-    parts += [_correlate_columns(n0, stride, wide, exponents), _correlate(layout, exponents)]
-    parts += [_near_columns(n0, stride, wide, exponents[0]), _near(layout)]
+    parts += [_correlate_columns(edges, stride, exponents), _correlate(layout, exponents)]
+    parts += [_near_columns(edges, stride, exponents[0]), _near(layout)]
     return "\n".join(parts)
 
 
 def emit_inverse(layout: Layout) -> str:
     """The program of `planes`, the last two axes of the inverse transform with the maxima of its rows."""
     parts = [_HEADER, *tables(layout, inverse=True)]
-    parts.append(columns("columns_1", layout.shape[1], 2 * layout.pitch, 1, inverse=True))
+    parts.append(columns("columns_1", 2 * layout.pitch, Edges(layout.shape[1], 1), inverse=True))
     return "\n".join([*parts, real_rows(layout, inverse=True, maxima=True), _planes_with_maxima(layout)])
 
 
-def _correlate_columns(n: int, stride: int, wide: int, exponents: tuple[float, ...]) -> str:
+def _correlate_columns(edges: Edges, stride: int, exponents: tuple[float, ...]) -> str:
     """The function that turns columns of a source's spectrum into those of each exponent's correlation.
 
     They are transformed, whitened and multiplied, and transformed back. The power is added to `energy`.
     """
+    n, wide = edges.n, edges.wide
     pointers = "".join(f", __global const float* target{e}, __global float* product{e}" for e in range(len(exponents)))
     keep = f"sr[i * {n} + f] = yQr; si[i * {n} + f] = yQi;"
-    backs = [_back_columns(n, stride, wide, e, exponent) for e, exponent in enumerate(exponents)]
+    backs = [_back_columns(edges, stride, e, exponent) for e, exponent in enumerate(exponents)]
     return f"""
 static inline void correlate_columns(__global const float* p, __global const int* filled{pointers},
                                      __global const float* across,
                                      __global const float* weights, __global const float* along, float8* energy,
                                      float* origin) {{
     float8 re[{wide * n}], im[{wide * n}], sr[{wide * n}], si[{wide * n}];
-    {forward_columns(n, stride, wide)}
-    {last_stage(n, wide, keep)}
+    {forward_columns(edges, stride)}
+    {edges.last(keep)}
     *origin = sr[0].s0;
     {block(backs)}
 }}"""
 
 
-def _back_columns(n: int, stride: int, wide: int, e: int, exponent: float) -> str:
+def _back_columns(edges: Edges, stride: int, e: int, exponent: float) -> str:
     """From the spectrum in sr and si to the columns at product<e>: an inverse transform, its parts swapped."""
-    first = radices(n)[0]
+    n = edges.n
 
     def load(q: int, _: str) -> str:
-        f = f"k + {q * n // first}"
+        f = f"k + {q * n // radices(n)[0]}"
         return f"""{{
                 float8 tr, ti;
                 load_columns8(target{e} + ({f}) * {stride} + i * 16, &tr, &ti);
@@ -71,18 +71,12 @@ def _back_columns(n: int, stride: int, wide: int, e: int, exponent: float) -> st
                 power += x{q}r * x{q}r + x{q}i * x{q}i;
             }}"""
 
+    before = "const float8 gain = vload8(i, across).s01452367; float8 power = 0.0f;"
+    after = f"energy[{e}] += power * vload8(i, weights).s01452367;"
     store = f"store_columns8(product{e} + f * {stride} + i * 16, yQi, yQr);"
-    return f"""{KEEP} for (int k = 0; k < {n // first}; ++k) {{
-        {KEEP} for (int i = 0; i < {wide}; ++i) {{
-            const int at = i * {n} + position_{n}[k];
-            const float8 gain = vload8(i, across).s01452367;
-            float8 power = 0.0f;
-            {block(stage(n, 0, "float8", load, to_private))}
-            energy[{e}] += power * vload8(i, weights).s01452367;
-        }}
-    }}
-    {private_stages(n, 1, len(radices(n)) - 1, wide)}
-    {last_stage(n, wide, store)}"""
+    return f"""{edges.loop(0, f"position_{n}[k]", load, to_private, before, after)}
+    {edges.middle()}
+    {edges.last(store)}"""
 
 
 def _sheet_head(layout: Layout) -> str:
@@ -133,8 +127,9 @@ static float sum8(const float8 v) {{
 }}"""
 
 
-def _near_columns(n: int, stride: int, wide: int, exponent: float) -> str:
+def _near_columns(edges: Edges, stride: int, exponent: float) -> str:
     """The function that adds up, along columns of the correlation's spectrum, the values within 2 of a shift."""
+    n, wide = edges.n, edges.wide
     store = f"""float8 tr, ti, xr, xi;
                 load_columns8(target + f * {stride} + i * 16, &tr, &ti);
                 whitened_product(tr, ti, yQr, yQi, gain * along[f], {literal(exponent)}, &xr, &xi);
@@ -142,7 +137,6 @@ def _near_columns(n: int, stride: int, wide: int, exponent: float) -> str:
                 if (f == 0) first[i] = xr;
                 add_near(xr, xi, roots, f, (f * shift) % {n}, (2 * f) % {n}, sum);"""
     before = f"const float8 gain = vload8(i, across).s01452367; float8 energy = 0.0f; float8* sum = sums + i * {_SUMS};"
-    parts = f"const float8* sum = sums + i * {_SUMS};"
     return f"""
 static inline void add_near(const float8 xr, const float8 xi, __global const float* roots, const int one,
                             const int there, const int two, float8* sum) {{
@@ -166,10 +160,10 @@ static inline void near_columns(__global const float* p, __global const int* fil
     float8 re[{wide * n}], im[{wide * n}], sums[{wide * _SUMS}], powers[{wide}], first[{wide}];
     for (int i = 0; i < {wide * _SUMS}; ++i) sums[i] = 0.0f;
     for (int i = 0; i < {wide}; ++i) powers[i] = 0.0f;
-    {forward_columns(n, stride, wide)}
-    {last_stage(n, wide, store, before, "powers[i] += energy;")}
+    {forward_columns(edges, stride)}
+    {edges.last(store, before, "powers[i] += energy;")}
     for (int i = 0; i < {wide}; ++i) {{
-        {parts}
+        const float8* sum = sums + i * {_SUMS};
         __global float* to = out + i * 16;
         store_columns8(to, sum[6] + sum[9], sum[7] - sum[8]);
         store_columns8(to + {stride}, sum[2] + sum[5], sum[3] - sum[4]);

@@ -8,6 +8,7 @@ doi:10.1090/S0025-5718-1965-0178586-1.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import prod
 
 import numpy as np
@@ -63,6 +64,43 @@ def private_stages(n: int, begin: int, end: int, wide: int = 1, vector: str = "f
             "}",
         ]
     return "\n    ".join(lines)
+
+
+@dataclass(frozen=True, slots=True)
+class Edges:
+    """`wide` edges of n points one behind the other, in the private arrays re and im of a vector type."""
+
+    n: int
+    wide: int
+    vector: str = "float8"
+
+    def first(self, load: Access) -> str:
+        """The first stage, which puts what it loads in the digit-reversed order; `load` as in `stage`."""
+        return self.loop(0, f"position_{self.n}[k]", load, to_private)
+
+    def last(self, store: str, before: str = "", after: str = "") -> str:
+        """The last stage; `store` is the statement for number f of the spectrum, Q in place of q."""
+
+        def stored(q: int, _: str) -> str:
+            f = q * self.n // radices(self.n)[-1]
+            return f"{{ const int f = k + {f}; {store.replace('Q', str(q))} }}"
+
+        return self.loop(len(radices(self.n)) - 1, "k", from_private, stored, before, after)
+
+    def middle(self) -> str:
+        """The stages between them."""
+        return private_stages(self.n, 1, len(radices(self.n)) - 1, self.wide, self.vector)
+
+    def loop(self, index: int, at: str, load: Access, store: Access, before: str = "", after: str = "") -> str:
+        """One stage over the groups k and the edges i; `before` and `after` are statements around each."""
+        return f"""{KEEP} for (int k = 0; k < {self.n // radices(self.n)[index]}; ++k) {{
+        {KEEP} for (int i = 0; i < {self.wide}; ++i) {{
+            const int at = i * {self.n} + {at};
+            {before}
+            {block(stage(self.n, index, self.vector, load, store))}
+            {after}
+        }}
+    }}"""
 
 
 def from_private(q: int, at: str) -> str:

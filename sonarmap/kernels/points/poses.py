@@ -1,5 +1,5 @@
 # pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
-"""Poses of one scan relative to another as kernels take them, wherever they come from."""
+"""Poses of one scan relative to another, and places, as kernels take them, wherever they come from."""
 
 import numpy as np
 import pyopencl.array as cla
@@ -22,3 +22,20 @@ def upload_poses(device: Device, R: np.ndarray, t: np.ndarray) -> cla.Array:
     rows = np.zeros((len(R), 4, 4), np.float32)
     rows[:, :3, :3], rows[:, :3, 3] = R, t
     return device.to_device(rows.reshape(-1, 16))
+
+
+def upload_places(device: Device, points: np.ndarray) -> cla.Array:
+    """Points (n, 3) on the device, to be moved by poses: (n, 4) float32."""
+    rows = np.zeros((len(points), 4), np.float32)
+    rows[:, :3] = points
+    return device.to_device(rows)
+
+
+def require_places(places: np.ndarray, what: str) -> None:
+    """Refuse what is not (n, 3) finite numbers.
+
+    Raises:
+        InputError: it is not.
+    """
+    if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
+        raise InputError(f"`{what}` have shape {places.shape}; wanted (n, 3), all of it finite numbers")

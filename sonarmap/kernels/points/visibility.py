@@ -4,6 +4,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import cast
 
 import numpy as np
 import pyopencl.array as cla
@@ -13,6 +14,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array
 from sonarmap.kernels.device.readback import Pending, Readback
 from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.points.poses import require_places, upload_places
 
 _LANES = 8
 _GROUP = 64
@@ -34,7 +36,7 @@ def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
     Raises:
         InputError: the directions have another shape or are not finite, or there is no cell.
     """
-    _require_places(directions, "directions")
+    require_places(directions, "directions")
     if edge < 1:
         raise InputError(f"`edge={edge}` cells are too few; give at least 1")
     x, y, z = np.moveaxis(directions / np.maximum(np.abs(directions).sum(axis=1, keepdims=True), 1e-20), -1, 0)
@@ -50,7 +52,7 @@ def upload_points(device: Device, points: np.ndarray) -> tuple[cla.Array, int]:
     Raises:
         InputError: the points have another shape, or are not finite.
     """
-    _require_places(points, "points")
+    require_places(points, "points")
     padded = np.zeros((3, -(-max(len(points), 1) // _LANES) * _LANES), np.float32)
     padded[:, : len(points)] = points.T
     return device.to_device(padded), len(points)
@@ -62,10 +64,8 @@ def upload_viewpoints(device: Device, places: np.ndarray) -> cla.Array:
     Raises:
         InputError: the places have another shape, or are not finite.
     """
-    _require_places(places, "viewpoints")
-    rows = np.zeros((len(places), 4), np.float32)
-    rows[:, :3] = places
-    return device.to_device(rows)
+    require_places(places, "viewpoints")
+    return upload_places(device, places)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +87,8 @@ def agreement(
 
     Args:
         viewings: one, or two with images of the same edge.
-        poses: device (n, 16) float32 as `upload_poses` makes them, which bring the first way's points to its images;
-            the second way's are brought by the inverse.
+        poses: device (n, 16) float32 as `upload_poses` makes them, which bring the first viewing's points to its
+            images; the second's are brought by the inverse.
         tolerances: one or two of (reach, slope): a range within reach + slope * range of the cell's agrees; nearer
             contradicts, and farther is hidden. Not negative.
 
@@ -103,38 +103,26 @@ def agreement(
     if bad or len(tolerances) not in (1, 2) or len(viewings) not in (1, 2):
         raise InputError(f"{len(viewings)} viewings, `tolerances={tolerances}`; wanted one or two of each, 0 or more")
     images = [_images(viewing) for viewing in viewings]
-    _require_one_edge(viewings)
     n, _ = require_array(poses, "poses", (None, 16))
     counts = device.empty((sum(images), n, len(tolerances), 3), np.int32)
+    seeing = [viewing for viewing in viewings if viewing.views is not None]
+    for viewing in seeing:
+        edge = min(each.views.shape[1] for each in seeing if each.views is not None)
+        require_array(cast(cla.Array, viewing.views), "views", (None, edge, edge, 2))
     if counts.size:
-        _launch(device, viewings, images, poses, tolerances, counts)
+        both = viewings[0], viewings[-1]
+        # a viewing without an image has no job, but an argument
+        shown = [seeing[0] if viewing.views is None else viewing for viewing in both]
+        arrays = [cast(cla.Array, array) for viewing in shown for array in (viewing.views, viewing.viewpoints)]
+        arrays += [viewing.points[0] for viewing in both]
+        sizes = [np.int32(size) for viewing in both for size in (viewing.points[0].shape[1], viewing.points[1])]
+        numbers = np.int32(images[0]), *sizes, _float4(*tolerances[0], *tolerances[-1])
+        size, defines = (1 if device.is_cpu else _GROUP, n, sum(images)), {"TOLERANCES": len(tolerances)}
+        defines["EDGE"] = arrays[0].shape[1]
+        arguments = *arrays, poses, counts, *numbers
+        launch(device, "points/visibility", "agreement", size, *arguments, group=(size[0], 1, 1), **defines)
     copy = Readback(device, counts)
     return Pending(lambda: np.split(copy.read().astype(np.int64), np.cumsum(images)[:-1]))
-
-
-def _launch(
-    device: Device,
-    viewings: Sequence[Viewing],
-    images: Sequence[int],
-    poses: cla.Array,
-    tolerances: Sequence[tuple[float, float]],
-    counts: cla.Array,
-) -> None:
-    first, second, n = viewings[0], viewings[-1], len(poses)
-    # a viewing without an image has no job, but an argument
-    any_viewing = next(viewing for viewing in viewings if viewing.views is not None)
-    seeing = [any_viewing if viewing.views is None else viewing for viewing in (first, second)]
-    arrays = [array for viewing in seeing for array in (viewing.views, viewing.viewpoints) if array is not None]
-    sizes = [
-        np.int32(number) for viewing in (first, second) for number in (viewing.points[0].shape[1], viewing.points[1])
-    ]
-    both = _float4(*tolerances[0], *tolerances[-1])
-    cpu = device.is_cpu
-    launch(
-        device, "points/visibility", "agreement", (n, sum(images)) if cpu else (_GROUP, n, sum(images)),
-        *arrays, first.points[0], second.points[0], poses, counts, np.int32(images[0]), *sizes, both,
-        group=None if cpu else (_GROUP, 1, 1), EDGE=arrays[0].shape[1], TOLERANCES=len(tolerances), CPU=int(cpu),
-    )  # fmt: skip
 
 
 @cache
@@ -144,7 +132,7 @@ def _float4(x: float, y: float, z: float, w: float) -> np.void:
 
 
 def _images(viewing: Viewing) -> int:
-    """How many images a viewing has, once all its shapes are right."""
+    """How many images a viewing has, once its points and viewpoints are right."""
     moved, valid = viewing.points
     _, count = require_array(moved, "points", (3, None))
     if count % _LANES or not 0 <= valid <= count:
@@ -155,15 +143,3 @@ def _images(viewing: Viewing) -> int:
         raise InputError("range images have no `viewpoints`; give a place for each")
     require_array(viewing.viewpoints, "viewpoints", (len(viewing.views), 4))
     return len(viewing.views)
-
-
-def _require_one_edge(viewings: Sequence[Viewing]) -> None:
-    edges = {viewing.views.shape[1] for viewing in viewings if viewing.views is not None}
-    for viewing in viewings:
-        if viewing.views is not None:
-            require_array(viewing.views, "views", (None, *2 * (min(edges),), 2))
-
-
-def _require_places(places: np.ndarray, what: str) -> None:
-    if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
-        raise InputError(f"`{what}` have shape {places.shape}; wanted (n, 3), all of it finite numbers")

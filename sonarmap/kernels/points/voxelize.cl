@@ -38,3 +38,10 @@ __kernel void voxelize_poses(__global const float4* const restrict points, __glo
     const float16 pose = vload16(0, poses + 20 * (first + number));
     if (n < count) put(points[n], pose, volumes + number * EDGE * EDGE * EDGE, marks + number * ((EDGE * EDGE + 7) / 8));
 }
+
+// Points and weights on a grid of voxels of another size.
+__kernel void scaled(__global const float4* const restrict points, __global float4* const restrict out, const int count,
+                     const float factor) {
+    const int n = get_global_id(0);
+    if (n < count) out[n] = points[n] * (float4)(factor, factor, factor, 1.0f);
+}

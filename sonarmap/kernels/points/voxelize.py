@@ -1,5 +1,5 @@
 # pyright: strict
-"""Points to a volume: each voxel holds the largest weight of its points."""
+"""Points to a volume: each voxel holds the largest weight of its points; and points on a grid of other voxels."""
 
 import numpy as np
 import pyopencl.array as cla
@@ -72,3 +72,23 @@ def voxelize_poses(
         launch(
             device, "points/voxelize", "voxelize_poses", (points_count, count), *arguments, group="points", EDGE=edge
         )
+
+
+def scaled(device: Device, points: cla.Array, factor: float) -> cla.Array:
+    """The points on a grid whose voxels are 1 / factor times as large.
+
+    Args:
+        points: (n, 4) float32: x, y, z relative to the grid's center [voxels], then a weight, which stays.
+
+    Returns:
+        (n, 4) float32.
+
+    Raises:
+        InputError: the points have another shape or dtype.
+    """
+    count, _ = require_array(points, "points", (None, 4))
+    result = device.empty((count, 4))
+    if count:
+        arguments = points, result, np.int32(count), np.float32(factor)
+        launch(device, "points/voxelize", "scaled", (count, 1), *arguments, group="points")
+    return result

@@ -48,13 +48,7 @@ class Chooser:
         wanted, rows = (out.shape[2] - 4) // _RECORD, self._edge**2
         cubes, together = now[0] * out.shape[1], _ROWS_TOGETHER if self._cpu else 1
         width = 1 if self._cpu else _GROUP
-        macros: dict[str, int | float] = {
-            "IMAGES": self._edge,
-            "HEIGHT": self._edge,
-            "LENGTH": self._edge,
-            "ROWS": together,
-            "WIDTH": width,
-        }
+        macros = dict.fromkeys(("IMAGES", "HEIGHT", "LENGTH"), self._edge) | {"ROWS": together, "WIDTH": width}
         launch(
             self._device, "pomf/choose", "threshold", (cubes * width,), correlations.tops, correlations.energies, poses,
             self._states, np.int32(self._parts), np.int32(min(_ROWS_OF_A_PEAK * wanted, rows)), count, first,

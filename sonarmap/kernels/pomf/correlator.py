@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyopencl.array as cla
+from numpy.typing import NDArray
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import affine_rows, require_array, zero
@@ -14,13 +15,15 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.points.voxelize import voxelize_poses
 from sonarmap.kernels.pomf.choose import Chooser, Correlations
-from sonarmap.kernels.pomf.near import SUMS, highest_near
 from sonarmap.kernels.pomf.passes import make_passes
-from sonarmap.kernels.pomf.peak import find_peaks
-from sonarmap.kernels.pomf.peak_fit import Peak
+from sonarmap.kernels.pomf.peak import NOT_FINITE, find_peaks
+from sonarmap.kernels.pomf.peak_fit import Peak, fit_peaks
+from sonarmap.kernels.pomf.spectrum import half_weights
 
 # So many voxels, in so many volumes, are worked on at once: few enough for a processor's cache.
 _VOXELS, _MOST = 2**19, 8
+# Rows of sums for each shift, as in near.cl: 5 x 5 shifts along the first axes, then five of which two are the power's.
+_SUMS = 30
 
 
 def at_once(edge: int) -> int:
@@ -116,7 +119,7 @@ class Correlator:
         """
         rows, half = self._upload(poses), row_pitch(self.edge)
         require_array(targets[0], "target", (self.edge, self.edge, half), np.complex64)
-        out = self.device.empty((len(poses), SUMS, half), np.complex64)
+        out = self.device.empty((len(poses), _SUMS, half), np.complex64)
         places = np.asarray(shifts) % self.edge
         for first in range(0, len(poses), self.most):
             now = min(self.most, len(poses) - first)
@@ -124,7 +127,7 @@ class Correlator:
             for n in range(now):
                 self._passes.near(self._spectra, n, targets[0], places[first + n], out, first + n)
         copy = Readback(self.device, out)
-        return Pending(lambda: highest_near(self.edge, places, copy.read()))
+        return Pending(lambda: _highest_near(self.edge, places, copy.read()))
 
     def correlations(self, points: cla.Array, pose: Pose, targets: Sequence[cla.Array]) -> list[cla.Array]:
         """For each exponent the correlation (edge, edge, edge) float32; the arrays are used again by the next call."""
@@ -162,3 +165,32 @@ class Correlator:
         correlations = self._correlations
         self._passes.correlate(self._spectra, targets, correlations.energies, now)
         self._passes.inverse(correlations.values, self._spectra, correlations.tops, rows, now, first)
+
+
+def _highest_near(edge: int, places: NDArray[np.int64], sums: NDArray[np.complex64]) -> list[Peak]:
+    """For each voxel (m, 3) the highest of the 27 around it, peak or slope; sums (m, `_SUMS`, pitch) are of near.cl.
+
+    The mean is the term of frequency 0, the deviation that of the spectrum, by Parseval's theorem.
+    """
+    n, exact = edge, sums.astype(np.complex128)
+    if not np.isfinite(exact.view(np.float64)).all():
+        raise InputError(NOT_FINITE)
+    weights = half_weights(n)
+    mean = exact[:, 25, 0].imag / n**3
+    variance = exact[:, 25].real @ weights / n**6 - mean**2
+    around = _values(edge, places, exact[:, :25] * weights)
+    inner = around[:, 1:-1, 1:-1, 1:-1].reshape(len(around), 27)
+    highest = inner.argmax(axis=1)
+    tops = np.column_stack([highest // 9, highest // 3 % 3, highest % 3])
+    cubes = np.stack(
+        [cube[i : i + 3, j : j + 3, k : k + 3] for cube, (i, j, k) in zip(around, tops.tolist(), strict=True)]
+    )
+    return fit_peaks((places + tops - 1) % n, cubes, (n, n, n), mean, np.sqrt(np.maximum(variance, 0)))
+
+
+def _values(n: int, places: NDArray[np.int64], sums: np.ndarray) -> np.ndarray:
+    """(m, 5, 5, 5) float32: the last axis of the sums (m, 25, pitch), by frequency, at 5 voxels."""
+    columns = places[:, 2, None] + np.arange(-2, 3)
+    turns: NDArray[np.int64] = np.arange(row_pitch(n))[:, None] * columns[:, None, :] % n
+    values = np.real(np.matmul(sums, np.exp(2j * np.pi / n * turns))) / n**3
+    return values.reshape(-1, 5, 5, 5).astype(np.float32)

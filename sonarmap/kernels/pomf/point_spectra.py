@@ -12,8 +12,7 @@ from sonarmap.kernels.device.launch import affine_rows, enqueue, require_array, 
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.fft.plan import Layout
-from sonarmap.kernels.fft.sparse import emit_planes, sheet_width
-from sonarmap.kernels.fft.spectra import emit_spectra
+from sonarmap.kernels.fft.sparse import emit_planes, emit_spectra, sheet_width
 from sonarmap.kernels.fft.transform import RealFFT, column_lanes
 from sonarmap.kernels.points.voxelize import voxelize, voxelize_poses
 from sonarmap.kernels.pomf.spectrum import magnitude, whiten
@@ -43,8 +42,22 @@ class PointSpectra:
         self._device, self._edge, self.exponents, self._with_magnitudes = device, edge, exponents, magnitudes
         self._volume = device.empty((1, edge, edge, edge))
         # the fused passes take whole blocks of 8 rows only
-        self._sparse = _SparsePasses(device, edge, exponents, magnitudes) if device.is_cpu and edge % 8 == 0 else None
-        self._fft = RealFFT(device, (edge, edge, edge)) if self._sparse is None else None
+        self._fft = None if device.is_cpu and edge % 8 == 0 else RealFFT(device, (edge, edge, edge))
+        if self._fft is None:
+            self._plan_sparse(Layout((edge, edge, edge)))
+
+    def _plan_sparse(self, layout: Layout) -> None:
+        """For processors: a work-item per plane or sheet; see `kernels.fft.sparse`."""
+        device, edge = self._device, self._edge
+        self._sheet_count = edge // sheet_width(layout)
+        self._marks = device.empty((1, edge**2 // 8), np.int32)
+        self._filled = device.empty((edge,), np.int32)
+        pose = np.append(affine_rows(None, np.full(3, edge / 2 + 0.5)).ravel(), np.zeros(4))
+        self._pose = table(device, pose[None].astype(np.float32))
+        source = emit_spectra(layout, self.exponents, self._with_magnitudes, column_lanes(device))
+        self._planes = cl.Kernel(device.build(emit_planes(layout), name="sparse"), "planes")
+        self._sheets = cl.Kernel(device.build(source, name="spectra"), "sheets")
+        self._clean = False
 
     def transform(
         self, points: cla.Array, out: Sequence[cla.Array], magnitudes: cla.Array | None = None, farthest: float = np.inf
@@ -71,14 +84,9 @@ class PointSpectra:
             require_array(array, "out", (edge, edge, row_pitch(edge)), np.complex64)
         if magnitudes is not None:
             require_array(magnitudes, "magnitudes", (edge, edge, edge // 2 + 1))
-        if self._sparse is not None:
-            self._sparse.transform(points, self._volume, out, magnitudes, farthest)
-        else:
-            self._transform_whole(points, out, magnitudes)
-
-    def _transform_whole(self, points: cla.Array, out: Sequence[cla.Array], magnitudes: cla.Array | None) -> None:
-        """Pass by pass, all rows of the volume."""
-        assert self._fft is not None
+        if self._fft is None:
+            self._transform_sparse(points, out, magnitudes, farthest)
+            return
         spectrum = self._fft.forward(voxelize(self._device, points, self._edge, out=self._volume[0]), out=out[0])
         if magnitudes is not None:
             magnitude(self._device, spectrum, self._edge, out=magnitudes)
@@ -86,40 +94,17 @@ class PointSpectra:
         for exponent, whitened in reversed(list(zip(self.exponents, out, strict=True))):
             whiten(self._device, spectrum, exponent, out=whitened)
 
-
-class _SparsePasses:
-    """For processors: a work-item per plane or sheet; see `kernels.fft.spectra`."""
-
-    def __init__(self, device: Device, edge: int, exponents: tuple[float, ...], magnitudes: bool) -> None:
-        layout = Layout((edge, edge, edge))
-        self._device, self._edge = device, edge
-        self._sheet_count = edge // sheet_width(layout)
-        self._marks = device.empty((1, edge**2 // 8), np.int32)
-        self._filled = device.empty((edge,), np.int32)
-        pose = np.append(affine_rows(None, np.full(3, edge / 2 + 0.5)).ravel(), np.zeros(4))
-        self._pose = table(device, pose[None].astype(np.float32))
-        program = device.build(emit_spectra(layout, exponents, magnitudes, column_lanes(device)), name="spectra")
-        self._planes = cl.Kernel(device.build(emit_planes(layout), name="sparse"), "planes")
-        self._sheets = cl.Kernel(program, "sheets")
-        self._clean = False
-
-    def transform(
-        self,
-        points: cla.Array,
-        volume: cla.Array,
-        out: Sequence[cla.Array],
-        magnitudes: cla.Array | None,
-        farthest: float,
+    def _transform_sparse(
+        self, points: cla.Array, out: Sequence[cla.Array], magnitudes: cla.Array | None, farthest: float
     ) -> None:
-        """As `PointSpectra.transform` says; the volume is left empty."""
+        """The volume is left empty."""
         if not self._clean:
-            zero(self._device, volume)
+            zero(self._device, self._volume)
             self._marks.fill(0)
         self._clean = False
-        voxelize_poses(self._device, points, volume, self._marks, self._pose)
-        enqueue(
-            self._device, self._planes, (self._edge,), volume, self._marks, self._filled, out[0], group=(1,)
-        )  # fmt: skip
+        voxelize_poses(self._device, points, self._volume, self._marks, self._pose)
+        arrays = self._volume, self._marks, self._filled, out[0]
+        enqueue(self._device, self._planes, (self._edge,), *arrays, group=(1,))
         wanted = () if magnitudes is None else (magnitudes, np.float32(min(farthest, 2 * self._edge)))
         arrays = out[0], self._filled, *out[1:], *wanted
         enqueue(self._device, self._sheets, (self._sheet_count,), *arrays, group=(1,))

@@ -74,8 +74,7 @@ def cross_power(
     target: cla.Array,
     source: cla.Array,
     shape: tuple[int, int, int],
-    blur: float = 0.0,
-    batched: bool = False,
+    blur: tuple[float, float, float] = (0.0, 0.0, 0.0),
     out: cla.Array | None = None,
 ) -> cla.Array:
     """target conj(source), blurred: the spectrum of the correlation of two whitened half spectra.
@@ -83,9 +82,8 @@ def cross_power(
     Args:
         target, source: (n0, n1, `row_pitch(n2)`) complex64, whitened.
         shape: (n0, n1, n2), of the volumes.
-        blur: standard deviation of the Gaussian that the correlation is convolved with [voxels]: the
-            product is weighted with exp(-2 pi^2 blur^2 |f|^2), f in cycles per voxel.
-        batched: axis 0 counts images; transforms and blur are along axes 1 and 2 only.
+        blur: standard deviations, along each axis, of the Gaussian that the correlation is convolved with [voxels]: the
+            product is weighted with exp(-2 pi^2 |blur f|^2), f in cycles per voxel. 0 along an axis that counts images.
         out: like target, to write to; may be target or source itself. Its padding is set to 0.
 
     Raises:
@@ -94,8 +92,8 @@ def cross_power(
     n0, n1, n2 = shape
     pitch = _require_pair(target, source, shape)
     result = output(device, out, "out", (n0, n1, pitch), np.complex64)
-    gain0 = np.ones(n0, np.float32) if batched else full_gain(n0, blur)
-    gains = [table(device, gain) for gain in (gain0, full_gain(n1, blur), half_gain(n2, blur))]
+    gains = full_gain(n0, blur[0]), full_gain(n1, blur[1]), half_gain(n2, blur[2])
+    gains = [table(device, gain) for gain in gains]
     arguments = target, source, result, *gains, np.int32(n0), np.int32(n1), np.int32(pitch)
     launch(device, "pomf/spectrum", "cross_power", (along(device, pitch), n1, n0), *arguments, group="rows")
     return result
@@ -223,7 +221,8 @@ class Pomf:
         Raises:
             InputError: an array has another shape or dtype.
         """
-        self._scratch = cross_power(self.device, target, source, self.shape, self.blur, self.batched, out=self._scratch)
+        blur = 0.0 if self.batched else self.blur, self.blur, self.blur
+        self._scratch = cross_power(self.device, target, source, self.shape, blur, out=self._scratch)
         return self._fft.inverse(self._scratch, out=out)
 
     def correlate_layers(self, target: cla.Array, source: cla.Array) -> cla.Array:

@@ -19,14 +19,11 @@
 #ifndef PARTS
 #define PARTS 1
 #endif
-#ifndef CPU
-#define CPU 1
-#endif
 #define ORDERS (2 * BANDWIDTH - 1)
 #define DEGREES (BANDWIDTH / 2)
 #define PITCH (EDGE / 16 * 8 + 8)
 
-#if CPU
+#ifndef GPU
 // Times gain, the sums over a part's layers of target[m] conj(source[n]). One work-item: one order m of one degree.
 __kernel void multiply(__global const float* const restrict target, __global const float* const restrict source,
                        __global const int* const restrict ranges, __global float* const restrict products,

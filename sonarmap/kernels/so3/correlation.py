@@ -96,7 +96,7 @@ class RotationCorrelation:
         self._wigner = device.to_device(tabulated)
         self._plans: dict[int, _Plan] = {}
         self._group = None if device.is_cpu else (_GROUP, 1, 1)
-        self._launch = partial(launch, device, EDGE=self.edge, CPU=int(device.is_cpu))
+        self._launch = partial(launch, device, EDGE=self.edge)
 
     def correlate(
         self, target: cla.Array, source: cla.Array, parts: Sequence[tuple[int, int]] | None = None

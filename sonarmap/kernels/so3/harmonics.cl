@@ -19,9 +19,6 @@
 #ifndef LONGITUDES
 #define LONGITUDES 256
 #endif
-#ifndef CPU
-#define CPU 1
-#endif
 #define DEPTH (EDGE / 2 + 1)
 #define ORDERS (2 * BANDWIDTH - 1)
 #define DEGREES (BANDWIDTH / 2)
@@ -47,7 +44,7 @@
         vstore2(value, 0, middle + 2 * order);                                                     \
     }
 
-#if CPU
+#ifndef GPU
 #define AT_ONCE 4
 #define WAVE(layer, order, part, ring) ((((size_t)(layer) * BANDWIDTH + (order)) * 2 + (part)) * LATITUDES + (ring))
 #define LEGENDRE(pair, order, ring) (((size_t)(order) * DEGREES + (pair)) * LATITUDES + (ring))
@@ -251,7 +248,7 @@ __kernel void project(__global const float* const restrict waves, __global const
     const int layers = get_global_size(1);
     __global const float* const means = moments + (size_t)layer * LATITUDES;
     __global const float* const variances = means + (size_t)layers * LATITUDES;
-#if CPU
+#ifndef GPU
     float16 total = 0.0f;
     for (int ring = 0; ring < LATITUDES; ring += 16) total += vload16(0, weights + ring) * vload16(0, means + ring);
     const float mean = sum16(total);

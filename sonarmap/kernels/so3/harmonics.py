@@ -51,7 +51,7 @@ class Harmonics:
             )
         self.device, self.bandwidth = device, bandwidth
         self._shape = latitudes, longitudes
-        self._launch = partial(launch, device, BANDWIDTH=bandwidth, CPU=int(device.is_cpu))
+        self._launch = partial(launch, device, BANDWIDTH=bandwidth)
         nodes, weights = np.polynomial.legendre.leggauss(2 * latitudes)
         height, weights = nodes[latitudes:], weights[latitudes:]
         across = np.sqrt(1 - height**2)

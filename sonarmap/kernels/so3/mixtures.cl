@@ -6,9 +6,6 @@
 #ifndef BANDWIDTH
 #define BANDWIDTH 48
 #endif
-#ifndef CPU
-#define CPU 1
-#endif
 #define ORDERS (2 * BANDWIDTH - 1)
 
 // The real parts of the products of two layers' orders, degree by degree: (DEGREES, layers, layers) float32.
@@ -24,7 +21,7 @@ __kernel void products(__global const float* const restrict coefficients, __glob
     const int end = 2 * ORDERS - begin;
     int n = begin;
     float sum = 0.0f;
-#if CPU
+#ifndef GPU
     float16 sums = 0.0f;
     for (; n + 16 <= end; n += 16) sums += vload16(0, a + n) * vload16(0, b + n);
     const float8 half_sums = sums.lo + sums.hi;
@@ -41,7 +38,7 @@ __kernel void mix_layers(__global const float* const restrict coefficients, __gl
     const int sums = get_global_size(1);
     const size_t row = (size_t)get_global_id(2) * sums + get_global_id(1);
     __global const float* const from = coefficients + 2 * (size_t)get_global_id(2) * layers * ORDERS;
-#if CPU
+#ifndef GPU
     // the last ones overlap those before
     const int n = min(16 * (int)get_global_id(0), 2 * ORDERS - 16);
     float16 sum = 0.0f;

@@ -9,9 +9,6 @@
 #ifndef EDGE
 #define EDGE 128
 #endif
-#ifndef CPU
-#define CPU 1
-#endif
 #define SEGMENT (EDGE / 4)
 
 static void keep(__global const float* const restrict values, __global float* const restrict out, const int part,
@@ -31,7 +28,7 @@ static void keep(__global const float* const restrict values, __global float* co
     }
 }
 
-#if CPU
+#ifndef GPU
 // The highest of row i of three images, with the last column before the first and the first behind the last.
 static void highest_of_images(__global const float* const restrict below, __global const float* const restrict image,
                               __global const float* const restrict above, const int i, float* const to) {

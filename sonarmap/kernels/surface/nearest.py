@@ -7,8 +7,10 @@ import pyopencl.array as cla
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array
 from sonarmap.kernels.errors import InputError
-from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.kernels.points.poses import upload_places, upload_poses
 from sonarmap.kernels.surface.cells import Cells
+
+__all__ = ["find_nearest", "upload_places"]
 
 GROUP = 64  # work-items that share what a launch of a group costs
 
@@ -16,13 +18,6 @@ GROUP = 64  # work-items that share what a launch of a group costs
 def padded(count: int) -> int:
     """The number of work-items for so many points: whole groups."""
     return -(-count // GROUP) * GROUP
-
-
-def upload_places(device: Device, points: np.ndarray) -> cla.Array:
-    """Points (n, 3) on the device for `find_nearest`: (n, 4) float32."""
-    rows = np.zeros((len(points), 4), np.float32)
-    rows[:, :3] = points
-    return device.to_device(rows)
 
 
 def find_nearest(

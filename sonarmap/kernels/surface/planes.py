@@ -8,8 +8,9 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.groups import lanes
 from sonarmap.kernels.device.launch import launch, table
 from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.points.poses import require_places, upload_places
 from sonarmap.kernels.surface.cells import Cells
-from sonarmap.kernels.surface.nearest import GROUP, padded, upload_places
+from sonarmap.kernels.surface.nearest import GROUP, padded
 
 # So many neighbors make a plane: enough to average noise of a voxel's size, few enough to keep edges.
 NEIGHBORS = 16
@@ -35,16 +36,13 @@ def fit_planes(
     """
     if len(cells) < 3:
         raise InputError(f"{len(cells)} points show no plane; wanted at least 3")
-    for what, vectors in (("directions", directions), ("viewpoints", viewpoints)):
-        if vectors.ndim != 2 or vectors.shape[1] != 3 or not np.isfinite(vectors).all():
-            raise InputError(f"`{what}` have shape {vectors.shape}; wanted (n, 3), all of it finite numbers")
+    require_places(directions, "directions")
+    require_places(viewpoints, "viewpoints")
     elements = device.empty((len(cells), 12))
     known = table(device, np.column_stack([directions, np.zeros(len(directions))]).astype(np.float32))
     views = upload_places(device, viewpoints if len(viewpoints) else np.zeros((1, 3)))
     numbers = np.int32(len(cells)), np.int32(len(viewpoints)), np.float32(farthest), np.float32(aside)
     arguments = *cells.arguments, known, views, elements, *numbers
-    defines = {"DIRECTIONS": len(directions)}
-    each = lanes(device)
-    size, group = (padded(len(cells)) // each,), (GROUP // each,)
-    launch(device, "surface/planes", "planes", size, *arguments, group=group, **defines)
+    size, group = (padded(len(cells)) // lanes(device),), (GROUP // lanes(device),)
+    launch(device, "surface/planes", "planes", size, *arguments, group=group, DIRECTIONS=len(directions))
     return elements

@@ -25,9 +25,15 @@ def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
 
-def test_what_is_remembered_is_recalled() -> None:
+def test_what_is_remembered_is_recalled_and_half_a_file_is_never_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Path) -> None:
+        raise OSError(28, "No space left on device")
+
     assert recall("of a device") == {}
     remember("of a device", {"state": "passed", "n": [1, 2]})
+    monkeypatch.setattr(Path, "replace", full)
+    monkeypatch.setattr(cache, "_warned", set())
+    remember("of a device", {"state": "failed"})
     assert recall("of a device") == {"state": "passed", "n": [1, 2]}
     assert [path.name for path in cache_folder().iterdir()] == ["of a device.json"]
 
@@ -37,18 +43,6 @@ def test_damaged_files_say_nothing(content: str) -> None:
     remember("of a device", {})
     (cache_folder() / "of a device.json").write_text(content)
     assert recall("of a device") == {}
-
-
-def test_half_a_file_is_never_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: Path) -> None:
-        raise OSError(28, "No space left on device")
-
-    remember("of a device", {"state": "passed"})
-    monkeypatch.setattr(Path, "replace", full)
-    monkeypatch.setattr(cache, "_warned", set())
-    remember("of a device", {"state": "failed"})
-    assert recall("of a device") == {"state": "passed"}
-    assert [path.name for path in cache_folder().iterdir()] == ["of a device.json"]
 
 
 @pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "POCL_CACHE_DIR"])

@@ -33,24 +33,11 @@ def limited(device: Device, **limits: Any) -> Device:
     return other
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(64, "64"), (np.int64(64), "64"), (np.uint8(3), "3"), (-2, "-2"), (1.0, "1.0f"), (np.float32(0.5), "0.5f")],
-)
-def test_a_literal_is_whole_or_single(value, text):
-    assert literal(value) == text
-
-
-def test_a_literal_reads_back_to_the_same_bits():
+def test_a_literal_is_whole_or_single_and_reads_back_to_the_same_bits():
+    values = 64, np.int64(64), np.uint8(3), -2, 1.0, np.float32(0.5)
+    assert [literal(value) for value in values] == ["64", "64", "3", "-2", "1.0f", "0.5f"]
     for value in np.random.default_rng(1).normal(size=100) * 10.0 ** np.arange(-30, 30)[:, None]:
         assert all(np.float32(literal(number)[:-1]) == np.float32(number) for number in value)
-
-
-def test_a_whole_number_of_numpy_is_a_macro_as_an_int_is(device):
-    source = "__kernel void f(__global int* x) { x[EDGE] = EDGE; }"
-    options = tuple(f"-DEDGE={literal(edge)}" for edge in (np.int64(64),))
-    assert device.build(source, options) is device.build(source, ("-DEDGE=64",))
-    assert device.program("points/voxelize", EDGE=np.int32(16)) is device.program("points/voxelize", EDGE=16)
 
 
 def test_a_pose_is_a_rotation_and_no_reflection():
@@ -80,14 +67,6 @@ def test_a_slice_off_the_alignment_is_refused(device):
     wide = strict.to_device(np.zeros((16, 8), np.float32))
     with pytest.raises(InputError, match=r"begins 32 bytes into it; .* needs a multiple of 512"):
         launch(strict, "pomf/peak", "gather_rows", (1,), wide[1:], wide, wide, np.uint64(0), LENGTH=8)
-
-
-def test_a_transform_takes_a_slice(device):
-    volumes = np.random.default_rng(3).normal(size=(32, 16, 32)).astype(np.float32)
-    fft = RealFFT(device, (16, 16, 32))
-    given = device.to_device(volumes)
-    spectrum = fft.forward(given[16:]).get()
-    assert np.array_equal(spectrum[..., :17], fft.forward(device.to_device(volumes[16:])).get()[..., :17])
 
 
 @pytest.mark.parametrize("shape", [(1, 3), (2, 512), (3, 1024), (4, 999), (5, 16, 64)])
@@ -158,7 +137,5 @@ class TestSmallWorkGroups:
             with pytest.raises(DeviceError, match=message):
                 RealFFT(small, shape, batched=batched)
         RealFFT(Device(device.cl_device, flavor="cpu"), (512, 16, 16))  # where groups are single work-items
-
-    def test_do_not_refuse_what_fits(self, device):
-        small = limited(device, local_mem_size=2**10 * 2, max_work_group_size=32)
-        RealFFT(small, (512, 32, 64), batched=True)  # 512 layers are no edge, and a row packs 32 points
+        fitting = limited(device, local_mem_size=2**11, max_work_group_size=32)
+        RealFFT(fitting, (512, 32, 64), batched=True)  # 512 layers are no edge, and a row packs 32 points

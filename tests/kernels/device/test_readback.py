@@ -1,11 +1,17 @@
-"""Copies that are queued, and waited for when they are wanted."""
+"""Copies that are queued and waited for when they are wanted; memory of arrays that are gone goes to the next ones."""
+
+import gc
+from typing import Any
 
 import numpy as np
+import pytest
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import zero
 from sonarmap.kernels.device.readback import Readback
+from sonarmap.kernels.device.recycled import recycled
 from sonarmap.kernels.device.trace import Counts, tracing
+from sonarmap.kernels.errors import DeviceError
 
 
 def test_it_holds_what_was_there_when_it_was_queued(device: Device) -> None:
@@ -31,16 +37,33 @@ def test_the_last_is_waited_for_and_brings_all(device: Device) -> None:
     assert counts.read_bytes == 4 * 8000
 
 
-def test_nothing_is_there_at_once(device: Device) -> None:
-    assert Readback(device, device.empty((0, 3))).read().shape == (0, 3)
+@pytest.mark.parametrize("shape", [(3, 7), (100_000,), (1, 3)])
+def test_a_slice_may_begin_anywhere_and_the_array_may_be_gone(device: Device, shape: tuple[int, ...]) -> None:
+    values = np.random.default_rng(4).normal(size=shape).astype(np.complex64)
+    readback = Readback(device, device.to_device(values)[1:])
+    np.testing.assert_array_equal(readback.read(), values[1:])
 
 
-def test_a_slice_may_begin_anywhere(device):
-    values = np.random.default_rng(4).normal(size=(3, 7)).astype(np.float32)
-    np.testing.assert_array_equal(Readback(device, device.to_device(values)[1:]).read(), values[1:])
+def place(array: Any) -> int:
+    """Which memory an array is in."""
+    return array.base_data.int_ptr
 
 
-def test_the_array_may_be_gone(device):
-    values = np.arange(100_000, dtype=np.complex64)
-    readback = Readback(device, device.to_device(values))
-    np.testing.assert_array_equal(readback.read(), values)
+def test_memory_is_used_again_once_nothing_refers_to_it(device):
+    """By arrays of another shape and type, too."""
+    first, second = (recycled(device, (64, 1024)) for _ in range(2))
+    first.fill(1.0)
+    second.fill(2.0)
+    kept = second.reshape(1024, 64)  # refers to the same memory
+    freed, taken = place(first), place(second)
+    assert freed != taken
+    del first, second
+    gc.collect()
+    third = recycled(device, (1024, 32), np.complex64)
+    assert place(third) == freed
+    values = (np.arange(2**15) * (1 + 2j)).reshape(1024, 32).astype(np.complex64)
+    third.set(values)
+    np.testing.assert_array_equal(third.get(), values)
+    assert (kept.get() == 2.0).all()
+    with pytest.raises(DeviceError, match="on the device"):
+        recycled(device, (2**20, 2**20))

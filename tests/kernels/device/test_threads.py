@@ -63,36 +63,22 @@ def test_new_processes_have_their_share() -> None:
         assert pool.submit(thread_count).result() == max(1, count // 2)
 
 
-def test_pocl_uses_as_many_threads_as_it_may() -> None:
-    pocl = [info for info in list_devices() if "portable" in info.platform.lower() and not info.fault]
-    if not pocl:
-        pytest.skip("PoCL is not installed")
-    program = (
-        "from sonarmap.kernels.device.device import choose_device\n"
-        f"print(choose_device({pocl[0].selector!r}).cl_device.max_compute_units)"
-    )
-    environment = {name: value for name, value in os.environ.items() if name not in LIBRARIES}
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        cwd=ROOT,
-        env=environment | {"SONARMAP_THREADS": "1"},
-        capture_output=True,
-        text=True,
-    )
-    assert (done.stdout, done.stderr) == ("1\n", "")
-
-
-def test_pocl_has_no_threads_on_cores_that_it_may_not_use() -> None:
-    if not hasattr(os, "sched_setaffinity") or len(os.sched_getaffinity(0)) < 2:
+@pytest.mark.parametrize(
+    ("first", "variables"),
+    [("pass", {"SONARMAP_THREADS": "1"}), ("os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])", {})],
+    ids=["as the variable says", "as the cores that it may use"],
+)
+def test_pocl_has_no_more_threads_than_it_may(first: str, variables: dict[str, str]) -> None:
+    if first != "pass" and (not hasattr(os, "sched_setaffinity") or len(os.sched_getaffinity(0)) < 2):
         pytest.skip("this process can be given no fewer cores than it has")
     pocl = [info for info in list_devices() if "portable" in info.platform.lower() and not info.fault]
     if not pocl:
         pytest.skip("PoCL is not installed")
     program = (
-        "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])\n"
-        "from sonarmap.kernels.device.device import choose_device\n"
+        f"import os; {first}\nfrom sonarmap.kernels.device.device import choose_device\n"
         f"print(choose_device({pocl[0].selector!r}).cl_device.max_compute_units)"
     )
-    unlimited = {name: value for name, value in os.environ.items() if name not in (*LIBRARIES, "SONARMAP_THREADS")}
-    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, env=unlimited, capture_output=True, text=True)
+    environment = {name: value for name, value in os.environ.items() if name not in (*LIBRARIES, "SONARMAP_THREADS")}
+    environment |= variables
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, env=environment, capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("1\n", "")

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.points.poses import upload_poses
 from sonarmap.kernels.points.visibility import Viewing, agreement, octahedral_cells, upload_points, upload_viewpoints
 from tests.samples.refusals import refuses
@@ -40,23 +39,19 @@ class TestCells:
         want = [15 * 20 + 8, 18 * 20 + 5, 15 * 20 + 8, 6 * 20 + 19]
         np.testing.assert_array_equal(octahedral_cells(directions, 20), want)
 
-    def test_cells_cover_the_sphere_and_differ_in_area_by_no_more_than_said(self):
+    def test_cells_cover_the_sphere_are_compact_and_differ_in_area_by_no_more_than_said(self):
         edge, count = 8, 400_000
-        shares = np.bincount(octahedral_cells(on_the_sphere(count, 1), edge), minlength=edge**2) / count
+        directions = on_the_sphere(count, 1)
+        cells = octahedral_cells(directions, edge)
+        shares = np.bincount(cells, minlength=edge**2) / count
         assert len(shares) == edge**2
         # the faces of the octahedron are 3^(3/2) times as far from the sphere at the corners as in the middle, cubed
         assert shares.min() > 0
         assert 2 < shares.max() / shares.min() < 3**1.5
         assert shares.max() < 2.2 / edge**2
-
-    def test_near_directions_fall_into_near_cells(self):
-        """Cells are compact: the farthest directions of one are within 2.6 of the mean cell's width."""
-        edge = 16
-        directions = on_the_sphere(100_000, 2)
-        cells = octahedral_cells(directions, edge)
-        width = np.sqrt(4 * np.pi / edge**2)
+        # the farthest directions of a cell are within 2.6 of the mean cell's width
         angle = np.arccos(np.clip((directions * unfold(cells, edge)).sum(axis=1), -1, 1))
-        assert angle.max() < 1.3 * width
+        assert angle.max() < 1.3 * np.sqrt(4 * np.pi / edge**2)
 
     def test_borders_and_no_direction_have_a_cell(self):
         directions = np.array([[0, 0, 0], [0, 0, 1], [0, 0, -1], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, -0.0]])
@@ -160,29 +155,16 @@ class TestAgreement:
         assert got[0, 0] >= 295  # rounding may move a few over their cell's border
         assert (got[1:, 0] < 100).all()
 
-    def test_an_unseen_sphere_says_nothing(self, device):
-        view = np.full((16, 16, 2), (np.inf, -np.inf), np.float32)
-        R, t = random_poses(3, 8)
-        points = upload_points(device, on_the_sphere(100, 9))
-        assert not alone(device, device.to_device(view), points, R, t, 1e6, 1.0).any()
-
-    def test_no_points_and_no_poses(self, device):
-        view = device.to_device(random_view(16, 10))
-        R, t = random_poses(4, 11)
-        np.testing.assert_array_equal(
-            alone(device, view, upload_points(device, np.zeros((0, 3))), R, t, 1, 0), np.zeros((4, 3))
-        )
-        points = upload_points(device, on_the_sphere(9, 12))
-        assert alone(device, view, points, R[:0], t[:0], 1, 0).shape == (0, 3)
-
-    def test_padding_does_not_count(self, device):
-        """Every cell is seen, and the padding's zeros would agree."""
-        view = np.zeros((16, 16, 2), np.float32)
-        for count in (1, 8, 9, 250, 256, 259):
-            points = upload_points(device, np.zeros((count, 3)))
-            assert points[1] == count
-            got = alone(device, device.to_device(view), points, np.eye(3)[None], np.zeros((1, 3)), 1, 0)
-            np.testing.assert_array_equal(got, [[count, 0, count]])
+    @pytest.mark.parametrize("count", [0, 1, 8, 9, 250, 256, 259])
+    def test_an_unseen_sphere_says_nothing_and_padding_does_not_count(self, device, count):
+        """Every cell of the other is seen, where the padding's zeros would agree."""
+        points = upload_points(device, np.zeros((count, 3)))
+        assert points[1] == count
+        pose = np.eye(3)[None], np.zeros((1, 3))
+        for view, want in (((np.inf, -np.inf), [0, 0, 0]), ((0, 0), [count, 0, count])):
+            there = device.to_device(np.full((16, 16, 2), view, np.float32))
+            np.testing.assert_array_equal(alone(device, there, points, *pose, 1, 0), [want])
+            assert alone(device, there, points, pose[0][:0], pose[1][:0], 1, 0).shape == (0, 3)
 
     @pytest.mark.parametrize("images", [(1, 1), (3, 2), (0, 2), (2, 0), (0, 0)])
     def test_both_ways_at_once_are_as_one_at_a_time(self, device, images):
@@ -213,16 +195,9 @@ class TestAgreement:
         R, t = random_poses(2, 15)
         viewing = Viewing(view.reshape(1, 16, 16, 2), upload_viewpoints(device, np.zeros((1, 3))), points)
         refuses("`poses` is", agreement, device, [viewing], device.empty((2, 12)), [(1, 0)])
-        with pytest.raises(InputError, match="no `viewpoints`"):
-            agreement(device, [replace(viewing, viewpoints=None)], upload_poses(device, R, t), [(1, 0)])
-        refuses(
-            "`viewpoints` is",
-            agreement,
-            device,
-            [replace(viewing, viewpoints=upload_viewpoints(device, t))],
-            upload_poses(device, R, t),
-            [(1, 0)],
-        )
+        for message, viewpoints in (("no `viewpoints`", None), ("`viewpoints` is", upload_viewpoints(device, t))):
+            other = replace(viewing, viewpoints=viewpoints)
+            refuses(message, agreement, device, [other], upload_poses(device, R, t), [(1, 0)])
         for bad in ((-1, 0), (0, np.inf), (np.nan, 0)):
             refuses("wanted one or two of each, 0 or more", alone, device, view, points, R, t, *bad)
         refuses("`views` is", alone, device, device.to_device(np.zeros((16, 8, 2), np.float32)), points, R, t, 1, 0)

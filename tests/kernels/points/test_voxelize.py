@@ -5,17 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.launch import affine_rows
-from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.points.voxelize import voxelize, voxelize_poses
+from tests.samples.pomf_twin import occupied
 from tests.samples.refusals import refuses
-
-
-def _twin(points, edge, R, offset):
-    index = np.floor(points[:, :3].astype(np.float64) @ R.T + offset + edge / 2 + 0.5).astype(int)
-    inside = ((index >= 0) & (index < edge)).all(axis=1)
-    volume = np.zeros((edge, edge, edge), np.float32)
-    np.maximum.at(volume, tuple(index[inside].T), points[inside, 3])
-    return volume
 
 
 def _points(rng, count, edge, R, offset):
@@ -34,7 +26,7 @@ def test_equals_the_twin(device, edge, count):
     offset = np.array([1.25, -3.5, 0.75])
     points = _points(rng, count, edge, R, offset)
     volume = voxelize(device, device.to_device(points), edge, R, offset).get()
-    np.testing.assert_array_equal(volume, _twin(points, edge, R, offset))
+    np.testing.assert_array_equal(volume, occupied(points[:, :3] @ R.T + offset, edge, points[:, 3]))
 
 
 def test_the_order_of_points_does_not_matter_and_out_is_cleared(device):
@@ -56,11 +48,7 @@ def test_voxel_centers_and_walls(device):
     volume = voxelize(device, device.to_device(points), 16).get()
     assert np.argwhere(volume).tolist() == [[0, 15, 10], [8, 8, 8]]
     assert volume[0, 15, 10] == 2
-
-
-def test_no_points_give_an_empty_volume(device):
-    empty = device.empty((1, 4))[:0]
-    assert not voxelize(device, empty, 16).get().any()
+    assert not voxelize(device, device.empty((1, 4))[:0], 16).get().any()
 
 
 def test_refuses_what_it_cannot_use(device):
@@ -88,5 +76,4 @@ def test_several_poses_at_once_are_those_one_by_one(device):
         want = voxelize(device, points, edge, R, offset).get()
         np.testing.assert_array_equal(volumes.get()[n], want)
         np.testing.assert_array_equal(marks.get()[n] > 0, want.reshape(edge * edge // 8, -1).any(axis=1))
-    with pytest.raises(InputError, match="marks"):
-        voxelize_poses(device, points, volumes, marks[:1], device.to_device(rows))
+    refuses("marks", voxelize_poses, device, points, volumes, marks[:1], device.to_device(rows))

@@ -1,13 +1,10 @@
 """Correlations of points under several poses at once against NumPy in double precision."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.points.voxelize import voxelize
 from sonarmap.kernels.pomf.correlator import Correlator, Pose, at_once
 from sonarmap.kernels.pomf.spectrum import Pomf, whiten
@@ -17,15 +14,13 @@ from tests.samples.refusals import refuses
 BLUR = 0.7
 EXPONENTS = (1.0, 0.5)
 TOLERANCE = 1e-4  # of values and heights, relative
-MakeCorrelator = Callable[..., Correlator]
 
 
-@pytest.fixture
-def make(device: Device) -> MakeCorrelator:
-    def correlator(edge: int, exponents: tuple[float, ...] = EXPONENTS, most: int = 2) -> Correlator:
-        return Correlator(device, edge, BLUR, exponents, most)
+STILL = Pose(np.eye(3))
 
-    return correlator
+
+def make(device: Device, edge: int, exponents: tuple[float, ...] = EXPONENTS, most: int = 2) -> Correlator:
+    return Correlator(device, edge, BLUR, exponents, most)
 
 
 def surface(edge: int, count: int = 900) -> np.ndarray:
@@ -54,14 +49,11 @@ def spectra(device: Device, points: np.ndarray, edge: int, exponents: tuple[floa
     return tuple(whiten(device, transformed, exponent) for exponent in exponents)
 
 
-STILL = Pose(np.eye(3))
-
-
 class TestPeaks:
     @pytest.mark.parametrize(("edge", "number", "count"), [(16, 3, 1), (32, 5, 8), (64, 2, 4), (50, 3, 4), (48, 3, 2)])
-    def test_are_those_of_numpy(self, device: Device, make: MakeCorrelator, edge, number, count) -> None:
+    def test_are_those_of_numpy(self, device: Device, edge, number, count) -> None:
         points, given = surface(edge), poses(number)
-        found = make(edge).find(device.to_device(points), given, spectra(device, points, edge), count, 2.0)
+        found = make(device, edge).find(device.to_device(points), given, spectra(device, points, edge), count, 2.0)
         assert len(found) == number
         for pose, by_exponent in zip(given, found, strict=True):
             for exponent, peaks in zip(EXPONENTS, by_exponent, strict=True):
@@ -74,11 +66,12 @@ class TestPeaks:
                     window = np.ix_(*((c + np.arange(-1, 2)) % edge for c in peak.index))
                     np.testing.assert_allclose(peak.neighborhood, want[window], atol=TOLERANCE * want.std())
 
-    def test_do_not_depend_on_how_many_poses_are_worked_on_at_once(self, device: Device, make: MakeCorrelator) -> None:
+    def test_do_not_depend_on_how_many_poses_are_worked_on_at_once(self, device: Device) -> None:
         """Nor on what was computed before: the volumes are left empty."""
+        assert [at_once(edge) for edge in (16, 64, 512)] == [8, 2, 1]
         points, given = device.to_device(surface(32)), poses(5)
         targets = spectra(device, surface(32), 32)
-        few, many = make(32, most=1), make(32, most=4)
+        few, many = make(device, 32, most=1), make(device, 32, most=4)
         psr = [
             [[peak.psr for peak in peaks] for each in correlator.find(points, given, targets, 3, 2.0) for peaks in each]
             for correlator in (few, many, few)
@@ -88,46 +81,43 @@ class TestPeaks:
             np.testing.assert_allclose(one, other, rtol=1e-6)
 
     @pytest.mark.parametrize("edge", [32, 18, 30, 50, 54])
-    def test_of_more_equal_maxima_than_the_device_lists(self, device: Device, make: MakeCorrelator, edge: int) -> None:
+    def test_of_more_equal_maxima_than_the_device_lists(self, device: Device, edge: int) -> None:
         """A line of points along z correlates alike at all shifts along it; 18 cubed is no multiple of an alignment."""
         z = np.arange(-edge // 2, edge // 2)
         line = np.column_stack([0 * z, 0 * z, z, 0 * z + 1]).astype(np.float32)
-        (by_exponent,) = make(edge).find(device.to_device(line), [STILL], spectra(device, line, edge), 2, 2.0)
+        (by_exponent,) = make(device, edge).find(device.to_device(line), [STILL], spectra(device, line, edge), 2, 2.0)
         for first, second in by_exponent:
             assert first.index[:2].tolist() == second.index[:2].tolist() == [0, 0]
             assert abs(int(first.index[2] - second.index[2])) > 2
 
-    def test_fewer_where_there_are_no_more(self, device: Device, make: MakeCorrelator) -> None:
-        points = surface(16)
-        pose = Pose(np.eye(3), limits=np.array([1, 1, 1]))
-        ((peaks, _),) = make(16).find(device.to_device(points), [pose], spectra(device, points, 16), 20, 1.0)
-        assert [peak.index.tolist() for peak in peaks] == [[0, 0, 0]]
-
-    def test_no_poses_and_no_points(self, device: Device, make: MakeCorrelator) -> None:
+    def test_fewer_where_there_are_no_more_or_no_poses_or_no_points(self, device: Device) -> None:
         points, targets = surface(16), spectra(device, surface(16), 16)
-        correlator = make(16)
+        correlator, pose = make(device, 16), Pose(np.eye(3), limits=np.array([1, 1, 1]))
+        ((peaks, _),) = correlator.find(device.to_device(points), [pose], targets, 20, 1.0)
+        assert [peak.index.tolist() for peak in peaks] == [[0, 0, 0]]
         assert correlator.find(device.to_device(points), [], targets, 1, 1.0) == []
         outside = device.to_device(points + np.float32(1000))
         (by_exponent,) = correlator.find(outside, [STILL], targets, 1, 1.0)
         assert [[peak.psr for peak in peaks] for peaks in by_exponent] == [[0.0], [0.0]]
 
-    def test_refuse_what_is_no_number(self, device: Device, make: MakeCorrelator) -> None:
+    def test_refuse_what_is_no_number(self, device: Device) -> None:
         points = surface(16)
         targets = [target.copy() for target in spectra(device, points, 16)]
         targets[1][3, 2] = np.nan
-        refuses("not finite", make(16).find, device.to_device(points), [STILL], targets, 1, 1.0)
-        with pytest.raises(InputError, match="not finite"):
-            make(16, (0.5,)).near(device.to_device(points), [STILL], targets[1:], np.zeros((1, 3), int)).read()
-        refuses("1 targets for 2 exponents", make(16).find, device.to_device(points), [STILL], targets[:1], 1, 1.0)
-        refuses("count", make(16).find, device.to_device(points), [STILL], targets, 0, 1.0)
+        refuses("not finite", make(device, 16).find, device.to_device(points), [STILL], targets, 1, 1.0)
+        near = make(device, 16, (0.5,)).near(device.to_device(points), [STILL], targets[1:], np.zeros((1, 3), int))
+        refuses("not finite", near.read)
+        find, given = make(device, 16).find, (device.to_device(points), [STILL])
+        refuses("1 targets for 2 exponents", find, *given, targets[:1], 1, 1.0)
+        refuses("count", find, *given, targets, 0, 1.0)
 
 
 class TestNear:
     @pytest.mark.parametrize("edge", [16, 32, 64, 18, 40])
-    def test_is_what_the_whole_correlation_holds(self, device: Device, make: MakeCorrelator, edge) -> None:
+    def test_is_what_the_whole_correlation_holds(self, device: Device, edge) -> None:
         points, given = surface(edge), poses(4)
         shifts = np.array([[0, 0, 0], [2, -3, 1], [5, 1, -edge // 2], [-7, edge + 3, 4]])
-        near = make(edge, (1.0,)).near(device.to_device(points), given, spectra(device, points, edge), shifts)
+        near = make(device, edge, (1.0,)).near(device.to_device(points), given, spectra(device, points, edge), shifts)
         for pose, shift, peak in zip(given, shifts, near.read(), strict=True):
             want = correlation_of(volume_of(points, edge, STILL), volume_of(points, edge, pose), 1.0, BLUR)
             around = want[np.ix_(*((shift[:, None] + np.arange(-1, 2)) % edge))]
@@ -137,10 +127,10 @@ class TestNear:
             np.testing.assert_allclose(peak.neighborhood, want[window], atol=TOLERANCE * want.std())
             assert (peak.mean, peak.std) == pytest.approx((want.mean(), want.std()), rel=TOLERANCE)
 
-    def test_works_after_the_search_and_before_it(self, device: Device, make: MakeCorrelator) -> None:
+    def test_works_after_the_search_and_before_it(self, device: Device) -> None:
         points, targets = device.to_device(surface(32)), spectra(device, surface(32), 32)
-        correlator = make(32)
-        ((peaks, _),) = make(32).find(points, poses(1), targets, 1, 2.0)
+        correlator = make(device, 32)
+        ((peaks, _),) = make(device, 32).find(points, poses(1), targets, 1, 2.0)
         shifts = np.tile(peaks[0].index, (3, 1))
         before = correlator.near(points, poses(3), targets, shifts)
         ((found, _),) = correlator.find(points, poses(1), targets, 1, 2.0)
@@ -148,7 +138,3 @@ class TestNear:
         assert [peak.psr for peak in before.read()] == [peak.psr for peak in after]
         assert after[0].psr == pytest.approx(found[0].psr, rel=1e-5)
         assert found[0].psr == peaks[0].psr
-
-
-def test_of_large_volumes_fewer_are_worked_on_at_once() -> None:
-    assert [at_once(edge) for edge in (16, 64, 512)] == [8, 2, 1]

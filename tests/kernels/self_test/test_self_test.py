@@ -136,14 +136,10 @@ def test_it_is_tested_once(gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch, cap
     monkeypatch.setattr(verdict, "_known", {})  # as in another process
     monkeypatch.setattr(checks, "measure", no_measure)
     assert choose_device().selector == "0:0"
+    assert choose_device("0:1").selector == "0:1"  # a processor is not tested by itself
     assert [info.self_test for info in list_devices()] == ["passed", "not tested"]
     with pytest.raises(AssertionError, match="tested again"):
         list_devices(test=True)
-
-
-def test_a_processor_is_not_tested_by_itself(gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checks, "measure", no_measure)
-    assert choose_device("0:1").selector == "0:1"
 
 
 @pytest.mark.parametrize("changed", ["driver", "kernels"])

@@ -5,29 +5,13 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.kernels.errors import DeviceError
 from sonarmap.kernels.so3.correlation import RotationCorrelation, wigner_d
 from tests.samples.refusals import refuses
 from tests.samples.scenes.sphere_layers import evaluate, random_coefficients, turned
 
 
 class TestWigner:
-    def test_closed_form_of_degrees_1_and_2(self):
-        b = np.array([0.0, 0.3, 1.1, np.pi / 2, 2.9, np.pi, -0.4])
-        c, s = np.cos(b), np.sin(b)
-        got = wigner_d(1, b)  # rows are m = -1, 0, 1
-        np.testing.assert_allclose(got[:, 2, 2], (1 + c) / 2, atol=1e-14)
-        np.testing.assert_allclose(got[:, 2, 1], -s / np.sqrt(2), atol=1e-14)
-        np.testing.assert_allclose(got[:, 2, 0], (1 - c) / 2, atol=1e-14)
-        np.testing.assert_allclose(got[:, 1, 2], s / np.sqrt(2), atol=1e-14)
-        np.testing.assert_allclose(got[:, 1, 1], c, atol=1e-14)
-        got = wigner_d(2, b)  # rows are m = -2..2
-        np.testing.assert_allclose(got[:, 4, 4], (1 + c) ** 2 / 4, atol=1e-14)
-        np.testing.assert_allclose(got[:, 4, 3], -s * (1 + c) / 2, atol=1e-14)
-        np.testing.assert_allclose(got[:, 4, 2], np.sqrt(6) / 4 * s**2, atol=1e-14)
-        np.testing.assert_allclose(got[:, 3, 3], (2 * c**2 + c - 1) / 2, atol=1e-14)
-        np.testing.assert_allclose(got[:, 2, 2], (3 * c**2 - 1) / 2, atol=1e-14)
-
     @pytest.mark.parametrize("degree", [0, 1, 2, 5, 12])
     def test_equals_the_matrix_exponential(self, degree):
         orders = np.arange(-degree, degree + 1)
@@ -64,11 +48,6 @@ def places_of(correlation, count, seed):
     return places
 
 
-def correlated(correlation, target, source):
-    """All layers together, on the host."""
-    return correlate(correlation, target, source)[0]
-
-
 def correlate(correlation, target, source, parts=None):
     coefficients = (correlation.device.to_device(each.astype(np.complex64)) for each in (target, source))
     return correlation.correlate(*coefficients, parts).get()
@@ -81,7 +60,7 @@ class TestCorrelation:
     def test_equals_the_direct_sum_over_turned_layers(self, device, bandwidth, largest, layers):
         correlation = RotationCorrelation(device, bandwidth, largest)
         target, source = (random_coefficients(bandwidth, layers, seed) for seed in (1, 2))
-        got = correlated(correlation, target, source)
+        got = correlate(correlation, target, source)[0]
         assert got.shape == (len(correlation.betas) + 1, correlation.edge, correlation.edge)
         assert not got[-1].any()
         largest_value = np.linalg.norm(target) * np.linalg.norm(source)
@@ -94,7 +73,7 @@ class TestCorrelation:
         """Larger bandwidths against C(R) as the module's docstring has it, in float64."""
         correlation = RotationCorrelation(device, bandwidth, 0.3)
         target, source = (random_coefficients(bandwidth, 5, seed) for seed in (4, 5))
-        got = correlated(correlation, target, source)
+        got = correlate(correlation, target, source)[0]
         orders = np.arange(1 - bandwidth, bandwidth)
         places = places_of(correlation, 12, seed=6)
         want = np.zeros(len(places))
@@ -109,17 +88,13 @@ class TestCorrelation:
         np.testing.assert_allclose(got[tuple(places.T)], want, atol=2e-6 * scale)
         assert np.abs(want).max() > 1e-3 * scale
 
-    def test_calls_do_not_leave_traces(self, device):
+    def test_calls_do_not_leave_traces_and_zero_coefficients_give_zero(self, device):
         correlation = RotationCorrelation(device, 16, 1.0)
         many, few = random_coefficients(16, 7, 7), random_coefficients(16, 2, 8)
-        first = correlated(correlation, few, few)
-        correlated(correlation, many, many)
-        np.testing.assert_array_equal(correlated(correlation, few, few), first)
-
-    def test_zero_coefficients_give_zero(self, device):
-        correlation = RotationCorrelation(device, 8, 1.0)
-        zero = np.zeros((4, 2, 15), np.complex64)
-        assert not correlated(correlation, zero, random_coefficients(8, 2, 9)).any()
+        first = correlate(correlation, few, few)
+        correlate(correlation, many, many)
+        np.testing.assert_array_equal(correlate(correlation, few, few), first)
+        assert not correlate(correlation, np.zeros_like(few), few).any()
 
     def test_refuses_what_it_cannot_use(self, device):
         correlation = RotationCorrelation(device, 8, 1.0)
@@ -128,6 +103,10 @@ class TestCorrelation:
             refuses(r"`(target|source)` is complex64 of shape", correlate, correlation, target, source)
         for parts in ([(0, 3)], [(1, 2)], [(-1, 1)], [(0, 1), (2, 1)]):
             refuses("go beyond the 2 layers", correlate, correlation, good, good, parts)
+        for bandwidth in (0, 4, 12, 264):
+            refuses(f"`bandwidth={bandwidth}`, `largest`", RotationCorrelation, device, bandwidth)
+        for largest in (0.0, -1.0, 3.2, np.nan):
+            refuses("above 0 up to 180 degrees", RotationCorrelation, device, 16, largest)
 
     @pytest.mark.parametrize(("bandwidth", "parts"), [(8, [(0, 2), (2, 5), (1, 1)]), (16, [(3, 4), (0, 1)])])
     def test_parts_are_as_if_alone(self, device, bandwidth, parts):
@@ -138,17 +117,7 @@ class TestCorrelation:
         scale = float(np.linalg.norm(target) * np.linalg.norm(source))
         for (first, count), got in zip(parts, together, strict=True):
             alone = (each[:, first : first + count] for each in (target, source))
-            np.testing.assert_allclose(got, correlated(correlation, *alone), atol=1e-6 * scale)
-
-    @pytest.mark.parametrize("bandwidth", [0, 4, 12, 264])
-    def test_refuses_other_bandwidths(self, device, bandwidth):
-        with pytest.raises(InputError, match=f"`bandwidth={bandwidth}`, `largest`"):
-            RotationCorrelation(device, bandwidth)
-
-    @pytest.mark.parametrize("largest", [0.0, -1.0, 3.2, np.nan])
-    def test_refuses_other_angles(self, device, largest):
-        with pytest.raises(InputError, match="above 0 up to 180 degrees"):
-            RotationCorrelation(device, 16, largest)
+            np.testing.assert_allclose(got, correlate(correlation, *alone)[0], atol=1e-6 * scale)
 
     def test_refuses_tables_beyond_the_device_before_it_computes_them(self, device, monkeypatch):
         monkeypatch.setattr("sonarmap.kernels.so3.correlation.wigner_d", lambda *_: pytest.fail("computed"))
@@ -164,15 +133,10 @@ class TestSamples:
         for largest in (0.9, 1e-6):
             correlation = RotationCorrelation(device, bandwidth, largest)
             assert correlation.edge == edge
-            np.testing.assert_allclose(np.diff(correlation.betas), step)
-            assert correlation.betas[0] == pytest.approx(step / 2)
+            np.testing.assert_allclose(correlation.betas, step * (np.arange(len(correlation.betas)) + 0.5))
             # the last one is at or beyond it, and not by more than a step
             assert largest <= correlation.betas[-1] < largest + step
-
-    def test_pi_is_all_of_them(self, device):
-        correlation = RotationCorrelation(device, 16)
-        assert len(correlation.betas) == 32
-        assert correlation.betas[-1] == pytest.approx(np.pi - correlation.betas[0])
+        assert len(RotationCorrelation(device, 16).betas) == 32
 
     def test_rotations_are_those_of_the_angles(self, device):
         correlation = RotationCorrelation(device, 16, 1.0)
@@ -210,29 +174,75 @@ def correlation(device):
 class TestRotationsFoundAgain:
     """Rotations through `correlate` with nothing else: the highest sample is the nearest one, or next to it."""
 
-    def peak(self, correlation, target, source):
-        values = correlated(correlation, target, source)
-        place = np.unravel_index(values.argmax(), values.shape)
-        return correlation.rotations(np.array(place)), values[place]
-
     @pytest.mark.parametrize("R", TURNS)
     def test_a_turned_source_peaks_at_its_rotation(self, correlation, layers, R):
-        source = turned(layers, R)
-        peak_R, value = self.peak(correlation, layers, source)
-        # a sample is half a step from its neighbors' border along each of three angles, of 5.6 and 11.25 degrees
-        assert (peak_R * R.inv()).magnitude() < np.deg2rad(10)
-        energy = np.linalg.norm(layers) ** 2
-        assert 0.5 * energy < value <= energy * (1 + 1e-5)
-        back, _ = self.peak(correlation, source, layers)
-        assert (back * R).magnitude() < np.deg2rad(10)
+        source, energy = turned(layers, R), np.linalg.norm(layers) ** 2
+        for target, other, want in ((layers, source, R), (source, layers, R.inv())):
+            values = correlate(correlation, target, other)[0]
+            place = np.unravel_index(values.argmax(), values.shape)
+            # a sample is half a step from its neighbors' border along each of three angles, of 5.6 and 11.25 degrees
+            assert (correlation.rotations(np.array(place)) * want.inv()).magnitude() < np.deg2rad(10)
+            assert 0.5 * energy < values[place] <= energy * (1 + 1e-5)
 
-    def test_at_a_sample_the_value_is_the_energy(self, correlation, layers):
+    def test_at_a_sample_the_value_is_the_energy_and_the_twin_turns_as_it_says(self, correlation, layers):
         place = np.array([5, 3, 29])
-        values = correlated(correlation, layers, turned(layers, correlation.rotations(place)))
+        values = correlate(correlation, layers, turned(layers, correlation.rotations(place)))[0]
         assert np.unravel_index(values.argmax(), values.shape) == tuple(place)
         assert values.max() == pytest.approx(np.linalg.norm(layers) ** 2, rel=1e-5)
-
-    def test_the_helper_turns_as_it_says(self, layers):
         directions = Rotation.random(20, rng=np.random.default_rng(21)).as_matrix()[:, 1]
         R = TURNS[0]
         np.testing.assert_allclose(evaluate(turned(layers, R), directions), evaluate(layers, R.apply(directions)))
+
+
+def from_beta(beta: float, count: int, seed: int) -> Rotation:
+    """Rotations whose z axes are so far from z [rad], otherwise any."""
+    first, third = np.random.default_rng(seed).uniform(-np.pi, np.pi, (2, count))
+    return Rotation.from_euler("ZYZ", np.column_stack([first, np.full(count, beta), third]))
+
+
+STEP = np.pi / 32  # of the bandwidth of `correlation`
+
+
+class TestPlaces:
+    """The inverse of the rotations at places."""
+
+    def off(self, correlation: RotationCorrelation, R: Rotation) -> np.ndarray:
+        """How far the rotations at the places of rotations are from these, (n,) [rad]."""
+        return (correlation.rotations(correlation.places(R)).inv() * R).magnitude()
+
+    def test_of_random_rotations(self, correlation):
+        R = Rotation.random(2000, rng=np.random.default_rng(1))
+        within = np.abs(np.arccos(R.as_matrix()[:, 2, 2]) - np.pi / 2) < (np.pi - STEP) / 2
+        assert within.mean() > 0.99
+        np.testing.assert_allclose(self.off(correlation, R[within]), 0, atol=1e-6)
+
+    def test_of_samples_they_are_whole_numbers_of_one_period(self, correlation):
+        edge = correlation.edge
+        index = np.random.default_rng(2).integers(0, [len(correlation.betas), edge, edge], (500, 3))
+        places = correlation.places(correlation.rotations(index))
+        assert (places >= 0).all()
+        assert (places[:, 1:] <= edge).all()
+        np.testing.assert_allclose((places - index + edge / 2) % edge - edge / 2, 0, atol=1e-6)
+
+    def test_of_turns_about_z_alone(self, correlation):
+        """The first sample is half a step off: the other two are right together."""
+        turns = np.linspace(-3.1, 3.1, 50)
+        R = Rotation.from_euler("Z", turns[:, None])
+        places = correlation.places(R)
+        turn = places[:, 1:].sum(axis=1) * 2 * np.pi / correlation.edge
+        np.testing.assert_allclose(np.cos(turn - turns), 1, atol=1e-9)
+        np.testing.assert_allclose(self.off(correlation, R), STEP / 2, atol=1e-6)
+
+    @pytest.mark.parametrize("level", [0, 1e-9, 1e-5, 1e-4, 0.01, STEP / 2.5])
+    @pytest.mark.parametrize("upside_down", [False, True])
+    def test_near_an_end_nothing_is_farther_than_its_sample(self, correlation, level, upside_down):
+        R = from_beta(np.pi - level if upside_down else level, 200, 3)
+        end = len(correlation.betas) - 1 if upside_down else 0
+        np.testing.assert_array_equal(correlation.places(R)[:, 0], end)
+        assert self.off(correlation, R).max() < STEP / 2 + 1e-5
+
+    def test_beyond_the_largest_tilt_it_is_the_last_sample(self, device):
+        correlation = RotationCorrelation(device, 16, 0.5)
+        R = from_beta(1.2, 200, 5)
+        np.testing.assert_array_equal(correlation.places(R)[:, 0], len(correlation.betas) - 1)
+        np.testing.assert_allclose(self.off(correlation, R), 1.2 - correlation.betas[-1], atol=1e-6)

@@ -34,16 +34,15 @@ class Sums:
 
 
 def sums_of(
-    target: np.ndarray,
-    source: np.ndarray,
+    surfaces: list[np.ndarray],
     most: int,
     pose: Pose,
     reach: float,
     weighting: Weighting,
-    scale: float,
-    stretches: bool,
+    stretching: Stretching | None,
 ) -> Sums:
-    """Of a step between surfaces of rows (m, 12); the pose's width is set where it is measured."""
+    """Of a step between target and source, of rows (m, 12); the pose's width is set where it is measured."""
+    target, source = surfaces
     bell = max(reach * weighting.bell, pose.width * weighting.wide_bell)
     near_step, far = reach < weighting.measured, max(reach, weighting.bells * bell)
     R, t = pose.turn, pose.shift
@@ -65,9 +64,9 @@ def sums_of(
     else:
         moves = near
         pose.width = float(np.median(np.abs(gaps[near]))) if near.any() else pose.width
-    by_stretch = by_stretch if stretches else np.zeros_like(by_stretch)
+    by_stretch = by_stretch if stretching else np.zeros_like(by_stretch)
     gaps = gaps + by_stretch @ pose.stretch
-    weights = np.where(near, scale / (1 + (gaps / bell) ** 2) ** 2, 0.0)
+    weights = np.where(near, weighting.scale / (1 + (gaps / bell) ** 2) ** 2, 0.0)
     moving = np.where(moves, weights, 0.0)
     others = others * np.sign((normals * others).sum(axis=1))[:, None]
     first = np.hstack([np.cross(arms, normals), normals, by_stretch])

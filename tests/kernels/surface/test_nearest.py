@@ -13,19 +13,14 @@ from tests.samples.refusals import refuses
 
 # Coordinates of 100 voxels are rounded by 4e-6 each.
 ROUNDING = 3e-5
+STILL = np.eye(3)[None], np.zeros((1, 3))
 
 
 def cloud(shape: str, count: int) -> np.ndarray:
     rng = np.random.default_rng(count)
     if shape == "surface":
         return bent_sheet(3 * count, count)[:count]
-    extents = {
-        "ball": (12, 12, 12),
-        "sparse": (90, 90, 90),
-        "plane": (40, 30, 0),
-        "line": (0, 0, 60),
-        "point": (0, 0, 0),
-    }
+    extents = {"ball": (12, 12, 12), "sparse": (90, 90, 90), "plane": (40, 30, 0), "line": (0, 0, 60)}
     return (rng.uniform(-1, 1, (count, 3)) * extents[shape] + [3, -2, 1]).astype(np.float32)
 
 
@@ -64,50 +59,30 @@ def test_equals_the_twin(device: Device, shape: str, count: int, poses: int, rea
     require_nearest(device, cloud(shape, count), places, poses, reach)
 
 
-def test_far_outliers_and_places_far_outside(device: Device) -> None:
+@pytest.mark.parametrize("reach", [2.0, 700.0])
+def test_far_outliers_and_places_far_outside(device: Device, reach: float) -> None:
     points = np.vstack([cloud("surface", 800), [[4e5, 0, 3], [0, -9e5, 0], [30, 30, 1e6]]]).astype(np.float32)
     rng = np.random.default_rng(5)
     places = np.vstack([rng.uniform(-30, 30, (100, 3)), [[3e5, 0, 0], [-500, 40, 0], [1e6, 1e6, -1e6]]])
-    for reach in (2.0, 700.0):
-        distance, index = find_nearest(
-            device,
-            sort_into_cells(device, points),
-            upload_places(device, places),
-            np.eye(3)[None],
-            np.zeros((1, 3)),
-            reach,
-        )
-        want, _ = KDTree(points).query(places)
-        np.testing.assert_array_equal(index[0] >= 0, want <= reach)
-        np.testing.assert_allclose(distance[0][index[0] >= 0], want[want <= reach], rtol=1e-5, atol=1e-4)
+    distance, index = find_nearest(
+        device, sort_into_cells(device, points), upload_places(device, places), *STILL, reach
+    )
+    want, _ = KDTree(points).query(places)
+    np.testing.assert_array_equal(index[0] >= 0, want <= reach)
+    np.testing.assert_allclose(distance[0][index[0] >= 0], want[want <= reach], rtol=1e-5, atol=1e-4)
+    many = rng.uniform(-250, 250, (200_000, 3)).astype(np.float32)
+    require_nearest(device, many, many[:500].astype(np.float64) + 0.3, 1, 8.0)
 
 
-def test_many_points(device: Device) -> None:
-    points = np.random.default_rng(1).uniform(-250, 250, (200_000, 3)).astype(np.float32)
-    require_nearest(device, points, points[:500].astype(np.float64) + 0.3, 1, 8.0)
-
-
-def test_of_points_equally_far_the_first_in_the_cells_is_taken_and_the_reach_counts(device: Device) -> None:
+def test_of_points_equally_far_the_first_in_the_cells_is_taken_and_no_number_has_no_neighbor(device: Device) -> None:
     points = np.array([[1, 0, 0], [-1, 0, 0], [0, 2, 0]], np.float32)
-    places = upload_places(device, np.array([[0, 0, 0], [0, 0, 1.5]]))
+    places = upload_places(device, np.array([[0, 0, 0], [0, 0, 1.5], [np.nan, 0, 0], [0, np.inf, 0]]))
     cells = sort_into_cells(device, points)
-    distance, index = find_nearest(device, cells, places, np.eye(3)[None], np.zeros((1, 3)), 1.0)
-    assert index[0].tolist() == [1, -1]
-    assert distance[0].tolist() == [1.0, np.inf]
-
-
-def test_a_place_that_is_no_number_has_no_neighbor(device: Device) -> None:
-    places = upload_places(device, np.array([[np.nan, 0, 0], [0, np.inf, 0], [1, 1, 1]]))
-    cells = sort_into_cells(device, np.ones((4, 3)))
-    distance, index = find_nearest(device, cells, places, np.eye(3)[None], np.zeros((1, 3)), 3.0)
-    assert index[0].tolist() == [-1, -1, 0]
-    assert distance[0].tolist() == [np.inf, np.inf, 0]
-
-
-def test_nothing_to_look_for(device: Device) -> None:
-    cells, places = sort_into_cells(device, np.ones((1, 3))), upload_places(device, np.zeros((4, 3)))
+    distance, index = find_nearest(device, cells, places, *STILL, 1.0)
+    assert index[0].tolist() == [1, -1, -1, -1]
+    assert distance[0].tolist() == [1.0, np.inf, np.inf, np.inf]
     assert find_nearest(device, cells, places, np.zeros((0, 3, 3)), np.zeros((0, 3)), 1.0)[0].shape == (0, 4)
-    assert find_nearest(device, cells, places[:0], np.eye(3)[None], np.zeros((1, 3)), 1.0)[1].shape == (1, 0)
+    assert find_nearest(device, cells, places[:0], *STILL, 1.0)[1].shape == (1, 0)
 
 
 def test_refuses_what_it_cannot_use(device: Device) -> None:
@@ -116,5 +91,5 @@ def test_refuses_what_it_cannot_use(device: Device) -> None:
     refuses("`size=0", sort_into_cells, device, np.ones((2, 3)), 0)
     cells, places = sort_into_cells(device, np.ones((1, 3))), upload_places(device, np.zeros((4, 3)))
     refuses("finite", find_nearest, device, cells, places, np.eye(3)[None], np.array([[0, 0, np.nan]]), 1.0)
-    refuses("`reach=-1", find_nearest, device, cells, places, np.eye(3)[None], np.zeros((1, 3)), -1.0)
-    refuses("`places` is", find_nearest, device, cells, device.empty((4, 3)), np.eye(3)[None], np.zeros((1, 3)), 1.0)
+    refuses("`reach=-1", find_nearest, device, cells, places, *STILL, -1.0)
+    refuses("`places` is", find_nearest, device, cells, device.empty((4, 3)), *STILL, 1.0)

@@ -1,18 +1,16 @@
 """Point-to-plane steps on the device against NumPy's, step by step and several together."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.surface.refinement import Refinement, Stretching, Weighting
 from tests.kernels.surface.scenes import bent_sheet, random_rows, upload
 from tests.kernels.surface.steps import Pose, moved, squared_doubts, sums_of
+from tests.samples.refusals import refuses
 
-WEIGHTING = Weighting(bell=1 / 6, wide_bell=0.8, bells=4.0, measured=3.0)
+WEIGHTING = Weighting(bell=1 / 6, wide_bell=0.8, bells=4.0, measured=3.0, scale=1.5)
 STRETCHING = Stretching(known=7e5, power=2.25, narrowest=0.02)
 
 
@@ -27,11 +25,12 @@ def leaning_rows(points: np.ndarray, seed: int) -> np.ndarray:
     return rows
 
 
-def begin(poses: int, seed: int) -> list[Pose]:
+def begin(poses: int, seed: int, stretching: Stretching | None) -> list[Pose]:
     rng = np.random.default_rng(seed)
+    stretch = np.zeros(2) if stretching is None else np.array([0.01, -0.004])
     turns = Rotation.from_rotvec(rng.normal(0, 0.03, (poses, 3))).as_matrix()
     return [
-        Pose(turn, shift, width, np.array([0.01, -0.004]))
+        Pose(turn, shift, width, stretch)
         for turn, shift, width in zip(turns, rng.normal(0, 0.5, (poses, 3)), rng.uniform(0, 0.5, poses), strict=True)
     ]
 
@@ -40,14 +39,11 @@ def refinement(
     device: Device, rows: list[np.ndarray], most: int, poses: list[Pose], stretching: Stretching | None
 ) -> Refinement:
     target, source = (upload(device, each) for each in rows)
-    steps = Refinement(device, target, source, most, replace(WEIGHTING, scale=1.5), stretching)
-    stretch = None if stretching is None else np.stack([pose.stretch for pose in poses])
-    steps.begin(
-        np.stack([pose.turn for pose in poses]),
-        np.stack([pose.shift for pose in poses]),
-        np.array([pose.width for pose in poses]),
-        stretch,
+    steps = Refinement(device, target, source, most, WEIGHTING, stretching)
+    turn, shift, width, stretch = (
+        np.stack([getattr(pose, name) for pose in poses]) for name in ("turn", "shift", "width", "stretch")
     )
+    steps.begin(turn, shift, width, None if stretching is None else stretch)
     return steps
 
 
@@ -59,14 +55,12 @@ def rows() -> list[np.ndarray]:
 @pytest.mark.parametrize("stretching", [None, STRETCHING])
 @pytest.mark.parametrize(("reach", "most", "poses"), [(8.0, 100, 24), (3.0, 333, 3), (1.5, 5000, 2)])
 def test_sums_equal_the_twin(device, rows, reach, most, poses, stretching):
-    start = begin(poses, most)
-    if stretching is None:
-        start = [Pose(pose.turn, pose.shift, pose.width, np.zeros(2)) for pose in start]
+    start = begin(poses, most, stretching)
     steps = refinement(device, rows, most, start, stretching)
     steps.step(reach, alone=False)
     got = steps.end().read()
     for n, pose in enumerate(start):
-        want = sums_of(rows[0], rows[1], most, pose, reach, WEIGHTING, 1.5, stretching is not None)
+        want = sums_of(rows, most, pose, reach, WEIGHTING, stretching)
         for name in ("moving", "whole", "shared", "gradient", "total", "squares"):
             value = getattr(want, name)
             np.testing.assert_allclose(getattr(got, name)[n], value, atol=3e-5 * np.abs(value).max())
@@ -79,16 +73,12 @@ def test_sums_equal_the_twin(device, rows, reach, most, poses, stretching):
 
 @pytest.mark.parametrize("stretching", [None, STRETCHING])
 def test_steps_without_a_read_lead_where_the_twins_do(device, rows, stretching):
-    poses = begin(3, 4)
-    if stretching is None:
-        poses = [Pose(pose.turn, pose.shift, pose.width, np.zeros(2)) for pose in poses]
+    poses = begin(3, 4, stretching)
     steps = refinement(device, rows, 600, poses, stretching)
     for reach in (4.0, 3.0, 2.0):
         steps.step(reach, alone=True)
         for n, pose in enumerate(poses):
-            poses[n] = moved(
-                pose, sums_of(rows[0], rows[1], 600, pose, reach, WEIGHTING, 1.5, stretching is not None), stretching
-            )
+            poses[n] = moved(pose, sums_of(rows, 600, pose, reach, WEIGHTING, stretching), stretching)
     steps.step(2.0, alone=False)
     last = steps.end()
     leads, got = last.poses.get()[:, :12].reshape(-1, 3, 4), last.read()
@@ -98,8 +88,7 @@ def test_steps_without_a_read_lead_where_the_twins_do(device, rows, stretching):
         np.testing.assert_allclose(got.stretch[n], pose.stretch, atol=3e-5)
         assert got.width[n] == pytest.approx(pose.width, abs=1e-4)
         np.testing.assert_allclose(got.turn[n] @ got.turn[n].T, np.eye(3), atol=1e-12)
-        sums = sums_of(rows[0], rows[1], 600, pose, 2.0, WEIGHTING, 1.5, stretching is not None)
-        following = moved(pose, sums, stretching)
+        following = moved(pose, sums_of(rows, 600, pose, 2.0, WEIGHTING, stretching), stretching)
         np.testing.assert_allclose(got.next_turn[n], following.turn, atol=5e-5)
         np.testing.assert_allclose(got.next_shift[n], following.shift, atol=2e-3)
         np.testing.assert_allclose(got.next_stretch[n], following.stretch, atol=5e-5)
@@ -133,18 +122,6 @@ def test_nothing_within_reach_leaves_the_pose(device: Device, rows: list[np.ndar
     assert np.isfinite(got.doubts).all()
 
 
-def test_three_points_are_refined(device: Device) -> None:
-    three = random_rows(np.array([[0, 0, 0], [1, 0, 0.5], [0, 2, 0]], np.float32), 5)
-    steps = Refinement(device, upload(device, three), upload(device, three), 3000, WEIGHTING, None)
-    steps.begin(np.eye(3)[None], np.full((1, 3), 0.2), np.zeros(1), None)
-    for reach in (8.0, 3.0, 1.5):
-        steps.step(reach, alone=True)
-    steps.step(1.5, alone=False)
-    got = steps.end().read()
-    assert np.isfinite(got.shift).all()
-    assert np.isfinite(got.shared).all()
-
-
 def test_refuses_a_pose_that_is_no_number(device: Device, rows: list[np.ndarray]) -> None:
-    with pytest.raises(InputError, match="not finite"):
-        refinement(device, rows, 10, [Pose(np.eye(3), np.array([0, np.nan, 0]), 0.1, np.zeros(2))], None)
+    pose = Pose(np.eye(3), np.array([0, np.nan, 0]), 0.1, np.zeros(2))
+    refuses("not finite", refinement, device, rows, 10, [pose], None)

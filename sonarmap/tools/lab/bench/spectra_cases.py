@@ -103,7 +103,7 @@ def cross_power_case(w: Workload) -> KernelCase:
         "NumPy products",
         Traffic(2 * w.half_bytes, w.half_bytes),
         ELEMENTWISE,
-        run=lambda: cross_power(w.device, target, source, w.volume.shape, BLUR, out=out),
+        run=lambda: cross_power(w.device, target, source, w.volume.shape, (BLUR, BLUR, BLUR), out=out),
         read=valid,
         twin=lambda: twins.cross_power(*w.whitened, BLUR, host),
         flops=9 * w.half_points,
