@@ -20,6 +20,19 @@ NODATA = -9999.0
 _BLOCK = 256  # edge of a tile
 _BANDS = ("height", "sigma", "count")
 _STEPS = 17  # of the colors in QGIS, which blends between them
+_PROFILE: dict[str, Any] = {
+    "driver": "GTiff",
+    "dtype": "float32",
+    "count": len(_BANDS),
+    "nodata": NODATA,
+    "tiled": True,
+    "blockxsize": _BLOCK,
+    "blockysize": _BLOCK,
+    "compress": "deflate",
+    "predictor": 3,  # of floating-point numbers
+    "bigtiff": "if_safer",
+    "sparse_ok": True,
+}
 
 
 def write_geotiff(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
@@ -36,26 +49,11 @@ def write_geotiff(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
 
     cell = earth.cell or earth.folder.voxel
     cells, left, top, (rows, columns) = _cells(earth, cell)
-    profile: dict[str, Any] = {
-        "driver": "GTiff",
-        "dtype": "float32",
-        "count": len(_BANDS),
-        "height": rows,
-        "width": columns,
-        # without the heights' CRS, which the tags name: many programs look a plain code up, and GDAL loses one of 3D
-        "crs": rasterio.CRS.from_wkt(earth.projection.crs.to_wkt()),
-        "transform": rasterio.Affine(cell, 0, left * cell, 0, -cell, top * cell),
-        "nodata": NODATA,
-        "tiled": True,
-        "blockxsize": _BLOCK,
-        "blockysize": _BLOCK,
-        "compress": "deflate",
-        "predictor": 3,  # of floating-point numbers
-        "bigtiff": "if_safer",
-        "sparse_ok": True,
-    }
+    # without the heights' CRS, which the tags name: many programs look a plain code up, and GDAL loses one of 3D
+    crs = rasterio.CRS.from_wkt(earth.projection.crs.to_wkt())
+    place = {"crs": crs, "transform": rasterio.Affine(cell, 0, left * cell, 0, -cell, top * cell)}
     with atomic_path(path) as temporary:
-        with rasterio.open(temporary, "w", **profile) as raster:
+        with rasterio.open(temporary, "w", height=rows, width=columns, **place, **_PROFILE) as raster:
             _describe(raster, earth)
             _fill(raster, cells, rows, columns)
         _require_whole(temporary, path)
