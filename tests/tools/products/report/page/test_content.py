@@ -84,23 +84,15 @@ def words(settings: dict[str, Any]) -> tuple[list[str], list[str]]:
     return options[2:], shlex.split(command["inputs"])
 
 
-@pytest.mark.parametrize(
-    "path", ["a b.ply", "it's.ply", 'say "x".ply', "$HOME.ply", "new\nline.ply", "`x`;rm *.ply", "grün.ply"]
-)
-def test_inputs_are_quoted(path: str) -> None:
-    assert words({"inputs": [path, "scans/"]}) == ([], [path, "scans/"])
-
-
-def test_an_input_is_no_option() -> None:
+def test_inputs_are_quoted_and_no_options() -> None:
+    paths = ["a b.ply", "it's.ply", 'say "x".ply', "$HOME.ply", "new\nline.ply", "`x`;rm *.ply", "grün.ply", "scans/"]
+    assert words({"inputs": paths}) == ([], paths)
     assert words({"inputs": "-x.ply"}) == ([], ["./-x.ply"])
 
 
-def test_the_grid_is_as_it_was() -> None:
-    settings = {"inputs": [], "method": "icp", "grid": {"edge": 64, "voxel": 0.1 + 0.2}, "mapper": MAPPER}
-    assert words(settings)[0] == ["--method", "icp", "--grid", "64", "--voxel", "0.30000000000000004"]
-
-
-def test_options_that_were_given_are_given_again() -> None:
+def test_options_that_were_given_are_given_again_and_the_grid_is_as_it_was() -> None:
+    grid = {"inputs": [], "method": "icp", "grid": {"edge": 64, "voxel": 0.1 + 0.2}, "mapper": MAPPER}
+    assert words(grid)[0] == ["--method", "icp", "--grid", "64", "--voxel", "0.30000000000000004"]
     settings = {
         "priors": "nav log.csv",
         "nav_offset": "-1.5",
@@ -150,9 +142,6 @@ def test_all_is_well() -> None:
         "apart (0.51 m before the loops)."
     )
     assert judged.concerns == ()
-
-
-def test_without_loops_and_crossings() -> None:
     judged = verdict(summary(pairs={"by_role": {}}, crossing_error_m={"pairs": 0}), NAMES)
     assert judged.sentence == "All 9 scans lie in one map; no loops were tried."
 
@@ -162,6 +151,7 @@ def test_without_loops_and_crossings() -> None:
     [
         ({"components": [{"map": {"seen_by_two_or_more": 0.8}}] * 3}, "3 separate maps, each in a frame of its own"),
         ({"unplaced": [2, 7]}, "2 scans in no map: no reliable registration joins them to the others: dive#2, dive#7."),
+        ({"unplaced": list(range(8))}, "dive#4 and 3 more."),
         ({"by_navigation": [4]}, "1 scan placed by navigation alone"),
         ({"unread": [{"name": "bad.ply"}]}, "1 scan could not be read: bad.ply."),
         ({"gaps": [[3, 4], [None, 0]]}, "2 gaps between consecutive scans: dive#3 to dive#4, ? to dive#0."),
@@ -171,11 +161,9 @@ def test_without_loops_and_crossings() -> None:
     ],
 )
 def test_concerns(changes: dict[str, Any], words: str) -> None:
-    (concern,) = verdict(summary(**changes), NAMES).concerns
+    judged = verdict(summary(**changes), NAMES)
+    (concern,) = judged.concerns
     assert words in concern
-
-
-def test_many_names_are_counted() -> None:
-    judged = verdict(summary(unplaced=list(range(8))), NAMES)
-    assert judged.sentence.startswith("1 of 9 scans lie")
-    assert "dive#4 and 3 more." in judged.concerns[0]
+    assert judged.sentence.startswith(
+        f"{9 - len(changes.get('unplaced', ()))} of 9 " if "unplaced" in changes else "All 9 "
+    )

@@ -134,22 +134,18 @@ def test_many_doubtful_points_are_thinned_evenly(tmp_path: Path) -> None:
     packed, counts = answer
     assert counts == {"all": 100, "count": 25}
     points, columns = unpack(packed)
-    assert len(points) == 25
-    assert set(columns) == {"seen", "looked", "scan"}
+    assert (len(points), set(columns)) == (25, {"seen", "looked", "scan"})
 
 
-def test_maps_without_doubtful_points(tmp_path: Path) -> None:
-    """None were asked for, or there are none, or the file is not this map's."""
+def test_maps_without_doubtful_points_and_damaged_ones(tmp_path: Path) -> None:
+    """None were asked for, or there are none, or the file is not this map's; a damaged file is refused by its name."""
     folder = doubted(tmp_path / "out", doubtful=np.zeros(61, np.uint8))
     part = folder.parts[0]
     assert doubtful_of(folder, part) is None
     assert doubtful_of(replace(folder, summary=dict(folder.summary) | {"files": []}), part) is None
     (folder.path / "map_all.ply").unlink()
     assert doubtful_of(folder, part) is None
-
-
-def test_a_damaged_file_of_all_points_is_refused_by_name(tmp_path: Path) -> None:
-    folder = doubted(tmp_path / "out", scan=np.full(61, 99))
+    folder = doubted(tmp_path / "damaged", scan=np.full(61, 99))
     whole = (folder.path / "map_all.ply").read_bytes()
     for spoiled in (whole, whole[:300], whole[:-5], b"", whole.replace(b"looked", b"loaked")):
         (folder.path / "map_all.ply").write_bytes(spoiled)
@@ -197,7 +193,7 @@ def test_by_hand() -> None:
 
 
 @pytest.mark.parametrize("reach", [1e-4, 5.0, 4_000.0])
-def test_any_spread_of_points(reach: float) -> None:
+def test_points_of_any_extent(reach: float) -> None:
     points = np.random.default_rng(9).uniform(-reach, reach, (400, 3)) * [1.0, 0.3, 0.02]
     back, _ = unpack(pack(points, {}, VOXEL))
     off, which = KDTree(points).query(back)
@@ -213,15 +209,12 @@ def test_few_points(count: int) -> None:
     assert columns["scan"].tolist() == [3] * count
 
 
-def test_a_surface_takes_few_bytes() -> None:
+def test_a_surface_takes_few_bytes_and_always_the_same() -> None:
     """Three a point for its place: six bits an axis within the voxel, and little for which voxel it is."""
     points = surface(60_000)
-    assert len(pack(points, {}, VOXEL).data) / len(points) < 3.3
-
-
-def test_the_same_points_give_the_same_bytes() -> None:
-    points = surface(500)
-    assert pack(points, {}, VOXEL).data == pack(points.copy(), {}, VOXEL).data
+    data = pack(points, {}, VOXEL).data
+    assert len(data) / len(points) < 3.3
+    assert data == pack(points.copy(), {}, VOXEL).data
 
 
 def test_codes_of_numbers_in_equal_ratios() -> None:

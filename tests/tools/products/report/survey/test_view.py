@@ -88,12 +88,10 @@ class TestFrame:
         frame = frame_of(mapped, 0, HERE)
         assert (frame.height, frame.zero) == ("depth below mean sea level [m]", -3.5)
 
-    def test_a_heading_without_a_place_tells_directions(self, mapped: SurveyResult) -> None:
+    def test_what_instruments_left_unmeasured_counts_from_the_first_scan(self, mapped: SurveyResult) -> None:
         frame = frame_of(measured(mapped, "east", "north"), 0, None)
         assert (frame.across, frame.note) == ("East [m]", "East and North count from the first scan's place.")
         assert "against the first scan" in frame.sigmas
-
-    def test_a_depth_without_a_heading_tells_depths(self, mapped: SurveyResult) -> None:
         frame = frame_of(measured(mapped, "heading", "east", "north"), 0, None)
         assert (frame.across, frame.zero) == ("x [m]", 0.0)
         assert frame_of(measured(mapped, "up"), 0, None).zero is None
@@ -108,8 +106,6 @@ class TestView:
         assert other.title == "harbor, 2017-01-01, part 2 of 2"
         assert (other.scans, other.names) == ((5, 6, 7), ("s5", "s6", "s7"))
         assert all(set(pair.scans) <= {5, 6, 7} for pair in other.pairs)
-
-    def test_what_is_not_known_is_left_out(self, mapped: SurveyResult) -> None:
         counted = replace(mapped, trajectory=replace(mapped.trajectory, stamps=np.arange(8.0)))
         assert part_view(counted, 2, NAMES, {}).title == "part 2 of 2"
 
@@ -140,17 +136,15 @@ class TestNames:
     def test_of_a_survey(self, inputs: list[str], name: str) -> None:
         assert survey_name(inputs) == name
 
-    def test_of_the_folder_where_it_runs(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_of_the_folder_where_it_runs_and_dates_and_plain_text(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         (tmp_path / "harbor").mkdir()
         monkeypatch.chdir(tmp_path / "harbor")
         assert survey_name(["."]) == "harbor"
-
-    def test_dates(self) -> None:
         assert survey_date(np.array([START, START + 5])) == "2016-12-31"
         assert survey_date(np.array([START + 20, START])) == "2016-12-31 to 2017-01-01"
         assert survey_date(np.arange(4.0)) == ""
-
-    def test_plain_text(self) -> None:
         assert plain_text("a$b\n\udcffc") == r"a\$b??c"
         assert plain_text("abcdefghijklmnop", 7) == "abc…nop"
         assert plain_text("abcdefg", 7) == "abcdefg"
