@@ -16,7 +16,7 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.geotiff import NODATA, write_geotiff
 from sonarmap.tools.products.export.grid import top_cells
-from tests.tools.products.export.finished import georeferenced, local_of, scattered
+from tests.tools.products.export.finished import georeferenced, scattered
 
 
 def written(path: Path, earth: Georeferenced) -> rasterio.DatasetReader:
@@ -100,19 +100,6 @@ def test_refuses_a_grid_that_nobody_could_use(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--cell"):
         write_geotiff(tmp_path / "grid.tif", earth)
     assert not list(tmp_path.iterdir())
-
-
-def test_cells_lie_where_the_map_has_its_points(tmp_path: Path) -> None:
-    """Centers of cells, brought back to the map's frame by hand, are within half a cell's diagonal of a point."""
-    here = Georeference(-70.0, 0.0001, heading=12.0)
-    earth = georeferenced(here, scattered(3, reach=30.0), points=60)
-    with written(tmp_path / "grid.tif", earth) as raster:
-        rows, columns = np.nonzero(raster.read(1) != NODATA)
-        east, north = raster.transform @ (columns + 0.5, rows + 0.5)
-        heights = raster.read(1)[rows, columns]
-    back = local_of(np.column_stack([east, north, heights]), 32731, here)
-    for place in back:
-        assert np.abs(earth.part.points[:, :2] - place[:2]).sum(axis=1).min() < 0.3
 
 
 def test_the_style_for_qgis_has_the_heights_of_the_legend(tmp_path: Path) -> None:

@@ -137,13 +137,13 @@ def summary(**changes: Any) -> dict[str, Any]:
 
 def test_all_is_well() -> None:
     judged = verdict(summary(), NAMES)
-    assert judged.sentence == (
+    assert judged["sentence"] == (
         "All 9 scans lie in one map; 2 of 3 loops were kept; where the track crosses itself scans lie 0.073 m "
         "apart (0.51 m before the loops)."
     )
-    assert judged.concerns == ()
+    assert judged["concerns"] == []
     judged = verdict(summary(pairs={"by_role": {}}, crossing_error_m={"pairs": 0}), NAMES)
-    assert judged.sentence == "All 9 scans lie in one map; no loops were tried."
+    assert judged["sentence"] == "All 9 scans lie in one map; no loops were tried."
 
 
 @pytest.mark.parametrize(
@@ -162,8 +162,8 @@ def test_all_is_well() -> None:
 )
 def test_concerns(changes: dict[str, Any], words: str) -> None:
     judged = verdict(summary(**changes), NAMES)
-    (concern,) = judged.concerns
+    (concern,) = judged["concerns"]
     assert words in concern
-    assert judged.sentence.startswith(
+    assert judged["sentence"].startswith(
         f"{9 - len(changes.get('unplaced', ()))} of 9 " if "unplaced" in changes else "All 9 "
     )

@@ -37,20 +37,15 @@ def test_it_asks_for_nothing_and_says_nothing(page: Opened) -> None:
 def test_the_points_are_those_that_were_packed(page: Opened, content: Content) -> None:
     """The twins agree to the last bit."""
     columns = {"scan": np.arange(60) % 8, "wide": np.arange(60) * 70_000}
-    packed = pack(100 * known_points(), columns, VOXEL)  # many tiles
-    points, same = unpack(packed)
-    shape = {
-        "quantum": packed.quantum,
-        "tiles": [{"origin": tile.origin, "count": tile.count} for tile in packed.tiles],
-        "planes": packed.planes,
-    }
+    data, layout = pack(100 * known_points(), columns, VOXEL)  # many tiles
+    points, same = unpack(data, layout)
     got = page.page.evaluate(
         """async ([packed, base64]) => {
             const points = await sonarmap.unpack(packed, base64);
             const places = Array.from({ length: points.count }, (_, k) => sonarmap.placeOf(points, k));
             return { places, scan: [...points.columns.scan], wide: [...points.columns.wide] };
         }""",
-        [shape, b64encode(packed.data).decode()],
+        [layout, b64encode(data).decode()],
     )
     np.testing.assert_array_equal(got["places"], points)
     assert (got["scan"], got["wide"]) == (same["scan"].tolist(), same["wide"].tolist())

@@ -128,8 +128,7 @@ def test_a_long_track_is_cut_into_strips_that_show_all_of_it() -> None:
     edges = [axes.get_xlim() for axes in panels]
     assert edges[0][0] < 0 < 1000 < edges[-1][1]
     assert all(after[0] <= before[1] for before, after in pairwise(edges))
-    sizes = [(side.get_window_extent().size, side.viewLim.size) for side in panels]
-    scales = np.ravel([pixels / meters for pixels, meters in sizes]).tolist()
+    scales = np.ravel([np.divide(axes.bbox.size, axes.viewLim.size) for axes in panels]).tolist()
     assert scales == pytest.approx([scales[0]] * len(scales))
 
 
