@@ -45,9 +45,7 @@ class ExportFormat:
     def write(self, path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> Mapping[str, Any]:
         """Write one part of a map, and return what its side-car says beyond what all of them say.
 
-        Raises:
-            InputError: a file cannot be written.
-        """
+        Raises InputError: a file cannot be written."""
         module, function = self.writer.split(":")
         write = getattr(import_module(f"sonarmap.tools.products.export.{module}"), function)
         return write(path, *((earth,) if self.needs_place else (folder, part, earth))) or {}

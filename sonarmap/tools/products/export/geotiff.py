@@ -42,9 +42,7 @@ def write_geotiff(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
     other. A cell without points has no value: nothing is interpolated. Beside it stands the style that QGIS shows
     it in. Returns what the bands mean.
 
-    Raises:
-        InputError: the grid is too large, or the file cannot be written.
-    """
+    Raises InputError: the grid is too large, or the file cannot be written."""
     import rasterio
 
     cell = earth.cell or earth.folder.voxel

@@ -26,6 +26,10 @@ _CLAMPED = {"altitudeMode": "clampToGround"}
 _TRACK_COLOR = "ff2727d6"  # alpha, blue, green, red
 _NOT_IN_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _LEGEND = "files/legend.png"  # in a KMZ
+_LEGEND_PLACE = {  # in the lower left corner of the screen, in its own size
+    name: {"@x": x, "@y": y, "@xunits": "fraction", "@yunits": "fraction"}
+    for name, x, y in (("overlayXY", "0", "0"), ("screenXY", "0.02", "0.06"), ("size", "-1", "-1"))
+}
 _NARROWEST = 100.0  # of what is in view at first [m]
 
 
@@ -54,7 +58,10 @@ def write_kmz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
 
 def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = ()) -> bytes:
     """The document in UTF-8; `pictures` of the map, with the paths under which they will be in a KMZ."""
-    part = earth.part
+    part, track = earth.part, {"tessellate": "1", **_CLAMPED}
+    track["coordinates"] = "\n".join(_coordinate(place, ",") for place in earth.poses)
+    ends = [_place(earth, "start", 0), _place(earth, "end", -1)]
+    line = {"name": "track", "styleUrl": "#track", "LineString": track}
     document = {
         "name": f"{earth.folder.path.resolve().name} map{part.suffix}",
         "open": "1",
@@ -65,8 +72,8 @@ def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = ()
         "LookAt": _look_at(earth),
         "Style": {"@id": "track", "LineStyle": {"color": _TRACK_COLOR, "width": "3"}},
         "GroundOverlay": [_overlay(href, picture, number) for number, (href, picture) in enumerate(pictures, 1)],
-        "ScreenOverlay": [_legend()] if pictures else [],
-        "Placemark": [_line(earth), *_timed_track(earth), _place(earth, "start", 0), _place(earth, "end", -1)],
+        "ScreenOverlay": [{"name": "heights", "Icon": {"href": _LEGEND}, **_LEGEND_PLACE}] if pictures else [],
+        "Placemark": [line, *_timed_track(earth), *ends],
     }
     return xml_bytes("kml", {"@xmlns": KML, "@xmlns:gx": GX, "Document": document})
 
@@ -111,20 +118,6 @@ def _overlay(href: str, picture: Picture, number: int) -> dict[str, Any]:
     box = {side: f"{degrees:.10f}" for side, degrees in picture.box.items()}
     name = "map" if number == 1 else f"map, piece {number}"
     return {"name": name, "Icon": {"href": href}, **_CLAMPED, "LatLonBox": box}
-
-
-def _legend() -> dict[str, Any]:
-    """A picture in the lower left corner of the screen, in its own size."""
-    places = {"overlayXY": ("0", "0"), "screenXY": ("0.02", "0.06"), "size": ("-1", "-1")}
-    units = {"@xunits": "fraction", "@yunits": "fraction"}
-    rows = {name: {"@x": x, "@y": y, **units} for name, (x, y) in places.items()}
-    return {"name": "heights", "Icon": {"href": _LEGEND}, **rows}
-
-
-def _line(earth: Georeferenced) -> dict[str, Any]:
-    coordinates = "\n".join(_coordinate(place, ",") for place in earth.poses)
-    line = {"tessellate": "1", **_CLAMPED, "coordinates": coordinates}
-    return {"name": "track", "styleUrl": "#track", "LineString": line}
 
 
 def _timed_track(earth: Georeferenced) -> list[dict[str, Any]]:

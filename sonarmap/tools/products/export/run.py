@@ -48,9 +48,7 @@ class Exported:
 def check_settings(settings: ExportSettings, georeference: Georeference | None, stamps: Sequence[float]) -> None:
     """Refuse, before a map is computed, what cannot be exported of scans with these stamps [s] at this place, if any.
 
-    Raises:
-        InputError: formats that need a place without one, or other stamps, or a CRS that cannot be used there.
-    """
+    Raises InputError: formats that need a place without one, or other stamps, or a CRS that cannot be used there."""
     for name in settings.formats:
         low, high, (first, end) = min(stamps), max(stamps), FORMATS[name].stamps
         if not first <= low <= high < end:
@@ -72,9 +70,7 @@ def check_settings(settings: ExportSettings, georeference: Georeference | None, 
 def check_files(settings: ExportSettings, out: Path) -> None:
     """Refuse, before a map is computed, to replace a file in its folder that neither a map nor an export wrote.
 
-    Raises:
-        InputError: naming the file.
-    """
+    Raises InputError: naming the file."""
     names = [re.escape(file).replace(r"\{\}", r"(_\d+)?") for name in settings.formats for file in FORMATS[name].files]
     ours = {*earlier_files(out), *OF_ALL}
     for path in sorted(out.glob("*")):
@@ -92,9 +88,7 @@ def export_map(
     wrote are replaced. In the map's own folder they are listed in summary.json, so that the next `sonarmap map` there
     removes them.
 
-    Raises:
-        InputError: see `check_settings`; a file is there that no export wrote; one cannot be written.
-    """
+    Raises InputError: see `check_settings`; a file is there that no export wrote; one cannot be written."""
     stamps = [stamp for part in folder.parts for stamp in part.trajectory.stamps.tolist()]
     check_settings(settings, folder.georeference, stamps)
     _refuse_second_heading(folder)

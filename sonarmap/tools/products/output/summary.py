@@ -1,6 +1,7 @@
 """`summary.json`: what was run, with what, and what came of it."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, get_args
@@ -23,13 +24,10 @@ from sonarmap.tools.products.output.run import SurveyRun
 
 
 def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
-    """The content of a survey's summary.json.
-
-    Every scan that could not be read is listed with its reason and its gap, the indices of the scans before and after
-    it (null if there is none); "gaps" lists these after the pairs that failed.
+    """The content of a survey's summary.json. Every scan that could not be read is listed with its reason and its gap,
+    the indices of the scans before and after it (null if there is none); "gaps" has these after the pairs that failed.
     """
     solution, graph, names = result.solution, result.solution.graph, list(run.names)
-    unmeasured = graph.gauge.unmeasured
     gaps = [_gap(scan.before, len(names)) for scan in run.unread]
     return {
         "versions": package_versions(),
@@ -46,7 +44,7 @@ def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
         "unread": [
             {"name": scan.where, "reason": scan.reason, "gap": gap} for scan, gap in zip(run.unread, gaps, strict=True)
         ],
-        "components": [_component_row(result, c, unmeasured) for c in placed(result.components)],
+        "components": [_component_row(result, c, graph.gauge.unmeasured) for c in placed(result.components)],
         "unplaced": unplaced(result.components),
         "key_scans": result.keys,
         "by_navigation": result.by_navigation,
@@ -81,14 +79,10 @@ def _gap(before: int, count: int) -> tuple[int | None, int | None]:
 
 
 def _pair_counts(pairs: Sequence[Pair]) -> dict[str, Any]:
-    """How many pairs were tried and kept, in all and by their roles, and where each of them is told."""
-    by_role = {role: [pair for pair in pairs if pair.role == role] for role in get_args(Role)}
-    counts = {role: _tried_and_kept(some) for role, some in by_role.items() if some}
-    return {"file": PAIRS, **_tried_and_kept(pairs), "by_role": counts}
-
-
-def _tried_and_kept(pairs: Sequence[Pair]) -> dict[str, int]:
-    return {"tried": len(pairs), "kept": sum(pair.kept for pair in pairs)}
+    """How many pairs were tried and kept, in all and by their roles, and where each of them is described."""
+    tried, kept = Counter(pair.role for pair in pairs), Counter(pair.role for pair in pairs if pair.kept)
+    by_role = {role: {"tried": tried[role], "kept": kept[role]} for role in get_args(Role) if tried[role]}
+    return {"file": PAIRS, "tried": len(pairs), "kept": kept.total(), "by_role": by_role}
 
 
 def pose_sigmas(covariances: np.ndarray) -> list[dict[str, float]]:

@@ -28,11 +28,9 @@ def place_labels(
     distances: Sequence[float] = (5.0, 9.0),
     **style: Any,
 ) -> list["Annotation"]:
-    """Write n texts beside their points (n, 2), in the axes' coordinates, and return the labels that are there.
-
-    Earlier ones choose first; what has no room anywhere is left out. Labels rather do not hide the points `covered`
-    (m, 2) and do not touch the boxes `taken`, x0, y0, x1, y1 [pixels]; they stand at one of the `distances` [points],
-    the preferred first. The figure's size, and the axes' place and limits, must be final.
+    """Write n texts beside their points (n, 2), in the axes' coordinates, and return the labels that found room:
+    earlier ones choose first. They rather do not hide the points `covered` (m, 2), do not touch the boxes `taken`, x0, y0, x1,
+    y1 [pixels], and stand at one of the `distances` [points], the preferred first. Figure, axes and limits are final.
     """
     pixels = axes.figure.dpi / 72  # of a point
     frame, boxes = axes.get_window_extent(), [*map(np.array, taken)]

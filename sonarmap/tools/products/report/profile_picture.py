@@ -30,9 +30,7 @@ _LEAST = 4.0  # range of depths that is shown at least [voxels]
 def draw_profile(path: Path, view: PartView) -> None:
     """Write a PNG of the profile along the track of a part. The same view gives the same bytes.
 
-    Raises:
-        InputError: the file cannot be written.
-    """
+    Raises InputError: the file cannot be written."""
     write_png(lambda: profile_figure(view), path, (_SENSOR, _BED, _VERTICAL))
 
 

@@ -34,9 +34,7 @@ def save_small(figure: "Figure", path: Path, inks: Sequence[str] = (), ramp: np.
     The palette is made of what is drawn or, where they are given, of `inks`, the colors of lines and letters besides
     black, and of a ramp (k, 3) 0..1, the colors of images, thinned to what is left of the palette.
 
-    Raises:
-        InputError: the file cannot be written.
-    """
+    Raises InputError: the file cannot be written."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 

@@ -62,9 +62,7 @@ def doubtful_of(folder: MapFolder, part: MapPart) -> tuple[bytes, dict[str, Any]
     """The doubtful points of a part, `packed`, evenly thinned where there are more than MOST_DOUBTFUL, and how many
     there are; None where the map has none.
 
-    Raises:
-        InputError: map_all.ply is damaged.
-    """
+    Raises InputError: map_all.ply is damaged."""
     name = f"map_all{part.suffix}.ply"
     if name not in folder.summary.get("files", ()) or not (folder.path / name).is_file():
         return None, None

@@ -52,24 +52,26 @@ class TestFrame:
         frame = frame_of(mapped, 0, None)
         assert (frame.across, frame.up, frame.north) == ("x [m]", "y [m]", False)
         assert "direction of North is not known" in frame.note
-        assert frame.height == "height relative to the first scan [m]"
+        assert (frame.height, frame.sigmas) == ("height relative to the first scan [m]", "against the first scan")
         assert frame.level(np.array([-3.0, 2.0])).tolist() == [-3, 2]
-        assert frame.sigmas == "against the first scan"
 
-    def test_instruments_tell_east_north_and_depth(self, mapped: SurveyResult) -> None:
-        frame = frame_of(measured(mapped), 0, None)
+    @pytest.mark.parametrize(
+        ("here", "origin", "below", "levels"),
+        [
+            (None, "the origin of the navigation", "the zero of the navigation's heights", [3, -2]),
+            # z = -3 is half a meter above the sea
+            (HERE, "60.3913000° N, 5.3221000° W (WGS84)", "mean sea level", [-0.5, -5.5]),
+        ],
+    )
+    def test_instruments_tell_east_north_and_depth(
+        self, mapped: SurveyResult, here: Georeference | None, origin: str, below: str, levels: list[float]
+    ) -> None:
+        frame = frame_of(measured(mapped), 0, here)
         assert (frame.across, frame.up, frame.north) == ("East [m]", "North [m]", True)
-        assert frame.note == "East and North count from the origin of the navigation."
-        assert frame.height == "depth below the zero of the navigation's heights [m]"
-        assert frame.level(np.array([-3.0, 2.0])).tolist() == [3, -2]
-        assert frame.sigmas == "in the world"
-
-    def test_on_the_earth_by_instruments(self, mapped: SurveyResult) -> None:
-        frame = frame_of(measured(mapped), 0, HERE)
-        assert frame.note == "East and North count from 60.3913000° N, 5.3221000° W (WGS84)."
-        assert frame.height == "depth below mean sea level [m]"
-        assert frame.level(np.array([-3.0])).tolist() == pytest.approx([-0.5])  # half a meter above it
-        other = frame_of(measured(mapped), 1, HERE)
+        assert frame.note == f"East and North count from {origin}."
+        assert (frame.height, frame.sigmas) == (f"depth below {below} [m]", "in the world")
+        assert frame.level(np.array([-3.0, 2.0])).tolist() == pytest.approx(levels)
+        other = frame_of(measured(mapped), 1, here)
         assert (other.across, other.zero) == ("x [m]", None)  # nothing places the other part
 
     @pytest.mark.parametrize("heading", [90.0, 40.0, 300.0])
@@ -83,10 +85,8 @@ class TestFrame:
         assert "No instrument measured the heading" in frame.note
         assert ("East." if heading == 90 else f"to {heading:g}°") in frame.note
         assert frame_of(mapped, 1, here).across == "x [m]"  # the smaller part lies elsewhere
-
-    def test_the_user_s_height_makes_depths(self, mapped: SurveyResult) -> None:
-        frame = frame_of(mapped, 0, HERE)
-        assert (frame.height, frame.zero) == ("depth below mean sea level [m]", -3.5)
+        raised = frame_of(mapped, 0, HERE)  # the user's height makes depths
+        assert (raised.height, raised.zero) == ("depth below mean sea level [m]", -3.5)
 
     def test_what_instruments_left_unmeasured_counts_from_the_first_scan(self, mapped: SurveyResult) -> None:
         frame = frame_of(measured(mapped, "east", "north"), 0, None)

@@ -10,12 +10,9 @@ const ARM = 0.012; // of a control point's cross, as a share of the map's reach
 class View {
   /** `tell` is called with what was picked: {point}, {doubtful}, {pose}, {pair}, {distance} or {tying}, or null. */
   constructor(stage, content, decisions, tell) {
-    this.stage = stage;
+    Object.assign(this, { stage, content, decisions, tell });
     this.canvas = stage.querySelector("canvas");
     this.scene = new Scene(this.canvas);
-    this.content = content;
-    this.decisions = decisions;
-    this.tell = tell;
     this.shown = { points: true, doubtful: false, track: true, before: false, ellipsoids: true, kept: true, refused: true, decided: true, control: true };
     this.scale = 1;
     this.measuring = false;
