@@ -97,7 +97,7 @@ def _component_row(result: SurveyResult, c: int, unmeasured: Mapping[int, np.nda
     free = next((unmeasured[pose] for pose in members if pose in unmeasured), np.zeros(6, dtype=bool))
     row = {
         "scans": members,
-        "unmeasured": [name for name, held in zip(MEASURED, free, strict=True) if held],
+        "unmeasured": [name for name, unknown in zip(MEASURED, free, strict=True) if unknown],
         "map": map_statistics(result.maps[c]),
     }
     layers = {number: map_statistics(layer.clean) for number, layer in result.parts[c].layers.items()}
@@ -105,11 +105,11 @@ def _component_row(result: SurveyResult, c: int, unmeasured: Mapping[int, np.nda
 
 
 def crossing_row(error: CrossingError) -> dict[str, Any]:
-    """How far overlapping passes lie apart, before the loops and after: medians and 90th percentiles; null without."""
+    """How far apart scans lie where the track crosses itself, before the loops and after; null without crossings."""
     row: dict[str, Any] = {"pairs": len(error.crossings)}
-    for name, spread in (("before", error.before), ("after", error.after)):
-        row[name] = spread.median if spread else None
-        row[f"{name}_90"] = spread.most if spread else None
+    for name, apart in (("before", error.before), ("after", error.after)):
+        row[name] = apart.median if apart else None
+        row[f"{name}_90"] = apart.most if apart else None
     return row
 
 

@@ -29,9 +29,9 @@ def place_labels(
     **style: Any,
 ) -> list["Annotation"]:
     """Write n texts beside their points (n, 2), in the axes' coordinates, and return the labels that found room:
-    earlier ones choose first. They rather do not hide the points `covered` (m, 2), do not touch the boxes `taken`, x0, y0, x1,
-    y1 [pixels], and stand at one of the `distances` [points], the preferred first. Figure, axes and limits are final.
-    """
+    earlier ones choose first. They rather do not hide the points `covered` (m, 2), do not touch the boxes `taken`, x0,
+    y0, x1, y1 [pixels], and stand at one of the `distances` [points], the preferred first. The figure's size, and the
+    axes' place and limits, must be final."""
     pixels = axes.figure.dpi / 72  # of a point
     frame, boxes = axes.get_window_extent(), [*map(np.array, taken)]
     hidden = _NOWHERE if covered is None else axes.transData.transform(covered)

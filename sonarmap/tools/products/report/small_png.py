@@ -63,6 +63,6 @@ def _palette(inks: Sequence[str], ramp: np.ndarray | None) -> "Image":
         chosen = np.linspace(0, len(ramp) - 1, min(left, len(ramp))).round().astype(int)
         shades = np.concatenate([shades, ramp[chosen]])
     levels = (255 * shades).round().astype(np.uint8)
-    held = Image.new("P", (1, 1))
-    held.putpalette(np.pad(levels, ((0, _MOST - len(levels)), (0, 0)), mode="edge").tobytes())
-    return held
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.pad(levels, ((0, _MOST - len(levels)), (0, 0)), mode="edge").tobytes())
+    return palette

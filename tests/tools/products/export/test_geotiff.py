@@ -46,9 +46,9 @@ def test_every_cell_is_the_mean_of_its_uppermost_surface(place: tuple[float, flo
         used = [k for k in members if geodetic[k, 2] >= top - earth.folder.voxel]
         weights = [1 / float(columns["sigma"][k]) ** 2 for k in used]
         mean = sum(w * geodetic[k, 2] for w, k in zip(weights, used, strict=True)) / sum(weights)
-        spread = sum(1 + w * (geodetic[k, 2] - mean) ** 2 for w, k in zip(weights, used, strict=True))
+        squares = sum(1 + w * (geodetic[k, 2] - mean) ** 2 for w, k in zip(weights, used, strict=True))
         assert height[row, column] == pytest.approx(mean, abs=1e-4)
-        assert sigma[row, column] == pytest.approx(math.sqrt(spread / sum(weights)), rel=1e-5)
+        assert sigma[row, column] == pytest.approx(math.sqrt(squares / sum(weights)), rel=1e-5)
         assert count[row, column] == sum(columns["count"][k] for k in used)
     empty = np.ones(height.shape, bool)
     empty[tuple(np.array(list(cells)).T)] = False

@@ -191,9 +191,9 @@ def test_errors_are_those_of_poses_drawn_from_the_covariance(tmp_path: Path) -> 
     shift = R.apply(v)
     drawn = (R * Rotation.from_rotvec(w)).as_euler("ZYX", degrees=True)
     turn = R.apply(w)
-    spread = [*shift.std(axis=0), drawn[:, 2].std(), drawn[:, 1].std(), drawn[:, 0].std()]
+    deviations = [*shift.std(axis=0), drawn[:, 2].std(), drawn[:, 1].std(), drawn[:, 0].std()]
     names = ("east_sigma_m", "north_sigma_m", "up_sigma_m", "roll_sigma_deg", "pitch_sigma_deg", "heading_sigma_deg")
-    np.testing.assert_allclose(floats([row], *names)[0], spread, rtol=0.02)
+    np.testing.assert_allclose(floats([row], *names)[0], deviations, rtol=0.02)
     expected = np.cov(np.hstack([shift, turn]).T)
     upper = [name for name in COLUMNS if name.startswith("cov_")]
     assert upper[0] == "cov_east_east_m2"

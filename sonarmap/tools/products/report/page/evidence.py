@@ -76,7 +76,7 @@ def pair_rows(pairs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def crossing_rows(graph: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """How far each two overlapping passes lie apart [m]; none in a graph.json of an earlier version."""
+    """How far apart each two scans at a crossing lie [m]; none in a graph.json of an earlier version."""
     numbers = ("before_m", "before_90_m", "after_m", "after_90_m")
     return [
         {"target": int(row["i"]), "source": int(row["j"])} | {name: _short(row[name]) for name in numbers}

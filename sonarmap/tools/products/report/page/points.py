@@ -24,7 +24,7 @@ MOST_CODE = 255
 MOST_DOUBTFUL = 300_000  # points, so that they add about 2 MB to the page at most
 _LEVEL = 6  # of gzip: a higher one takes three times as long for two percent
 _AXES = 3
-_SPREAD = (  # how the bits of a number of 16 bits are moved until there are two zeros between any two
+_SPACED = (  # how the bits of a number of 16 bits are moved until there are two zeros between any two
     (16, 0x0000FF0000FF),
     (8, 0x00F00F00F00F),
     (4, 0x0C30C30C30C3),
@@ -99,7 +99,7 @@ def codes(values: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
 def _along_curve(places: np.ndarray) -> np.ndarray:
     """(M,) uint64: the bits of x, y and z (M, 3), each of 16 bits, in turn."""
     places = places.copy()
-    for shift, mask in _SPREAD:
+    for shift, mask in _SPACED:
         places = (places | places << np.uint64(shift)) & np.uint64(mask)
     return places[:, 0] | places[:, 1] << np.uint64(1) | places[:, 2] << np.uint64(2)
 
