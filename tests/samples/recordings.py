@@ -84,10 +84,10 @@ def packets_of(
     return [PacketOf("range", shot, rip.packb(image)), PacketOf("strength", shot, rip.packb(strength))]
 
 
-def shot_packets(shot: int, number: int, rng: np.random.Generator) -> list[PacketOf]:
+def shot_packets(shot: int, number: int, rng: np.random.Generator, speed_of_sound: float = SPEED) -> list[PacketOf]:
     """The range and the strength image of one shot, of noise."""
     pixels = rng.integers(0, 20_000, (HEIGHT, WIDTH)) * (rng.random((HEIGHT, WIDTH)) < 0.7)
-    image = range_image(0, pixels, PIXEL, speed_of_sound=SPEED, range=15.0, frequency=5)
+    image = range_image(0, pixels, PIXEL, speed_of_sound=speed_of_sound, range=15.0, frequency=5)
     strength = strength_image(0, rng.integers(0, 256, (HEIGHT, WIDTH), dtype=np.uint8))
     return packets_of(shot, number, stamp_at(shot), image, strength)
 

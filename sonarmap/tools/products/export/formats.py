@@ -23,12 +23,11 @@ class ExportFormat:
 
     file: str  # its name, with a place for the part's suffix
     # "module:function" of tools/products/export, called with the file's path and a `Georeferenced` where the format
-    # needs a place, else folder, part, and `Georeferenced` or None
+    # needs a place, else folder, part, and `Georeferenced` or None; returns what the side-car says beyond what all say
     writer: str
     words: str  # what it is
     # which its numbers are: projected, latitude and longitude, or the map's own
     coordinates: Literal["projected", "geographic", "map"] = "projected"
-    details: str = ""  # "module:function" that returns what the side-car of a `Georeferenced` says beyond what all say
     of_all_parts: bool = False  # whether one file is about all parts of a map
     beside: tuple[str, ...] = ()  # the names of further files that the writer may write
     stamps: tuple[float, float] = (-math.inf, math.inf)  # from where on and up to where the scans' stamps must lie [s]
@@ -43,42 +42,25 @@ class ExportFormat:
         """Whether it holds places on the Earth, so that a part without one cannot be written."""
         return self.coordinates != "map"
 
-    def write(self, path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
-        """Write one part of a map.
+    def write(self, path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> Mapping[str, Any]:
+        """Write one part of a map, and return what its side-car says beyond what all of them say.
 
-        Raises:
-            InputError: a file cannot be written.
-        """
-        given = (earth,) if self.needs_place else (folder, part, earth)
-        _loaded(self.writer)(path, *given)
-
-    def details_of(self, earth: Georeferenced | None) -> Mapping[str, Any]:
-        """What this format's side-car says beside what all of them say."""
-        return _loaded(self.details)(earth) if self.details else {}
-
-
-def _loaded(name: str) -> Any:
-    module, function = name.split(":")
-    return getattr(import_module(f"sonarmap.tools.products.export.{module}"), function)
+        Raises InputError: a file cannot be written."""
+        module, function = self.writer.split(":")
+        write = getattr(import_module(f"sonarmap.tools.products.export.{module}"), function)
+        return write(path, *((earth,) if self.needs_place else (folder, part, earth))) or {}
 
 
 FORMATS = {
-    "laz": ExportFormat("map{}.laz", "laz:write_laz", "the map's points, LAZ 1.4", details="laz:laz_details"),
+    "laz": ExportFormat("map{}.laz", "laz:write_laz", "the map's points, LAZ 1.4"),
     "geotiff": ExportFormat(
         "grid{}.tif",
         "geotiff:write_geotiff",
         "a grid of heights from above, with standard deviation and count, GeoTIFF, and its style for QGIS",
-        details="geotiff:geotiff_details",
         beside=("grid{}.qml",),
     ),
     "kml": ExportFormat("map{}.kml", "kml:write_kml", "the track, KML 2.2", "geographic"),
-    "kmz": ExportFormat(
-        "map{}.kmz",
-        "kml:write_kmz",
-        "the track and the map as a picture, KMZ",
-        "geographic",
-        details="kml:kmz_details",
-    ),
+    "kmz": ExportFormat("map{}.kmz", "kml:write_kmz", "the track and the map as a picture, KMZ", "geographic"),
     "csv": ExportFormat(
         "poses{}.csv", "tables:write_poses_csv", "the scans' positions, attitudes and covariances, CSV"
     ),

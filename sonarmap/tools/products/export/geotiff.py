@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
@@ -16,62 +14,55 @@ from sonarmap.tools.files.geo.georeference import VERTICALS
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.grid import HEIGHT_COLORS, Cells, check_size, shown_heights, top_cells
+from sonarmap.tools.products.export.kml import xml_bytes
 
 NODATA = -9999.0
 _BLOCK = 256  # edge of a tile
 _BANDS = ("height", "sigma", "count")
 _STEPS = 17  # of the colors in QGIS, which blends between them
+_PROFILE: dict[str, Any] = {
+    "driver": "GTiff",
+    "dtype": "float32",
+    "count": len(_BANDS),
+    "nodata": NODATA,
+    "tiled": True,
+    "blockxsize": _BLOCK,
+    "blockysize": _BLOCK,
+    "compress": "deflate",
+    "predictor": 3,  # of floating-point numbers
+    "bigtiff": "if_safer",
+    "sparse_ok": True,
+}
 
 
-def write_geotiff(path: Path, earth: Georeferenced) -> None:
+def write_geotiff(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
     """Write heights of the uppermost surface (band 1), their standard deviations (2), and how many sonar points (3).
 
     Cells are `earth.cell` wide, or one voxel; their edges lie at multiples of that, so that grids of two maps fit each
     other. A cell without points has no value: nothing is interpolated. Beside it stands the style that QGIS shows
-    it in.
+    it in. Returns what the bands mean.
 
-    Raises:
-        InputError: the grid is too large, or the file cannot be written.
-    """
+    Raises InputError: the grid is too large, or the file cannot be written."""
     import rasterio
 
     cell = earth.cell or earth.folder.voxel
     cells, left, top, (rows, columns) = _cells(earth, cell)
-    profile: dict[str, Any] = {
-        "driver": "GTiff",
-        "dtype": "float32",
-        "count": len(_BANDS),
-        "height": rows,
-        "width": columns,
-        # without the heights' CRS, which the tags name: many programs look a plain code up, and GDAL loses one of 3D
-        "crs": rasterio.CRS.from_wkt(earth.projection.crs.to_wkt()),
-        "transform": rasterio.Affine(cell, 0, left * cell, 0, -cell, top * cell),
-        "nodata": NODATA,
-        "tiled": True,
-        "blockxsize": _BLOCK,
-        "blockysize": _BLOCK,
-        "compress": "deflate",
-        "predictor": 3,  # of floating-point numbers
-        "bigtiff": "if_safer",
-        "sparse_ok": True,
-    }
+    # without the heights' CRS, which the tags name: many programs look a plain code up, and GDAL loses one of 3D
+    crs = rasterio.CRS.from_wkt(earth.projection.crs.to_wkt())
+    place = {"crs": crs, "transform": rasterio.Affine(cell, 0, left * cell, 0, -cell, top * cell)}
     with atomic_path(path) as temporary:
-        with rasterio.open(temporary, "w", **profile) as raster:
+        with rasterio.open(temporary, "w", height=rows, width=columns, **place, **_PROFILE) as raster:
             _describe(raster, earth)
             _fill(raster, cells, rows, columns)
         _require_whole(temporary, path)
     with atomic_path(path.with_suffix(".qml")) as temporary:
         temporary.write_bytes(_qgis_style(earth))
-
-
-def geotiff_details(earth: Georeferenced) -> Mapping[str, Any]:
-    """What the bands mean, for the side-car."""
     return {
         "band_1": "height [m], positive up: mean of the points within one voxel below the cell's highest, weighted by "
         "1 / sigma^2",
         "band_2": "standard deviation of the height [m]",
         "band_3": "number of sonar points that the height is from",
-        "cell_m": earth.cell or earth.folder.voxel,
+        "cell_m": cell,
         "nodata": NODATA,
         "pixels": "areas: a cell's value holds for all of it; cells without points are empty",
     }
@@ -120,11 +111,7 @@ def _fill(raster: Any, cells: Cells, rows: int, columns: int) -> None:
 
 
 def _require_whole(temporary: Path, path: Path) -> None:
-    """Read the raster once: GDAL writes its last tiles when it closes a file, and does not say if the disk is full.
-
-    Raises:
-        InputError: it is not whole.
-    """
+    """Read the raster once: GDAL writes its last tiles when it closes a file, and does not say if the disk is full."""
     import rasterio
     from rasterio.errors import RasterioError
 
@@ -145,18 +132,16 @@ def _qgis_style(earth: Georeferenced) -> bytes:
     from matplotlib import colormaps, colors
 
     low, high = shown_heights(earth)
-    root = Element("qgis", {"version": "3.22.0", "styleCategories": "Symbology"})
-    pipe = SubElement(root, "pipe")
-    band = {"type": "singlebandpseudocolor", "band": "1", "opacity": "1", "alphaBand": "-1"}
-    limits = {"classificationMin": f"{low:.4f}", "classificationMax": f"{high:.4f}"}
-    shader = SubElement(SubElement(pipe, "rasterrenderer", {**band, **limits}), "rastershader")
-    limits = {"minimumValue": f"{low:.4f}", "maximumValue": f"{high:.4f}"}
-    kind = {"colorRampType": "INTERPOLATED", "classificationMode": "2", "clip": "0"}
-    ramp = SubElement(shader, "colorrampshader", {**kind, **limits})
-    for share in np.linspace(0, 1, _STEPS).tolist():
-        height = low + share * (high - low)
-        color = colors.to_hex(colormaps[HEIGHT_COLORS](share))
-        SubElement(ramp, "item", {"value": f"{height:.4f}", "label": f"{height:.2f} m", "color": color, "alpha": "255"})
-    ElementTree.indent(root)
-    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
-    return text
+    heights = {share: low + share * (high - low) for share in np.linspace(0, 1, _STEPS).tolist()}
+    items = [
+        {"@value": f"{height:.4f}", "@label": f"{height:.2f} m"}
+        | {"@color": colors.to_hex(colormaps[HEIGHT_COLORS](share)), "@alpha": "255"}
+        for share, height in heights.items()
+    ]
+    ramp = {"@colorRampType": "INTERPOLATED", "@classificationMode": "2", "@clip": "0"}
+    ramp |= {"@minimumValue": f"{low:.4f}", "@maximumValue": f"{high:.4f}"}
+    band = {"@type": "singlebandpseudocolor", "@band": "1", "@opacity": "1", "@alphaBand": "-1"}
+    band |= {"@classificationMin": f"{low:.4f}", "@classificationMax": f"{high:.4f}"}
+    renderer = {**band, "rastershader": {"colorrampshader": {**ramp, "item": items}}}
+    style = {"@version": "3.22.0", "@styleCategories": "Symbology"}
+    return xml_bytes("qgis", {**style, "pipe": {"rasterrenderer": renderer}})

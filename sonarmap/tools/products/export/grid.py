@@ -58,9 +58,7 @@ def top_cells(
 def check_size(rows: int, columns: int, cell: float) -> None:
     """Refuse a grid too large to be of use.
 
-    Raises:
-        InputError: naming the option that changes it.
-    """
+    Raises InputError: naming the option that changes it."""
     if rows * columns > MOST_CELLS:
         raise InputError(
             f"a grid with cells of {cell:g} m has {rows:,} rows and {columns:,} columns, more than {MOST_CELLS:,} "

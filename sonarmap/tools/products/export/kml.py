@@ -26,6 +26,10 @@ _CLAMPED = {"altitudeMode": "clampToGround"}
 _TRACK_COLOR = "ff2727d6"  # alpha, blue, green, red
 _NOT_IN_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _LEGEND = "files/legend.png"  # in a KMZ
+_LEGEND_PLACE = {  # in the lower left corner of the screen, in its own size
+    name: {"@x": x, "@y": y, "@xunits": "fraction", "@yunits": "fraction"}
+    for name, x, y in (("overlayXY", "0", "0"), ("screenXY", "0.02", "0.06"), ("size", "-1", "-1"))
+}
 _NARROWEST = 100.0  # of what is in view at first [m]
 
 
@@ -35,8 +39,8 @@ def write_kml(path: Path, earth: Georeferenced) -> None:
         temporary.write_bytes(_document(earth))
 
 
-def write_kmz(path: Path, earth: Georeferenced) -> None:
-    """Write the same, the map from above as a picture on the ground, and a legend, as KMZ."""
+def write_kmz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
+    """Write the same, the map from above as a picture on the ground, and a legend, as KMZ; returns what it shows."""
     pictures = [(f"files/map_{number}.png", picture) for number, picture in enumerate(pictures_of(earth), 1)]
     # the document comes first, where readers look for it
     contents = [("doc.kml", _document(earth, pictures)), *((name, picture.png) for name, picture in pictures)]
@@ -45,10 +49,6 @@ def write_kmz(path: Path, earth: Georeferenced) -> None:
             entry = zipfile.ZipInfo(name)
             entry.external_attr = 0o644 << 16
             archive.writestr(entry, content, zipfile.ZIP_DEFLATED)
-
-
-def kmz_details(earth: Georeferenced) -> Mapping[str, Any]:
-    """What the picture shows, for the side-car."""
     return {
         "picture": "the uppermost surface from above, colored by height from the first to the last percent of the "
         "points that several scans saw; north up, rows and columns along latitude and longitude",
@@ -58,28 +58,37 @@ def kmz_details(earth: Georeferenced) -> Mapping[str, Any]:
 
 def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = ()) -> bytes:
     """The document in UTF-8; `pictures` of the map, with the paths under which they will be in a KMZ."""
-    root = Element("kml", {"xmlns": KML, "xmlns:gx": GX})
+    part, track = earth.part, {"tessellate": "1", **_CLAMPED}
+    track["coordinates"] = "\n".join(_coordinate(place, ",") for place in earth.poses)
+    ends = [_place(earth, "start", 0), _place(earth, "end", -1)]
+    line = {"name": "track", "styleUrl": "#track", "LineString": track}
     document = {
-        "name": f"{earth.folder.path.resolve().name} map{earth.part.suffix}",
+        "name": f"{earth.folder.path.resolve().name} map{part.suffix}",
         "open": "1",
-        "description": _description(earth),
+        "description": _described(
+            f"{len(part.scans)} scans, {len(part.points):,} points, voxel {earth.folder.voxel:.3g} m. Heights count "
+            f"from {VERTICALS[earth.georeference.vertical]}, positive up. Everything is drawn on the water's surface."
+        ),
         "LookAt": _look_at(earth),
         "Style": {"@id": "track", "LineStyle": {"color": _TRACK_COLOR, "width": "3"}},
         "GroundOverlay": [_overlay(href, picture, number) for number, (href, picture) in enumerate(pictures, 1)],
-        "ScreenOverlay": [_legend()] if pictures else [],
-        "Placemark": [_line(earth), *_timed_track(earth), _place(earth, "start", 0), _place(earth, "end", -1)],
+        "ScreenOverlay": [{"name": "heights", "Icon": {"href": _LEGEND}, **_LEGEND_PLACE}] if pictures else [],
+        "Placemark": [line, *_timed_track(earth), *ends],
     }
-    _fill(root, {"Document": document})
+    return xml_bytes("kml", {"@xmlns": KML, "@xmlns:gx": GX, "Document": document})
+
+
+def xml_bytes(tag: str, content: Mapping[str, Any]) -> bytes:
+    """A document in UTF-8, of attributes (@name) and of children with texts or contents of their own; a list is several
+    of the same name. Characters that XML cannot hold (of a file's name) become question marks."""
+    root = Element(tag)
+    _fill(root, content)
     ElementTree.indent(root)
     text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
     return text
 
 
 def _fill(element: Element, content: Mapping[str, Any]) -> None:
-    """Add attributes (@name), and children with texts or contents of their own; a list is several of the same name.
-
-    Characters that XML cannot hold (of a file's name) become question marks.
-    """
     for name, value in content.items():
         if name.startswith("@"):
             element.set(name[1:], value)
@@ -97,14 +106,6 @@ def _described(words: str) -> str:
     return escape(words, quote=False)
 
 
-def _description(earth: Georeferenced) -> str:
-    part = earth.part
-    return _described(
-        f"{len(part.scans)} scans, {len(part.points):,} points, voxel {earth.folder.voxel:.3g} m. Heights count from "
-        f"{VERTICALS[earth.georeference.vertical]}, positive up. Everything is drawn on the water's surface."
-    )
-
-
 def _look_at(earth: Georeferenced) -> dict[str, str]:
     """The whole map in view, from above."""
     extent = float(np.ptp(earth.part.points[:, :2], axis=0).max())
@@ -114,23 +115,9 @@ def _look_at(earth: Georeferenced) -> dict[str, str]:
 
 
 def _overlay(href: str, picture: Picture, number: int) -> dict[str, Any]:
-    box = {side: f"{getattr(picture, side):.10f}" for side in ("north", "south", "east", "west")}
+    box = {side: f"{degrees:.10f}" for side, degrees in picture.box.items()}
     name = "map" if number == 1 else f"map, piece {number}"
     return {"name": name, "Icon": {"href": href}, **_CLAMPED, "LatLonBox": box}
-
-
-def _legend() -> dict[str, Any]:
-    """A picture in the lower left corner of the screen, in its own size."""
-    places = {"overlayXY": ("0", "0"), "screenXY": ("0.02", "0.06"), "size": ("-1", "-1")}
-    units = {"@xunits": "fraction", "@yunits": "fraction"}
-    rows = {name: {"@x": x, "@y": y, **units} for name, (x, y) in places.items()}
-    return {"name": "heights", "Icon": {"href": _LEGEND}, **rows}
-
-
-def _line(earth: Georeferenced) -> dict[str, Any]:
-    coordinates = "\n".join(_coordinate(place, ",") for place in earth.poses)
-    line = {"tessellate": "1", **_CLAMPED, "coordinates": coordinates}
-    return {"name": "track", "styleUrl": "#track", "LineString": line}
 
 
 def _timed_track(earth: Georeferenced) -> list[dict[str, Any]]:

@@ -19,11 +19,7 @@ class Picture:
     """A PNG on the Earth."""
 
     png: bytes  # the file
-    # north, south, east, west: its edges [deg]; west of them is less than east
-    north: float
-    south: float
-    east: float
-    west: float
+    box: dict[str, float]  # north, south, east, west [deg]; west is less than east
 
 
 def pictures_of(earth: Georeferenced) -> list[Picture]:
@@ -31,6 +27,8 @@ def pictures_of(earth: Georeferenced) -> list[Picture]:
 
     A pixel shows the same height as a cell of the GeoTIFF would there.
     """
+    from matplotlib import colormaps
+
     latitude, longitude, height = earth.points.T
     middle = earth.georeference.longitude
     longitude = middle + (longitude - middle + 180) % 360 - 180  # without the jump at 180 degrees
@@ -42,7 +40,7 @@ def pictures_of(earth: Georeferenced) -> list[Picture]:
     around, down = round(360 * across / cell), cell / _DEGREE
     row = np.floor((90 - latitude) / down).astype(np.int64)
     column = np.floor((longitude + 180) / 360 * around).astype(np.int64)
-    shown = shown_heights(earth)
+    low, high = shown_heights(earth)
     pictures: list[Picture] = []
     for turn in np.unique(column // around).tolist():
         here = column // around == turn
@@ -51,10 +49,12 @@ def pictures_of(earth: Georeferenced) -> list[Picture]:
         cells = top_cells(row[here] - upper, column[here] - left, height[here], **columns, voxel=earth.folder.voxel)
         rows, width = int(cells.row.max()) + 1, int(cells.column.max()) + 1
         colors = np.zeros((rows, width, 4), np.uint8)
-        colors[cells.row, cells.column] = _colored(cells.height, shown)
-        west, east = (-180 + 360 * (edge - turn * around) / around for edge in (left, left + width))
-        north, south = 90 - upper * down, 90 - (upper + rows) * down
-        pictures.append(Picture(_png(colors), north, south, east, west))
+        shares = np.clip((cells.height - low) / (high - low), 0, 1)
+        colors[cells.row, cells.column] = colormaps[HEIGHT_COLORS](shares, bytes=True)
+        box = {"north": 90 - upper * down, "south": 90 - (upper + rows) * down}
+        for side, edge in (("east", left + width), ("west", left)):
+            box[side] = -180 + 360 * (edge - turn * around) / around
+        pictures.append(Picture(_png(colors), box))
     return pictures
 
 
@@ -73,15 +73,6 @@ def legend_of(earth: Georeferenced) -> bytes:
     drawn = BytesIO()
     figure.savefig(drawn, format="png")
     return drawn.getvalue()
-
-
-def _colored(height: np.ndarray, shown: tuple[float, float]) -> np.ndarray:
-    """(K, 4) uint8 of heights (K,)."""
-    import matplotlib as mpl
-
-    low, high = shown
-    colors: np.ndarray = mpl.colormaps[HEIGHT_COLORS](np.clip((height - low) / (high - low), 0, 1), bytes=True)
-    return colors
 
 
 def _png(colors: np.ndarray) -> bytes:

@@ -25,12 +25,9 @@ _DIMENSIONS = {  # beside those that every LAS file has: type, and what it is in
 }
 
 
-def write_laz(path: Path, earth: Georeferenced) -> None:
-    """Write the points of a part as LAZ 1.4: easting, northing and height [m] to the millimeter, CRS as WKT 1.
-
-    gps_time is adjusted standard GPS time of the scan that a point is mostly from (see `laz_details`), intensity the
-    echo strength in 16 bits, point_source_id the scan modulo 65,536.
-    """
+def write_laz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
+    """Write the points of a part as LAZ 1.4: easting, northing and height [m] to the millimeter, CRS as WKT 1; returns
+    what the other numbers mean."""
     import laspy
 
     part, projected = earth.part, earth.projected_points
@@ -53,11 +50,7 @@ def write_laz(path: Path, earth: Georeferenced) -> None:
         las[name] = _within(part.columns[name], kind)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         las.write(file, do_compress=True)
-
-
-def laz_details(earth: Georeferenced) -> Mapping[str, Any]:
-    """What the file's numbers mean, for its side-car."""
-    scale = _intensity_scale(earth.part)
+    scale = _intensity_scale(part)
     return {
         "gps_time": "adjusted standard GPS time (GPS seconds less 1e9) of the scan with most of the voxel's points"
         if earth.timed

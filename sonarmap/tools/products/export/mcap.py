@@ -62,18 +62,15 @@ class _Ros:
         time = self.make("builtin_interfaces/msg/Time", seconds, nanoseconds)
         return self.make("std_msgs/msg/Header", time, frame)
 
-    def pose(self, stamp: float, numbers: Sequence[float]) -> Any:
-        """A PoseStamped of x, y, z and the quaternion x, y, z, w in the map's frame."""
-        point = self.make("geometry_msgs/msg/Point", *numbers[:3])
+    def placed(self, kind: str, of_place: str, numbers: Sequence[float]) -> Any:
+        """A Pose or Transform of x, y, z, as a Point or a Vector3, and the quaternion x, y, z, w."""
+        place = self.make(f"geometry_msgs/msg/{of_place}", *numbers[:3])
         quaternion = self.make("geometry_msgs/msg/Quaternion", *numbers[3:])
-        pose = self.make("geometry_msgs/msg/Pose", point, quaternion)
-        return self.make("geometry_msgs/msg/PoseStamped", self.header(stamp, MAP), pose)
+        return self.make(f"geometry_msgs/msg/{kind}", place, quaternion)
 
     def transforms(self, stamp: float, child: str, numbers: Sequence[float]) -> Any:
         """A TFMessage with T_map_child: x, y, z and the quaternion x, y, z, w."""
-        shift = self.make("geometry_msgs/msg/Vector3", *numbers[:3])
-        quaternion = self.make("geometry_msgs/msg/Quaternion", *numbers[3:])
-        transform = self.make("geometry_msgs/msg/Transform", shift, quaternion)
+        transform = self.placed("Transform", "Vector3", numbers)
         stamped = self.make("geometry_msgs/msg/TransformStamped", self.header(stamp, MAP), child, transform)
         return self.make("tf2_msgs/msg/TFMessage", [stamped])
 
@@ -120,7 +117,10 @@ def _cloud(ros: _Ros, header: Any, points: np.ndarray, columns: Mapping[str, np.
 def _write_poses(ros: _Ros, part: MapPart, first: float) -> None:
     """The track in the order of the survey, then poses and transforms in the order of time."""
     stamps, numbers = part.trajectory.stamps.tolist(), pose_numbers(part.trajectory.T_world_sensor).tolist()
-    poses = [ros.pose(stamp, pose) for stamp, pose in zip(stamps, numbers, strict=True)]
+    poses = [
+        ros.make("geometry_msgs/msg/PoseStamped", ros.header(stamp, MAP), ros.placed("Pose", "Point", pose))
+        for stamp, pose in zip(stamps, numbers, strict=True)
+    ]
     ros.write("/track", first, ros.make("nav_msgs/msg/Path", ros.header(first, MAP), poses))
     for k in np.argsort(part.trajectory.stamps, kind="stable").tolist():
         ros.write("/tf", stamps[k], ros.transforms(stamps[k], SENSOR, numbers[k]))

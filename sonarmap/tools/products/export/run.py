@@ -12,7 +12,7 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.folder import MapFolder
 from sonarmap.tools.files.map_folder.names import OF_ALL, SUMMARY, earlier_files, side_car
 from sonarmap.tools.files.writers.atomic import all_or_none, require_writable
 from sonarmap.tools.files.writers.folder_lock import locked
@@ -46,16 +46,9 @@ class Exported:
 
 
 def check_settings(settings: ExportSettings, georeference: Georeference | None, stamps: Sequence[float]) -> None:
-    """Refuse what cannot be exported, before a map is computed.
+    """Refuse, before a map is computed, what cannot be exported of scans with these stamps [s] at this place, if any.
 
-    Args:
-        settings: what to write.
-        georeference: where the map lies on the Earth, if that is known.
-        stamps: of the scans [s].
-
-    Raises:
-        InputError: formats that need a place without one, or other stamps, or a CRS that cannot be used there.
-    """
+    Raises InputError: formats that need a place without one, or other stamps, or a CRS that cannot be used there."""
     for name in settings.formats:
         low, high, (first, end) = min(stamps), max(stamps), FORMATS[name].stamps
         if not first <= low <= high < end:
@@ -77,9 +70,7 @@ def check_settings(settings: ExportSettings, georeference: Georeference | None, 
 def check_files(settings: ExportSettings, out: Path) -> None:
     """Refuse, before a map is computed, to replace a file in its folder that neither a map nor an export wrote.
 
-    Raises:
-        InputError: naming the file.
-    """
+    Raises InputError: naming the file."""
     names = [re.escape(file).replace(r"\{\}", r"(_\d+)?") for name in settings.formats for file in FORMATS[name].files]
     ours = {*earlier_files(out), *OF_ALL}
     for path in sorted(out.glob("*")):
@@ -90,23 +81,23 @@ def check_files(settings: ExportSettings, out: Path) -> None:
 def export_map(
     folder: MapFolder, to: Path, settings: ExportSettings, step: Callable[[int, int, str], None] | None = None
 ) -> Exported:
-    """Write a map in the chosen formats, and beside every file its side-car, all together or none.
+    """Write a map in the chosen formats, and beside every file its side-car, all together or none, into the folder
+    `to`, which is made where it is missing; `step` is called with (files written, files in all, the next one's name).
 
     A part whose place on the Earth is not known is left out of the formats that need it. Files that an earlier export
     wrote are replaced. In the map's own folder they are listed in summary.json, so that the next `sonarmap map` there
     removes them.
 
-    Args:
-        to: the folder for the files; made where it is missing.
-        step: called with (files written, files in all, the next one's name).
-
-    Raises:
-        InputError: see `check_settings`; a file is there that no export wrote; one cannot be written.
-    """
+    Raises InputError: see `check_settings`; a file is there that no export wrote; one cannot be written."""
     stamps = [stamp for part in folder.parts for stamp in part.trajectory.stamps.tolist()]
     check_settings(settings, folder.georeference, stamps)
     _refuse_second_heading(folder)
-    earths = {part.suffix: _on_earth(folder, part, settings) for part in folder.parts}
+    earths = {
+        part.suffix: Georeferenced(folder, part, here, Projection.of(here, settings.crs), settings.cell)
+        if (here := folder.georeference) and folder.on_earth(part)
+        else None
+        for part in folder.parts
+    }
     jobs = [
         (name, part, to / FORMATS[name].file.format(part.suffix))
         for name in settings.formats
@@ -122,10 +113,10 @@ def export_map(
             if step is not None:
                 step(done, len(jobs), path.name)
             before, earth = len(written), earths[part.suffix]
-            FORMATS[name].write(path, folder, part, earth)
+            details = FORMATS[name].write(path, folder, part, earth)
             for temporary, each in tuple(written[before:]):
                 _require_ours(each)
-                content = side_car_content(temporary, each.name, name, folder, part, earth)
+                content = side_car_content(temporary, each.name, name, folder, part, earth) | {"details": details}
                 write_json(each.with_name(side_car(each.name)), content)
         if step is not None:
             step(len(jobs), len(jobs), "")
@@ -136,30 +127,15 @@ def export_map(
     return Exported(files, tuple(_notes(folder, settings, earths)))
 
 
-def _on_earth(folder: MapFolder, part: MapPart, settings: ExportSettings) -> Georeferenced | None:
-    if folder.georeference is None or not folder.on_earth(part):
-        return None
-    projection = Projection.of(folder.georeference, settings.crs)
-    return Georeferenced(folder, part, folder.georeference, projection, settings.cell)
-
-
 def _refuse_second_heading(folder: MapFolder) -> None:
-    """Refuse a heading of the x axis where instruments measured headings, by which it points East.
-
-    Raises:
-        InputError: there are both.
-    """
+    """Refuse a heading of the x axis where instruments measured headings, by which it points East."""
     turned = folder.georeference is not None and folder.georeference.heading != EAST
     if turned and any(part.knows("heading") and folder.on_earth(part) for part in folder.parts):
         raise InputError("--origin-heading: headings were measured, which say where the map points; leave it out")
 
 
 def _require_ours(path: Path) -> None:
-    """Refuse to replace a file that is no export: the map's own, or whatever else lies there.
-
-    Raises:
-        InputError: naming it.
-    """
+    """Refuse to replace a file that is no export: the map's own, or whatever else lies there."""
     if path.exists() and not path.with_name(side_car(path.name)).exists():
         raise InputError(
             f"{path} is there already, and no export of sonarmap (it has no {side_car(path.name)} beside it); choose "
@@ -182,12 +158,7 @@ def _notes(folder: MapFolder, settings: ExportSettings, earths: dict[str, Georef
         notes.append(f"the map lies in more than one UTM zone, or in another; all of it is in {first.projection.name}")
     elif settings.crs is not None and not first.projection.covers(places):
         notes.append(f"the map lies outside the area for which {first.projection.name} was made")
-    return notes + _notes_of_frame(first.part, first.georeference)
-
-
-def _notes_of_frame(part: MapPart, here: Georeference) -> list[str]:
-    """What nothing measured, and is taken from the origin or from the first scan."""
-    notes: list[str] = []
+    part, here = first.part, first.georeference  # what nothing measured is taken from the origin or the first scan
     if not part.knows("tilt_x"):
         notes.append("no attitude was measured: the map is as level as the sensor was at its first scan")
     if not part.knows("up") and here.height == 0:

@@ -23,7 +23,8 @@ _FRAMES = {
 def side_car_content(
     written: Path, name: str, format_name: str, folder: MapFolder, part: MapPart, earth: Georeferenced | None
 ) -> dict[str, Any]:
-    """Provenance, frame, datum, units and signs of one exported file, which is `written` now and will be `name`."""
+    """Provenance, frame, datum, units and signs of one exported file, which is `written` now and will be `name`; its
+    `details` are for the caller to fill in."""
     kind = FORMATS[format_name]
     return {
         "file": name,
@@ -40,7 +41,7 @@ def side_car_content(
         "scans": len(part.scans),
         "voxel_m": folder.voxel,
         "taken": _taken(part.trajectory.stamps),
-        "details": kind.details_of(earth),
+        "details": {},
         "inputs": folder.summary.get("inputs", []),
         "map": {
             "part": f"{[each.suffix for each in folder.parts].index(part.suffix) + 1} of {len(folder.parts)}",

@@ -39,9 +39,7 @@ def write_poses_csv(path: Path, earth: Georeferenced) -> None:
     """Write one row per scan, in the order of the survey, under COLUMNS, with no comment above them: neither Excel nor
     QGIS nor Python's csv skips comments.
 
-    Raises:
-        InputError: the file cannot be written, or a place that the projection does not cover.
-    """
+    Raises InputError: the file cannot be written, or a place that the projection does not cover."""
     upper = earth.covariances[:, [i for i, _ in _UPPER], [j for _, j in _UPPER]]
     rows: list[list[str | int]] = []
     for k, name in enumerate(earth.names):
@@ -88,9 +86,7 @@ def write_graph(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenc
     """Write name, time and frame of every vertex, for which g2o has no place, to `path`, and graph.g2o beside it,
     unless that is the map's own.
 
-    Raises:
-        InputError: graph.g2o is missing, or a file cannot be written.
-    """
+    Raises InputError: graph.g2o is missing, or a file cannot be written."""
     rows: list[tuple[int, str, str, str, int, str]] = []
     for number, each in enumerate(folder.parts, 1):
         stamps, frame = each.trajectory.stamps, "East-North-Up" if each.in_world else "first pose"

@@ -94,13 +94,13 @@ def write_geojson(path: Path, earth: Georeferenced) -> None:
 
 def _feature(feature: Feature, places: np.ndarray) -> dict[str, Any]:
     """A feature through places (k, 3) of longitude, latitude, height."""
-    pieces = [_rounded(piece) for piece in cut_at_180(places)]
+    # 1e-10 degrees are 0.01 mm
+    pieces = [[[round(x, 10), round(y, 10), round(z, 5)] for x, y, z in piece.tolist()] for piece in cut_at_180(places)]
+    geometry: dict[str, Any] = {"type": "MultiLineString", "coordinates": pieces}
     if len(places) == 1:
         geometry = {"type": "Point", "coordinates": pieces[0][0]}
     elif len(pieces) == 1:
         geometry = {"type": "LineString", "coordinates": pieces[0]}
-    else:
-        geometry = {"type": "MultiLineString", "coordinates": pieces}
     return {"type": "Feature", "geometry": geometry, "properties": {"layer": feature.layer} | feature.attributes}
 
 
@@ -123,11 +123,6 @@ def cut_at_180(line: np.ndarray) -> list[np.ndarray]:
     return pieces
 
 
-def _rounded(places: np.ndarray) -> list[list[float]]:
-    """1e-10 degrees are 0.01 mm."""
-    return [[round(x, 10), round(y, 10), round(z, 5)] for x, y, z in places.tolist()]
-
-
 def write_geopackage(path: Path, earth: Georeferenced) -> None:
     """Write the layers that have features, in the map's projected CRS [m], with the attributes that GeoJSON has.
 
@@ -137,8 +132,7 @@ def write_geopackage(path: Path, earth: Georeferenced) -> None:
     with atomic_path(path) as temporary:
         temporary.unlink()  # GDAL opens what is there, and an empty file is no GeoPackage
         for layer in LAYERS:
-            chosen = [feature for feature in features if feature.layer == layer]
-            if chosen:
+            if chosen := [feature for feature in features if feature.layer == layer]:
                 _write_layer(temporary, layer, chosen, earth)
 
 

@@ -71,9 +71,7 @@ def write_survey(folder: Path, result: SurveyResult, run: SurveyRun, also: Seque
 
     The folder is made where it is missing; `also` are names of EXPORTS, further formats to write.
 
-    Raises:
-        InputError: a file cannot be written.
-    """
+    Raises InputError: a file cannot be written."""
     earlier = earlier_files(folder)
     files = [part_files(result, rank, also) for rank in range(1, len(placed(result.components)) + 1)]
     summary = survey_summary(result, run)

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.slam.graph.control import ControlPoint
-from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.map.crossing import Crossing
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
@@ -52,21 +50,22 @@ def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
             }
             for k, row in enumerate(scan_rows(result, names))
         ],
-        "edges": [_edge_row(edge) for edge in graph.edges],
+        "edges": [
+            fields_of(edge, "i", "j", "kind")
+            | {"T_i_j": edge.registration.T_target_source.as_matrix()}
+            | fields_of(edge.registration, "covariance", "probability", "reason")
+            for edge in graph.edges
+        ],
         "pairs": [_pair_row(pair) for pair in result.pairs],
         "priors": [_prior_row(pose, prior) for pose, prior in graph.priors],
-        "control_points": [_control_row(point) for point in graph.control],
+        "control_points": [
+            {"name": point.name, "pose": point.scan, **fields_of(point, "point", "known", "sigmas")}
+            for point in graph.control
+        ],
         "wrong_fixes": [{"pose": fix.scan, "kind": fix.kind, "sigmas": fix.sigmas} for fix in result.wrong_fixes],
         "anchors": graph.anchors,
         "crossings": [_crossing_row(crossing) for part in result.parts for crossing in part.crossings.crossings],
     }
-
-
-def _edge_row(edge: Edge) -> Mapping[str, Any]:
-    registration = edge.registration
-    T_i_j = registration.T_target_source.as_matrix()
-    weighed = fields_of(registration, "covariance", "probability", "reason")
-    return {**fields_of(edge, "i", "j", "kind"), "T_i_j": T_i_j, **weighed}
 
 
 def _pair_row(pair: Pair) -> Mapping[str, Any]:
@@ -87,10 +86,6 @@ def _crossing_row(crossing: Crossing) -> Mapping[str, Any]:
     before, after = crossing.before, crossing.after
     apart = {"before_m": before.median, "before_90_m": before.most, "after_m": after.median, "after_90_m": after.most}
     return {"i": crossing.i, "j": crossing.j, **apart}
-
-
-def _control_row(point: ControlPoint) -> Mapping[str, Any]:
-    return {"name": point.name, "pose": point.scan, **fields_of(point, "point", "known", "sigmas")}
 
 
 def _prior_row(pose: int, prior: PosePrior) -> Mapping[str, Any]:

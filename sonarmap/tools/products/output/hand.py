@@ -84,8 +84,9 @@ def control_fit(result: SurveyResult, names: Sequence[str]) -> dict[str, Any] | 
     """
     if not result.control:
         return None
+    counted = [each for each in result.control if each.in_world and not each.left_out]
     return {
-        **{use: _fit([each for each in counted(result) if each.point.use == use]) for use in ("control", "check")},
+        **{use: _fit([each for each in counted if each.point.use == use]) for use in ("control", "check")},
         "left_out": [
             {"name": each.point.name, "scan": names[each.point.scan], "sigmas": each.wrong}
             for each in result.control
@@ -94,16 +95,8 @@ def control_fit(result: SurveyResult, names: Sequence[str]) -> dict[str, Any] | 
     }
 
 
-def counted(result: SurveyResult) -> list[MeasuredControl]:
-    """The points that say how well the map lies in the world."""
-    return [each for each in result.control if each.in_world and not each.left_out]
-
-
-def rms(points: Sequence[MeasuredControl]) -> float:
-    """The root mean square of the lengths of residuals [m]; NaN of none."""
-    return float(np.sqrt(np.mean([each.residual @ each.residual for each in points]))) if points else float("nan")
-
-
 def _fit(points: Sequence[MeasuredControl]) -> dict[str, Any]:
-    largest = max((float(np.linalg.norm(each.residual)) for each in points), default=None)
-    return {"points": len(points), "rms_m": rms(points) if points else None, "largest_m": largest}
+    lengths = np.array([np.linalg.norm(each.residual) for each in points])
+    squares = [each.residual @ each.residual for each in points]
+    rms, largest = (float(np.sqrt(np.mean(squares))), float(lengths.max())) if points else (None, None)
+    return {"points": len(points), "rms_m": rms, "largest_m": largest}

@@ -27,9 +27,7 @@ def write_pairs(path: Path, pairs: Sequence[Pair]) -> None:
 
     Numbers are written so that reading them gives the same ones.
 
-    Raises:
-        InputError: the file cannot be written.
-    """
+    Raises InputError: the file cannot be written."""
     measured = iter(_measured([registration for pair in pairs if (registration := registration_of(pair))]))
     rows = (pair_row(pair) | (next(measured) if registration_of(pair) else {}) for pair in pairs)
     write_table(path, COLUMNS, ([_cell(row.get(name, "")) for name in COLUMNS] for row in rows))

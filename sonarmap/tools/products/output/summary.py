@@ -1,6 +1,7 @@
 """`summary.json`: what was run, with what, and what came of it."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, get_args
@@ -23,13 +24,10 @@ from sonarmap.tools.products.output.run import SurveyRun
 
 
 def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
-    """The content of a survey's summary.json.
-
-    Every scan that could not be read is listed with its reason and its gap, the indices of the scans before and after
-    it (null if there is none); "gaps" lists these after the pairs that failed.
+    """The content of a survey's summary.json. Every scan that could not be read is listed with its reason and its gap,
+    the indices of the scans before and after it (null if there is none); "gaps" has these after the pairs that failed.
     """
     solution, graph, names = result.solution, result.solution.graph, list(run.names)
-    unmeasured = graph.gauge.unmeasured
     gaps = [_gap(scan.before, len(names)) for scan in run.unread]
     return {
         "versions": package_versions(),
@@ -46,7 +44,7 @@ def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
         "unread": [
             {"name": scan.where, "reason": scan.reason, "gap": gap} for scan, gap in zip(run.unread, gaps, strict=True)
         ],
-        "components": [_component_row(result, c, unmeasured) for c in placed(result.components)],
+        "components": [_component_row(result, c, graph.gauge.unmeasured) for c in placed(result.components)],
         "unplaced": unplaced(result.components),
         "key_scans": result.keys,
         "by_navigation": result.by_navigation,
@@ -81,14 +79,10 @@ def _gap(before: int, count: int) -> tuple[int | None, int | None]:
 
 
 def _pair_counts(pairs: Sequence[Pair]) -> dict[str, Any]:
-    """How many pairs were tried and kept, in all and by their roles, and where each of them is told."""
-    by_role = {role: [pair for pair in pairs if pair.role == role] for role in get_args(Role)}
-    counts = {role: _tried_and_kept(some) for role, some in by_role.items() if some}
-    return {"file": PAIRS, **_tried_and_kept(pairs), "by_role": counts}
-
-
-def _tried_and_kept(pairs: Sequence[Pair]) -> dict[str, int]:
-    return {"tried": len(pairs), "kept": sum(pair.kept for pair in pairs)}
+    """How many pairs were tried and kept, in all and by their roles, and where each of them is described."""
+    tried, kept = Counter(pair.role for pair in pairs), Counter(pair.role for pair in pairs if pair.kept)
+    by_role = {role: {"tried": tried[role], "kept": kept[role]} for role in get_args(Role) if tried[role]}
+    return {"file": PAIRS, "tried": len(pairs), "kept": kept.total(), "by_role": by_role}
 
 
 def pose_sigmas(covariances: np.ndarray) -> list[dict[str, float]]:
@@ -103,7 +97,7 @@ def _component_row(result: SurveyResult, c: int, unmeasured: Mapping[int, np.nda
     free = next((unmeasured[pose] for pose in members if pose in unmeasured), np.zeros(6, dtype=bool))
     row = {
         "scans": members,
-        "unmeasured": [name for name, held in zip(MEASURED, free, strict=True) if held],
+        "unmeasured": [name for name, unknown in zip(MEASURED, free, strict=True) if unknown],
         "map": map_statistics(result.maps[c]),
     }
     layers = {number: map_statistics(layer.clean) for number, layer in result.parts[c].layers.items()}
@@ -111,11 +105,11 @@ def _component_row(result: SurveyResult, c: int, unmeasured: Mapping[int, np.nda
 
 
 def crossing_row(error: CrossingError) -> dict[str, Any]:
-    """How far overlapping passes lie apart, before the loops and after: medians and 90th percentiles; null without."""
+    """How far apart scans lie where the track crosses itself, before the loops and after; null without crossings."""
     row: dict[str, Any] = {"pairs": len(error.crossings)}
-    for name, spread in (("before", error.before), ("after", error.after)):
-        row[name] = spread.median if spread else None
-        row[f"{name}_90"] = spread.most if spread else None
+    for name, apart in (("before", error.before), ("after", error.after)):
+        row[name] = apart.median if apart else None
+        row[f"{name}_90"] = apart.most if apart else None
     return row
 
 

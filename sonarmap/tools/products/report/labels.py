@@ -28,35 +28,24 @@ def place_labels(
     distances: Sequence[float] = (5.0, 9.0),
     **style: Any,
 ) -> list["Annotation"]:
-    """Write n texts beside their points (n, 2), in the axes' coordinates, and return the labels that are there.
-
-    Earlier ones choose first; what has no room anywhere is left out. The figure's size, and the axes' place and
-    limits, must be final.
-
-    Args:
-        covered: (m, 2) points that labels should rather not hide, in the same coordinates.
-        taken: boxes that no label may touch, x0, y0, x1, y1 [pixels].
-        distances: from a point to its label, the preferred first [points].
-        style: of the texts.
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    renderer = FigureCanvasAgg(figure).get_renderer()
+    """Write n texts beside their points (n, 2), in the axes' coordinates, and return the labels that found room:
+    earlier ones choose first. They rather do not hide the points `covered` (m, 2), do not touch the boxes `taken`, x0,
+    y0, x1, y1 [pixels], and stand at one of the `distances` [points], the preferred first. The figure's size, and the
+    axes' place and limits, must be final."""
+    pixels = axes.figure.dpi / 72  # of a point
     frame, boxes = axes.get_window_extent(), [*map(np.array, taken)]
     hidden = _NOWHERE if covered is None else axes.transData.transform(covered)
     written: list[Annotation] = []
     for place, text in zip(places, texts, strict=True):
         label = axes.annotate(text, place, xytext=(0, 0), textcoords="offset points", annotation_clip=False, **style)
-        box = label.get_window_extent(renderer)
+        box = label.get_window_extent()
         anchor, size = axes.transData.transform(place), np.array([box.width, box.height])
         options: list[tuple[int, float, tuple[int, int], np.ndarray]] = []
         for distance in distances:
             for side in _SIDES:
-                corner = anchor + _offset(distance, side) * figure.dpi / 72 + size * (np.array(side) - 1) / 2
+                corner = anchor + _offset(distance, side) * pixels + size * (np.array(side) - 1) / 2
                 box = np.concatenate([corner, corner + size])
-                line = _line(anchor, distance * figure.dpi / 72, side) if distance > _LED else _NOWHERE
+                line = _line(anchor, distance * pixels, side) if distance > _LED else _NOWHERE
                 if _inside(box, frame) and not _touched(box, boxes) and not _crossed(line, anchor, boxes):
                     options.append((int(_within(hidden, box).sum()), distance, side, box))
         if not options:
@@ -68,17 +57,13 @@ def place_labels(
         written.append(label)
         if distance > _LED:
             _lead(axes, label)
-            boxes += [np.concatenate([dot, dot]) for dot in _line(anchor, distance * figure.dpi / 72, side)]
+            boxes += [np.concatenate([dot, dot]) for dot in _line(anchor, distance * pixels, side)]
     return written
 
 
 def shrink(text: "Text", width: float) -> None:
     """Make a text of a figure small enough for a width [pixels]."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    figure = text.get_figure(root=True)
-    assert figure is not None
-    needed = text.get_window_extent(FigureCanvasAgg(figure).get_renderer()).width
+    needed = text.get_window_extent().width
     text.set_fontsize(float(text.get_fontsize()) * min(1.0, width / max(needed, 1.0)))
 
 

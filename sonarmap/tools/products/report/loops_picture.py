@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _Loops = dict[Verdict, list[tuple[int, int]]]
-
 _GRAYS = 0.2, 0.8  # of the gray color map, from low to high: the lines upon it have the colors
 _INK = 60  # loops that are drawn in full width; more are drawn thinner, so that the map is seen between them
 _CONCERN = 0.8  # least width of the others
@@ -39,9 +38,7 @@ _WORDS: dict[Verdict, str] = {
 def draw_loops(path: Path, view: PartView) -> None:
     """Write a PNG of two maps, before and after the loops, seen from above. The same view gives the same bytes.
 
-    Raises:
-        InputError: the file cannot be written.
-    """
+    Raises InputError: the file cannot be written."""
     inks = [*inks_of(view), *(look["color"] for look in _LOOKS.values())]
     write_png(lambda: loops_figure(view), path, inks, _grays()[:, :3])
 

@@ -26,9 +26,7 @@ _COLORS = "viridis"  # even to the eye, in gray prints, and to the color-blind; 
 def draw_map(path: Path, view: PartView) -> None:
     """Write a PNG of a part of the map, seen from above, colored by depth. The same view gives the same bytes.
 
-    Raises:
-        InputError: the file cannot be written.
-    """
+    Raises InputError: the file cannot be written."""
     from matplotlib import colormaps
 
     write_png(lambda: map_figure(view), path, inks_of(view), colormaps[_COLORS](np.linspace(0, 1, 256))[:, :3])

@@ -1,5 +1,6 @@
 """The track from its start to its end: depths, overlaps, and how sure the poses are. One PNG."""
 
+import itertools
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,9 +30,7 @@ _LEAST = 4.0  # range of depths that is shown at least [voxels]
 def draw_profile(path: Path, view: PartView) -> None:
     """Write a PNG of the profile along the track of a part. The same view gives the same bytes.
 
-    Raises:
-        InputError: the file cannot be written.
-    """
+    Raises InputError: the file cannot be written."""
     write_png(lambda: profile_figure(view), path, (_SENSOR, _BED, _VERTICAL))
 
 
@@ -49,12 +48,15 @@ def profile_figure(view: PartView) -> "Figure":
         (0.912, f"{view.size}. Sigmas are {view.frame.sigmas}.", _TEXT + 0.5, "normal"),
     ):
         shrink(figure.text(_LEFT, height, words, fontsize=size, weight=weight), (_END - _LEFT) * figure.bbox.width)
-    for draw, axes in zip((_draw_depths, _draw_overlaps, _draw_places, _draw_headings), panels, strict=True):
+    for axes in panels:
         axes.grid(color="0.6", alpha=0.35, linewidth=0.6)
         axes.tick_params(labelsize=_TEXT)
-        draw(axes, view, profile)
-        for start in profile.starts:
-            axes.axvline(_between(profile.along, start), color="0.4", linewidth=0.9, linestyle=(0, (4, 3)))
+    _draw_depths(panels[0], view, profile)
+    _draw_overlaps(panels[1], profile)
+    _draw_sigmas(panels[2], profile, profile.sigmas[:2], "m", ("horizontal, worst direction", "vertical"))
+    _draw_sigmas(panels[3], profile, profile.sigmas[2:], "°", ("heading",))
+    for axes, start in itertools.product(panels, profile.starts):
+        axes.axvline(_between(profile.along, start), color="0.4", linewidth=0.9, linestyle=(0, (4, 3)))
     margin = 0.01 * max(float(np.ptp(profile.along)), 1e-6)
     panels[-1].set_xlim(profile.along[0] - margin, profile.along[-1] + margin)
     panels[-1].set_xlabel(profile.axis, fontsize=_TEXT)
@@ -96,7 +98,7 @@ def _limit_levels(axes: "Axes", levels: np.ndarray, view: PartView) -> None:
         axes.set_ylim(middle + span / 2, middle - span / 2 - room)
 
 
-def _draw_overlaps(axes: "Axes", view: PartView, profile: Profile) -> None:
+def _draw_overlaps(axes: "Axes", profile: Profile) -> None:
     kept, lost = profile.overlaps[profile.kept], profile.overlaps[~profile.kept]
     axes.plot(kept[:, 0], 100 * kept[:, 1], ".", color=_BED, markersize=4, label="overlap with the next scan")
     axes.vlines(kept[:, 0], 0, 100 * kept[:, 1], color=_BED, alpha=0.3, linewidth=0.8)
@@ -105,14 +107,6 @@ def _draw_overlaps(axes: "Axes", view: PartView, profile: Profile) -> None:
     axes.set_ylabel("overlap [%]", fontsize=_TEXT)
     axes.set(ylim=(0, 100 * _ROOM), yticks=(0, 50, 100))
     _legend(axes, 2)
-
-
-def _draw_places(axes: "Axes", view: PartView, profile: Profile) -> None:
-    _draw_sigmas(axes, profile, profile.sigmas[:2], "m", ("horizontal, worst direction", "vertical"))
-
-
-def _draw_headings(axes: "Axes", view: PartView, profile: Profile) -> None:
-    _draw_sigmas(axes, profile, profile.sigmas[2:], "°", ("heading",))
 
 
 def _draw_sigmas(axes: "Axes", profile: Profile, sigmas: np.ndarray, unit: str, names: Sequence[str]) -> None:
@@ -147,18 +141,13 @@ def _number_scans(axes: "Axes", view: PartView, profile: Profile) -> None:
 
 def _name_surveys(axes: "Axes", view: PartView, profile: Profile) -> None:
     """Each survey's name where it begins, as far as its part of the panel is long enough."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    renderer = FigureCanvasAgg(figure).get_renderer()
     edges = [axes.get_xlim()[0], *(_between(profile.along, start) for start in profile.starts), axes.get_xlim()[1]]
     for first, begin, end in zip((0, *profile.starts), edges[:-1], edges[1:], strict=True):
         place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
         name, look = view.survey_names[view.surveys[first]], {"fontsize": _TEXT - 1, "color": "0.25", "va": "top"}
         text = axes.annotate(name, (begin, 1.0), xytext=(4, -19), **place, **look)
         room = axes.transData.transform([(begin, 0), (end, 0)])[:, 0]
-        if text.get_window_extent(renderer).x1 > room[1]:
+        if text.get_window_extent().x1 > room[1]:
             text.remove()
 
 

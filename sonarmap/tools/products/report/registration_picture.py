@@ -24,8 +24,7 @@ _TARGET, _SOURCE, _CONTRADICTING = "#0072B2", "#E69F00", "#C40000"
 _TRIM = 0.005
 _HEADROOM = 0.3
 _NAME = 24  # characters of a scan's name in a legend
-
-
+_LEGEND: dict[str, Any] = {"loc": "upper left", "fontsize": 9, "ncols": 2, "columnspacing": 1.0, "framealpha": 0.9}
 _LAYERS_TEXT = (
     "The pattern turns with the scan and does not move\nwith it. Dashed: x and y of the target; in the source\n"
     "where the rotation that was found puts them."
@@ -35,9 +34,7 @@ _LAYERS_TEXT = (
 def draw_registration(path: Path, view: RegistrationView) -> None:
     """Write a PNG of what the registration saw. The same view gives the same bytes.
 
-    Raises:
-        InputError: the file cannot be written.
-    """
+    Raises InputError: the file cannot be written."""
     write_png(lambda: registration_figure(view), path)
 
 
@@ -79,7 +76,7 @@ def _draw_before(axes: "Axes", view: RegistrationView) -> None:
     labels = [_label("target", view.target.name), _label("source", view.source.name)]
     _draw_both(axes, view, RigidTransform.identity(), labels)
     _mark_sensor(axes, np.zeros(3), "black", "both sensors")
-    axes.legend(loc="upper left", fontsize=9, ncols=2, columnspacing=1.0, framealpha=0.9)
+    axes.legend(**_LEGEND)
 
 
 def _draw_after(axes: "Axes", view: RegistrationView) -> None:
@@ -90,12 +87,11 @@ def _draw_after(axes: "Axes", view: RegistrationView) -> None:
     target, source = view.target, view.source
     against = np.vstack([target.points[target.contradicting], T.apply(source.points[source.contradicting])])
     share = len(against) / (len(target.points) + len(source.points))
-    label = f"the other saw through: {share:.1%}"
     axes.plot(*against[:, :2].T, "x", color=_CONTRADICTING, markersize=2, markeredgewidth=0.4, alpha=0.7, zorder=4)
-    axes.plot([], [], "x", color=_CONTRADICTING, label=label)
+    axes.plot([], [], "x", color=_CONTRADICTING, label=f"the other saw through: {share:.1%}")
     _mark_sensor(axes, np.zeros(3), _TARGET, "sensors")
     _mark_sensor(axes, T.translation, _SOURCE, "")
-    axes.legend(loc="upper left", fontsize=9, ncols=2, columnspacing=1.0, framealpha=0.9)
+    axes.legend(**_LEGEND)
 
 
 def _draw_both(axes: "Axes", view: RegistrationView, T_target_source: RigidTransform, labels: list[str]) -> None:

@@ -69,6 +69,7 @@ def view_registration(
     """Look once more at each step of a registration, by the registrar that prepared the scans and registered them."""
     voxel = registrar.grid.voxel
     magnitudes = [_magnitude(registrar, scan) for scan in (target, source)]
+    correlation = registrar.so3.correlate(target.coefficients, source.coefficients).get()
     return RegistrationView(
         registration=registration,
         target=_cloud(target, source, registration.T_target_source.inv(), voxel),
@@ -77,7 +78,7 @@ def view_registration(
         frequency=0.5 / voxel,
         layers=np.stack([_layer(registrar, each) for each in magnitudes]),
         radius=_RADIUS * 0.5 / voxel,
-        turns=_turns(registrar, target, source),
+        turns=map_rotations(correlation, 2 * target.coefficients.shape[0], registrar.config.max_tilt),
         followed=registrar.rotations(target, source).R,
         shifts=_shifts(registrar, target, source, registration.T_target_source),
     )
@@ -117,11 +118,6 @@ def _layer(registrar: SpectralRegistrar, magnitudes: Array) -> np.ndarray:
     radii = np.array([_RADIUS * registrar.grid.edge / 2])
     layer = sample(registrar.device, magnitudes, upload_directions(registrar.device, directions), radii)
     return np.where(directions.any(axis=-1), layer.get()[0], np.nan)
-
-
-def _turns(registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan) -> RotationMap:
-    correlation = registrar.so3.correlate(target.coefficients, source.coefficients).get()
-    return map_rotations(correlation, 2 * target.coefficients.shape[0], registrar.config.max_tilt)
 
 
 def _shifts(

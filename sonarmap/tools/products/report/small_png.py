@@ -34,9 +34,7 @@ def save_small(figure: "Figure", path: Path, inks: Sequence[str] = (), ramp: np.
     The palette is made of what is drawn or, where they are given, of `inks`, the colors of lines and letters besides
     black, and of a ramp (k, 3) 0..1, the colors of images, thinned to what is left of the palette.
 
-    Raises:
-        InputError: the file cannot be written.
-    """
+    Raises InputError: the file cannot be written."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -65,6 +63,6 @@ def _palette(inks: Sequence[str], ramp: np.ndarray | None) -> "Image":
         chosen = np.linspace(0, len(ramp) - 1, min(left, len(ramp))).round().astype(int)
         shades = np.concatenate([shades, ramp[chosen]])
     levels = (255 * shades).round().astype(np.uint8)
-    held = Image.new("P", (1, 1))
-    held.putpalette(np.pad(levels, ((0, _MOST - len(levels)), (0, 0)), mode="edge").tobytes())
-    return held
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.pad(levels, ((0, _MOST - len(levels)), (0, 0)), mode="edge").tobytes())
+    return palette

@@ -1,12 +1,14 @@
 """Folders as `sonarmap map` writes them, and the Earth by another way than the code's."""
 
+import shutil
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-from pyproj import CRS, Transformer
+import pytest
+from pyproj import Transformer
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -58,12 +60,9 @@ def _mapped(split: bool) -> SurveyResult:
 
 
 def local_of(projected: np.ndarray, epsg: int, here: Georeference) -> np.ndarray:
-    """(N, 3) points in a map's frame of easting, northing, height: the definition of the frame, worked by hand.
-
-    Degrees by pyproj, then Earth-centered coordinates, turned to East, North and Up at the origin; heights are the
-    file's own less the origin's.
-    """
-    to_degrees = Transformer.from_crs(CRS.from_epsg(epsg), CRS.from_epsg(4326), always_xy=True)
+    """(N, 3) points in a map's frame of easting, northing, height, by hand: degrees by pyproj, then Earth-centered
+    coordinates, turned to East, North and Up at the origin; heights are the file's own less the origin's."""
+    to_degrees = Transformer.from_crs(epsg, 4326, always_xy=True)
     longitude, latitude = to_degrees.transform(projected[:, 0], projected[:, 1])
     return local_of_degrees(np.column_stack([latitude, longitude, projected[:, 2]]), here)
 
@@ -86,6 +85,14 @@ def _earth_centered(geodetic: np.ndarray) -> np.ndarray:
     normal = _A / np.sqrt(1 - e2 * np.sin(phi) ** 2)
     flat = (normal + geodetic[:, 2]) * np.cos(phi)
     return np.column_stack([flat * np.cos(lam), flat * np.sin(lam), (normal * (1 - e2) + geodetic[:, 2]) * np.sin(phi)])
+
+
+def program(name: str, where: str) -> str:
+    """The path of a program; skips the test where it is not installed, and says where it is to be had."""
+    path = shutil.which(name)
+    if path is None:
+        pytest.skip(f"{name} is not installed ({where})")
+    return path
 
 
 def scattered(count: int = 5, reach: float = 400.0, seed: int = 8) -> RigidTransform:

@@ -7,11 +7,10 @@ import numpy as np
 from pyproj import CRS, Transformer
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Loop
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from tests.tools.products.export.finished import georeferenced
+from tests.tools.products.export.finished import georeferenced, timed
 
 # Name -> place of the map's origin, EPSG code of its UTM zone
 PLACES = {
@@ -31,10 +30,9 @@ def dive(place: str = "edge of a zone at 60 north", stamps: np.ndarray | None = 
     # yaw counterclockwise from East, pitch nose down, roll starboard down
     R = Rotation.from_euler("ZYX", np.column_stack([60.0 - 25 * k, 7.0 - k, 2.0 * k - 3]), degrees=True)
     earth = georeferenced(Georeference(*there), RigidTransform.from_components(shifts, R))
-    part = earth.part
     if stamps is not None:
-        part = replace(part, trajectory=Trajectory(stamps, part.trajectory.T_world_sensor))
-    return with_part(earth, part, loops=LOOPS)
+        earth = timed(earth, stamps)
+    return with_part(earth, earth.part, loops=LOOPS)
 
 
 def with_part(earth: Georeferenced, part, **of_folder) -> Georeferenced:
@@ -53,14 +51,14 @@ def geodetic_by_hand(earth: Georeferenced) -> np.ndarray:
     aeqd = CRS.from_proj4(f"+proj=aeqd +lat_0={here.latitude} +lon_0={here.longitude} +ellps=WGS84 +units=m")
     x, y, z = earth.part.trajectory.T_world_sensor.translation.T
     wider = 1 - z / 6.371e6
-    to_degrees = Transformer.from_crs(aeqd, CRS.from_epsg(4326), always_xy=True)
+    to_degrees = Transformer.from_crs(aeqd, 4326, always_xy=True)
     longitude, latitude = to_degrees.transform(x * wider, y * wider)
     return np.column_stack([latitude, longitude, z])
 
 
 def projected_by_hand(geodetic: np.ndarray, epsg: int) -> np.ndarray:
     """(n, 2) easting, northing [m] of latitudes, longitudes [deg]."""
-    to_grid = Transformer.from_crs(CRS.from_epsg(4326), CRS.from_epsg(epsg), always_xy=True)
+    to_grid = Transformer.from_crs(4326, epsg, always_xy=True)
     return np.column_stack(to_grid.transform(geodetic[:, 1], geodetic[:, 0]))
 
 

@@ -2,7 +2,6 @@
 
 import csv
 import json
-from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,6 @@ import pytest
 from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.products.export.kml import GX
 from sonarmap.tools.products.export.run import ExportSettings, export_map
 from sonarmap.tools.products.output.folder import write_survey
@@ -23,7 +21,7 @@ from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 COUNT = 8
 HERE = Georeference(69.9, 17.9995, height=-3.5, vertical="MSL", heading=37.0)
-FORMATS = ("csv", "eiva-position", "eiva-attitude", "geojson", "gpkg", "geotiff", "kml", "kmz", "mcap", "g2o", "pcd")
+FORMATS = ("csv", "eiva-position", "eiva-attitude", "geojson", "gpkg", "geotiff", "kml", "kmz", "mcap", "g2o")
 
 
 @pytest.fixture(scope="module")
@@ -42,16 +40,14 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, MapFolder]
     return out / "exported", folder
 
 
-def messages(out: Path) -> dict[str, list[Any]]:
-    """Of map.mcap, by their topics."""
+def positions(out: Path) -> list[Any]:
+    """Those of map.mcap."""
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 
-    topics: dict[str, list[Any]] = defaultdict(list)
     with (out / "map.mcap").open("rb") as file:
-        for _, channel, _, message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
-            topics[channel.topic].append(message)
-    return topics
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        return [message for *_, message in reader.iter_decoded_messages(["/position"])]
 
 
 def table(path: Path) -> list[dict[str, str]]:
@@ -80,7 +76,7 @@ def test_places_and_times(exported: tuple[Path, MapFolder]) -> None:
         np.testing.assert_allclose(places, np.column_stack([degrees[:, ::-1], heights]), rtol=0, atol=1e-4)
     ends = [element.text for element in root.iterfind(".//{*}Point/{*}coordinates")]
     assert ends == [line.split()[0], line.split()[-1]]
-    fixes = messages(out)["/position"]
+    fixes = positions(out)
     assert [[fix.latitude, fix.longitude] for fix in fixes] == [pytest.approx(row, abs=1e-9) for row in degrees]
     assert all(np.isnan(fix.altitude) for fix in fixes)  # heights count from the sea's mean level
     meta, _, geometry, columns = read(out / "track.gpkg", layer="scans")
@@ -108,19 +104,6 @@ def test_attitudes(exported: tuple[Path, MapFolder]) -> None:
     for name in ["roll_deg", "pitch_deg", "heading_deg", "heading_grid_deg", "east_sigma_m", "heading_sigma_deg"]:
         written = np.array([float(row[name]) for row in rows])
         np.testing.assert_allclose([each[name] for each in says], written, rtol=1e-8, atol=1e-6)
-
-
-def test_clouds_and_poses_in_the_map(exported: tuple[Path, MapFolder]) -> None:
-    import open3d as o3d
-
-    out, folder = exported
-    points = np.asarray(o3d.io.read_point_cloud(out / "map.pcd").points)
-    np.testing.assert_allclose(points, folder.parts[0].points, rtol=0, atol=1e-4)
-    topics = {topic: of_topic[-1] for topic, of_topic in messages(out).items()}
-    cloud = np.frombuffer(bytes(topics["/map/points"].data), np.uint8).reshape(-1, topics["/map/points"].point_step)
-    np.testing.assert_array_equal(cloud[:, :12].copy().view("<f4"), points.astype(np.float32))
-    track = [[getattr(pose.pose.position, axis) for axis in "xyz"] for pose in topics["/track"].poses]
-    np.testing.assert_allclose(track, read_tum(folder.path / "trajectory.tum").T_world_sensor.translation, atol=1e-12)
 
 
 def test_loops_are_those_of_the_map(exported: tuple[Path, MapFolder]) -> None:

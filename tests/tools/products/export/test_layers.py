@@ -1,7 +1,6 @@
 """GeoJSON and GeoPackage against places worked otherwise, read by json, sqlite3 and GDAL."""
 
 import json
-import shutil
 import sqlite3
 import struct
 import subprocess
@@ -15,6 +14,7 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.track_features import cut_at_180, write_geojson, write_geopackage
+from tests.tools.products.export.finished import program
 from tests.tools.products.export.poses import dive, with_part
 
 
@@ -38,9 +38,8 @@ def test_track_and_loops(tmp_path: Path) -> None:
     assert kept["geometry"]["coordinates"] == [points[0], points[5]]
     assert kept["properties"]["kept"] is True
     assert refused["geometry"]["coordinates"] == [points[1], points[4]]
-    says = refused["properties"]
-    assert (says["target"], says["source"], says["kept"]) == ("scan_1", "scan_4", False)
-    assert says["reason"] == "contradicts"
+    expected = {"target": "scan_1", "source": "scan_4", "kept": False, "reason": "contradicts"}
+    assert refused["properties"] == expected | {"layer": "loops"}
 
 
 def test_lines_are_cut_at_180(tmp_path: Path) -> None:
@@ -49,11 +48,8 @@ def test_lines_are_cut_at_180(tmp_path: Path) -> None:
         assert feature["geometry"]["type"] == "MultiLineString"
         west, east = feature["geometry"]["coordinates"]
         assert len(west) + len(east) == count
-        assert west[-1][0] == 180
-        assert east[0][0] == -180
-        assert west[-1][1:] == east[0][1:]
-        assert all(x > 0 for x, _, _ in west)
-        assert all(x < 0 for x, _, _ in east)
+        assert (west[-1][0], east[0][0], west[-1][1:]) == (180, -180, east[0][1:])
+        assert max(x for x, _, _ in east) < 0 < min(x for x, _, _ in west)
 
 
 def test_a_cut_lies_where_the_line_crosses() -> None:
@@ -70,36 +66,27 @@ def test_each_survey_has_its_track(tmp_path: Path) -> None:
     surveys = {"scans": [{"survey": number} for number in (0, 0, 0, 1, 1, 2)]}
     layers = features_in(tmp_path, with_part(earth, earth.part, summary=surveys))
     assert [track["properties"]["scan_count"] for track in layers["track"]] == [3, 2]  # a single scan is no line
-
-
-def test_a_summary_without_surveys_is_refused(tmp_path: Path) -> None:
-    earth = dive()
     for wrong in ([{}] * 6, [{"survey": 0}], [{"survey": "x"}] * 6):
         with pytest.raises(InputError, match="of which survey"):
             features_in(tmp_path, with_part(earth, earth.part, summary={"scans": wrong}))
 
 
-def test_loops_to_other_parts_are_left_out(tmp_path: Path) -> None:
-    earth = dive()
+def test_loops_to_other_parts_are_left_out_and_counters_are_null(tmp_path: Path) -> None:
+    earth = dive(stamps=np.arange(6.0))
     trajectory = earth.part.trajectory.take(range(5))
     part = replace(earth.part, scans=tuple(range(5)), trajectory=trajectory, covariances=earth.part.covariances[:5])
-    (loop,) = features_in(tmp_path, with_part(earth, part))["loops"]
-    assert loop["properties"]["reason"] == "contradicts"
-
-
-def test_counters_are_null(tmp_path: Path) -> None:
-    layers = features_in(tmp_path, dive(stamps=np.arange(6.0)))
-    assert layers["scans"][3]["properties"]["utc"] is None
-    assert layers["scans"][3]["properties"]["unix_s"] is None
-    assert layers["track"][0]["properties"]["first_utc"] is None
+    layers = features_in(tmp_path, with_part(earth, part))
+    assert [loop["properties"]["reason"] for loop in layers["loops"]] == ["contradicts"]
+    says = layers["scans"][3]["properties"]
+    assert (says["utc"], says["unix_s"], layers["track"][0]["properties"]["first_utc"]) == (None, None, None)
 
 
 def test_gdal_reads_it(tmp_path: Path) -> None:
-    raw = pytest.importorskip("pyogrio.raw")
+    from pyogrio.raw import read
+
     features_in(tmp_path, dive())
-    meta, _, geometry, _ = raw.read(tmp_path / "track.geojson")
-    assert meta["crs"] == "EPSG:4326"
-    assert len(geometry) == 9
+    meta, _, geometry, _ = read(tmp_path / "track.geojson")
+    assert (meta["crs"], len(geometry)) == ("EPSG:4326", 9)
 
 
 def written(path: Path, earth: Georeferenced) -> Path:
@@ -108,11 +95,12 @@ def written(path: Path, earth: Georeferenced) -> Path:
     return path / "track.gpkg"
 
 
-def read(path: Path, layer: str) -> tuple[dict[str, Any], list[np.ndarray], dict[str, np.ndarray]]:
+def read(path: Path, layer: str) -> tuple[list[np.ndarray], dict[str, np.ndarray]]:
+    """Places and attributes of a layer."""
     from pyogrio.raw import read
 
     meta, _, geometry, columns = read(path, layer=layer, datetime_as_string=True)
-    return meta, [places(wkb) for wkb in geometry], dict(zip(meta["fields"], columns, strict=True))
+    return [places(wkb) for wkb in geometry], dict(zip(meta["fields"], columns, strict=True))
 
 
 def places(wkb: bytes) -> np.ndarray:
@@ -125,11 +113,11 @@ def places(wkb: bytes) -> np.ndarray:
 
 def test_track_and_loops_in_a_geopackage(tmp_path: Path) -> None:
     path = written(tmp_path, dive())
-    points = np.vstack(read(path, "scans")[1])
-    _, (track,), says = read(path, "track")
+    points = np.vstack(read(path, "scans")[0])
+    (track,), says = read(path, "track")
     np.testing.assert_array_equal(track, points)
     assert says["scan_count"][0] == 6
-    _, (kept, refused), says = read(path, "loops")
+    (kept, refused), says = read(path, "loops")
     np.testing.assert_array_equal(kept, points[[0, 5]])
     np.testing.assert_array_equal(refused, points[[1, 4]])
     assert says["kept"].tolist() == [True, False]
@@ -153,7 +141,7 @@ def test_it_is_a_geopackage_by_its_own_words(tmp_path: Path) -> None:
 
 
 def test_times_that_are_none_are_null_in_a_geopackage(tmp_path: Path) -> None:
-    _, _, columns = read(written(tmp_path, dive(stamps=np.arange(6.0))), "scans")
+    _, columns = read(written(tmp_path, dive(stamps=np.arange(6.0))), "scans")
     assert np.isnan(columns["unix_s"]).all()
     with sqlite3.connect(tmp_path / "track.gpkg") as base:
         assert set(base.execute("SELECT utc, unix_s FROM scans")) == {(None, None)}
@@ -164,31 +152,21 @@ def test_times_that_are_none_are_null_in_a_geopackage(tmp_path: Path) -> None:
 def test_large_numbers_are_written_as_they_are(tmp_path: Path, survey: int) -> None:
     """All that a summary.json may hold."""
     earth = dive()
-    rows = [{"survey": survey}] * 6
-    folder = replace(earth.folder, summary={"scans": rows})
-    path = written(tmp_path, replace(earth, folder=folder))
+    path = written(tmp_path, with_part(earth, earth.part, summary={"scans": [{"survey": survey}] * 6}))
     for layer in ("scans", "track"):
-        assert set(read(path, layer)[2]["survey"].tolist()) == {survey}
+        assert set(read(path, layer)[1]["survey"].tolist()) == {survey}
 
 
-def test_names_may_hold_anything(tmp_path: Path) -> None:
-    earth = dive()
-    names = ("a'b", 'c"', "d\ne", "\N{GREEK SMALL LETTER ALPHA}", "lone\udce9", "")
-    _, _, columns = read(written(tmp_path, with_part(earth, earth.part, names=names)), "scans")
-    assert columns["name"].tolist() == [*names[:4], "lone\\udce9", ""]
-
-
-def test_no_loops_no_layer(tmp_path: Path) -> None:
+def test_names_may_hold_anything_and_what_was_there_is_replaced_whole(tmp_path: Path) -> None:
+    """Without loops there is no layer of them."""
     from pyogrio import list_layers
 
     earth = dive()
-    path = written(tmp_path, with_part(earth, earth.part, loops=()))
-    assert [name for name, _ in list_layers(path)] == ["track", "scans"]
-
-
-def test_what_was_there_is_replaced_whole(tmp_path: Path) -> None:
+    names = ("a'b", 'c"', "d\ne", "\N{GREEK SMALL LETTER ALPHA}", "lone\udce9", "")
     (tmp_path / "track.gpkg").write_bytes(b"not a GeoPackage")
-    assert len(read(written(tmp_path, dive()), "scans")[1]) == 6
+    path = written(tmp_path, with_part(earth, earth.part, names=names, loops=()))
+    assert read(path, "scans")[1]["name"].tolist() == [*names[:4], "lone\\udce9", ""]
+    assert [name for name, _ in list_layers(path)] == ["track", "scans"]
 
 
 def test_a_folder_of_that_name_is_refused(tmp_path: Path) -> None:
@@ -199,9 +177,7 @@ def test_a_folder_of_that_name_is_refused(tmp_path: Path) -> None:
 
 def test_ogrinfo_reads_it(tmp_path: Path) -> None:
     """GDAL's own program, another build than pyogrio's."""
-    command = shutil.which("ogrinfo")
-    if command is None:
-        pytest.skip("no ogrinfo here")
+    command = program("ogrinfo", "Debian: gdal-bin")
     told = subprocess.run([command, "-al", written(tmp_path, dive())], capture_output=True, text=True, check=True)
     assert "POINT Z (667" in told.stdout
     assert "utc (DateTime) = 2023/11/14 22:13:22.500+00" in told.stdout

@@ -34,20 +34,20 @@ def test_it_is_what_was_written(whole: Path) -> None:
 
 @pytest.mark.parametrize("name", FILES)
 def test_a_missing_file_is_named(whole: Path, name: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="not a folder"):
+        read_map_folder(tmp_path / "map")
     shutil.copytree(whole, tmp_path / "map")
     (tmp_path / "map" / name).unlink()
     with pytest.raises(InputError, match=name.replace(".", r"\.")):
         read_map_folder(tmp_path / "map")
 
 
-def test_no_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="not a folder"):
-        read_map_folder(tmp_path / "nothing")
-
-
-def damage(whole: Path, folder: Path, seeds: range) -> int:
-    """Change bytes, cut, double or exchange pieces of one file; export; how many were refused."""
-    refused = 0
+@pytest.mark.parametrize(
+    ("seeds", "least"), [(range(60), 20), pytest.param(range(1000, 3000), 600, marks=pytest.mark.slow)]
+)
+def test_damage_is_refused_or_without_effect(whole: Path, tmp_path: Path, seeds: range, least: int) -> None:
+    """Bytes of one file are changed, pieces cut, doubled or exchanged."""
+    folder, refused = tmp_path, 0
     shutil.copytree(whole, folder / "map")
     contents = {name: (whole / name).read_bytes() for name in FILES}
     for seed in seeds:
@@ -75,13 +75,4 @@ def damage(whole: Path, folder: Path, seeds: range) -> int:
         except InputError:
             refused += 1
         (folder / "map" / name).write_bytes(contents[name])
-    return refused
-
-
-def test_damage_is_refused_or_without_effect(whole: Path, tmp_path: Path) -> None:
-    assert damage(whole, tmp_path, range(60)) > 20
-
-
-@pytest.mark.slow
-def test_much_damage_is_refused_or_without_effect(whole: Path, tmp_path: Path) -> None:
-    assert damage(whole, tmp_path, range(1000, 3000)) > 600
+    assert refused > least

@@ -10,7 +10,6 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.map_folder.folder import MapPart
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.mcap import write_mcap
 from tests.tools.products.export.poses import dive, with_part
@@ -52,9 +51,15 @@ def numbers(message: Any, names: str) -> list[float]:
     return [getattr(message, name) for name in names]
 
 
-def test_the_cloud_is_the_map(tmp_path: Path) -> None:
+@pytest.fixture
+def topics(tmp_path: Path) -> dict[str, list[tuple[float, Any]]]:
+    """Of a dive."""
+    return messages(tmp_path, dive())
+
+
+def test_the_cloud_is_the_map(topics: dict[str, list[tuple[float, Any]]]) -> None:
     earth = dive()
-    ((time, cloud),) = messages(tmp_path, earth)["/map/points"]
+    ((time, cloud),) = topics["/map/points"]
     assert (time, cloud.header.frame_id, cloud.height, cloud.width) == (1.7e9, "map", 1, 500)
     records = table(cloud)
     np.testing.assert_allclose(xyz(records), earth.part.points, rtol=0, atol=1e-4)
@@ -62,10 +67,8 @@ def test_the_cloud_is_the_map(tmp_path: Path) -> None:
         np.testing.assert_array_equal(records[name], column)
 
 
-def test_poses_over_time(tmp_path: Path) -> None:
-    earth = dive()
-    topics = messages(tmp_path, earth)
-    part = earth.part.trajectory
+def test_poses_over_time(topics: dict[str, list[tuple[float, Any]]]) -> None:
+    part = dive().part.trajectory
     for k, ((at, pose), (when, tf)) in enumerate(zip(topics["/pose"], topics["/tf"], strict=True)):
         (transform,) = tf.transforms
         assert at == when == pytest.approx(1.7e9 + 2.5 * k, abs=1e-6)
@@ -79,15 +82,14 @@ def test_poses_over_time(tmp_path: Path) -> None:
             assert (R.inv() * part.T_world_sensor[k].rotation).magnitude() < 1e-12
 
 
-def test_the_track(tmp_path: Path) -> None:
-    earth = dive()
-    topics = messages(tmp_path, earth)
+def test_the_track(topics: dict[str, list[tuple[float, Any]]]) -> None:
     ((time, path),) = topics["/track"]
-    expected = earth.part.trajectory.T_world_sensor.translation
+    trajectory = dive().part.trajectory
+    expected = trajectory.T_world_sensor.translation
     assert time == 1.7e9
     np.testing.assert_allclose([numbers(pose.pose.position, "xyz") for pose in path.poses], expected)
     seconds = [pose.header.stamp.sec + pose.header.stamp.nanosec / 1e9 for pose in path.poses]
-    np.testing.assert_allclose(seconds, earth.part.trajectory.stamps, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(seconds, trajectory.stamps, rtol=0, atol=1e-6)
     ((_, points),) = topics["/track/points"]
     np.testing.assert_allclose(xyz(table(points)), expected, rtol=0, atol=1e-4)
     assert table(points)["scan"].tolist() == list(range(6))
@@ -130,32 +132,22 @@ def test_counters_are_seconds_and_time_ascends(tmp_path: Path) -> None:
     assert topics["/map/points"][0][0] == 0
 
 
-def test_the_metadata_say_what_the_numbers_are(tmp_path: Path) -> None:
+def test_rosbags_reads_the_same_and_the_metadata_say_what_the_numbers_are(tmp_path: Path) -> None:
     from mcap.reader import make_reader
-
-    earth = dive()
-    messages(tmp_path, earth)
-    with (tmp_path / "map.mcap").open("rb") as file:
-        reader = make_reader(file)
-        assert reader.get_header().profile == "ros2"
-        (record,) = [record for record in reader.iter_metadata() if record.name == "sonarmap"]
-    says = record.metadata
-    assert (says["map"], says["time"], says["datum"], says["crs"]) == ("East-North-Up", "UTC", "WGS84", "EPSG:32632")
-    assert (float(says["latitude"]), float(says["longitude"]), says["vertical"]) == (60.0, 11.9995, "surface")
-
-
-def test_rosbags_reads_the_same(tmp_path: Path) -> None:
     from rosbags.highlevel import AnyReader
 
     earth = dive()
-    part: MapPart = earth.part
-    write_mcap(tmp_path / "map.mcap", earth.folder, part, earth)
+    write_mcap(tmp_path / "map.mcap", earth.folder, earth.part, earth)
     with AnyReader([tmp_path / "map.mcap"]) as reader:
-        poses: list[tuple[int, Any]] = [
-            (time, reader.deserialize(raw, connection.msgtype))
-            for connection, time, raw in reader.messages()
-            if connection.topic == "/pose"
-        ]
-    np.testing.assert_allclose([time / 1e9 for time, _ in poses], part.trajectory.stamps, rtol=0, atol=1e-6)
+        read = reader.messages([each for each in reader.connections if each.topic == "/pose"])
+        poses: list[tuple[int, Any]] = [(time, reader.deserialize(raw, each.msgtype)) for each, time, raw in read]
+    trajectory = earth.part.trajectory
+    np.testing.assert_allclose([time / 1e9 for time, _ in poses], trajectory.stamps, rtol=0, atol=1e-6)
     places = [numbers(pose.pose.position, "xyz") for _, pose in poses]
-    np.testing.assert_allclose(places, part.trajectory.T_world_sensor.translation, atol=1e-12)
+    np.testing.assert_allclose(places, trajectory.T_world_sensor.translation, atol=1e-12)
+    with (tmp_path / "map.mcap").open("rb") as file:
+        reader = make_reader(file)
+        assert reader.get_header().profile == "ros2"
+        (says,) = [record.metadata for record in reader.iter_metadata() if record.name == "sonarmap"]
+    assert (says["map"], says["time"], says["datum"], says["crs"]) == ("East-North-Up", "UTC", "WGS84", "EPSG:32632")
+    assert (float(says["latitude"]), float(says["longitude"]), says["vertical"]) == (60.0, 11.9995, "surface")

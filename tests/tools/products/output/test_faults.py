@@ -80,8 +80,6 @@ def test_names_start_at_the_folder_that_all_share_and_folders_are_taken_apart(tm
         for name, content in contents.items()
     ]
     assert [row["name"] for row in input_rows(paths[:1])] == ["scan.ply"]
-
-
-def test_a_file_that_cannot_be_read_is_listed_all_the_same(tmp_path: Path) -> None:
+    # a file that cannot be read is listed all the same
     assert input_rows([tmp_path / "gone.ply"]) == [{"name": "gone.ply", "bytes": None, "sha256": None}]
     assert input_rows([]) == []

@@ -61,9 +61,7 @@ def test_it_is_read_as_it_was(result: SurveyResult, path: Path) -> None:
     assert [pose for pose, _ in read.priors] == [pose for pose, _ in graph.priors]
     np.testing.assert_array_equal(read.priors[0][1].sigmas, graph.priors[0][1].sigmas)
     np.testing.assert_array_equal(read.trajectory.stamps, 100.0 + np.arange(COUNT))
-
-
-def test_optimized_again_it_gives_the_maps_poses(result: SurveyResult, path: Path) -> None:
+    # and optimized again it gives the map's poses
     again = sonarmap.optimize(path, start="given").graph.trajectory.T_world_sensor
     ours = result.trajectory.T_world_sensor
     np.testing.assert_allclose(again.as_matrix(), ours.as_matrix(), atol=1e-6)

@@ -78,13 +78,9 @@ def test_a_covariance_that_is_none_has_no_sigmas(tmp_path: Path, covariance: np.
     assert (row["x_m"], row["rotation_sigma_deg"], row["translation_sigma_m"]) == ("1.0", "", "")
 
 
-def test_no_pair_is_a_heading_alone(tmp_path: Path) -> None:
-    write_pairs(tmp_path / "pairs.csv", [])
-    assert read_pairs(tmp_path / "pairs.csv", 1) == ()
-    write_pairs(tmp_path / "pairs.csv", [Pair(0, 1, "loop")])
-    assert [pair.T_target_source for pair in read_pairs(tmp_path / "pairs.csv", 2)] == [None]
-
-
-def test_it_is_no_scan(path: Path) -> None:
+def test_no_pair_is_a_heading_alone_and_the_file_is_no_scan(path: Path) -> None:
     write_ply(path.parent / "scan.ply", np.eye(3))
     assert [scan.name for scan in read_scans([path.parent, str(path.parent / "*")]).scans] == ["scan"]
+    for pairs in ([], [Pair(0, 1, "loop")]):
+        write_pairs(path, pairs)
+        assert [pair.T_target_source for pair in read_pairs(path, 2)] == [None for _ in pairs]

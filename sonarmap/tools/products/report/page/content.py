@@ -2,7 +2,7 @@
 """All that the page shows, as one value for JSON; the bytes of points and pictures apart."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from sonarmap.tools.files.geo.georeference import VERTICALS
 from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
 from sonarmap.tools.products.report.page import evidence
 from sonarmap.tools.products.report.page.command import inputs_of, map_command
-from sonarmap.tools.products.report.page.points import MOST_CODE, Packed, codes, doubtful_of, pack
+from sonarmap.tools.products.report.page.points import MOST_CODE, codes, doubtful_of, pack
 from sonarmap.tools.products.report.page.provenance import citation, setting_rows, title
 from sonarmap.tools.products.report.page.verdict import verdict
 
@@ -37,13 +37,12 @@ class Content:
 def content_of(folder: MapFolder) -> Content:
     """What to show of a finished map."""
     summary, graph = folder.summary, folder.graph
-    judged = verdict(summary, folder.names)
     parts, points, doubtful = zip(*(_part(folder, part) for part in folder.parts), strict=True)
     shown = {
         "title": title(
             inputs_of(summary["settings"]), np.array([pose["stamp"] for pose in graph["poses"]], np.float64)
         ),
-        "verdict": asdict(judged),
+        "verdict": verdict(summary, folder.names),
         "names": list(folder.names),
         "surveys": [int(pose["survey"]) for pose in graph["poses"]],
         "parts": list(parts),
@@ -73,16 +72,16 @@ def content_of(folder: MapFolder) -> Content:
 def _part(folder: MapFolder, part: MapPart) -> tuple[dict[str, Any], bytes, bytes | None]:
     """A map of the folder, its points as bytes, and so those that it left out."""
     columns, scales = _columns(part)
-    packed = pack(part.points, columns, folder.voxel)
-    doubtful = doubtful_of(folder, part)
+    data, layout = pack(part.points, columns, folder.voxel)
+    doubtful_data, doubtful = doubtful_of(folder, part)
     everything = np.concatenate([part.points, part.trajectory.T_world_sensor.translation])
     low, high = np.quantile(part.points[:, 2], _EXTREMES).tolist()
     row = {
         "name": f"map{part.suffix}.ply",
         "count": len(part.points),
         "voxel": folder.voxel,
-        "packed": _layout(packed),
-        "doubtful": None if doubtful is None else {"packed": _layout(doubtful[0]), **doubtful[1]},
+        "packed": layout,
+        "doubtful": doubtful,
         "scales": scales,
         "extent": np.quantile(everything, (0, 1), axis=0).tolist(),
         "middle": np.quantile(everything, (_STRAY, 1 - _STRAY), axis=0).tolist(),
@@ -92,16 +91,7 @@ def _part(folder: MapFolder, part: MapPart) -> tuple[dict[str, Any], bytes, byte
         "on_earth": folder.on_earth(part),
         "unmeasured": list(part.unmeasured) if part.in_world else [],
     }
-    return row, packed.data, None if doubtful is None else doubtful[0].data
-
-
-def _layout(packed: Packed) -> dict[str, Any]:
-    """What a reader of the bytes has to know."""
-    return {
-        "quantum": packed.quantum,
-        "tiles": [asdict(tile) for tile in packed.tiles],
-        "planes": dict(packed.planes),
-    }
+    return row, data, doubtful_data
 
 
 def _columns(part: MapPart) -> tuple[dict[str, np.ndarray], dict[str, tuple[float, float]]]:

@@ -33,6 +33,8 @@ def track_of(part: MapPart, graph: Mapping[str, Any]) -> dict[str, Any]:
     R = part.trajectory.T_world_sensor.rotation.as_matrix()
     variances, directions = np.linalg.eigh(R @ part.covariances[:, 3:, 3:] @ R.transpose(0, 2, 1))
     half_axes = (directions * np.sqrt(np.maximum(variances, 0.0))[:, None, :]).transpose(0, 2, 1)
+    sequential = [pair for pair in graph["pairs"] if pair["role"] == "sequential"]
+    overlaps = {int(pair["source"]): _short(pair.get("overlap")) for pair in sequential}
     return {
         "scans": list(part.scans),
         "stamps": part.trajectory.stamps.tolist(),
@@ -40,7 +42,7 @@ def track_of(part: MapPart, graph: Mapping[str, Any]) -> dict[str, Any]:
         "turns": np.round(part.trajectory.T_world_sensor.rotation.as_quat(), _TURN_DIGITS).tolist(),
         "half_axes": np.round(half_axes, _DIGITS).tolist(),
         "before": _before(part, graph["poses"]),
-        "overlaps": _overlaps(part.scans, graph["pairs"]),
+        "overlaps": [overlaps.get(scan) for scan in part.scans],
     }
 
 
@@ -52,11 +54,6 @@ def _before(part: MapPart, poses: Sequence[Mapping[str, Any]]) -> list[list[floa
     places = _poses(matrices).translation
     apart = np.abs(places - part.trajectory.T_world_sensor.translation).max()
     return np.round(places, _DIGITS).tolist() if apart > _SAME else None
-
-
-def _overlaps(scans: Sequence[int], pairs: Sequence[Mapping[str, Any]]) -> list[float | None]:
-    known = {int(pair["source"]): _short(pair.get("overlap")) for pair in pairs if pair["role"] == "sequential"}
-    return [known.get(scan) for scan in scans]
 
 
 def kept_sequential(pairs: Sequence[Mapping[str, Any]]) -> list[tuple[int, int]]:
@@ -79,7 +76,7 @@ def pair_rows(pairs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def crossing_rows(graph: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """How far each two overlapping passes lie apart [m]; none in a graph.json of an earlier version."""
+    """How far apart each two scans at a crossing lie [m]; none in a graph.json of an earlier version."""
     numbers = ("before_m", "before_90_m", "after_m", "after_90_m")
     return [
         {"target": int(row["i"]), "source": int(row["j"])} | {name: _short(row[name]) for name in numbers}
@@ -99,8 +96,9 @@ def navigation_rows(graph: Mapping[str, Any]) -> list[dict[str, Any]]:
     scans = [int(prior["pose"]) for prior in priors]
     measured = _poses([prior["T_world_sensor"] for prior in priors])
     mapped = _poses([graph["poses"][scan]["T_world_sensor"] for scan in scans])
-    angles = _roll_pitch_heading(mapped) - _roll_pitch_heading(measured)
-    angles = (angles + 180.0) % 360.0 - 180.0
+    # roll, pitch, and the heading as a turn about Up, counterclockwise from East [deg]
+    ours, theirs = (T.rotation.as_euler("ZYX", degrees=True)[:, ::-1] for T in (mapped, measured))
+    angles = (ours - theirs + 180.0) % 360.0 - 180.0
     apart = np.column_stack([angles, mapped.translation - measured.translation])
     sigmas = np.array([prior["sigmas"] for prior in priors], np.float64)
     sigmas[:, :3] = np.degrees(sigmas[:, :3])
@@ -154,11 +152,6 @@ def _name(scan: Any, names: Sequence[str]) -> str:
 
 def _poses(matrices: Sequence[Any]) -> RigidTransform:
     return RigidTransform.concatenate([rigid_transform(matrix, "a pose") for matrix in matrices])
-
-
-def _roll_pitch_heading(T: RigidTransform) -> np.ndarray:
-    """(N, 3) [deg]; the heading as a turn about Up, counterclockwise from East."""
-    return T.rotation.as_euler("ZYX", degrees=True)[:, ::-1]
 
 
 def _short(value: Any) -> float | None:

@@ -10,7 +10,6 @@ best. `web/packed.js` unpacks them.
 import gzip
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ MOST_CODE = 255
 MOST_DOUBTFUL = 300_000  # points, so that they add about 2 MB to the page at most
 _LEVEL = 6  # of gzip: a higher one takes three times as long for two percent
 _AXES = 3
-_SPREAD = (  # how the bits of a number of 16 bits are moved until there are two zeros between any two
+_SPACED = (  # how the bits of a number of 16 bits are moved until there are two zeros between any two
     (16, 0x0000FF0000FF),
     (8, 0x00F00F00F00F),
     (4, 0x0C30C30C30C3),
@@ -33,32 +32,13 @@ _SPREAD = (  # how the bits of a number of 16 bits are moved until there are two
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Tile:
-    """Points that share a corner: `count` of them, one after another, from `origin` (x, y, z) [m]."""
+def pack(points: np.ndarray, columns: Mapping[str, np.ndarray], voxel: float) -> tuple[bytes, dict[str, Any]]:
+    """Pack points (M, 3) [m] of a map with voxels of this edge [m], and columns of M whole numbers, not negative, below
+    2**32, which take as many bytes a point as they need.
 
-    origin: tuple[float, float, float]
-    count: int
-
-
-@dataclass(frozen=True, slots=True)
-class Packed:
-    """The points of a map and their columns."""
-
-    data: bytes  # gzipped planes, each of as many bytes as there are points
-    quantum: float  # what coordinates are whole numbers of [m]
-    tiles: tuple[Tile, ...]  # in the order of the points
-    # {column: its number of planes}, in their order behind the six of x, y and z, lowest byte first
-    planes: Mapping[str, int]
-
-
-def pack(points: np.ndarray, columns: Mapping[str, np.ndarray], voxel: float) -> Packed:
-    """Pack points.
-
-    Args:
-        points: (M, 3) [m].
-        columns: {name: (M,) whole numbers, not negative, below 2**32}; each takes as many bytes a point as it needs.
-        voxel: edge of a voxel [m].
+    Returns gzipped planes of M bytes each, and what a reader has to know: the `quantum` that coordinates are whole
+    numbers of [m]; the `tiles` in the order of the points, of which `count` share the corner `origin` [m]; and
+    `planes`, {column: its number of planes}, in their order behind the six of x, y and z, lowest byte first.
     """
     quantum = voxel / FRACTION
     lowest = points.min(axis=0) if len(points) else np.zeros(_AXES)
@@ -69,25 +49,23 @@ def pack(points: np.ndarray, columns: Mapping[str, np.ndarray], voxel: float) ->
     starts = _starts(corner)
     counts = np.diff([*starts, len(points)]).tolist()
     origins = (lowest + corner[starts] * (quantum * TILE)).tolist()
-    tiles = tuple(Tile((x, y, z), count) for (x, y, z), count in zip(origins, counts, strict=True))
+    tiles = [{"origin": origin, "count": count} for origin, count in zip(origins, counts, strict=True)]
     planes = [plane for axis in within.T for plane in _bytes_of(_steps(axis, starts), 2)]
     sizes = {name: _size(values) for name, values in columns.items()}
     for name, values in columns.items():
         planes += _bytes_of(values[order].astype(np.uint32), sizes[name])
     data = gzip.compress(b"".join(plane.tobytes() for plane in planes), _LEVEL, mtime=0)
-    return Packed(data, quantum, tiles, sizes)
+    return data, {"quantum": quantum, "tiles": tiles, "planes": sizes}
 
 
-def doubtful_of(folder: MapFolder, part: MapPart) -> tuple[Packed, dict[str, Any]] | None:
-    """The doubtful points of a part, evenly thinned where there are more than MOST_DOUBTFUL, and how many there are;
-    None where the map has none.
+def doubtful_of(folder: MapFolder, part: MapPart) -> tuple[bytes, dict[str, Any]] | tuple[None, None]:
+    """The doubtful points of a part, `packed`, evenly thinned where there are more than MOST_DOUBTFUL, and how many
+    there are; None where the map has none.
 
-    Raises:
-        InputError: map_all.ply is damaged.
-    """
+    Raises InputError: map_all.ply is damaged."""
     name = f"map_all{part.suffix}.ply"
     if name not in folder.summary.get("files", ()) or not (folder.path / name).is_file():
-        return None
+        return None, None
     try:
         columns = read_ply_columns((folder.path / name).read_bytes())
         left_out = columns["doubtful"] == 1
@@ -99,10 +77,11 @@ def doubtful_of(folder: MapFolder, part: MapPart) -> tuple[Packed, dict[str, Any
     if not (np.isfinite(points).all() and np.isin(scans, part.scans).all()):
         raise InputError(f"{folder.path / name} holds points that are not finite, or of other scans; map again")
     if not len(points):
-        return None
+        return None, None
     thinned = slice(None, None, math.ceil(len(points) / MOST_DOUBTFUL))
     shown = {name: column[thinned] for name, column in {**votes, "scan": scans}.items()}
-    return pack(points[thinned], shown, folder.voxel), {"all": len(points), "count": len(points[thinned])}
+    data, layout = pack(points[thinned], shown, folder.voxel)
+    return data, {"packed": layout, "all": len(points), "count": len(points[thinned])}
 
 
 def codes(values: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
@@ -120,7 +99,7 @@ def codes(values: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
 def _along_curve(places: np.ndarray) -> np.ndarray:
     """(M,) uint64: the bits of x, y and z (M, 3), each of 16 bits, in turn."""
     places = places.copy()
-    for shift, mask in _SPREAD:
+    for shift, mask in _SPACED:
         places = (places | places << np.uint64(shift)) & np.uint64(mask)
     return places[:, 0] | places[:, 1] << np.uint64(1) | places[:, 2] << np.uint64(2)
 

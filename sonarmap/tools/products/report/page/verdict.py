@@ -2,30 +2,24 @@
 """A finished map in a sentence, and what its user should look at."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 LISTED = 5  # names in a sentence
 _FEW = 0.5  # share of the voxels that several scans should have seen
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """sentence: what came of the survey.
-    concerns: what its user should look at, a sentence each; none where all is well."""
-
-    sentence: str
-    concerns: tuple[str, ...]
-
-
-def verdict(summary: Mapping[str, Any], names: Sequence[str]) -> Verdict:
-    """What summary.json says, in words; names are of all the survey's scans."""
+def verdict(summary: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    """What summary.json says, in words: a `sentence` about what came of the survey, and `concerns`, what its user
+    should look at, a sentence each; names are of all the survey's scans."""
     unplaced, parts = summary["unplaced"], summary["components"]
     inside = len(names) - len(unplaced)
     place = "one map" if len(parts) == 1 else f"{len(parts)} separate maps"
     scans = f"all {inside} scans" if not unplaced else f"{inside} of {len(names)} scans"
     sentence = f"{scans} lie in {place}".capitalize()
-    return Verdict(f"{sentence}; {_loops(summary)}{_crossings(summary)}.", tuple(_concerns(summary, names)))
+    return {
+        "sentence": f"{sentence}; {_loops(summary)}{_crossings(summary)}.",
+        "concerns": list(_concerns(summary, names)),
+    }
 
 
 def counted(count: int, what: str) -> str:

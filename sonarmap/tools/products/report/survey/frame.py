@@ -97,4 +97,4 @@ def _unmeasured(result: SurveyResult, c: int) -> tuple[str, ...] | None:
         return None
     unconstrained = dict(graph.gauge.unconstrained)
     free = next((unconstrained[pose] for pose in members if pose in unconstrained), np.zeros(len(MEASURED), dtype=bool))
-    return tuple(name for name, held in zip(MEASURED, free, strict=True) if held)
+    return tuple(name for name, unknown in zip(MEASURED, free, strict=True) if unknown)

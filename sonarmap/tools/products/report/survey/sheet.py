@@ -5,7 +5,7 @@ Everything but the maps themselves stands beside them in strips of its own, meas
 
 import textwrap
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,6 +29,8 @@ _NUMBERS = 0.62  # below the panels, for their numbers and label [in]
 _ARROW, _BAR = 0.6, 0.55  # room of the North arrow and of the scale bar [in]
 _TALLEST_BAR = 5.0  # the color bar [in]
 TEXT = 11.0  # [pt]
+_LEGEND: dict[str, Any] = {"frameon": False, "fontsize": TEXT, "borderpad": 0.1, "borderaxespad": 0.0}
+_LEGEND |= {"columnspacing": 1.4, "handlelength": 1.6}
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,11 +121,8 @@ def _add_panel(figure: "Figure", plan: Layout, row: int, column: int, bottom: fl
 
 def _add_legend(figure: "Figure", entries: list["Artist"], bottom: float) -> float:
     """The legend at this height above the lower edge, in as few rows as fit; returns its height [in]."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
     if not entries:
         return 0.0
-    renderer = FigureCanvasAgg(figure).get_renderer()
     room = (figure.get_figwidth() - _LEFT - _EDGE) * figure.dpi
     for columns in range(len(entries), 0, -1):
         legend = figure.legend(
@@ -132,14 +131,9 @@ def _add_legend(figure: "Figure", entries: list["Artist"], bottom: float) -> flo
             bbox_to_anchor=(_LEFT, bottom),
             bbox_transform=figure.dpi_scale_trans,
             ncols=columns,
-            frameon=False,
-            fontsize=TEXT,
-            borderpad=0.1,
-            borderaxespad=0.0,
-            columnspacing=1.4,
-            handlelength=1.6,
+            **_LEGEND,
         )
-        box = legend.get_window_extent(renderer)
+        box = legend.get_window_extent()
         if box.width <= room or columns == 1:
             return box.height / figure.dpi + 0.08
         legend.remove()

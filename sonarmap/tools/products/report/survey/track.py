@@ -66,12 +66,10 @@ def look_of(k: int) -> dict[str, Any]:
 
 def _numbered(axes: "Axes", view: PartView, places: np.ndarray) -> list[int]:
     """Scans whose numbers are written: each so many-th that is not where another is already."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
     dots, step = axes.transData.transform(places), number_step(len(places))
     chosen: list[int] = []
     for k in (k for k, scan in enumerate(view.scans) if scan % step == 0):
-        if all(np.hypot(*(dots[k] - dots[other])) > _CLEAR * figure.dpi for other in chosen):
+        if all(np.hypot(*(dots[k] - dots[other])) > _CLEAR * axes.figure.dpi for other in chosen):
             chosen.append(k)
     return chosen
 
@@ -90,11 +88,9 @@ def number_step(count: int) -> int:
 def _mark(axes: "Axes", places: np.ndarray, color: str) -> list[_Box]:
     """Start, end and arrows between them; returns their boxes [pixels]."""
     dots = axes.transData.transform(places)
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    clear = _CLEAR * figure.dpi
+    clear = _CLEAR * axes.figure.dpi
     kept = [dots[0], dots[-1]]
-    for place, angle in _arrows(dots, _APART * figure.dpi):
+    for place, angle in _arrows(dots, _APART * axes.figure.dpi):
         if min(np.hypot(*(place - other)) for other in kept) > clear:
             kept.append(place)
             _draw_arrow(axes, place, angle, color)

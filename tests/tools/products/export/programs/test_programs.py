@@ -21,7 +21,7 @@ from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.grid import shown_heights
 from sonarmap.tools.products.export.laz import write_laz
 from sonarmap.tools.products.export.mcap import write_mcap
-from tests.tools.products.export.finished import georeferenced, scattered
+from tests.tools.products.export.finished import georeferenced, program, scattered
 from tests.tools.products.export.poses import dive
 
 DRAWN = {  # topics, and what Rerun makes of them
@@ -34,9 +34,7 @@ DRAWN = {  # topics, and what Rerun makes of them
 
 
 def test_topics(tmp_path: Path) -> None:
-    command = shutil.which("rerun")
-    if command is None:
-        pytest.skip("Rerun is not installed: pip install rerun-sdk")
+    command = program("rerun", "pip install rerun-sdk")
     earth = dive()
     write_mcap(tmp_path / "map.mcap", earth.folder, earth.part, earth)
 
@@ -61,9 +59,7 @@ def made_up() -> Georeferenced:
 
 def in_cloudcompare(path: Path) -> tuple[list[str], np.ndarray]:
     """Names of the columns that CloudCompare saves again of a cloud, and their numbers (N, k)."""
-    command = shutil.which("CloudCompare")
-    if command is None:
-        pytest.skip("CloudCompare is not installed (Debian: cloudcompare)")
+    command = program("CloudCompare", "Debian: cloudcompare")
     surroundings = {**os.environ, "QT_QPA_PLATFORM": "offscreen", "HOME": str(path.parent)}
     asked = [command, "-SILENT", "-O", "-GLOBAL_SHIFT", "AUTO", str(path), *OPTIONS]
     said = subprocess.run(asked, capture_output=True, text=True, env=surroundings, check=False)
@@ -99,9 +95,7 @@ def test_clouds(tmp_path: Path, kind: str, columns: tuple[str, ...]) -> None:
 
 
 def test_pcl_reads_every_field(tmp_path: Path) -> None:
-    command = shutil.which("pcl_convert_pcd_ascii_binary")
-    if command is None:
-        pytest.skip("PCL's programs are not installed (Debian: pcl-tools)")
+    command = program("pcl_convert_pcd_ascii_binary", "Debian: pcl-tools")
     part = made_up().part
     write_points(tmp_path / "map.pcd", part.points, part.columns)
     subprocess.run([command, tmp_path / "map.pcd", tmp_path / "text.pcd", "0"], capture_output=True, check=True)
@@ -116,7 +110,6 @@ def test_pcl_reads_every_field(tmp_path: Path) -> None:
 
 EARTH = dive()
 CRS = "EPSG:32632"
-TEMPORAL = "datetime"
 
 
 @pytest.fixture(scope="module")
@@ -148,18 +141,15 @@ def layers(exported: Path) -> dict[str, Any]:
 def test_all_are_layers_of_the_crs_that_they_name(layers: dict[str, Any]) -> None:
     assert {name for name, says in layers.items() if not says["valid"]} == set()
     degrees = {"geojson", "kml", "csv in degrees"}
-    assert {name: says["crs"] for name, says in layers.items()} == {
-        name: "EPSG:4326" if name in degrees else CRS for name in layers
-    }
+    crs = {name: "EPSG:4326" if name in degrees else CRS for name in layers}
+    assert {name: says["crs"] for name, says in layers.items()} == crs
 
 
-@pytest.mark.parametrize("name", ["scans", "track", "geojson", "csv", "csv in degrees"])
-def test_places_agree(layers: dict[str, Any], name: str) -> None:
-    np.testing.assert_allclose(layers[name]["places"], EARTH.projected_poses, rtol=0, atol=1e-3)
-
-
-def test_the_kml_has_the_track_twice_and_its_ends(layers: dict[str, Any]) -> None:
+def test_places_agree(layers: dict[str, Any]) -> None:
+    """The KML has the track twice, and its ends."""
     poses = EARTH.projected_poses
+    for name in ("scans", "track", "geojson", "csv", "csv in degrees"):
+        np.testing.assert_allclose(layers[name]["places"], poses, rtol=0, atol=1e-3, err_msg=name)
     np.testing.assert_allclose(layers["kml"]["places"], [*poses, *poses, poses[0], poses[-1]], rtol=0, atol=1e-3)
     assert layers["kml"]["renderer"] == "embeddedSymbol"  # the KML's own colors
 
@@ -171,14 +161,12 @@ def test_columns_have_types(layers: dict[str, Any]) -> None:
         ("geojson", ["utc", "first_utc", "last_utc"]),
         ("csv", ["utc"]),
     ):
-        assert {layers[name]["types"][column] for column in times} == {TEMPORAL}, name
+        assert {layers[name]["types"][column] for column in times} == {"datetime"}, name
     for name in ("scans", "geojson", "csv"):
         types = layers[name]["types"]
         assert types["scan"].startswith("integer")
-        assert {types[column] for column in ("unix_s", "depth_m", "roll_deg", "heading_sigma_deg")} <= {
-            "real",
-            "double",
-        }
+        numbers = {types[column] for column in ("unix_s", "depth_m", "roll_deg", "heading_sigma_deg")}
+        assert numbers <= {"real", "double"}
     assert layers["loops"]["types"]["kept"] == "boolean"
     assert layers["loops"]["count"] == 2
 

@@ -22,15 +22,9 @@ _PATIENCE = 200.0  # for what is waited for [s]
 
 @dataclass
 class Opened:
-    """Attributes:
-    page: of the browser.
-    said: what came to the console, and errors that nothing caught.
-    asked: addresses that the page asked for.
-    """
-
-    page: "Page"
-    said: list[str] = field(default_factory=list)
-    asked: list[str] = field(default_factory=list)
+    page: "Page"  # of the browser
+    said: list[str] = field(default_factory=list)  # what came to the console, and errors that nothing caught
+    asked: list[str] = field(default_factory=list)  # addresses that the page asked for
 
 
 def wait_until(page: "Page", expression: str) -> None:
@@ -56,16 +50,9 @@ def click(page: "Page", place: np.ndarray) -> None:
 def opened(
     path: Path, flags: tuple[str, ...] = SOFTWARE, script: str = "", silent: bool = True, **context: str
 ) -> Iterator[Opened]:
-    """The page of a file, once it has shown what it has to show.
+    """The page of a file, once it has shown what it has to show, and unless it is not `silent`, has said nothing.
 
-    Skips the test where there is no Chromium, or no Playwright to drive it.
-
-    Args:
-        path: the file.
-        flags: of Chromium.
-        script: runs before the page's own.
-        silent: whether the page must have said nothing in the end.
-        context: of Playwright's page, such as color_scheme.
+    `script` runs before the page's own. Skips the test where there is no Chromium, or no Playwright to drive it.
     """
     browser_path = next((found for name in _NAMES if (found := shutil.which(name))), None)
     if browser_path is None:

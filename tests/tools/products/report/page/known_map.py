@@ -12,7 +12,7 @@ from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
 from sonarmap.tools.files.readers.csv_table import plain_text
 from sonarmap.tools.products.report.page.content import Content, content_of
 from sonarmap.tools.products.report.page.page import report_text
-from sonarmap.tools.products.report.page.points import FRACTION, Packed
+from sonarmap.tools.products.report.page.points import FRACTION
 from tests.tools.products.export.finished import finished_map
 from tests.tools.products.report.page.browser import Opened
 
@@ -37,20 +37,20 @@ def known_points() -> np.ndarray:
     return np.array(points)
 
 
-def unpack(packed: Packed) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def unpack(data: bytes, layout: dict[str, Any]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """The twin of web/map/packed.js: the points (M, 3) [m] and their columns, in the order of the file."""
-    count = sum(tile.count for tile in packed.tiles)
-    shape = 6 + sum(packed.planes.values()), count
-    planes = np.frombuffer(gzip.decompress(packed.data), np.uint8).reshape(shape).astype(np.uint32)
+    tiles, sizes = layout["tiles"], layout["planes"]
+    shape = 6 + sum(sizes.values()), sum(tile["count"] for tile in tiles)
+    planes = np.frombuffer(gzip.decompress(data), np.uint8).reshape(shape).astype(np.uint32)
     steps = (planes[:6:2] | planes[1:6:2] << 8).astype(np.uint16)
     moved = (steps >> 1) ^ -(steps & 1)
-    ends = np.cumsum([tile.count for tile in packed.tiles])[:-1]
+    ends = np.cumsum([tile["count"] for tile in tiles])[:-1]
     points = [
-        np.array(tile.origin) + packed.quantum * np.cumsum(own, axis=1, dtype=np.uint16).T
-        for tile, own in zip(packed.tiles, np.split(moved, ends, axis=1), strict=False)
+        np.array(tile["origin"]) + layout["quantum"] * np.cumsum(own, axis=1, dtype=np.uint16).T
+        for tile, own in zip(tiles, np.split(moved, ends, axis=1), strict=False)
     ]
     columns, at = {}, 6
-    for name, size in packed.planes.items():
+    for name, size in sizes.items():
         columns[name] = (planes[at : at + size] << 8 * np.arange(size, dtype=np.uint32)[:, None]).sum(axis=0)
         at += size
     return np.concatenate([np.zeros((0, 3)), *points]), columns

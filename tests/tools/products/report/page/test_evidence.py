@@ -40,14 +40,8 @@ def test_an_ellipsoid_is_turned_with_its_pose() -> None:
     np.testing.assert_allclose(track["turns"], [[0, 0, np.sqrt(0.5), np.sqrt(0.5)]], atol=1e-8)
     half_axes = np.abs(track["half_axes"][0])
     np.testing.assert_allclose(half_axes, [[0, 0.01, 0], [0.02, 0, 0], [0, 0, 0.05]], atol=1e-9)
-
-
-def test_the_way_before_the_loops_is_left_out_where_it_is_not_known_or_the_same() -> None:
-    T = RigidTransform.from_translation([[3.0, -4.0, 5.0]])
-    part = MapPart("", np.zeros((0, 3)), {}, (0,), Trajectory(np.zeros(1), T), np.eye(6)[None], False)
-    same = {"T_world_sensor_before_loops": T.as_matrix()[0].tolist()}
-    for pose in ({}, same):
-        assert track_of(part, {"poses": [pose], "pairs": []})["before"] is None
+    for pose in ({}, {"T_world_sensor_before_loops": T.as_matrix()[0].tolist()}):  # not known, or the same
+        assert track_of(part, {"poses": 7 * [pose], "pairs": []})["before"] is None
 
 
 def prior(pose: int, T: RigidTransform, sigmas: list[float | None]) -> dict[str, Any]:
@@ -72,7 +66,7 @@ def test_distances_from_navigation() -> None:
     np.testing.assert_allclose(row["sigmas"][:5], [1, 1, 2, 0.5, 0.5])
 
 
-def test_pairs_that_are_told() -> None:
+def test_pairs_and_crossings() -> None:
     """Every loop, and of consecutive pairs those that were not kept."""
     common = {"reason": "why", "overlap": 0.123456, "probability": None}
     pairs = [
@@ -84,13 +78,10 @@ def test_pairs_that_are_told() -> None:
     assert [(row["target"], row["source"]) for row in rows] == [(1, 2), (0, 2)]
     assert kept_sequential(pairs) == [(0, 1)]
     assert (rows[0]["overlap"], rows[0]["probability"], rows[0]["residual_sigmas"]) == (0.1235, None, None)
-
-
-def test_crossings_and_none_of_an_earlier_version() -> None:
     row = {"i": 3, "j": 20, "before_m": 0.5, "before_90_m": 1.25, "after_m": 0.123456, "after_90_m": 0.25}
     (shown,) = crossing_rows({"crossings": [row]})
     assert (shown["target"], shown["source"], shown["after_m"], shown["before_90_m"]) == (3, 20, 0.1235, 1.25)
-    assert crossing_rows({}) == []
+    assert crossing_rows({}) == []  # of an earlier version
 
 
 NAMES = tuple(f"scan{k}" for k in range(8))
@@ -123,15 +114,12 @@ def test_ties_of_names_and_of_numbers() -> None:
     assert tie_rows({}, NAMES) == tie_rows({"ties": None}, NAMES) == []
 
 
-def test_a_control_point_counts_where_its_part_is_in_the_world(folder: MapFolder) -> None:
+def test_a_control_point_counts_in_the_world_where_others_do_not_contradict_it(folder: MapFolder) -> None:
     part = folder.parts[0]
     for in_world in (True, False):
         (row,) = control_rows({"control_points": [POINT]}, [replace(part, in_world=in_world)], NAMES)
         assert row["residual"] == [0.25, -0.5, 0.0]
         assert (row["counted"], row["left_out"]) == (in_world, False)
-
-
-def test_a_control_point_that_others_contradict_does_not_count(folder: MapFolder) -> None:
     summary = {
         "control_points": [POINT, POINT | {"name": "quay"}],
         "control": {"left_out": [{"name": "pile", "scan": 3}]},

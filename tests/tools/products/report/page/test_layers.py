@@ -129,27 +129,24 @@ def test_the_profile_says_its_numbers_and_shows_the_scan(shown: Opened) -> None:
 def test_many_doubtful_points_are_thinned_evenly(tmp_path: Path) -> None:
     folder = doubted(tmp_path / "out", 100)
     with patch("sonarmap.tools.products.report.page.points.MOST_DOUBTFUL", 30):
-        answer = doubtful_of(folder, folder.parts[0])
-    assert answer is not None
-    packed, counts = answer
-    assert counts == {"all": 100, "count": 25}
-    points, columns = unpack(packed)
-    assert len(points) == 25
-    assert set(columns) == {"seen", "looked", "scan"}
+        data, shown = doubtful_of(folder, folder.parts[0])
+    assert data is not None
+    assert shown is not None
+    assert (shown["all"], shown["count"]) == (100, 25)
+    points, columns = unpack(data, shown["packed"])
+    assert (len(points), set(columns)) == (25, {"seen", "looked", "scan"})
 
 
-def test_maps_without_doubtful_points(tmp_path: Path) -> None:
-    """None were asked for, or there are none, or the file is not this map's."""
+def test_maps_without_doubtful_points_and_damaged_ones(tmp_path: Path) -> None:
+    """None were asked for, or there are none, or the file is not this map's; a damaged file is refused by its name."""
     folder = doubted(tmp_path / "out", doubtful=np.zeros(61, np.uint8))
     part = folder.parts[0]
-    assert doubtful_of(folder, part) is None
-    assert doubtful_of(replace(folder, summary=dict(folder.summary) | {"files": []}), part) is None
+    none = (None, None)
+    assert doubtful_of(folder, part) == none
+    assert doubtful_of(replace(folder, summary=dict(folder.summary) | {"files": []}), part) == none
     (folder.path / "map_all.ply").unlink()
-    assert doubtful_of(folder, part) is None
-
-
-def test_a_damaged_file_of_all_points_is_refused_by_name(tmp_path: Path) -> None:
-    folder = doubted(tmp_path / "out", scan=np.full(61, 99))
+    assert doubtful_of(folder, part) == none
+    folder = doubted(tmp_path / "damaged", scan=np.full(61, 99))
     whole = (folder.path / "map_all.ply").read_bytes()
     for spoiled in (whole, whole[:300], whole[:-5], b"", whole.replace(b"looked", b"loaked")):
         (folder.path / "map_all.ply").write_bytes(spoiled)
@@ -174,13 +171,13 @@ def test_points_come_back_within_half_a_quantum_with_their_columns() -> None:
     points = surface(20_000)
     rng = np.random.default_rng(1)
     columns = {"seen": rng.integers(0, 256, len(points)), "scan": rng.integers(0, 70_000, len(points))}
-    packed = pack(points, columns, VOXEL)
-    back, same = unpack(packed)
+    data, layout = pack(points, columns, VOXEL)
+    back, same = unpack(data, layout)
     off, which = KDTree(points).query(back)
     np.testing.assert_array_equal(np.sort(which), np.arange(len(points)))
     assert np.abs(back - points[which]).max() <= FINE / 2 + 1e-9
     assert off.max() > FINE / 4  # or the test would have nothing to find
-    assert packed.planes == {"seen": 1, "scan": 3}
+    assert layout["planes"] == {"seen": 1, "scan": 3}
     for name, values in columns.items():
         np.testing.assert_array_equal(same[name], values[which])
 
@@ -188,18 +185,18 @@ def test_points_come_back_within_half_a_quantum_with_their_columns() -> None:
 def test_by_hand() -> None:
     """Two points a tile apart, and what the bytes of their first differences are."""
     points = np.array([[0.0, 0.0, 0.0], [3 * FINE, 0.0, 300 * FINE], [TILE * FINE, 0.0, 0.0]])
-    packed = pack(points, {}, VOXEL)
-    assert [tile.count for tile in packed.tiles] == [2, 1]
-    assert packed.tiles[1].origin == (TILE * FINE, 0.0, 0.0)
+    data, layout = pack(points, {}, VOXEL)
+    assert [tile["count"] for tile in layout["tiles"]] == [2, 1]
+    assert layout["tiles"][1]["origin"] == [TILE * FINE, 0.0, 0.0]
     # forth by 3 is 6, by 300 is 600 = 2 * 256 + 88
-    assert gzip.decompress(packed.data) == bytes([0, 6, 0, 0, 0, 0, *[0] * 6, 0, 88, 0, 0, 2, 0])
-    np.testing.assert_allclose(unpack(packed)[0], points, atol=1e-12)
+    assert gzip.decompress(data) == bytes([0, 6, 0, 0, 0, 0, *[0] * 6, 0, 88, 0, 0, 2, 0])
+    np.testing.assert_allclose(unpack(data, layout)[0], points, atol=1e-12)
 
 
 @pytest.mark.parametrize("reach", [1e-4, 5.0, 4_000.0])
-def test_any_spread_of_points(reach: float) -> None:
+def test_points_of_any_extent(reach: float) -> None:
     points = np.random.default_rng(9).uniform(-reach, reach, (400, 3)) * [1.0, 0.3, 0.02]
-    back, _ = unpack(pack(points, {}, VOXEL))
+    back, _ = unpack(*pack(points, {}, VOXEL))
     off, which = KDTree(points).query(back)
     assert np.abs(back - points[which]).max() <= FINE / 2 + 1e-9
     assert off.max() <= FINE
@@ -208,20 +205,17 @@ def test_any_spread_of_points(reach: float) -> None:
 @pytest.mark.parametrize("count", [0, 1])
 def test_few_points(count: int) -> None:
     points = np.array([[1.5, -2.5, 7.25]])[:count]
-    back, columns = unpack(pack(points, {"scan": np.full(count, 3)}, VOXEL))
+    back, columns = unpack(*pack(points, {"scan": np.full(count, 3)}, VOXEL))
     np.testing.assert_allclose(back, points)
     assert columns["scan"].tolist() == [3] * count
 
 
-def test_a_surface_takes_few_bytes() -> None:
+def test_a_surface_takes_few_bytes_and_always_the_same() -> None:
     """Three a point for its place: six bits an axis within the voxel, and little for which voxel it is."""
     points = surface(60_000)
-    assert len(pack(points, {}, VOXEL).data) / len(points) < 3.3
-
-
-def test_the_same_points_give_the_same_bytes() -> None:
-    points = surface(500)
-    assert pack(points, {}, VOXEL).data == pack(points.copy(), {}, VOXEL).data
+    data, layout = pack(points, {}, VOXEL)
+    assert len(data) / len(points) < 3.3
+    assert (data, layout) == pack(points.copy(), {}, VOXEL)
 
 
 def test_codes_of_numbers_in_equal_ratios() -> None:

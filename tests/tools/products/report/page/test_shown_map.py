@@ -2,6 +2,7 @@
 
 from base64 import b64encode
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,20 +37,15 @@ def test_it_asks_for_nothing_and_says_nothing(page: Opened) -> None:
 def test_the_points_are_those_that_were_packed(page: Opened, content: Content) -> None:
     """The twins agree to the last bit."""
     columns = {"scan": np.arange(60) % 8, "wide": np.arange(60) * 70_000}
-    packed = pack(100 * known_points(), columns, VOXEL)  # many tiles
-    points, same = unpack(packed)
-    shape = {
-        "quantum": packed.quantum,
-        "tiles": [{"origin": tile.origin, "count": tile.count} for tile in packed.tiles],
-        "planes": packed.planes,
-    }
+    data, layout = pack(100 * known_points(), columns, VOXEL)  # many tiles
+    points, same = unpack(data, layout)
     got = page.page.evaluate(
         """async ([packed, base64]) => {
             const points = await sonarmap.unpack(packed, base64);
             const places = Array.from({ length: points.count }, (_, k) => sonarmap.placeOf(points, k));
             return { places, scan: [...points.columns.scan], wide: [...points.columns.wide] };
         }""",
-        [shape, b64encode(packed.data).decode()],
+        [layout, b64encode(data).decode()],
     )
     np.testing.assert_array_equal(got["places"], points)
     assert (got["scan"], got["wide"]) == (same["scan"].tolist(), same["wide"].tolist())
@@ -69,15 +65,27 @@ def test_two_points_are_measured_within_the_quantization(page: Opened) -> None:
     assert abs(float(text.split()[0]) - distance) <= QUANTUM * np.sqrt(3) + 0.0005
 
 
-def test_every_point_is_picked_where_it_is_seen(page: Opened) -> None:
-    """From above no two lie over each other here but for few; each is the one that is told."""
-    points = known_points()
-    page.page.evaluate("Object.assign(sonarmap.view.shown, {track: false, kept: false, refused: false}); 0")
-    page.page.keyboard.press("t")
+@pytest.fixture
+def bare(page: Opened) -> Iterator[Opened]:
+    """The map from above without lines over it."""
+    lines = "Object.assign(sonarmap.view.shown, {{track: {0}, kept: {0}, refused: {0}}}); 0"
+    page.page.evaluate(lines.format("false"))
     page.page.evaluate("sonarmap.view.camera.fromAbove()")
-    right = 0
-    for k, point in enumerate(points):
-        hit = page.page.evaluate("([x, y]) => sonarmap.view.pick(x, y)", seen_at(page.page, point))
+    yield page
+    page.page.evaluate(lines.format("true"))
+
+
+def picked(page: Opened, place: np.ndarray) -> dict[str, Any] | None:
+    """What is picked where a place [m] is seen."""
+    return page.page.evaluate("([x, y]) => sonarmap.view.pick(x, y)", seen_at(page.page, place))
+
+
+def test_every_point_is_picked_where_it_is_seen(bare: Opened) -> None:
+    """From above no two lie over each other here but for few; each is the one that is told."""
+    page, right = bare, 0
+    for k, point in enumerate(known_points()):
+        hit = picked(page, point)
+        assert hit is not None
         if np.abs(np.array(hit["place"]) - point).max() <= QUANTUM / 2 + 1e-9:
             right += 1
             scan = page.page.evaluate("k => sonarmap.view.points.columns.scan[k]", hit["point"])
@@ -86,37 +94,29 @@ def test_every_point_is_picked_where_it_is_seen(page: Opened) -> None:
             assert hit["place"][2] > point[2]
     assert right > 50
     assert page.page.evaluate("sonarmap.view.pick(2, 2)") is None
-    page.page.evaluate("Object.assign(sonarmap.view.shown, {track: true, kept: true, refused: true}); 0")
 
 
-def test_what_is_hidden_is_not_picked(page: Opened) -> None:
+def test_what_is_hidden_is_not_picked(bare: Opened) -> None:
     """With all that is higher than 1.5 m cut off, B at 2.1 m is gone and A at 0.8 m is there."""
+    page = bare
     heights = known_points()[:, 2]
     low, high = (page.page.evaluate(f"sonarmap.view.part.extent[{k}][2]") for k in (0, 1))
     assert low <= heights.min() < heights.max() <= high + QUANTUM
     slider = page.page.locator("#highest")
     slider.fill(str(round(200 * (1.5 - low) / (high - low))))
     assert abs(page.page.evaluate("sonarmap.view.heights[1]") - 1.5) <= (high - low) / 400
-    page.page.evaluate(
-        "Object.assign(sonarmap.view.shown, {track: false, kept: false}); sonarmap.view.camera.fromAbove()"
-    )
     for place, seen in ((A, True), (B, False)):
-        hit = page.page.evaluate("([x, y]) => sonarmap.view.pick(x, y)", seen_at(page.page, place))
+        hit = picked(page, place)
         assert (hit is not None and np.abs(np.array(hit["place"]) - place).max() < QUANTUM) == seen
     slider.fill("200")
     assert page.page.evaluate("sonarmap.view.heights[1] === Infinity")
-    page.page.evaluate("Object.assign(sonarmap.view.shown, {track: true, kept: true})")
 
 
-def test_a_click_tells_what_a_point_is(page: Opened) -> None:
-    for name in ("track", "kept"):
-        page.page.locator(f"label.{name} input").uncheck()
-    click(page.page, B)
-    shown = page.page.locator("#picked").inner_text()
+def test_a_click_tells_what_a_point_is(bare: Opened) -> None:
+    click(bare.page, B)
+    shown = bare.page.locator("#picked").inner_text()
     assert all(words in shown for words in ("scan1", "2 scans", "-6.5"))
     assert shown.count("\u202fm") >= 4
-    for name in ("track", "kept"):
-        page.page.locator(f"label.{name} input").check()
 
 
 def test_a_loop_is_shown_with_its_reason(page: Opened, content: Content) -> None:
@@ -143,9 +143,8 @@ def test_keys_turn_move_and_zoom(page: Opened) -> None:
     for key, changed in (("ArrowLeft", [0]), ("ArrowDown", [1]), ("+", [2]), ("Shift+ArrowRight", [3, 4])):
         page.page.keyboard.press(key)
         after = np.array(page.page.evaluate(state))
-        assert [
-            k for k in np.flatnonzero(np.abs(after - before) > 1e-12).tolist() if k < 3 or changed[0] > 2
-        ] == changed
+        differ = np.flatnonzero(np.abs(after - before) > 1e-12).tolist()
+        assert [k for k in differ if k < 3 or changed[0] > 2] == changed
         before = after
     page.page.keyboard.press("Home")
     page.page.keyboard.press("m")

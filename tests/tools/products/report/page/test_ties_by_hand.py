@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Iterator
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -41,13 +42,6 @@ def tie(target: int, source: int, verdict: str, note: str = "") -> dict[str, str
 def ends(content: Content, row: int) -> tuple[int, int]:
     pair = content.shown["pairs"][row]
     return pair["target"], pair["source"]
-
-
-def untried(content: Content) -> tuple[int, int]:
-    """Two scans that the map did not try."""
-    tried = {tuple(pair) for pair in content.shown["sequential"]}
-    tried |= {ends(content, k) for k in range(len(content.shown["pairs"]))}
-    return next((i, j) for i in range(8) for j in range(i + 1, 8) if (i, j) not in tried)
 
 
 class TestOfOnePage:
@@ -90,7 +84,11 @@ class TestOfOnePage:
 
     def test_two_scans_that_are_clicked_on_are_tied(self, page: Opened, content: Content, tmp_path: Path) -> None:
         """From above, where no two poses of the ring are seen at the same place."""
-        i, j = untried(content)
+        tried = {
+            *map(tuple, content.shown["sequential"]),
+            *(ends(content, k) for k in range(len(content.shown["pairs"]))),
+        }
+        i, j = next(pair for pair in combinations(range(8), 2) if pair not in tried)
         page.page.evaluate("sonarmap.view.camera.fromAbove()")
         places = np.array(content.shown["parts"][0]["track"]["places"])
         click(page.page, places[j])

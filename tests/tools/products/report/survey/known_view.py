@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -26,11 +26,9 @@ _SPACE = 0.5  # by which boxes may touch [pixels]
 
 
 def cloud(points: np.ndarray, voxel: float = 0.5, doubted: int = 0) -> PointMap:
-    count = len(points)
-    number, ones = np.zeros(count, np.int32), np.ones(count, np.int32)
-    return PointMap(
-        points, np.full(count, 0.1, np.float32), None, number, 2 * ones, ones, number, voxel, doubted=doubted
-    )
+    number, ones = np.zeros(len(points), np.int32), np.ones(len(points), np.int32)
+    sigma = np.full(len(points), 0.1, np.float32)
+    return PointMap(points, sigma, None, number, 2 * ones, ones, number, voxel, doubted=doubted)
 
 
 def bed(width: float, height: float, x0: float = 0.0, y0: float = 0.0, step: float = 0.5) -> np.ndarray:
@@ -53,9 +51,7 @@ def pair(i: int, j: int, role: Role = "sequential", kept: bool = True, accepted:
 
 def view_of(points: np.ndarray, places: np.ndarray, pairs: tuple[Pair, ...] = (), **more: Any) -> PartView:
     count = len(places)
-    poses = Trajectory(
-        np.arange(count, dtype=np.float64), RigidTransform.from_components(places, Rotation.identity(count))
-    )
+    poses = Trajectory(np.arange(count, dtype=np.float64), RigidTransform.from_translation(places))
     point_map = cloud(points, doubted=more.pop("doubted", 0))
     row: dict[str, Any] = {
         "title": "harbor, 2024-05-17",
@@ -93,14 +89,7 @@ def overlapping_texts(figure: Figure) -> list[tuple[str, str]]:
     with patch.object(Text, "draw", record):
         FigureCanvasAgg(figure).draw()
     sheet = figure.bbox.padded(_SPACE)
-    outside = [
-        (text, "the figure's edge")
-        for text, box in boxes
-        if not (sheet.contains(*box.min) and sheet.contains(*box.max))
-    ]
-    apart = [
-        (a, b)
-        for (a, first), (b, second) in combinations(boxes, 2)
-        if first.padded(-_SPACE).overlaps(second.padded(-_SPACE))
-    ]
-    return outside + apart
+    inside = {id(box) for _, box in boxes if sheet.contains(*box.min) and sheet.contains(*box.max)}
+    outside = [(text, "the figure's edge") for text, box in boxes if id(box) not in inside]
+    pairs = combinations([(text, box.padded(-_SPACE)) for text, box in boxes], 2)
+    return outside + [(a, b) for (a, first), (b, second) in pairs if first.overlaps(second)]

@@ -50,11 +50,6 @@ KINDS: dict[str, PartView] = {
 }
 
 
-def image_of(figure: Figure) -> Any:
-    """The image of the first panel."""
-    return figure.images[0]
-
-
 def legend_of(figure: Figure) -> list[str]:
     (legend,) = figure.legends
     return [text.get_text() for text in legend.get_texts()]
@@ -76,10 +71,7 @@ def test_the_words_say_what_it_is() -> None:
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
     assert legend_of(figure)[:3] == ["track of the sensor, 12 scans", "start: scan_000", "end: scan_011"]
     assert "N" not in [text.get_text() for each in figure.axes for text in each.texts]
-
-
-def test_north_is_shown_where_it_is_known() -> None:
-    figure = map_figure(view_of(bed(9, 6), track(9, 6, 3), frame=SEA))
+    figure = map_figure(view_of(bed(9, 6), track(9, 6, 3), frame=SEA))  # where North is known
     assert "N" in [text.get_text() for axes in figure.axes for text in axes.texts]
     assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("East [m]", "North [m]")
 
@@ -90,26 +82,24 @@ def test_the_colors_are_of_depths_and_the_shallow_is_above() -> None:
     (bar,) = [axes for axes in figure.axes if axes.get_ylabel() == "depth [m]"]
     lower, upper = bar.get_ylim()
     assert (lower, upper) == pytest.approx((31.8, 12.3), abs=0.2)  # downward
-    image = image_of(figure)
+    image: Any = figure.images[0]
     assert image.get_clim() == pytest.approx((12.3, 31.8), abs=0.2)
     levels = levels_of(image).mean(axis=0)
     assert levels[20:-20].compressed()[[0, -1]] == pytest.approx([32, 12], abs=1)
     lightness = [image.cmap(image.norm(level))[:3] @ np.array([0.3, 0.6, 0.1]) for level in (30, 22, 14)]
     assert lightness[0] < lightness[1] - 0.1 < lightness[2] - 0.2  # the deeper, the darker, in gray prints too
-
-
-def test_heights_grow_upward_and_a_flat_bed_has_a_range() -> None:
-    figure = map_figure(KINDS["flat"])
+    figure = map_figure(KINDS["flat"])  # heights grow upward, and a flat bed has a range
     (bar,) = [axes for axes in figure.axes if axes.get_ylabel().startswith("height")]
     assert bar.get_ylim() == pytest.approx((-0.125, 0.125))
-    assert np.ptp(levels_of(image_of(figure)).compressed()) == 0
+    assert np.ptp(levels_of(figure.images[0]).compressed()) == 0
 
 
 def test_the_image_lies_where_its_points_do() -> None:
     """A lone pillar at (20, 5) of a bed of 30 m by 15 m."""
     pillar = np.array([20.0, 5.0, -4.0]) + 0.2 * np.random.default_rng(1).normal(size=(40, 3)) * [1, 1, 0]
     figure = map_figure(view_of(np.vstack([bed(30, 15) * [1, 1, 0] - [0, 0, 30], pillar]), track(30, 15, 2)))
-    image, axes = image_of(figure), figure.axes[0]
+    image: Any = figure.images[0]
+    axes = figure.axes[0]
     rows, columns = np.nonzero(levels_of(image) > -10)
     dots = np.column_stack([columns + image.ox + 0.5, rows + image.oy + 0.5])
     places = axes.transData.inverted().transform(dots)
@@ -124,7 +114,7 @@ def test_what_is_left_out_is_said_and_not_drawn() -> None:
     """Doubtful points are not in a part's map at all; a point alone in the water is in it, and far from the others."""
     points = np.vstack([bed(30, 15), [[10.0, 5.0, 40.0]], [[400.0, 300.0, -20.0]]])
     figure = map_figure(view_of(points, track(30, 15, 4), doubted=1234))
-    assert levels_of(image_of(figure)).max() < 0
+    assert levels_of(figure.images[0]).max() < 0
     assert figure.axes[0].get_xlim()[1] < 40
     note = " ".join(texts_of(figure)[2:][::-1])  # from below
     assert "1,234 more points, seen by too few scans" in note
@@ -136,24 +126,20 @@ def test_a_long_track_is_cut_into_strips_that_show_all_of_it() -> None:
     panels = [axes for axes in figure.axes if axes.get_ylabel() == "North [m]"]
     assert len(panels) > 2
     edges = [axes.get_xlim() for axes in panels]
-    assert edges[0][0] < 0
-    assert edges[-1][1] > 1000
+    assert edges[0][0] < 0 < 1000 < edges[-1][1]
     assert all(after[0] <= before[1] for before, after in pairwise(edges))
-    scales = [axes.bbox.width / np.ptp(axes.get_xlim()) for axes in panels]
-    scales += [axes.bbox.height / np.ptp(axes.get_ylim()) for axes in panels]
+    scales = np.ravel([np.divide(axes.bbox.size, axes.viewLim.size) for axes in panels]).tolist()
     assert scales == pytest.approx([scales[0]] * len(scales))
 
 
 def test_arrows_point_along_the_track() -> None:
     """From the upper right to the lower left: both coordinates fall."""
     axes = map_figure(view_of(bed(90, 60), track(90, 60, 20)[::-1])).axes[0]
-    arrows = [line for line in axes.lines if hasattr(line.get_marker(), "vertices")]
-    assert len(arrows) > 4
-    for arrow in arrows:
-        marker: Any = arrow.get_marker()
-        tip = marker.vertices[1]
-        assert (tip < 0).all()
-        assert tip[1] / tip[0] == pytest.approx(60 / 90, rel=0.02)
+    markers: list[Any] = [line.get_marker() for line in axes.lines if hasattr(line.get_marker(), "vertices")]
+    assert len(markers) > 4
+    tips = np.array([marker.vertices[1] for marker in markers])
+    assert (tips < 0).all()
+    np.testing.assert_allclose(tips[:, 1] / tips[:, 0], 60 / 90, rtol=0.02)
 
 
 def test_each_survey_has_a_color_of_its_own_and_its_name() -> None:
@@ -175,14 +161,11 @@ def test_some_scans_have_their_numbers_beside_them() -> None:
         assert place == pytest.approx(track(90, 60, 40)[int(name) - 100, :2])
 
 
-def test_the_same_view_gives_the_same_file(tmp_path: Path) -> None:
+def test_the_same_view_gives_the_same_file_with_names_in_any_script(tmp_path: Path) -> None:
     for name in ("a.png", "b.png"):
-        draw_map(tmp_path / name, KINDS["small"])
+        view = view_of(bed(9, 6), track(9, 6, 3), title="深 \\$x^", names=("$x^ \n\udcff深",) * 3)
+        draw_map(tmp_path / name, view)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
-
-
-def test_names_in_any_script_are_drawn(tmp_path: Path) -> None:
-    draw_map(tmp_path / "a.png", view_of(bed(9, 6), track(9, 6, 3), title="深 \\$x^", names=("$x^ \n\udcff深",) * 3))
     assert (tmp_path / "a.png").stat().st_size > 10_000
 
 
@@ -214,20 +197,14 @@ def test_both_panels_have_the_same_extent_and_colors() -> None:
     before, after = (axes for axes in figure.axes if axes.get_xlabel() == "East [m]")
     assert (before.get_xlim(), before.get_ylim()) == (after.get_xlim(), after.get_ylim())
     assert before.get_ylim()[1] > 63  # where the map of the chain ends
-    first, second = figure.images
-    assert first.get_clim() == second.get_clim()
-    assert first.cmap == second.cmap
-    assert before.get_title() == "before: consecutive registrations, chained"
-    assert after.get_title() == "after: 8 loops kept"
-    assert figure.texts[0].get_text() == "harbor, 2024-05-17: before and after the loops"
-
-
-def test_the_map_of_the_chain_is_before() -> None:
-    """It lies 3 m farther up."""
-    figure = loops_figure(view())
-    tops = []
     images: list[Any] = list(figure.images)
-    for image, axes in zip(images, figure.axes, strict=False):
+    assert images[0].get_clim() == images[1].get_clim()
+    assert images[0].cmap == images[1].cmap
+    titles = (before.get_title(), after.get_title(), figure.texts[0].get_text())
+    assert titles[:2] == ("before: consecutive registrations, chained", "after: 8 loops kept")
+    assert titles[2] == "harbor, 2024-05-17: before and after the loops"
+    tops = []  # the map of the chain, which lies 3 m farther up, is before
+    for image, axes in zip(images, (before, after), strict=True):
         shown = ~np.ma.getmaskarray(levels_of(image))
         top = np.flatnonzero(shown.any(axis=1)).max() + image.oy
         tops.append(axes.transData.inverted().transform([0, top])[1])
@@ -249,9 +226,6 @@ def test_loops_are_drawn_by_verdict_and_counted() -> None:
     assert ends == pytest.approx(np.array([places[[k, k + 5]] for k in (5, 11)]))
     assert len({tuple(each.get_color()[0]) for each in lines}) == 3
     assert len({str(each.get_linestyle()) for each in lines}) == 3
-
-
-def test_many_loops_are_thin() -> None:
     few, many = (lines_of(loops_figure(view(loops=count)))[0].get_linewidth()[0] for count in (6, 500))
     assert many < 0.5 < few
 
@@ -264,91 +238,80 @@ def test_verdicts() -> None:
 BED = np.random.default_rng(5).uniform([0, 0], [60, 40], (5000, 2))
 
 
-class TestExtent:
-    def test_single_points_far_away_do_not_count(self) -> None:
-        lower, upper = extent_of([np.vstack([BED, [[900, 0]], [[0, -700]]])], [np.array([[5.0, 5.0]])])
-        assert lower == pytest.approx([-1.8, -1.8], abs=0.2)
-        assert upper == pytest.approx([61.8, 41.8], abs=0.2)
-
-    def test_the_whole_track_counts(self) -> None:
-        _, upper = extent_of([BED], [np.array([[5.0, 5.0], [100.0, 5.0]])])
-        assert upper[0] > 100
-
-    def test_a_cluster_far_away_counts(self) -> None:
-        _, upper = extent_of([np.vstack([BED, BED / 10 + [200, 0]])], [BED[:1]])
-        assert upper[0] > 205
-
-    def test_a_single_point_has_an_extent(self) -> None:
-        lower, upper = extent_of([np.array([[3.0, 4.0]])], [np.array([[3.0, 4.0]])])
-        assert (lower < [3, 4]).all()
-        assert (upper > [3, 4]).all()
-
-
-class TestLayout:
-    @pytest.mark.parametrize("size", [(60, 40), (40, 60), (1000, 20), (20, 1000), (1, 1e-3), (7, 2.9), (1e5, 3e4)])
-    def test_every_place_is_in_some_window(self, size: tuple[float, float]) -> None:
-        lower, upper = np.array([100.0, -50.0]), np.array([100.0, -50.0]) + size
-        plan = layout(lower, upper)
-        corners = plan.windows.reshape(-1, 2, 2)
-        places = lower + np.random.default_rng(1).uniform(0, 1, (500, 2)) * size
-        within = np.logical_and(places[:, None] >= corners[:, 0] - 1e-9, places[:, None] <= corners[:, 1] + 1e-9)
-        assert np.any(np.all(within, axis=2), axis=1).all()
-        width, height = plan.size
-        assert width == pytest.approx(8.0)
-        assert 3.0 - 1e-6 <= height <= 9.0 + 1e-6
-
-    def test_a_long_map_is_larger_in_strips(self) -> None:
-        one = layout(np.zeros(2), np.array([40.0, 20.0]))
-        assert one.windows.shape[:2] == (1, 1)
-        strips = layout(np.zeros(2), np.array([1000.0, 20.0]))
-        assert strips.windows.shape[0] > 2
-        assert strips.scale > 2 * 8 / 1000
-        upright = layout(np.zeros(2), np.array([20.0, 1000.0]))
-        assert upright.windows.shape[1] > 2
-
-    def test_panels_do_not_overlap(self) -> None:
-        plan = layout(np.zeros(2), np.array([1000.0, 20.0]))
-        bottoms = [plan.place(row, 0)[1] for row in range(plan.windows.shape[0])]
-        assert bottoms[-1] == 0
-        assert (-np.diff(bottoms) > plan.panel[1] + 0.3).all()
-
-    def test_two_maps_are_side_by_side_unless_they_are_long(self) -> None:
-        assert twice(np.zeros(2), np.array([60.0, 40.0])).windows.shape[:2] == (1, 2)
-        assert twice(np.zeros(2), np.array([600.0, 40.0])).windows.shape[:2] == (2, 1)
-        windows = twice(np.zeros(2), np.array([60.0, 40.0])).windows
-        assert (windows[0, 0] == windows[0, 1]).all()
+@pytest.mark.parametrize(
+    ("points", "whole", "low", "high"),
+    [
+        (np.vstack([BED, [[900, 0]], [[0, -700]]]), [[5, 5]], (-1.8, -1.8), (61.8, 41.8)),  # single points far away
+        (BED, [[5, 5], [100, 5]], (-3, -3), (103, 43)),  # the whole track counts
+        (np.vstack([BED, BED / 10 + [200, 0]]), [[5, 5]], (-6, -6), (212, 46)),  # a cluster far away counts
+        (np.array([[3.0, 4.0]]), [[3, 4]], (2.985, 3.985), (3.015, 4.015)),  # a single point has an extent
+    ],
+)
+def test_the_extent_is_of_what_is_worth_showing(
+    points: np.ndarray, whole: list[list[float]], low: tuple[float, float], high: tuple[float, float]
+) -> None:
+    lower, upper = extent_of([points], [np.array(whole, float)])
+    assert lower == pytest.approx(low, abs=0.25)
+    assert upper == pytest.approx(high, abs=0.25)
+    assert (lower < np.min(whole, axis=0)).all()
+    assert (upper > np.max(whole, axis=0)).all()
 
 
-class TestImage:
-    def test_what_is_higher_hides_what_is_below(self) -> None:
-        places = np.array([[5.2, 3.3], [5.2, 3.3], [1.5, 7.5]])
-        seen = seen_from_above(places, np.array([-9.0, -4.0, -7.0]), np.zeros(2), (10, 20), 1.0, 0.1)
-        assert seen[3, 5] == -4
-        assert seen[7, 1] == -7
-        assert np.count_nonzero(np.isfinite(seen)) == 8  # two pixels wide each
+@pytest.mark.parametrize(
+    ("size", "shape"),
+    [
+        *(((60, 40), (1, 1)), ((40, 60), (1, 1)), ((1000, 20), (6, 1)), ((20, 1000), (1, 5)), ((1, 1e-3), (6, 1))),
+        *(((7, 2.9), (1, 1)), ((1e5, 3e4), (2, 1))),
+    ],
+)
+def test_every_place_is_in_some_panel_and_long_maps_are_larger_in_strips(
+    size: tuple[float, float], shape: tuple[int, int]
+) -> None:
+    lower, upper = np.array([100.0, -50.0]), np.array([100.0, -50.0]) + size
+    plan = layout(lower, upper)
+    assert plan.windows.shape[:2] == shape
+    corners = plan.windows.reshape(-1, 2, 2)
+    places = lower + np.random.default_rng(1).uniform(0, 1, (500, 2)) * size
+    within = np.logical_and(places[:, None] >= corners[:, 0] - 1e-9, places[:, None] <= corners[:, 1] + 1e-9)
+    assert np.any(np.all(within, axis=2), axis=1).all()
+    width, height = plan.size
+    assert width == pytest.approx(8.0)
+    assert 3.0 - 1e-6 <= height <= 9.0 + 1e-6
+    bottoms = [plan.place(row, 0)[1] for row in range(shape[0])]
+    assert bottoms[-1] == 0
+    assert (-np.diff(bottoms) > plan.panel[1] + 0.3).all()  # panels do not overlap
 
-    def test_dots_are_about_as_large_as_voxels_and_round(self) -> None:
-        seen = seen_from_above(np.array([[50.5, 50.5]]), np.array([1.0]), np.zeros(2), (101, 101), 1.0, 30.0)
-        rows, columns = np.nonzero(np.isfinite(seen))
-        assert np.ptp(rows) + 1 == np.ptp(columns) + 1 == pytest.approx(40, abs=1)
-        distances = np.hypot(rows - 50, columns - 50)
-        assert distances.max() < 1.15 * 20.5
-        assert len(rows) == pytest.approx(np.pi * 20**2, rel=0.1)
 
-    def test_points_outside_are_not_drawn(self) -> None:
-        places = np.array([[-30.0, 2.0], [2.0, 40.0]])
-        assert np.isnan(seen_from_above(places, np.ones(2), np.zeros(2), (10, 10), 1.0, 1.0)).all()
+def test_two_maps_are_side_by_side_unless_they_are_long() -> None:
+    beside, below = (twice(np.zeros(2), np.array([width, 40.0])).windows for width in (60.0, 600.0))
+    assert (beside.shape[:2], below.shape[:2]) == ((1, 2), (2, 1))
+    assert (beside[0, 0] == beside[0, 1]).all()
 
-    def test_lone_points(self) -> None:
-        bed = np.column_stack([BED, np.zeros(len(BED))])
-        pole = np.array([[30.0, 20.0, z] for z in np.arange(5, 12, 0.5)])
-        alone = np.array([[10.0, 10.0, 25.0], [50.0, 30.0, 25.0], [50.0, 30.3, 25.0]])
-        specks = lone(np.vstack([bed, pole, alone]), 1.0)
-        assert np.flatnonzero(specks).tolist() == list(range(len(bed) + len(pole), len(specks)))
 
-    def test_a_sparse_map_has_no_lone_points(self) -> None:
-        assert not lone(np.random.default_rng(2).uniform(0, 1000, (300, 3)), 1.0).any()
+def test_what_is_higher_hides_what_is_below_and_what_is_outside_is_not_drawn() -> None:
+    places = np.array([[5.2, 3.3], [5.2, 3.3], [1.5, 7.5], [-30.0, 2.0], [2.0, 40.0]])
+    seen = seen_from_above(places, np.array([-9.0, -4.0, -7.0, 1, 1]), np.zeros(2), (10, 20), 1.0, 0.1)
+    assert (seen[3, 5], seen[7, 1]) == (-4, -7)
+    assert np.count_nonzero(np.isfinite(seen)) == 8  # two pixels wide each
 
-    def test_the_colors_of_nearly_nothing_span_half_a_voxel(self) -> None:
-        assert color_range(np.array([3.0, 3.0]), 0.4) == pytest.approx((2.9, 3.1))
-        assert color_range(np.arange(101.0), 0.4) == pytest.approx((1.0, 99.0))
+
+def test_dots_are_about_as_large_as_voxels_and_round() -> None:
+    seen = seen_from_above(np.array([[50.5, 50.5]]), np.array([1.0]), np.zeros(2), (101, 101), 1.0, 30.0)
+    rows, columns = np.nonzero(np.isfinite(seen))
+    assert np.ptp(rows) + 1 == np.ptp(columns) + 1 == pytest.approx(40, abs=1)
+    assert np.hypot(rows - 50, columns - 50).max() < 1.15 * 20.5
+    assert len(rows) == pytest.approx(np.pi * 20**2, rel=0.1)
+
+
+def test_lone_points() -> None:
+    bed = np.column_stack([BED, np.zeros(len(BED))])
+    pole = np.array([[30.0, 20.0, z] for z in np.arange(5, 12, 0.5)])
+    alone = np.array([[10.0, 10.0, 25.0], [50.0, 30.0, 25.0], [50.0, 30.3, 25.0]])
+    specks = lone(np.vstack([bed, pole, alone]), 1.0)
+    assert np.flatnonzero(specks).tolist() == list(range(len(bed) + len(pole), len(specks)))
+    assert not lone(np.random.default_rng(2).uniform(0, 1000, (300, 3)), 1.0).any()  # none in a sparse map
+
+
+def test_the_colors_of_nearly_nothing_span_half_a_voxel() -> None:
+    assert color_range(np.array([3.0, 3.0]), 0.4) == pytest.approx((2.9, 3.1))
+    assert color_range(np.arange(101.0), 0.4) == pytest.approx((1.0, 99.0))

@@ -34,9 +34,7 @@ class TestNumbers:
         horizontal, vertical, heading = world_sigmas(R[None], covariance[None])[:, 0]
         assert (horizontal, vertical) == pytest.approx((3.0, 2.0))
         assert heading == pytest.approx(np.degrees(0.2))
-
-    def test_the_worst_horizontal_direction_counts(self) -> None:
-        covariance = np.zeros((6, 6))
+        covariance = np.zeros((6, 6))  # the worst horizontal direction counts
         covariance[3:5, 3:5] = [[5.0, 4.0], [4.0, 5.0]]  # eigenvalues 9 and 1
         assert world_sigmas(np.eye(3)[None], covariance[None])[:, 0] == pytest.approx([3.0, 0.0, 0.0])
 
@@ -62,10 +60,8 @@ class TestNumbers:
         assert profile.kept.tolist() == [True, True, False] + 6 * [True]
         assert profile.loop_ends == (1, 7)
         assert profile.sigmas[:, 4] == pytest.approx([0.2, 0.3, np.degrees(0.02)])
-
-    def test_between_surveys_there_is_no_track(self) -> None:
         profile = profile_of(view_of(bed(91, 61), track(90, 60, 10), PAIRS, **TWO))
-        assert profile.starts == (4,)
+        assert profile.starts == (4,)  # between surveys there is no track
         assert profile.along[3] == profile.along[4] == pytest.approx(3 * np.hypot(10, 20 / 3))
 
     @pytest.mark.parametrize(
@@ -101,11 +97,6 @@ def test_no_text_lies_upon_another_or_leaves_the_sheet(view: PartView) -> None:
     assert overlapping_texts(profile_figure(view)) == []
 
 
-def test_it_fits_a_landscape_page() -> None:
-    figure = profile_figure(view_of(bed(91, 61), track(90, 60, 10), PAIRS))
-    assert figure.get_size_inches().tolist() == pytest.approx([11.7, 8.3])
-
-
 def test_what_is_drawn_is_what_was_counted() -> None:
     view = view_of(bed(91, 61), track(90, 60, 10), PAIRS, frame=SEA)
     profile, figure = profile_of(view), profile_figure(view)
@@ -119,6 +110,7 @@ def test_what_is_drawn_is_what_was_counted() -> None:
     assert depths.get_ylim()[0] > depths.get_ylim()[1]  # depths grow downward
     assert depths.get_ylabel() == "depth [m]"
     assert figure.texts[0].get_text() == "harbor, 2024-05-17: along the track"
+    assert figure.get_size_inches().tolist() == pytest.approx([11.7, 8.3])  # a landscape page
 
 
 def test_lines_break_between_surveys_and_the_surveys_have_their_names() -> None:

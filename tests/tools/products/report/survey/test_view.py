@@ -52,24 +52,26 @@ class TestFrame:
         frame = frame_of(mapped, 0, None)
         assert (frame.across, frame.up, frame.north) == ("x [m]", "y [m]", False)
         assert "direction of North is not known" in frame.note
-        assert frame.height == "height relative to the first scan [m]"
+        assert (frame.height, frame.sigmas) == ("height relative to the first scan [m]", "against the first scan")
         assert frame.level(np.array([-3.0, 2.0])).tolist() == [-3, 2]
-        assert frame.sigmas == "against the first scan"
 
-    def test_instruments_tell_east_north_and_depth(self, mapped: SurveyResult) -> None:
-        frame = frame_of(measured(mapped), 0, None)
+    @pytest.mark.parametrize(
+        ("here", "origin", "below", "levels"),
+        [
+            (None, "the origin of the navigation", "the zero of the navigation's heights", [3, -2]),
+            # z = -3 is half a meter above the sea
+            (HERE, "60.3913000° N, 5.3221000° W (WGS84)", "mean sea level", [-0.5, -5.5]),
+        ],
+    )
+    def test_instruments_tell_east_north_and_depth(
+        self, mapped: SurveyResult, here: Georeference | None, origin: str, below: str, levels: list[float]
+    ) -> None:
+        frame = frame_of(measured(mapped), 0, here)
         assert (frame.across, frame.up, frame.north) == ("East [m]", "North [m]", True)
-        assert frame.note == "East and North count from the origin of the navigation."
-        assert frame.height == "depth below the zero of the navigation's heights [m]"
-        assert frame.level(np.array([-3.0, 2.0])).tolist() == [3, -2]
-        assert frame.sigmas == "in the world"
-
-    def test_on_the_earth_by_instruments(self, mapped: SurveyResult) -> None:
-        frame = frame_of(measured(mapped), 0, HERE)
-        assert frame.note == "East and North count from 60.3913000° N, 5.3221000° W (WGS84)."
-        assert frame.height == "depth below mean sea level [m]"
-        assert frame.level(np.array([-3.0])).tolist() == pytest.approx([-0.5])  # half a meter above it
-        other = frame_of(measured(mapped), 1, HERE)
+        assert frame.note == f"East and North count from {origin}."
+        assert (frame.height, frame.sigmas) == (f"depth below {below} [m]", "in the world")
+        assert frame.level(np.array([-3.0, 2.0])).tolist() == pytest.approx(levels)
+        other = frame_of(measured(mapped), 1, here)
         assert (other.across, other.zero) == ("x [m]", None)  # nothing places the other part
 
     @pytest.mark.parametrize("heading", [90.0, 40.0, 300.0])
@@ -83,17 +85,13 @@ class TestFrame:
         assert "No instrument measured the heading" in frame.note
         assert ("East." if heading == 90 else f"to {heading:g}°") in frame.note
         assert frame_of(mapped, 1, here).across == "x [m]"  # the smaller part lies elsewhere
+        raised = frame_of(mapped, 0, HERE)  # the user's height makes depths
+        assert (raised.height, raised.zero) == ("depth below mean sea level [m]", -3.5)
 
-    def test_the_user_s_height_makes_depths(self, mapped: SurveyResult) -> None:
-        frame = frame_of(mapped, 0, HERE)
-        assert (frame.height, frame.zero) == ("depth below mean sea level [m]", -3.5)
-
-    def test_a_heading_without_a_place_tells_directions(self, mapped: SurveyResult) -> None:
+    def test_what_instruments_left_unmeasured_counts_from_the_first_scan(self, mapped: SurveyResult) -> None:
         frame = frame_of(measured(mapped, "east", "north"), 0, None)
         assert (frame.across, frame.note) == ("East [m]", "East and North count from the first scan's place.")
         assert "against the first scan" in frame.sigmas
-
-    def test_a_depth_without_a_heading_tells_depths(self, mapped: SurveyResult) -> None:
         frame = frame_of(measured(mapped, "heading", "east", "north"), 0, None)
         assert (frame.across, frame.zero) == ("x [m]", 0.0)
         assert frame_of(measured(mapped, "up"), 0, None).zero is None
@@ -108,8 +106,6 @@ class TestView:
         assert other.title == "harbor, 2017-01-01, part 2 of 2"
         assert (other.scans, other.names) == ((5, 6, 7), ("s5", "s6", "s7"))
         assert all(set(pair.scans) <= {5, 6, 7} for pair in other.pairs)
-
-    def test_what_is_not_known_is_left_out(self, mapped: SurveyResult) -> None:
         counted = replace(mapped, trajectory=replace(mapped.trajectory, stamps=np.arange(8.0)))
         assert part_view(counted, 2, NAMES, {}).title == "part 2 of 2"
 
@@ -140,17 +136,15 @@ class TestNames:
     def test_of_a_survey(self, inputs: list[str], name: str) -> None:
         assert survey_name(inputs) == name
 
-    def test_of_the_folder_where_it_runs(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_of_the_folder_where_it_runs_and_dates_and_plain_text(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         (tmp_path / "harbor").mkdir()
         monkeypatch.chdir(tmp_path / "harbor")
         assert survey_name(["."]) == "harbor"
-
-    def test_dates(self) -> None:
         assert survey_date(np.array([START, START + 5])) == "2016-12-31"
         assert survey_date(np.array([START + 20, START])) == "2016-12-31 to 2017-01-01"
         assert survey_date(np.arange(4.0)) == ""
-
-    def test_plain_text(self) -> None:
         assert plain_text("a$b\n\udcffc") == r"a\$b??c"
         assert plain_text("abcdefghijklmnop", 7) == "abc…nop"
         assert plain_text("abcdefg", 7) == "abcdefg"

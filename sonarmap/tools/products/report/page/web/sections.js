@@ -3,11 +3,7 @@
 const FIRST_ROWS = 50; // of a long list
 const WORST = 8; // crossings that are listed
 
-/**
- * All sections that this survey has something for: [[id, heading, elements], ...].
- * @param choose shows a pair in the map
- * @param showPose shows a pose of a part, by their numbers, in the map
- */
+/** All sections that this survey has something for: [[id, heading, elements], ...]; `choose` and `showPose` show in the map. */
 function sectionsOf(content, pictures, decisions, choose, showPose) {
   const tracks = content.parts.map((part, number) => [part, number]).filter(([{ track }]) => track.scans.length > 1);
   const against = content.control_points.length ? "Against navigation and control points" : "Against navigation";
@@ -42,9 +38,8 @@ function loopSection({ pairs, names }, decisions, choose) {
   const verdict = choice(["all", "kept", "refused"].map((value) => [value, value]), { onchange: () => fill() }, "all");
   const search = make("input", { type: "search", placeholder: "a scan, or a word of a reason", oninput: () => fill() });
   const row = (pair) => {
-    const numbers = [percent(pair.overlap), percent(pair.probability), short(pair.residual_sigmas, "σ")];
-    const cells = [pairLink(pair, names, choose), verdictButtons(decisions, pair), pair.role, pair.kept ? "kept" : "refused", ...numbers];
-    const shown = tableRow(cells);
+    const shown = tableRow([pairLink(pair, names, choose), verdictButtons(decisions, pair), pair.role, pair.kept ? "kept" : "refused",
+      percent(pair.overlap), percent(pair.probability), short(pair.residual_sigmas, "σ")]);
     shown.append(make("td", { class: "words" }, pair.reason));
     return shown;
   };

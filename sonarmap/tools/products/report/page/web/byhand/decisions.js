@@ -16,10 +16,9 @@ class Decisions {
     this.listeners = [];
     this.lost = false; // whether the browser keeps nothing
     this.index = new Map(content.names.map((name, k) => [name, k]));
-    this.tried = new Map();
-    for (const [target, source] of content.sequential)
-      this.tried.set(`${target} ${source}`, { target, source, role: "sequential", kept: true, reason: "consecutive scans, kept" });
-    for (const pair of content.pairs) this.tried.set(`${pair.target} ${pair.source}`, pair);
+    const consecutive = { role: "sequential", kept: true, reason: "consecutive scans, kept" };
+    const tried = [...content.sequential.map(([target, source]) => ({ target, source, ...consecutive })), ...content.pairs];
+    this.tried = new Map(tried.map((pair) => [`${pair.target} ${pair.source}`, pair]));
     const added = content.ties.filter(({ verdict }) => verdict === "add");
     this.added = new Set(added.map(({ target, source }) => `${this.index.get(target)} ${this.index.get(source)}`));
     ({ ties: this.ties, control: this.control } = this.kept() ?? { ties: this.asMade("ties"), control: this.asMade("control") });
@@ -96,9 +95,7 @@ class Decisions {
     return this.tried.get(`${i} ${j}`) ?? { target: i, source: j, role: "new", kept: false, reason: "not tried by the map" };
   }
 
-  wasTried({ target, source }) {
-    return this.tried.has(`${target} ${source}`);
-  }
+  wasTried = ({ target, source }) => this.tried.has(`${target} ${source}`);
 
   /** The verdict for a pair: "add" where no search of the map proposed it, as "accept" counts only for pairs that are tried. */
   inFavor(pair) {

@@ -89,9 +89,9 @@ function nameForm(content, decisions, choose) {
 function fileButtons(decisions, kind, text) {
   const said = make("p", { role: "status" });
   const save = () => {
+    said.textContent = "";
     try {
       saveFile(`${kind}.csv`, text());
-      said.textContent = "";
     } catch (error) {
       said.textContent = error.message;
     }

@@ -9,11 +9,7 @@ const minus = (a, b) => sum(a, b, -1);
 const lengthOf = (a) => Math.hypot(...a);
 
 class Camera {
-  /**
-   * Look at a map from the south and above.
-   * @param extent the corners [m] of everything
-   * @param middle the corners [m] of most of it: a few stray points should not make the rest small
-   */
+  /** Look from the south and above; between the corners `middle` [m] is most of the map, so that strays do not make it small. */
   constructor(extent, middle) {
     this.center = sum(...middle).map((value) => value / 2);
     this.reach = Math.max(lengthOf(minus(...middle)) / 2, 0.1); // of most of the map about its center [m]

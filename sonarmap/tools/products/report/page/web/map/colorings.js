@@ -1,12 +1,6 @@
 // By what points can be colored: which color each gets, and what the legend says.
 
-/**
- * The colorings that a part of the map has.
- * @param part as the page's content has it
- * @param points as `unpack` gives them
- * @param content of the page
- * @returns {name: {label, palette, color: point's number to a texel, marks: [[texel, text], ...]}}
- */
+/** The colorings of a part of the map: {name: {label, palette, color: point's number to a texel, marks: [[texel, text], ...]}}. */
 function coloringsOf(part, points, content) {
   const { columns } = points;
   const all = { depth: byHeight(part, points) };

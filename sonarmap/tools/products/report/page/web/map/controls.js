@@ -4,12 +4,8 @@ const LAYERS = {
   points: "points", doubtful: "false echoes, left out", track: "track of the sensor", before: "track before the loops", ellipsoids: "ellipsoids",
   kept: "kept", refused: "refused", decided: "ties by hand", control: "control points",
 };
-const NAMES = { echo: "echo", sigma: "sigma", seen: "seen", scan: "scan", survey: "survey" };
 
-/**
- * Fill the form for the part that is shown. `change` is called with another part's number; `unpackDoubtful` gives the points
- * that the map left out.
- */
+/** Fill the form for the part that is shown; `change` shows another part, by its number. */
 function showControls(form, view, content, number, change, unpackDoubtful) {
   const select = (label, options, chosen, onchange) =>
     make("label", {}, label, choice(options, { onchange: (event) => onchange(event.target.value) }, chosen));
@@ -19,8 +15,8 @@ function showControls(form, view, content, number, change, unpackDoubtful) {
     view.showLayers();
   };
   const parts = content.parts.map((part, k) => [k, `${part.name}: ${part.count.toLocaleString("en")} points`]);
-  const colorings = Object.keys(view.colorings).map((name) => [name, NAMES[name]]);
-  colorings[0][1] = view.part.height.zero === null ? "height" : "depth";
+  const height = view.part.height.zero === null ? "height" : "depth";
+  const colorings = Object.keys(view.colorings).map((name) => [name, name === "depth" ? height : name]);
   const legend = make("div", { id: "legend" });
   form.replaceChildren(
     parts.length > 1 ? select("Part of the map ", parts, number, (value) => change(Number(value))) : "",
@@ -88,13 +84,8 @@ function heightSlider(view, id, end, text) {
 function showLegend(box, view) {
   const { label, palette, marks, apart } = view.colorings[view.coloring];
   const css = (texel) => `rgb(${palette[Math.round(texel)].join(" ")})`;
-  const patch = (texel) => {
-    const span = make("span", { class: "patch" });
-    span.style.background = css(texel);
-    return span;
-  };
-  const scale = make("div", { class: "scale" });
-  scale.style.background = `linear-gradient(to right, ${[0, 32, 64, 95, 127, 159, 191, 222, 254].map(css).join(", ")})`;
-  const texts = marks.map(([texel, text]) => make("span", {}, apart ? patch(texel) : "", text));
+  const filled = (tag, kind, background) => Object.assign(make(tag, { class: kind }), { style: `background: ${background}` });
+  const scale = filled("div", "scale", `linear-gradient(to right, ${[0, 32, 64, 95, 127, 159, 191, 222, 254].map(css).join(", ")})`);
+  const texts = marks.map(([texel, text]) => make("span", {}, apart ? filled("span", "patch", css(texel)) : "", text));
   box.replaceChildren(make("p", {}, label), apart ? "" : scale, make("div", { class: apart ? "list" : "marks" }, ...texts));
 }

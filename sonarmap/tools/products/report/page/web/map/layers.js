@@ -62,10 +62,7 @@ function decidedPairs(part, decisions) {
   return pairsOf(part, decisions.ties.map((tie) => ({ ...decisions.pairOf(tie), verdict: tie.verdict })));
 }
 
-/**
- * Control points of a part: {name, place where the map has it, known place [m], row}. Both are in the part's frame,
- * whatever frame the known coordinates are in.
- */
+/** Control points of a part: {name, place where the map has it, known place, row}, both [m] in the part's own frame. */
 function controlOf(part, content) {
   const index = new Map(part.track.scans.map((scan, k) => [content.names[scan], k]));
   return content.control_points

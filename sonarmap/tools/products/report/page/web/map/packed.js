@@ -15,11 +15,9 @@ async function gunzip(bytes) {
 }
 
 /**
- * The points of a map.
- * @param packed {quantum [m], tiles: [{origin: [x, y, z] [m], count}], planes: {column: bytes a number}}
- * @param base64 the gzipped planes
- * @returns {count, quantum, tiles with their `start`, places: Uint16Array of x, y, z [quanta from the tile's origin] and a
- *   color for every point, columns: {name: whole numbers}}
+ * The points of a map, of gzipped planes and {quantum [m], tiles: [{origin: [x, y, z] [m], count}], planes: {column: bytes a
+ * number}}: {count, quantum, tiles with their `start`, places: Uint16Array of x, y, z [quanta from the tile's origin] and a
+ * color for every point, columns: {name: whole numbers}}.
  */
 async function unpack(packed, base64) {
   const planes = await gunzip(bytesOf(base64));
@@ -55,19 +53,8 @@ async function unpack(packed, base64) {
   return { count, quantum: packed.quantum, tiles, places, columns };
 }
 
-/** Which tile holds point k. */
-function tileOf(points, k) {
-  let low = 0, high = points.tiles.length - 1;
-  while (low < high) {
-    const middle = (low + high + 1) >> 1;
-    if (points.tiles[middle].start <= k) low = middle;
-    else high = middle - 1;
-  }
-  return points.tiles[low];
-}
-
 /** Point k as [x, y, z] in the map's frame [m]. */
 function placeOf(points, k) {
-  const { origin } = tileOf(points, k);
+  const { origin } = points.tiles.find(({ start, count }) => k < start + count);
   return origin.map((corner, axis) => corner + points.quantum * points.places[4 * k + axis]);
 }

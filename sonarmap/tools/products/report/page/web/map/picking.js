@@ -4,12 +4,9 @@ const NEAR = 8; // pixels within which something is hit
 const FINGER = 18; // the same for a finger
 
 /**
- * The point that is seen at a pixel: of those whose squares cover it the one in front, or of several within a voxel behind that
- * one the nearest to the pixel; where no square covers it, the nearest of the points within `NEAR` pixels.
- * @param edge of a point's square at a distance of 1 m [pixels]
- * @param deep how far behind the one in front a point may be [m]
- * @param heights the lowest and the highest that are shown [m]
- * @returns its number, or null where there is none
+ * The number of the point that is seen at a pixel, or null: of those whose squares cover it the one in front, or of several up
+ * to `deep` [m] behind that one the nearest to the pixel; where no square covers it, the nearest of the points within `NEAR`
+ * pixels. `edge` is that of a square at a distance of 1 m [pixels]; no point lies outside the heights that are shown [m].
  */
 function pointAt(points, camera, x, y, edge, deep, [lowest, highest]) {
   const { right, up, ahead } = camera.axes();
@@ -39,19 +36,11 @@ function pointAt(points, camera, x, y, edge, deep, [lowest, highest]) {
 }
 
 /** Which of some places [m] is seen nearest to a pixel, within so many pixels; null where none is. */
-function placeAt(places, camera, x, y, near = NEAR) {
-  let best = null, least = near;
-  places.forEach((place, k) => {
-    const [px, py, depth] = camera.project(place);
-    const aside = Math.hypot(px - x, py - y);
-    if (depth > 0 && aside < least) [best, least] = [k, aside];
-  });
-  return best;
-}
+const placeAt = (places, camera, x, y, near) => lineAt(places.map((place) => [place, place]), camera, x, y, near);
 
-/** Which of some lines [[begin, end], ...] [m] is seen nearest to a pixel, within half as many; null where none is. */
-function lineAt(lines, camera, x, y, near = NEAR) {
-  let best = null, least = near / 2;
+/** Which of some lines [[begin, end], ...] [m] is seen nearest to a pixel, within so many pixels; null where none is. */
+function lineAt(lines, camera, x, y, near) {
+  let best = null, least = near;
   lines.forEach(([begin, end], k) => {
     const [ax, ay, behind] = camera.project(begin), [bx, by, ahead] = camera.project(end);
     if (behind <= 0 || ahead <= 0) return;

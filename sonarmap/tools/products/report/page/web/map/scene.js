@@ -6,7 +6,7 @@ const FAR = 1e9; // beyond any height [m]: not every card knows infinity
 const HIDDEN = 0.22; // how opaque a line is behind points
 
 class Scene {
-  /** @param canvas an element on which WebGL2 works; throws an Error otherwise. */
+  /** Of a canvas on which WebGL2 works; throws an Error otherwise. */
   constructor(canvas) {
     const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("WebGL2 is not to be had");
@@ -68,9 +68,8 @@ class Scene {
   }
 
   /**
-   * Lines under a name, in place of those that it had.
-   * @param pieces [[begin, end], ...], places [m]
-   * @param style {color: [r, g, b] 0 to 1, width [pixels], dash [pixels], 0 for none, hidden: opacity behind points}
+   * Lines [[begin, end], ...] [m] under a name, in place of those that it had; the style is {color: [r, g, b] 0 to 1, width
+   * [pixels], dash [pixels], 0 for none, hidden: opacity behind points}.
    */
   showLines(name, pieces, style) {
     const { gl } = this;
@@ -100,10 +99,8 @@ class Scene {
   }
 
   /**
-   * Draw a frame.
-   * @param camera whose width and height are the canvas's
-   * @param look {ground: [r, g, b] 0 to 1, clouds: names of those to draw, voxel: its edge [m], scale: of the points,
-   *   step: 1 for all of them, 3 for every third, heights: the lowest and the highest that are shown [m]}
+   * Draw a frame: {ground: [r, g, b] 0 to 1, clouds: names of those to draw, voxel: its edge [m], scale: of the points, step: 1
+   * for all of them, 3 for every third, heights: the lowest and the highest that are shown [m]}.
    */
   draw(camera, look) {
     const { gl } = this;

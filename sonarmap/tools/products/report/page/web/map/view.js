@@ -8,19 +8,11 @@ const [SLOW, QUICK] = [50, 20]; // [ms]
 const ARM = 0.012; // of a control point's cross, as a share of the map's reach
 
 class View {
-  /**
-   * @param stage the element that holds the canvas
-   * @param content of the page
-   * @param decisions of the user
-   * @param tell called with what was picked: {point}, {doubtful}, {pose}, {pair}, {distance} or {tying}, or null
-   */
+  /** `tell` is called with what was picked: {point}, {doubtful}, {pose}, {pair}, {distance} or {tying}, or null. */
   constructor(stage, content, decisions, tell) {
-    this.stage = stage;
+    Object.assign(this, { stage, content, decisions, tell });
     this.canvas = stage.querySelector("canvas");
     this.scene = new Scene(this.canvas);
-    this.content = content;
-    this.decisions = decisions;
-    this.tell = tell;
     this.shown = { points: true, doubtful: false, track: true, before: false, ellipsoids: true, kept: true, refused: true, decided: true, control: true };
     this.scale = 1;
     this.measuring = false;
@@ -108,13 +100,16 @@ class View {
     this.request();
   }
 
-  measure(on) {
-    this.measuring = on;
-    this.tying = null;
-    this.measured = [];
-    this.canvas.classList.toggle("measuring", on);
+  /** Have the user pick two points (`measuring`), the pose that is tied to the scan `tying`, or what there is. */
+  ask(measuring, tying, hit) {
+    [this.measuring, this.tying, this.measured] = [measuring, tying, []];
+    this.canvas.classList.toggle("measuring", measuring || tying !== null);
     this.showMeasured();
-    this.tell(on ? { measuring: 0 } : null);
+    this.tell(hit);
+  }
+
+  measure(on) {
+    this.ask(on, null, on ? { measuring: 0 } : null);
   }
 
   /** End what is being measured or tied, and choose nothing. */
@@ -126,23 +121,13 @@ class View {
 
   /** Have the user pick the pose that is tied to this scan; null ends it. */
   tie(scan) {
-    this.measuring = false;
-    this.measured = [];
-    this.tying = scan;
-    this.canvas.classList.toggle("measuring", scan !== null);
-    this.showMeasured();
-    this.tell(scan === null ? null : { tying: scan });
+    this.ask(false, scan, scan === null ? null : { tying: scan });
   }
 
   showMeasured() {
-    this.scene.showLines("measured", this.measured.length === 2 ? [this.measured] : [], this.inkOf(LINES.measured));
+    const ink = this.ground()[0] > 0.5 ? 0 : 1; // white on a dark ground, black on a light one
+    this.scene.showLines("measured", this.measured.length === 2 ? [this.measured] : [], { ...LINES.measured, color: [ink, ink, ink] });
     this.request();
-  }
-
-  /** White on a dark ground, black on a light one. */
-  inkOf(style) {
-    const ink = this.ground()[0] > 0.5 ? 0 : 1;
-    return { ...style, color: [ink, ink, ink] };
   }
 
   ground() {
@@ -150,10 +135,7 @@ class View {
     return [r / 255, g / 255, b / 255];
   }
 
-  /**
-   * What is at a pixel of the canvas: a pose before a pair before a point, but points alone while measuring and poses alone
-   * while tying.
-   */
+  /** What is at a pixel: a pose before a pair before a point, but points alone while measuring and poses alone while tying. */
   pick(x, y, near = NEAR) {
     const { camera, part, shown } = this;
     if (this.tying !== null) {
@@ -164,19 +146,15 @@ class View {
       const pose = shown.track ? placeAt(part.track.places, camera, x, y, near) : null;
       if (pose !== null) return { pose };
       const seen = [...(shown.decided ? this.ties : []), ...this.pairs.filter((pair) => shown[pair.kept ? "kept" : "refused"])];
-      const line = lineAt(seen.map((pair) => pair.ends), camera, x, y, near);
+      const line = lineAt(seen.map((pair) => pair.ends), camera, x, y, near / 2);
       if (line !== null) return { pair: seen[line] };
     }
     for (const name of ["points", "doubtful"]) {
-      const point = shown[name] && this[name] ? this.pointAt(this[name], x, y) : null;
+      const points = this[name], { voxel } = part, edge = this.scene.edge(camera, voxel, this.scale);
+      const point = shown[name] && points ? pointAt(points, camera, x, y, edge, voxel, this.heights) : null;
       if (point !== null) return { [name === "points" ? "point" : name]: point, place: placeOf(this[name], point) };
     }
     return null;
-  }
-
-  pointAt(points, x, y) {
-    const { voxel } = this.part;
-    return pointAt(points, this.camera, x, y, this.scene.edge(this.camera, voxel, this.scale), voxel, this.heights);
   }
 
   click(x, y, near) {
