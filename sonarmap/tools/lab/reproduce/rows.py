@@ -1,9 +1,10 @@
 """Rows of an experiment: those that hold certain values, and counts, shares and medians of them."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
+from typing import Any
 
 import numpy as np
 from scipy.stats import binomtest
@@ -35,6 +36,18 @@ def grouped(rows: Iterable[Row], *names: str) -> dict[tuple, list[Row]]:
     for row in rows:
         groups.setdefault(tuple(row[name] for name in names), []).append(row)
     return groups
+
+
+def by_method(rows: Sequence[Row], methods: Iterable[str]) -> list[tuple[tuple[str, ...], list[Row]]]:
+    """The lines of a table: each method's name and rows."""
+    return [((method,), where(rows, method=method)) for method in methods]
+
+
+def for_each(
+    name: str, values: Iterable[Any], cell: Callable[[list[Row]], str]
+) -> dict[str, Callable[[list[Row]], str]]:
+    """The columns of a table: for each value the cell of those rows that hold it in the column `name`."""
+    return {str(value): lambda some, value=value: cell(where(some, **{name: value})) for value in values}
 
 
 def distinct(rows: Iterable[Row], name: str) -> list[str]:

@@ -15,11 +15,16 @@ from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.structures.limits import KINDS, Limits
 from sonarmap.tools.lab.reproduce.structures.limits_section import deviation_table
+from sonarmap.tools.lab.reproduce.structures.moved_section import (
+    deviation,
+    reach,
+    rotation_section,
+    translation_section,
+    within_limits,
+)
 from sonarmap.tools.lab.reproduce.structures.rotation import Turns
-from sonarmap.tools.lab.reproduce.structures.rotation_section import deviation, rotation_section, within_limits
 from sonarmap.tools.lab.reproduce.structures.settings import LimitsSettings, RotationSettings, TranslationSettings
 from sonarmap.tools.lab.reproduce.structures.translation import Translation
-from sonarmap.tools.lab.reproduce.structures.translation_section import reach, translation_section
 
 ONE = TranslationSettings(scenes=("clutter",), noises=("D0", "D6"), seeds=1, first_seed=3, edge=64, steps=(8, 16, 40))
 
@@ -51,11 +56,11 @@ class TestReach:
         settings = replace(ONE, noises=("D0",), seeds=2)
         good = [shifted(d, True, seed=3) for d in (100.0, 142.2, 149.7, 160.0)]
         other = [shifted(d, d <= far, seed=4) for d in (100.0, 142.2, 149.7, 160.0)]
-        table = translation_section(good + other, settings).tables[0]
+        table = translation_section(good + other, (), settings).tables[0]
         assert table.rows[0][:5] == ("D0: right up to [m]", "150", f"{far:.0f}", verdict, f"≥160 {far:.0f}")
 
     def test_a_short_series_says_how_far_it_went(self) -> None:
-        table = translation_section([shifted(60, True)], replace(ONE, noises=("D0",))).tables[0]
+        table = translation_section([shifted(60, True)], (), replace(ONE, noises=("D0",))).tables[0]
         assert table.rows[0][3] == "reached as far as tried (60 m)"
 
 
@@ -72,7 +77,7 @@ class TestDeviation:
 
     def test_what_deviates_is_named(self) -> None:
         settings = RotationSettings(scenes=("clutter",), noises=("D0",), seeds=1, first_seed=3)
-        section = rotation_section([turned(8, 8), turned(16, 60)], settings)
+        section = rotation_section([turned(8, 8), turned(16, 60)], (), settings)
         assert section.tables[0].rows[0][3] == "1 beyond"
         assert "at 16° of yaw" in section.remarks
 

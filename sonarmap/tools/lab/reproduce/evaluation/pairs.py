@@ -2,14 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import ClassVar, cast
+from typing import cast
 
 from sonarmap.tools.lab.reproduce.evaluation.pair_set import PairSetExperiment, SetPair, related
-from sonarmap.tools.lab.reproduce.evaluation.pairs_figure import draw_pairs
-from sonarmap.tools.lab.reproduce.evaluation.pairs_section import pairs_section
+from sonarmap.tools.lab.reproduce.evaluation.pairs_section import draw_pairs, pairs_section
 from sonarmap.tools.lab.reproduce.evaluation.settings import ANY_SHARE, BATCH, PairsSettings
-from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.methods import compared_methods
 from sonarmap.tools.lab.reproduce.settings import as_asked
@@ -19,7 +16,8 @@ from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
 class Pairs(PairSetExperiment):
     """Registers the pairs of a set; a job is five of them and one method."""
 
-    name: ClassVar[str] = "pairs"
+    name = "pairs"
+    make_section, draw_pictures = staticmethod(pairs_section), staticmethod(draw_pairs)
 
     def jobs(self) -> Sequence[str]:
         """Turn, batch and method, as in yaw/003/spectral."""
@@ -31,14 +29,6 @@ class Pairs(PairSetExperiment):
             for method in self.methods
             if k < settings.registers(method, turn) // BATCH
         ]
-
-    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
-        """Success, trust and calibration."""
-        return pairs_section(rows, self.settings)
-
-    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
-        """Success against overlap, and calibration."""
-        draw_pairs(folder, rows, self.methods)
 
     def pair(self, batch: str, number: int) -> SetPair | None:
         """A pair of the batch's turn; those with the turn "any" are of the next set."""

@@ -1,13 +1,10 @@
 """Pairs that share nothing, by every method: none may be accepted."""
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import ClassVar
 
 from sonarmap.tools.lab.reproduce.evaluation.pair_set import PairSetExperiment, SetPair, unrelated
 from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH, batches, pair_set_settings
-from sonarmap.tools.lab.reproduce.evaluation.unrelated_section import PICTURE, draw_unrelated, unrelated_section
-from sonarmap.tools.lab.reproduce.experiment import Row, Section
+from sonarmap.tools.lab.reproduce.evaluation.unrelated_section import draw_unrelated, unrelated_section
 from sonarmap.tools.lab.reproduce.experiments import Request
 
 PAIRS = 500
@@ -16,19 +13,12 @@ PAIRS = 500
 class Unrelated(PairSetExperiment):
     """Registers pairs of strangers; a job is five of them and one method."""
 
-    name: ClassVar[str] = "unrelated"
+    name = "unrelated"
+    make_section, draw_pictures = staticmethod(unrelated_section), staticmethod(draw_unrelated)
 
     def jobs(self) -> Sequence[str]:
         """Batch and method, as in 003/spectral."""
         return [f"{k:03d}/{method}" for k in range(batches(self.settings.pairs)) for method in self.methods]
-
-    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
-        """What is accepted."""
-        return unrelated_section(rows, self.settings)
-
-    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
-        """How the registrations' own marks are distributed."""
-        draw_unrelated(folder / PICTURE, rows)
 
     def pair(self, batch: str, number: int) -> SetPair | None:
         """A pair that shares nothing."""

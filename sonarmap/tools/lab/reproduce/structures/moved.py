@@ -1,5 +1,6 @@
 """What the experiments on whole structures share: a volume and the same one moved, each with noise of its own."""
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from functools import cached_property, lru_cache
 from time import perf_counter
@@ -49,10 +50,9 @@ class StructureExperiment(Experiment):
 class MovedStructures(StructureExperiment):
     """Every motion of every structure under every noise: a job is a scene, a noise and a seed."""
 
-    @property
+    @abstractmethod
     def motions(self) -> list[RigidTransform]:
         """T_target_source, in order: each moves every structure."""
-        raise NotImplementedError
 
     def jobs(self) -> Sequence[str]:
         """As in "floodgate/D0/1"."""
@@ -71,7 +71,7 @@ class MovedStructures(StructureExperiment):
         family = [seed, list(NOISES).index(noise)]
         source = self.prepare(points, noise, [*family, 0])
         rows, seconds = [], []
-        for number, T_target_source in enumerate(self.motions):
+        for number, T_target_source in enumerate(self.motions()):
             moved = T_target_source.apply(points)
             common = float(occupy(moved, grid).sum() / extent)
             if common < _LEAST_COMMON:
@@ -83,8 +83,8 @@ class MovedStructures(StructureExperiment):
             registration = self.registrar.register(target, source)
             begin = {"scene": scene, "noise": noise, "seed": seed, "number": number}
             rows.append(begin | _cells(T_target_source, registration, grid.voxel) | {"common": common})
-            times = {"prepare_s": prepared, "register_s": registration.seconds}
-            seconds.append({"case": job, "number": number, **times})
+            times = {"case": job, "number": number, "prepare_s": prepared, "register_s": registration.seconds}
+            seconds.append(times)
         return Outcome(tuple(rows), tuple(seconds))
 
 

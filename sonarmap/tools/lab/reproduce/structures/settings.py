@@ -41,11 +41,7 @@ class StructureSettings:
 
 
 def check_angles(name: str, angles: Sequence[float], low: float) -> None:
-    """Refuse angles [degrees] that do not ascend, or are not above `low` and below 90.
-
-    Raises:
-        InputError: saying what there must be.
-    """
+    """Refuse angles [degrees] that do not ascend, or are not above `low` and below 90."""
     if not angles or list(angles) != sorted(set(angles)) or not low < angles[0] <= angles[-1] < 90:
         raise InputError(
             f"{name} are {angles}; there must be at least one, ascending, above {low:g} and below 90 degrees"
