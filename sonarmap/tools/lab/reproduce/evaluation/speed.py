@@ -69,7 +69,7 @@ class Speed(Experiment):
 
 
 def _prepared(built: Registrar, pair: SetPair) -> tuple[tuple[Any, Any], float]:
-    """Target and source, and the time of one [s]. A scan is prepared before the clock runs: that brings what is lazy."""
+    """Target and source, and the time of one [s]; before the clock runs a scan brings what is lazy."""
     built.prepare(pair.target)
     finish_device(built)
     start = perf_counter()
