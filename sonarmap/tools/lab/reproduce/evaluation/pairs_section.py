@@ -204,10 +204,10 @@ def _calibration(yaw: Sequence[Row]) -> list[Line]:
         return []
     mean = f"{ours.mean:.2f}; 95 % of calibrated means lie within {ours.low:.2f}..{ours.high:.2f}"
     means = others_of(yaw, lambda rows: of(rows, lambda c: c.mean), "{:.2f}".format)
-    shares = others_of(yaw, lambda rows: of(rows, lambda c: c.share), in_percent, most=True)
-    inside = f"{ours.share:.1%} ({ours.inside})"
+    shares = others_of(yaw, lambda rows: of(rows, lambda c: c.inside.share), in_percent, most=True)
+    inside = f"{ours.inside.share:.1%} ({ours.inside})"
     factor = f"reported standard deviations are {(6 / ours.mean) ** 0.5:.2f} times those of the errors"
-    expected = f"expect {100 * ours.share:.0f} of 100 truths in the 95 % ellipsoid"
+    expected = f"expect {100 * ours.inside.share:.0f} of 100 truths in the 95 % ellipsoid"
     return [
         ("mean normalized squared error of what is right (calibrated: 6)", mean, means, factor),
         ("within the 95 % ellipsoid", inside, shares, expected),
