@@ -38,9 +38,11 @@ def grouped(rows: Iterable[Row], *names: str) -> dict[tuple, list[Row]]:
     return groups
 
 
-def by_method(rows: Sequence[Row], methods: Iterable[str]) -> list[tuple[tuple[str, ...], list[Row]]]:
-    """The lines of a table: each method's name and rows."""
-    return [((method,), where(rows, method=method)) for method in methods]
+def by_method(
+    rows: Sequence[Row], methods: Iterable[str], column: str = "method"
+) -> list[tuple[tuple[str, ...], list[Row]]]:
+    """The lines of a table: each method's (or system's) name and rows."""
+    return [((method,), where(rows, **{column: method})) for method in methods]
 
 
 def for_each(
