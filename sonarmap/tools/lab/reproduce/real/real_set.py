@@ -79,16 +79,10 @@ def without_truth(folder: Path) -> tuple[str, ...]:
 def _read_set(folder: Path) -> RealSet:
     path = folder / GT_LOG
     name = folder.name if folder.name.strip(".") else folder.resolve().name  # of a link its own, of . the folder's
-    truths = read_gt_log(path)
     numbered = _numbered_scans(folder)
     pairs = tuple(
-        RealPair(
-            f"{truth.i}-{truth.j}",
-            _file_of(numbered, truth.i, truth, path),
-            _file_of(numbered, truth.j, truth, path),
-            truth.T_i_j,
-        )
-        for truth in truths
+        RealPair(f"{truth.i}-{truth.j}", *(_file_of(numbered, k, truth, path) for k in (truth.i, truth.j)), truth.T_i_j)
+        for truth in read_gt_log(path)
     )
     scans = sorted({scan for pair in pairs for scan in (pair.target, pair.source)})
     priors = folder / PRIORS

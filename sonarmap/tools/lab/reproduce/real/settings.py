@@ -4,8 +4,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.experiments import Request
@@ -13,11 +11,7 @@ from sonarmap.tools.lab.reproduce.methods import ComparedMethods, compared_metho
 from sonarmap.tools.lab.simulate.sensing.navigation import KINDS, Instruments, instruments_for
 
 DRAWS = 5
-
-
 SIGMAS = (1.5, 3.0, 0.15, 3.0)  # of KINDS in their order [degrees, degrees, m, m]
-
-
 MAX_TILT = 35.0  # degrees
 
 
@@ -58,11 +52,12 @@ class RealSettings:
     @property
     def instruments(self) -> Instruments:
         """Those that are known, with their standard deviations."""
-        units = {"attitude": np.pi / 180, "heading": np.pi / 180}
-        sigmas = dict(zip(KINDS, self.sigmas, strict=True))
-        return Instruments(
-            **{kind: sigmas[kind] * units.get(kind, 1.0) if kind in self.known else math.inf for kind in KINDS}
-        )
+        in_radians = {"attitude", "heading"}
+        sigmas = {
+            kind: math.radians(sigma) if kind in in_radians else sigma
+            for kind, sigma in zip(KINDS, self.sigmas, strict=True)
+        }
+        return Instruments(**{kind: sigmas[kind] if kind in self.known else math.inf for kind in KINDS})
 
     @property
     def draws(self) -> dict[str, int]:
