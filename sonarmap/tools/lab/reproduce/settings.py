@@ -19,6 +19,8 @@ _OPTIONS = {
     "seeds": ("seeds",),
     "seed": ("seed", "first_seed"),
     "pairs": ("pairs",),
+    "voxel": ("voxel",),
+    "max_tilt": ("max_tilt",),
 }
 
 

@@ -20,7 +20,7 @@ from sonarmap.tools.lab.reproduce.evaluation.steps import Steps
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
 from sonarmap.tools.lab.reproduce.experiments import EVALUATION, EXPERIMENTS, Request, chosen, create, members
 from sonarmap.tools.lab.reproduce.methods import EVALUATED, ComparedMethods, compared_methods
-from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
+from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.run import RunOptions, run

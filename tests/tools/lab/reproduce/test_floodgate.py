@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
+from sonarmap.tools.lab.reproduce.floodgate.methods import TRUTH, runs
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
@@ -25,7 +26,6 @@ from sonarmap.tools.lab.reproduce.floodgate.chain import (
     pose_rows,
     transform,
 )
-from sonarmap.tools.lab.reproduce.floodgate.methods import TRUTH, runs
 from sonarmap.tools.lab.reproduce.floodgate.run import (
     OTHER_METHODS,
     PAPER_METHODS,
@@ -34,7 +34,7 @@ from sonarmap.tools.lab.reproduce.floodgate.run import (
     create,
 )
 from sonarmap.tools.lab.reproduce.floodgate.section import remarks
-from sonarmap.tools.lab.reproduce.pages.section_text import verdicts
+from sonarmap.tools.lab.reproduce.pages.folder import verdicts
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from tests.samples.experiments.floodgate_rows import POSES, SCANS, STEPS, flat_survey, off, outcomes, turn
 

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
+from sonarmap.tools.lab.reproduce.gaussian.row import about_center, row_of, tilt_error, yaw_error
 from typer.testing import CliRunner
 
 from sonarmap.kernels.device.device import Device
@@ -22,11 +23,10 @@ from sonarmap.tools.lab.reproduce.answer import PARAMETERS, parameters
 from sonarmap.tools.lab.reproduce.experiment import Row, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.gaussian.figure import draw_rates, draw_table1
-from sonarmap.tools.lab.reproduce.gaussian.row import about_center, row_of, tilt_error, yaw_error
 from sonarmap.tools.lab.reproduce.gaussian.run import Gaussian, GaussianSettings, create, grid_of
 from sonarmap.tools.lab.reproduce.gaussian.section import detail_table, last_right, remarks, section, verdict_table
 from sonarmap.tools.lab.reproduce.gaussian.series import VARIANTS, Series, preparation_of, yaw_rank
-from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
+from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.rows import where
 from sonarmap.tools.lab.reproduce.run import JOURNAL

@@ -11,9 +11,15 @@ from typer.testing import CliRunner
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce import experiments
-from sonarmap.tools.lab.reproduce.pages.folder import read_record, write_experiment
+from sonarmap.tools.lab.reproduce.pages.folder import (
+    Verdict,
+    duration,
+    read_record,
+    section_text,
+    verdicts,
+    write_experiment,
+)
 from sonarmap.tools.lab.reproduce.pages.page import FRAMES, write_page
-from sonarmap.tools.lab.reproduce.pages.section_text import Verdict, duration, section_text, verdicts
 from sonarmap.tools.lab.reproduce.rows import all_rows
 from sonarmap.tools.lab.reproduce.run import JOURNAL, run
 from sonarmap.tools.lab.reproduce.table import Table

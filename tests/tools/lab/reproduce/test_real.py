@@ -16,8 +16,7 @@ from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.experiments import Request, chosen, create
-from sonarmap.tools.lab.reproduce.pages.folder import write_experiment
-from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
+from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts, write_experiment
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.real.real_set import RealSet, read_sets, without_truth
 from sonarmap.tools.lab.reproduce.real.run import Real

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
+from sonarmap.tools.lab.reproduce.scale.measured import WHOLE, ScaleSettings
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
@@ -16,10 +17,9 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.pairs import TriedPair
 from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, SCALE, SLAM, Request, create, members
-from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
+from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.scale.made_up import MadeUpRegistrar, make_up
-from sonarmap.tools.lab.reproduce.scale.measured import WHOLE, ScaleSettings
 from sonarmap.tools.lab.reproduce.scale.run import Scale
 from sonarmap.tools.lab.reproduce.survey import run as surveys
 from sonarmap.tools.lab.reproduce.survey import simulated

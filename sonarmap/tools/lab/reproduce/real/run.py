@@ -19,7 +19,7 @@ from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.lab.reproduce.answer import answer, claims, errors, finish_device
 from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome
-from sonarmap.tools.lab.reproduce.experiments import Request, folder_of
+from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.real.real_set import RealPair, RealSet, read_sets, without_truth
 from sonarmap.tools.lab.reproduce.real.section import draw_real, real_section
 from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
@@ -111,7 +111,9 @@ class Real(ByMethod):
 
 def create(request: Request) -> Real:
     """The experiment as the command line asks for it."""
-    folder = folder_of(request)
+    folder = request.folder
+    if folder is None:
+        raise ValueError("no folder was chosen")
     sets = read_sets(folder)
     settings = real_settings(request, {real_set.name: real_set.digest for real_set in sets}, without_truth(folder))
     return Real(sets, settings, request.opened.selector)

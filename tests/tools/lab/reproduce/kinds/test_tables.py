@@ -23,7 +23,7 @@ from sonarmap.tools.lab.reproduce.kinds.calibration_tables import (
 )
 from sonarmap.tools.lab.reproduce.kinds.run import Kinds
 from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NAVIGATION, KindsSettings
-from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
+from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds, where
 from tests.tools.lab.reproduce.kinds.rows import fixed, row
 
