@@ -66,11 +66,11 @@ class Experiment(ABC):
 
     def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
         """The words and tables."""
-        return self.make_section(rows, seconds, self.settings)
+        return type(self).make_section(rows, seconds, self.settings)
 
     def draw(self, folder: Path, rows: Sequence[Row]) -> None:
         """Write the section's pictures; none of them shows times."""
-        self.draw_pictures(folder, rows, self.settings)
+        type(self).draw_pictures(folder, rows, self.settings)
 
 
 class ByMethod(Experiment):

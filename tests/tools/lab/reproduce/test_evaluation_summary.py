@@ -24,7 +24,6 @@ from sonarmap.tools.lab.reproduce.evaluation.pairs_section import (
     trust_table,
 )
 from sonarmap.tools.lab.reproduce.evaluation.speed_section import spread_table, time_table
-from sonarmap.tools.lab.reproduce.evaluation.steps_section import last_right
 from sonarmap.tools.lab.reproduce.rows import percent, rate
 from sonarmap.tools.lab.reproduce.table import Table
 
@@ -111,12 +110,6 @@ class TestArithmetic:
         assert [len(shared(rows, 0.2, 0.4)), len(shared(rows, 0.4))] == [1, 2]
         assert percent(rows[:3], rows) == "75 % [30..95]"
         assert (rate([], []), percent([], [])) == ("–", "–")
-
-    def test_the_last_step_that_is_right(self) -> None:
-        rights = ("111011", "011111", "111111")
-        rows = [row(seed=seed, step=k, right=rights[seed][k] == "1") for seed in range(3) for k in range(6)]
-        assert last_right(rows) == [2, -1, 5]
-        assert sorted(last_right(rows[::-1])) == [-1, 2, 5]
 
 
 class TestTables:

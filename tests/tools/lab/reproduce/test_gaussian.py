@@ -24,7 +24,6 @@ from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.gaussian.run import Gaussian, GaussianSettings, create, grid_of
 from sonarmap.tools.lab.reproduce.gaussian.section import (
     detail_table,
-    last_right,
     remarks,
     tilt_error,
     verdict_table,
@@ -40,7 +39,7 @@ from sonarmap.tools.lab.reproduce.gaussian.series import (
 )
 from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import provenance
-from sonarmap.tools.lab.reproduce.rows import where
+from sonarmap.tools.lab.reproduce.rows import last_right, where
 from sonarmap.tools.lab.reproduce.run import JOURNAL
 from sonarmap.tools.lab.reproduce.table import Table
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, table1_transform
@@ -134,7 +133,7 @@ class TestRow:
 class TestSummary:
     def test_the_last_scan_ends_at_the_first_failure(self) -> None:
         rows = where(rows_of({0: [7, 9], 1: [], 2: [0, 5]}), method="paper")
-        assert list(last_right(rows).values()) == list(last_right(rows[::-1]).values()) == [6, 9, -1]
+        assert last_right(rows, "scan", "seed") == last_right(rows[::-1], "scan", "seed") == [6, 9, -1]
 
     @pytest.mark.parametrize(
         ("sigma2", "wrong", "verdict", "middle"),

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
-from sonarmap.tools.lab.reproduce.scale.measured import WHOLE, ScaleSettings
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
@@ -19,14 +18,13 @@ from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, SCALE, SLAM, R
 from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
 from sonarmap.tools.lab.reproduce.rows import column, where
 from sonarmap.tools.lab.reproduce.scale.made_up import MadeUpRegistrar, make_up
-from sonarmap.tools.lab.reproduce.scale.run import Scale
+from sonarmap.tools.lab.reproduce.scale.run import WHOLE, Scale, ScaleSettings
 from sonarmap.tools.lab.reproduce.survey import run as surveys
 from sonarmap.tools.lab.reproduce.survey import simulated
 from sonarmap.tools.lab.reproduce.survey.mapped import MappedSurvey
 from sonarmap.tools.lab.reproduce.survey.row import MAP, POSE, survey_rows
 from sonarmap.tools.lab.reproduce.survey.run import SurveyExperiment
-from sonarmap.tools.lab.reproduce.survey.settings import SurveySettings
-from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
+from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, SurveySettings, simulate_survey
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.shapes.solids import Mesh
 from tests.samples.experiments.shown import run_all, show

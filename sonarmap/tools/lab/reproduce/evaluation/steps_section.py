@@ -10,7 +10,18 @@ from sonarmap.tools.lab.reproduce.evaluation.settings import StepsSettings
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.figure import draw_rates, legend_beside, new_figure, save_figure
 from sonarmap.tools.lab.reproduce.methods import OURS
-from sonarmap.tools.lab.reproduce.rows import accepted, by_method, for_each, rate, right, where, wilson, wrong
+from sonarmap.tools.lab.reproduce.rows import (
+    accepted,
+    by_method,
+    for_each,
+    last_right,
+    rate,
+    right,
+    step_name,
+    where,
+    wilson,
+    wrong,
+)
 from sonarmap.tools.lab.reproduce.table import Table, table_of
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, TABLE1_MOST
 
@@ -59,18 +70,6 @@ def draw_steps(folder: Path, rows: Sequence[Row], settings: StepsSettings) -> No
     save_figure(figure, folder / PICTURE)
 
 
-def last_right(rows: Sequence[Row]) -> list[int]:
-    """Per scene and seed the last step that is right with all before it; -1 where S0 is wrong. Rows of one noise and
-    method."""
-    ends: dict[object, int] = {}
-    for row in sorted(rows, key=lambda row: int(row["step"])):
-        series, step = (row["scene"], row["seed"]), int(row["step"])
-        ends.setdefault(series, -1)
-        if row["right"] and ends[series] == step - 1:
-            ends[series] = step
-    return list(ends.values())
-
-
 def _beside(rows: Sequence[Row], settings: StepsSettings) -> Table:
     lines = []
     for sigma2 in settings.sigma2:
@@ -90,8 +89,8 @@ def _beside(rows: Sequence[Row], settings: StepsSettings) -> Table:
 
 def _reach(rows: Sequence[Row], settings: StepsSettings) -> Table:
     def ends(some: Sequence[Row]) -> str:
-        last = last_right(some)
-        return f"{_step(median_low(last))} ({_step(min(last))}..{_step(max(last))})"
+        last = last_right(some, "step", "scene", "seed")
+        return f"{step_name(median_low(last))} ({step_name(min(last))}..{step_name(max(last))})"
 
     def beyond(some: Sequence[Row]) -> list[Row]:
         return [row for row in some if int(row["step"]) >= TABLE1_COUNT]
@@ -116,10 +115,6 @@ def _reach(rows: Sequence[Row], settings: StepsSettings) -> Table:
 def _through(rows: Sequence[Row]) -> list[Row]:
     """The steps of the paper's Table 1."""
     return [row for row in rows if int(row["step"]) < TABLE1_COUNT]
-
-
-def _step(step: int) -> str:
-    return f"S{step}" if step >= 0 else "none"
 
 
 def _introduction(settings: StepsSettings) -> str:

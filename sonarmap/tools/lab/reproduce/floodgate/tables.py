@@ -45,7 +45,8 @@ def listed(values: Iterable[float], form: str = ".2f") -> str:
 def ate_m(pairs: Sequence[Row]) -> float:
     """Root mean square of the positions' errors of one survey after the best rigid alignment [m]."""
     stamps = np.arange(len(pairs) + 1, dtype=np.float64)
-    return evaluate(*(Trajectory(stamps, chained(pairs, which)) for which in ("found", "true"))).ate_m
+    found, true = (Trajectory(stamps, chained(pairs, which)) for which in ("found", "true"))
+    return evaluate(found, true).ate_m
 
 
 def map_table(rows: Sequence[Row]) -> Table:

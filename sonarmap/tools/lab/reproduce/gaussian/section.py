@@ -18,10 +18,12 @@ from sonarmap.tools.lab.reproduce.rows import (
     column,
     distinct,
     grouped,
+    last_right,
     middle,
     rate,
     refused,
     right,
+    step_name,
     where,
     wrong,
 )
@@ -78,16 +80,6 @@ succeed, but gives no error bound.
 {methods}"""
 
 
-def last_right(rows: Sequence[Row]) -> dict[int, int]:
-    """Of one grid, noise and method: by seed, in order, the last scan that is right with all before it; -1 where S0 is
-    wrong."""
-    farthest = max(int(row["scan"]) for row in rows)
-    ends = dict.fromkeys(sorted({int(row["seed"]) for row in rows}), farthest)
-    for row in wrong(rows):
-        ends[int(row["seed"])] = min(ends[int(row["seed"])], int(row["scan"]) - 1)
-    return ends
-
-
 def verdict_table(rows: Sequence[Row]) -> Table:
     """How far every seed gets, next to the paper, and what is believed; a line for each grid, noise and method."""
 
@@ -95,11 +87,11 @@ def verdict_table(rows: Sequence[Row]) -> Table:
         return PAPER_LAST.get(float(some[0]["sigma2"]))
 
     def ours(some: Sequence[Row]) -> str:
-        last = last_right(some).values()
-        return f"{_scan(median_low(last))} ({' '.join(map(_scan, last))})"
+        last = last_right(some, "scan", "seed")
+        return f"{step_name(median_low(last))} ({' '.join(map(step_name, last))})"
 
     def verdict(some: Sequence[Row]) -> str:
-        wanted, last = paper(some), last_right(some).values()
+        wanted, last = paper(some), last_right(some, "scan", "seed")
         if wanted is None:
             return ""
         reached = sum(end >= wanted for end in last)
@@ -128,8 +120,8 @@ def detail_table(rows: Sequence[Row]) -> Table:
         return counts(of_step[step] for step in STEPS)
 
     def ending(some: Sequence[Row]) -> str:
-        last = last_right(some)
-        return steps(row for row in some if row["scan"] == last[int(row["seed"])] + 1)
+        series = (sorted(wrong(mine), key=lambda row: row["scan"])[:1] for mine in grouped(some, "seed").values())
+        return steps(row for first in series for row in first)
 
     def errors(some: Sequence[Row]) -> str:
         good = right(some)
@@ -160,15 +152,11 @@ def among(rows: Iterable[Row], count: int) -> int:
     return sum(0 < int(row["yaw_rank"]) <= count for row in rows)
 
 
-def _scan(index: int) -> str:
-    return "none" if index < 0 else f"S{index}"
-
-
 def _scan_tables(rows: Sequence[Row]) -> list[Table]:
     """Every scan on one grid under one noise: rates, and the median error of all seeds, right or wrong."""
     tables = []
     for (grid, sigma2), some in grouped(rows, "grid", "sigma2").items():
-        headings, lines = ["scan"], {scan: [_scan(scan)] for scan in sorted({int(row["scan"]) for row in some})}
+        headings, lines = ["scan"], {scan: [step_name(scan)] for scan in sorted({int(row["scan"]) for row in some})}
         for (method,), mine in grouped(some, "method").items():
             headings += [f"{method}: right", "median error"]
             for scan, line in lines.items():

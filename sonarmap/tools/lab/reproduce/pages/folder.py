@@ -12,7 +12,6 @@ from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, discar
 from sonarmap.tools.files.writers.json_text import to_json, write_json
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Row, Section
 from sonarmap.tools.lab.reproduce.provenance import Provenance
-from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.run import Result
 from sonarmap.tools.lab.reproduce.table import Table, write_csv
 
@@ -40,7 +39,8 @@ def write_experiment(
         InputError: a file cannot be written.
         ValueError: the experiment's section or pictures are not what they should be.
     """
-    rows, seconds = all_rows(result.outcomes), all_seconds(result.outcomes)
+    rows = [row for outcome in result.outcomes.values() for row in outcome.rows]
+    seconds = [row for outcome in result.outcomes.values() for row in outcome.seconds]
     name, section = experiment.name, experiment.section(rows, seconds)
     verdicts(section)
     words = [f"{name}.csv", f"{name}.md", *([f"{name}-seconds.csv"] if seconds else []), f"{name}-times.md"]

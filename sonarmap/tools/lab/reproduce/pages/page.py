@@ -31,16 +31,10 @@ PAGES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 def write_page(path: Path, folder: Path, names: Sequence[str], group: str = ALL) -> list[Path]:
-    """Write the page and, into a folder of its stem beside it, the pictures: all or none.
+    """Write the page, as docs/reproduction.md, and, into a folder of its stem beside it, the pictures: all or none.
 
-    Args:
-        path: of the page, as docs/reproduction.md.
-        folder: where the experiments' files are.
-        names: of the experiments to look for, in order; those that are not complete there are left out.
-        group: whose introduction begins the page.
-
-    Returns:
-        the page, then the pictures.
+    It shows the experiments that are complete in the folder, in the order of the names, behind the introduction of the
+    group. The page and the pictures are returned.
 
     Raises:
         InputError: no experiment is there, or a file cannot be written.
@@ -60,10 +54,7 @@ def write_page(path: Path, folder: Path, names: Sequence[str], group: str = ALL)
 
 
 def write_pages(path: Path, folder: Path, group: str) -> list[Path]:
-    """Write the page of a group; of EVERY, all pages that have results, into the folder `path`.
-
-    Returns:
-        all pages and pictures.
+    """Write the page of a group; of EVERY, all pages that have results, into the folder `path`. All files are returned.
 
     Raises:
         InputError: no experiment is there, or a file cannot be written.

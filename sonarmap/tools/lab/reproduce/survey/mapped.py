@@ -53,14 +53,13 @@ STAGES = ("total", "registering", "signing", "optimizing", "fusing")
 def map_survey(
     system: str, scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None
 ) -> MappedSurvey:
-    """Map a survey in a new process.
+    """Map a survey, by one of SYSTEMS, in a new process.
 
     Args:
-        system: one of SYSTEMS.
+        system, device: the device as `choose_device` takes it.
         scans: in their order, with stamps that count them from 0.
         surveys: the number of each scan's survey, ascending.
         grid: of the registrations; of other systems' the voxel alone.
-        device: as `choose_device` takes it.
 
     Raises:
         InputError, DeviceError: the scans, the package or the device will not do.

@@ -22,15 +22,10 @@ _NAN = float("nan")
 
 
 def survey_rows(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> tuple[Row, ...]:
-    """All rows of one system on one survey.
+    """All rows of what one system made of a survey, with voxels of this edge [m].
 
     Trajectories are aligned over the placed scans that are usable; other scans that a system places are
     ignored here, but its map contains them.
-
-    Args:
-        survey: its scans and their truth.
-        mapped: what the system made of it.
-        voxel: edge of the survey's voxels [m].
     """
     usable = [place for place, scan in enumerate(mapped.placed) if scan not in survey.unusable]
     after = evaluate(mapped.trajectory.take(usable), survey.truth)

@@ -11,8 +11,7 @@ from sonarmap.tools.lab.reproduce.settings import as_asked
 from sonarmap.tools.lab.reproduce.survey.mapped import OURS, PEERS, STAGES, SYSTEMS, installed, map_survey
 from sonarmap.tools.lab.reproduce.survey.row import survey_rows
 from sonarmap.tools.lab.reproduce.survey.section import draw_paths, survey_section
-from sonarmap.tools.lab.reproduce.survey.settings import DIVES, SurveySettings
-from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
+from sonarmap.tools.lab.reproduce.survey.simulated import DIVES, SimulatedSurvey, SurveySettings, simulate_survey
 from sonarmap.tools.methods.registry import ALL_METHODS
 
 _ORDER = (2, 1)  # of the dives, as they are given to the mapper
@@ -24,7 +23,7 @@ class SurveyExperiment(Experiment):
     name = "survey"
     sources: ClassVar[tuple[str, ...]] = (
         *("slam", "tools/lab/simulate", "tools/lab/evaluate", "tools/products/output"),
-        *(f"tools/lab/reproduce/survey/{name}.py" for name in ("mapped", "row", "settings", "simulated")),
+        *(f"tools/lab/reproduce/survey/{name}.py" for name in ("mapped", "row", "simulated")),
         *ALL_METHODS,
     )
     make_section, draw_pictures = staticmethod(survey_section), staticmethod(draw_paths)

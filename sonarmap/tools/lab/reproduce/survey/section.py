@@ -13,7 +13,7 @@ from sonarmap.tools.lab.reproduce.plan import draw_plan, plan
 from sonarmap.tools.lab.reproduce.rows import DASH, by_method, column, distinct, middle, number, where
 from sonarmap.tools.lab.reproduce.survey.mapped import OURS
 from sonarmap.tools.lab.reproduce.survey.row import BETWEEN, FATES, MAP, POSE, ROLES
-from sonarmap.tools.lab.reproduce.survey.settings import DIVES, SurveySettings
+from sonarmap.tools.lab.reproduce.survey.simulated import DIVES, SurveySettings
 from sonarmap.tools.lab.reproduce.table import Table, table_of
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.products.report.small_png import save_small
@@ -29,7 +29,8 @@ def survey_section(rows: Sequence[Row], seconds: Sequence[Row], settings: Survey
     tables = (_beside(maps), _systems(where(maps, survey=longest)), _growth(ours), _pairs(maps), _places(ours))
     times = ("total_s", "per_scan_s", "registering_s", "signing_s", "optimizing_s", "fusing_s", "peak_memory_mib")
     names = ("total [s]", "per scan [s]", "registering [s]", "signatures [s]", "optimizing, choosing loops [s]")
-    growth = dict(zip((*names, "fusing [s]", "peak memory [MiB]"), ((key, 1) for key in times), strict=True))
+    headings = (*names, "fusing [s]", "peak memory [MiB]")
+    growth: dict[str, tuple[str, int]] = {name: (key, 1) for name, key in zip(headings, times, strict=True)}
     whole = {name: growth[name] for name in ("total [s]", "per scan [s]", "peak memory [MiB]")}
     title = "The longest survey, by every system; the times of `sonarmap` include the map"
     by_system = [((str(row["system"]),), row) for row in where(seconds, survey=longest)]

@@ -30,7 +30,7 @@ from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 from tests.tools.lab.reproduce.kinds.test_navigation import PAIR
 
-TWO = KindsSettings(("swath", "patch"), 6, compared=ComparedMethods(("spectral", "planes")))
+TWO = KindsSettings(6, kinds=("swath", "patch"), compared=ComparedMethods(("spectral", "planes")))
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class TestRows:
         assert math.isfinite(float(row["nees"]))
 
     def test_a_simulated_pair_by_a_method_that_says_no_evidence(self) -> None:
-        settings = KindsSettings(("sonar3d15",), 5, seed=6, edge=32, compared=ComparedMethods(("planes",)))
+        settings = KindsSettings(5, kinds=("sonar3d15",), seed=6, edge=32, compared=ComparedMethods(("planes",)))
         rows = Kinds(settings, None).run("sonar3d15/none/000/planes").rows
         assert [row["scene"] for row in rows] == list(SCAN_KINDS["sonar3d15"].scenes)
         assert not any(key.startswith("evidence") or "second" in key for row in rows for key in row)
