@@ -10,17 +10,14 @@ import pytest
 from scipy.spatial import KDTree
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce import methods
 from sonarmap.tools.lab.reproduce.evaluation.pair_set import related, unrelated
 from sonarmap.tools.lab.reproduce.evaluation.pairs import Pairs
-from sonarmap.tools.lab.reproduce.evaluation.settings import PairSetSettings, PairsSettings, StepsSettings
-from sonarmap.tools.lab.reproduce.evaluation.speed import Speed
-from sonarmap.tools.lab.reproduce.evaluation.steps import Steps
+from sonarmap.tools.lab.reproduce.evaluation.settings import PairsSettings
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Row
-from sonarmap.tools.lab.reproduce.experiments import EVALUATION, EXPERIMENTS, Request, chosen, create, members
-from sonarmap.tools.lab.reproduce.methods import EVALUATED, ComparedMethods, compared_methods
+from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create
+from sonarmap.tools.lab.reproduce.methods import EVALUATED
 from sonarmap.tools.lab.reproduce.pages.folder import section_text
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.run import RunOptions, run
@@ -36,39 +33,7 @@ def request(device: Device, **changes: object) -> Request:
     return Request(device, True, **{"grid": 32, "method": FEW, **changes})  # pyright: ignore[reportArgumentType]
 
 
-class TestGroup:
-    def test_all_is_the_papers_and_evaluation_is_ours(self) -> None:
-        assert chosen("all", Request()) == ("translation", "rotation", "limits", "gaussian", "floodgate")
-        assert chosen("evaluation", Request()) == members(EVALUATION) == NAMES
-        assert chosen("evaluation", Request(method=("kiss",), grid=64)) == NAMES
-        assert [name for name in EXPERIMENTS if EXPERIMENTS[name].timed] == ["speed", "survey", "scale"]
-
-    def test_options_without_effect_are_refused(self) -> None:
-        with pytest.raises(InputError, match="--scene has no effect"):
-            chosen("evaluation", Request(scene="harbor"))
-        with pytest.raises(InputError, match="--method has no effect"):
-            chosen("gaussian", Request(method=("kiss",)))
-        assert Request(method=("kiss", "icp"), pairs=7).command("pairs") == (
-            "sonarmap reproduce pairs --pairs 7 --method kiss --method icp"
-        )
-
-
-class TestComparedMethods:
-    def test_what_is_not_installed_is_left_out_and_said(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(methods, "is_installed", lambda name: name != "kiss")
-        compared = compared_methods(Request())
-        assert compared == ComparedMethods(tuple(name for name in EVALUATED if name != "kiss"), ("kiss",))
-        assert "Left out, as their packages are not installed: `kiss`" in compared.words
-
-    def test_a_method_that_is_asked_for_and_not_installed_is_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        def missing(*_: object) -> None:
-            raise InputError("the method kiss needs the package kiss-matcher")
-
-        monkeypatch.setattr(methods, "is_installed", lambda name: name != "kiss")
-        monkeypatch.setattr(methods, "registrar", missing)
-        with pytest.raises(InputError, match="kiss-matcher"):
-            compared_methods(Request(method=("kiss",)))
-
+class TestPairs:
     def test_the_bound_on_tilt_is_lifted_where_there_is_one(self, device: Device) -> None:
         bounded, free = (
             methods.registrar("hemisphere", Grid(16, 1.0), device.selector, any_tilt=lifted) for lifted in (False, True)
@@ -76,8 +41,6 @@ class TestComparedMethods:
         assert (bounded.config.max_tilt, free.config.max_tilt) == (math.radians(35), math.pi)  # pyright: ignore
         methods.registrar("planes", Grid(16, 1.0), None, any_tilt=True)
 
-
-class TestPairs:
     def test_the_overlap_is_that_without_noise_and_strangers_share_nothing(self) -> None:
         for number, low in ((0, 0.05), (2, 0.4), (4, 0.8)):
             pair = related(number, 3, "yaw", 32)
@@ -99,27 +62,6 @@ class TestPairs:
         few, many = (Pairs(PairsSettings(yaw=n, any=n), None) for n in (6, 20))
         assert set(few.jobs()) < set(many.jobs())
         assert len(few.jobs()) == 2 * 2 * len(EVALUATED)
-        # speed leaves out what shares little
-        numbers = [int(job) for job in Speed(PairSetSettings(pairs=9), None).jobs()]
-        assert numbers == [1, 2, 3, 4, 6, 7, 8, 9, 11]
-
-    def test_other_methods_register_the_first_of_the_pairs_and_seeds(self) -> None:
-        compared = ComparedMethods(("spectral", "kiss"))
-        jobs = Pairs(PairsSettings(yaw=15, any=10, peers={"yaw": 6, "any": 40}, compared=compared), None).jobs()
-        batches = ("yaw/000", "yaw/001", "yaw/002", "any/000", "any/001")
-        assert [job for job in jobs if job.endswith("spectral")] == [f"{batch}/spectral" for batch in batches]
-        assert [job for job in jobs if job.endswith("kiss")] == [f"{b}/kiss" for b in batches if b != "yaw/002"]
-        settings = StepsSettings(("harbor",), (1.0,), seeds=3, peers=1, first_seed=7, compared=compared)
-        jobs = ("7/1.0/spectral", "7/1.0/kiss", "8/1.0/spectral", "9/1.0/spectral")
-        assert list(Steps(settings, None).jobs()) == [f"harbor/{job}" for job in jobs]
-
-    def test_seeds_go_round_over_the_scenes(self) -> None:
-        kiss = ComparedMethods(("kiss",))
-        settings = StepsSettings(("harbor", "pool"), (1.0, 2.0), seeds=3, first_seed=7, compared=kiss)
-        assert list(Steps(settings, None).jobs()) == [
-            f"{place}/{sigma2}/kiss" for place in ("harbor/7", "pool/8", "harbor/9") for sigma2 in ("1.0", "2.0")
-        ]
-        assert settings.grid.voxel == 2.0
 
 
 def tiny(name: str, device: Device) -> Experiment:

@@ -9,10 +9,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import choose_device
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.experiment import Row
-from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.floodgate import tables
 from sonarmap.tools.lab.reproduce.floodgate.chain import (
     DISPLACED_90,
@@ -26,15 +24,11 @@ from sonarmap.tools.lab.reproduce.floodgate.chain import (
     chained,
     pair_row,
     pose_rows,
-    runs,
     transform,
 )
 from sonarmap.tools.lab.reproduce.floodgate.run import (
-    OTHER_METHODS,
-    PAPER_METHODS,
     Floodgate,
     FloodgateSettings,
-    create,
 )
 from sonarmap.tools.lab.reproduce.floodgate.section import remarks
 from tests.samples.experiments.floodgate_rows import POSES, SCANS, STEPS, flat_survey, off, rows_of, turn
@@ -178,42 +172,6 @@ class TestTables:
 
 
 class TestExperiment:
-    def test_jobs_are_pairs_and_maps(self) -> None:
-        assert runs(("spectral", "icp"), (128, 256)) == (("icp", 0), ("spectral", 128), ("spectral", 256))
-        settings = FloodgateSettings(methods=("spectral", "icp"), edges=(64, 128), seeds=2, first_seed=5, scans=3)
-        jobs = Floodgate(settings).jobs()
-        assert jobs[:4] == ["5/true poses/0/map", "5/icp/0/01", "5/icp/0/02", "5/icp/0/map"]
-        assert jobs[-3:] == ["6/spectral/128/01", "6/spectral/128/02", "6/spectral/128/map"]
-        assert len(jobs) == len(set(jobs)) == 2 * (1 + 3 * 3)
-
-    @pytest.mark.parametrize(
-        ("arguments", "words"),
-        [
-            ({"methods": ("alchemy",)}, "no method is called alchemy"),
-            ({"methods": ()}, "no method"),
-            ({"seeds": 0}, "at least one"),
-            ({"first_seed": -1}, "none below 0"),
-            ({"scans": 1}, "2 to 18"),
-            ({"edges": (103,)}, "`edge=103`"),
-        ],
-    )
-    def test_refusals(self, arguments: dict[str, object], words: str) -> None:
-        with pytest.raises(InputError, match=words):
-            FloodgateSettings(**arguments)  # pyright: ignore[reportArgumentType]
-
-    def test_what_the_command_line_asks_for(self, now: FloodgateSurvey, monkeypatch: pytest.MonkeyPatch) -> None:
-        quick, full = (create(Request(quick=quick)).settings for quick in (True, False))
-        assert (quick.methods, quick.edges, quick.seeds) == (PAPER_METHODS, (128,), 1)
-        assert set(full.methods) | set(full.left_out) == set(PAPER_METHODS) | set(OTHER_METHODS)
-        assert (full.edges, full.scans) == ((128, 256), 18)
-        asked = create(Request(seeds=2, seed=0, grid=64)).settings
-        assert (asked.edges, asked.all_seeds) == ((64,), range(0, 2))
-        monkeypatch.setattr("sonarmap.tools.lab.reproduce.floodgate.run.is_installed", lambda name: name != "kiss")
-        experiment = create(Request())
-        assert (experiment.settings.left_out, "kiss" in experiment.settings.methods) == (("kiss",), False)
-        introduction = experiment.section(rows_of(now, {"icp": 9.0}), ()).introduction
-        assert "Not installed, so left out: kiss." in introduction
-
     @pytest.mark.slow
     def test_two_runs_give_the_same_rows_and_pictures(self, tmp_path: Path) -> None:
         """A map whose pairs were registered in an earlier run is the same as well."""

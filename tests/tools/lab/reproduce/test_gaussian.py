@@ -12,7 +12,6 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.journal import Journal
 from sonarmap.spectral.hemisphere.layers import AngleEstimate
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
@@ -224,32 +223,6 @@ class TestWords:
     def test_why_the_translation_fails(self) -> None:
         text = remarks(changed(rows_of({0: [9]}), lambda row: row["scan"] == 9, right_at_center=True))
         assert "the median errors are 0.0 degrees and 99.0 m. Measured at the scan's center, 1 of 1 would be" in text
-
-
-class TestSettings:
-    @pytest.mark.parametrize(
-        ("arguments", "words"),
-        [
-            ({"scene": "moon"}, "no scene is called 'moon'"),
-            ({"sigma2": (-1.0,)}, "--sigma2"),
-            ({"sigma2": (float("nan"),)}, "--sigma2"),
-            ({"sigma2": ()}, "--sigma2"),
-            ({"seeds": 0}, "at least one"),
-            ({"edges": (128, 103)}, "`edge=103`"),
-        ],
-    )
-    def test_refusals(self, arguments: dict[str, object], words: str) -> None:
-        with pytest.raises(InputError, match=words):
-            GaussianSettings(**arguments)  # pyright: ignore[reportArgumentType]
-
-    def test_the_full_run_and_the_quick_one(self, device: Device) -> None:
-        assert {grid_of(edge).extent for edge in (64, 128, 256)} == {256.0}
-        full, quick = create(Request(device)), create(Request(device, quick=True))
-        assert full.settings == GaussianSettings("floodgate", (1.0, 2.0), 10, 11, (128, 256))
-        assert len(set(full.jobs())) == 2 * 2 * 10 * TABLE1_COUNT
-        assert list(quick.jobs()) == [f"128/1.0/11/S{index}" for index in range(TABLE1_COUNT)]
-        asked = create(Request(device, quick=True, seeds=2, seed=0, grid=64, sigma2=(4.0,), scene="harbor"))
-        assert asked.settings == GaussianSettings("harbor", (4.0,), 2, 0, (64,))
 
 
 def test_the_place_of_the_right_pair_of_peaks() -> None:

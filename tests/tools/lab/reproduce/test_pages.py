@@ -23,7 +23,6 @@ from sonarmap.tools.lab.reproduce.pages.page import write_page
 from sonarmap.tools.lab.reproduce.run import JOURNAL, run
 from sonarmap.tools.lab.reproduce.table import Table
 from tests.samples.experiments.fake_experiment import JOBS, Fake, origin
-from tests.samples.refusals import refuses
 from tests.tools.lab.reproduce.test_run import ALIKE, bytes_of, complete, silence
 
 FILES = {*ALIKE, "fake-seconds.csv", "fake-times.md", "fake.json"}
@@ -164,26 +163,6 @@ class TestPage:
 
 
 class TestOptions:
-    def test_options_without_effect_are_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        options = {"none": (), "some": ("grid", "seed"), "every": experiments.OPTIONS}
-        table = {name: experiments.ExperimentEntry("", "m", taken) for name, taken in options.items()}
-        monkeypatch.setattr(experiments, "EXPERIMENTS", table)
-        request, chosen = experiments.Request, experiments.chosen
-        assert chosen("some", request(grid=64, seed=0)) == ("some",)
-        assert chosen("every", request(sigma2=(1.0,), scene="x")) == ("every",)
-        assert chosen("all", request(quick=True)) == ("none", "some", "every")
-        refuses(r"--sigma2 has no .* some.* takes --grid, --seed", chosen, "some", request(grid=64, sigma2=(1.0,)))
-        refuses("--seed has no effect on reproduce none; leave it out", chosen, "none", request(seed=0))
-        del table["none"]
-        assert chosen("all", request(seed=0)) == ("some", "every")
-        both = request(scene="x", sigma2=(2.0,))
-        refuses("--scene and --sigma2 have no effect on reproduce all", chosen, "all", both)
-
-    def test_the_command_that_asks_for_the_same(self) -> None:
-        request = experiments.Request(quick=True, seeds=2, seed=0, grid=64, sigma2=(1.0, 2.5))
-        options = "--quick --grid 64 --sigma2 1 --sigma2 2.5 --seeds 2 --seed 0"
-        assert request.command("x") == f"sonarmap reproduce x {options}"
-
     def test_what_is_made_is_what_was_asked_for(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": FAKE})
         asked = experiments.Request(seed=7, quick=True)

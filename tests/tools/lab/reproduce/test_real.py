@@ -11,10 +11,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.command.main import app
-from sonarmap.tools.lab.reproduce.experiments import Request, chosen, create
+from sonarmap.tools.lab.reproduce.experiments import create
 from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts, write_experiment
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.real.real_set import RealSet, read_sets, without_truth
@@ -79,45 +78,6 @@ class TestSets:
         (folder / "gt.log").write_text(gt_log(0, 1, simulated()[2]))
         shutil.copy(folder / "0.npy", folder / "old_1.npy")
         refuses(r"names of 2 scans end in it: cloud_bin_1\.ply and old_1\.npy; move one", read_sets, folder)
-
-
-class TestRequest:
-    def test_the_folder_is_needed_by_real_alone_and_no_command_says_where_it_lies(self, tmp_path: Path) -> None:
-        assert chosen("real", Request(folder=tmp_path)) == ("real",)
-        assert "real" not in chosen("all", Request())
-        refuses("reproduce real needs the folder of the scans", chosen, "real", Request())
-        for name in ("pairs", "all", "evaluation"):
-            refuses(f"reproduce {name} simulates its scans, so the", chosen, name, Request(folder=tmp_path))
-        request = Request(folder=tmp_path, voxel=0.25, max_tilt=20.0, known="attitude,depth", known_sigmas="1,2,3,4")
-        options = "--voxel 0.25 --max-tilt 20.0 --known attitude,depth --known-sigmas 1,2,3,4"
-        assert request.command("real") == f"sonarmap reproduce real DIR {options}"
-
-    def test_options_become_settings(self) -> None:
-        request = Request(known="depth,attitude", known_sigmas="1,2,3,4", seeds=2, seed=7, max_tilt=180.0, grid=64)
-        settings = real_settings(request, {"a": "b"})
-        assert (settings.known, settings.max_tilt, settings.edge) == (("attitude", "depth"), 180.0, 64)
-        assert settings.draws == {"attitude=1,depth=3,seed=7": 7, "attitude=1,depth=3,seed=8": 8}
-        degree = np.deg2rad(1)
-        np.testing.assert_allclose(settings.instruments.sigmas, [degree, degree, np.inf, np.inf, np.inf, 3])
-
-    @pytest.mark.parametrize(
-        ("options", "message"),
-        [
-            ({"known": "compass"}, "no instrument measures 'compass'"),
-            ({"known": ""}, "no instrument measures ''"),
-            ({"known_sigmas": "1,2,3,4"}, "--known-sigmas has no effect without --known"),
-            ({"seed": 4}, "--seed has no effect without --known"),
-            ({"known": "depth", "known_sigmas": "1,2,3"}, "standard deviations are 1, 2, 3; wanted four numbers"),
-            ({"known": "depth", "known_sigmas": "1,2,x,4"}, "standard deviations are nan; wanted four numbers"),
-            ({"known": "depth", "known_sigmas": "1,2,0,4"}, "wanted four numbers above 0"),
-            ({"max_tilt": 0.0}, "largest tilt is 0 degrees"),
-            ({"voxel": -1.0}, "voxel=-1"),
-            ({"grid": 33}, "edge=33"),
-        ],
-    )
-    def test_options_that_cannot_be_used(self, options: dict, message: str) -> None:
-        with pytest.raises(InputError, match=message):
-            real_settings(Request(**options), {})
 
 
 def priors_of(sets: Sequence[RealSet], settings: RealSettings, known: str) -> list[PosePrior | None]:
@@ -288,17 +248,11 @@ class TestCommand:
         assert str(tmp_path) not in page
         assert (tmp_path / "page" / "real.png").is_file()
 
-    def test_errors_are_the_users(self, tmp_path: Path) -> None:
-        for arguments, message in (
-            (["real"], "needs the folder"),
-            (["real", str(tmp_path)], "has a gt.log"),
-            (["pairs", str(tmp_path)], "simulates its scans"),
-            (["real", str(tmp_path), "--pairs", "3"], "--pairs has no effect on reproduce real"),
-            (["real", str(tmp_path), "--max-tilt", "200"], "200.0 degrees"),
-        ):
-            result = CliRunner().invoke(app, ["reproduce", *arguments, "-o", str(tmp_path / "out")])
-            assert result.exit_code != 0
-            assert message in " ".join((result.output + str(result.exception)).split())
+    def test_a_tilt_beyond_half_a_turn_is_refused(self, tmp_path: Path) -> None:
+        arguments = ["reproduce", "real", str(tmp_path), "--max-tilt", "200", "-o", str(tmp_path / "out")]
+        result = CliRunner().invoke(app, arguments)
+        assert result.exit_code == 2
+        assert "200.0 degrees" in " ".join(result.output.split())
 
 
 @pytest.mark.slow

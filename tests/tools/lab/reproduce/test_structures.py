@@ -8,7 +8,6 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce.answer import parameters
 from sonarmap.tools.lab.reproduce.structures.limits import KINDS, Limits
 from sonarmap.tools.lab.reproduce.structures.limits_section import deviation_table
@@ -94,17 +93,6 @@ class TestLimitsTable:
         assert deviation_table(rows).rows[-1][3] == "reached"
         rows.append(self.row("both", 35, 0.1, chain=7.0))
         assert deviation_table(rows).rows[-1][3] == "1 of 3 fail"
-
-
-OF_TRANSLATION = {"steps": [(), (4, 2)], "scenes": [("moon",)], "noises": [("D7",)], "seeds": [0], "first_seed": [-1]}
-OF_LIMITS = {"yaws_deg": [(90,)], "tilts_deg": [(0, 5)], "scenes": [()], "seeds": [0]}
-
-
-@pytest.mark.parametrize(("settings", "wrong"), [(ONE, OF_TRANSLATION), (LimitsSettings(), OF_LIMITS)])
-def test_settings_that_are_refused(settings: TranslationSettings | LimitsSettings, wrong: dict[str, list]) -> None:
-    for name, value in ((name, value) for name, values in wrong.items() for value in values):
-        with pytest.raises(InputError):
-            replace(settings, **{name: value})
 
 
 class TestRun:

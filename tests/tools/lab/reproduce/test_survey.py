@@ -9,17 +9,14 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.pairs import TriedPair
 from sonarmap.tools.lab.reproduce.experiment import Row
-from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, SCALE, SLAM, Request, create, members
 from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
 from sonarmap.tools.lab.reproduce.rows import column, where
 from sonarmap.tools.lab.reproduce.scale.made_up import MadeUpRegistrar, make_up
 from sonarmap.tools.lab.reproduce.scale.run import WHOLE, Scale, ScaleSettings
-from sonarmap.tools.lab.reproduce.survey import run as surveys
 from sonarmap.tools.lab.reproduce.survey import simulated
 from sonarmap.tools.lab.reproduce.survey.mapped import MappedSurvey
 from sonarmap.tools.lab.reproduce.survey.row import MAP, POSE, survey_rows
@@ -113,32 +110,6 @@ class TestRows:
         assert row["map_twice_p90_m"] == pytest.approx(0.3, abs=1e-6)
 
 
-class TestJobs:
-    def test_peers_map_the_longest_alone(self) -> None:
-        settings = SurveySettings("harbor", 2, 7, (20, 30), dive=10, systems=("sonarmap", "multiway"))
-        assert list(SurveyExperiment(settings, None).jobs()) == [
-            *("harbor-7/20/sonarmap", "harbor-7/30/sonarmap", "harbor-7/30/multiway", "harbor-7/dives"),
-            *("harbor-8/20/sonarmap", "harbor-8/30/sonarmap", "harbor-8/30/multiway", "harbor-8/dives"),
-        ]
-
-    def test_what_is_not_installed_is_left_out_and_said(self, monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
-        monkeypatch.setattr(surveys, "installed", lambda system: system != "kiss-slam")
-        settings = create("survey", Request(device)).settings
-        assert (settings.systems, settings.left_out) == (("sonarmap", "multiway"), ("kiss-slam",))
-        assert members(SLAM) == ("survey",)
-        assert EXPERIMENTS["survey"].timed
-
-    def test_quick_is_twelve_scans_by_our_mapper_alone(self, device: Device) -> None:
-        assert list(create("survey", Request(device, quick=True, seed=3)).jobs()) == ["floodgate-3/12/sonarmap"]
-
-    @pytest.mark.parametrize(
-        "change", [{"scene": "moon"}, {"counts": (1,)}, {"seeds": 0}, {"first_seed": -1}, {"edge": 103}]
-    )
-    def test_refused(self, change: dict) -> None:
-        with pytest.raises(InputError):
-            SurveySettings(**change)
-
-
 def test_two_dives_follow_each_other_and_keep_their_own_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse = lambda *given: replace(plan(*given), sensor=COARSE, noise=QUIET)  # noqa: E731
     monkeypatch.setattr(simulated, "plan", coarse)
@@ -212,13 +183,6 @@ def test_scans_of_one_place_show_the_same_bed(tmp_path: Path) -> None:
     apart = np.linalg.norm(first[:, None, :2] - second[None, ::10, :2], axis=2)
     height = first[apart.argmin(axis=0), 2] - second[::10, 2]
     assert np.median(np.abs(height[apart.min(axis=0) < 0.3])) < 0.15
-
-
-def test_it_is_an_experiment_of_its_own_group() -> None:
-    assert members(SCALE) == ("scale",)
-    assert EXPERIMENTS["scale"].timed
-    quick = create("scale", Request(quick=True, seed=3, seeds=2))
-    assert quick.jobs() == ["3/100", "3/200", "4/100", "4/200"]
 
 
 @pytest.mark.slow

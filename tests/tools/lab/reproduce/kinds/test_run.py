@@ -14,7 +14,6 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.main import app
-from sonarmap.tools.lab.reproduce.experiments import Request, chosen, members
 from sonarmap.tools.lab.reproduce.kinds import run as module
 from sonarmap.tools.lab.reproduce.kinds.navigation import directions
 from sonarmap.tools.lab.reproduce.kinds.run import Kinds
@@ -23,7 +22,6 @@ from sonarmap.tools.lab.reproduce.kinds.settings import (
     NAVIGATION,
     NAVIGATION_OVERLAPS,
     KindsSettings,
-    kinds_settings,
 )
 from sonarmap.tools.lab.reproduce.methods import ComparedMethods
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS
@@ -71,33 +69,6 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Fake:
     monkeypatch.setattr(module, "registrar", lambda *_: made)
     monkeypatch.setattr(module, "kind_pair", kind_pair)
     return made
-
-
-class TestRequest:
-    def test_a_group_of_its_own(self) -> None:
-        assert chosen("kinds", Request(pairs=5, seed=1, grid=64, method=("planes",))) == members("kinds") == ("kinds",)
-        assert "kinds" not in (*chosen("all", Request()), *chosen("evaluation", Request()))
-        with pytest.raises(InputError, match="--scene has no effect on reproduce kinds"):
-            chosen("kinds", Request(scene="harbor"))
-
-    def test_options_become_settings(self) -> None:
-        usual = kinds_settings(Request(method=("spectral",)))
-        assert (usual.kinds, usual.count, usual.edge) == (tuple(SCAN_KINDS), 100, 128)
-        quick = kinds_settings(Request(quick=True, method=("spectral",)))
-        assert (quick.kinds, quick.count, quick.edge, quick.seed) == (("patch", "swath"), 5, 64, usual.seed)
-        asked = kinds_settings(Request(pairs=7, seed=0, grid=32, method=("icp",)))
-        assert asked == KindsSettings(pairs=7, seed=0, edge=32, compared=ComparedMethods(("icp",)))
-
-    @pytest.mark.parametrize("changes", [{"pairs": 0}, {"seed": -1}, {"edge": 33}, {"kinds": ("sonogram",)}])
-    def test_what_cannot_be_used(self, changes: dict) -> None:
-        with pytest.raises(InputError):
-            KindsSettings(**changes)
-
-    def test_jobs_of_methods_that_use_priors_and_of_others(self) -> None:
-        given = ("none/{}/spectral", "none/{}/planes", f"{LEVELED}/{{}}/spectral", f"{NAVIGATION}/{{}}/spectral")
-        jobs = [f"swath/{job.format(batch)}" for batch in ("000", "001") for job in given]
-        jobs += [f"patch/{job.format(batch)}" for batch in ("000", "001") for job in given[:3]]
-        assert list(Kinds(TWO, None).jobs()) == jobs
 
 
 class TestRows:
