@@ -11,12 +11,12 @@ rows: changing them does not make jobs run again; changing the file of the class
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.lab.reproduce.worker import maker
 
 if TYPE_CHECKING:
     from sonarmap.kernels.device.device import Device
@@ -94,7 +94,8 @@ class ExperimentEntry:
     """One experiment of the table."""
 
     shows: str  # which of the paper's figures and tables, or what is looked at
-    module: str  # where its `create` is; it is imported when the experiment is asked for
+    # where its `create` is, or with another name behind a colon; it is imported when the experiment is asked for
+    module: str
     options: tuple[str, ...]  # those of OPTIONS that change its rows
     group: str = ALL  # that it belongs to
     timed: bool = False  # whether it measures times, so that its jobs are run one by one
@@ -110,14 +111,16 @@ _MADE_UP = "the mapper's own work on 1,000 to 10,000 scans, with made-up registr
 # Name on the command line -> experiment, in the order in which a group runs them and its page shows them.
 EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
     {
-        "translation": _entry("Figs. 12, 14, 15", "structures.translation", _STRUCTURE_OPTIONS),
-        "rotation": _entry("Figs. 16, 17", "structures.rotation", _STRUCTURE_OPTIONS),
+        "translation": _entry("Figs. 12, 14, 15", "structures.moved:create_translation", _STRUCTURE_OPTIONS),
+        "rotation": _entry("Figs. 16, 17", "structures.moved:create_rotation", _STRUCTURE_OPTIONS),
         "limits": _entry("Figs. 7 to 9", "structures.limits", _STRUCTURE_OPTIONS),
         "gaussian": _entry("Table 1, Figs. 20, 21", "gaussian.run", _STEPS_OPTIONS[:-1]),
         "floodgate": _entry("Sect. 4, Table 2, Figs. 22 to 31", "floodgate.run", ("grid", "seeds", "seed")),
         "steps": _entry("Table 1, extended to S12, on four scenes", "evaluation.steps", _STEPS_OPTIONS, EVALUATION),
-        "pairs": _entry("pairs of every overlap", "evaluation.pairs", _PAIR_OPTIONS, EVALUATION),
-        "unrelated": _entry("pairs that share nothing", "evaluation.unrelated", _PAIR_OPTIONS, EVALUATION),
+        "pairs": _entry("pairs of every overlap", "evaluation.pair_set:create_pairs", _PAIR_OPTIONS, EVALUATION),
+        "unrelated": _entry(
+            "pairs that share nothing", "evaluation.pair_set:create_unrelated", _PAIR_OPTIONS, EVALUATION
+        ),
         "speed": _entry("time to register a pair", "evaluation.speed", _PAIR_OPTIONS, EVALUATION, timed=True),
         "survey": _entry("maps of whole surveys", "survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True),
         "real": _entry("pairs of real scans in a folder DIR", "real.run", _REAL_OPTIONS, REAL, on_folder=True),
@@ -174,7 +177,7 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
 
 def create(name: str, request: Request) -> "Experiment":
     """The experiment of that name, as it was asked for."""
-    return import_module(EXPERIMENTS[name].module).create(request.of(name))
+    return maker(EXPERIMENTS[name].module)(request.of(name))
 
 
 def _check_folder(name: str, names: tuple[str, ...], folder: Path | None) -> None:

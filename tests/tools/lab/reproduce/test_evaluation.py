@@ -12,8 +12,7 @@ from scipy.spatial import KDTree
 from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce import methods
-from sonarmap.tools.lab.reproduce.evaluation.pair_set import related, unrelated
-from sonarmap.tools.lab.reproduce.evaluation.pairs import Pairs
+from sonarmap.tools.lab.reproduce.evaluation.pair_set import Pairs, related, unrelated
 from sonarmap.tools.lab.reproduce.evaluation.settings import PairsSettings
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Row
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create

@@ -9,7 +9,7 @@ import pytest
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce import experiments, methods
-from sonarmap.tools.lab.reproduce.evaluation.pairs import Pairs
+from sonarmap.tools.lab.reproduce.evaluation.pair_set import Pairs
 from sonarmap.tools.lab.reproduce.evaluation.settings import PairSetSettings, PairsSettings, StepsSettings
 from sonarmap.tools.lab.reproduce.evaluation.speed import Speed
 from sonarmap.tools.lab.reproduce.evaluation.steps import Steps

@@ -11,6 +11,7 @@ from sonarmap.kernels.device.device import choose_device
 from sonarmap.tools.lab.reproduce.answer import parameters
 from sonarmap.tools.lab.reproduce.structures.limits import KINDS, Limits
 from sonarmap.tools.lab.reproduce.structures.limits_section import deviation_table
+from sonarmap.tools.lab.reproduce.structures.moved import Translation, Turns
 from sonarmap.tools.lab.reproduce.structures.moved_section import (
     deviation,
     reach,
@@ -18,9 +19,7 @@ from sonarmap.tools.lab.reproduce.structures.moved_section import (
     translation_section,
     within_limits,
 )
-from sonarmap.tools.lab.reproduce.structures.rotation import Turns
 from sonarmap.tools.lab.reproduce.structures.settings import LimitsSettings, RotationSettings, TranslationSettings
-from sonarmap.tools.lab.reproduce.structures.translation import Translation
 from tests.samples.experiments.shown import run_all, show
 
 ONE = TranslationSettings(scenes=("clutter",), noises=("D0", "D6"), seeds=1, first_seed=3, edge=64, steps=(8, 16, 40))

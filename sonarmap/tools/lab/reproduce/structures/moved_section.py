@@ -7,8 +7,13 @@ from types import MappingProxyType
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.figure import draw_series
 from sonarmap.tools.lab.reproduce.rows import accepted, column, grouped, middle, number, rate, right, where, wrong
-from sonarmap.tools.lab.reproduce.structures.moved import RIGHT_DEG, RIGHT_VOXELS
-from sonarmap.tools.lab.reproduce.structures.settings import RotationSettings, StructureSettings, TranslationSettings
+from sonarmap.tools.lab.reproduce.structures.settings import (
+    RIGHT_DEG,
+    RIGHT_VOXELS,
+    RotationSettings,
+    StructureSettings,
+    TranslationSettings,
+)
 from sonarmap.tools.lab.reproduce.table import Table, table_of
 
 # The distance up to which the paper says or shows that registrations succeed [voxels of 1 m] (Figs. 12, 14, 15)

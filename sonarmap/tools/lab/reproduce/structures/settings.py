@@ -9,6 +9,7 @@ from sonarmap.tools.lab.reproduce.settings import check_scenes, check_seeds
 from sonarmap.tools.lab.simulate.shapes.structure import NOISES
 
 EXTENT = 256.0  # of the grid [m]; the paper has 256 voxels of 1 m
+RIGHT_DEG, RIGHT_VOXELS = 2.0, 2.0
 
 
 @dataclass(frozen=True, slots=True)
