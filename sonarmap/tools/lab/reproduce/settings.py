@@ -7,9 +7,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 
+EXTENT = 256.0  # of the paper's grid [m]
 Settings = TypeVar("Settings")
 # An option -> the settings that it changes, of those that an experiment has
 _OPTIONS = {
@@ -38,6 +40,12 @@ def as_asked(usual: Settings, request: Request, **quick: Any) -> Settings:
             is_list = isinstance(getattr(usual, name), tuple) and not isinstance(value, tuple)
             changes[name] = (value,) if is_list else value
     return replace(usual, **changes)  # pyright: ignore[reportArgumentType]
+
+
+def paper_grid(edge: int) -> Grid:
+    """A grid of `edge` voxels along each edge, as large as the paper's, which has 256 voxels of about 1 m."""
+    Grid(edge, 1.0)  # its error names the edge alone
+    return Grid(edge, EXTENT / edge)
 
 
 def check_seeds(seeds: int, first_seed: int) -> None:

@@ -20,7 +20,7 @@ from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.answer import PARAMETERS, parameters
 from sonarmap.tools.lab.reproduce.experiment import Row, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.gaussian.run import Gaussian, GaussianSettings, create, grid_of
+from sonarmap.tools.lab.reproduce.gaussian.run import Gaussian, GaussianSettings, create
 from sonarmap.tools.lab.reproduce.gaussian.section import (
     detail_table,
     remarks,
@@ -40,6 +40,7 @@ from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.rows import last_right, where
 from sonarmap.tools.lab.reproduce.run import JOURNAL
+from sonarmap.tools.lab.reproduce.settings import paper_grid
 from sonarmap.tools.lab.reproduce.table import Table
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, table1_transform
 from sonarmap.tools.lab.simulate.plan import table1_pair
@@ -245,11 +246,11 @@ class TestSeries:
             assert preparation_of(config) != HemisphereConfig()
 
     def test_shared_or_not_the_rows_are_the_same(self, device: Device) -> None:
-        series = Series(device, grid_of(32), "floodgate")
+        series = Series(device, paper_grid(32), "floodgate")
         by_method = {row["method"]: row for row, _ in series.register(2, 1, 1.0)}
         target, source, truth = table1_pair(2, 1, 1.0)
         for name, method in VARIANTS.items():
-            alone = HemisphereRegistrar(device, grid_of(32), method.config)
+            alone = HemisphereRegistrar(device, paper_grid(32), method.config)
             registration = alone.register(alone.prepare(target), alone.prepare(source))
             for which, T in (("found", registration.T_target_source), ("true", truth)):
                 listed = [by_method[name][f"{which}_{parameter}"] for parameter in PARAMETERS]

@@ -18,11 +18,12 @@ from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, OPTIONS, Reque
 from sonarmap.tools.lab.reproduce.floodgate import run as floodgate
 from sonarmap.tools.lab.reproduce.floodgate.chain import runs
 from sonarmap.tools.lab.reproduce.floodgate.run import OTHER_METHODS, PAPER_METHODS, Floodgate, FloodgateSettings
-from sonarmap.tools.lab.reproduce.gaussian.run import GaussianSettings, grid_of
+from sonarmap.tools.lab.reproduce.gaussian.run import GaussianSettings
 from sonarmap.tools.lab.reproduce.kinds.run import Kinds
 from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NAVIGATION, KindsSettings, kinds_settings
 from sonarmap.tools.lab.reproduce.methods import EVALUATED, ComparedMethods, compared_methods
 from sonarmap.tools.lab.reproduce.real.settings import real_settings
+from sonarmap.tools.lab.reproduce.settings import paper_grid
 from sonarmap.tools.lab.reproduce.structures.settings import LimitsSettings, TranslationSettings
 from sonarmap.tools.lab.reproduce.survey import run as survey
 from sonarmap.tools.lab.reproduce.survey.run import SurveyExperiment
@@ -171,7 +172,7 @@ def test_settings_that_are_refused(settings: Any, refused: dict[str, dict]) -> N
 
 class TestAsked:
     def test_gaussian(self, device: Device) -> None:
-        assert {grid_of(edge).extent for edge in (64, 128, 256)} == {256.0}
+        assert {paper_grid(edge).extent for edge in (64, 128, 256)} == {256.0}
         full, quick = create("gaussian", Request(device)), create("gaussian", Request(device, quick=True))
         assert full.settings == GaussianSettings("floodgate", (1.0, 2.0), 10, 11, (128, 256))
         assert len(set(full.jobs())) == 2 * 2 * 10 * TABLE1_COUNT

@@ -8,10 +8,16 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.methods import OURS, ComparedMethods, compared_methods
-from sonarmap.tools.lab.reproduce.settings import as_asked, check_pairs, check_scenes, check_seeds, check_variances
+from sonarmap.tools.lab.reproduce.settings import (
+    as_asked,
+    check_pairs,
+    check_scenes,
+    check_seeds,
+    check_variances,
+    paper_grid,
+)
 from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
 
-EXTENT = 256.0  # of the grid [m], as large as the paper's
 FIRST_SEED = 101  # neither development nor the tests use scenes and noise of these seeds
 
 
@@ -37,8 +43,7 @@ class StepsSettings:
     @property
     def grid(self) -> Grid:
         """That all pairs share."""
-        Grid(self.edge, 1.0)
-        return Grid(self.edge, EXTENT / self.edge)
+        return paper_grid(self.edge)
 
 
 SET_SEED = 20110  # neither development nor the tests use pairs of this set

@@ -20,7 +20,6 @@ from sonarmap.tools.lab.simulate.shapes.solids import Mesh
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
 
-EXTENT = 256.0  # of the paper's grids [m]
 VOXEL = 2.0  # of methods without a grid of their own [m]
 
 

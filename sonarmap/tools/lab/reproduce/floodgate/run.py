@@ -15,7 +15,6 @@ from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.floodgate.chain import (
     COMPARED,
-    EXTENT,
     PAIR,
     POSE,
     SCANS,
@@ -28,7 +27,7 @@ from sonarmap.tools.lab.reproduce.floodgate.chain import (
 )
 from sonarmap.tools.lab.reproduce.floodgate.figure import draw_floodgate
 from sonarmap.tools.lab.reproduce.floodgate.section import floodgate_section
-from sonarmap.tools.lab.reproduce.settings import as_asked, check_seeds
+from sonarmap.tools.lab.reproduce.settings import EXTENT, as_asked, check_seeds, paper_grid
 from sonarmap.tools.methods.registry import ALL_METHODS, build, is_installed
 
 # The paper's three, and ours
@@ -136,7 +135,7 @@ class Floodgate(Experiment):
         key = (seed, method, edge)
         if self._current is None or self._current[0] != key:
             self._current = None
-            grid = Grid(edge, EXTENT / edge) if edge else Grid(round(EXTENT / VOXEL), VOXEL)
+            grid = paper_grid(edge) if edge else Grid(round(EXTENT / VOXEL), VOXEL)
             registrar = build(method, grid, self.device.selector if self.device else None, seed)
             scan = registrar.prepare(survey(seed, self.settings.scans).scans[0])
             registrar.register(scan, scan)

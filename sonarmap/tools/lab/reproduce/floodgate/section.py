@@ -8,7 +8,6 @@ from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.floodgate.chain import (
     COMPARED,
-    EXTENT,
     MAP_90,
     PAIR,
     POSE,
@@ -32,6 +31,7 @@ from sonarmap.tools.lab.reproduce.floodgate.tables import (
     verdict_table,
 )
 from sonarmap.tools.lab.reproduce.rows import accepted, column, distinct, middle, rate, right, wrong
+from sonarmap.tools.lab.reproduce.settings import EXTENT
 
 
 def floodgate_section(rows: Sequence[Row], seconds: Sequence[Row], settings: Any) -> Section:

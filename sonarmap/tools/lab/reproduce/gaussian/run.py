@@ -6,13 +6,12 @@ from itertools import product
 from typing import ClassVar
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.gaussian.figure import draw_gaussian
 from sonarmap.tools.lab.reproduce.gaussian.section import gaussian_section
-from sonarmap.tools.lab.reproduce.gaussian.series import EXTENT, Series
-from sonarmap.tools.lab.reproduce.settings import as_asked, check_scenes, check_seeds, check_variances
+from sonarmap.tools.lab.reproduce.gaussian.series import Series
+from sonarmap.tools.lab.reproduce.settings import as_asked, check_scenes, check_seeds, check_variances, paper_grid
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT
 
 FIRST_SEED = 11  # windows, blurs and bounds were chosen on scenes and noises of smaller seeds
@@ -34,13 +33,7 @@ class GaussianSettings:
         check_variances(self.sigma2)
         check_seeds(self.seeds, self.first_seed)
         for edge in self.edges:
-            grid_of(edge)
-
-
-def grid_of(edge: int) -> Grid:
-    """The grid that all pairs of so many voxels share."""
-    Grid(edge, 1.0)
-    return Grid(edge, EXTENT / edge)
+            paper_grid(edge)
 
 
 class Gaussian(Experiment):
@@ -75,7 +68,7 @@ class Gaussian(Experiment):
         edge, sigma2, seed, index = self._pairs[job]
         if self._series is None or self._series.grid.edge != edge:
             self._series = None  # what it holds on the device goes before the next is made
-            self._series = Series(self.device, grid_of(edge), self.settings.scene)
+            self._series = Series(self.device, paper_grid(edge), self.settings.scene)
         registered = self._series.register(index, seed, sigma2)
         return Outcome(tuple(row for row, _ in registered), tuple(seconds for _, seconds in registered))
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
-from sonarmap.tools.lab.reproduce.gaussian.series import EXTENT, RANKED, VARIANTS, less_turns
+from sonarmap.tools.lab.reproduce.gaussian.series import RANKED, VARIANTS, less_turns
 from sonarmap.tools.lab.reproduce.rows import (
     accepted,
     column,
@@ -27,6 +27,7 @@ from sonarmap.tools.lab.reproduce.rows import (
     where,
     wrong,
 )
+from sonarmap.tools.lab.reproduce.settings import EXTENT
 from sonarmap.tools.lab.reproduce.table import Table, table_of
 
 # sigma^2 [m^2] -> the last scan up to which the paper's registrations succeed (Figs. 20, 21)

@@ -18,7 +18,6 @@ from sonarmap.tools.lab.reproduce.experiment import Row, Value
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_RIG
 from sonarmap.tools.lab.simulate.plan import table1_pair
 
-EXTENT = 256.0  # of the grid [m]; the paper has 256 voxels of about 1 m
 RANKED = 12  # so many yaw peaks are looked at
 
 
