@@ -9,14 +9,14 @@ does that), and add a row to EXPERIMENTS. Files that `provenance.SHOWING` names,
 rows: changing them does not make jobs run again; changing the file of the class, or what its `sources` name, does.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.reproduce.worker import maker
 
 if TYPE_CHECKING:
     from sonarmap.kernels.device.device import Device
@@ -173,6 +173,12 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
             + (f". It takes {known}" if known else "")
         )
     return names
+
+
+def maker(place: str) -> Callable[[Request], "Experiment"]:
+    """What makes an experiment: the function `create` of a module, or another one, as in "module:create_pairs"."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name or "create")
 
 
 def create(name: str, request: Request) -> "Experiment":

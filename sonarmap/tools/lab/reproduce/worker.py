@@ -1,9 +1,8 @@
 """Running an experiment's jobs, in this process or in a new one. Only the standard library is imported here, as a new
 process sets how many threads libraries use before it loads them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -19,7 +18,7 @@ class WorkerProcesses:
     """New processes that each make the same experiment, with a device of its own."""
 
     count: int  # how many, at least 1
-    module: str  # has the experiment's `create`, as `maker` takes it
+    module: str  # has the experiment's `create`, as `experiments.maker` takes it
     request: "Request"  # what to make, without a device
     device: str | None  # as `choose_device` takes it
 
@@ -37,14 +36,9 @@ def begin(processes: WorkerProcesses) -> None:
     """Make the experiment in a new process."""
     global _experiment
     from sonarmap.kernels.device.device import choose_device
+    from sonarmap.tools.lab.reproduce.experiments import maker
 
     _experiment = maker(processes.module)(replace(processes.request, device=choose_device(processes.device)))
-
-
-def maker(place: str) -> "Callable[[Request], Experiment]":
-    """What makes an experiment: the function `create` of a module, or another one, as in "module:create_pairs"."""
-    module, _, name = place.partition(":")
-    return getattr(import_module(module), name or "create")
 
 
 def run_in_worker(groups: Sequence[Sequence[str]]) -> list[list[JobResult]]:
