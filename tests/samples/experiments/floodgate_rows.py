@@ -1,13 +1,11 @@
-"""What the tests of the flood gate's maps share: a survey of five scans whose errors are known, and its outcomes."""
+"""What the tests of the flood gate's maps share: a survey of five scans whose errors are known, and its rows."""
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
-from sonarmap.tools.lab.reproduce.floodgate.chain import PAIR, POSE, FloodgateSurvey, pair_row, pose_rows
-from sonarmap.tools.lab.reproduce.floodgate.methods import TRUTH
-from sonarmap.tools.lab.reproduce.floodgate.run import MAP
+from sonarmap.tools.lab.reproduce.experiment import Row
+from sonarmap.tools.lab.reproduce.floodgate.chain import PAIR, POSE, TRUTH, FloodgateSurvey, pair_row, pose_rows
 from sonarmap.tools.lab.simulate.shapes.solids import box, merge
 
 SCANS = 5
@@ -44,19 +42,12 @@ def off(meters: float) -> list[RigidTransform]:
     return [step * RigidTransform.from_translation([0, 0, meters * (k == 1)]) for k, step in enumerate(STEPS)]
 
 
-def outcomes(
-    now: FloodgateSurvey, errors: dict[str, float], seeds: int = 1, seconds: float = 2.0
-) -> dict[str, Outcome]:
-    """Of methods that make one error each [m], the same in every survey; "hemisphere" and "spectral" at 256."""
-    found: dict[str, Outcome] = {}
-    for seed in range(1, 1 + seeds):
-        for method, steps in {TRUTH: None, **{method: off(error) for method, error in errors.items()}}.items():
-            edge = 256 if method in ("hemisphere", "spectral") else 0
-            begin = {"seed": seed, "method": method, "grid": edge}
-            for k, step in enumerate(steps or ()):
-                row: Row = {"row": PAIR} | begin | pair_row(now, k + 1, step, accepted=True)
-                took: Row = begin | {"scan": k + 1, "prepare_s": 0.5, "register_s": seconds + k * k}
-                found[f"{seed}/{method}/{edge}/{k + 1:02d}"] = Outcome((row,), (took,))
-            poses = pose_rows(now, steps)
-            found[f"{seed}/{method}/{edge}/{MAP}"] = Outcome(tuple({"row": POSE} | begin | row for row in poses))
-    return found
+def rows_of(now: FloodgateSurvey, errors: dict[str, float], seed: int = 1, fine: int = 256) -> list[Row]:
+    """Of one survey and methods that make one error each [m]; "hemisphere" and "spectral" on a grid of `fine`."""
+    rows: list[Row] = []
+    for method, steps in {TRUTH: None, **{method: off(error) for method, error in errors.items()}}.items():
+        begin = {"seed": seed, "method": method, "grid": fine if method in ("hemisphere", "spectral") else 0}
+        for k, step in enumerate(steps or ()):
+            rows.append({"row": PAIR} | begin | pair_row(now, k + 1, step, accepted=True))
+        rows += [{"row": POSE} | begin | row for row in pose_rows(now, steps)]
+    return rows

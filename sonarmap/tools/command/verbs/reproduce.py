@@ -113,7 +113,7 @@ def _workers(name: str, job: ExperimentJob) -> "WorkerProcesses | None":
 
 
 def _print(record: "Record", out: Path) -> None:
-    from sonarmap.tools.lab.reproduce.pages.section_text import duration
+    from sonarmap.tools.lab.reproduce.pages.folder import duration
 
     console, section = result_console(), record.section
     console.print(section.title, style="bold", markup=False)

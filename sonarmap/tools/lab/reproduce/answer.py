@@ -1,7 +1,5 @@
 """The registration of one pair by one method as cells of a row: its errors, and what the method reports."""
 
-from typing import Any
-
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
@@ -45,7 +43,11 @@ def claims(registration: Registration) -> dict[str, Value]:
     The cells: accepted; probability that it is right, psr (both NaN from methods that have none); its estimated
     overlap; sigma_deg and sigma_m, standard deviations along the worst direction; its reason.
     """
-    sigma_deg, sigma_m = _sigmas(registration.covariance)
+    sigma_deg, sigma_m = float("nan"), float("nan")
+    if np.isfinite(covariance := registration.covariance).all():
+        worst = (np.linalg.eigvalsh(block)[-1] for block in (covariance[:3, :3], covariance[3:, 3:]))
+        turn, sigma_m = (float(np.sqrt(max(variance, 0.0))) for variance in worst)
+        sigma_deg = float(np.rad2deg(turn))
     return {
         "accepted": bool(registration.accepted),
         "probability": float(getattr(registration, "probability", float("nan"))),
@@ -58,14 +60,9 @@ def claims(registration: Registration) -> dict[str, Value]:
 
 
 def errors(registration: Registration, truth: RigidTransform, voxel: float) -> dict[str, Value]:
-    """The errors of a registration against the true T_target_source, between the scans' frames.
+    """The errors of a registration against the true T_target_source between the scans; `voxel` of the grid [m].
 
     The cells: right (within RIGHT_DEG and RIGHT_VOXELS); rotation_deg, translation_m, translation_voxels; nees.
-
-    Args:
-        registration: the estimate.
-        truth: the true T_target_source.
-        voxel: of the grid [m].
     """
     error = pair_error(registration.T_target_source, truth)
     return {
@@ -82,15 +79,7 @@ def nees(T_estimate: RigidTransform, covariance: np.ndarray, truth: RigidTransfo
 
     If the covariance is that of the errors, it is distributed as chi-squared with six degrees of freedom (Bar-Shalom,
     Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, Sect. 5.4, doi
-    10.1002/0471221279).
-
-    Args:
-        T_estimate: the estimated T_target_source.
-        covariance: (6, 6), rotation first [rad, m], of xi.
-        truth: T_target_source.
-
-    Returns:
-        NaN where the covariance is not positive definite.
+    10.1002/0471221279). NaN where the covariance of xi, (6, 6), rotation first [rad, m], is not positive definite.
     """
     xi = (T_estimate.inv() * truth).as_exp_coords()
     try:
@@ -98,16 +87,6 @@ def nees(T_estimate: RigidTransform, covariance: np.ndarray, truth: RigidTransfo
     except np.linalg.LinAlgError:
         return float("nan")
     return float(whitened @ whitened)
-
-
-def _sigmas(covariance: Any) -> tuple[float, float]:
-    """Standard deviations of rotation [degrees] and translation [m] along the worst direction of each."""
-    if not np.isfinite(covariance).all():
-        return float("nan"), float("nan")
-    rotation, translation = (
-        float(np.sqrt(max(np.linalg.eigvalsh(block)[-1], 0.0))) for block in (covariance[:3, :3], covariance[3:, 3:])
-    )
-    return float(np.rad2deg(rotation)), translation
 
 
 def finish_device(registrar: Registrar) -> None:

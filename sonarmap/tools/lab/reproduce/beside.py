@@ -1,6 +1,6 @@
 """What was measured of ours beside the other methods, and what follows for a user: the first table of an evaluation."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from sonarmap.tools.lab.reproduce.experiment import Row
@@ -34,7 +34,7 @@ class Measure:
         return self.words, rate(hits, of), others, expect(hits, of, self.expected)
 
 
-def beside_table(lines: Sequence[Line]) -> Table:
+def beside_table(lines: Iterable[Line]) -> Table:
     """The table of what was measured."""
     return Table(f"`{OURS}` beside the other methods", HEADINGS, tuple(lines))
 
@@ -45,14 +45,8 @@ def others_of(
     form: Callable[[float], str],
     most: bool = False,
 ) -> str:
-    """The best and the worst of the other methods, as in "best: kiss 93 %; worst: icp 41 %".
-
-    Args:
-        rows: of all methods.
-        value: of one method's rows; None where there is none.
-        form: shows a value.
-        most: whether the largest is the best.
-    """
+    """The best and the worst of the other methods, as in "best: kiss 93 %; worst: icp 41 %"; `most`: the largest is the
+    best. `value` is of one method's rows, None where there is none, and `form` shows it."""
     values = {name: value(where(rows, method=name)) for name in distinct(rows, "method") if name != OURS}
     known = {name: number for name, number in values.items() if number is not None}
     order = sorted(known, key=lambda name: known[name], reverse=most)

@@ -4,13 +4,13 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from statistics import median
 
+import numpy as np
 from scipy.stats import chi2
 
 from sonarmap.tools.lab.reproduce.experiment import Row
 from sonarmap.tools.lab.reproduce.methods import OURS
-from sonarmap.tools.lab.reproduce.rows import CONFIDENCE, DASH, Rate, right, where, wilson
+from sonarmap.tools.lab.reproduce.rows import CONFIDENCE, DASH, Rate, column, grouped, known, right, where, wilson
 from sonarmap.tools.lab.reproduce.table import Table
 
 # Shares of the points in common between which pairs are drawn (from 5 % on), and shown
@@ -32,11 +32,6 @@ class CovarianceCheck:
     inside: Rate  # how many lie in the covariance's own 95 % ellipsoid
 
     @property
-    def share(self) -> float:
-        """Of those in the ellipsoid, 0..1."""
-        return self.inside.successes / self.inside.trials
-
-    @property
     def verdict(self) -> str:
         """Of the mean."""
         if self.low <= self.mean <= self.high:
@@ -54,11 +49,6 @@ class Reliability:
     predicted: float  # the mean of the probabilities
     right: Rate  # how many of the registrations are right
 
-    @property
-    def share(self) -> float:
-        """Of the registrations, that is right."""
-        return self.right.successes / self.right.trials
-
 
 def shared(rows: Iterable[Row], low: float, high: float = 1.0) -> list[Row]:
     """The rows whose pairs share more than `low` and at most `high` of their points."""
@@ -67,28 +57,24 @@ def shared(rows: Iterable[Row], low: float, high: float = 1.0) -> list[Row]:
 
 def calibration(rows: Iterable[Row]) -> CovarianceCheck | None:
     """Of the rows that have a normalized squared error; None where none has."""
-    nees = [float(row["nees"]) for row in rows if not math.isnan(float(row["nees"]))]
-    if not nees:
+    nees = column(known(rows, "nees"), "nees")
+    if not len(nees):
         return None
     tail = (1 - CONFIDENCE) / 2
     low, high = (float(chi2.ppf(q, FREEDOM * len(nees)) / len(nees)) for q in (tail, 1 - tail))
-    bound = float(chi2.ppf(CONFIDENCE, FREEDOM))
-    inside = wilson(sum(value <= bound for value in nees), len(nees))
-    return CovarianceCheck(math.fsum(nees) / len(nees), median(nees), low, high, inside)
+    inside = wilson(int((nees <= chi2.ppf(CONFIDENCE, FREEDOM)).sum()), len(nees))
+    return CovarianceCheck(math.fsum(nees) / len(nees), float(np.median(nees)), low, high, inside)
 
 
 def reliability(rows: Iterable[Row], bounds: Sequence[float] = PROBABILITIES) -> list[Reliability]:
     """Of the rows that have a probability, between each two bounds that hold any."""
-    rated = [row for row in rows if not math.isnan(float(row["probability"]))]
+    rated = known(rows, "probability")
+    p, good = column(rated, "probability"), np.array([bool(row["right"]) for row in rated])
     bins = []
     for low, high in pairwise(bounds):
-        last = high == bounds[-1]
-        held = [
-            row for row in rated if low <= float(row["probability"]) < high or (last and row["probability"] == high)
-        ]
-        if held:
-            predicted = math.fsum(float(row["probability"]) for row in held) / len(held)
-            bins.append(Reliability(low, high, predicted, wilson(sum(bool(row["right"]) for row in held), len(held))))
+        chosen = (low <= p) & ((p < high) | ((high == bounds[-1]) & (p == high)))
+        if count := int(chosen.sum()):
+            bins.append(Reliability(low, high, math.fsum(p[chosen]) / count, wilson(int(good[chosen].sum()), count)))
     return bins
 
 
@@ -98,8 +84,8 @@ def calibration_table(yaw: Sequence[Row], free: Sequence[Row], methods: Sequence
     cases: list[tuple[str, Sequence[Row]]] = [(f"{OURS}, any yaw", ours)] if OURS in methods else []
     if cases:
         cases += [(f"… {low:.0%}..{high:.0%} shared", shared(ours, low, high)) for low, high in OVERLAPS]
-        cases += [(f"… σ² = {noise:g} m²", where(ours, sigma2=noise)) for noise in sorted({*_column(ours, "sigma2")})]
-        cases += [(f"… {scene}", where(ours, scene=scene)) for scene in dict.fromkeys(_column(ours, "scene"))]
+        cases += [(f"… σ² = {noise:g} m²", some) for (noise,), some in sorted(grouped(ours, "sigma2").items())]
+        cases += [(f"… {scene}", some) for (scene,), some in grouped(ours, "scene").items()]
         cases += [("… accepted", where(ours, accepted=True))]
         cases += [(f"{OURS}, any rotation", right(where(free, method=OURS)))]
     cases += [(f"{name}, any yaw", right(where(yaw, method=name))) for name in methods if name != OURS]
@@ -117,7 +103,13 @@ def reliability_table(yaw: Sequence[Row], free: Sequence[Row]) -> Table:
     """The probability that ours reports, next to how often it is right."""
     cases = (("any yaw", where(yaw, method=OURS)), ("any rotation", where(free, method=OURS)))
     lines = [
-        (words, f"{rated.low:g}..{rated.high:g}", f"{rated.predicted:.3f}", f"{rated.share:.3f}", str(rated.right))
+        (
+            words,
+            f"{rated.low:g}..{rated.high:g}",
+            f"{rated.predicted:.3f}",
+            f"{rated.right.share:.3f}",
+            str(rated.right),
+        )
         for words, rows in cases
         for rated in reliability(rows)
     ]
@@ -126,21 +118,9 @@ def reliability_table(yaw: Sequence[Row], free: Sequence[Row]) -> Table:
 
 
 def _line(name: str, rows: Sequence[Row]) -> tuple[str, ...]:
-    calibrated = calibration(rows)
-    if calibrated is None:
+    check = calibration(rows)
+    if check is None:
         return (name, str(len(rows)), *[DASH] * 5)
-    inside = f"{calibrated.share:.1%} [{calibrated.inside.low:.1%}..{calibrated.inside.high:.1%}]"
-    interval = f"{calibrated.low:.2f}..{calibrated.high:.2f}"
-    return (
-        name,
-        str(calibrated.inside.trials),
-        f"{calibrated.mean:.2f}",
-        interval,
-        f"{calibrated.median:.2f}",
-        inside,
-        calibrated.verdict,
-    )
-
-
-def _column(rows: Sequence[Row], key: str) -> list:
-    return [row[key] for row in rows]
+    inside = f"{check.inside.share:.1%} [{check.inside.low:.1%}..{check.inside.high:.1%}]"
+    interval = f"{check.low:.2f}..{check.high:.2f}"
+    return (name, str(check.inside.trials), f"{check.mean:.2f}", interval, f"{check.median:.2f}", inside, check.verdict)

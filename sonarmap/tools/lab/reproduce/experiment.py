@@ -1,7 +1,7 @@
 """What an experiment is: jobs that can be done one by one, and what is made of all their rows."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -28,7 +28,7 @@ class Section:
     introduction: str  # Markdown: what was done, what counts as right
     tables: tuple[Table, ...]  # the first has the paper's values, or the other methods', beside ours, and what follows
     times: tuple[Table, ...] = ()  # tables of run times; they differ between runs and stand in a file of their own
-    # file names of the figures -> captions, in order; `draw` writes them
+    # file names of the figures -> captions, in order
     pictures: Mapping[str, str] = field(default_factory=dict)
     remarks: str = ""  # Markdown: what the figures show, computed from the rows
 
@@ -41,12 +41,16 @@ class Experiment(ABC):
     Attributes:
         name: on the command line, and of its files.
         sources: folders and files whose code decides rows, with the file of the experiment's own class.
+        make_section: the words and tables, from the rows and times of all jobs and the settings.
+        draw_pictures: writes the section's pictures into an existing folder, from the rows and the settings.
         settings: a frozen dataclass of JSON's types: with the sources it decides all rows.
-        device: to run jobs on, as the experiment needs it.
+        device: to run jobs on, as the experiment needs it: a Device, or the text that `choose_device` takes.
     """
 
     name: ClassVar[str]
     sources: ClassVar[tuple[str, ...]]
+    make_section: ClassVar[Callable[[Sequence[Row], Sequence[Row], Any], Section]]
+    draw_pictures: ClassVar[Callable[[Path, Sequence[Row], Any], None]] = staticmethod(lambda *_: None)
 
     def __init__(self, settings: Any, device: Any = None) -> None:
         """Nothing is planned on the device before a job is run."""
@@ -60,12 +64,13 @@ class Experiment(ABC):
     def run(self, job: str) -> Outcome:
         """Do one job. What jobs share (plans, prepared scans) is kept by the experiment, and may be made anew."""
 
-    @abstractmethod
     def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
-        """The words and tables, from the rows and times of all jobs."""
+        """The words and tables."""
+        return type(self).make_section(rows, seconds, self.settings)
 
-    def draw(self, folder: Path, rows: Sequence[Row]) -> None:  # noqa: B027
-        """Write the section's pictures into an existing folder; none where they would show times."""
+    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
+        """Write the section's pictures; none of them shows times."""
+        type(self).draw_pictures(folder, rows, self.settings)
 
 
 class ByMethod(Experiment):

@@ -9,7 +9,7 @@ does that), and add a row to EXPERIMENTS. Files that `provenance.SHOWING` names,
 rows: changing them does not make jobs run again; changing the file of the class, or what its `sources` name, does.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -63,7 +63,9 @@ class Request:
     def given(self) -> dict[str, tuple[object, ...]]:
         """The options of OPTIONS that were given, with their values."""
         values = {name: getattr(self, name) for name in OPTIONS}
-        return {name: _as_tuple(value) for name, value in values.items() if value is not None}
+        return {
+            name: value if isinstance(value, tuple) else (value,) for name, value in values.items() if value is not None
+        }
 
     def of(self, name: str) -> "Request":
         """What is asked of one experiment: a folder only of those on one."""
@@ -71,7 +73,9 @@ class Request:
 
     def command(self, name: str) -> str:
         """The command line that asks for the same of one experiment; where the folder lies is nobody's business."""
-        options = [f"{_flag(option)} {value}" for option, values in self.given.items() for value in values]
+        options = []
+        for option, values in self.given.items():
+            options += [f"{_flag(option)} {f'{value:g}' if option == 'sigma2' else value}" for value in values]
         folder = ["DIR"] if self.folder is not None else []
         return " ".join(["sonarmap reproduce", name, *folder, *(["--quick"] if self.quick else []), *options])
 
@@ -90,51 +94,38 @@ class ExperimentEntry:
     """One experiment of the table."""
 
     shows: str  # which of the paper's figures and tables, or what is looked at
-    module: str  # where its `create` is; it is imported when the experiment is asked for
+    # where its `create` is, or with another name behind a colon; it is imported when the experiment is asked for
+    module: str
     options: tuple[str, ...]  # those of OPTIONS that change its rows
     group: str = ALL  # that it belongs to
     timed: bool = False  # whether it measures times, so that its jobs are run one by one
     on_folder: bool = False  # whether it takes a folder of scans
 
 
-_LAB = "sonarmap.tools.lab.reproduce"
+def _entry(shows: str, module: str, options: tuple[str, ...], group: str = ALL, **kind: bool) -> ExperimentEntry:
+    return ExperimentEntry(shows, f"sonarmap.tools.lab.reproduce.{module}", options, group, **kind)
+
+
+_STEPS_OPTIONS = ("scene", "grid", "sigma2", "seeds", "seed", "method")
+_MADE_UP = "the mapper's own work on 1,000 to 10,000 scans, with made-up registrations"
 # Name on the command line -> experiment, in the order in which a group runs them and its page shows them.
 EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
     {
-        "translation": ExperimentEntry("Figs. 12, 14, 15", f"{_LAB}.structures.translation", _STRUCTURE_OPTIONS),
-        "rotation": ExperimentEntry("Figs. 16, 17", f"{_LAB}.structures.rotation", _STRUCTURE_OPTIONS),
-        "limits": ExperimentEntry("Figs. 7 to 9", f"{_LAB}.structures.limits", _STRUCTURE_OPTIONS),
-        "gaussian": ExperimentEntry(
-            "Table 1, Figs. 20, 21", f"{_LAB}.gaussian.run", ("scene", "grid", "sigma2", "seeds", "seed")
+        "translation": _entry("Figs. 12, 14, 15", "structures.moved:create_translation", _STRUCTURE_OPTIONS),
+        "rotation": _entry("Figs. 16, 17", "structures.moved:create_rotation", _STRUCTURE_OPTIONS),
+        "limits": _entry("Figs. 7 to 9", "structures.limits", _STRUCTURE_OPTIONS),
+        "gaussian": _entry("Table 1, Figs. 20, 21", "gaussian.run", _STEPS_OPTIONS[:-1]),
+        "floodgate": _entry("Sect. 4, Table 2, Figs. 22 to 31", "floodgate.run", ("grid", "seeds", "seed")),
+        "steps": _entry("Table 1, extended to S12, on four scenes", "evaluation.steps", _STEPS_OPTIONS, EVALUATION),
+        "pairs": _entry("pairs of every overlap", "evaluation.pair_set:create_pairs", _PAIR_OPTIONS, EVALUATION),
+        "unrelated": _entry(
+            "pairs that share nothing", "evaluation.pair_set:create_unrelated", _PAIR_OPTIONS, EVALUATION
         ),
-        "floodgate": ExperimentEntry(
-            "Sect. 4, Table 2, Figs. 22 to 31", f"{_LAB}.floodgate.run", ("grid", "seeds", "seed")
-        ),
-        "steps": ExperimentEntry(
-            "Table 1, extended to S12, on four scenes",
-            f"{_LAB}.evaluation.steps",
-            ("scene", "grid", "sigma2", "seeds", "seed", "method"),
-            EVALUATION,
-        ),
-        "pairs": ExperimentEntry("pairs of every overlap", f"{_LAB}.evaluation.pairs", _PAIR_OPTIONS, EVALUATION),
-        "unrelated": ExperimentEntry(
-            "pairs that share nothing", f"{_LAB}.evaluation.unrelated", _PAIR_OPTIONS, EVALUATION
-        ),
-        "speed": ExperimentEntry(
-            "time to register a pair", f"{_LAB}.evaluation.speed", _PAIR_OPTIONS, EVALUATION, timed=True
-        ),
-        "survey": ExperimentEntry("maps of whole surveys", f"{_LAB}.survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True),
-        "real": ExperimentEntry(
-            "pairs of real scans in a folder DIR", f"{_LAB}.real.run", _REAL_OPTIONS, REAL, on_folder=True
-        ),
-        "scale": ExperimentEntry(
-            "the mapper's own work on 1,000 to 10,000 scans, with made-up registrations",
-            f"{_LAB}.scale.run",
-            ("seeds", "seed"),
-            SCALE,
-            timed=True,
-        ),
-        "kinds": ExperimentEntry("pairs of every kind of scan", f"{_LAB}.kinds.run", _PAIR_OPTIONS, KINDS),
+        "speed": _entry("time to register a pair", "evaluation.speed", _PAIR_OPTIONS, EVALUATION, timed=True),
+        "survey": _entry("maps of whole surveys", "survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True),
+        "real": _entry("pairs of real scans in a folder DIR", "real.run", _REAL_OPTIONS, REAL, on_folder=True),
+        "scale": _entry(_MADE_UP, "scale.run", ("seeds", "seed"), SCALE, timed=True),
+        "kinds": _entry("pairs of every kind of scan", "kinds.run", _PAIR_OPTIONS, KINDS),
     }
 )
 
@@ -184,29 +175,25 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
     return names
 
 
+def maker(place: str) -> Callable[[Request], "Experiment"]:
+    """What makes an experiment: the function `create` of a module, or another one, as in "module:create_pairs"."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name or "create")
+
+
 def create(name: str, request: Request) -> "Experiment":
     """The experiment of that name, as it was asked for."""
-    return import_module(EXPERIMENTS[name].module).create(request.of(name))
+    return maker(EXPERIMENTS[name].module)(request.of(name))
 
 
-def folder_of(request: Request) -> Path:
-    """The folder that was given.
-
-    Raises:
-        InputError: none was.
-    """
-    if request.folder is None:
+def _check_folder(name: str, names: tuple[str, ...], folder: Path | None) -> None:
+    needed = any(EXPERIMENTS[member].on_folder for member in names)
+    if needed and folder is None:
         raise InputError(
             "reproduce real needs the folder of the scans: sonarmap reproduce real DIR; DIR, or each of several "
             "folders in it, holds scans whose names end in a number and a gt.log"
         )
-    return request.folder
-
-
-def _check_folder(name: str, names: tuple[str, ...], folder: Path | None) -> None:
-    if any(EXPERIMENTS[member].on_folder for member in names):
-        folder_of(Request(folder=folder))
-    elif folder is not None:
+    if folder is not None and not needed:
         raise InputError(
             f"reproduce {name} simulates its scans, so the folder {folder} has no effect on it; leave it out, or give "
             "-o before it if the results are to go there"
@@ -215,9 +202,3 @@ def _check_folder(name: str, names: tuple[str, ...], folder: Path | None) -> Non
 
 def _flag(option: str) -> str:
     return f"--{option.replace('_', '-')}"
-
-
-def _as_tuple(value: object) -> tuple[object, ...]:
-    if not isinstance(value, tuple):
-        return (value,)
-    return tuple(f"{item:g}" if isinstance(item, float) else item for item in value)

@@ -79,15 +79,8 @@ def draw_parameters(
     series: Mapping[str, tuple[Sequence[float], Sequence[float]]],
     half: float = 0.5,
 ) -> None:
-    """Parameters of registrations: a line of true values, a cross for each estimate, gray behind wrong ones.
-
-    Args:
-        axes: to draw on.
-        places: (N,) along the horizontal axis.
-        right: whether each registration is right.
-        series: name -> N true values, N estimates.
-        half: half the width of the gray.
-    """
+    """Parameters of N registrations at places along the horizontal axis: a line of true values, a cross for each
+    estimate (`series`: name -> N true values, N estimates), gray, twice `half` wide, behind those not `right`."""
     for place, is_right in zip(places, right, strict=True):
         if not is_right:
             axes.axvspan(place - half, place + half, color=WRONG, linewidth=0)
@@ -98,13 +91,9 @@ def draw_parameters(
 
 
 def draw_series(path: Path, rows: Sequence[Row], noises: Sequence[str], over: str, label: str) -> None:
-    """Write a PNG: rotation at the left, translation at the right. Lines are true, crosses estimated; gray is wrong.
+    """Write a PNG of one structure: rotation at the left, translation at the right, a line of axes for each noise.
 
-    Args:
-        path: of the PNG.
-        rows: of one structure.
-        noises: one line of axes each.
-        over, label: the column along the horizontal axis, and what to call it.
+    Lines are true, crosses estimated; gray is wrong. `over` is the column along the horizontal axis, `label` its name.
     """
     figure = new_figure(10, 2.8 * len(noises) + 0.3, dpi=90)
     axes = figure.subplots(len(noises), 2, squeeze=False, sharex=True)

@@ -27,11 +27,9 @@ class ComparedMethods:
     @property
     def words(self) -> str:
         """For an introduction, Markdown."""
-        names = ", ".join(f"`{name}`" for name in self.methods)
-        left_out = ", ".join(f"`{name}`" for name in self.left_out)
-        return f"Methods: {names}." + (
-            f" Left out, as their packages are not installed: {left_out}." if left_out else ""
-        )
+        names, left_out = (", ".join(f"`{name}`" for name in some) for some in (self.methods, self.left_out))
+        missing = f" Left out, as their packages are not installed: {left_out}." if left_out else ""
+        return f"Methods: {names}.{missing}"
 
 
 def compared_methods(request: Request) -> ComparedMethods:
@@ -50,17 +48,12 @@ def compared_methods(request: Request) -> ComparedMethods:
 
 
 def registrar(name: str, grid: Grid, device: str | None, any_tilt: bool = False) -> Registrar:
-    """A method with its defaults, the same whatever pair it is built for.
+    """A method, a key of METHODS, with its defaults, the same whatever pair it is built for.
 
-    Args:
-        name: a key of METHODS.
-        grid: of the pair.
-        device: as `choose_device` takes it.
-        any_tilt: whether a method that bounds roll and pitch is to bound neither.
+    With `any_tilt` a method that bounds roll and pitch bounds neither. `device` is as `choose_device` takes it.
 
     Raises:
-        InputError: there is no such method, or its package is not installed.
-        DeviceError: the device is too small.
+        InputError, DeviceError: there is no such method, its package is not installed, or the device is too small.
     """
     method = find_method(name)
     changes = {"max_tilt": math.pi} if any_tilt and "max_tilt" in method.options else {}

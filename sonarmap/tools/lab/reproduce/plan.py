@@ -85,13 +85,10 @@ def draw_plan(
 
 
 def from_above(points: np.ndarray, values: np.ndarray, edge: float, cell: float) -> np.ndarray:
-    """What is seen of points from above: (K, K) float64, [i, j] at x index i and y index j, NaN where there is none.
+    """What is seen of points, (N, 3) [m], from above: the values of the highest point of each cell, of (N,) values.
 
-    Args:
-        points: (N, 3) [m].
-        values: (N,) of the points; the highest point of a cell hides the others.
-        edge: side of the square about the origin that is seen [m].
-        cell: side of a cell [m].
+    (K, K) float64, [i, j] at x index i and y index j, NaN where there is none, for a square about the origin with sides
+    of `edge` [m] and cells with sides of `cell` [m].
     """
     count = round(edge / cell)
     i, j = np.floor((points[:, :2] + edge / 2) / cell).astype(int).T

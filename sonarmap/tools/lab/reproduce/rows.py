@@ -1,27 +1,18 @@
 """Rows of an experiment: those that hold certain values, and counts, shares and medians of them."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
+from typing import Any
 
 import numpy as np
 from scipy.stats import binomtest
 
-from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
+from sonarmap.tools.lab.reproduce.experiment import Row
 
 CONFIDENCE = 0.95
 DASH = "–"  # for what there is not
-
-
-def all_rows(outcomes: Mapping[str, Outcome]) -> list[Row]:
-    """The rows of all jobs, in order."""
-    return [row for outcome in outcomes.values() for row in outcome.rows]
-
-
-def all_seconds(outcomes: Mapping[str, Outcome]) -> list[Row]:
-    """The rows of times of all jobs, in order."""
-    return [row for outcome in outcomes.values() for row in outcome.seconds]
 
 
 def where(rows: Iterable[Row], **values: object) -> list[Row]:
@@ -35,6 +26,20 @@ def grouped(rows: Iterable[Row], *names: str) -> dict[tuple, list[Row]]:
     for row in rows:
         groups.setdefault(tuple(row[name] for name in names), []).append(row)
     return groups
+
+
+def by_method(
+    rows: Sequence[Row], methods: Iterable[str], column: str = "method"
+) -> list[tuple[tuple[str, ...], list[Row]]]:
+    """The lines of a table: each method's (or system's) name and rows."""
+    return [((method,), where(rows, **{column: method})) for method in methods]
+
+
+def for_each(
+    name: str, values: Iterable[Any], cell: Callable[[list[Row]], str]
+) -> dict[str, Callable[[list[Row]], str]]:
+    """The columns of a table: for each value the cell of those rows that hold it in the column `name`."""
+    return {str(value): lambda some, value=value: cell(where(some, **{name: value})) for value in values}
 
 
 def distinct(rows: Iterable[Row], name: str) -> list[str]:
@@ -77,6 +82,23 @@ def accepted(rows: Iterable[Row]) -> list[Row]:
 def refused(rows: Iterable[Row]) -> list[Row]:
     """Those that it refuses."""
     return [row for row in rows if not row["accepted"]]
+
+
+def last_right(rows: Iterable[Row], over: str, *series: str) -> list[int]:
+    """Of each series, in the order of the columns that name it, the last step that is right with all before it.
+
+    -1 where the first is wrong. `over` is the column of the steps.
+    """
+    ends = []
+    for _, some in sorted(grouped(rows, *series).items()):
+        failed = [int(row[over]) for row in wrong(some)]
+        ends.append(min(failed, default=1 + max(int(row[over]) for row in some)) - 1)
+    return ends
+
+
+def step_name(step: int) -> str:
+    """Of Table 1's scans and of what follows them, as in "S3"; "none" below 0."""
+    return f"S{step}" if step >= 0 else "none"
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.execute.executor import Executor, processes, this_process
+from sonarmap.slam.execute.executor import processes, this_process
 from sonarmap.slam.execute.journal import Journal, JournalEntry
 from sonarmap.tools.files.writers.json_text import to_json
 from sonarmap.tools.lab.progress import Follow
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
 from sonarmap.tools.lab.reproduce.provenance import Provenance
 from sonarmap.tools.lab.reproduce.worker import JobResult, WorkerProcesses, begin, run_in_worker, run_jobs
 
@@ -50,24 +50,20 @@ def run(
     options: RunOptions | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Result:
-    """Run the jobs that are not in the journal; a run that is stopped loses only the jobs that are being run.
+    """Run the jobs that are not in the journal of the folder; a run that is stopped loses only the jobs that are being
+    run. Jobs of another provenance are run again; `say` takes a sentence about jobs that the journal held.
 
     Every outcome goes through the journal's text, so that results are the same whether a run was stopped or not.
-
-    Args:
-        experiment: what to run.
-        provenance: of its rows; jobs of another one are run again.
-        folder: where the journal is.
-        follow: how to show the progress.
-        options: how to run.
-        say: takes a sentence about jobs that the journal held.
 
     Raises:
         InputError, DeviceError: from a job, or the journal cannot be used.
     """
     options = options or RunOptions()
     jobs = list(dict.fromkeys(experiment.jobs()))
-    _make_folder(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write {folder}: {error.strerror or error}; choose another output folder") from error
     with Journal(folder / JOURNAL) as journal:
         keys = {job: provenance.key(job) for job in jobs}
         missing = [job for job in jobs if options.fresh or journal.entry(keys[job]) is None]
@@ -82,10 +78,10 @@ def run(
                     journal.add([_entry(keys[result.job], experiment.name, result) for result in results])
                     for result in results:
                         step(result.job)
-        entries = {job: _kept(journal, key) for job, key in keys.items()}
+        entries = {job: journal.entry(key) for job, key in keys.items()}
         return Result(
             {job: _outcome(journal, entry) for job, entry in entries.items()},
-            {job: entry.seconds for job, entry in entries.items()},
+            {job: entry.seconds for job, entry in entries.items() if entry},
         )
 
 
@@ -95,33 +91,17 @@ def _running(
 ) -> Generator[Generator[Sequence[JobResult]]]:
     """Groups of results, as soon as each group is done; by workers in no certain order."""
     if options.workers is None:
-        single = [(job,) for job in jobs]
-        with closing(_groups(this_process(), partial(run_jobs, experiment), single)) as groups:
-            yield groups
+        with closing(this_process().run(partial(run_jobs, experiment), [(job,) for job in jobs], together=1)) as pieces:
+            yield (group for _, results in pieces for group in results)
         return
     batches: dict[str, list[str]] = {}
     for job in jobs:  # those that differ in their last part alone share work
         batches.setdefault(job.rpartition("/")[0] or job, []).append(job)
     with (
         processes(options.workers.count, begin, options.workers) as executor,
-        closing(_groups(executor, run_in_worker, list(batches.values()))) as groups,
+        closing(executor.run(run_in_worker, list(batches.values()), together=1)) as pieces,
     ):
-        yield groups
-
-
-def _groups(
-    executor: Executor, task: Callable[[Sequence[Sequence[str]]], list[list[JobResult]]], jobs: Sequence[Sequence[str]]
-) -> Generator[Sequence[JobResult]]:
-    with closing(executor.run(task, jobs, together=1)) as pieces:
-        for _, results in pieces:
-            yield from results
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot write {folder}: {error.strerror or error}; choose another output folder") from error
+        yield (group for _, results in pieces for group in results)
 
 
 def _entry(key: str, name: str, result: JobResult) -> JournalEntry:
@@ -129,22 +109,16 @@ def _entry(key: str, name: str, result: JobResult) -> JournalEntry:
     return JournalEntry(key, f"{name} {result.job}", json.dumps(to_json(content), allow_nan=False), result.seconds)
 
 
-def _kept(journal: Journal, key: str) -> JournalEntry:
-    entry = journal.entry(key)
+def _outcome(journal: Journal, entry: JournalEntry | None) -> Outcome:
+    """What an entry holds; numbers come back bit by bit, and what is no finite number comes back as NaN."""
     if entry is None:
         raise journal.unusable("an entry that was written is gone")
-    return entry
-
-
-def _outcome(journal: Journal, entry: JournalEntry) -> Outcome:
-    """What an entry holds; numbers come back bit by bit, and what is no finite number comes back as NaN."""
     try:
         content: dict[str, Any] = json.loads(entry.content)
-        rows, seconds = (tuple(_row(row) for row in content[part]) for part in ("rows", "seconds"))
+        rows, seconds = (
+            tuple({name: math.nan if value is None else value for name, value in row.items()} for row in content[part])
+            for part in ("rows", "seconds")
+        )
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise journal.unusable(str(error)) from error
     return Outcome(rows, seconds)
-
-
-def _row(row: Mapping[str, Any]) -> Row:
-    return {name: math.nan if value is None else value for name, value in row.items()}

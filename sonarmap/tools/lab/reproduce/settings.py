@@ -7,9 +7,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 
+EXTENT = 256.0  # of the paper's grid [m]
 Settings = TypeVar("Settings")
 # An option -> the settings that it changes, of those that an experiment has
 _OPTIONS = {
@@ -19,16 +21,13 @@ _OPTIONS = {
     "seeds": ("seeds",),
     "seed": ("seed", "first_seed"),
     "pairs": ("pairs",),
+    "voxel": ("voxel",),
+    "max_tilt": ("max_tilt",),
 }
 
 
 def as_asked(usual: Settings, request: Request, **quick: Any) -> Settings:
-    """The usual settings, changed as the options say.
-
-    Args:
-        usual: what is run where no option says otherwise, a dataclass.
-        request: the options.
-        quick: what a quick run changes, where no option says otherwise.
+    """The settings of a dataclass, changed as the options say; of a quick run also as `quick` says where none does.
 
     Raises:
         InputError: an option's value will not do.
@@ -43,12 +42,14 @@ def as_asked(usual: Settings, request: Request, **quick: Any) -> Settings:
     return replace(usual, **changes)  # pyright: ignore[reportArgumentType]
 
 
-def check_seeds(seeds: int, first_seed: int) -> None:
-    """Refuse less than one seed, and seeds below 0.
+def paper_grid(edge: int) -> Grid:
+    """A grid of `edge` voxels along each edge, as large as the paper's, which has 256 voxels of about 1 m."""
+    Grid(edge, 1.0)  # its error names the edge alone
+    return Grid(edge, EXTENT / edge)
 
-    Raises:
-        InputError: saying what to give.
-    """
+
+def check_seeds(seeds: int, first_seed: int) -> None:
+    """Refuse less than one seed, and seeds below 0, with an InputError that says what to give."""
     if seeds < 1 or first_seed < 0:
         raise InputError(
             f"{seeds} seeds from {first_seed} on; at least one is needed, and none below 0, as in --seeds 3 --seed 1"
@@ -56,32 +57,20 @@ def check_seeds(seeds: int, first_seed: int) -> None:
 
 
 def check_scenes(scenes: Sequence[str]) -> None:
-    """Refuse no scene, and unknown ones.
-
-    Raises:
-        InputError: saying what there is.
-    """
+    """Refuse no scene, and unknown ones, with an InputError that says what to give."""
     unknown = [scene for scene in scenes if scene not in SCENE_KINDS]
     if unknown or not scenes:
         raise InputError(f"no scene is called {unknown[0] if unknown else ''!r}; there are {', '.join(SCENE_KINDS)}")
 
 
 def check_variances(sigma2: Sequence[float]) -> None:
-    """Refuse a list of variances [m^2] that is empty, or has one that is negative or not finite.
-
-    Raises:
-        InputError: saying what to give.
-    """
+    """Refuse a list of variances [m^2] that is empty, or has one that is negative or not finite."""
     if not sigma2 or not all(np.isfinite(variance) and variance >= 0 for variance in sigma2):
         given = ", ".join(f"{variance:g}" for variance in sigma2) or "no value"
         raise InputError(f"--sigma2: {given}; variances must be 0 m^2 or more, as in --sigma2 1 --sigma2 2")
 
 
 def check_pairs(pairs: int, seed: int) -> None:
-    """Refuse less than one pair, and a seed of the set below 0.
-
-    Raises:
-        InputError: saying what to give.
-    """
+    """Refuse less than one pair, and a seed of the set below 0, with an InputError that says what to give."""
     if pairs < 1 or seed < 0:
         raise InputError(f"{pairs} pairs of the set {seed}; there must be 1 or more, and the seed >= 0")

@@ -38,14 +38,7 @@ def table_of(
     groups: Iterable[tuple[tuple[str, ...], Group]],
     columns: Mapping[str, Callable[[Group], str]],
 ) -> Table:
-    """A line for each group: its names, then what each column shows of it.
-
-    Args:
-        title: a line over the table.
-        names: the headings of the groups' names.
-        groups: each group's names, and what the columns are computed from.
-        columns: heading -> the cell of a group.
-    """
+    """A line for each group: its names, under the headings `names`, then what each column shows of it."""
     rows = tuple((*named, *(cell(group) for cell in columns.values())) for named, group in groups)
     return Table(title, (*names, *columns), rows)
 

@@ -3,9 +3,8 @@ process sets how many threads libraries use before it loads them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
@@ -19,7 +18,7 @@ class WorkerProcesses:
     """New processes that each make the same experiment, with a device of its own."""
 
     count: int  # how many, at least 1
-    module: str  # has the experiment's `create`
+    module: str  # has the experiment's `create`, as `experiments.maker` takes it
     request: "Request"  # what to make, without a device
     device: str | None  # as `choose_device` takes it
 
@@ -37,9 +36,9 @@ def begin(processes: WorkerProcesses) -> None:
     """Make the experiment in a new process."""
     global _experiment
     from sonarmap.kernels.device.device import choose_device
+    from sonarmap.tools.lab.reproduce.experiments import maker
 
-    create: Any = import_module(processes.module).create
-    _experiment = create(replace(processes.request, device=choose_device(processes.device)))
+    _experiment = maker(processes.module)(replace(processes.request, device=choose_device(processes.device)))
 
 
 def run_in_worker(groups: Sequence[Sequence[str]]) -> list[list[JobResult]]:

@@ -24,8 +24,8 @@ from sonarmap.tools.lab.reproduce.evaluation.pairs_section import (
     trust_table,
 )
 from sonarmap.tools.lab.reproduce.evaluation.speed_section import spread_table, time_table
-from sonarmap.tools.lab.reproduce.evaluation.steps_section import last_right
 from sonarmap.tools.lab.reproduce.rows import percent, rate
+from sonarmap.tools.lab.reproduce.table import Table
 
 TRUTH = RigidTransform.from_components([3.0, -1.0, 0.5], Rotation.from_euler("ZYX", [0.7, -0.2, 0.1]))
 COVARIANCE = np.diag(np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.4]) ** 2)
@@ -34,14 +34,8 @@ COVARIANCE = np.diag(np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.4]) ** 2)
 def row(**cells: object) -> dict:
     """A right, believed registration by ours, but for what is told."""
     usual = {"turn": "yaw", "number": 0, "scene": "harbor", "sigma2": 1.0, "shared": 0.7, "method": "spectral"}
-    registration = {
-        "right": True,
-        "accepted": True,
-        "rotation_deg": 0.2,
-        "translation_voxels": 0.4,
-        "translation_m": 0.5,
-    }
-    return usual | registration | {"nees": 5.0, "probability": 0.97} | cells
+    errors = {"rotation_deg": 0.2, "translation_voxels": 0.4, "translation_m": 0.5, "nees": 5.0}
+    return usual | errors | {"right": True, "accepted": True, "probability": 0.97} | cells
 
 
 class TestNees:
@@ -69,8 +63,9 @@ class TestNees:
         assert small.mean == pytest.approx(2 * calibrated.mean)
 
     def test_no_covariance_no_number(self) -> None:
-        assert math.isnan(nees(TRUTH, np.full((6, 6), np.nan), TRUTH))
-        assert math.isnan(nees(TRUTH, np.zeros((6, 6)), TRUTH))
+        for covariance in (np.full((6, 6), np.nan), np.zeros((6, 6))):
+            assert math.isnan(nees(TRUTH, covariance, TRUTH))
+        assert calibration([row(nees=math.nan)]) is None
 
 
 class TestAnswer:
@@ -98,7 +93,6 @@ class TestArithmetic:
         assert (calibrated.mean, calibrated.median) == (pytest.approx(28.1 / 4), 7.25)
         assert (calibrated.low, calibrated.high) == pytest.approx(chi2.ppf([0.025, 0.975], 24) / 4)
         assert (calibrated.inside.successes, calibrated.inside.trials) == (3, 4)  # the 95 % quantile is 12.59
-        assert calibration([row(nees=math.nan)]) is None
 
     def test_reliability_counts_each_row_once(self) -> None:
         probabilities = (0.0, 0.1, 0.1, 0.995, 1.0, math.nan)
@@ -117,16 +111,6 @@ class TestArithmetic:
         assert percent(rows[:3], rows) == "75 % [30..95]"
         assert (rate([], []), percent([], [])) == ("–", "–")
 
-    def test_the_last_step_that_is_right(self) -> None:
-        rights = {1: "111011", 2: "011111", 3: "111111"}
-        rows = [
-            row(seed=seed, step=step, right=flag == "1")
-            for seed, flags in rights.items()
-            for step, flag in enumerate(flags)
-        ]
-        assert last_right(rows) == [2, -1, 5]
-        assert sorted(last_right(rows[::-1])) == [-1, 2, 5]
-
 
 class TestTables:
     ROWS = (
@@ -139,25 +123,25 @@ class TestTables:
         row(shared=0.9, method="kiss", right=False),
     )
 
-    def test_success_by_overlap(self) -> None:
-        table = overlap_table(self.ROWS, ("spectral", "kiss"), "t")
+    def test_success_and_trust(self) -> None:
+        """By overlap, by what is accepted, by scene; and accuracy of what shares much, under little noise."""
+
+        def begins(table: Table) -> list[str]:
+            return [" ".join(cell.split()[0] for cell in line) for line in table.rows]
+
+        methods = ("spectral", "kiss")
+        table = overlap_table(self.ROWS, methods, "t")
         spans = ("0%..20% (1 pairs)", "20%..40% (1 pairs)", "40%..60% (1 pairs)", "60%..80% (1 pairs)")
         assert table.headings == ("method", *spans, "80%..100% (2 pairs)", "all")
-        assert [cell.split()[0] for cell in table.rows[0][1:]] == ["0", "0", "100", "100", "100", "4/6"]
-        assert [cell.split()[0] for cell in table.rows[1][1:]] == ["–", "–", "–", "–", "0", "0/1"]
-
-    def test_trust(self) -> None:
-        ours, kiss = trust_table(self.ROWS, ("spectral", "kiss"), "t").rows
-        assert [cell.split()[0] for cell in ours] == ["spectral", "4/6", "1/6", "1/4", "1/4", "1/4"]
-        assert [cell.split()[0] for cell in kiss] == ["kiss", "1/1", "1/1", "1/1", "0/1", "–"]
-
-    def test_scenes(self) -> None:
-        table = scene_table(self.ROWS, ("spectral",))
-        assert table.headings == ("method", "harbor", "pool")
-        assert [cell.rpartition(",")[2] for cell in table.rows[0][1:]] == [" 1", " 0"]
-
-    def test_accuracy_is_of_what_shares_much_under_little_noise(self) -> None:
-        assert accuracy_table(self.ROWS, ("spectral", "kiss")).rows == (("spectral", "2", "0.250", "0.150", "0.500"),)
+        assert begins(table) == ["spectral 0 0 100 100 100 4/6", "kiss – – – – 0 0/1"]
+        assert begins(trust_table(self.ROWS, methods, "t")) == [
+            "spectral 4/6 1/6 1/4 1/4 1/4",
+            "kiss 1/1 1/1 1/1 0/1 –",
+        ]
+        scenes = scene_table(self.ROWS, methods[:1])
+        assert scenes.headings == ("method", "harbor", "pool")
+        assert [cell.rpartition(",")[2] for cell in scenes.rows[0][1:]] == [" 1", " 0"]
+        assert accuracy_table(self.ROWS, methods).rows == (("spectral", "2", "0.250", "0.150", "0.500"),)
 
     def test_ours_beside_the_others(self) -> None:
         lines = beside_others(self.ROWS, ()).rows

@@ -3,7 +3,6 @@
 import csv
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,38 +12,64 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.journal import Journal
 from sonarmap.spectral.hemisphere.layers import AngleEstimate
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
+from sonarmap.spectral.result import Registration
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.answer import PARAMETERS, parameters
 from sonarmap.tools.lab.reproduce.experiment import Row, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.gaussian.figure import draw_rates, draw_table1
-from sonarmap.tools.lab.reproduce.gaussian.row import about_center, row_of, tilt_error, yaw_error
-from sonarmap.tools.lab.reproduce.gaussian.run import Gaussian, GaussianSettings, create, grid_of
-from sonarmap.tools.lab.reproduce.gaussian.section import detail_table, last_right, remarks, section, verdict_table
-from sonarmap.tools.lab.reproduce.gaussian.series import VARIANTS, Series, preparation_of, yaw_rank
-from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
+from sonarmap.tools.lab.reproduce.gaussian.run import Gaussian, GaussianSettings, create
+from sonarmap.tools.lab.reproduce.gaussian.section import (
+    detail_table,
+    remarks,
+    tilt_error,
+    verdict_table,
+    yaw_error,
+)
+from sonarmap.tools.lab.reproduce.gaussian.series import (
+    VARIANTS,
+    Series,
+    about_center,
+    preparation_of,
+    row_of,
+    yaw_rank,
+)
+from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import provenance
-from sonarmap.tools.lab.reproduce.rows import where
+from sonarmap.tools.lab.reproduce.rows import last_right, where
 from sonarmap.tools.lab.reproduce.run import JOURNAL
+from sonarmap.tools.lab.reproduce.settings import paper_grid
 from sonarmap.tools.lab.reproduce.table import Table
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, table1_transform
 from sonarmap.tools.lab.simulate.plan import table1_pair
-from tests.samples.surveys import scored
+from tests.samples.experiments.shown import show
 
 GRID = 128
+TRUTH = RigidTransform.from_components([20, -7, 3], Rotation.from_euler("ZYX", [170, 4, -9], degrees=True))
+CENTER = np.array([40.0, 15.0, -12.0])
 SIN4 = np.sin(np.deg2rad(4))
 
 
-def rows_of(wrong: Mapping[int, Sequence[int]], sigma2: float = 1.0, seed: int = 4, grid: int = GRID) -> list[Row]:
-    """All methods alike; `wrong` says per seed which scans fail, in their translation."""
+def scored(yaw: float = 0, pitch: float = 0, shift: float = 0, roll: float = 0, **pair: Value) -> Row:
+    """One that is off by so many degrees, turned about the scan's center, and by meters in x."""
+    angles = TRUTH.rotation.as_euler("ZYX", degrees=True) + np.array([yaw, pitch, roll])
+    R = Rotation.from_euler("ZYX", angles, degrees=True)
+    translation = TRUTH.apply(CENTER) - R.apply(CENTER) + np.array([shift, 0, 0])
+    steps = (("yaw", 9.0), ("tilt", 8.0), ("translation", 50.0), ("rival", 7.0))
+    found = RigidTransform.from_components(translation, R)
+    registration = Registration(found, np.eye(6), 50.0, 0.5, True, 0.25, step_psr=steps)
+    usual: dict[str, Value] = {"scene": "floodgate", "grid": GRID, "voxel_m": 2.0, "sigma2": 1.0, "seed": 4, "scan": 0}
+    return row_of(registration, TRUTH, CENTER, usual | {"method": "paper", "yaw_rank": 0} | pair)
+
+
+def rows_of(wrong: Mapping[int, Sequence[int]], sigma2: float = 1.0, grid: int = GRID) -> list[Row]:
+    """All methods alike; `wrong` says per seed, from 4 on, which scans fail, in their translation."""
     return [
-        row_of(scored(shift=99.0 if index in wrong[k] else 0.5), ("floodgate", sigma2, seed + k, index), method, grid)
+        scored(shift=99.0 if scan in wrong[k] else 0.5, sigma2=sigma2, seed=4 + k, scan=scan, method=method, grid=grid)
         for k in wrong
-        for index in range(TABLE1_COUNT)
+        for scan in range(TABLE1_COUNT)
         for method in VARIANTS
     ]
 
@@ -59,10 +84,30 @@ def cells(table: Table, *headings: str) -> list[tuple[str, ...]]:
 
 
 class TestRow:
-    def test_what_failed_and_where(self) -> None:
-        row = rows_of({0: [1]})[3]
-        shown = [row[key] for key in ("right", "wrong_step", "scan", "grid", "voxel_m")]
-        assert shown == [False, "translation", 1, GRID, 2.0]
+    @pytest.mark.parametrize(
+        ("off", "step"),
+        [
+            ({}, ""),
+            ({"shift": 5.99}, ""),
+            ({"shift": 6.01}, "translation"),
+            ({"shift": 2.9, "voxel_m": 1.0}, ""),
+            ({"shift": 3.1, "voxel_m": 1.0}, "translation"),
+            ({"yaw": 6.1}, "yaw"),
+            ({"yaw": 12, "pitch": 20}, "yaw"),
+            ({"yaw": 359}, ""),
+            ({"pitch": -20}, "tilt"),
+        ],
+    )
+    def test_the_bounds_and_the_first_wrong_step(self, off: dict[str, float], step: str) -> None:
+        row = scored(**off)  # pyright: ignore[reportArgumentType]
+        assert (row["right"], row["wrong_step"]) == (not step, step)
+
+    def test_the_sensor_decides_and_the_center_is_told(self) -> None:
+        """Turned about the scan's center by 5.9 degrees, the sensor is off by what 43 m of lever make of it."""
+        turned, lever = scored(yaw=5.9, voxel_m=1.0), np.linalg.norm(CENTER[:2])
+        assert turned["center_m"] == pytest.approx(0, abs=1e-12)
+        assert turned["translation_m"] == pytest.approx(2 * lever * np.sin(np.deg2rad(5.9 / 2)), rel=0.05)
+        assert (turned["right"], turned["right_at_center"]) == (False, True)
 
     def test_about_the_grids_center_they_are_the_papers_rows(self) -> None:
         """Row 8 of Table 1, as printed: x y z 36 72 108, yaw roll pitch 54 18 9."""
@@ -73,26 +118,22 @@ class TestRow:
     @pytest.mark.parametrize(
         ("angles", "yaw", "tilt"),
         [
-            ([170, 4, -9], 0, 0),
-            ([-170, 4, -9], 20, 0),
-            ([170, 4, 3], 0, np.rad2deg(np.arccos(SIN4**2 + (1 - SIN4**2) * np.cos(np.deg2rad(12))))),
-            ([30, 11, -9], 140, 7),
+            ([0, 0, 0], 0, 0),
+            ([20, 0, 0], 20, 0),
+            ([0, 0, 12], 0, np.rad2deg(np.arccos(SIN4**2 + (1 - SIN4**2) * np.cos(np.deg2rad(12))))),
+            ([-140, 7, 0], 140, 7),
         ],
     )
     def test_yaw_and_tilt_apart(self, angles: list[float], yaw: float, tilt: float) -> None:
         """The truth is yaw 170, pitch 4, roll -9; a roll turns the vertical less where it is pitched."""
-        R = Rotation.from_euler("ZYX", angles, degrees=True)
-        original = scored()
-        registration = replace(original.registration, T_target_source=RigidTransform.from_rotation(R))
-        row = row_of(replace(original, registration=registration), ("floodgate", 1.0, 1, 0), "paper", GRID)
-        assert abs(yaw_error(row)) == pytest.approx(yaw, abs=1e-9)
-        assert tilt_error(row) == pytest.approx(tilt, abs=1e-9)
+        row = scored(yaw=angles[0], pitch=angles[1], roll=angles[2])
+        assert (abs(yaw_error(row)), tilt_error(row)) == pytest.approx((yaw, tilt), abs=1e-9)
 
 
 class TestSummary:
     def test_the_last_scan_ends_at_the_first_failure(self) -> None:
         rows = where(rows_of({0: [7, 9], 1: [], 2: [0, 5]}), method="paper")
-        assert list(last_right(rows).values()) == list(last_right(rows[::-1]).values()) == [6, 9, -1]
+        assert last_right(rows, "scan", "seed") == last_right(rows[::-1], "scan", "seed") == [6, 9, -1]
 
     @pytest.mark.parametrize(
         ("sigma2", "wrong", "verdict", "middle"),
@@ -107,29 +148,20 @@ class TestSummary:
     def test_the_verdict_beside_the_papers(
         self, sigma2: float, wrong: dict[int, list[int]], verdict: str, middle: int
     ) -> None:
-        ours = "ours, median (each seed)"
-        lines = cells(verdict_table(rows_of(wrong, sigma2)), "method", "verdict", ours)
-        assert [(method, said, last.split()[0]) for method, said, last in lines] == [
-            (method, verdict, f"S{middle}") for method in VARIANTS
-        ]
+        lines = cells(verdict_table(rows_of(wrong, sigma2)), "method", "verdict", "ours, median (each seed)")
+        assert [(*line[:2], line[2].split()[0]) for line in lines] == [(m, verdict, f"S{middle}") for m in VARIANTS]
 
     def test_grids_and_noises_are_apart(self) -> None:
         rows = [*rows_of({0: [3]}), *rows_of({0: [5]}, grid=256), *rows_of({0: [7]}, 2.0)]
         last = cells(verdict_table(rows), "grid", "σ²", "ours, median (each seed)")
-        assert list(dict.fromkeys(last)) == [
-            ("128³", "σ² = 1 m²", "S2 (S2)"),
-            ("256³", "σ² = 1 m²", "S4 (S4)"),
-            ("128³", "σ² = 2 m²", "S6 (S6)"),
-        ]
+        first, second, third = ("128³", "σ² = 1 m²"), ("256³", "σ² = 1 m²"), ("128³", "σ² = 2 m²")
+        assert list(dict.fromkeys(last)) == [(*first, "S2 (S2)"), (*second, "S4 (S4)"), (*third, "S6 (S6)")]
 
     def test_what_was_believed_wrongly_is_counted(self) -> None:
         rows = changed(rows_of({0: [8, 9]}), lambda row: row["scan"] in (0, 9), accepted=False)
-        for right, wrong, refused in cells(
-            verdict_table(rows), "right", "accepted though wrong", "refused though right"
-        ):
-            assert (right.split()[0], wrong, refused) == ("8/10", "1", "1")
-        for (error,) in cells(detail_table(rows), "median error where right"):
-            assert error.endswith(", 0.50 m")
+        for line in cells(verdict_table(rows), "right", "accepted though wrong", "refused though right"):
+            assert (line[0].split()[0], *line[1:]) == ("8/10", "1", "1")
+        assert all(error.endswith(", 0.50 m") for (error,) in cells(detail_table(rows), "median error where right"))
 
     def test_every_failure_counts_and_the_first_of_a_seed_ends_it(self) -> None:
         rows = rows_of({0: [2, 5, 8], 1: [4]})
@@ -139,19 +171,26 @@ class TestSummary:
 
 
 class TestWords:
-    def test_the_section_states_its_bounds_and_verdicts(self) -> None:
+    def test_the_section_states_its_bounds_and_verdicts_and_draws_the_same_again(
+        self, device: Device, tmp_path: Path
+    ) -> None:
         rows = [*rows_of({0: [8], 1: [9]}), *rows_of({0: [], 1: []}, grid=256)]
-        seconds = ((0.25, 1.0), (0.5, 9.0))
-        times = [{"grid": GRID, "method": "paper", "prepare_s": a, "register_s": b} for a, b in seconds]
-        shown = section("floodgate", 256.0, rows, times)
+        times = [
+            {"grid": GRID, "method": "paper", "prepare_s": a, "register_s": b} for a, b in ((0.25, 1.0), (0.5, 9.0))
+        ]
+        experiment = Gaussian(GaussianSettings(first_seed=4), device)
+        shown, again = (show(experiment, tmp_path / name, rows, times) for name in "ab")
         text = section_text(shown, 1)
         assert "within 6 degrees and 3 voxels of the truth (6 m at 128³" in text
-        assert (
-            "| 128³ | σ² = 1 m² | paper | S8 | S7 (S7 S8) | reached by 1 of 2 seeds | 18/20 [0.70..0.97] | 2 |" in text
-        )
+        line = "| 128³ | σ² = 1 m² | paper | S8 | S7 (S7 S8) | reached by 1 of 2 seeds | 18/20 [0.70..0.97] | 2 |"
+        assert line in text
         assert [verdict.verdict for verdict in verdicts(shown)] == ["reached by 1 of 2 seeds"] * 3 + ["reached"] * 3
-        assert set(shown.pictures) == {"gaussian-128.png", "gaussian-256.png", "gaussian-rates.png"}
+        assert set(again.pictures) == {"gaussian-128.png", "gaussian-256.png", "gaussian-rates.png"}
         assert shown.times[0].rows == (("128³", "paper", "10.5 s", "5.75 s", "0.38 s", "5.00 s"),)
+        for name in shown.pictures:
+            first, second = ((tmp_path / folder / name).read_bytes() for folder in "ab")
+            assert first == second
+            assert len(first) < 300_000
 
     def test_why_the_yaw_fails(self) -> None:
         """S6 by 'paper' alone: one yaw a quarter turn from nothing, one turned about, roll and pitch right."""
@@ -163,8 +202,8 @@ class TestWords:
                 rows, lambda row, place=place: (row["seed"], row["scan"], row["method"]) == place, **yaw_cells
             )
         first, second, third = remarks(rows).splitlines()
-        assert "2 of 20 registrations are wrong. The first wrong step is yaw in 2." in first
         for words in (
+            "2 of 20 registrations are wrong. The first wrong step is yaw in 2.",
             "Of these 2 yaws, 0 are off by at most 15 degrees, 1 by 180 degrees (to within 15) and 1 by another",
             "roll and pitch are right in 2 of them. The number within 6 degrees of 0",
             "has its peaks, is 1 (by chance: 13%)",
@@ -175,96 +214,61 @@ class TestWords:
         assert second.endswith("**128³, one peak**: all 20 registrations are right.")
         assert third.startswith("- **128³, six peaks**")
 
-    @pytest.mark.parametrize(("yaw", "small"), [(160.0, 1), (-178.0, 0)])
-    def test_to_which_side_the_yaw_errs(self, yaw: float, small: int) -> None:
+    @pytest.mark.parametrize(("yaw", "small", "error"), [(160.0, 1, 10), (-178.0, 0, 12)])
+    def test_to_which_side_the_yaw_errs(self, yaw: float, small: int, error: int) -> None:
         """The true yaw is 170 degrees and the roll -9."""
         rows = changed(rows_of({0: []}), lambda row: row["scan"] == 3, right=False, wrong_step="yaw", found_yaw_deg=yaw)
-        error = 10 if small else 12
-        words = (
-            f"off by at most 15 degrees are too small in {small} of 1 cases; their median error is {error} degrees, "
-            "under true rolls"
-        )
-        assert f"{words} of 9 to 9 degrees." in remarks(rows)
+        words = f"off by at most 15 degrees are too small in {small} of 1 cases; their median error is {error} degrees"
+        assert f"{words}, under true rolls of 9 to 9 degrees." in remarks(rows)
 
     def test_why_the_translation_fails(self) -> None:
         text = remarks(changed(rows_of({0: [9]}), lambda row: row["scan"] == 9, right_at_center=True))
         assert "the median errors are 0.0 degrees and 99.0 m. Measured at the scan's center, 1 of 1 would be" in text
 
-    def test_pictures_are_small_and_the_same_from_the_same_rows(self, tmp_path: Path) -> None:
-        rows = [*rows_of({0: [3]}), *rows_of({0: [7]}, 2.0)]
-        for name in "ab":
-            draw_table1(tmp_path / f"{name}.png", rows)
-            draw_rates(tmp_path / f"{name}-rates.png", rows)
-        for suffix in (".png", "-rates.png"):
-            first, second = ((tmp_path / f"{name}{suffix}").read_bytes() for name in "ab")
-            assert first == second
-            assert first.startswith(b"\x89PNG")
-            assert len(first) < 300_000
+
+def test_the_place_of_the_right_pair_of_peaks() -> None:
+    """A peak stands for its angle and for the one turned about; S3's true yaw is 24 degrees."""
+    truth = table1_pair(3, 1, 1.0)[2]
+    for yaws, rank in (([90, 17], 0), ([90, 19, 29], 2), ([24, 25], 1), ([0, 90, 150, 204], 4), ([], 0)):
+        turned = [yaw + turn for yaw in yaws for turn in (0, 180)]
+        peaks = [AngleEstimate(Rotation.from_euler("Z", yaw, degrees=True), 1.0) for yaw in turned]
+        hemisphere = SimpleNamespace(yaw_candidates=lambda _target, _source, count, p=peaks: p[: 2 * count])
+        scan = SimpleNamespace(layers=None)
+        assert yaw_rank(SimpleNamespace(hemisphere=hemisphere), scan, scan, truth) == rank  # pyright: ignore
 
 
-class TestSettings:
-    @pytest.mark.parametrize(
-        ("arguments", "words"),
-        [
-            ({"scene": "moon"}, "no scene is called 'moon'"),
-            ({"sigma2": (-1.0,)}, "--sigma2"),
-            ({"sigma2": (float("nan"),)}, "--sigma2"),
-            ({"sigma2": ()}, "--sigma2"),
-            ({"seeds": 0}, "at least one"),
-            ({"edges": (128, 103)}, "`edge=103`"),
-        ],
-    )
-    def test_refusals(self, arguments: dict[str, object], words: str) -> None:
-        with pytest.raises(InputError, match=words):
-            GaussianSettings(**arguments)  # pyright: ignore[reportArgumentType]
-
-    def test_a_cube_as_large_as_the_papers(self) -> None:
-        assert {grid_of(edge).extent for edge in (64, 128, 256)} == {256.0}
-
-    def test_the_full_run_and_the_quick_one(self, device: Device) -> None:
-        full, quick = create(Request(device)), create(Request(device, quick=True))
-        assert full.settings == GaussianSettings()
-        assert (full.settings.edges, full.settings.seeds, full.settings.sigma2) == ((128, 256), 10, (1.0, 2.0))
-        assert len(set(full.jobs())) == 2 * 2 * 10 * TABLE1_COUNT
-        assert list(quick.jobs()) == [f"128/1.0/{full.settings.first_seed}/S{index}" for index in range(TABLE1_COUNT)]
-        asked = create(Request(device, quick=True, seeds=2, seed=0, grid=64, sigma2=(4.0,), scene="harbor"))
-        assert asked.settings == GaussianSettings("harbor", (4.0,), 2, 0, (64,))
-
-
-class TestYawRank:
-    def test_the_place_of_the_right_pair_of_peaks(self) -> None:
-        """A peak stands for its angle and for the one turned about; S3's true yaw is 24 degrees."""
-        truth = table1_pair(3, 1, 1.0)[2]
-        for yaws, rank in (([90, 17], 0), ([90, 19, 29], 2), ([24, 25], 1), ([0, 90, 150, 204], 4), ([], 0)):
-            turned = [yaw + turn for yaw in yaws for turn in (0, 180)]
-            peaks = [AngleEstimate(Rotation.from_euler("Z", yaw, degrees=True), 1.0) for yaw in turned]
-            hemisphere = SimpleNamespace(yaw_candidates=lambda _target, _source, count, p=peaks: p[: 2 * count])
-            scan = SimpleNamespace(layers=None)
-            assert yaw_rank(SimpleNamespace(hemisphere=hemisphere), scan, scan, truth) == rank  # pyright: ignore
-
-
-class TestPreparation:
+class TestSeries:
     def test_what_pairs_alone_need_is_prepared_once(self) -> None:
         one, six = (VARIANTS[name].config for name in ("one peak", "six peaks"))
         assert one != six
         assert preparation_of(one) == preparation_of(six) == HemisphereConfig()
-        assert preparation_of(VARIANTS["paper"].config) != HemisphereConfig()
-        assert preparation_of(HemisphereConfig(use_strength=True)) != HemisphereConfig()
+        for config in (VARIANTS["paper"].config, HemisphereConfig(use_strength=True)):
+            assert preparation_of(config) != HemisphereConfig()
 
     def test_shared_or_not_the_rows_are_the_same(self, device: Device) -> None:
-        series = Series(device, grid_of(32), "floodgate")
+        series = Series(device, paper_grid(32), "floodgate")
         by_method = {row["method"]: row for row, _ in series.register(2, 1, 1.0)}
         target, source, truth = table1_pair(2, 1, 1.0)
         for name, method in VARIANTS.items():
-            alone = HemisphereRegistrar(device, grid_of(32), method.config)
+            alone = HemisphereRegistrar(device, paper_grid(32), method.config)
             registration = alone.register(alone.prepare(target), alone.prepare(source))
             for which, T in (("found", registration.T_target_source), ("true", truth)):
                 listed = [by_method[name][f"{which}_{parameter}"] for parameter in PARAMETERS]
                 assert listed == pytest.approx(parameters(about_center(T)), abs=1e-9)
             assert by_method[name]["psr"] == registration.psr
 
+    def test_one_grid_is_planned_at_a_time(self, device: Device) -> None:
+        experiment = Gaussian(GaussianSettings(seeds=1, edges=(16, 32), sigma2=(0.0,)), device)
+        for job, edge in (("32/0.0/11/S0", 32), ("16/0.0/11/S0", 16), ("32/0.0/11/S1", 32)):
+            assert [row["grid"] for row in experiment.run(job).rows] == [edge] * len(VARIANTS)
+
 
 class TestCommand:
+    @pytest.mark.parametrize("scene", ["pool", "moon"])
+    def test_scenes_that_the_papers_steps_do_not_fit_are_refused(self, scene: str, tmp_path: Path) -> None:
+        result = CliRunner().invoke(app, ["reproduce", "gaussian", "--scene", scene, "-o", str(tmp_path / "out")])
+        assert (result.exit_code, (tmp_path / "out").exists()) == (2, False)
+
     @pytest.mark.slow
     def test_two_runs_with_one_seed_give_the_same_rows(self, tmp_path: Path, device: Device) -> None:
         """Once by the command line, and two jobs again in another order by an experiment of its own."""
@@ -273,24 +277,15 @@ class TestCommand:
         assert (shown.exit_code, shown.stderr) == (0, "")
         with (tmp_path / "gaussian.csv").open(newline="") as file:
             rows = list(csv.DictReader(file))
-        assert [(row["scan"], row["method"]) for row in rows] == [
-            (str(index), method) for index in range(TABLE1_COUNT) for method in VARIANTS
-        ]
+        scans = [(str(index), method) for index in range(TABLE1_COUNT) for method in VARIANTS]
+        assert [(row["scan"], row["method"]) for row in rows] == scans
         record = json.loads(shown.stdout)["experiments"][0]
         assert record["command"] == "sonarmap reproduce gaussian --quick --grid 32 --seed 2"
         assert len((tmp_path / "gaussian-seconds.csv").read_text().splitlines()) == 1 + len(rows)
         again = create(Request(device, quick=True, grid=32, seed=2))
         origin = provenance(again, device)
         with Journal(tmp_path / JOURNAL) as journal:
-            kept = {job: journal.entry(origin.key(job)) for job in again.jobs()}
-        assert None not in kept.values()
+            kept = {job: entry for job in again.jobs() if (entry := journal.entry(origin.key(job)))}
+        assert list(kept) == list(again.jobs())
         for job in ("32/1.0/2/S4", "32/1.0/2/S1"):
-            entry = kept[job]
-            assert entry is not None
-            assert list(again.run(job).rows) == json.loads(entry.content)["rows"]
-
-
-def test_one_grid_is_planned_at_a_time(device: Device) -> None:
-    experiment = Gaussian(GaussianSettings(seeds=1, edges=(16, 32), sigma2=(0.0,)), device)
-    for job, edge in (("32/0.0/11/S0", 32), ("16/0.0/11/S0", 16), ("32/0.0/11/S1", 32)):
-        assert [row["grid"] for row in experiment.run(job).rows] == [edge] * len(VARIANTS)
+            assert list(again.run(job).rows) == json.loads(kept[job].content)["rows"]

@@ -6,15 +6,20 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce import experiments
-from sonarmap.tools.lab.reproduce.pages.folder import read_record, write_experiment
-from sonarmap.tools.lab.reproduce.pages.page import FRAMES, write_page
-from sonarmap.tools.lab.reproduce.pages.section_text import Verdict, duration, section_text, verdicts
-from sonarmap.tools.lab.reproduce.rows import all_rows
+from sonarmap.tools.lab.reproduce.pages.folder import (
+    Verdict,
+    duration,
+    read_record,
+    section_text,
+    verdicts,
+    write_experiment,
+)
+from sonarmap.tools.lab.reproduce.pages.page import write_page
 from sonarmap.tools.lab.reproduce.run import JOURNAL, run
 from sonarmap.tools.lab.reproduce.table import Table
 from tests.samples.experiments.fake_experiment import JOBS, Fake, origin
@@ -25,19 +30,18 @@ FILES = {*ALIKE, "fake-seconds.csv", "fake-times.md", "fake.json"}
 FAKE = experiments.ExperimentEntry("Fig. 0", "tests.samples.experiments.fake_experiment", ("seed",))
 
 
+def reproduce(*arguments: str) -> Result:
+    return CliRunner().invoke(app, ["reproduce", *arguments])
+
+
 def files_in(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir() if path.name != JOURNAL}
 
 
 class TestFolder:
-    def test_two_runs_give_the_same_bytes(self, tmp_path: Path) -> None:
-        complete(tmp_path / "a")
-        complete(tmp_path / "b")
-        assert bytes_of(tmp_path / "a") == bytes_of(tmp_path / "b")
-        assert files_in(tmp_path / "a") == FILES
-
     def test_rows_and_words(self, tmp_path: Path) -> None:
         complete(tmp_path)
+        assert files_in(tmp_path) == FILES
         lines = (tmp_path / "fake.csv").read_text().splitlines()
         assert lines[0] == "job,value,high,gap"
         assert [line.split(",")[0] for line in lines[1:]] == list(JOBS)
@@ -70,7 +74,7 @@ class TestFolder:
     def test_pictures_must_be_those_of_the_section(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         fake = Fake()
         result = run(fake, origin(fake), tmp_path, silence)
-        section = fake.section(all_rows(result.outcomes), ())
+        section = fake.section(fake.run("a").rows, ())
         for pictures in ({"fake.png": ""}, {"fake.png": "", "fake-2.png": "", "fake-3.png": ""}):
             monkeypatch.setattr(fake, "section", lambda *_, p=pictures: replace(section, pictures=p))
             with pytest.raises(ValueError, match=r"fake drew \['fake-2.png', 'fake.png'\]"):
@@ -118,18 +122,14 @@ class TestVerdicts:
         with pytest.raises(ValueError, match="begins with the word 'verdict"):
             verdicts(replace(self.SECTION, tables=(Table("t", ("paper", "ours"), ()),)))
 
-    def test_a_section_at_any_level(self) -> None:
+    def test_a_section_at_any_level_and_durations(self) -> None:
         text = section_text(self.SECTION, 2, "there/")
         assert text.startswith("## A fake, Fig. 0\n")
         assert "![The numbers.](there/fake.png)" in text
         assert "The numbers are small." in text
-
-    @pytest.mark.parametrize(
-        ("seconds", "words"),
-        [(0.4, "0 s"), (99.4, "99 s"), (130, "2 min"), (3599, "1 h 00 min"), (11100, "3 h 05 min")],
-    )
-    def test_durations(self, seconds: float, words: str) -> None:
-        assert duration(seconds) == words
+        assert [duration(seconds) for seconds in (0.4, 99.4, 130, 3599, 11100)] == [
+            *("0 s", "99 s", "2 min", "1 h 00 min", "3 h 05 min")
+        ]
 
 
 class TestPage:
@@ -148,7 +148,7 @@ class TestPage:
     def test_verdicts_machine_time_command_and_other_methods(self, tmp_path: Path) -> None:
         complete(tmp_path)
         write_page(tmp_path / "p.md", tmp_path, ["fake"])
-        write_page(tmp_path / "e.md", tmp_path, ["fake"], FRAMES[experiments.EVALUATION])
+        write_page(tmp_path / "e.md", tmp_path, ["fake"], experiments.EVALUATION)
         text, evaluation = (tmp_path / "p.md").read_text(), (tmp_path / "e.md").read_text()
         assert evaluation.startswith("# Evaluation on unseen pairs\n")
         assert "| experiment | measure | others | ours | what follows |" in evaluation
@@ -163,38 +163,6 @@ class TestPage:
 
 
 class TestOptions:
-    def test_every_row_of_the_table_can_be_made(self) -> None:
-        from importlib import import_module
-
-        for entry in experiments.EXPERIMENTS.values():
-            assert callable(import_module(entry.module).create)
-            assert set(entry.options) <= set(experiments.OPTIONS)
-
-    def test_options_without_effect_are_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        table = {
-            "none": experiments.ExperimentEntry("", "m", ()),
-            "some": experiments.ExperimentEntry("", "m", ("grid", "seed")),
-            "every": experiments.ExperimentEntry("", "m", experiments.OPTIONS),
-        }
-        monkeypatch.setattr(experiments, "EXPERIMENTS", table)
-        assert experiments.chosen("some", experiments.Request(grid=64, seed=0)) == ("some",)
-        assert experiments.chosen("every", experiments.Request(sigma2=(1.0,), scene="x")) == ("every",)
-        assert experiments.chosen(experiments.ALL, experiments.Request(quick=True)) == ("none", "some", "every")
-        with pytest.raises(InputError, match=r"--sigma2 has no effect on reproduce some.* takes --grid, --seed"):
-            experiments.chosen("some", experiments.Request(grid=64, sigma2=(1.0,)))
-        with pytest.raises(InputError, match="--seed has no effect on reproduce none; leave it out"):
-            experiments.chosen("none", experiments.Request(seed=0))
-        del table["none"]
-        assert experiments.chosen(experiments.ALL, experiments.Request(seed=0)) == ("some", "every")
-        with pytest.raises(InputError, match="--scene and --sigma2 have no effect on reproduce all"):
-            experiments.chosen(experiments.ALL, experiments.Request(scene="x", sigma2=(2.0,)))
-
-    def test_the_command_that_asks_for_the_same(self) -> None:
-        request = experiments.Request(quick=True, seeds=2, seed=0, grid=64, sigma2=(1.0, 2.5))
-        assert (
-            request.command("x") == "sonarmap reproduce x --quick --grid 64 --sigma2 1 --sigma2 2.5 --seeds 2 --seed 0"
-        )
-
     def test_what_is_made_is_what_was_asked_for(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": FAKE})
         asked = experiments.Request(seed=7, quick=True)
@@ -207,25 +175,23 @@ class TestCommand:
         monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": FAKE})
 
     def test_all_with_a_page(self, tmp_path: Path) -> None:
-        arguments = ["reproduce", "all", "--seed", "3", "-o", str(tmp_path / "out"), "--page", str(tmp_path / "p.md")]
-        shown = CliRunner().invoke(app, arguments)
+        arguments = ["all", "--seed", "3", "-o", str(tmp_path / "out"), "--page", str(tmp_path / "p.md")]
+        shown = reproduce(*arguments)
         assert (shown.exit_code, shown.exception) == (0, None)
         assert "fake: 5 of 5" in shown.stderr
         assert "A fake, Fig. 0" in shown.stdout
         assert files_in(tmp_path / "out") == FILES
         assert "`sonarmap reproduce fake --seed 3`" in (tmp_path / "p.md").read_text()
-        again = CliRunner().invoke(app, arguments)
-        assert again.stderr == "fake: 5 of 5 jobs were done before\n"
+        assert reproduce(*arguments).stderr == "fake: 5 of 5 jobs were done before\n"
 
     def test_all_pages_by_one_command(self, tmp_path: Path) -> None:
-        arguments = ["reproduce", "pages", "-o", str(tmp_path / "out"), "--page", str(tmp_path / "docs"), "-q"]
-        shown = CliRunner().invoke(app, arguments)
+        shown = reproduce("pages", "-o", str(tmp_path / "out"), "--page", str(tmp_path / "docs"), "-q")
         assert (shown.exit_code, shown.exception) == (0, None)
         assert {path.name for path in (tmp_path / "docs").iterdir()} == {"reproduction.md", "reproduction"}
         assert experiments.chosen("pages", experiments.Request()) == ("fake",)
 
     def test_json(self, tmp_path: Path) -> None:
-        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path), "--json"])
+        shown = reproduce("fake", "-o", str(tmp_path), "--json")
         assert (shown.exit_code, shown.stderr) == (0, "")
         printed = json.loads(shown.stdout)["experiments"][0]
         assert printed["name"] == "fake"
@@ -235,25 +201,25 @@ class TestCommand:
     def test_workers_change_nothing_but_where_times_are_measured(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path / "two"), "--workers", "2"])
+        shown = reproduce("fake", "-o", str(tmp_path / "two"), "--workers", "2")
         assert (shown.exit_code, shown.exception) == (0, None)
         complete(tmp_path / "one")
         assert (tmp_path / "two/fake.csv").read_bytes() == (tmp_path / "one/fake.csv").read_bytes()
         timed = experiments.ExperimentEntry("Fig. 0", "no_such_module_in_a_process", ("seed",), timed=True)
         monkeypatch.setattr("sonarmap.tools.command.verbs.reproduce.create", lambda *_: Fake())
         monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": timed})
-        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path / "timed"), "--workers", "2"])
+        shown = reproduce("fake", "-o", str(tmp_path / "timed"), "--workers", "2")
         assert shown.exit_code == 0
         assert "fake: measures times, so --workers has no effect" in shown.stderr
 
     def test_interrupted_it_says_what_is_kept(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("tests.samples.experiments.fake_experiment.create", lambda _: Fake(stop="d"))
-        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path)])
+        shown = reproduce("fake", "-o", str(tmp_path))
         assert shown.exit_code == 130
         assert "stopped: finished jobs are kept in" in shown.stderr
         monkeypatch.undo()
         monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": FAKE})
-        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path)])
+        shown = reproduce("fake", "-o", str(tmp_path))
         assert "going on: 3 of 5 jobs were done" in shown.stderr
         assert files_in(tmp_path) == FILES
 
@@ -267,16 +233,13 @@ class TestCommand:
             (["fake", "--grid", "103"], "--grid 103"),
             (["fake", "--device", "abacus"], "abacus"),
             (["fake", "--method", "alchemy"], "no method is called 'alchemy'"),
+            (["fake"], "cannot write"),
         ],
     )
     def test_refused(self, tmp_path: Path, arguments: list[str], words: str) -> None:
-        shown = CliRunner().invoke(app, ["reproduce", *arguments, "-o", str(tmp_path / "out")])
+        if words == "cannot write":
+            (tmp_path / "out").write_text("a file")
+        shown = reproduce(*arguments, "-o", str(tmp_path / "out"))
         assert shown.exit_code == 2
         assert words in " ".join(shown.stderr.replace("│", " ").split())
-        assert not (tmp_path / "out").exists() or files_in(tmp_path / "out") == set()
-
-    def test_a_folder_that_cannot_be_written_is_told_first(self, tmp_path: Path) -> None:
-        (tmp_path / "out").write_text("a file")
-        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path / "out")])
-        assert shown.exit_code == 2
-        assert "cannot write" in shown.stderr
+        assert not (tmp_path / "out").is_dir() or files_in(tmp_path / "out") == set()

@@ -11,22 +11,19 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.command.main import app
-from sonarmap.tools.lab.reproduce.experiment import Outcome
-from sonarmap.tools.lab.reproduce.experiments import Request, chosen, create
-from sonarmap.tools.lab.reproduce.pages.folder import write_experiment
-from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
+from sonarmap.tools.lab.reproduce.experiments import create
+from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts, write_experiment
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.real.real_set import RealSet, read_sets, without_truth
 from sonarmap.tools.lab.reproduce.real.run import Real
 from sonarmap.tools.lab.reproduce.real.section import beside_others, pair_table, result_table
 from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
-from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.run import run
 from sonarmap.tools.lab.simulate.sensing.navigation import KINDS
 from tests.samples.experiments.real_folders import FEW, asked, gt_log, put, simulated
+from tests.samples.experiments.shown import joined, show
 from tests.samples.places import DATA
 from tests.samples.refusals import refuses
 from tests.tools.lab.reproduce.test_run import silence
@@ -83,51 +80,6 @@ class TestSets:
         refuses(r"names of 2 scans end in it: cloud_bin_1\.ply and old_1\.npy; move one", read_sets, folder)
 
 
-class TestRequest:
-    def test_the_folder_is_needed_by_real_alone(self, tmp_path: Path) -> None:
-        assert chosen("real", Request(folder=tmp_path)) == ("real",)
-        with pytest.raises(InputError, match="reproduce real needs the folder of the scans"):
-            chosen("real", Request())
-        for name in ("pairs", "all", "evaluation"):
-            with pytest.raises(InputError, match=f"reproduce {name} simulates its scans, so the folder"):
-                chosen(name, Request(folder=tmp_path))
-        assert "real" not in chosen("all", Request())
-
-    def test_the_command_does_not_say_where_the_folder_lies(self, tmp_path: Path) -> None:
-        request = Request(folder=tmp_path, voxel=0.25, max_tilt=20.0, known="attitude,depth", known_sigmas="1,2,3,4")
-        assert request.command("real") == (
-            "sonarmap reproduce real DIR --voxel 0.25 --max-tilt 20.0 --known attitude,depth --known-sigmas 1,2,3,4"
-        )
-
-    def test_options_become_settings(self) -> None:
-        request = Request(known="depth,attitude", known_sigmas="1,2,3,4", seeds=2, seed=7, max_tilt=180.0, grid=64)
-        settings = real_settings(request, {"a": "b"})
-        assert (settings.known, settings.max_tilt, settings.edge) == (("attitude", "depth"), 180.0, 64)
-        assert settings.draws == {"attitude=1,depth=3,seed=7": 7, "attitude=1,depth=3,seed=8": 8}
-        np.testing.assert_allclose(
-            settings.instruments.sigmas, [np.deg2rad(1), np.deg2rad(1), np.inf, np.inf, np.inf, 3]
-        )
-
-    @pytest.mark.parametrize(
-        ("options", "message"),
-        [
-            ({"known": "compass"}, "no instrument measures 'compass'"),
-            ({"known": ""}, "no instrument measures ''"),
-            ({"known_sigmas": "1,2,3,4"}, "--known-sigmas has no effect without --known"),
-            ({"seed": 4}, "--seed has no effect without --known"),
-            ({"known": "depth", "known_sigmas": "1,2,3"}, "standard deviations are 1, 2, 3; wanted four numbers"),
-            ({"known": "depth", "known_sigmas": "1,2,x,4"}, "standard deviations are nan; wanted four numbers"),
-            ({"known": "depth", "known_sigmas": "1,2,0,4"}, "wanted four numbers above 0"),
-            ({"max_tilt": 0.0}, "largest tilt is 0 degrees"),
-            ({"voxel": -1.0}, "voxel=-1"),
-            ({"grid": 33}, "edge=33"),
-        ],
-    )
-    def test_options_that_cannot_be_used(self, options: dict, message: str) -> None:
-        with pytest.raises(InputError, match=message):
-            real_settings(Request(**options), {})
-
-
 def priors_of(sets: Sequence[RealSet], settings: RealSettings, known: str) -> list[PosePrior | None]:
     """Of both scans of the first pair."""
     experiment, pair = Real(sets, settings, None), sets[0].pairs[0]
@@ -170,32 +122,25 @@ class TestJobs:
         assert none == [None, None]
 
 
-SHARED = DATA
-
-
 class TestRuns:
     def test_rows_section_and_pictures_and_a_second_run_that_runs_nothing(self, tmp_path: Path, device: Device) -> None:
         put(tmp_path / "in" / "quay")
         put(tmp_path / "in" / "pier", ("0.ply", "1.npy"))
-        request = asked(tmp_path / "in", device)
-        written = []
+        out, request, written = tmp_path / "out", asked(tmp_path / "in", device), []
         for said in ([], []):
             experiment = create("real", request)
             origin = provenance(experiment, device)
-            result = run(experiment, origin, tmp_path / "out", silence, say=said.append)
-            write_experiment(tmp_path / "out", experiment, result, origin, request.command("real"))
-            written.append(
-                (said, (tmp_path / "out" / "real.csv").read_bytes(), (tmp_path / "out" / "real.md").read_bytes())
-            )
+            result = run(experiment, origin, out, silence, say=said.append)
+            write_experiment(out, experiment, result, origin, request.command("real"))
+            written.append((said, *((out / f"real.{end}").read_bytes() for end in ("csv", "md"))))
         assert [said for said, *_ in written] == [[], ["real: 4 of 4 jobs were done before"]]
         assert written[0][1:] == written[1][1:]
-        rows = [row for outcome in result.outcomes.values() for row in outcome.rows]
+        rows, seconds = joined(result.outcomes.values())
+        show(experiment, tmp_path / "shown", rows, seconds)
         assert [(row["set"], row["method"]) for row in rows] == [(s, m) for s in ("pier", "quay") for m in FEW]
-        assert not any("second" in key for row in rows for key in row)
-        record = json.loads((tmp_path / "out" / "real.json").read_text())
+        record = json.loads((out / "real.json").read_text())
         assert set(record["provenance"]["settings"]["sets"]) == {"pier", "quay"}
-        assert str(tmp_path) not in (tmp_path / "out" / "real.md").read_text()
-        assert {path.name for path in (tmp_path / "out").glob("*.png")} == {"real.png", "real-errors.png"}
+        assert str(tmp_path) not in (out / "real.md").read_text()
 
     def test_what_changes_makes_its_jobs_run_again_and_no_others(self, tmp_path: Path, device: Device) -> None:
         put(tmp_path / "in" / "quay")
@@ -281,8 +226,7 @@ class TestTables:
 
     def test_the_section_says_what_was_known(self) -> None:
         settings = RealSettings({"a": "", "b": ""}, known=("attitude", "depth"), seeds=2, seed=4, left_out=("c",))
-        outcomes = {str(k): Outcome((line,), (line | {"seconds": 0.5},)) for k, line in enumerate(self.ROWS)}
-        section = Real((), settings, None).section(all_rows(outcomes), all_seconds(outcomes))
+        section = Real((), settings, None).section(self.ROWS, [line | {"seconds": 0.5} for line in self.ROWS])
         text = section_text(section, 1)
         assert "Sets: `a` (2 pairs), `b` (1 pair). Left out, as they have no gt.log: `c`." in text
         assert "deviations attitude 1.5 degrees, depth 0.15 m (seeds 4 to 5" in text
@@ -304,30 +248,24 @@ class TestCommand:
         assert str(tmp_path) not in page
         assert (tmp_path / "page" / "real.png").is_file()
 
-    def test_errors_are_the_users(self, tmp_path: Path) -> None:
-        for arguments, message in (
-            (["real"], "needs the folder"),
-            (["real", str(tmp_path)], "has a gt.log"),
-            (["pairs", str(tmp_path)], "simulates its scans"),
-            (["real", str(tmp_path), "--pairs", "3"], "--pairs has no effect on reproduce real"),
-            (["real", str(tmp_path), "--max-tilt", "200"], "200.0 degrees"),
-        ):
-            result = CliRunner().invoke(app, ["reproduce", *arguments, "-o", str(tmp_path / "out")])
-            assert result.exit_code != 0
-            assert message in " ".join((result.output + str(result.exception)).split())
+    def test_a_tilt_beyond_half_a_turn_is_refused(self, tmp_path: Path) -> None:
+        arguments = ["reproduce", "real", str(tmp_path), "--max-tilt", "200", "-o", str(tmp_path / "out")]
+        result = CliRunner().invoke(app, arguments)
+        assert result.exit_code == 2
+        assert "200.0 degrees" in " ".join(result.output.split())
 
 
 @pytest.mark.slow
 def test_real_development_data(tmp_path: Path, device: Device) -> None:
-    if not (SHARED / "real").is_dir():
-        pytest.skip(f"no real scans in {SHARED / 'real'}")
+    if not (DATA / "real").is_dir():
+        pytest.skip(f"no real scans in {DATA / 'real'}")
     (tmp_path / "pool").mkdir()
-    for path in (SHARED / "real" / "pool").glob("*.npy"):
+    for path in (DATA / "real" / "pool").glob("*.npy"):
         (tmp_path / "pool" / path.name).symlink_to(path)
     T = RigidTransform.from_components([-1.07, -1.16, 0], Rotation.from_euler("Z", 28.5, degrees=True))
     (tmp_path / "pool" / "gt.log").write_text(gt_log(1, 2, T))
     for name, place in {"kitti07": "real/kitti07", "outdoor": "real/outdoor", "kitchen": "redkitchen"}.items():
-        (tmp_path / name).symlink_to(SHARED / place)
+        (tmp_path / name).symlink_to(DATA / place)
     experiment = create("real", asked(tmp_path, device, grid=128, method=("spectral",)))
     rows = [experiment.run(job).rows[0] for job in experiment.jobs()]
     assert {(row["set"], row["pair"]) for row in rows} == {

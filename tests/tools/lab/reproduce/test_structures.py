@@ -1,6 +1,5 @@
 """Experiments on structures seen whole: what counts as reached, and rows that are the same every time."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,17 +8,19 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce.answer import parameters
-from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
-from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.structures.limits import KINDS, Limits
 from sonarmap.tools.lab.reproduce.structures.limits_section import deviation_table
-from sonarmap.tools.lab.reproduce.structures.rotation import Turns
-from sonarmap.tools.lab.reproduce.structures.rotation_section import deviation, rotation_section, within_limits
+from sonarmap.tools.lab.reproduce.structures.moved import Translation, Turns
+from sonarmap.tools.lab.reproduce.structures.moved_section import (
+    deviation,
+    reach,
+    rotation_section,
+    translation_section,
+    within_limits,
+)
 from sonarmap.tools.lab.reproduce.structures.settings import LimitsSettings, RotationSettings, TranslationSettings
-from sonarmap.tools.lab.reproduce.structures.translation import Translation
-from sonarmap.tools.lab.reproduce.structures.translation_section import reach, translation_section
+from tests.samples.experiments.shown import run_all, show
 
 ONE = TranslationSettings(scenes=("clutter",), noises=("D0", "D6"), seeds=1, first_seed=3, edge=64, steps=(8, 16, 40))
 
@@ -51,28 +52,25 @@ class TestReach:
         settings = replace(ONE, noises=("D0",), seeds=2)
         good = [shifted(d, True, seed=3) for d in (100.0, 142.2, 149.7, 160.0)]
         other = [shifted(d, d <= far, seed=4) for d in (100.0, 142.2, 149.7, 160.0)]
-        table = translation_section(good + other, settings).tables[0]
+        table = translation_section(good + other, (), settings).tables[0]
         assert table.rows[0][:5] == ("D0: right up to [m]", "150", f"{far:.0f}", verdict, f"≥160 {far:.0f}")
 
     def test_a_short_series_says_how_far_it_went(self) -> None:
-        table = translation_section([shifted(60, True)], replace(ONE, noises=("D0",))).tables[0]
+        table = translation_section([shifted(60, True)], (), replace(ONE, noises=("D0",))).tables[0]
         assert table.rows[0][3] == "reached as far as tried (60 m)"
 
 
 class TestDeviation:
-    def test_angles_are_compared_around_the_circle(self) -> None:
+    def test_every_bound_counts_around_the_circle(self) -> None:
         assert deviation(turned(88, -270), "yaw") == pytest.approx(2)
         assert deviation(turned(-80, 275), "yaw") == pytest.approx(-5)
-
-    def test_every_bound_counts(self) -> None:
         assert within_limits(turned(40, 44.9))
-        assert not within_limits(turned(40, 45.1))
-        assert not within_limits(turned(40, 40, roll=13.1))
-        assert not within_limits(turned(40, 40, shift=2.1))
+        for beyond in (turned(40, 45.1), turned(40, 40, roll=13.1), turned(40, 40, shift=2.1)):
+            assert not within_limits(beyond)
 
     def test_what_deviates_is_named(self) -> None:
         settings = RotationSettings(scenes=("clutter",), noises=("D0",), seeds=1, first_seed=3)
-        section = rotation_section([turned(8, 8), turned(16, 60)], settings)
+        section = rotation_section([turned(8, 8), turned(16, 60)], (), settings)
         assert section.tables[0].rows[0][3] == "1 beyond"
         assert "at 16° of yaw" in section.remarks
 
@@ -96,26 +94,6 @@ class TestLimitsTable:
         assert deviation_table(rows).rows[-1][3] == "1 of 3 fail"
 
 
-OF_TRANSLATION = {"steps": [(), (4, 2)], "scenes": [("moon",)], "noises": [("D7",)], "seeds": [0], "first_seed": [-1]}
-OF_LIMITS = {"yaws_deg": [(90,)], "tilts_deg": [(0, 5)], "scenes": [()], "seeds": [0]}
-
-
-@pytest.mark.parametrize(("settings", "wrong"), [(ONE, OF_TRANSLATION), (LimitsSettings(), OF_LIMITS)])
-def test_settings_that_are_refused(settings: TranslationSettings | LimitsSettings, wrong: dict[str, list]) -> None:
-    for name, value in ((name, value) for name, values in wrong.items() for value in values):
-        with pytest.raises(InputError):
-            replace(settings, **{name: value})
-
-
-def drawn(experiment: Turns | Limits, folder: Path) -> Sequence[Row]:
-    """The rows of a run, whose pictures are those of the section."""
-    outcomes: dict[str, Outcome] = {job: experiment.run(job) for job in experiment.jobs()}
-    rows = all_rows(outcomes)
-    experiment.draw(folder, rows)
-    assert {path.name for path in folder.iterdir()} == set(experiment.section(rows, all_seconds(outcomes)).pictures)
-    return rows
-
-
 class TestRun:
     def test_rows_hold_the_truth_and_are_right(self) -> None:
         outcome = Translation(ONE, choose_device()).run("clutter/D6/3")
@@ -126,24 +104,25 @@ class TestRun:
         common = [float(row["common"]) for row in outcome.rows]
         assert 0 < common[2] < common[1] < common[0] < 1
 
-    def test_shifts_that_leave_nothing_in_the_frame_are_passed_over(self) -> None:
-        outcome = Translation(replace(ONE, steps=(8, 200)), choose_device()).run("clutter/D6/3")
-        assert [row["number"] for row in outcome.rows] == [0]
-
-    def test_two_runs_give_the_same_rows_whatever_came_before(self) -> None:
-        first, second = Translation(ONE, choose_device()), Translation(ONE, choose_device())
+    def test_rows_are_the_same_whatever_came_before_without_shifts_that_leave_nothing_in_the_frame(self) -> None:
+        first, second = (Translation(replace(ONE, steps=(8, 200)), choose_device()) for _ in range(2))
         second.run("clutter/D0/3")
-        assert first.run("clutter/D6/3").rows == second.run("clutter/D6/3").rows
+        rows = first.run("clutter/D6/3").rows
+        assert rows == second.run("clutter/D6/3").rows
+        assert [row["number"] for row in rows] == [0]
 
     def test_turns_are_found_and_drawn(self, tmp_path: Path) -> None:
         settings = RotationSettings(
             scenes=("clutter",), noises=("D0",), seeds=1, first_seed=3, edge=64, yaws_deg=(8, 64)
         )
-        assert all(within_limits(row) for row in drawn(Turns(settings, choose_device()), tmp_path))
+        rows, seconds = run_all(experiment := Turns(settings, choose_device()))
+        show(experiment, tmp_path, rows, seconds)
+        assert all(within_limits(row) for row in rows)
 
     def test_limits_look_at_each_step(self, tmp_path: Path) -> None:
         settings = LimitsSettings(scenes=("clutter",), seeds=1, edge=64, tilts_deg=(10,), yaws_deg=(-40,))
-        rows = drawn(Limits(settings, choose_device()), tmp_path)
+        rows, seconds = run_all(experiment := Limits(settings, choose_device()))
+        show(experiment, tmp_path, rows, seconds)
         assert [row["tilted"] for row in rows] == list(KINDS)
         assert max(abs(float(row["roll_off_deg"])) for row in rows) < 2
 

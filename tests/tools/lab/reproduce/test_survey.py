@@ -1,6 +1,5 @@
 """Mapped surveys: what is counted, on given poses and pairs and on tiny maps, and how times grow."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -10,26 +9,22 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.pairs import TriedPair
-from sonarmap.tools.lab.reproduce.experiment import Outcome
-from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, SCALE, SLAM, Request, create, members
-from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
-from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
+from sonarmap.tools.lab.reproduce.experiment import Row
+from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
+from sonarmap.tools.lab.reproduce.rows import column, where
 from sonarmap.tools.lab.reproduce.scale.made_up import MadeUpRegistrar, make_up
-from sonarmap.tools.lab.reproduce.scale.measured import WHOLE, ScaleSettings
-from sonarmap.tools.lab.reproduce.scale.run import Scale
-from sonarmap.tools.lab.reproduce.survey import run as surveys
+from sonarmap.tools.lab.reproduce.scale.run import WHOLE, Scale, ScaleSettings
 from sonarmap.tools.lab.reproduce.survey import simulated
-from sonarmap.tools.lab.reproduce.survey.mapped import Crossings, MappedSurvey, MappingTime
+from sonarmap.tools.lab.reproduce.survey.mapped import MappedSurvey
 from sonarmap.tools.lab.reproduce.survey.row import MAP, POSE, survey_rows
 from sonarmap.tools.lab.reproduce.survey.run import SurveyExperiment
-from sonarmap.tools.lab.reproduce.survey.settings import SurveySettings
-from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
+from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, SurveySettings, simulate_survey
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.shapes.solids import Mesh
+from tests.samples.experiments.shown import run_all, show
 from tests.samples.scenes.simulated import COARSE, QUIET
 from tests.samples.surveys import ring_poses
 
@@ -61,16 +56,12 @@ def mapped(survey: SimulatedSurvey, height: float = 0.0) -> MappedSurvey:
     points = np.array([[0.0, 0, height], [1, 2, height], [2, -3, height + 4]])
     return MappedSurvey(
         placed=tuple(placed),
-        components=1,
         trajectory=Trajectory(survey.truth.stamps[placed], T_TRUTH_ESTIMATE.inv() * T[placed]),
-        chained=None,
         covariances=np.stack([np.eye(6) * 1e-12, *[np.eye(6) * 1e-4] * (len(placed) - 1)]),
         pairs=pairs,
         points=T_TRUTH_ESTIMATE.inv().apply(points),
         seen=np.array([2, 3, 1]),
-        crossings=Crossings(0.5, 0.25),
-        signatures={},
-        time=MappingTime(1.0, 2**20),
+        took={},
     )
 
 
@@ -119,32 +110,6 @@ class TestRows:
         assert row["map_twice_p90_m"] == pytest.approx(0.3, abs=1e-6)
 
 
-class TestJobs:
-    def test_peers_map_the_longest_alone(self) -> None:
-        settings = SurveySettings("harbor", 2, 7, (20, 30), dive=10, systems=("sonarmap", "multiway"))
-        assert list(SurveyExperiment(settings, None).jobs()) == [
-            *("harbor-7/20/sonarmap", "harbor-7/30/sonarmap", "harbor-7/30/multiway", "harbor-7/dives"),
-            *("harbor-8/20/sonarmap", "harbor-8/30/sonarmap", "harbor-8/30/multiway", "harbor-8/dives"),
-        ]
-
-    def test_what_is_not_installed_is_left_out_and_said(self, monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
-        monkeypatch.setattr(surveys, "installed", lambda system: system != "kiss-slam")
-        settings = create("survey", Request(device)).settings
-        assert (settings.systems, settings.left_out) == (("sonarmap", "multiway"), ("kiss-slam",))
-        assert members(SLAM) == ("survey",)
-        assert EXPERIMENTS["survey"].timed
-
-    def test_quick_is_twelve_scans_by_our_mapper_alone(self, device: Device) -> None:
-        assert list(create("survey", Request(device, quick=True, seed=3)).jobs()) == ["floodgate-3/12/sonarmap"]
-
-    @pytest.mark.parametrize(
-        "change", [{"scene": "moon"}, {"counts": (1,)}, {"seeds": 0}, {"first_seed": -1}, {"edge": 103}]
-    )
-    def test_refused(self, change: dict) -> None:
-        with pytest.raises(InputError):
-            SurveySettings(**change)
-
-
 def test_two_dives_follow_each_other_and_keep_their_own_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse = lambda *given: replace(plan(*given), sensor=COARSE, noise=QUIET)  # noqa: E731
     monkeypatch.setattr(simulated, "plan", coarse)
@@ -157,48 +122,40 @@ def test_two_dives_follow_each_other_and_keep_their_own_numbers(monkeypatch: pyt
         assert np.array_equal(scan.points, alone.points), k
 
 
-@cache
-def outcomes(device: Device, dive: int = 0) -> Mapping[str, Outcome]:
-    """Of a tiny survey, and of two dives of so many scans."""
-    experiment = tiny(device, dive)
-    return {job: experiment.run(job) for job in experiment.jobs()}
-
-
 def tiny(device: Device, dive: int = 0) -> SurveyExperiment:
     settings = SurveySettings(first_seed=3, counts=(5,), dive=dive, unusable=0.2, edge=64, systems=("sonarmap",))
     return SurveyExperiment(settings, device.selector)
 
 
+@cache
+def done(device: Device, dive: int = 0) -> tuple[list[Row], list[Row]]:
+    """Rows and times of a tiny survey, and of two dives of so many scans."""
+    return run_all(tiny(device, dive))
+
+
 class TestRun:
     @pytest.mark.slow
     def test_a_section_its_picture_and_no_times_in_rows(self, device: Device, tmp_path: Path) -> None:
-        experiment, done = tiny(device), outcomes(device)
-        section = experiment.section(all_rows(done), all_seconds(done))
+        section = show(tiny(device), tmp_path, *done(device))
         assert {verdict.claim.split(", ")[1] for verdict in verdicts(section)} == {"5 scans"}
         assert "20 % of the scans show nothing" in section_text(section, 1)
-        experiment.draw(tmp_path, all_rows(done))
-        assert {path.name for path in tmp_path.iterdir()} == set(section.pictures)
-        assert not any(key.endswith("_s") or "memory" in key for row in all_rows(done) for key in row)
 
-    def test_what_was_mapped(self, device: Device) -> None:
-        row, *poses = all_rows(outcomes(device))
+    def test_what_was_mapped_and_what_it_took_in_a_process_of_its_own(self, device: Device) -> None:
+        (row, *poses), (times,) = done(device)
         assert (row["row"], row["scans"], row["unusable"], row["placed"]) == (MAP, 5, 1, 4)
         assert float(row["ate_after_voxels"]) < 1
         assert [pose["row"] for pose in poses] == [POSE] * 4
-
-    def test_times_and_memory_of_a_process_of_its_own(self, device: Device) -> None:
-        (row,) = outcomes(device)["floodgate-3/5/sonarmap"].seconds
-        parts = [float(row[f"{stage}_s"]) for stage in ("registering", "signing", "optimizing", "fusing")]
+        parts = [float(times[f"{stage}_s"]) for stage in ("registering", "signing", "optimizing", "fusing")]
         assert min(parts) >= 0
-        assert sum(parts) == pytest.approx(float(row["total_s"]))
-        assert float(row["peak_memory_mib"]) > 50
+        assert sum(parts) == pytest.approx(float(times["total_s"]))
+        assert float(times["peak_memory_mib"]) > 50
 
     @pytest.mark.slow
     def test_rows_are_the_same_again_those_of_dives_too(self, device: Device) -> None:
-        experiment, done = tiny(device, 4), outcomes(device, 4)
-        assert list(done) == ["floodgate-3/5/sonarmap", "floodgate-3/dives"]
-        assert str([row for job in experiment.jobs() for row in experiment.run(job).rows]) == str(all_rows(done))
-        section = experiment.section(all_rows(done), all_seconds(done))
+        experiment, (rows, seconds) = tiny(device, 4), done(device, 4)
+        assert experiment.jobs() == ["floodgate-3/5/sonarmap", "floodgate-3/dives"]
+        assert str(run_all(experiment)[0]) == str(rows)
+        section = experiment.section(rows, seconds)
         assert {verdict.claim.split(", ")[1] for verdict in verdicts(section)} == {"5 scans", "2 dives of 4"}
 
 
@@ -231,36 +188,24 @@ def test_scans_of_one_place_show_the_same_bed(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_short_survey_is_mapped_and_measured() -> None:
     settings = ScaleSettings(counts=(60, 90), points=2000)
-    experiment = Scale(settings)
-    assert experiment.jobs() == ["7/60", "7/90"]
-    outcomes = {job: experiment.run(job) for job in experiment.jobs()}
-    for outcome, count in zip(outcomes.values(), settings.counts, strict=True):
-        (row,) = outcome.rows
+    rows, seconds = run_all(experiment := Scale(settings))
+    for row, whole, count in zip(rows, where(seconds, stage=WHOLE), settings.counts, strict=True):
         assert (row["scans"], row["placed"], row["wrong_kept"]) == (count, count, 0)
         assert float(row["ate_m"]) < 0.3
         assert int(row["kept_loops"]) > count / 3
-        whole = next(row for row in outcome.seconds if row["stage"] == WHOLE)
         assert float(whole["processor_s"]) > 0.1
         assert 20 < float(whole["memory_mib"]) < 2000
-    section = experiment.section(all_rows(outcomes), all_seconds(outcomes))
+    section = experiment.section(rows, seconds)
     assert [line[-1] for line in section.tables[0].rows][::2] == ["0 scans are missing in it"] * 2
     assert [line[0] for line in section.times[0].rows] == ["60", "90"]
     assert "map fused" in [line[0] for line in section.times[1].rows]
 
 
-def test_it_is_an_experiment_of_its_own_group() -> None:
-    assert members(SCALE) == ("scale",)
-    assert EXPERIMENTS["scale"].timed
-    quick = create("scale", Request(quick=True, seed=3, seeds=2))
-    assert quick.jobs() == ["3/100", "3/200", "4/100", "4/200"]
-
-
 @pytest.mark.slow
 def test_time_grows_in_proportion_and_memory_stays_small() -> None:
     """3,000 scans in three times of 1,000, to the power of 1.15 at most."""
-    settings = ScaleSettings(counts=(1000, 3000))
-    measured = [Scale(settings).run(f"7/{count}") for count in settings.counts]
-    seconds = [float(row["processor_s"]) for outcome in measured for row in outcome.seconds if row["stage"] == WHOLE]
-    assert seconds[1] < 3**1.15 * seconds[0]
-    assert all(float(row["memory_mib"]) < 2048 for outcome in measured for row in outcome.seconds)
-    assert all(float(outcome.rows[0]["ate_m"]) < 0.3 for outcome in measured)
+    rows, seconds = run_all(Scale(ScaleSettings(counts=(1000, 3000))))
+    short, long = column(where(seconds, stage=WHOLE), "processor_s")
+    assert long < 3**1.15 * short
+    assert max(column(seconds, "memory_mib")) < 2048
+    assert max(column(rows, "ate_m")) < 0.3

@@ -4,7 +4,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 from scipy.spatial.transform import RigidTransform
 
@@ -12,15 +12,25 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.answer import answer, claims, errors
-from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH
+from sonarmap.tools.lab.reproduce.evaluation.pairs_section import draw_pairs, pairs_section
+from sonarmap.tools.lab.reproduce.evaluation.settings import (
+    ANY_SHARE,
+    BATCH,
+    PairsSettings,
+    pair_set_settings,
+)
+from sonarmap.tools.lab.reproduce.evaluation.unrelated_section import draw_unrelated, unrelated_section
 from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Value
-from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, registrar
+from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, compared_methods, registrar
+from sonarmap.tools.lab.reproduce.settings import as_asked
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair, evaluation_unrelated
 from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 
+UNRELATED = 500  # pairs
 SOURCES = (*METHOD_SOURCES, *(f"tools/lab/reproduce/evaluation/{name}.py" for name in ("pair_set", "settings")))
 
 
@@ -98,3 +108,57 @@ class PairSetExperiment(ByMethod):
         first = int(batch.rpartition("/")[2]) * BATCH
         pairs = [self.pair(batch, number) for number in range(first, first + BATCH)]
         return [pair for pair in pairs if pair is not None]
+
+
+class Pairs(PairSetExperiment):
+    """Registers the pairs of a set; a job is five of them and one method."""
+
+    name = "pairs"
+    make_section, draw_pictures = staticmethod(pairs_section), staticmethod(draw_pairs)
+
+    def jobs(self) -> Sequence[str]:
+        """Turn, batch and method, as in yaw/003/spectral."""
+        settings: PairsSettings = self.settings
+        return [
+            f"{turn}/{k:03d}/{method}"
+            for turn, count in settings.counts.items()
+            for k in range(count // BATCH)
+            for method in self.methods
+            if k < settings.registers(method, turn) // BATCH
+        ]
+
+    def pair(self, batch: str, number: int) -> SetPair | None:
+        """A pair of the batch's turn; those with the turn "any" are of the next set."""
+        turn = cast(Turn, batch.partition("/")[0])
+        return related(number, self.settings.seed + (turn == "any"), turn, self.settings.edge)
+
+
+def create_pairs(request: Request) -> Pairs:
+    """The experiment as the command line asks for it; `quick` is one batch of each turn on half the voxels."""
+    usual = PairsSettings(compared=compared_methods(request))
+    if request.pairs or request.quick:
+        count = request.pairs or BATCH
+        some = -(-count // ANY_SHARE)
+        usual = replace(usual, yaw=count, any=some)
+        usual = replace(usual, peers={"yaw": count, "any": some}) if request.pairs else usual
+    return Pairs(as_asked(usual, request, edge=64), request.opened.selector)
+
+
+class Unrelated(PairSetExperiment):
+    """Registers pairs of strangers; a job is five of them and one method."""
+
+    name = "unrelated"
+    make_section, draw_pictures = staticmethod(unrelated_section), staticmethod(draw_unrelated)
+
+    def jobs(self) -> Sequence[str]:
+        """Batch and method, as in 003/spectral."""
+        return [f"{k:03d}/{method}" for k in range(self.settings.count // BATCH) for method in self.methods]
+
+    def pair(self, batch: str, number: int) -> SetPair | None:
+        """A pair that shares nothing."""
+        return unrelated(number, self.settings.seed, self.settings.edge)
+
+
+def create_unrelated(request: Request) -> Unrelated:
+    """The experiment as the command line asks for it; `quick` is one batch on half the voxels."""
+    return Unrelated(pair_set_settings(request, UNRELATED, quick_pairs=BATCH), request.opened.selector)

@@ -8,11 +8,15 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.methods import OURS, ComparedMethods, compared_methods
-from sonarmap.tools.lab.reproduce.settings import as_asked, check_pairs, check_scenes, check_seeds, check_variances
+from sonarmap.tools.lab.reproduce.settings import (
+    as_asked,
+    check_pairs,
+    check_scenes,
+    check_seeds,
+    check_variances,
+    paper_grid,
+)
 from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
-
-EXTENT = 256.0  # of the grid [m], as large as the paper's
-
 
 FIRST_SEED = 101  # neither development nor the tests use scenes and noise of these seeds
 
@@ -39,13 +43,10 @@ class StepsSettings:
     @property
     def grid(self) -> Grid:
         """That all pairs share."""
-        Grid(self.edge, 1.0)
-        return Grid(self.edge, EXTENT / self.edge)
+        return paper_grid(self.edge)
 
 
 SET_SEED = 20110  # neither development nor the tests use pairs of this set
-
-
 BATCH = 5  # pairs of a job: one of every range of overlap
 
 
@@ -53,7 +54,7 @@ BATCH = 5  # pairs of a job: one of every range of overlap
 class PairSetSettings:
     """What is run."""
 
-    pairs: int  # how many, at least 1
+    pairs: int  # how many, at least 1, rounded up to whole batches
     seed: int = SET_SEED  # of the set, >= 0
     edge: int = 128  # voxels per edge; their size is chosen for each pair
     compared: ComparedMethods = field(default_factory=ComparedMethods)  # the methods
@@ -61,6 +62,11 @@ class PairSetSettings:
     def __post_init__(self) -> None:
         Grid(self.edge, 1.0)
         check_pairs(self.pairs, self.seed)
+
+    @property
+    def count(self) -> int:
+        """Pairs in whole batches."""
+        return batches(self.pairs) * BATCH
 
 
 def pair_set_settings(request: Request, pairs: int, quick_pairs: int) -> PairSetSettings:

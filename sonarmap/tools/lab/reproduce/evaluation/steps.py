@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
-from pathlib import Path
 from typing import Any, ClassVar
 
 from scipy.spatial.transform import RigidTransform
@@ -11,8 +10,8 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.answer import answer, claims, errors
 from sonarmap.tools.lab.reproduce.evaluation.settings import StepsSettings
-from sonarmap.tools.lab.reproduce.evaluation.steps_section import PICTURE, draw_steps, steps_section
-from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row, Section
+from sonarmap.tools.lab.reproduce.evaluation.steps_section import draw_steps, steps_section
+from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, OURS, compared_methods, registrar
 from sonarmap.tools.lab.reproduce.settings import as_asked
@@ -23,9 +22,10 @@ from sonarmap.tools.lab.simulate.plan import table1_pair
 class Steps(ByMethod):
     """Registers S0..S12 to the reference scan; a job is one scene, seed, noise and method."""
 
-    name: ClassVar[str] = "steps"
+    name = "steps"
     sources: ClassVar[tuple[str, ...]] = (*METHOD_SOURCES, "tools/lab/reproduce/evaluation/settings.py")
-    deciding: ClassVar[tuple[str, ...]] = ("edge",)
+    deciding = ("edge",)
+    make_section, draw_pictures = staticmethod(steps_section), staticmethod(draw_steps)
 
     def __init__(self, settings: StepsSettings, device: str | None = None) -> None:
         """`device` as `choose_device` takes it."""
@@ -53,14 +53,6 @@ class Steps(ByMethod):
             scored = errors(registration, truth, self.settings.grid.voxel)
             rows.append(begin | {"step": step} | scored | claims(registration))
         return Outcome(tuple(rows))
-
-    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
-        """How far each method gets."""
-        return steps_section(rows, self.settings)
-
-    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
-        """Success over the steps."""
-        draw_steps(folder / PICTURE, rows, self.methods)
 
 
 @lru_cache(maxsize=1)

@@ -10,21 +10,40 @@ from sonarmap.tools.lab.reproduce.evaluation.settings import StepsSettings
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.figure import draw_rates, legend_beside, new_figure, save_figure
 from sonarmap.tools.lab.reproduce.methods import OURS
-from sonarmap.tools.lab.reproduce.rows import accepted, rate, right, where, wilson, wrong
+from sonarmap.tools.lab.reproduce.rows import (
+    accepted,
+    by_method,
+    for_each,
+    last_right,
+    rate,
+    right,
+    step_name,
+    where,
+    wilson,
+    wrong,
+)
 from sonarmap.tools.lab.reproduce.table import Table, table_of
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, TABLE1_MOST
 
 PICTURE = "steps.png"
 
 
-def steps_section(rows: Sequence[Row], settings: StepsSettings) -> Section:
+def steps_section(rows: Sequence[Row], _seconds: Sequence[Row], settings: StepsSettings) -> Section:
     """Ours beside the others, then every method's success, step by step and in all."""
+    methods = settings.compared.methods
     tables = [_beside(rows, settings), _reach(rows, settings)]
-    tables += [_by_step(where(rows, sigma2=sigma2), settings, sigma2) for sigma2 in settings.sigma2]
+    for sigma2 in settings.sigma2:
+        title, some = f"Right registrations at each step, σ² = {sigma2:g} m²", where(rows, sigma2=sigma2)
+        cells = for_each("step", range(TABLE1_MOST), lambda trials: f"{len(right(trials))}/{len(trials)}")
+        columns = {f"S{step}": cell for step, cell in cells.items()}
+        tables.append(table_of(title, ("method",), by_method(some, methods), columns))
+    scenes = for_each("scene", settings.scenes, lambda trials: rate(right(trials), trials))
+    title = "Right registrations by scene, S0 to S9, all noise levels"
+    tables.append(table_of(title, ("method",), by_method(_through(rows), methods), scenes))
     return Section(
         title="Table 1, extended to S12",
         introduction=_introduction(settings),
-        tables=(*tables, _by_scene(rows, settings)),
+        tables=tuple(tables),
         pictures={
             PICTURE: f"Share of the seeds that are right at each step of Table 1. The band is the 95 % interval of "
             f"`{OURS}`."
@@ -32,14 +51,14 @@ def steps_section(rows: Sequence[Row], settings: StepsSettings) -> Section:
     )
 
 
-def draw_steps(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> None:
+def draw_steps(folder: Path, rows: Sequence[Row], settings: StepsSettings) -> None:
     """Write a PNG: a panel for each noise, a line for each method."""
     noises = list(dict.fromkeys(row["sigma2"] for row in rows))
     steps = sorted({int(row["step"]) for row in rows})
     figure = new_figure(4.2 * len(noises) + 1.8, 3.8)
     panels = figure.subplots(1, len(noises), squeeze=False, sharey=True)[0]
     for axes, sigma2 in zip(panels, noises, strict=True):
-        for method in methods:
+        for method in settings.compared.methods:
             by_step = [where(rows, sigma2=sigma2, method=method, step=step) for step in steps]
             draw_rates(axes, steps, [wilson(len(right(trials)), len(trials)) for trials in by_step], method)
         axes.set_title(f"σ² = {sigma2:g} m²", fontsize=11)
@@ -48,19 +67,7 @@ def draw_steps(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> None:
         axes.grid(alpha=0.3)
     panels[0].set_ylabel("share of seeds that are right")
     legend_beside(panels[-1])
-    save_figure(figure, path)
-
-
-def last_right(rows: Sequence[Row]) -> list[int]:
-    """Per scene and seed the last step that is right with all before it; -1 where S0 is wrong. Rows of one noise and
-    method."""
-    ends: dict[object, int] = {}
-    for row in sorted(rows, key=lambda row: int(row["step"])):
-        series, step = (row["scene"], row["seed"]), int(row["step"])
-        ends.setdefault(series, -1)
-        if row["right"] and ends[series] == step - 1:
-            ends[series] = step
-    return list(ends.values())
+    save_figure(figure, folder / PICTURE)
 
 
 def _beside(rows: Sequence[Row], settings: StepsSettings) -> Table:
@@ -82,8 +89,8 @@ def _beside(rows: Sequence[Row], settings: StepsSettings) -> Table:
 
 def _reach(rows: Sequence[Row], settings: StepsSettings) -> Table:
     def ends(some: Sequence[Row]) -> str:
-        last = last_right(some)
-        return f"{_step(median_low(last))} ({_step(min(last))}..{_step(max(last))})"
+        last = last_right(some, "step", "scene", "seed")
+        return f"{step_name(median_low(last))} ({step_name(min(last))}..{step_name(max(last))})"
 
     def beyond(some: Sequence[Row]) -> list[Row]:
         return [row for row in some if int(row["step"]) >= TABLE1_COUNT]
@@ -105,31 +112,9 @@ def _reach(rows: Sequence[Row], settings: StepsSettings) -> Table:
     )
 
 
-def _by_step(rows: Sequence[Row], settings: StepsSettings, sigma2: float) -> Table:
-    steps = range(TABLE1_MOST)
-    lines = []
-    for method in settings.compared.methods:
-        by_step = [where(rows, method=method, step=step) for step in steps]
-        lines.append((method, *(f"{len(right(trials))}/{len(trials)}" for trials in by_step)))
-    title = f"Right registrations at each step, σ² = {sigma2:g} m²"
-    return Table(title, ("method", *(_step(step) for step in steps)), tuple(lines))
-
-
-def _by_scene(rows: Sequence[Row], settings: StepsSettings) -> Table:
-    lines = []
-    for method in settings.compared.methods:
-        by_scene = [_through(where(rows, method=method, scene=scene)) for scene in settings.scenes]
-        lines.append((method, *(rate(right(trials), trials) for trials in by_scene)))
-    return Table("Right registrations by scene, S0 to S9, all noise levels", ("method", *settings.scenes), tuple(lines))
-
-
 def _through(rows: Sequence[Row]) -> list[Row]:
     """The steps of the paper's Table 1."""
     return [row for row in rows if int(row["step"]) < TABLE1_COUNT]
-
-
-def _step(step: int) -> str:
-    return f"S{step}" if step >= 0 else "none"
 
 
 def _introduction(settings: StepsSettings) -> str:

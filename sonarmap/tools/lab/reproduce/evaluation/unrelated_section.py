@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,50 +12,48 @@ from sonarmap.tools.lab.reproduce.evaluation.settings import PairSetSettings
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.figure import new_figure, save_figure, style
 from sonarmap.tools.lab.reproduce.methods import OURS
-from sonarmap.tools.lab.reproduce.rows import DASH, accepted, rate, where
-from sonarmap.tools.lab.reproduce.table import Table
+from sonarmap.tools.lab.reproduce.rows import (
+    accepted,
+    by_method,
+    column,
+    distinct,
+    for_each,
+    known,
+    number,
+    rate,
+    where,
+)
+from sonarmap.tools.lab.reproduce.table import table_of
 
 PICTURE = "unrelated.png"
 
 
-def unrelated_section(rows: Sequence[Row], settings: PairSetSettings) -> Section:
+def unrelated_section(rows: Sequence[Row], _seconds: Sequence[Row], settings: PairSetSettings) -> Section:
     """Ours beside the others, then what every method accepts, in all and by scene."""
-    methods = settings.compared.methods
+    methods = by_method(rows, settings.compared.methods)
     measure = Measure("accepted", lambda some: (accepted(some), some), "such pairs to be accepted", most=False)
-    tables = [
-        beside_table([measure.line(rows)] if where(rows, method=OURS) else []),
-        Table(
-            "What each method accepts, and the highest values it reports for any of the pairs",
-            ("method", "accepted", "highest probability", "highest PSR", "largest overlap"),
-            tuple(_line(method, where(rows, method=method)) for method in methods),
-        ),
-        _by_scene(rows, methods),
-    ]
+    highest = {
+        "accepted": lambda some: rate(accepted(some), some),
+        "highest probability": partial(_highest, "probability", 4),
+        "highest PSR": partial(_highest, "psr", 1),
+        "largest overlap": partial(_highest, "overlap", 2),
+    }
+    title = "What each method accepts, and the highest values it reports for any of the pairs"
+    by_scene = for_each("scene", distinct(rows, "scene"), lambda some: f"{len(accepted(some))}/{len(some)}")
     return Section(
         title="Pairs that share nothing",
         introduction=_introduction(rows, settings),
-        tables=tuple(tables),
+        tables=(
+            beside_table([measure.line(rows)] if where(rows, method=OURS) else []),
+            table_of(title, ("method",), methods, highest),
+            table_of("Accepted registrations, by the scene of the target", ("method",), methods, by_scene),
+        ),
         pictures={PICTURE: "What the methods report for pairs that share nothing. Crosses are accepted registrations."},
     )
 
 
-def _line(method: str, rows: Sequence[Row]) -> tuple[str, ...]:
-    highest = (_highest(rows, "probability", ".4f"), _highest(rows, "psr", ".1f"), _highest(rows, "overlap", ".2f"))
-    return (method, rate(accepted(rows), rows), *highest)
-
-
-def _highest(rows: Sequence[Row], key: str, form: str) -> str:
-    values = [float(row[key]) for row in rows if not math.isnan(float(row[key]))]
-    return format(max(values), form) if values else DASH
-
-
-def _by_scene(rows: Sequence[Row], methods: Sequence[str]) -> Table:
-    scenes = list(dict.fromkeys(str(row["scene"]) for row in rows))
-    lines = []
-    for method in methods:
-        by_scene = [where(rows, method=method, scene=scene) for scene in scenes]
-        lines.append((method, *(f"{len(accepted(pairs))}/{len(pairs)}" for pairs in by_scene)))
-    return Table("Accepted registrations, by the scene of the target", ("method", *scenes), tuple(lines))
+def _highest(key: str, digits: int, rows: Sequence[Row]) -> str:
+    return number(max(column(known(rows, key), key), default=math.nan), digits)
 
 
 def _introduction(rows: Sequence[Row], settings: PairSetSettings) -> str:
@@ -70,24 +69,20 @@ def _introduction(rows: Sequence[Row], settings: PairSetSettings) -> str:
 _MARKS = {"psr": "peak-to-sidelobe ratio", "probability": "reported probability", "overlap": "estimated overlap"}
 
 
-def draw_unrelated(path: Path, rows: Sequence[Row]) -> None:
+def draw_unrelated(folder: Path, rows: Sequence[Row], _settings: PairSetSettings) -> None:
     """Write a PNG: one panel for each mark, a column of points for each method that has it."""
     figure = new_figure(11.5, 4.2)
     for axes, (key, label) in zip(figure.subplots(1, len(_MARKS)), _MARKS.items(), strict=True):
-        rated = [row for row in rows if not math.isnan(float(row[key]))]
-        methods = list(dict.fromkeys(str(row["method"]) for row in rated))
-        for column, method in enumerate(methods):
+        rated = known(rows, key)
+        methods = distinct(rated, "method")
+        for place, method in enumerate(methods):
             some = where(rated, method=method)
-            beside = 0.3 * np.linspace(-1, 1, len(some))  # in the order of the pairs, so that all are seen
-            for is_accepted, mark, size in ((False, ".", 3), (True, "x", 7)):
-                held = [
-                    (column + x, row[key])
-                    for x, row in zip(beside, some, strict=True)
-                    if row["accepted"] is is_accepted
-                ]
-                appearance = style(method) | {"linewidth": 0}
-                axes.plot(*np.array(held, float).reshape(-1, 2).T, mark, markersize=size, **appearance)
+            x = place + 0.3 * np.linspace(-1, 1, len(some))  # in the order of the pairs, so that all are seen
+            crossed = np.array([bool(row["accepted"]) for row in some])
+            for chosen, mark, size in ((~crossed, ".", 3), (crossed, "x", 7)):
+                appearance = style(method) | {"linewidth": 0, "markersize": size}
+                axes.plot(x[chosen], column(some, key)[chosen], mark, **appearance)
         axes.set_xticks(range(len(methods)), methods, rotation=40, ha="right", fontsize=8)
         axes.set_title(label if methods else f"{label}: by no method", fontsize=10)
         axes.grid(alpha=0.3)
-    save_figure(figure, path)
+    save_figure(figure, folder / PICTURE)

@@ -1,8 +1,9 @@
-"""The scans of Sect. 4 of the paper, simulated; consecutive registrations as rows, and rows as chains of poses."""
+"""The scans of Sect. 4 of the paper, simulated, and the methods; consecutive registrations as rows, rows as poses."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -11,12 +12,59 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, pair_error
 from sonarmap.tools.lab.reproduce.answer import PARAMETERS, parameter_cells
 from sonarmap.tools.lab.reproduce.experiment import Row, Value
+from sonarmap.tools.lab.reproduce.rows import grouped, where
 from sonarmap.tools.lab.simulate.paths.stations import COLUMNS, PAPER_COUNT, ROWS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap, shared_view
 from sonarmap.tools.lab.simulate.shapes.solids import Mesh
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
-from sonarmap.tools.lab.simulate.simulation import Simulation, SimulationSettings, simulate
+from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
+
+VOXEL = 2.0  # of methods without a grid of their own [m]
+
+
+@dataclass(frozen=True, slots=True)
+class FloodgateMethod:
+    """A method of the comparison."""
+
+    title: str  # what it does, in words
+    on_grids: bool  # whether it runs once on each of the paper's grids
+    color: str  # in the figures
+    mark: str  # in the figures
+    in_figures: bool = True  # whether the maps and motions are drawn; those of the paper's methods and this project's
+
+
+TRUTH = "true poses"
+Run = tuple[str, int]  # a method and the voxels per edge of its grid, 0 of none
+# Name, as `build` of tools/methods/registry.py knows it -> method, in the order of tables and figures
+COMPARED: MappingProxyType[str, FloodgateMethod] = MappingProxyType(
+    {
+        "icp": FloodgateMethod("ICP, point to point, started at the identity, as in Sect. 4.2", False, "tab:red", "x"),
+        "icp-plane": FloodgateMethod("ICP, point to plane, started at the identity", False, "tab:brown", "+", False),
+        "planes": FloodgateMethod("registration of planes by consensus, as in Sect. 4.3", False, "tab:orange", "s"),
+        "fpfh-ransac": FloodgateMethod("FPFH features and RANSAC, then ICP", False, "tab:pink", "v", False),
+        "kiss": FloodgateMethod("KISS-Matcher, then ICP", False, "tab:olive", "^", False),
+        "hemisphere": FloodgateMethod("the paper's spectral chain, as in Sect. 4.4", True, "tab:green", "o"),
+        "spectral": FloodgateMethod("this project's default method", True, "tab:blue", "D"),
+    }
+)
+
+
+def label(method: str, edge: int) -> str:
+    """A method and its grid as people read it: "icp", "spectral 128³"."""
+    return f"{method} {edge}³" if edge else method
+
+
+def runs(methods: Iterable[str], edges: Iterable[int]) -> tuple[Run, ...]:
+    """Method and voxels per edge of every run, in the order of COMPARED; 0 for a method without a grid."""
+    chosen, grids = set(methods), tuple(edges)
+    return tuple(
+        (name, edge)
+        for name, method in COMPARED.items()
+        if name in chosen
+        for edge in (grids if method.on_grids else (0,))
+    )
+
 
 SCENE = "floodgate"
 SCANS = PAPER_COUNT
@@ -42,67 +90,25 @@ class FloodgateSurvey:
 
 @lru_cache(maxsize=1)
 def survey(seed: int, count: int = SCANS) -> FloodgateSurvey:
-    """The survey from `seed`: the same seed, the same scans."""
+    """The survey from `seed`: the same seed, the same scans. Views are compared with the beams of the path's layout."""
     simulation = simulate(SimulationSettings(scene=SCENE, trajectory="paper18", count=count, seed=seed))
-    poses = simulation.truth.T_world_sensor
-    pairs = range(1, count)
+    scans, T, scene = simulation.scans, simulation.truth.T_world_sensor, build_scene(SCENE, seed)
+    sensor = replace(simulation.settings.sensor, columns=COLUMNS, rows=ROWS)
     return FloodgateSurvey(
-        scans=simulation.scans,
-        T_world_sensor=poses,
-        mesh=build_scene(SCENE, seed).mesh,
-        overlap=tuple(_overlap(simulation, source) for source in pairs),
-        shared=tuple(_shared(simulation, source) for source in pairs),
+        scans=scans,
+        T_world_sensor=T,
+        mesh=scene.mesh,
+        overlap=tuple(
+            mutual_overlap(scans[k - 1].points, scans[k].points, T[k - 1].inv() * T[k]) for k in range(1, count)
+        ),
+        shared=tuple(shared_view(scene, sensor, T[k - 1], T[k]) for k in range(1, count)),
     )
-
-
-def _overlap(simulation: Simulation, source: int) -> float:
-    target, moved = simulation.scans[source - 1], simulation.scans[source]
-    poses = simulation.truth.T_world_sensor
-    return mutual_overlap(target.points, moved.points, poses[source - 1].inv() * poses[source])
-
-
-def _shared(simulation: Simulation, source: int) -> float:
-    """With as few beams as the way was laid out with."""
-    settings = simulation.settings
-    sensor = replace(settings.sensor, columns=COLUMNS, rows=ROWS)
-    poses = simulation.truth.T_world_sensor
-    return shared_view(build_scene(SCENE, settings.seed), sensor, poses[source - 1], poses[source])
 
 
 RIGHT_M = 6.0  # three voxels of the paper's coarser grid [m]; one bar for all methods, whatever their voxels
 PAIR, POSE = "pair", "pose"
 
 MAP_MEDIAN, MAP_90, DISPLACED_90 = "map_median_m", "map_90_m", "displaced_90_m"
-
-
-@dataclass(frozen=True, slots=True)
-class Chain:
-    """What one method made of one survey of N scans."""
-
-    pairs: tuple[Row, ...]  # N - 1 rows of consecutive registrations, of the sources 1..N-1; none for the true poses
-    poses: tuple[Row, ...]  # N rows of chained poses, of the scans 0..N-1
-
-    @property
-    def found(self) -> RigidTransform:
-        """N estimated poses, T_first_sensor: in the frame of the first scan."""
-        return self._chained("found")
-
-    @property
-    def true(self) -> RigidTransform:
-        """N true poses, T_first_sensor."""
-        return self._chained("true")
-
-    @property
-    def right(self) -> int:
-        """How many pairs are right."""
-        return sum(bool(row["right"]) for row in self.pairs)
-
-    def column(self, name: str) -> np.ndarray:
-        """(N,) float64 of the poses' rows."""
-        return np.array([float(row[name]) for row in self.poses])
-
-    def _chained(self, which: str) -> RigidTransform:
-        return chain_poses(RigidTransform.identity(), [transform(row, which) for row in self.pairs])
 
 
 def chain_poses(first: RigidTransform, steps: Sequence[RigidTransform]) -> RigidTransform:
@@ -143,7 +149,7 @@ def pose_rows(survey: FloodgateSurvey, steps: Sequence[RigidTransform] | None) -
     """
     true = survey.T_world_sensor
     poses = true if steps is None else chain_poses(true[0], steps)
-    points, true_points = (_placed(survey, T_world_sensor) for T_world_sensor in (poses, true))
+    points, true_points = (placed(survey, T_world_sensor) for T_world_sensor in (poses, true))
     distance, displaced = surface_distance(survey.mesh, points), np.linalg.norm(points - true_points, axis=1)
     ends = np.cumsum([len(scan.points) for scan in survey.scans])
     rows: list[dict[str, Value]] = []
@@ -163,7 +169,7 @@ def pose_rows(survey: FloodgateSurvey, steps: Sequence[RigidTransform] | None) -
     return rows
 
 
-def _placed(survey: FloodgateSurvey, T_world_sensor: RigidTransform) -> np.ndarray:
+def placed(survey: FloodgateSurvey, T_world_sensor: RigidTransform) -> np.ndarray:
     """The points of all scans at these poses, (P, 3) [m, world]."""
     scans = zip(T_world_sensor, survey.scans, strict=True)
     return np.concatenate([T.apply(scan.points.astype(np.float64)) for T, scan in scans])
@@ -175,15 +181,11 @@ def transform(row: Row, which: str) -> RigidTransform:
     return RigidTransform.from_components([x, y, z], Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True))
 
 
-def chains(rows: Sequence[Row]) -> dict[tuple[int, str, int], Chain]:
-    """The chains of all rows, by seed, method and grid (0: none), in the order of the rows."""
-    keys = dict.fromkeys(_key(row) for row in rows)
-    return {key: Chain(_of(rows, key, PAIR), _of(rows, key, POSE)) for key in keys}
+def chained(pairs: Sequence[Row], which: str) -> RigidTransform:
+    """N poses, T_first_sensor, that the N - 1 pairs of one survey chain, as "found" or as "true"."""
+    return chain_poses(RigidTransform.identity(), [transform(row, which) for row in pairs])
 
 
-def _key(row: Row) -> tuple[int, str, int]:
-    return int(row["seed"]), str(row["method"]), int(row["grid"])
-
-
-def _of(rows: Iterable[Row], key: tuple[int, str, int], kind: str) -> tuple[Row, ...]:
-    return tuple(row for row in rows if row["row"] == kind and _key(row) == key)
+def by_run(rows: Iterable[Row], kind: str) -> dict[Run, list[Row]]:
+    """The rows of PAIR or POSE, all surveys, by run in order; the true poses have no pairs."""
+    return grouped(where(rows, row=kind), "method", "grid")

@@ -2,24 +2,32 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import cache
 from time import perf_counter
 from typing import Any, ClassVar
-
-from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.result import Registrar
+from sonarmap.spectral.result import Registrar, Registration
 from sonarmap.tools.lab.reproduce.answer import finish_device
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Section, Value
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.floodgate.chain import PAIR, POSE, SCANS, chains, pair_row, pose_rows, survey
-from sonarmap.tools.lab.reproduce.floodgate.maps_figure import draw_floodgate
-from sonarmap.tools.lab.reproduce.floodgate.methods import COMPARED, EXTENT, TRUTH, VOXEL, runs
+from sonarmap.tools.lab.reproduce.floodgate.chain import (
+    COMPARED,
+    PAIR,
+    POSE,
+    SCANS,
+    TRUTH,
+    VOXEL,
+    pair_row,
+    pose_rows,
+    runs,
+    survey,
+)
+from sonarmap.tools.lab.reproduce.floodgate.figure import draw_floodgate
 from sonarmap.tools.lab.reproduce.floodgate.section import floodgate_section
-from sonarmap.tools.lab.reproduce.settings import check_seeds
+from sonarmap.tools.lab.reproduce.settings import EXTENT, as_asked, check_seeds, paper_grid
 from sonarmap.tools.methods.registry import ALL_METHODS, build, is_installed
 
 # The paper's three, and ours
@@ -57,31 +65,21 @@ class FloodgateSettings:
         return range(self.first_seed, self.first_seed + self.seeds)
 
 
-@dataclass(frozen=True, slots=True)
-class _Step:
-    """One registration: the estimate, whether it was accepted, and how long it took [s]."""
-
-    found: RigidTransform
-    accepted: bool
-    prepare: float
-    register: float
-
-
 class Floodgate(Experiment):
     """Every method registers every scan to the one before it; a map is what chaining these makes."""
 
-    name: ClassVar[str] = "floodgate"
+    name = "floodgate"
     sources: ClassVar[tuple[str, ...]] = (
         *("tools/lab/simulate", "tools/lab/evaluate", "tools/lab/reproduce/answer.py"),
-        *(f"tools/lab/reproduce/floodgate/{name}.py" for name in ("chain", "methods")),
-        *ALL_METHODS,
+        *("tools/lab/reproduce/floodgate/chain.py", *ALL_METHODS),
     )
+    make_section, draw_pictures = staticmethod(floodgate_section), staticmethod(draw_floodgate)
 
     def __init__(self, settings: FloodgateSettings, device: Device | None = None) -> None:
         """`device` is needed to run jobs, not to show what they found."""
         super().__init__(settings, device)
         self._current: tuple[tuple[int, str, int], Registrar, dict[int, Any]] | None = None
-        self._steps: dict[tuple[int, str, int, int], _Step] = {}
+        self._step = cache(self._measure)
 
     def jobs(self) -> Sequence[str]:
         """seed/method/grid/source for every pair, and seed/method/grid/map for what is made of them."""
@@ -101,35 +99,19 @@ class Floodgate(Experiment):
         """
         first, method, second, part = job.split("/")
         seed, edge = int(first), int(second)
-        begin: dict[str, Value] = {"row": POSE if part == MAP else PAIR, "seed": seed, "method": method, "grid": edge}
+        run: dict[str, Value] = {"seed": seed, "method": method, "grid": edge}
         now = survey(seed, self.settings.scans)
         if part == MAP:
             sources = range(1, self.settings.scans)
-            steps = None if method == TRUTH else [self._step(seed, method, edge, k).found for k in sources]
-            return Outcome(tuple(begin | row for row in pose_rows(now, steps)))
+            steps = [self._step(seed, method, edge, k)[0].T_target_source for k in sources] if method != TRUTH else None
+            return Outcome(tuple({"row": POSE} | run | row for row in pose_rows(now, steps)))
         source = int(part)
-        step = self._step(seed, method, edge, source)
-        seconds = {"scan": source, "prepare_s": step.prepare, "register_s": step.register}
-        rows = (begin | pair_row(now, source, step.found, step.accepted),)
-        return Outcome(rows, ({key: begin[key] for key in ("seed", "method", "grid")} | seconds,))
+        found, prepare, register = self._step(seed, method, edge, source)
+        row = {"row": PAIR} | run | pair_row(now, source, found.T_target_source, bool(found.accepted))
+        return Outcome((row,), (run | {"scan": source, "prepare_s": prepare, "register_s": register},))
 
-    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
-        """The paper's statements next to our results, errors, and Table 2."""
-        settings: FloodgateSettings = self.settings
-        return floodgate_section(settings.methods, settings.left_out, settings.edges, rows, seconds)
-
-    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
-        """Write the pictures of the first survey."""
-        draw_floodgate(folder, chains(rows), self.settings.first_seed, self.settings.scans)
-
-    def _step(self, seed: int, method: str, edge: int, source: int) -> _Step:
-        key = (seed, method, edge, source)
-        if key not in self._steps:
-            self._steps[key] = self._measure(*key)
-        return self._steps[key]
-
-    def _measure(self, seed: int, method: str, edge: int, source: int) -> _Step:
-        """One registration, timed: the source's preparation, then the pair, the target being prepared."""
+    def _measure(self, seed: int, method: str, edge: int, source: int) -> tuple[Registration, float, float]:
+        """One registration; times of preparing the source and of the pair, whose target is prepared [s]."""
         registrar, prepared = self._registrar(seed, method, edge)
         scans = survey(seed, self.settings.scans).scans
         if source - 1 not in prepared:
@@ -143,7 +125,7 @@ class Floodgate(Experiment):
         end = perf_counter()
         for old in [k for k in prepared if k != source]:
             del prepared[old]
-        return _Step(result.T_target_source, bool(result.accepted), middle - start, end - middle)
+        return result, middle - start, end - middle
 
     def _registrar(self, seed: int, method: str, edge: int) -> tuple[Registrar, dict[int, Any]]:
         """The registrar of one survey and the scans that it holds prepared; one at a time, for the device's memory.
@@ -153,7 +135,7 @@ class Floodgate(Experiment):
         key = (seed, method, edge)
         if self._current is None or self._current[0] != key:
             self._current = None
-            grid = Grid(edge, EXTENT / edge) if edge else Grid(round(EXTENT / VOXEL), VOXEL)
+            grid = paper_grid(edge) if edge else Grid(round(EXTENT / VOXEL), VOXEL)
             registrar = build(method, grid, self.device.selector if self.device else None, seed)
             scan = registrar.prepare(survey(seed, self.settings.scans).scans[0])
             registrar.register(scan, scan)
@@ -163,14 +145,7 @@ class Floodgate(Experiment):
 
 def create(request: Request) -> Floodgate:
     """The experiment as the command line asks for it: `quick` is one survey by the paper's methods, on one grid."""
-    usual = FloodgateSettings()
-    methods = PAPER_METHODS if request.quick else usual.methods
+    methods = PAPER_METHODS if request.quick else FloodgateSettings().methods
     left_out = tuple(name for name in methods if not is_installed(name))
-    settings = FloodgateSettings(
-        methods=tuple(name for name in methods if name not in left_out),
-        edges=(request.grid,) if request.grid else (usual.edges[:1] if request.quick else usual.edges),
-        seeds=request.seeds or (1 if request.quick else usual.seeds),
-        first_seed=usual.first_seed if request.seed is None else request.seed,
-        left_out=left_out,
-    )
-    return Floodgate(settings, request.device)
+    usual = FloodgateSettings(tuple(name for name in methods if name not in left_out), left_out=left_out)
+    return Floodgate(as_asked(usual, request, edges=PAPER_EDGES[:1], seeds=1), request.device)

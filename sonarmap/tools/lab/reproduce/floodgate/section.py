@@ -1,59 +1,56 @@
 """The flood gate's maps in words and tables."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from statistics import median
+from typing import Any
 
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
-from sonarmap.tools.lab.reproduce.floodgate.chain import RIGHT_M, Chain, chains
-from sonarmap.tools.lab.reproduce.floodgate.maps_figure import PICTURES
-from sonarmap.tools.lab.reproduce.floodgate.methods import COMPARED, EXTENT, TRUTH, VOXEL, label
+from sonarmap.tools.lab.reproduce.floodgate.chain import (
+    COMPARED,
+    MAP_90,
+    PAIR,
+    POSE,
+    RIGHT_M,
+    TRUTH,
+    VOXEL,
+    Run,
+    by_run,
+    label,
+)
+from sonarmap.tools.lab.reproduce.floodgate.figure import PICTURES
 from sonarmap.tools.lab.reproduce.floodgate.tables import (
     AS_GOOD,
     CLEARLY,
     GOOD_M,
-    Chains,
-    Run,
-    by_seed,
-    map_90,
+    ends,
     map_table,
     pair_table,
     pose_table,
-    runs_of,
-    seeds_of,
     times_tables,
     verdict_table,
 )
-from sonarmap.tools.lab.reproduce.rows import wilson
+from sonarmap.tools.lab.reproduce.rows import accepted, column, distinct, middle, rate, right, wrong
+from sonarmap.tools.lab.reproduce.settings import EXTENT
 
 
-def floodgate_section(
-    methods: Sequence[str], missing: Sequence[str], edges: Sequence[int], rows: Sequence[Row], seconds: Sequence[Row]
-) -> Section:
-    """The section, from the rows of all jobs.
-
-    Args:
-        methods: keys of COMPARED that ran.
-        missing: those that were left out because their packages are not installed.
-        edges: voxels per edge of the grids.
-        rows, seconds: of all jobs.
-    """
-    made = chains(rows)
+def floodgate_section(rows: Sequence[Row], seconds: Sequence[Row], settings: Any) -> Section:
+    """The paper's statements next to our results, errors, and Table 2; `settings` are FloodgateSettings."""
     return Section(
         title="A flood gate, eighteen scans: Sect. 4, Table 2, Figs. 22 to 31",
-        introduction=_introduction(methods, missing, edges, seeds_of(made)),
-        tables=(verdict_table(made), map_table(made), pair_table(made), pose_table(made)),
+        introduction=_introduction(settings, distinct(rows, "seed")),
+        tables=(verdict_table(rows), map_table(rows), pair_table(rows), pose_table(rows)),
         times=times_tables(seconds),
         pictures=PICTURES,
-        remarks=remarks(made),
+        remarks=remarks(rows),
     )
 
 
-def _introduction(methods: Sequence[str], missing: Sequence[str], edges: Sequence[int], seeds: Sequence[int]) -> str:
-    grids = " and ".join(f"{edge}³ ({EXTENT / edge:g} m)" for edge in edges)
-    listed = "\n".join(f"- **{name}**: {COMPARED[name].title}" for name in COMPARED if name in methods)
-    absent = f"\n\nNot installed, so left out: {', '.join(missing)}." if missing else ""
-    named = ", ".join(map(str, seeds))
+def _introduction(settings: Any, seeds: Sequence[str]) -> str:
+    grids = " and ".join(f"{edge}³ ({EXTENT / edge:g} m)" for edge in settings.edges)
+    listed = "\n".join(f"- **{name}**: {COMPARED[name].title}" for name in COMPARED if name in settings.methods)
+    absent = f"\n\nNot installed, so left out: {', '.join(settings.left_out)}." if settings.left_out else ""
+    named = ", ".join(seeds)
     return f"""The paper's scans of the Lesumer Sperrwerk are not public. Ours are simulated: a flood gate of the same
 kind, seen by a sensor like the Tritech Eclipse on a path in front of the gate. The true pose of every scan and the true
 surface are known. Every method registers every scan to the one before it and knows nothing about the motion. A map is
@@ -73,11 +70,11 @@ still lie on it, so the table also shows how far points are displaced from their
 {listed}{absent}"""
 
 
-def remarks(chains: Chains) -> str:
+def remarks(rows: Sequence[Row]) -> str:
     """Overlap, pairs and drift of every run, and the order of the maps."""
-    return "\n".join(
-        [_overlap(chains), "", *(f"- {_run(chains, run)}" for run in runs_of(chains)), "", _order(chains), "", _PLANES]
-    )
+    pairs, poses = by_run(rows, PAIR), by_run(rows, POSE)
+    lines = [f"- {_run(run, some, ends(poses[run]))}" for run, some in pairs.items()]
+    return "\n".join([_overlap(next(iter(pairs.values()))), "", *lines, "", _order(poses), "", _PLANES])
 
 
 # What is not compared, whatever the rows
@@ -88,55 +85,41 @@ _PLANES = (
 )
 
 
-def _overlap(chains: Chains) -> str:
-    first = runs_of(chains)[0]
-    rows = [row for seed in seeds_of(chains) for row in chains[seed, *first].pairs]
-    shared, overlap = (_range([float(row[name]) for row in rows]) for name in ("shared", "overlap"))
+def _overlap(pairs: Sequence[Row]) -> str:
+    shares = [100 * column(pairs, name) for name in ("shared", "overlap")]
+    shared, overlap = (f"{min(share):.0f} to {max(share):.0f} %" for share in shares)
     return (
         f"Of what a scan shows, {shared} is in view of the next or previous scan (the paper: an overlap of about 90 to "
         f"50 %). With noise and few beams, {overlap} of the points have a counterpart within 2 m in the other scan."
     )
 
 
-def _range(shares: list[float]) -> str:
-    return f"{100 * min(shares):.0f} to {100 * max(shares):.0f} %"
+def _run(run: Run, pairs: Sequence[Row], last: Sequence[Row]) -> str:
+    good = right(pairs)
+    text = f"**{label(*run)}**: {rate(good, pairs)} pairs are right"
+    if good:
+        text += f", with median errors of {middle(good, 'rotation_deg'):.2f}° and {middle(good, 'translation_m'):.2f} m"
+    drift = _listed([f"{float(row['translation_m']):.2f} m / {float(row['rotation_deg']):.1f}°" for row in last])
+    return f"{text}. The last pose of the chain is off by {drift}. {_wrong(wrong(pairs))}."
 
 
-def _run(chains: Chains, run: Run) -> str:
-    made = [chains[seed, *run] for seed in seeds_of(chains)]
-    rows = [row for chain in made for row in chain.pairs]
-    right = [row for row in rows if row["right"]]
-    text = f"**{label(*run)}**: {wilson(len(right), len(rows))} pairs are right"
-    if right:
-        rotation, translation = (median(float(row[key]) for row in right) for key in ("rotation_deg", "translation_m"))
-        text += f", with median errors of {rotation:.2f}° and {translation:.2f} m"
-    return f"{text}. The last pose of the chain is off by {_listed(_last(made))}. {_wrong(chains, run)}."
-
-
-def _last(made: Iterable[Chain]) -> list[str]:
-    return [f"{float(c.poses[-1]['translation_m']):.2f} m / {float(c.poses[-1]['rotation_deg']):.1f}°" for c in made]
-
-
-def _wrong(chains: Chains, run: Run) -> str:
+def _wrong(pairs: Sequence[Row]) -> str:
     """The wrong pairs by name, with their overlap, and how many of them were accepted."""
-    wrong = [(seed, row) for seed in seeds_of(chains) for row in chains[seed, *run].pairs if not row["right"]]
-    if not wrong:
+    if not pairs:
         return "No pair is wrong"
     shown = [
-        f"{int(row['scan']) - 1} → {row['scan']} of seed {seed} ({100 * float(row['shared']):.0f} % shared view)"
-        for seed, row in wrong[:6]
+        f"{int(row['scan']) - 1} → {row['scan']} of seed {row['seed']} ({100 * float(row['shared']):.0f} % shared view)"
+        for row in pairs[:6]
     ]
-    more = f" and {len(wrong) - 6} more" if len(wrong) > 6 else ""
-    accepted = sum(bool(row["accepted"]) for _, row in wrong)
-    return f"Wrong: {_listed(shown)}{more}. Accepted though wrong: {accepted} of {len(wrong)}"
+    more = f" and {len(pairs) - 6} more" if len(pairs) > 6 else ""
+    return f"Wrong: {_listed(shown)}{more}. Accepted though wrong: {len(accepted(pairs))} of {len(pairs)}"
 
 
-def _order(chains: Chains) -> str:
+def _order(poses: dict[Run, list[Row]]) -> str:
     """Runs by the distance within which 90 % of their maps lie."""
-    floor = median(by_seed(chains, (TRUTH, 0), map_90))
-    distance = {run: median(by_seed(chains, run, map_90)) for run in runs_of(chains)}
-    best = sorted(distance, key=lambda run: distance[run])
-    listed = [f"{label(*run)} ({distance[run]:.2f} m)" for run in best]
+    distance = {run: median(column(ends(some), MAP_90)) for run, some in poses.items()}
+    floor = distance.pop((TRUTH, 0))
+    listed = [f"{label(*run)} ({distance[run]:.2f} m)" for run in sorted(distance, key=lambda run: distance[run])]
     return (
         f"Methods by the distance within which 90 % of the map's points lie, best first: {_listed(listed)}; "
         f"with true poses {floor:.2f} m."

@@ -1,42 +1,40 @@
 """Tables on the flood gate's maps: of every method, of every pair, of every pose."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from statistics import mean, median
+from types import MappingProxyType
 
 import numpy as np
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from sonarmap.tools.lab.reproduce.experiment import Row
-from sonarmap.tools.lab.reproduce.floodgate.chain import DISPLACED_90, MAP_90, MAP_MEDIAN, RIGHT_M, Chain
-from sonarmap.tools.lab.reproduce.floodgate.methods import COMPARED, TRUTH, label
-from sonarmap.tools.lab.reproduce.table import Table
+from sonarmap.tools.lab.reproduce.floodgate.chain import (
+    DISPLACED_90,
+    MAP_90,
+    MAP_MEDIAN,
+    PAIR,
+    POSE,
+    RIGHT_M,
+    TRUTH,
+    Run,
+    by_run,
+    chained,
+    label,
+)
+from sonarmap.tools.lab.reproduce.rows import accepted, column, grouped, middle, right, where, wrong
+from sonarmap.tools.lab.reproduce.table import Table, table_of
 
-Chains = Mapping[tuple[int, str, int], Chain]
-Run = tuple[str, int]
 CLOSE_M = 3.0  # three voxels of the paper's finer grid
 
 
-def seeds_of(chains: Chains) -> list[int]:
-    """The surveys, in order."""
-    return sorted({seed for seed, _, _ in chains})
+def ends(poses: Sequence[Row]) -> list[Row]:
+    """The last poses of one run's surveys, in order; they hold the distances of the whole maps."""
+    return [some[-1] for some in grouped(poses, "seed").values()]
 
 
-def runs_of(chains: Chains) -> list[Run]:
-    """Method and grid of all runs but the true poses, in order."""
-    return list(dict.fromkeys((method, edge) for _, method, edge in chains if method != TRUTH))
-
-
-def shown(runs: Sequence[Run]) -> list[Run]:
-    """What the figures show: the methods that are about the paper's, each on its finest grid."""
-    paper = [run for run in runs if COMPARED[run[0]].in_figures] or list(runs)
-    return [run for run in paper if run == max(grid_run for grid_run in paper if grid_run[0] == run[0])]
-
-
-def by_seed(chains: Chains, run: Run, value: Callable[[Chain], float]) -> list[float]:
-    """One value of a run for each survey, in order."""
-    return [value(chains[seed, *run]) for seed in seeds_of(chains)]
+def map_90(rows: Iterable[Row], run: Run) -> list[float]:
+    """Survey by survey, within what distance of the true surface 90 % of the whole map's points lie [m]."""
+    return column(ends(by_run(rows, POSE)[run]), MAP_90).tolist()
 
 
 def listed(values: Iterable[float], form: str = ".2f") -> str:
@@ -44,112 +42,86 @@ def listed(values: Iterable[float], form: str = ".2f") -> str:
     return " / ".join(f"{value:{form}}" for value in values)
 
 
-def map_90(chain: Chain) -> float:
-    """Within what distance of the true surface 90 % of the whole map's points lie [m]."""
-    return float(chain.poses[-1][MAP_90])
+def ate_m(pairs: Sequence[Row]) -> float:
+    """Root mean square of the positions' errors of one survey after the best rigid alignment [m]."""
+    stamps = np.arange(len(pairs) + 1, dtype=np.float64)
+    found, true = (Trajectory(stamps, chained(pairs, which)) for which in ("found", "true"))
+    return evaluate(found, true).ate_m
 
 
-def map_median(chain: Chain) -> float:
-    """The same for half of them [m]."""
-    return float(chain.poses[-1][MAP_MEDIAN])
-
-
-def displaced_90(chain: Chain) -> float:
-    """Within what distance of their own true places 90 % of the whole map's points lie [m]."""
-    return float(chain.poses[-1][DISPLACED_90])
-
-
-def ate_m(chain: Chain) -> float:
-    """Root mean square of the positions' errors after the best rigid alignment [m]."""
-    stamps = np.arange(len(chain.poses), dtype=np.float64)
-    return evaluate(Trajectory(stamps, chain.found), Trajectory(stamps, chain.true)).ate_m
-
-
-def map_table(chains: Chains) -> Table:
+def map_table(rows: Sequence[Row]) -> Table:
     """One line a run: pairs, the map, the poses, survey by survey."""
-    truth = (listed(by_seed(chains, (TRUTH, 0), value)) for value in (map_median, map_90))
-    pairs = len(next(iter(chains.values())).poses) - 1
-    return Table(
-        "Maps and poses, survey by survey",
-        (
-            "method",
-            f"right, of {pairs} pairs",
-            f"of these within {CLOSE_M:g} m",
-            "accepted though wrong",
-            "half of the map's points within [m]",
-            "90 % of the map's points within [m]",
-            "90 % displaced by at most [m]",
-            "ATE [m]",
-            "largest pose error [m]",
-            "largest pose error [degrees]",
+    pairs, poses = by_run(rows, PAIR), by_run(rows, POSE)
+
+    def of_pairs(value: Callable[[list[Row]], float], form: str) -> Callable[[Run], str]:
+        return lambda run: listed((value(some) for some in grouped(pairs.get(run, ()), "seed").values()), form)
+
+    def of_poses(value: Callable[[list[Row]], float], form: str = ".2f", truth: bool = False) -> Callable[[Run], str]:
+        return lambda run: (
+            listed((value(some) for some in grouped(poses[run], "seed").values()), form)
+            if truth or run[0] != TRUTH
+            else ""
+        )
+
+    columns = {
+        f"right, of {max(int(row['scan']) for row in rows)} pairs": of_pairs(lambda some: len(right(some)), "d"),
+        f"of these within {CLOSE_M:g} m": of_pairs(
+            lambda some: sum(column(right(some), "translation_m") <= CLOSE_M), "d"
         ),
-        ((TRUTH, "", "", "", *truth, "", "", "", ""), *(_map_line(chains, run) for run in runs_of(chains))),
-    )
+        "accepted though wrong": of_pairs(lambda some: len(accepted(wrong(some))), "d"),
+        "half of the map's points within [m]": of_poses(lambda some: float(some[-1][MAP_MEDIAN]), truth=True),
+        "90 % of the map's points within [m]": of_poses(lambda some: float(some[-1][MAP_90]), truth=True),
+        "90 % displaced by at most [m]": of_poses(lambda some: float(some[-1][DISPLACED_90])),
+        "ATE [m]": of_pairs(ate_m, ".2f"),
+        "largest pose error [m]": of_poses(lambda some: max(column(some, "translation_m"))),
+        "largest pose error [degrees]": of_poses(lambda some: max(column(some, "rotation_deg")), ".1f"),
+    }
+    lines = [((label(*run),), run) for run in poses]
+    return table_of("Maps and poses, survey by survey", ("method",), lines, columns)
 
 
-def _map_line(chains: Chains, run: Run) -> tuple[str, ...]:
-    counts = (
-        lambda c: c.right,
-        lambda c: sum(bool(r["right"]) and float(r["translation_m"]) <= CLOSE_M for r in c.pairs),
-        lambda c: sum(bool(r["accepted"]) and not r["right"] for r in c.pairs),
-    )
-    meters = (map_median, map_90, displaced_90, ate_m, lambda c: float(c.column("translation_m").max()))
-    turned = by_seed(chains, run, lambda c: float(c.column("rotation_deg").max()))
-    return (
-        label(*run),
-        *(listed(by_seed(chains, run, value), "d") for value in counts),
-        *(listed(by_seed(chains, run, value)) for value in meters),
-        listed(turned, ".1f"),
-    )
-
-
-def pair_table(chains: Chains) -> Table:
+def pair_table(rows: Sequence[Row]) -> Table:
     """Every pair: its true overlap, and the errors of every run; medians over the surveys."""
-    first = next(iter(runs_of(chains)))
-    sources = [int(row["scan"]) for row in chains[seeds_of(chains)[0], *first].pairs]
+    runs = by_run(rows, PAIR)
+    first = next(iter(runs.values()))
     lines = []
-    for k, source in enumerate(sources):
-        rows = {run: [chains[seed, *run].pairs[k] for seed in seeds_of(chains)] for run in runs_of(chains)}
-        shares = (_percent([float(row[name]) for row in rows[first]]) for name in ("shared", "overlap"))
-        lines.append((f"{source - 1} → {source}", *shares, *(_error(of) for of in rows.values())))
+    for (source,), some in grouped(first, "scan").items():
+        shares = (_percent(column(some, name)) for name in ("shared", "overlap"))
+        errors = (_error(where(pairs, scan=source)) for pairs in runs.values())
+        lines.append((f"{source - 1} → {source}", *shares, *errors))
     return Table(
-        f"Every pair: error of the registration{_medians(chains)}; in brackets: how many are wrong "
+        f"Every pair: error of the registration{_medians(rows)}; in brackets: how many are wrong "
         f"(beyond 6° or {RIGHT_M:g} m)",
-        ("pair", "shared view", "overlap", *(label(*run) for run in runs_of(chains))),
+        ("pair", "shared view", "overlap", *(label(*run) for run in runs)),
         tuple(lines),
     )
 
 
-def pose_table(chains: Chains) -> Table:
+def pose_table(rows: Sequence[Row]) -> Table:
     """Every scan: the error of its pose in the chain, which starts at the truth; medians over the surveys."""
-    scans = range(1, len(next(iter(chains.values())).poses))
+    runs = {run: poses for run, poses in by_run(rows, POSE).items() if run[0] != TRUTH}
+    scans = range(1, 1 + max(int(row["scan"]) for row in rows))
     return Table(
-        f"Every pose of the chain, which starts at the true first pose: error{_medians(chains)}",
-        ("scan", *(label(*run) for run in runs_of(chains))),
-        tuple(
-            (
-                str(scan),
-                *(_error([chains[seed, *run].poses[scan] for seed in seeds_of(chains)]) for run in runs_of(chains)),
-            )
-            for scan in scans
-        ),
+        f"Every pose of the chain, which starts at the true first pose: error{_medians(rows)}",
+        ("scan", *(label(*run) for run in runs)),
+        tuple((str(scan), *(_error(where(poses, scan=scan)) for poses in runs.values())) for scan in scans),
     )
 
 
 def _error(rows: list[Row]) -> str:
     """Medians of rotation and translation, and how many are wrong, if the rows say so."""
-    rotation, translation = (median(float(row[name]) for row in rows) for name in ("rotation_deg", "translation_m"))
-    wrong = sum(not row.get("right", True) for row in rows)
-    return f"{rotation:.1f}°, {translation:.2f} m" + (f" [{wrong}]" if wrong else "")
+    bad = sum(not row.get("right", True) for row in rows)
+    error = f"{middle(rows, 'rotation_deg'):.1f}°, {middle(rows, 'translation_m'):.2f} m"
+    return f"{error} [{bad}]" if bad else error
 
 
-def _percent(shares: list[float]) -> str:
+def _percent(shares: np.ndarray) -> str:
     low, high = round(100 * min(shares)), round(100 * max(shares))
     return f"{low} %" if low == high else f"{low}..{high} %"
 
 
-def _medians(chains: Chains) -> str:
-    count = len(seeds_of(chains))
+def _medians(rows: Sequence[Row]) -> str:
+    count = len({row["seed"] for row in rows})
     return f", median of {count} surveys" if count > 1 else ""
 
 
@@ -159,78 +131,58 @@ GOOD_M = 1.0
 AS_GOOD = 1.1  # times the other map's distance, at most
 CLEARLY = 0.5  # times the other map's distance, at most
 
-HOLDS, FAILS = "holds", "does not hold"
 SPECTRAL = ("hemisphere", "spectral")
+_VERY_GOOD = "a very good correspondence with the truth (Fig. 30)"
+_MAPS = MappingProxyType(
+    {
+        "icp": "deficient: dispersed points, distorted, walls misaligned (Figs. 25, 26)",
+        "planes": "a good correspondence with the truth (Fig. 28)",
+        **dict.fromkeys(SPECTRAL, _VERY_GOOD),
+    }
+)
 
-_MAPS = {
-    "icp": "deficient: dispersed points, distorted, walls misaligned (Figs. 25, 26)",
-    "planes": "a good correspondence with the truth (Fig. 28)",
-    "spectral": "a very good correspondence with the truth (Fig. 30)",
-}
 
-
-def verdict_table(chains: Chains) -> Table:
+def verdict_table(rows: Sequence[Row]) -> Table:
     """The statements: of each map, of each pair of maps, of the two grids."""
-    runs = runs_of(chains)
-    lines = [_claim_line(chains, run) for run in runs if run[0] in ("icp", "planes", *SPECTRAL)]
-    for spectral in _finest(runs):
-        lines += [_against(chains, spectral, rival) for rival in (("planes", 0), ("icp", 0)) if rival in runs]
-    for method in SPECTRAL:
-        grids = sorted(edge for name, edge in runs if name == method)
-        if len(grids) > 1:
-            lines.append(_grids(chains, (method, grids[0]), (method, grids[-1])))
+    runs = list(by_run(rows, PAIR))
+    floor = map_90(rows, (TRUTH, 0))
+    lines = []
+    for run in runs:
+        if said := _MAPS.get(run[0]):
+            mine = map_90(rows, run)
+            ours = f"90 % of its points within {listed(mine)} m of the truth; with true poses {listed(floor)} m"
+            holds = [(a <= b + GOOD_M) == (run[0] != "icp") for a, b in zip(mine, floor, strict=True)]
+            lines.append((f"the map by {label(*run)}", said, ours, verdict(holds)))
+    grids = {name: sorted(run for run in runs if run[0] == name) for name in SPECTRAL}
+    for spectral in (some[-1] for some in grids.values() if some):
+        if ("planes", 0) in runs:
+            lines.append(_against(rows, spectral, ("planes", 0), "at least as good", lambda a, b: a <= AS_GOOD * b))
+        if ("icp", 0) in runs:
+            lines.append(_against(rows, spectral, ("icp", 0), "clearly better", lambda a, b: a <= CLEARLY * b))
+    for some in grids.values():
+        if len(some) > 1:
+            alike = "similar qualitative results"
+            lines.append(_against(rows, some[0], some[-1], alike, lambda a, b: abs(a - b) <= GOOD_M))
     return Table("What the paper says about the maps", ("claim", "paper", "ours", "verdict"), tuple(lines))
 
 
 def verdict(held: list[bool]) -> str:
     """In how many surveys a statement holds."""
     if all(held):
-        return HOLDS
-    return f"holds in {sum(held)} of {len(held)} surveys" if any(held) else FAILS
+        return "holds"
+    return f"holds in {sum(held)} of {len(held)} surveys" if any(held) else "does not hold"
 
 
-def good(chains: Chains, run: Run) -> list[bool]:
-    """Survey by survey, whether the map corresponds to the truth."""
-    floor = by_seed(chains, (TRUTH, 0), map_90)
-    return [mine <= least + GOOD_M for mine, least in zip(by_seed(chains, run, map_90), floor, strict=True)]
-
-
-def _claim_line(chains: Chains, run: Run) -> tuple[str, ...]:
-    said = _MAPS["spectral" if run[0] in SPECTRAL else run[0]]
-    held = [not corresponds for corresponds in good(chains, run)] if run[0] == "icp" else good(chains, run)
-    floor = listed(by_seed(chains, (TRUTH, 0), map_90))
-    ours = f"90 % of its points within {listed(by_seed(chains, run, map_90))} m of the truth; with true poses {floor} m"
-    return (f"the map by {label(*run)}", said, ours, verdict(held))
-
-
-def _against(chains: Chains, spectral: Run, rival: Run) -> tuple[str, ...]:
-    mine, theirs = (by_seed(chains, run, map_90) for run in (spectral, rival))
-    share, said = (AS_GOOD, "at least as good") if rival[0] == "planes" else (CLEARLY, "clearly better")
+def _against(
+    rows: Sequence[Row], run: Run, rival: Run, said: str, holds: Callable[[float, float], bool]
+) -> tuple[str, ...]:
+    mine, theirs = map_90(rows, run), map_90(rows, rival)
     return (
-        f"{label(*spectral)} beside {label(*rival)}",
+        f"{label(*run)} beside {label(*rival)}",
         f"{said} (Sect. 4.4)",
         f"90 % within {listed(mine)} m beside {listed(theirs)} m",
-        verdict(_each(mine, theirs, lambda a, b: a <= share * b)),
+        verdict([holds(a, b) for a, b in zip(mine, theirs, strict=True)]),
     )
-
-
-def _grids(chains: Chains, coarse: Run, fine: Run) -> tuple[str, ...]:
-    small, large = (by_seed(chains, run, map_90) for run in (coarse, fine))
-    return (
-        f"{label(*coarse)} beside {label(*fine)}",
-        "similar qualitative results (Sect. 4.4)",
-        f"90 % within {listed(small)} m beside {listed(large)} m",
-        verdict(_each(small, large, lambda a, b: abs(a - b) <= GOOD_M)),
-    )
-
-
-def _each(mine: list[float], theirs: list[float], holds: Callable[[float, float], bool]) -> list[bool]:
-    return [holds(a, b) for a, b in zip(mine, theirs, strict=True)]
-
-
-def _finest(runs: list[Run]) -> list[Run]:
-    """The spectral methods, each on its finest grid."""
-    return [max(run for run in runs if run[0] == name) for name in SPECTRAL if any(run[0] == name for run in runs)]
 
 
 # The pairs 0 -> 1 to 16 -> 17 by ICP (Table 2) [s], a Core 2 Duo of 1.8 GHz, C++. Their mean is 21.346; printed is
@@ -240,86 +192,40 @@ PAPER_ICP = (
     *(17.75, 16.99, 15.70, 1.27, 26.22, 2.56, 41.31, 26.45),
 )
 PAPER_ICP_MEAN = 21.403
-
-
-@dataclass(frozen=True, slots=True)
-class PaperTime:
-    """What Sects. 4.2 to 4.4 say of a method's times [s]; None where nothing is said."""
-
-    prepare: str
-    least: float | None
-    mean: float
-    most: float | None
-
-
-_PAPER: Mapping[Run, PaperTime] = {
-    ("icp", 0): PaperTime("", min(PAPER_ICP), PAPER_ICP_MEAN, max(PAPER_ICP)),
-    ("planes", 0): PaperTime("0.9..1.4", 8.0, 31.0, 56.0),
-    ("hemisphere", 128): PaperTime("included", 10.5, 10.5, 10.5),
-    ("hemisphere", 256): PaperTime("included", 60.6, 60.6, 60.6),
-}
+# What Sects. 4.2 to 4.4 say of a method's times [s]: preparing, least, mean, most
+_PAPER: Mapping[Run, tuple[str, str, str, str]] = MappingProxyType(
+    {
+        ("icp", 0): ("", f"{min(PAPER_ICP):g}", f"{PAPER_ICP_MEAN:g}", f"{max(PAPER_ICP):g}"),
+        ("planes", 0): ("0.9..1.4", "8", "31", "56"),
+        ("hemisphere", 128): ("included", "10.5", "10.5", "10.5"),
+        ("hemisphere", 256): ("included", "60.6", "60.6", "60.6"),
+    }
+)
 
 
 def times_tables(rows: Sequence[Row]) -> tuple[Table, ...]:
-    """Times by method, then by pair; of all surveys."""
+    """Times by method, then by pair (Table 2 as printed, and our medians); of all surveys."""
     if not rows:
         return ()
-    runs = {run: [row for row in rows if _run(row) == run] for run in dict.fromkeys(_run(row) for row in rows)}
-    return (_summary(runs), _pairs(runs))
-
-
-def _summary(runs: Mapping[Run, list[Row]]) -> Table:
+    runs: dict[Run, list[Row]] = grouped(rows, "method", "grid")
+    columns: dict[str, Callable[[Run], str]] = {
+        f"paper: {name}": lambda run, k=k: _PAPER.get(run, ("",) * 4)[k]
+        for k, name in enumerate(("preparing", "min", "mean", "max"))
+    }
+    columns["ours: preparing, mean"] = lambda run: f"{column(runs[run], 'prepare_s').mean():.2f}"
+    ours = {"min": np.min, "mean": np.mean, "median": np.median, "max": np.max}
+    for name, of in {**ours, "max / median": lambda seconds: np.max(seconds) / np.median(seconds)}.items():
+        columns[f"ours: {name}"] = lambda run, of=of: f"{of(column(runs[run], 'register_s')):.2f}"
+    title = (
+        "Seconds per registration, without preparing the scans; the paper: fixed for spectral, varying for the others"
+    )
+    summary = table_of(title, ("method",), [((label(*run),), run) for run in runs], columns)
     lines = []
-    for run, rows in runs.items():
-        seconds = [float(row["register_s"]) for row in rows]
-        spread = max(seconds) / median(seconds)
-        ours = (mean(float(row["prepare_s"]) for row in rows), min(seconds), mean(seconds), median(seconds))
-        lines.append((label(*run), *_paper(run), *(f"{value:.2f}" for value in (*ours, max(seconds), spread))))
-    return Table(
-        "Seconds per registration, without preparing the scans; the paper: fixed for spectral, varying for the others",
-        (
-            "method",
-            *("paper: preparing", "paper: min", "paper: mean", "paper: max"),
-            *("ours: preparing, mean", "ours: min", "ours: mean", "ours: median", "ours: max", "ours: max / median"),
-        ),
-        tuple(lines),
-    )
-
-
-def _paper(run: Run) -> tuple[str, ...]:
-    said = _PAPER.get(run)
-    if said is None:
-        return ("", "", "", "")
-    return (said.prepare, *("" if value is None else f"{value:g}" for value in (said.least, said.mean, said.most)))
-
-
-def _pairs(runs: Mapping[Run, list[Row]]) -> Table:
-    """Table 2 as printed, and our medians over the surveys next to it."""
-    sources = sorted({int(row["scan"]) for rows in runs.values() for row in rows})
-    lines = [
-        (
-            f"{source - 1} → {source}",
-            f"{PAPER_ICP[source - 1]:.2f}",
-            *(_median(row for row in rows if row["scan"] == source) for rows in runs.values()),
-        )
-        for source in sources
-    ]
-    average = ("average", f"{PAPER_ICP_MEAN:.3f}", *(_mean(rows) for rows in runs.values()))
-    return Table(
-        "Table 2: seconds of every registration",
-        ("pair", "paper: ICP", *(f"ours: {label(*run)}" for run in runs)),
-        (*lines, average),
-    )
-
-
-def _run(row: Row) -> Run:
-    return str(row["method"]), int(row["grid"])
-
-
-def _median(rows: Iterable[Row]) -> str:
-    seconds = [float(row["register_s"]) for row in rows]
-    return f"{median(seconds):.2f}" if seconds else ""
-
-
-def _mean(rows: list[Row]) -> str:
-    return f"{mean(float(row['register_s']) for row in rows):.3f}"
+    for source in sorted({int(row["scan"]) for row in rows}):
+        ours = (where(some, scan=source) for some in runs.values())
+        cells = (f"{middle(some, 'register_s'):.2f}" if some else "" for some in ours)
+        lines.append((f"{source - 1} → {source}", f"{PAPER_ICP[source - 1]:.2f}", *cells))
+    means = (f"{column(some, 'register_s').mean():.3f}" for some in runs.values())
+    lines.append(("average", f"{PAPER_ICP_MEAN:.3f}", *means))
+    headings = ("pair", "paper: ICP", *(f"ours: {label(*run)}" for run in runs))
+    return summary, Table("Table 2: seconds of every registration", headings, tuple(lines))

@@ -8,18 +8,25 @@ import numpy as np
 
 from sonarmap.tools.lab.reproduce.experiment import Row
 from sonarmap.tools.lab.reproduce.figure import draw_parameters, legend_beside, new_figure, save_figure
+from sonarmap.tools.lab.reproduce.gaussian.section import RATES, parameters_picture
 from sonarmap.tools.lab.reproduce.rows import column, distinct, grouped, right, where, wilson
 
 _PANELS = (("x_m", "y_m", "z_m"), ("yaw_deg", "roll_deg", "pitch_deg"))
 _MARKS = ("o-", "s--", "^:", "d-.")
 
 
+def draw_gaussian(folder: Path, rows: Sequence[Row], settings: Any) -> None:
+    """Write one PNG per grid after Figs. 20 and 21, and one of the rates; `settings` are GaussianSettings."""
+    for edge in settings.edges:
+        draw_table1(folder / parameters_picture(edge), where(rows, grid=edge, seed=settings.first_seed))
+    draw_rates(folder / RATES, rows)
+
+
 def draw_table1(path: Path, rows: Sequence[Row]) -> None:
     """Write a PNG of one grid and seed: one column per method, two rows of axes per noise."""
     methods, noises = distinct(rows, "method"), grouped(rows, "sigma2")
-    lines = 2 * len(noises)
-    figure = new_figure(4.2 * len(methods), 2.5 * lines + 0.8)
-    axes = figure.subplots(lines, len(methods), squeeze=False, sharex=True, sharey="row")
+    figure = new_figure(4.2 * len(methods), 5.0 * len(noises) + 0.8)
+    axes = figure.subplots(2 * len(noises), len(methods), squeeze=False, sharex=True, sharey="row")
     for line, ((sigma2,), some) in enumerate(noises.items()):
         for number, method in enumerate(methods):
             mine = where(some, method=method)

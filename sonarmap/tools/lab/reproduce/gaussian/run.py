@@ -3,25 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
 from typing import ClassVar
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.spectral.grid import Grid
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Section
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.gaussian.figure import draw_rates, draw_table1
-from sonarmap.tools.lab.reproduce.gaussian.section import RATES, parameters_picture, section
+from sonarmap.tools.lab.reproduce.gaussian.figure import draw_gaussian
+from sonarmap.tools.lab.reproduce.gaussian.section import gaussian_section
 from sonarmap.tools.lab.reproduce.gaussian.series import Series
-from sonarmap.tools.lab.reproduce.rows import where
-from sonarmap.tools.lab.reproduce.settings import as_asked, check_scenes, check_seeds, check_variances
+from sonarmap.tools.lab.reproduce.settings import as_asked, check_scenes, check_seeds, check_variances, paper_grid
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT
 
-EXTENT = 256.0  # of the grid [m]; the paper has 256 voxels of about 1 m
-
-
-# Windows, blurs and bounds were chosen on scenes and noises of smaller seeds.
-FIRST_SEED = 11
+FIRST_SEED = 11  # windows, blurs and bounds were chosen on scenes and noises of smaller seeds
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +33,7 @@ class GaussianSettings:
         check_variances(self.sigma2)
         check_seeds(self.seeds, self.first_seed)
         for edge in self.edges:
-            grid_of(edge)
-
-
-def grid_of(edge: int) -> Grid:
-    """The grid that all pairs of so many voxels share."""
-    Grid(edge, 1.0)
-    return Grid(edge, EXTENT / edge)
+            paper_grid(edge)
 
 
 class Gaussian(Experiment):
@@ -56,11 +43,12 @@ class Gaussian(Experiment):
     device at a time.
     """
 
-    name: ClassVar[str] = "gaussian"
+    name = "gaussian"
     sources: ClassVar[tuple[str, ...]] = (
         *("kernels", "spectral", "tools/lab/simulate", "tools/lab/evaluate"),
-        *(f"tools/lab/reproduce/{name}.py" for name in ("answer", "gaussian/row", "gaussian/series")),
+        *(f"tools/lab/reproduce/{name}.py" for name in ("answer", "gaussian/series")),
     )
+    make_section, draw_pictures = staticmethod(gaussian_section), staticmethod(draw_gaussian)
 
     def __init__(self, settings: GaussianSettings, device: Device) -> None:
         super().__init__(settings, device)
@@ -76,29 +64,13 @@ class Gaussian(Experiment):
         return list(self._pairs)
 
     def run(self, job: str) -> Outcome:
-        """Register one scan by every method.
-
-        Raises:
-            InputError: a scan that shows too little to be registered.
-            DeviceError: the device is too small.
-        """
+        """Register one scan by every method."""
         edge, sigma2, seed, index = self._pairs[job]
         if self._series is None or self._series.grid.edge != edge:
             self._series = None  # what it holds on the device goes before the next is made
-            self._series = Series(self.device, grid_of(edge), self.settings.scene)
+            self._series = Series(self.device, paper_grid(edge), self.settings.scene)
         registered = self._series.register(index, seed, sigma2)
         return Outcome(tuple(row for row, _ in registered), tuple(seconds for _, seconds in registered))
-
-    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
-        """Our results next to the paper's, and which step fails first."""
-        return section(self.settings.scene, EXTENT, rows, seconds)
-
-    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
-        """One picture per grid after Figs. 20 and 21, and one of the success rates."""
-        for edge in self.settings.edges:
-            first = where(rows, grid=edge, seed=self.settings.first_seed)
-            draw_table1(folder / parameters_picture(edge), first)
-        draw_rates(folder / RATES, rows)
 
 
 def create(request: Request) -> Gaussian:

@@ -2,53 +2,57 @@
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 from statistics import median, median_low
 from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
-from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, tilt_error, yaw_error
-from sonarmap.tools.lab.reproduce.gaussian.series import VARIANTS
+from sonarmap.tools.lab.reproduce.gaussian.series import RANKED, VARIANTS, less_turns
 from sonarmap.tools.lab.reproduce.rows import (
     accepted,
     column,
     distinct,
     grouped,
+    last_right,
     middle,
     rate,
     refused,
     right,
+    step_name,
     where,
     wrong,
 )
+from sonarmap.tools.lab.reproduce.settings import EXTENT
 from sonarmap.tools.lab.reproduce.table import Table, table_of
 
 # sigma^2 [m^2] -> the last scan up to which the paper's registrations succeed (Figs. 20, 21)
 PAPER_LAST: Mapping[float, int] = MappingProxyType({1.0: 8, 2.0: 6})
-# Voxels per edge -> seconds of a registration from the raw scans (Sect. 4.4; MATLAB, 2010)
-_PAPER_SECONDS = {128: 10.5, 256: 60.6}
+# Voxels per edge -> time of a registration from the raw scans (Sect. 4.4; MATLAB, 2010)
+_PAPER_SECONDS = {128: "10.5 s", 256: "60.6 s"}
 STEPS = ("yaw", "tilt", "translation")
 FEW = HemisphereConfig().yaw_peaks  # as many yaw peaks as "six peaks" follows
 RATES = "gaussian-rates.png"
 _CLOSE_M = 3.0  # three of the paper's voxels
 
 
-def section(scene: str, extent: float, rows: Sequence[Row], times: Sequence[Row]) -> Section:
-    """The section, from the rows and times of all registrations.
-
-    Args:
-        scene: a key of SCENE_KINDS.
-        extent: of the grid [m].
-        rows, times: of every registration.
-    """
+def gaussian_section(rows: Sequence[Row], seconds: Sequence[Row], settings: Any) -> Section:
+    """Our results next to the paper's, and which step fails first; `settings` are GaussianSettings."""
+    captions = {
+        parameters_picture(int(grid)): f"As Figs. 20 and 21, {grid}³ voxels, seed {min(column(rows, 'seed')):.0f}. "
+        "Lines are true values, crosses are estimates; gray marks wrong registrations."
+        for grid in distinct(rows, "grid")
+    }
     return Section(
         title="Gaussian noise along the beams: Table 1, Figs. 20 and 21",
-        introduction=_introduction(scene, extent, rows),
+        introduction=_introduction(settings.scene, rows),
         tables=(verdict_table(rows), detail_table(rows), *_scan_tables(rows)),
-        times=(_time_table(times),),
-        pictures=_pictures(rows),
+        times=(_time_table(seconds),),
+        pictures=captions | {RATES: "The share of seeds that are right at each scan, with 95 % intervals."},
         remarks=remarks(rows),
     )
 
@@ -58,7 +62,7 @@ def parameters_picture(edge: int) -> str:
     return f"gaussian-{edge}.png"
 
 
-def _introduction(scene: str, extent: float, rows: Sequence[Row]) -> str:
+def _introduction(scene: str, rows: Sequence[Row]) -> str:
     voxels = {int(row["grid"]): float(row["voxel_m"]) for row in rows}
     grids = " and ".join(f"{grid}³ voxels of {voxel:g} m" for grid, voxel in voxels.items())
     meters = ", ".join(f"{RIGHT_VOXELS * voxel:g} m at {grid}³" for grid, voxel in voxels.items())
@@ -67,7 +71,7 @@ def _introduction(scene: str, extent: float, rows: Sequence[Row]) -> str:
     seeds = f"{first:.0f}" if first == last else f"{first:.0f} to {last:.0f}"
     return f"""Scans S0 to S9 of the scene `{scene}` are registered to a reference scan. Each is farther from it than
 the one before, by (4, 8, 12) m and by 6, 2 and 1 degrees of yaw, roll and pitch. The variance of the noise grows along
-the beam, to σ² at the largest range. Grids: {grids}, {extent:g} m along each edge, as the paper's 256 voxels. Seeds:
+the beam, to σ² at the largest range. Grids: {grids}, {EXTENT:g} m along each edge, as the paper's 256 voxels. Seeds:
 {seeds}; each has a scene and noise of its own. Rates have Wilson's 95 % intervals.
 
 A registration is right if T_target_source, between the sensor frames, is within {RIGHT_DEG:g} degrees and \
@@ -77,57 +81,33 @@ succeed, but gives no error bound.
 {methods}"""
 
 
-def _pictures(rows: Sequence[Row]) -> dict[str, str]:
-    seed = min(int(row["seed"]) for row in rows)
-    captions = {
-        parameters_picture(int(grid)): f"As Figs. 20 and 21, {grid}³ voxels, seed {seed}. Lines are true values, "
-        "crosses are estimates; gray marks wrong registrations."
-        for grid in distinct(rows, "grid")
-    }
-    return captions | {RATES: "The share of seeds that are right at each scan, with 95 % intervals."}
-
-
-def last_right(rows: Sequence[Row]) -> dict[int, int]:
-    """Of one grid, noise and method: by seed, in order, the last scan that is right with all before it; -1 where S0 is
-    wrong."""
-    farthest = max(int(row["scan"]) for row in rows)
-    ends = dict.fromkeys(sorted({int(row["seed"]) for row in rows}), farthest)
-    for row in wrong(rows):
-        ends[int(row["seed"])] = min(ends[int(row["seed"])], int(row["scan"]) - 1)
-    return ends
-
-
 def verdict_table(rows: Sequence[Row]) -> Table:
     """How far every seed gets, next to the paper, and what is believed; a line for each grid, noise and method."""
 
-    def paper(some: Sequence[Row]) -> str:
-        last = PAPER_LAST.get(float(some[0]["sigma2"]))
-        return "" if last is None else f"S{last}"
+    def paper(some: Sequence[Row]) -> int | None:
+        return PAPER_LAST.get(float(some[0]["sigma2"]))
 
     def ours(some: Sequence[Row]) -> str:
-        last = last_right(some).values()
-        return f"{_scan(median_low(last))} ({' '.join(map(_scan, last))})"
+        last = last_right(some, "scan", "seed")
+        return f"{step_name(median_low(last))} ({' '.join(map(step_name, last))})"
+
+    def verdict(some: Sequence[Row]) -> str:
+        wanted, last = paper(some), last_right(some, "scan", "seed")
+        if wanted is None:
+            return ""
+        reached = sum(end >= wanted for end in last)
+        some_seeds = f"reached by {reached} of {len(last)} seeds" if reached else "not reached"
+        return "reached" if reached == len(last) else some_seeds
 
     columns = {
-        "paper": paper,
+        "paper": lambda some: "" if (last := paper(some)) is None else f"S{last}",
         "ours, median (each seed)": ours,
-        "verdict": _verdict,
+        "verdict": verdict,
         "right": lambda some: rate(right(some), some),
         "accepted though wrong": lambda some: str(len(accepted(wrong(some)))),
         "refused though right": lambda some: str(len(refused(right(some)))),
     }
     return table_of("The last scan before the first failure", ("grid", "σ²", "method"), _cases(rows), columns)
-
-
-def _verdict(some: Sequence[Row]) -> str:
-    """Whether every seed gets as far as the paper."""
-    paper, last = PAPER_LAST.get(float(some[0]["sigma2"])), last_right(some).values()
-    if paper is None:
-        return ""
-    reached = sum(end >= paper for end in last)
-    if reached == len(last):
-        return "reached"
-    return f"reached by {reached} of {len(last)} seeds" if reached else "not reached"
 
 
 def detail_table(rows: Sequence[Row]) -> Table:
@@ -141,8 +121,8 @@ def detail_table(rows: Sequence[Row]) -> Table:
         return counts(of_step[step] for step in STEPS)
 
     def ending(some: Sequence[Row]) -> str:
-        last = last_right(some)
-        return steps(row for row in some if row["scan"] == last[int(row["seed"])] + 1)
+        series = (sorted(wrong(mine), key=lambda row: row["scan"])[:1] for mine in grouped(some, "seed").values())
+        return steps(row for first in series for row in first)
 
     def errors(some: Sequence[Row]) -> str:
         good = right(some)
@@ -173,38 +153,25 @@ def among(rows: Iterable[Row], count: int) -> int:
     return sum(0 < int(row["yaw_rank"]) <= count for row in rows)
 
 
-def _scan(index: int) -> str:
-    return "none" if index < 0 else f"S{index}"
-
-
 def _scan_tables(rows: Sequence[Row]) -> list[Table]:
     """Every scan on one grid under one noise: rates, and the median error of all seeds, right or wrong."""
-
-    def right_of(method: str, some: Sequence[Row]) -> str:
-        trials = where(some, method=method)
-        return rate(right(trials), trials)
-
-    def error_of(method: str, some: Sequence[Row]) -> str:
-        trials = where(some, method=method)
-        return f"{middle(trials, 'rotation_deg'):.1f}°, {middle(trials, 'translation_m'):.1f} m"
-
     tables = []
     for (grid, sigma2), some in grouped(rows, "grid", "sigma2").items():
-        scans = sorted({int(row["scan"]) for row in some})
-        cells = [partial(cell, method) for method in distinct(some, "method") for cell in (right_of, error_of)]
-        headings = [name for method in distinct(some, "method") for name in (f"{method}: right", "median error")]
-        lines = [(_scan(scan), *(cell(where(some, scan=scan)) for cell in cells)) for scan in scans]
-        tables.append(Table(f"Every scan at {grid}³, σ² = {sigma2:g} m²", ("scan", *headings), tuple(lines)))
+        headings, lines = ["scan"], {scan: [step_name(scan)] for scan in sorted({int(row["scan"]) for row in some})}
+        for (method,), mine in grouped(some, "method").items():
+            headings += [f"{method}: right", "median error"]
+            for scan, line in lines.items():
+                trials = where(mine, scan=scan)
+                error = f"{middle(trials, 'rotation_deg'):.1f}°, {middle(trials, 'translation_m'):.1f} m"
+                line += [rate(right(trials), trials), error]
+        title = f"Every scan at {grid}³, σ² = {sigma2:g} m²"
+        tables.append(Table(title, tuple(headings), tuple(map(tuple, lines.values()))))
     return tables
 
 
 def _time_table(times: Sequence[Row]) -> Table:
-    def paper(some: Sequence[Row]) -> str:
-        seconds = _PAPER_SECONDS.get(int(some[0]["grid"]))
-        return "" if seconds is None else f"{seconds:g} s"
-
     columns = {
-        "paper, from raw scans": paper,
+        "paper, from raw scans": lambda some: _PAPER_SECONDS.get(int(some[0]["grid"]), ""),
         "two preparations and one registration": lambda some: (
             f"{2 * middle(some, 'prepare_s') + middle(some, 'register_s'):.2f} s"
         ),
@@ -270,7 +237,7 @@ def _on_near(failed: Sequence[Row]) -> list[str]:
     near = [row for row in failed if abs(yaw_error(row)) <= _NEAR_DEG]
     if not near:
         return []
-    small = sum((float(row["found_yaw_deg"]) - float(row["true_yaw_deg"]) + 180) % 360 < 180 for row in near)
+    small = sum(yaw_error(row) < 0 for row in near)
     rolls = abs(column(near, "true_roll_deg"))
     return [
         f"Yaws off by at most {_NEAR_DEG:g} degrees are too small in {small} of {len(near)} cases; their median error "
@@ -289,3 +256,15 @@ def _on_others(failed: Sequence[Row], rows: Sequence[Row]) -> list[str]:
         count = sum(abs(yaw_error(row)) <= RIGHT_DEG for row in both)
         sentences.append(f"*{method}* has the right yaw in {count} of these {len(pairs)}.")
     return sentences
+
+
+def yaw_error(row: Row) -> float:
+    """Of the yaw alone [degrees], -180..180."""
+    return less_turns(float(row["found_yaw_deg"]) - float(row["true_yaw_deg"]))
+
+
+def tilt_error(row: Row) -> float:
+    """The angle between the verticals, which roll and pitch alone decide [degrees]."""
+    angles = [[float(row[f"{which}_{name}_deg"]) for name in ("pitch", "roll")] for which in ("found", "true")]
+    up = Rotation.from_euler("YX", angles, degrees=True).inv().apply([0.0, 0.0, 1.0])
+    return float(np.rad2deg(np.arctan2(np.linalg.norm(np.cross(up[0], up[1])), up[0] @ up[1])))

@@ -1,19 +1,24 @@
-"""The variants of the paper's chain that the experiment compares. A new one is a row of VARIANTS."""
+"""The variants of the paper's chain that are compared (a new one is a row of VARIANTS), and Table 1's rows by them."""
 
 from dataclasses import dataclass, fields, replace
 from time import perf_counter
 from types import MappingProxyType
 
+import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
+from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG
-from sonarmap.tools.lab.reproduce.experiment import Row
-from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, ScoredRegistration, row_of
+from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
+from sonarmap.tools.lab.reproduce.answer import parameter_cells
+from sonarmap.tools.lab.reproduce.experiment import Row, Value
+from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_RIG
 from sonarmap.tools.lab.simulate.plan import table1_pair
+
+RANKED = 12  # so many yaw peaks are looked at
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +60,7 @@ class Series:
     """
 
     def __init__(self, device: Device, grid: Grid, scene: str) -> None:
-        """Plan every method.
-
-        Raises:
-            DeviceError: the device cannot hold what the grid needs.
-        """
+        """Plan every method; a DeviceError says that the device cannot hold what the grid needs."""
         self.device, self.grid, self.scene = device, grid, scene
         self._registrars = {name: HemisphereRegistrar(device, grid, method.config) for name, method in VARIANTS.items()}
         self._reference: tuple[tuple[int, float], dict[str, LayeredScan]] | None = None
@@ -67,7 +68,9 @@ class Series:
     def register(self, index: int, seed: int, sigma2: float) -> list[tuple[Row, Row]]:
         """S`index` by every method: its row, and its times [s], those of preparing it and of registering it.
 
-        The reference scan is prepared once for all scans of a series.
+        The reference scan is prepared once for all scans of a series. A row says which pair it is (see `table1_pair`)
+        and, in "yaw_rank", the place of the right yaw among the RANKED highest yaw peaks of the first step, 1 for the
+        highest and 0 where it is not among them: it depends on how the scans were prepared, not on what followed.
 
         Raises:
             InputError: a scan that shows too little to be registered.
@@ -77,11 +80,12 @@ class Series:
             self._reference = (seed, sigma2), {name: prepared for name, (prepared, _) in self._prepare(target).items()}
         rows = []
         for name, (candidate, seconds) in self._prepare(source).items():
-            registration = self._registrars[name].register(self._reference[1][name], candidate)
-            scored = ScoredRegistration(registration, truth, candidate.volume.center, self.grid.voxel)
-            rank = yaw_rank(self._registrars[name], self._reference[1][name], candidate, truth)
-            row = row_of(scored, (self.scene, sigma2, seed, index), name, self.grid.edge, rank)
-            which = {key: row[key] for key in ("grid", "sigma2", "seed", "scan", "method")}
+            reference = self._reference[1][name]
+            registration = self._registrars[name].register(reference, candidate)
+            which = {"grid": self.grid.edge, "sigma2": sigma2, "seed": seed, "scan": index, "method": name}
+            rank = yaw_rank(self._registrars[name], reference, candidate, truth)
+            pair: dict[str, Value] = {"scene": self.scene, "voxel_m": self.grid.voxel, **which, "yaw_rank": rank}
+            row = row_of(registration, truth, candidate.volume.center, pair)
             rows.append((row, which | {"prepare_s": seconds, "register_s": registration.seconds}))
         return rows
 
@@ -103,7 +107,7 @@ def yaw_rank(registrar: HemisphereRegistrar, target: LayeredScan, source: Layere
     true = truth.rotation.as_euler("ZYX", degrees=True)[0]
     for k, peak in enumerate(peaks):
         off = peak.R.as_euler("ZYX", degrees=True)[0] - true
-        if abs((off + 180) % 360 - 180) <= RIGHT_DEG:
+        if abs(less_turns(off)) <= RIGHT_DEG:
             return k // 2 + 1
     return 0
 
@@ -113,3 +117,57 @@ def preparation_of(config: HemisphereConfig) -> HemisphereConfig:
     by_default = HemisphereConfig()
     kept = {field.name: getattr(by_default, field.name) for field in fields(config) if field.name in _OF_PAIRS}
     return replace(config, **kept)
+
+
+_COLUMNS = ("scene", "grid", "voxel_m", "sigma2", "seed", "scan", "method")
+
+
+def row_of(registration: Registration, truth: RigidTransform, center: np.ndarray, pair: dict[str, Value]) -> Row:
+    """The row of one registration.
+
+    Its errors are those of T_target_source, so the translation's is at the sensor: it decides what is right. "center_m"
+    is how far from its true place the scan's center comes to lie: it is far from its sensor, and what the rotation
+    lacks moves one of them more than the other. "wrong_step" is the first of the paper's steps whose result is wrong:
+    yaw, tilt or translation; "" where it is right. The cells "found_..." and "true_..." are Table 1's parameters, about
+    the grid's center.
+
+    Args:
+        registration: of the pair.
+        truth: the true T_target_source, between the sensor frames.
+        center: (3,) [m, sensor frame of the source], where the scan's grid was centered.
+        pair: the cells that say which pair and method it is, and the rank of the right yaw.
+    """
+    T, voxel = registration.T_target_source, float(pair["voxel_m"])
+    error, steps = pair_error(T, truth), dict(registration.step_psr)
+    center_m = float(np.linalg.norm(T.apply(center) - truth.apply(center)))
+    is_right, turned_right = error.within(RIGHT_DEG, RIGHT_VOXELS * voxel), error.rotation_deg <= RIGHT_DEG
+    estimated, true = (one.rotation.as_euler("ZYX", degrees=True)[0] for one in (T, truth))
+    turned = "yaw" if abs(less_turns(estimated - true)) > RIGHT_DEG else "tilt"
+    return {
+        **{name: pair[name] for name in _COLUMNS},
+        "right": is_right,
+        "wrong_step": "" if is_right else "translation" if turned_right else turned,
+        "rotation_deg": error.rotation_deg,
+        "translation_m": error.translation_m,
+        "translation_voxels": error.translation_m / voxel,
+        "center_m": center_m,
+        "right_at_center": turned_right and center_m <= RIGHT_VOXELS * voxel,
+        "yaw_rank": pair["yaw_rank"],
+        "accepted": bool(registration.accepted),
+        "psr": float(registration.psr),
+        **{f"{step}_psr": float(steps[step]) for step in ("rival", "yaw", "tilt")},
+        "overlap": float(registration.overlap),
+        **parameter_cells(about_center(T), "found"),
+        **parameter_cells(about_center(truth), "true"),
+    }
+
+
+def about_center(T_target_source: RigidTransform) -> RigidTransform:
+    """A transform between sensor frames, as one about the grid's center: there Table 1 states its values."""
+    T_grid_rig = RigidTransform.from_translation(TABLE1_RIG)
+    return T_grid_rig * T_target_source * T_grid_rig.inv()
+
+
+def less_turns(angle: float) -> float:
+    """An angle without its whole turns [degrees], -180..180."""
+    return (angle + 180) % 360 - 180

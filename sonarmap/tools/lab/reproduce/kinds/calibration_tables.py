@@ -2,8 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from scipy.optimize import minimize
@@ -15,7 +13,18 @@ from sonarmap.tools.lab.reproduce.experiment import Row
 from sonarmap.tools.lab.reproduce.kinds.settings import NAVIGATION, NOTHING
 from sonarmap.tools.lab.reproduce.kinds.tables import WORDS, without_navigation, worst_first
 from sonarmap.tools.lab.reproduce.methods import OURS
-from sonarmap.tools.lab.reproduce.rows import CONFIDENCE, DASH, distinct, in_percent, known, number, right, where
+from sonarmap.tools.lab.reproduce.rows import (
+    CONFIDENCE,
+    DASH,
+    column,
+    distinct,
+    grouped,
+    in_percent,
+    known,
+    number,
+    right,
+    where,
+)
 from sonarmap.tools.lab.reproduce.table import Table, table_of
 
 TENTHS = tuple(k / 10 for k in range(11))
@@ -32,9 +41,8 @@ def expected_error(rows: Sequence[Row]) -> float:
     """
     bins = reliability(rows, TENTHS)
     count = sum(rated.right.trials for rated in bins)
-    if not count:
-        return math.nan
-    return math.fsum(abs(rated.predicted - rated.share) * rated.right.trials for rated in bins) / count
+    off = math.fsum(abs(rated.predicted - rated.right.share) * rated.right.trials for rated in bins)
+    return off / count if count else math.nan
 
 
 def usual_error(rows: Sequence[Row]) -> float:
@@ -42,7 +50,7 @@ def usual_error(rows: Sequence[Row]) -> float:
 
     NaN where no row has a probability.
     """
-    p = np.array([float(row["probability"]) for row in rows if not math.isnan(float(row["probability"]))])
+    p = column(known(rows, "probability"), "probability")
     if not len(p):
         return math.nan
     bins = np.minimum((p * (len(TENTHS) - 1)).astype(int), len(TENTHS) - 2)[:, None] == np.arange(len(TENTHS) - 1)
@@ -68,52 +76,43 @@ def reported_table(rows: Sequence[Row]) -> Table:
     groups += [(f"all kinds, known: {WORDS[known]}", where(plain, priors=known)) for known in distinct(plain, "priors")]
     groups += [("all kinds", plain), ("swath, known: navigation", where(ours, priors=NAVIGATION))]
     title = f"What `{OURS}` reports: its probability, and the normalized squared errors (nees) of what is right"
-    checked = [(name, some, known(right(some), "nees")) for name, some in groups if some]
-    return _calibration_table(title, "kind", "right, with a covariance", checked)
+    checked = [((name,), (some, known(right(some), "nees"))) for name, some in groups if some]
+    return table_of(title, ("kind",), checked, _columns_of("right, with a covariance"))
 
 
 def left_out_table(rows: Sequence[Row]) -> Table:
     """The same for fits that never saw the kind; no rows where there is no evidence to fit."""
     ours = without_navigation(where(rows, method=OURS))
     probabilities, nees = refitted_probabilities(ours), refitted_nees(where(ours, priors=NOTHING))
-    groups = [(kind, where(probabilities, kind=kind), where(nees, kind=kind)) for kind in worst_first(ours)]
-    checked = [group for group in (*groups, ("all kinds", probabilities, nees)) if group[1] or group[2]]
+    groups = [((kind,), (where(probabilities, kind=kind), where(nees, kind=kind))) for kind in worst_first(ours)]
+    checked = [group for group in (*groups, (("all kinds",), (probabilities, nees))) if any(group[1])]
     title = "Probability and scale of the covariance, fitted to all kinds but one and tested on it"
-    return _calibration_table(title, "kind left out of the fit", "right, nothing known", checked)
+    return table_of(title, ("kind left out of the fit",), checked, _columns_of("right, nothing known"))
 
 
-def _calibration_table(
-    title: str, names: str, counted: str, groups: Sequence[tuple[str, Sequence[Row], Sequence[Row]]]
-) -> Table:
-    """Of each group the rows whose probability is checked, and those whose normalized squared error is."""
+def _columns_of(counted: str) -> dict[str, Callable[[tuple[list[Row], list[Row]]], str]]:
+    """Of the rows whose probability is checked, and of those whose normalized squared error is."""
 
-    def of_nees(cell: Callable[[CovarianceCheck], str], some: tuple[Sequence[Row], Sequence[Row]]) -> str:
-        checked = calibration(some[1])
-        return DASH if checked is None else cell(checked)
+    def of_nees(cell: Callable[[CovarianceCheck], str]) -> Callable[[tuple[list[Row], list[Row]]], str]:
+        return lambda some: DASH if (checked := calibration(some[1])) is None else cell(checked)
 
     def inside(checked: CovarianceCheck) -> str:
-        low, high = in_percent(checked.inside.low, 1), in_percent(checked.inside.high, 1)
-        return f"{in_percent(checked.share, 1)} [{low}..{high}]"
+        share, low, high = (in_percent(x, 1) for x in (checked.inside.share, checked.inside.low, checked.inside.high))
+        return f"{share} [{low}..{high}]"
 
-    return table_of(
-        title,
-        (names,),
-        [((name,), (rated, scaled)) for name, rated, scaled in groups],
-        {
-            "registrations": lambda some: str(len(some[0])),
-            "expected calibration error": lambda some: number(expected_error(some[0]), 3),
-            "the same of an exact probability": lambda some: number(usual_error(some[0]), 3),
-            counted: lambda some: str(len(some[1])),
-            "truths in the 95 % ellipsoid": partial(of_nees, inside),
-            "mean nees": partial(of_nees, lambda checked: f"{checked.mean:.2f}"),
-            "median nees": partial(of_nees, lambda checked: f"{checked.median:.2f}"),
-        },
-    )
+    return {
+        "registrations": lambda some: str(len(some[0])),
+        "expected calibration error": lambda some: number(expected_error(some[0]), 3),
+        "the same of an exact probability": lambda some: number(usual_error(some[0]), 3),
+        counted: lambda some: str(len(some[1])),
+        "truths in the 95 % ellipsoid": of_nees(inside),
+        "mean nees": of_nees(lambda checked: f"{checked.mean:.2f}"),
+        "median nees": of_nees(lambda checked: f"{checked.median:.2f}"),
+    }
 
 
 def _error_line(rows: Sequence[Row], words: str) -> list[Line]:
-    scores = {kind: expected_error(where(rows, kind=kind)) for kind in distinct(rows, "kind")}
-    scores = {kind: score for kind, score in scores.items() if not math.isnan(score)}
+    scores = {str(kind): expected_error(some) for (kind,), some in grouped(known(rows, "probability"), "kind").items()}
     if not scores:
         return []
     worst, whole = max(scores, key=lambda kind: scores[kind]), expected_error(rows)
@@ -123,38 +122,22 @@ def _error_line(rows: Sequence[Row], words: str) -> list[Line]:
 
 
 def _inside_line(rows: Sequence[Row], words: str) -> list[Line]:
-    checks = {kind: calibration(where(rows, kind=kind)) for kind in distinct(rows, "kind")}
-    shares = {kind: check.share for kind, check in checks.items() if check is not None}
+    checks = {kind: calibration(some) for (kind,), some in grouped(rows, "kind").items()}
+    shares = {kind: check.inside.share for kind, check in checks.items() if check is not None}
     whole = calibration(rows)
     if whole is None:
         return []
     worst = max(shares, key=lambda kind: abs(shares[kind] - CONFIDENCE))
-    shown = f"{in_percent(whole.share)}; farthest from 95 %: {worst} {in_percent(shares[worst])}"
-    follows = f"expect {100 * whole.share:.0f} of 100 truths in the 95 % ellipsoid"
+    shown = f"{in_percent(whole.inside.share)}; farthest from 95 %: {worst} {in_percent(shares[worst])}"
+    follows = f"expect {100 * whole.inside.share:.0f} of 100 truths in the 95 % ellipsoid"
     return [(f"truths in the 95 % ellipsoid, {words}", shown, DASH, follows)]
 
 
-@dataclass(frozen=True, slots=True)
-class Linear:
-    """A linear function of K columns."""
-
-    # mean, scale: (K,) of the columns where it was fitted
-    mean: np.ndarray
-    scale: np.ndarray
-    weights: np.ndarray  # (K + 1,) of the columns less their mean over their scale, and a constant
-
-    def __call__(self, columns: np.ndarray) -> np.ndarray:
-        """(N,) its values for (N, K) columns."""
-        return _with_constant((columns - self.mean) / self.scale) @ self.weights
+Linear = Callable[[np.ndarray], np.ndarray]  # (N,) values of a linear function for (N, K) columns
 
 
 def fit_probability(columns: np.ndarray, right: np.ndarray) -> Linear:
-    """Logistic regression: the log odds of being right.
-
-    Args:
-        columns: (N, K).
-        right: (N,) bool.
-    """
+    """The log odds of being `right`, (N,) bool, by logistic regression on (N, K) columns."""
     signs = np.where(right, 1.0, -1.0)
 
     def loss(x: np.ndarray, weights: np.ndarray) -> tuple[float, np.ndarray]:
@@ -168,11 +151,7 @@ def fit_variance(columns: np.ndarray, nees: np.ndarray) -> Linear:
     """The logarithm of what all variances are to be multiplied by, by maximum likelihood of normal errors.
 
     With variances times v the normalized squared error e becomes e / v, and -log likelihood is (e / v + 6 log v) / 2
-    but for a constant.
-
-    Args:
-        columns: (N, K).
-        nees: (N,) normalized squared errors with six degrees of freedom.
+    but for a constant. `columns` are (N, K); `nees` are (N,), with six degrees of freedom.
     """
 
     def loss(x: np.ndarray, weights: np.ndarray) -> tuple[float, np.ndarray]:
@@ -183,12 +162,35 @@ def fit_variance(columns: np.ndarray, nees: np.ndarray) -> Linear:
     return _fit(columns, loss, math.log(float(nees.mean()) / FREEDOM))
 
 
+def _fit(
+    columns: np.ndarray, loss: Callable[[np.ndarray, np.ndarray], tuple[float, np.ndarray]], constant: float = 0.0
+) -> Linear:
+    """The function with the least loss, which is convex in its weights, searched from this constant alone; a small
+    weight on their squares keeps them finite. Columns are taken with mean 0 and deviation 1."""
+    mean, deviation = columns.mean(axis=0), columns.std(axis=0)
+    scale = np.where(deviation > 0, deviation, 1.0)
+
+    def scaled(columns: np.ndarray) -> np.ndarray:
+        return np.column_stack([(columns - mean) / scale, np.ones(len(columns))])
+
+    x = scaled(columns)
+    ridge = np.append(np.full(columns.shape[1], RIDGE), 0.0)
+
+    def regularized(weights: np.ndarray) -> tuple[float, np.ndarray]:
+        value, gradient = loss(x, weights)
+        return value + float(ridge @ weights**2) / 2, gradient + ridge * weights
+
+    start = np.append(np.zeros(columns.shape[1]), constant)
+    weights = minimize(regularized, start, jac=True, method="BFGS", options={"gtol": 1e-8}).x
+    return lambda columns: scaled(columns) @ weights
+
+
 def refitted_probabilities(rows: Sequence[Row]) -> list[Row]:
     """The rows that have evidence of the probability, each with the one fitted to the other kinds' rows."""
-    known, columns = _columns(rows, PROBABILITY)
-    right = np.array([bool(row["right"]) for row in known])
+    some, columns = _columns(rows, PROBABILITY)
+    right = np.array([bool(row["right"]) for row in some])
     return _left_out(
-        known, lambda fit, out: expit(fit_probability(columns[fit], right[fit])(columns[out])), "probability"
+        some, lambda fit, out: expit(fit_probability(columns[fit], right[fit])(columns[out])), "probability"
     )
 
 
@@ -197,11 +199,10 @@ def refitted_nees(rows: Sequence[Row]) -> list[Row]:
 
     Only right registrations without priors count: a prior's part of a covariance has no scale to fit.
     """
-    some = [row for row in rows if row["right"] and not math.isnan(float(row["nees"]))]
-    known, columns = _columns(some, VARIANCE)
-    nees = np.array([float(row["nees"]) for row in known])
+    some, columns = _columns(known(right(rows), "nees"), VARIANCE)
+    nees = column(some, "nees")
     return _left_out(
-        known, lambda fit, out: nees[out] * np.exp(-fit_variance(columns[fit], nees[fit])(columns[out])), "nees"
+        some, lambda fit, out: nees[out] * np.exp(-fit_variance(columns[fit], nees[fit])(columns[out])), "nees"
     )
 
 
@@ -220,29 +221,5 @@ def _left_out(rows: Sequence[Row], predict: Callable[[np.ndarray, np.ndarray], n
 def _columns(rows: Sequence[Row], prefix: str) -> tuple[list[Row], np.ndarray]:
     """The rows whose columns of this prefix are all finite, and these columns, (N, K); no rows where K is 0."""
     names = sorted({key for row in rows for key in row if key.startswith(prefix)})
-    known = [row for row in rows if names and all(math.isfinite(float(row.get(name, math.nan))) for name in names)]
-    return known, np.array([[float(row[name]) for name in names] for row in known]).reshape(len(known), len(names))
-
-
-def _fit(
-    columns: np.ndarray, loss: Callable[[np.ndarray, np.ndarray], tuple[float, np.ndarray]], constant: float = 0.0
-) -> Linear:
-    """The weights with the least loss, which is convex, searched from this constant alone; a small weight on their
-    squares keeps them finite."""
-    mean, deviation = columns.mean(axis=0), columns.std(axis=0)
-    scale = np.where(deviation > 0, deviation, 1.0)
-    x = _with_constant((columns - mean) / scale)
-    ridge = np.full(x.shape[1], RIDGE)
-    ridge[-1] = 0.0
-
-    def regularized(weights: np.ndarray) -> tuple[float, np.ndarray]:
-        value, gradient = loss(x, weights)
-        return value + float(ridge @ weights**2) / 2, gradient + ridge * weights
-
-    start = np.append(np.zeros(columns.shape[1]), constant)
-    found = minimize(regularized, start, jac=True, method="BFGS", options={"gtol": 1e-8})
-    return Linear(mean, scale, found.x)
-
-
-def _with_constant(columns: np.ndarray) -> np.ndarray:
-    return np.column_stack([columns, np.ones(len(columns))])
+    some = [row for row in rows if names and all(math.isfinite(float(row.get(name, math.nan))) for name in names)]
+    return some, np.array([[float(row[name]) for name in names] for row in some]).reshape(len(some), len(names))

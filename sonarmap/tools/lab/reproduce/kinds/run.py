@@ -2,15 +2,13 @@
 
 from collections.abc import Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import ClassVar
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid, choose_grid
-from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.reproduce.answer import answer, claims, errors
 from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH
-from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row, Section, Value
+from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.kinds.figure import draw_kinds
 from sonarmap.tools.lab.reproduce.kinds.navigation import navigation_cells
@@ -30,11 +28,12 @@ from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 class Kinds(ByMethod):
     """Registers pairs of every kind; a job is five of them, what is known beforehand, and one method."""
 
-    name: ClassVar[str] = "kinds"
+    name = "kinds"
     sources: ClassVar[tuple[str, ...]] = (
         *METHOD_SOURCES,
         *(f"tools/lab/reproduce/kinds/{name}.py" for name in ("settings", "navigation")),
     )
+    make_section, draw_pictures = staticmethod(kinds_section), staticmethod(draw_kinds)
 
     def __init__(self, settings: KindsSettings, device: str | None = None) -> None:
         """`device` as `choose_device` takes it."""
@@ -59,14 +58,6 @@ class Kinds(ByMethod):
         pairs = self._pairs(kind, known == NAVIGATION, int(batch))
         return Outcome(tuple(self._row(pair, grid, known, method) for pair, grid in pairs))
 
-    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
-        """What is right and believed, kind by kind, and whether probabilities and covariances hold."""
-        return kinds_section(rows, self.settings)
-
-    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
-        """Outcomes by kind, and the reliability of the probability."""
-        draw_kinds(folder, rows)
-
     def _simulated(self, kind: str, navigated: bool, batch: int) -> Sequence[tuple[KindPair, Grid]]:
         """The pairs of a batch, without priors, each with its grid; one that its scene does not have is left out."""
         pairs = []
@@ -82,26 +73,17 @@ class Kinds(ByMethod):
         instruments = PRIORS[known]
         given = pair if instruments is None else pair.with_priors(instruments)
         registration = answer(registrar(method, grid, self.device), given.target, given.source)
+        # what the probability and the covariance were computed from, of methods that say it
+        evidence: tuple[tuple[str, float], ...] = getattr(registration, "evidence", ())
         cells: dict[str, Value] = {
-            "kind": pair.kind,
-            "number": pair.number,
-            "scene": pair.scene,
-            "relief": pair.relief,
-            "shared": pair.shared,
-            "priors": known,
-            "method": method,
-            "voxel_m": grid.voxel,
+            name: getattr(pair, name) for name in ("kind", "number", "scene", "relief", "shared")
         }
-        cells |= errors(registration, pair.T_target_source, grid.voxel) | claims(registration) | _evidence(registration)
+        cells |= {"priors": known, "method": method, "voxel_m": grid.voxel}
+        cells |= errors(registration, pair.T_target_source, grid.voxel) | claims(registration)
+        cells |= {f"evidence_{name}": float(value) for name, value in evidence}
         if known == NAVIGATION and given.target.prior is not None and given.source.prior is not None:
             cells |= navigation_cells(registration, pair.T_target_source, given.target.prior, given.source.prior)
         return cells
-
-
-def _evidence(registration: Registration) -> dict[str, Value]:
-    """What the probability and the covariance were computed from, of methods that say it."""
-    evidence: tuple[tuple[str, float], ...] = getattr(registration, "evidence", ())
-    return {f"evidence_{name}": float(value) for name, value in evidence}
 
 
 def create(request: Request) -> Kinds:

@@ -29,7 +29,7 @@ _REMARKS = (
 )
 
 
-def kinds_section(rows: Sequence[Row], settings: KindsSettings) -> Section:
+def kinds_section(rows: Sequence[Row], _seconds: Sequence[Row], settings: KindsSettings) -> Section:
     """Ours beside the others, then every method by kind and relief, then calibration and navigation of ours."""
     beside = beside_table([*beside_others(rows), *calibration_beside(rows), *navigation_beside(rows)])
     tables = [kind_table(rows), method_table(rows), relief_table(rows)]

@@ -1,15 +1,14 @@
 """What the experiment on kinds of scans runs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf, radians
 from types import MappingProxyType
 
-from sonarmap.spectral.grid import Grid
-from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH, batches
+from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH, PairSetSettings
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.methods import ComparedMethods, compared_methods
-from sonarmap.tools.lab.reproduce.settings import as_asked, check_pairs
+from sonarmap.tools.lab.reproduce.methods import compared_methods
+from sonarmap.tools.lab.reproduce.settings import as_asked
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, scan_kind
 from sonarmap.tools.lab.simulate.sensing.navigation import Instruments
 from sonarmap.tools.methods.registry import find_method
@@ -32,25 +31,17 @@ PRIORS: Mapping[str, Instruments | None] = MappingProxyType(
 
 
 @dataclass(frozen=True, slots=True)
-class KindsSettings:
-    """What is run."""
+class KindsSettings(PairSetSettings):
+    """What is run: so many pairs of each kind."""
 
+    pairs: int = PAIRS
+    seed: int = SEED
     kinds: tuple[str, ...] = tuple(SCAN_KINDS)  # keys of SCAN_KINDS
-    pairs: int = PAIRS  # how many of each kind, rounded up to whole batches
-    seed: int = SEED  # of the set of pairs, >= 0
-    edge: int = 128  # voxels per edge; their size is chosen for each pair
-    compared: ComparedMethods = field(default_factory=ComparedMethods)  # the methods
 
     def __post_init__(self) -> None:
-        Grid(self.edge, 1.0)
+        PairSetSettings.__post_init__(self)
         for kind in self.kinds:
             scan_kind(kind)
-        check_pairs(self.pairs, self.seed)
-
-    @property
-    def count(self) -> int:
-        """Pairs of each kind, whole batches."""
-        return batches(self.pairs) * BATCH
 
     def known(self, kind: str, method: str) -> tuple[str, ...]:
         """What a method is given of a kind's scans, each for itself: keys of PRIORS."""

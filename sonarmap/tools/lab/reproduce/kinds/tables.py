@@ -1,5 +1,6 @@
 """What is right and believed, kind by kind, by every method; and what registration adds to navigation."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from statistics import median
 
@@ -15,7 +16,9 @@ from sonarmap.tools.lab.reproduce.rows import (
     Rate,
     accepted,
     distinct,
+    grouped,
     in_percent,
+    number,
     percent,
     right,
     variants,
@@ -64,11 +67,11 @@ def variant_words(method: str, known: str) -> str:
 
 def outcome(rows: Sequence[Row]) -> str:
     """Right, believed of the right, and wrong and believed, as in "93 %, 88 %, 1"; of no rows a dash."""
-    good = right(rows)
     if not rows:
         return DASH
-    believed = f"{len(accepted(good)) / len(good):.0%}".replace("%", " %") if good else DASH
-    return f"{len(good) / len(rows):.0%}, ".replace("%", " %") + f"{believed}, {len(accepted(wrong(rows)))}"
+    good = right(rows)
+    believed = in_percent(len(accepted(good)) / len(good)) if good else DASH
+    return f"{in_percent(len(good) / len(rows))}, {believed}, {len(accepted(wrong(rows)))}"
 
 
 def measures_with(known: str) -> tuple[Measure, ...]:
@@ -125,10 +128,10 @@ def kind_table(rows: Sequence[Row]) -> Table:
 def method_table(rows: Sequence[Row]) -> Table:
     """Every method by kind, the worst first."""
     kinds = worst_first(rows)
-    groups = [(kind, where(rows, kind=kind)) for kind in kinds]
-    groups += [("all kinds", list(rows))] if len(kinds) > 1 else []
+    groups = [(kind, where(tried(rows), kind=kind)) for kind in kinds]
+    groups += [("all kinds", tried(rows))] if len(kinds) > 1 else []
     title = "Every method by kind: share right, share believed of the right, number wrong and believed; no flat scenes"
-    return _by_method(title, "kind", [(name, tried(some)) for name, some in groups], every_variant(rows))
+    return _by_method(title, "kind", groups, every_variant(rows))
 
 
 def relief_table(rows: Sequence[Row]) -> Table:
@@ -139,15 +142,16 @@ def relief_table(rows: Sequence[Row]) -> Table:
 
 
 def _by_method(
-    title: str, heading: str, groups: Sequence[tuple[str, Sequence[Row]]], columns: Sequence[tuple[str, str]]
+    title: str, heading: str, groups: Sequence[tuple[str, Sequence[Row]]], variants: Sequence[tuple[str, str]]
 ) -> Table:
-    lines = []
-    for name, rows in groups:
-        some = without_navigation(rows)
-        pairs = len({(row["kind"], row["number"]) for row in some})
-        cells = (outcome(where(some, method=method, priors=known)) for method, known in columns)
-        lines.append((name, str(pairs), *cells))
-    return Table(title, (heading, "pairs", *(variant_words(*column) for column in columns)), tuple(lines))
+    columns: dict[str, Callable[[Sequence[Row]], str]] = {
+        "pairs": lambda some: str(len(grouped(some, "kind", "number")))
+    }
+    for method, known in variants:
+        columns[variant_words(method, known)] = lambda some, method=method, known=known: outcome(
+            where(some, method=method, priors=known)
+        )
+    return table_of(title, (heading,), [((name,), without_navigation(some)) for name, some in groups], columns)
 
 
 WITHIN = 2.0  # standard deviations
@@ -156,7 +160,7 @@ WITHIN = 2.0  # standard deviations
 def navigation_beside(rows: Sequence[Row]) -> list[Line]:
     """Along the directions that the covariance calls fixed, beside navigation alone."""
     rows = tried(where(rows, method=OURS, priors=NAVIGATION))
-    fixed = _fixed(rows)
+    fixed, _ = _fixed_and_others(rows)
     words = "swaths with navigation, directions that the covariance calls fixed"
     if not fixed:
         return [(words, f"none in {len(rows)} pairs", DASH, "registration adds nothing to navigation")] if rows else []
@@ -199,37 +203,32 @@ def navigation_table(rows: Sequence[Row]) -> Table:
 
 
 def _line(name: str, rows: Sequence[Row]) -> tuple[str, ...]:
-    known = [row for row in rows if directions(row)]
-    fixed = _fixed(known)
-    others = [direction for row in known for direction in directions(row) if not direction.is_fixed]
-    nearer = [below for row in known if (below := _is_below_a_third(row)) is not None]
+    with_directions = sum(bool(directions(row)) for row in rows)
+    fixed, others = _fixed_and_others(rows)
+    nearer = [_is_below_a_third(some) for row in rows if (some := _fixed_and_others([row])[0])]
     return (
         name,
         str(len(rows)),
-        f"{len(fixed) / len(known):.2f}" if known else DASH,
-        _shown(fixed, "navigation_error"),
-        _shown(fixed, "error"),
+        f"{len(fixed) / with_directions:.2f}" if with_directions else DASH,
+        number(_median(fixed, "navigation_error"), 2),
+        number(_median(fixed, "error"), 2),
         str(wilson(sum(nearer), len(nearer))) if nearer else DASH,
         str(_covered(fixed)) if fixed else DASH,
-        _shown(others, "navigation_error"),
-        _shown(others, "error"),
+        number(_median(others, "navigation_error"), 2),
+        number(_median(others, "error"), 2),
     )
 
 
-def _fixed(rows: Sequence[Row]) -> list[Direction]:
-    return [direction for row in rows for direction in directions(row) if direction.is_fixed]
+def _fixed_and_others(rows: Sequence[Row]) -> tuple[list[Direction], list[Direction]]:
+    """The directions of all rows that the covariance calls fixed, and the others."""
+    some = [direction for row in rows for direction in directions(row)]
+    return [each for each in some if each.is_fixed], [each for each in some if not each.is_fixed]
 
 
-def _is_below_a_third(row: Row) -> bool | None:
-    """Whether a pair's error along all its fixed directions is; None where none is fixed."""
-    fixed = [direction for direction in directions(row) if direction.is_fixed]
-    if not fixed:
-        return None
-    ours, navigation = (
-        float(np.linalg.norm(errors))
-        for errors in ([direction.error for direction in fixed], [direction.navigation_error for direction in fixed])
-    )
-    return ours < FIXED * navigation
+def _is_below_a_third(fixed: Sequence[Direction]) -> bool:
+    """Whether a pair's error along its fixed directions is below a third of navigation's."""
+    ours, navigation = (np.linalg.norm([getattr(each, n) for each in fixed]) for n in ("error", "navigation_error"))
+    return bool(ours < FIXED * navigation)
 
 
 def _covered(some: Sequence[Direction]) -> Rate:
@@ -237,8 +236,4 @@ def _covered(some: Sequence[Direction]) -> Rate:
 
 
 def _median(some: Sequence[Direction], name: str) -> float:
-    return median(abs(getattr(direction, name)) for direction in some)
-
-
-def _shown(some: Sequence[Direction], name: str) -> str:
-    return f"{_median(some, name):.2f}" if some else DASH
+    return median(abs(getattr(direction, name)) for direction in some) if some else math.nan

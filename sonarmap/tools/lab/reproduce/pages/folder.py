@@ -1,19 +1,19 @@
 """The files that an experiment leaves: its rows, its pictures, its page, its times, and a record of it all."""
 
+import re
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, discard
 from sonarmap.tools.files.writers.json_text import to_json, write_json
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Row, Section
-from sonarmap.tools.lab.reproduce.pages.section_text import duration, section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import Provenance
-from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.run import Result
-from sonarmap.tools.lab.reproduce.table import write_csv
+from sonarmap.tools.lab.reproduce.table import Table, write_csv
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,8 @@ def write_experiment(
         InputError: a file cannot be written.
         ValueError: the experiment's section or pictures are not what they should be.
     """
-    rows, seconds = all_rows(result.outcomes), all_seconds(result.outcomes)
+    rows = [row for outcome in result.outcomes.values() for row in outcome.rows]
+    seconds = [row for outcome in result.outcomes.values() for row in outcome.seconds]
     name, section = experiment.name, experiment.section(rows, seconds)
     verdicts(section)
     words = [f"{name}.csv", f"{name}.md", *([f"{name}-seconds.csv"] if seconds else []), f"{name}-times.md"]
@@ -108,3 +109,57 @@ def _copy_pictures(drawn: Path, folder: Path, name: str, section: Section) -> No
 def _write_text(path: Path, text: str) -> None:
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+class Verdict(NamedTuple):
+    """One claim: the paper's value or the other methods', ours, and the verdict or what follows."""
+
+    claim: str
+    paper: str
+    ours: str
+    verdict: str
+
+
+def verdicts(section: Section) -> tuple[Verdict, ...]:
+    """The rows of the section's first table.
+
+    It has columns whose headings begin with paper or others, with ours, and with verdict or what follows (otherwise a
+    ValueError is raised); the cells left of them name the claim. A section without a table has no claims.
+    """
+    if not section.tables:
+        return ()
+    table = section.tables[0]
+    columns = [_column(table, word) for word in ("paper|others", "ours", "verdict|what follows")]
+    before = min(columns)
+    return tuple(
+        Verdict(", ".join(cell for cell in row[:before] if cell), *(row[k] for k in columns)) for row in table.rows
+    )
+
+
+def section_text(section: Section, level: int, pictures: str = "") -> str:
+    """Markdown of a section without its times: a heading of a level, 1 for a page of its own, and what to put before
+    the pictures' file names, as in "reproduction/"."""
+    parts = [
+        f"{'#' * level} {section.title}",
+        section.introduction.strip(),
+        *(table.markdown().strip() for table in section.tables),
+        *(f"![{caption}]({pictures}{name})\n\n*{caption}*" for name, caption in section.pictures.items()),
+        section.remarks.strip(),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def duration(seconds: float) -> str:
+    """As in "41 s", "12 min" or "3 h 05 min"."""
+    minutes = round(seconds / 60)
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _column(table: Table, word: str) -> int:
+    """The first column whose heading begins with the word, whatever follows it, as in "ours, worst series"."""
+    columns = [k for k, heading in enumerate(table.headings) if re.match(rf"({word})\b", heading)]
+    if not columns:
+        raise ValueError(f"no heading of {table.title!r} begins with the word {word!r}: {table.headings}")
+    return columns[0]

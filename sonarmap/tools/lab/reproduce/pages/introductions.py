@@ -1,6 +1,11 @@
 """How the page of each group of experiments begins."""
 
-PAPER_INTRODUCTION = """# The paper's experiments, reproduced
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from sonarmap.tools.lab.reproduce.experiments import ALL, EVALUATION, KINDS, REAL, SLAM
+
+_PAPER = """# The paper's experiments, reproduced
 
 <!-- not run: sonarmap reproduce: takes hours; tests/tools/lab/reproduce runs each experiment in a small form -->
 
@@ -19,7 +24,7 @@ versions give the same rows, tables and pictures, byte for byte; only the times 
 its 95 % confidence interval (Wilson's).
 """
 
-EVALUATION_INTRODUCTION = """# Evaluation on unseen pairs
+_EVALUATION = """# Evaluation on unseen pairs
 
 <!-- not run: sonarmap reproduce: takes hours; tests/tools/lab/reproduce runs each experiment in a small form -->
 
@@ -35,7 +40,7 @@ pictures, byte for byte, however many `--workers` share the jobs; only the times
 its 95 % confidence interval (Wilson's).
 """
 
-SLAM_INTRODUCTION = """# Mapping whole surveys
+_SLAM = """# Mapping whole surveys
 
 How well mapping works, from scans to one map, compared with other systems. The surveys are simulated
 (`sonarmap simulate`), so the truth is known for every pose and every surface. All systems get the same scans, and each
@@ -46,7 +51,7 @@ run again; `--page FILE` writes the page from the results in the output folder. 
 versions give the same rows, tables and pictures, byte for byte; only times and memory differ.
 """
 
-REAL_INTRODUCTION = """# Real scans
+_REAL = """# Real scans
 
 <!-- not run: sonarmap reproduce: needs real scans with known transforms; tests/tools/lab/reproduce/real has some -->
 
@@ -81,7 +86,7 @@ comes without a gt.log. The one used here has the pair `1 2`, yaw 28.5 degrees a
 known to 2.5 degrees and 0.15 m, so an error of that size says nothing.
 """
 
-KINDS_INTRODUCTION = """# Every kind of scan
+_KINDS = """# Every kind of scan
 
 <!-- not run: sonarmap reproduce: takes hours; tests/tools/lab/reproduce runs each experiment in a small form -->
 
@@ -109,3 +114,14 @@ to all others: the weights of the evidence are fitted to the other kinds' rows a
 whether they hold there. The probability is fitted by logistic regression, the scale of the covariance by maximum
 likelihood of the right registrations that were made without priors.
 """
+
+# By group
+INTRODUCTIONS: Mapping[str, str] = MappingProxyType(
+    {
+        ALL: _PAPER,
+        EVALUATION: _EVALUATION,
+        SLAM: _SLAM,
+        REAL: _REAL,
+        KINDS: _KINDS,
+    }
+)

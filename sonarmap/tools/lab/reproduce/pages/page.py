@@ -1,44 +1,22 @@
 """One page on all experiments of a group, with pictures, such as docs/reproduction.md and docs/evaluation.md."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
 from sonarmap.tools.lab.reproduce.experiments import ALL, EVALUATION, EVERY, KINDS, REAL, SCALE, SLAM, members
-from sonarmap.tools.lab.reproduce.pages.folder import Record, read_record, times_text
-from sonarmap.tools.lab.reproduce.pages.introductions import (
-    EVALUATION_INTRODUCTION,
-    KINDS_INTRODUCTION,
-    PAPER_INTRODUCTION,
-    REAL_INTRODUCTION,
-    SLAM_INTRODUCTION,
+from sonarmap.tools.lab.reproduce.pages.folder import (
+    Record,
+    duration,
+    read_record,
+    section_text,
+    times_text,
+    verdicts,
 )
-from sonarmap.tools.lab.reproduce.pages.section_text import duration, section_text, verdicts
+from sonarmap.tools.lab.reproduce.pages.introductions import INTRODUCTIONS
 from sonarmap.tools.lab.reproduce.table import Table
-
-
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """The text of a page around its experiments."""
-
-    introduction: str  # Markdown, with the page's title
-    # of the table of all claims: what they are, the values next to ours, ours, and what follows
-    headings: tuple[str, str, str, str] = ("measure", "others", "ours", "what follows")
-
-
-FRAMES: Mapping[str, Frame] = MappingProxyType(
-    {
-        ALL: Frame(PAPER_INTRODUCTION, ("claim", "paper", "ours", "verdict")),
-        EVALUATION: Frame(EVALUATION_INTRODUCTION),
-        SLAM: Frame(SLAM_INTRODUCTION),
-        REAL: Frame(REAL_INTRODUCTION),
-        KINDS: Frame(KINDS_INTRODUCTION),
-    }
-)
-
 
 # The file of each page among all pages -> its groups of experiments, the first of which gives its introduction
 PAGES: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -52,17 +30,11 @@ PAGES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
-def write_page(path: Path, folder: Path, names: Sequence[str], frame: Frame = FRAMES[ALL]) -> list[Path]:
-    """Write the page and, into a folder of its stem beside it, the pictures: all or none.
+def write_page(path: Path, folder: Path, names: Sequence[str], group: str = ALL) -> list[Path]:
+    """Write the page, as docs/reproduction.md, and, into a folder of its stem beside it, the pictures: all or none.
 
-    Args:
-        path: of the page, as docs/reproduction.md.
-        folder: where the experiments' files are.
-        names: of the experiments to look for, in order; those that are not complete there are left out.
-        frame: what stands around them.
-
-    Returns:
-        the page, then the pictures.
+    It shows the experiments that are complete in the folder, in the order of the names, behind the introduction of the
+    group. The page and the pictures are returned.
 
     Raises:
         InputError: no experiment is there, or a file cannot be written.
@@ -77,64 +49,42 @@ def write_page(path: Path, folder: Path, names: Sequence[str], frame: Frame = FR
             with atomic_path(copy) as temporary:
                 temporary.write_bytes(picture.read_bytes())
         with atomic_path(path) as temporary:
-            temporary.write_text(page_text(records, f"{path.stem}/", frame), encoding="utf-8")
+            temporary.write_text(_page_text(records, f"{path.stem}/", group), encoding="utf-8")
     return [path, *copies]
 
 
 def write_pages(path: Path, folder: Path, group: str) -> list[Path]:
-    """Write the page of a group; of EVERY, all pages that have results, into the folder `path`.
-
-    Returns:
-        all pages and pictures.
+    """Write the page of a group; of EVERY, all pages that have results, into the folder `path`. All files are returned.
 
     Raises:
         InputError: no experiment is there, or a file cannot be written.
     """
     if group != EVERY:
-        return write_page(path, folder, members(group), FRAMES.get(group, FRAMES[ALL]))
+        return write_page(path, folder, members(group), group)
     written = []
     for name, parts in PAGES.items():
         names = [member for part in parts for member in members(part)]
         if any(read_record(folder, member) for member in names):
-            written += write_page(path / name, folder, names, FRAMES[parts[0]])
+            written += write_page(path / name, folder, names, parts[0])
     return written
 
 
-def page_text(records: Sequence[Record], pictures: str, frame: Frame = FRAMES[ALL]) -> str:
-    """The page's Markdown.
-
-    Args:
-        records: of the experiments, in their order.
-        pictures: what to put before the pictures' file names.
-        frame: what stands around them.
-    """
+def _page_text(records: Sequence[Record], pictures: str, group: str) -> str:
+    """Of the records in their order; `pictures` stands before the pictures' file names."""
+    group = group if group in INTRODUCTIONS else ALL
+    values = ("claim", "paper", "ours", "verdict") if group == ALL else ("measure", "others", "ours", "what follows")
+    claims = [(record.name, *verdict) for record in records for verdict in verdicts(record.section)]
+    runs = [
+        (record.name, str(record.jobs), duration(record.seconds), record.provenance.place, f"`{record.command}`")
+        for record in records
+    ]
+    tables = (
+        Table("All in short", ("experiment", *values), tuple(claims)),
+        Table("Machines and times", ("experiment", "jobs", "time", "machine", "command"), tuple(runs)),
+    )
     sections = [
         f"{section_text(record.section, 2, pictures)}\n### Times\n\n{times_text(record)}\nMade by\n\n"
         f"```sh\n{record.command}\n```\n"
         for record in records
     ]
-    tables = [_verdict_table(records, frame.headings), _run_table(records)]
-    return "\n".join([frame.introduction, *(table.markdown() for table in tables), *sections])
-
-
-def _verdict_table(records: Sequence[Record], headings: tuple[str, ...]) -> Table:
-    return Table(
-        "All in short",
-        ("experiment", *headings),
-        tuple(
-            (record.name, verdict.claim, verdict.paper, verdict.ours, verdict.verdict)
-            for record in records
-            for verdict in verdicts(record.section)
-        ),
-    )
-
-
-def _run_table(records: Sequence[Record]) -> Table:
-    return Table(
-        "Machines and times",
-        ("experiment", "jobs", "time", "machine", "command"),
-        tuple(
-            (record.name, str(record.jobs), duration(record.seconds), record.provenance.place, f"`{record.command}`")
-            for record in records
-        ),
-    )
+    return "\n".join([INTRODUCTIONS[group], *(table.markdown() for table in tables), *sections])

@@ -78,22 +78,16 @@ def without_truth(folder: Path) -> tuple[str, ...]:
 def _read_set(folder: Path) -> RealSet:
     path = folder / GT_LOG
     name = folder.name if folder.name.strip(".") else folder.resolve().name  # of a link its own, of . the folder's
-    truths = read_gt_log(path)
     numbered = _numbered_scans(folder)
-    pairs = tuple(
-        RealPair(
-            f"{truth.i}-{truth.j}",
-            _file_of(numbered, truth.i, truth, path),
-            _file_of(numbered, truth.j, truth, path),
-            truth.T_i_j,
-        )
-        for truth in truths
-    )
+    pairs = []
+    for truth in read_gt_log(path):
+        target, source = (_file_of(numbered, number, truth, path) for number in (truth.i, truth.j))
+        pairs.append(RealPair(f"{truth.i}-{truth.j}", target, source, truth.T_i_j))
     scans = sorted({scan for pair in pairs for scan in (pair.target, pair.source)})
     priors = folder / PRIORS
     beside = [priors, *(scan.with_suffix(TRAJECTORY) for scan in scans)]
     digest = _digest([path, *scans, *(other for other in beside if other.is_file())])
-    return RealSet(name, pairs, priors if priors.is_file() else None, digest)
+    return RealSet(name, tuple(pairs), priors if priors.is_file() else None, digest)
 
 
 def _numbered_scans(folder: Path) -> dict[int, list[Path]]:

@@ -18,8 +18,8 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.lab.reproduce.answer import answer, claims, errors, finish_device
-from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row, Section
-from sonarmap.tools.lab.reproduce.experiments import Request, folder_of
+from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome
+from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.real.real_set import RealPair, RealSet, read_sets, without_truth
 from sonarmap.tools.lab.reproduce.real.section import draw_real, real_section
 from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
@@ -33,7 +33,8 @@ _TARGET_STREAM, _SOURCE_STREAM = 81, 82
 class Real(ByMethod):
     """Registers pairs of real scans; a job is one pair, what is known beforehand, and one method."""
 
-    name: ClassVar[str] = "real"
+    name = "real"
+    make_section, draw_pictures = staticmethod(real_section), staticmethod(draw_real)
     sources: ClassVar[tuple[str, ...]] = (
         *(f"tools/{folder}" for folder in ("files/readers", "lab/evaluate", "lab/reproduce/answer.py")),
         *(f"tools/lab/reproduce/real/{name}.py" for name in ("real_set", "settings")),
@@ -54,7 +55,7 @@ class Real(ByMethod):
             f"{real_set.key}/{pair.name}/{known}/{method}"
             for real_set in self._sets.values()
             for pair in (real_set.pairs[:1] if self.settings.first_only else real_set.pairs)
-            for known in self._variants(real_set)
+            for known in (NOTHING, *([FILE] if real_set.priors else []), *self.settings.draws)
             for method in self.methods
             if known == NOTHING or "priors" in find_method(method).options
         ]
@@ -81,18 +82,6 @@ class Real(ByMethod):
         scored = errors(registration, pair.T_target_source, grid.voxel)
         row = cells | {"voxel_m": grid.voxel} | scored | claims(registration)
         return Outcome((row,), (cells | {"seconds": seconds},))
-
-    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
-        """What every method gets right and believes, set by set and pair by pair."""
-        return real_section(rows, seconds, self.settings)
-
-    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
-        """Outcomes by set and method, and the errors of all pairs."""
-        draw_real(folder, rows, self.settings)
-
-    def _variants(self, real_set: RealSet) -> list[str]:
-        """What is known beforehand, each for itself."""
-        return [NOTHING, *([FILE] if real_set.priors else []), *self.settings.draws]
 
     def _read(self, target: Path, source: Path) -> tuple[Scan, Scan, Grid]:
         """The scans of a pair, and the grid for them."""
@@ -121,12 +110,10 @@ class Real(ByMethod):
 
 
 def create(request: Request) -> Real:
-    """The experiment as the command line asks for it.
-
-    Raises:
-        InputError: the folder, a gt.log in it, or an option's value will not do.
-    """
-    folder = folder_of(request)
+    """The experiment as the command line asks for it."""
+    folder = request.folder
+    if folder is None:
+        raise ValueError("no folder was chosen")
     sets = read_sets(folder)
     settings = real_settings(request, {real_set.name: real_set.digest for real_set in sets}, without_truth(folder))
     return Real(sets, settings, request.opened.selector)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from sonarmap.tools.lab.reproduce.rows import (
     accepted,
     column,
     distinct,
+    grouped,
     middle,
     number,
     refused,
@@ -44,7 +44,7 @@ def real_section(rows: Sequence[Row], seconds: Sequence[Row], settings: RealSett
 
 
 def _introduction(rows: Sequence[Row], settings: RealSettings) -> str:
-    counts = {name: len({row["pair"] for row in rows if row["set"] == name}) for name in settings.sets}
+    counts = {name: len(distinct(where(rows, set=name), "pair")) for name in settings.sets}
     sets = ", ".join(f"`{name}` ({count} {'pair' if count == 1 else 'pairs'})" for name, count in counts.items())
     names = ", ".join(f"`{name}`" for name in settings.left_out)
     left_out = f" Left out, as they have no gt.log: {names}." if names else ""
@@ -80,19 +80,11 @@ def beside_others(rows: Sequence[Row]) -> Table:
     others = [row for row in where(rows, known="nothing") if row["method"] != OURS]
     lines = []
     for known in distinct(where(rows, method=OURS), "known"):
-        some = [*where(rows, method=OURS, known=known), *others]
-        measures = (
-            Measure(
-                f"right and believed, known: {known}", lambda r: (accepted(right(r)), r), "to be right and believed"
-            ),
-            Measure(
-                f"believed though wrong, known: {known}",
-                lambda r: (accepted(wrong(r)), r),
-                "to be believed though wrong",
-                most=False,
-            ),
-        )
-        lines += [measure.line(some) for measure in measures]
+        some, words = [*where(rows, method=OURS, known=known), *others], f"known: {known}"
+        good = Measure(f"right and believed, {words}", lambda r: (accepted(right(r)), r), "to be right and believed")
+        bad = f"believed though wrong, {words}"
+        false = Measure(bad, lambda r: (accepted(wrong(r)), r), "to be believed though wrong", most=False)
+        lines += [good.line(some), false.line(some)]
     return beside_table(lines)
 
 
@@ -115,19 +107,20 @@ def result_table(rows: Sequence[Row]) -> Table:
 
 def pair_table(rows: Sequence[Row]) -> Table:
     """Every pair by every method: its error, and whether it is believed."""
-    columns = variants(rows, "known")
-    lines = []
-    for name in distinct(rows, "set"):
-        for pair in distinct(where(rows, set=name), "pair"):
-            some = where(rows, set=name, pair=pair)
-            cells = (where(some, method=method, known=known) for method, known in columns)
-            lines.append((f"{name} {pair}", *map(_cell, cells)))
-    headings = (method if known == "nothing" else f"{method}, known: {known}" for method, known in columns)
-    return Table(
-        "Every pair: error of what is right [°, m], and whether it is believed; of several draws, how many are right",
-        ("pair", *headings),
-        tuple(lines),
+    columns = {
+        method if known == "nothing" else f"{method}, known: {known}": lambda some, method=method, known=known: _cell(
+            where(some, method=method, known=known)
+        )
+        for method, known in variants(rows, "known")
+    }
+    sets = distinct(rows, "set")
+    pairs = {
+        f"{name} {pair}": some for name in sets for (pair,), some in grouped(where(rows, set=name), "pair").items()
+    }
+    title = (
+        "Every pair: error of what is right [°, m], and whether it is believed; of several draws, how many are right"
     )
+    return table_of(title, ("pair",), [((name,), some) for name, some in pairs.items()], columns)
 
 
 def time_table(seconds: Sequence[Row]) -> Table:
@@ -170,36 +163,37 @@ _LEAST_DEG, _LEAST_VOXELS = 0.01, 0.01  # smaller errors are drawn there
 
 
 def draw_real(folder: Path, rows: Sequence[Row], settings: RealSettings) -> None:
-    """Write the PNGs."""
-    draw_outcomes(folder / OUTCOMES, rows, list(settings.sets))
-    draw_errors(folder / ERRORS, rows, settings.compared.methods)
+    """Write outcomes by set and method, and the errors of all pairs."""
+    _draw_outcomes(folder / OUTCOMES, rows, list(settings.sets))
+    _draw_errors(folder / ERRORS, rows, settings.compared.methods)
 
 
-def draw_outcomes(path: Path, rows: Sequence[Row], sets: Sequence[str]) -> None:
+def _draw_outcomes(path: Path, rows: Sequence[Row], sets: Sequence[str]) -> None:
     """A panel for every set, a bar for every method."""
     bars = variants(rows, "known")
     figure = new_figure(2.6 * len(sets) + 3.4, 0.32 * len(bars) + 1.4)
     panels = figure.subplots(1, len(sets), squeeze=False, sharey=True)[0]
-    places = np.arange(len(bars))
     for axes, name in zip(panels, sets, strict=True):
-        of_bars = [where(rows, set=name, method=method, known=known) for method, known in bars]
-        draw_bars(axes, of_bars)
+        draw_bars(axes, [where(rows, set=name, method=method, known=known) for method, known in bars])
         axes.set(title=name, xlabel="share of registrations", xlim=(0, 1))
     labels = [method if known == "nothing" else f"{method}, {known} known" for method, known in bars]
-    panels[0].set_yticks(places, labels, fontsize=8)
+    panels[0].set_yticks(range(len(bars)), labels, fontsize=8)
     panels[0].invert_yaxis()
     legend_beside(panels[-1])
     save_figure(figure, path)
 
 
-def draw_errors(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> None:
+def _draw_errors(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> None:
     """Rotation against translation of every registration, both on a logarithmic scale."""
     figure = new_figure(7.2, 4.6)
     axes = figure.subplots()
     for method in methods:
-        some = where(rows, method=method)
-        _scatter(axes, accepted(some), method, filled=True)
-        _scatter(axes, refused(some), method, filled=False)
+        color, zorder = (style(method)[key] for key in ("color", "zorder"))
+        some, size = where(rows, method=method), 46 if method == OURS else 20
+        for shown, face, label in ((accepted(some), color, method), (refused(some), "none", None)):
+            x = np.maximum(column(shown, "translation_voxels"), _LEAST_VOXELS)
+            y = np.maximum(column(shown, "rotation_deg"), _LEAST_DEG)
+            axes.scatter(x, y, s=size, facecolors=face, edgecolors=color, zorder=zorder, label=label)
     axes.axhline(RIGHT_DEG, color="k", linewidth=0.8, linestyle="--")
     axes.axvline(RIGHT_VOXELS, color="k", linewidth=0.8, linestyle="--")
     axes.set(xscale="log", yscale="log", xlabel="translation error [voxels]", ylabel="rotation error [degrees]")
@@ -207,18 +201,3 @@ def draw_errors(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> None
     axes.grid(alpha=0.3)
     legend_beside(axes)
     save_figure(figure, path)
-
-
-def _scatter(axes: Any, rows: Sequence[Row], method: str, filled: bool) -> None:
-    appearance = style(method)
-    x = np.maximum([float(row["translation_voxels"]) for row in rows], _LEAST_VOXELS)
-    y = np.maximum([float(row["rotation_deg"]) for row in rows], _LEAST_DEG)
-    axes.scatter(
-        x,
-        y,
-        s=46 if method == OURS else 20,
-        facecolors=appearance["color"] if filled else "none",
-        edgecolors=appearance["color"],
-        zorder=appearance["zorder"],
-        label=method if filled else None,
-    )

@@ -4,21 +4,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.methods import ComparedMethods, compared_methods
+from sonarmap.tools.lab.reproduce.settings import as_asked
 from sonarmap.tools.lab.simulate.sensing.navigation import KINDS, Instruments, instruments_for
 
-DRAWS = 5
-
-
 SIGMAS = (1.5, 3.0, 0.15, 3.0)  # of KINDS in their order [degrees, degrees, m, m]
-
-
-MAX_TILT = 35.0  # degrees
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,13 +21,13 @@ class RealSettings:
     sets: Mapping[str, str]  # the digest of each set's files, by its name
     edge: int = 128  # voxels per edge
     voxel: float | None = None  # their size [m]; None to choose it for each pair
-    max_tilt: float = MAX_TILT  # largest roll and pitch between two scans [degrees], of the methods that bound them
+    max_tilt: float = 35.0  # largest roll and pitch between two scans [degrees], of the methods that bound them
     # of KINDS, those instruments whose measurements are drawn about the truth; the methods that use priors register
     # every pair with them and without
     known: tuple[str, ...] = ()
     sigmas: tuple[float, ...] = SIGMAS  # their standard deviations, of KINDS in order [degrees, degrees, m, m]
     # seeds, seed: how many times these errors are drawn for each pair, and the first seed, >= 0
-    seeds: int = DRAWS
+    seeds: int = 5
     seed: int = 0
     first_only: bool = False  # whether to register only the first pair of every set
     compared: ComparedMethods = field(default_factory=ComparedMethods)  # the methods
@@ -58,11 +51,12 @@ class RealSettings:
     @property
     def instruments(self) -> Instruments:
         """Those that are known, with their standard deviations."""
-        units = {"attitude": np.pi / 180, "heading": np.pi / 180}
-        sigmas = dict(zip(KINDS, self.sigmas, strict=True))
-        return Instruments(
-            **{kind: sigmas[kind] * units.get(kind, 1.0) if kind in self.known else math.inf for kind in KINDS}
-        )
+        in_radians = {"attitude", "heading"}
+        sigmas = {
+            kind: math.radians(sigma) if kind in in_radians else sigma
+            for kind, sigma in zip(KINDS, self.sigmas, strict=True)
+        }
+        return Instruments(**{kind: sigmas[kind] if kind in self.known else math.inf for kind in KINDS})
 
     @property
     def draws(self) -> dict[str, int]:
@@ -80,19 +74,14 @@ def real_settings(request: Request, sets: Mapping[str, str], left_out: tuple[str
         flag = f"--{idle[0].replace('_', '-')}"
         raise InputError(f"{flag} has no effect without --known; give --known too, or leave it out")
     known = () if request.known is None else tuple(dict.fromkeys(request.known.split(",")))
-    return RealSettings(
+    usual = RealSettings(
         sets=sets,
-        edge=request.grid or (64 if request.quick else 128),
-        voxel=request.voxel,
-        max_tilt=MAX_TILT if request.max_tilt is None else request.max_tilt,
         known=tuple(kind for kind in KINDS if kind in known) if set(known) <= set(KINDS) else known,
         sigmas=_numbers(request.known_sigmas) if request.known_sigmas is not None else SIGMAS,
-        seeds=request.seeds or (1 if request.quick else DRAWS),
-        seed=request.seed or 0,
-        first_only=request.quick,
         compared=compared_methods(request),
         left_out=left_out,
     )
+    return as_asked(usual, request, edge=64, seeds=1, first_only=True)
 
 
 def _numbers(text: str) -> tuple[float, ...]:

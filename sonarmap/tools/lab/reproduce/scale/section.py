@@ -2,27 +2,47 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from sonarmap.tools.lab.reproduce.beside import HEADINGS
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
-from sonarmap.tools.lab.reproduce.rows import DASH, where
-from sonarmap.tools.lab.reproduce.scale.measured import WHOLE, ScaleSettings
+from sonarmap.tools.lab.reproduce.rows import DASH, column, for_each, grouped, where
 from sonarmap.tools.lab.reproduce.table import Table, table_of
 
+WHOLE = "all"  # the stages
 
-def scale_section(rows: Sequence[Row], seconds: Sequence[Row], settings: ScaleSettings) -> Section:
-    """Poses and pairs; and apart, as they differ between runs, times and memory by stage."""
+
+def scale_section(rows: Sequence[Row], seconds: Sequence[Row], settings: Any) -> Section:
+    """Poses and pairs; and apart times and memory by stage, which differ between runs; `settings`: ScaleSettings."""
+    loops = {
+        "loops kept / tried": lambda row: f"{row['kept_loops']:,} / {row['tried_loops']:,}",
+        "wrong pairs kept": lambda row: f"{row['wrong_kept']}",
+        "points of the map": lambda row: f"{row['map_points']:,}",
+    }
+    surveys = [((f"{row['scans']:,}", f"{row['seed']}"), row) for row in rows]
+    title = f"Processor time and most memory by stage, seed {settings.first_seed}"
+    first = where(seconds, seed=settings.first_seed)
+    stages = [((str(stage),), some) for (stage,), some in grouped(first, "stage").items()]
+    counts = for_each("scans", settings.counts, _time_and_memory)
+    by_stage = {f"{int(count):,} scans": cell for count, cell in counts.items()}
     return Section(
         title="Thousands of scans",
         introduction=_introduction(settings),
-        tables=(_measured(rows, settings.voxel), _outcomes(rows)),
-        times=(_growth(where(seconds, stage=WHOLE)), _stages(seconds, settings)),
+        tables=(
+            _measured(rows, settings.voxel),
+            table_of("What became of the loops", ("scans", "seed"), surveys, loops),
+        ),
+        times=(_growth(where(seconds, stage=WHOLE)), table_of(title, ("stage",), stages, by_stage)),
     )
 
 
-def _introduction(settings: ScaleSettings) -> str:
+def _time_and_memory(rows: Sequence[Row]) -> str:
+    return f"{float(rows[0]['processor_s']):.1f} s, {float(rows[0]['memory_mib']):.0f} MiB" if rows else ""
+
+
+def _introduction(settings: Any) -> str:
     return (
         f"Surveys in lanes over a rough bed, of {', '.join(f'{count:,}' for count in settings.counts)} scans of "
         f"{settings.points:,} points, which lie on disk. Registrations are made up from the truth, with errors of the "
@@ -43,45 +63,15 @@ def _measured(rows: Sequence[Row], voxel: float) -> Table:
     return Table("Poses", ("survey", *HEADINGS), tuple(lines))
 
 
-def _outcomes(rows: Sequence[Row]) -> Table:
-    return table_of(
-        "What became of the loops",
-        ("scans", "seed"),
-        [((f"{row['scans']:,}", f"{row['seed']}"), row) for row in rows],
-        {
-            "loops kept / tried": lambda row: f"{row['kept_loops']:,} / {row['tried_loops']:,}",
-            "wrong pairs kept": lambda row: f"{row['wrong_kept']}",
-            "points of the map": lambda row: f"{row['map_points']:,}",
-        },
-    )
-
-
 def _growth(whole: Sequence[Row]) -> Table:
     """Of each number of scans against the one before."""
-    by_count: dict[int, list[Row]] = {}
-    for row in whole:
-        by_count.setdefault(int(row["scans"]), []).append(row)
-    means = {n: float(np.mean([float(row["processor_s"]) for row in rows])) for n, rows in sorted(by_count.items())}
+    by_count = {int(count): some for (count,), some in sorted(grouped(whole, "scans").items())}
+    means = {count: float(column(some, "processor_s").mean()) for count, some in by_count.items()}
     exponents = {b: np.log(means[b] / means[a]) / np.log(b / a) for a, b in pairwise(means)}
-    lines: list[tuple[str, ...]] = []
-    for count, seconds in means.items():
-        memory = max(float(row["memory_mib"]) for row in by_count[count])
-        exponent = f"{exponents[count]:.2f}" if count in exponents else ""
-        lines.append((f"{count:,}", f"{seconds:.0f}", f"{1000 * seconds / count:.0f}", exponent, f"{memory:.0f}"))
-    headings = ("scans", "processor time [s]", "a scan [ms]", "grows with the power", "most memory [MiB]")
-    return Table("Growth", headings, tuple(lines))
-
-
-def _stages(seconds: Sequence[Row], settings: ScaleSettings) -> Table:
-    stages = list(dict.fromkeys(str(row["stage"]) for row in seconds))
-    first = where(seconds, seed=settings.first_seed)
-    lines = []
-    for stage in stages:
-        of_stage = {int(row["scans"]): row for row in where(first, stage=stage)}
-        cells = [
-            f"{float(row['processor_s']):.1f} s, {float(row['memory_mib']):.0f} MiB" if row else ""
-            for row in (of_stage.get(count) for count in settings.counts)
-        ]
-        lines.append((stage, *cells))
-    headings = ("stage", *(f"{count:,} scans" for count in settings.counts))
-    return Table(f"Processor time and most memory by stage, seed {settings.first_seed}", headings, tuple(lines))
+    columns = {
+        "processor time [s]": lambda count: f"{means[count]:.0f}",
+        "a scan [ms]": lambda count: f"{1000 * means[count] / count:.0f}",
+        "grows with the power": lambda count: f"{exponents[count]:.2f}" if count in exponents else "",
+        "most memory [MiB]": lambda count: f"{max(column(by_count[count], 'memory_mib')):.0f}",
+    }
+    return table_of("Growth", ("scans",), [((f"{count:,}",), count) for count in means], columns)

@@ -3,17 +3,22 @@
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import ClassVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.hemisphere.registration import LayeredScan
-from sonarmap.tools.lab.reproduce.experiment import Outcome, Row, Section
+from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.settings import as_asked
-from sonarmap.tools.lab.reproduce.structures.limits_figure import DEVIATIONS, PEAKS, Peaks, draw_deviations, draw_peaks
-from sonarmap.tools.lab.reproduce.structures.limits_section import limits_section
+from sonarmap.tools.lab.reproduce.structures.limits_section import (
+    DEVIATIONS,
+    PEAKS,
+    Peaks,
+    draw_deviations,
+    draw_peaks,
+    limits_section,
+)
 from sonarmap.tools.lab.reproduce.structures.moved import StructureExperiment
 from sonarmap.tools.lab.reproduce.structures.settings import LimitsSettings
 
@@ -25,7 +30,8 @@ _SHOWN_YAW = 40.0  # of the correlations that are drawn [degrees]
 class Limits(StructureExperiment):
     """The experiment: one job per scene, seed, and what is tilted."""
 
-    name: ClassVar[str] = "limits"
+    name = "limits"
+    make_section = staticmethod(limits_section)
 
     def jobs(self) -> Sequence[str]:
         """As in "floodgate/1/both"."""
@@ -35,30 +41,23 @@ class Limits(StructureExperiment):
         """All tilts of one kind under all yaws."""
         scene, seed, kind = job.split("/")
         points = self.structure(scene, int(seed))
-        still = self._turned(points, Rotation.identity())
+        still = self.prepare(points, "D0", [0])
         rows, seconds = [], []
         for tilt in (0.0,) if kind == "none" else self.settings.tilts_deg:
             for yaw in self.settings.yaws_deg:
                 start = perf_counter()
                 truth = _turn(kind, tilt, yaw)
-                deviations = self._steps(self._turned(points, truth), still, truth)
+                deviations = self._steps(self.prepare(truth.apply(points), "D0", [0]), still, truth)
                 rows.append(
                     {"scene": scene, "seed": int(seed), "tilted": kind, "tilt_deg": tilt, "yaw_deg": yaw} | deviations
                 )
                 seconds.append({"job": job, "tilt_deg": tilt, "yaw_deg": yaw, "seconds": perf_counter() - start})
         return Outcome(tuple(rows), tuple(seconds))
 
-    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
-        """What the paper says about the limits, next to our results."""
-        return limits_section(rows, self.settings)
-
     def draw(self, folder: Path, rows: Sequence[Row]) -> None:
         """Correlations of the first structure, and the deviations of all."""
         draw_peaks(folder / PEAKS, [self._peaks(tilt) for tilt in _four(self.settings.tilts_deg)])
         draw_deviations(folder / DEVIATIONS, rows)
-
-    def _turned(self, points: np.ndarray, R: Rotation) -> LayeredScan:
-        return self.prepare(R.apply(points), "D0", [0])
 
     def _steps(self, target: LayeredScan, source: LayeredScan, truth: Rotation) -> dict[str, float]:
         """Each step for itself: yaw as it is read off first, roll and pitch with yaw known, and the whole chain."""
@@ -85,9 +84,8 @@ class Limits(StructureExperiment):
         """Both correlations of the first structure with roll and pitch of `tilt` [degrees]."""
         settings, hemisphere = self.settings, self.registrar.hemisphere
         points = self.structure(settings.scenes[0], settings.first_seed)
-        still = self._turned(points, Rotation.identity())
-        turned = self._turned(points, _turn("both", tilt, _SHOWN_YAW))
-        tilted = self._turned(points, _turn("both", tilt, 0.0))
+        still = self.prepare(points, "D0", [0])
+        turned, tilted = (self.prepare(_turn("both", tilt, yaw).apply(points), "D0", [0]) for yaw in (_SHOWN_YAW, 0.0))
         image = hemisphere.tilt_correlation(tilted.layers, still.magnitude, Rotation.identity()).get()
         return Peaks(
             tilt_deg=tilt,

@@ -1,24 +1,39 @@
-"""What the experiments on whole structures share: a volume and the same one moved, each with noise of its own."""
+"""Whole structures under noise of the voxels (Sect. 3): a volume and the same one moved, each with noise of its own."""
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from functools import cached_property, lru_cache
 from time import perf_counter
 from typing import ClassVar
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.reproduce.answer import parameter_cells
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
-from sonarmap.tools.lab.reproduce.structures.settings import StructureSettings
+from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.settings import as_asked
+from sonarmap.tools.lab.reproduce.structures.moved_section import (
+    draw_rotation,
+    draw_translation,
+    rotation_section,
+    translation_section,
+)
+from sonarmap.tools.lab.reproduce.structures.settings import (
+    RIGHT_DEG,
+    RIGHT_VOXELS,
+    RotationSettings,
+    StructureSettings,
+    TranslationSettings,
+)
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.shapes.structure import NOISES, occupy, surface_points, swap, voxel_scan
 
-RIGHT_DEG, RIGHT_VOXELS = 2.0, 2.0
 _SPACING = 0.7  # of the surface's points [voxels]: next to no voxel that it crosses stays void
+_DIRECTION = np.array([1.0, 2.0, 3.0])  # of every shift, x, y, z: a step is one such vector [m]
 _LEAST_COMMON = 0.01  # share of the structure's voxels that has to be left in the frame
 
 
@@ -49,10 +64,9 @@ class StructureExperiment(Experiment):
 class MovedStructures(StructureExperiment):
     """Every motion of every structure under every noise: a job is a scene, a noise and a seed."""
 
-    @property
+    @abstractmethod
     def motions(self) -> list[RigidTransform]:
         """T_target_source, in order: each moves every structure."""
-        raise NotImplementedError
 
     def jobs(self) -> Sequence[str]:
         """As in "floodgate/D0/1"."""
@@ -71,7 +85,7 @@ class MovedStructures(StructureExperiment):
         family = [seed, list(NOISES).index(noise)]
         source = self.prepare(points, noise, [*family, 0])
         rows, seconds = [], []
-        for number, T_target_source in enumerate(self.motions):
+        for number, T_target_source in enumerate(self.motions()):
             moved = T_target_source.apply(points)
             common = float(occupy(moved, grid).sum() / extent)
             if common < _LEAST_COMMON:
@@ -83,8 +97,8 @@ class MovedStructures(StructureExperiment):
             registration = self.registrar.register(target, source)
             begin = {"scene": scene, "noise": noise, "seed": seed, "number": number}
             rows.append(begin | _cells(T_target_source, registration, grid.voxel) | {"common": common})
-            times = {"prepare_s": prepared, "register_s": registration.seconds}
-            seconds.append({"case": job, "number": number, **times})
+            times = {"case": job, "number": number, "prepare_s": prepared, "register_s": registration.seconds}
+            seconds.append(times)
         return Outcome(tuple(rows), tuple(seconds))
 
 
@@ -106,3 +120,39 @@ def _cells(truth: RigidTransform, registration: Registration, voxel: float) -> d
 @lru_cache(maxsize=1)
 def _structure(scene: str, seed: int, spacing: float) -> np.ndarray:
     return surface_points(build_scene(scene, seed).mesh, spacing).astype(np.float64)
+
+
+class Translation(MovedStructures):
+    """Whole structures shifted out of the frame (Figs. 12, 14, 15)."""
+
+    name = "translation"
+    make_section, draw_pictures = staticmethod(translation_section), staticmethod(draw_translation)
+
+    def motions(self) -> list[RigidTransform]:
+        """The shifts."""
+        return [RigidTransform.from_translation(step * _DIRECTION) for step in self.settings.steps]
+
+
+def create_translation(request: Request) -> Translation:
+    """The experiment as the command line asks for it."""
+    quick = {"scenes": ("floodgate",), "seeds": 1, "noises": ("D0", "D4", "D6"), "steps": (16, 30, 40)}
+    return Translation(as_asked(TranslationSettings(), request, **quick), request.opened)
+
+
+class Turns(MovedStructures):
+    """Whole structures turned (Figs. 16, 17)."""
+
+    name = "rotation"
+    make_section, draw_pictures = staticmethod(rotation_section), staticmethod(draw_rotation)
+
+    def motions(self) -> list[RigidTransform]:
+        """The turns about the middle of the grid."""
+        tilt = self.settings.tilt_deg
+        angles = [(yaw, tilt, tilt) for yaw in self.settings.yaws_deg]
+        return [RigidTransform.from_rotation(Rotation.from_euler("ZYX", turn, degrees=True)) for turn in angles]
+
+
+def create_rotation(request: Request) -> Turns:
+    """The experiment as the command line asks for it."""
+    quick = {"scenes": ("floodgate",), "seeds": 1, "noises": ("D0", "D4"), "yaws_deg": (8, 32, 64, 88)}
+    return Turns(as_asked(RotationSettings(), request, **quick), request.opened)

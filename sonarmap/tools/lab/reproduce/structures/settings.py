@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
-from sonarmap.tools.lab.reproduce.settings import check_scenes, check_seeds
+from sonarmap.tools.lab.reproduce.settings import check_scenes, check_seeds, paper_grid
 from sonarmap.tools.lab.simulate.shapes.structure import NOISES
 
-EXTENT = 256.0  # of the grid [m]; the paper has 256 voxels of 1 m
+RIGHT_DEG, RIGHT_VOXELS = 2.0, 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +37,11 @@ class StructureSettings:
     @property
     def grid(self) -> Grid:
         """Of all volumes."""
-        return Grid(self.edge, EXTENT / self.edge)
+        return paper_grid(self.edge)
 
 
 def check_angles(name: str, angles: Sequence[float], low: float) -> None:
-    """Refuse angles [degrees] that do not ascend, or are not above `low` and below 90.
-
-    Raises:
-        InputError: saying what there must be.
-    """
+    """Refuse angles [degrees] that do not ascend, or are not above `low` and below 90."""
     if not angles or list(angles) != sorted(set(angles)) or not low < angles[0] <= angles[-1] < 90:
         raise InputError(
             f"{name} are {angles}; there must be at least one, ascending, above {low:g} and below 90 degrees"

@@ -1,7 +1,8 @@
 """A survey mapped by one system, in a process of its own, so that its memory is the system's alone."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -14,12 +15,10 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.pairs import TriedPair
 
 if TYPE_CHECKING:
-    from sonarmap.slam.execute.worker import Job, Sources, TimedText, Worker
     from sonarmap.slam.pair import Pair
     from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.spectral.grid import Grid
     from sonarmap.spectral.registration import SpectralRegistrar
-    from sonarmap.tools.lab.baselines.surveys import SlamRun
 
 OURS = "sonarmap"
 PEERS = ("multiway", "kiss-slam")
@@ -27,55 +26,40 @@ SYSTEMS = (OURS, *PEERS)
 
 
 @dataclass(frozen=True, slots=True)
-class Crossings:
-    """How far passes over one place lie apart, the median of their medians [m], before and after the loops."""
-
-    before: float = float("nan")
-    after: float = float("nan")
-
-
-@dataclass(frozen=True, slots=True)
-class MappingTime:
-    """How long a system took, and its memory."""
-
-    total: float  # wall time from the first scan to the last result [s]
-    memory: int  # the most that its process had resident [bytes]
-    # registering, signing, optimizing, fusing: of it; optimizing is all the rest, with the choice of loops [s]
-    registering: float = float("nan")
-    signing: float = float("nan")
-    optimizing: float = float("nan")
-    fusing: float = float("nan")
-
-
-@dataclass(frozen=True, slots=True)
 class MappedSurvey:
     """What a system made of a survey."""
 
     placed: tuple[int, ...]  # the scans of its largest component, ascending
-    components: int  # how many have two scans or more
     trajectory: Trajectory  # the poses of the placed scans, in a frame of their own; stamps count the survey's scans
-    chained: Trajectory | None  # the same before loops; None of a system that does not tell
-    # (n, 6, 6) of the poses against the first of them, rotation first [rad, m], body tangent; None likewise
-    covariances: np.ndarray | None
     pairs: tuple[TriedPair, ...]  # all that were tried, as the scans' numbers
     points: np.ndarray  # (M, 3) [m], of the map in the trajectory's frame
     seen: np.ndarray  # (M,) int, how many scans saw each
-    crossings: Crossings  # of the passes
-    signatures: dict[int, np.ndarray]  # by scan, of those that have one
-    time: MappingTime  # time and memory
+    # wall time from the first scan to the last result, and parts of it [s], with `STAGES` as names; and "memory", the
+    # most that its process had resident [bytes]
+    took: Mapping[str, float]
+    components: int = 1  # how many have two scans or more
+    chained: Trajectory | None = None  # the same before loops; None of a system that does not tell
+    # (n, 6, 6) of the poses against the first of them, rotation first [rad, m], body tangent; None likewise
+    covariances: np.ndarray | None = None
+    # how far tracks that cross lie apart, the median of their medians [m], before and after the loops
+    crossings: tuple[float, float] = (float("nan"), float("nan"))
+    signatures: Mapping[int, np.ndarray] = field(default_factory=dict)  # by scan, of those that have one
+
+
+# The times of a system; "optimizing" is all the rest, with the choice of loops
+STAGES = ("total", "registering", "signing", "optimizing", "fusing")
 
 
 def map_survey(
     system: str, scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None
 ) -> MappedSurvey:
-    """Map a survey in a new process.
+    """Map a survey, by one of SYSTEMS, in a new process.
 
     Args:
-        system: one of SYSTEMS.
+        system, device: the device as `choose_device` takes it.
         scans: in their order, with stamps that count them from 0.
         surveys: the number of each scan's survey, ascending.
         grid: of the registrations; of other systems' the voxel alone.
-        device: as `choose_device` takes it.
 
     Raises:
         InputError, DeviceError: the scans, the package or the device will not do.
@@ -99,77 +83,58 @@ def installed(system: str) -> bool:
     return True
 
 
-class _TimedWorker:
-    """A worker whose time is taken [s]."""
-
-    def __init__(self, worker: "Worker") -> None:
-        self._worker = worker
-        self.registering = self.signing = 0.0
-
-    def run(self, jobs: "Sequence[Job]", sources: "Sources") -> "list[TimedText]":
-        from sonarmap.slam.execute.worker import PairJob
-
-        start = perf_counter()
-        done = self._worker.run(jobs, sources)
-        if any(isinstance(job, PairJob) for job in jobs):
-            self.registering += perf_counter() - start
-        else:
-            self.signing += perf_counter() - start
-        return done
-
-    def release(self) -> None:
-        self._worker.release()
-
-
 def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None) -> MappedSurvey:
     """As `sonarmap map` does it with nothing but defaults, in this process."""
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.slam.execute.runner import Execution
-    from sonarmap.slam.execute.worker import Worker, prepared_limit
+    from sonarmap.slam.execute.worker import Job, PairJob, Sources, TimedText, Worker, prepared_limit
+    from sonarmap.slam.graph.pose_covariance import pose_covariances
     from sonarmap.slam.mapper import Mapper
     from sonarmap.spectral.registration import SpectralRegistrar
     from sonarmap.tools.files.memory import peak_memory
 
-    opened = choose_device(device)
-    registrar = SpectralRegistrar(opened, grid)
-    worker = _TimedWorker(Worker(registrar, prepared_limit(registrar)))
-    execution = Execution(worker)
+    registrar = SpectralRegistrar(choose_device(device), grid)
+    took = {"registering": 0.0, "signing": 0.0}
+
+    class TimedWorker(Worker):
+        def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
+            start = perf_counter()
+            done = super().run(jobs, sources)
+            stage = "registering" if any(isinstance(job, PairJob) for job in jobs) else "signing"
+            took[stage] += perf_counter() - start
+            return done
+
+    execution = Execution(TimedWorker(registrar, prepared_limit(registrar)))
     start = perf_counter()
     result = Mapper(registrar, grid.voxel, execution=execution).run(scans, surveys=surveys)
-    time = _took(perf_counter() - start, execution.timings.stages["map fused"], worker, result, peak_memory())
-    return _mapped(result, time, _signatures(registrar, scans))
-
-
-def _took(total: float, fused: float, worker: _TimedWorker, result: "SurveyResult", memory: int) -> MappingTime:
-    """The stage of fusing computes the poses' covariances too, which are the optimizer's work and timed anew here."""
-    from sonarmap.slam.graph.pose_covariance import pose_covariances
-
+    took["total"], took["memory"] = perf_counter() - start, peak_memory()
+    # the stage of fusing computes the poses' covariances too, which are the optimizer's work and timed anew here
     start = perf_counter()
     pose_covariances(result.solution)
-    fusing = max(0.0, fused - (perf_counter() - start))
-    rest = total - worker.registering - worker.signing - fusing
-    return MappingTime(total, memory, worker.registering, worker.signing, rest, fusing)
+    took["fusing"] = max(0.0, execution.timings.stages["map fused"] - (perf_counter() - start))
+    took["optimizing"] = took["total"] - took["registering"] - took["signing"] - took["fusing"]
+    return _mapped(result, took, _signatures(registrar, scans))
 
 
-def _mapped(result: "SurveyResult", time: MappingTime, signatures: dict[int, np.ndarray]) -> MappedSurvey:
+def _mapped(result: "SurveyResult", took: Mapping[str, float], signatures: dict[int, np.ndarray]) -> MappedSurvey:
     from sonarmap.slam.parts import placed
 
     largest = placed(result.components)[0]
     members, part = list(result.components[largest]), result.parts[largest]
     before, after = part.crossings.before, part.crossings.after
-    return MappedSurvey(
+    mapped = MappedSurvey(
         placed=tuple(members),
-        components=sum(len(component) > 1 for component in result.components),
         trajectory=result.trajectory.take(members),
-        chained=part.chained_poses,
-        covariances=result.covariances[members],
         pairs=tuple(_tried(pair) for pair in result.pairs),
         points=part.optimized.points,
         seen=part.optimized.seen,
-        crossings=Crossings(before.median, after.median) if before and after else Crossings(),
+        took=took,
+        components=sum(len(component) > 1 for component in result.components),
+        chained=part.chained_poses,
+        covariances=result.covariances[members],
         signatures=signatures,
-        time=time,
     )
+    return replace(mapped, crossings=(before.median, after.median)) if before and after else mapped
 
 
 def _tried(pair: "Pair") -> TriedPair:
@@ -182,10 +147,8 @@ def _signatures(registrar: "SpectralRegistrar", scans: Sequence[Scan]) -> dict[i
     """Of the scans that show enough, by their number."""
     signatures = {}
     for k, scan in enumerate(scans):
-        try:
+        with suppress(InputError):
             signatures[k] = registrar.signature(registrar.prepare(scan))
-        except InputError:
-            continue
     return signatures
 
 
@@ -194,32 +157,11 @@ def _peer(system: str, scans: Sequence[Scan], grid: "Grid") -> MappedSurvey:
     from sonarmap.slam.map.component_maps import clean_map
     from sonarmap.slam.map.placed import PlacedScans
     from sonarmap.tools.files.memory import peak_memory
+    from sonarmap.tools.lab.baselines import surveys
 
-    run = _run_peer(system, scans, grid.voxel)
-    time = MappingTime(run.seconds, peak_memory())
+    run = (surveys.run_multiway if system == "multiway" else surveys.run_kiss_slam)(scans, grid.voxel)
+    took = {"total": run.seconds, "memory": peak_memory()}
     placed = run.trajectory.stamps.astype(int).tolist()
     chosen = [scans[k] for k in placed]
     fused = clean_map(PlacedScans.of(chosen, run.trajectory.T_world_sensor, grid.voxel, placed)).clean
-    return MappedSurvey(
-        placed=tuple(placed),
-        components=1,
-        trajectory=run.trajectory,
-        chained=None,
-        covariances=None,
-        pairs=run.pairs,
-        points=fused.points,
-        seen=fused.seen,
-        crossings=Crossings(),
-        signatures={},
-        time=time,
-    )
-
-
-def _run_peer(system: str, scans: Sequence[Scan], voxel: float) -> "SlamRun":
-    if system == "multiway":
-        from sonarmap.tools.lab.baselines.surveys import run_multiway
-
-        return run_multiway(scans, voxel)
-    from sonarmap.tools.lab.baselines.surveys import run_kiss_slam
-
-    return run_kiss_slam(scans, voxel)
+    return MappedSurvey(tuple(placed), run.trajectory, run.pairs, fused.points, fused.seen, took)

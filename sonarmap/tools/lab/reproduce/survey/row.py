@@ -3,9 +3,8 @@
 import numpy as np
 
 from sonarmap.slam.loops.places import PlaceIndex
-from sonarmap.tools.files.map_folder.pairs import TriedPair
 from sonarmap.tools.lab.evaluate.map_error import Reference, map_error
-from sonarmap.tools.lab.evaluate.pairs import PairScore, score_pairs
+from sonarmap.tools.lab.evaluate.pairs import score_pairs
 from sonarmap.tools.lab.evaluate.place_recall import AMONG, GAP, recall, revisits
 from sonarmap.tools.lab.evaluate.pose_calibration import calibrate_poses
 from sonarmap.tools.lab.evaluate.trajectory import Evaluation, evaluate
@@ -17,19 +16,16 @@ from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 MAP, POSE = "map", "pose"  # of the column "row"
 ROLES = ("sequential", "bridge", "loop")
 BETWEEN = "between"  # pairs of different dives, whatever their role
+FATES = ("kept_right", "kept_wrong", "refused_right", "refused_wrong")
+_CALIBRATION = ("within_95", "position_within_95", "nees_mean", "position_nees_mean")
 _NAN = float("nan")
 
 
 def survey_rows(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> tuple[Row, ...]:
-    """All rows of one system on one survey.
+    """All rows of what one system made of a survey, with voxels of this edge [m].
 
     Trajectories are aligned over the placed scans that are usable; other scans that a system places are
     ignored here, but its map contains them.
-
-    Args:
-        survey: its scans and their truth.
-        mapped: what the system made of it.
-        voxel: edge of the survey's voxels [m].
     """
     usable = [place for place, scan in enumerate(mapped.placed) if scan not in survey.unusable]
     after = evaluate(mapped.trajectory.take(usable), survey.truth)
@@ -60,39 +56,27 @@ def _errors(before: Evaluation | None, after: Evaluation, voxel: float) -> dict[
 
 
 def _calibration(survey: SimulatedSurvey, mapped: MappedSurvey) -> dict[str, Value]:
-    keys = ("within_95", "position_within_95", "nees_mean", "position_nees_mean")
     calibration = None
     if mapped.covariances is not None:
         truth = survey.truth.T_world_sensor[list(mapped.placed)]
         calibration = calibrate_poses(mapped.trajectory.T_world_sensor, truth, mapped.covariances)
-    cells = calibration.to_json() if calibration else dict.fromkeys(keys, _NAN)
-    return {key: cells[key] for key in keys}
+    cells = calibration.to_json() if calibration else {}
+    return {key: cells.get(key, _NAN) for key in _CALIBRATION}
 
 
 def _pairs(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
+    """Pairs with an unusable scan that have a part in the estimate are wrong, whatever they measured."""
     usable = [k for k in range(len(survey.scans)) if k not in survey.unusable]
     truth = {k: survey.truth.T_world_sensor[k] for k in usable}
-    unusable = [pair for pair in mapped.pairs if survey.unusable & {pair.target, pair.source}]
     chosen = {role: [pair for pair in mapped.pairs if pair.role == role] for role in ROLES}
     chosen[BETWEEN] = [pair for pair in mapped.pairs if survey.dives[pair.target] != survey.dives[pair.source]]
     cells: dict[str, Value] = {}
     for name, pairs in chosen.items():
-        cells |= _counts(name, score_pairs(pairs, truth, voxel))
-    return cells | {"pairs": len(mapped.pairs), "unusable_kept": _kept(unusable)}
-
-
-def _counts(name: str, score: PairScore) -> dict[str, Value]:
-    return {
-        f"{name}_kept_right": score.kept_right,
-        f"{name}_kept_wrong": score.kept_wrong,
-        f"{name}_refused_right": score.rejected_right,
-        f"{name}_refused_wrong": score.rejected_wrong,
-    }
-
-
-def _kept(pairs: list[TriedPair]) -> int:
-    """Pairs with an unusable scan that have a part in the estimate: whatever they measured, it is wrong."""
-    return sum(pair.kept for pair in pairs)
+        score = score_pairs(pairs, truth, voxel)
+        counts = (score.kept_right, score.kept_wrong, score.rejected_right, score.rejected_wrong)
+        cells |= {f"{name}_{fate}": count for fate, count in zip(FATES, counts, strict=True)}
+    kept = sum(pair.kept for pair in mapped.pairs if survey.unusable & {pair.target, pair.source})
+    return cells | {"pairs": len(mapped.pairs), "unusable_kept": kept}
 
 
 def _map(survey: SimulatedSurvey, mapped: MappedSurvey, after: Evaluation, voxel: float) -> dict[str, Value]:
@@ -101,13 +85,10 @@ def _map(survey: SimulatedSurvey, mapped: MappedSurvey, after: Evaluation, voxel
     cells: dict[str, Value] = {}
     for name, points in (("map", mapped.points), ("map_twice", mapped.points[mapped.seen >= 2])):
         error = map_error(after.T_truth_estimate.apply(points), surface, voxel) if len(points) else None
-        cells |= {
-            f"{name}_points": len(points),
-            f"{name}_median_m": error.median_m if error else _NAN,
-            f"{name}_p90_m": error.p90_m if error else _NAN,
-            f"{name}_within_voxel": error.within_voxel if error else _NAN,
-        }
-    return cells | {"crossing_before_m": mapped.crossings.before, "crossing_after_m": mapped.crossings.after}
+        cells |= {f"{name}_points": len(points)}
+        cells |= {f"{name}_{key}": getattr(error, key, _NAN) for key in ("median_m", "p90_m", "within_voxel")}
+    before, after_loops = mapped.crossings
+    return cells | {"crossing_before_m": before, "crossing_after_m": after_loops}
 
 
 def _recall(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:

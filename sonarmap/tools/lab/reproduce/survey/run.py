@@ -1,19 +1,17 @@
 """Whole surveys, mapped: how far off poses and maps are, what became of right and wrong pairs, and what it takes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import ClassVar
 
 from sonarmap.slam.survey_grid import survey_grid
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Section, Value
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.settings import as_asked
-from sonarmap.tools.lab.reproduce.survey.mapped import OURS, PEERS, SYSTEMS, MappingTime, installed, map_survey
+from sonarmap.tools.lab.reproduce.survey.mapped import OURS, PEERS, STAGES, SYSTEMS, installed, map_survey
 from sonarmap.tools.lab.reproduce.survey.row import survey_rows
-from sonarmap.tools.lab.reproduce.survey.section import PICTURE, draw_paths, survey_section
-from sonarmap.tools.lab.reproduce.survey.settings import DIVES, SurveySettings
-from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
+from sonarmap.tools.lab.reproduce.survey.section import draw_paths, survey_section
+from sonarmap.tools.lab.reproduce.survey.simulated import DIVES, SimulatedSurvey, SurveySettings, simulate_survey
 from sonarmap.tools.methods.registry import ALL_METHODS
 
 _ORDER = (2, 1)  # of the dives, as they are given to the mapper
@@ -22,15 +20,13 @@ _ORDER = (2, 1)  # of the dives, as they are given to the mapper
 class SurveyExperiment(Experiment):
     """Maps simulated surveys by this project's mapper and by others."""
 
-    name: ClassVar[str] = "survey"
+    name = "survey"
     sources: ClassVar[tuple[str, ...]] = (
-        "slam",
-        "tools/lab/simulate",
-        "tools/lab/evaluate",
-        "tools/products/output",
-        *(f"tools/lab/reproduce/survey/{name}.py" for name in ("mapped", "row", "settings", "simulated")),
+        *("slam", "tools/lab/simulate", "tools/lab/evaluate", "tools/products/output"),
+        *(f"tools/lab/reproduce/survey/{name}.py" for name in ("mapped", "row", "simulated")),
         *ALL_METHODS,
     )
+    make_section, draw_pictures = staticmethod(survey_section), staticmethod(draw_paths)
 
     def __init__(self, settings: SurveySettings, device: str | None) -> None:
         """`device` as `choose_device` takes it."""
@@ -53,11 +49,7 @@ class SurveyExperiment(Experiment):
         return jobs
 
     def run(self, job: str) -> Outcome:
-        """Simulate and map one survey.
-
-        Raises:
-            InputError: a system's package is not installed, or it cannot map the scans.
-        """
+        """Simulate and map one survey."""
         kind, _, system = job.rpartition("/")
         if system == DIVES:
             kind, system = job, OURS
@@ -66,16 +58,7 @@ class SurveyExperiment(Experiment):
         mapped = map_survey(system, survey.scans, survey.dives.tolist(), grid, self.device)
         begin = _named(kind) | {"system": system}
         rows = tuple({**begin, **row} for row in survey_rows(survey, mapped, grid.voxel))
-        return Outcome(rows, (begin | _seconds(mapped.time, len(survey.scans)),))
-
-    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
-        """Errors side by side, growth with the number of scans, and two dives."""
-        return survey_section(rows, seconds, self.settings)
-
-    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
-        """The paths on the longest survey of the first seed."""
-        settings: SurveySettings = self.settings
-        draw_paths(folder / PICTURE, rows, settings.scene, settings.first_seed, f"{max(settings.counts)}")
+        return Outcome(rows, (begin | _seconds(mapped.took, len(survey.scans)),))
 
     def _simulated(self, kind: str) -> SimulatedSurvey:
         """The scans of a kind of job."""
@@ -92,17 +75,12 @@ def _named(kind: str) -> dict[str, Value]:
     return {"scene": scene, "seed": int(seed), "survey": survey}
 
 
-def _seconds(time: MappingTime, scans: int) -> dict[str, Value]:
-    return {
-        "scans": scans,
-        "total_s": time.total,
-        "per_scan_s": time.total / scans,
-        "registering_s": time.registering,
-        "signing_s": time.signing,
-        "optimizing_s": time.optimizing,
-        "fusing_s": time.fusing,
-        "peak_memory_mib": time.memory / 2**20,
-    }
+def _seconds(took: Mapping[str, float], scans: int) -> dict[str, Value]:
+    """NaN for what a system does not tell."""
+    total, *parts = (took.get(stage, float("nan")) for stage in STAGES)
+    times = {f"{stage}_s": seconds for stage, seconds in zip(STAGES[1:], parts, strict=True)}
+    memory = took["memory"] / 2**20
+    return {"scans": scans, "total_s": total, "per_scan_s": total / scans, **times, "peak_memory_mib": memory}
 
 
 def create(request: Request) -> SurveyExperiment:

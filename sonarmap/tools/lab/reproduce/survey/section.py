@@ -1,11 +1,8 @@
 """Mapped surveys, in words and tables."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from statistics import median
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from sonarmap.tools.lab.evaluate.place_recall import AMONG, GAP, OVERLAP
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
@@ -13,20 +10,15 @@ from sonarmap.tools.lab.reproduce.beside import HEADINGS
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.figure import new_figure
 from sonarmap.tools.lab.reproduce.plan import draw_plan, plan
-from sonarmap.tools.lab.reproduce.rows import DASH, number, where
+from sonarmap.tools.lab.reproduce.rows import DASH, by_method, column, distinct, middle, number, where
 from sonarmap.tools.lab.reproduce.survey.mapped import OURS
-from sonarmap.tools.lab.reproduce.survey.row import BETWEEN, MAP, POSE, ROLES
-from sonarmap.tools.lab.reproduce.survey.settings import SurveySettings
+from sonarmap.tools.lab.reproduce.survey.row import BETWEEN, FATES, MAP, POSE, ROLES
+from sonarmap.tools.lab.reproduce.survey.simulated import DIVES, SurveySettings
 from sonarmap.tools.lab.reproduce.table import Table, table_of
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.products.report.small_png import save_small
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 PICTURE = "survey.png"
-_DIVES = "dives"
-_FATES = ("kept_right", "kept_wrong", "refused_right", "refused_wrong")
 
 
 def survey_section(rows: Sequence[Row], seconds: Sequence[Row], settings: SurveySettings) -> Section:
@@ -34,12 +26,22 @@ def survey_section(rows: Sequence[Row], seconds: Sequence[Row], settings: Survey
     maps = where(rows, row=MAP)
     ours = where(maps, system=OURS)
     longest = f"{max(settings.counts)}"
-    tables = [_beside(maps), _systems(where(maps, survey=longest)), _growth(ours), _pairs(maps), _places(ours)]
+    tables = (_beside(maps), _systems(where(maps, survey=longest)), _growth(ours), _pairs(maps), _places(ours))
+    times = ("total_s", "per_scan_s", "registering_s", "signing_s", "optimizing_s", "fusing_s", "peak_memory_mib")
+    names = ("total [s]", "per scan [s]", "registering [s]", "signatures [s]", "optimizing, choosing loops [s]")
+    headings = (*names, "fusing [s]", "peak memory [MiB]")
+    growth: dict[str, tuple[str, int]] = {name: (key, 1) for name, key in zip(headings, times, strict=True)}
+    whole = {name: growth[name] for name in ("total [s]", "per scan [s]", "peak memory [MiB]")}
+    title = "The longest survey, by every system; the times of `sonarmap` include the map"
+    by_system = [((str(row["system"]),), row) for row in where(seconds, survey=longest)]
     return Section(
         title="Maps of whole surveys",
         introduction=_introduction(maps, settings),
-        tables=tuple(tables),
-        times=(_growth_times(where(seconds, system=OURS)), _system_times(where(seconds, survey=longest))),
+        tables=tables,
+        times=(
+            _survey_by_survey(where(seconds, system=OURS), growth),
+            table_of(title, ("system",), by_system, _numbers(whole)),
+        ),
         pictures={PICTURE: f"Estimated paths on the survey of {longest} scans, over the true plan"},
     )
 
@@ -76,7 +78,7 @@ def _measured(ours: Row, maps: Sequence[Row]) -> list[tuple[str, ...]]:
     """What was measured of one survey, beside the others that mapped it."""
     others = [row for row in where(maps, survey=ours["survey"], seed=ours["seed"]) if row["system"] != OURS]
     usable = int(ours["scans"]) - int(ours["unusable"])
-    missing, wrong = usable - int(ours["placed"]), _wrong(ours, ROLES)
+    missing, wrong = usable - int(ours["placed"]), _wrong(ours)
     measures: list[tuple[str, Callable[[Row], str], str]] = [
         ("usable scans in one map", lambda row: f"{row['placed']} of {usable}", f"{missing} scans are missing in it"),
         (
@@ -84,11 +86,7 @@ def _measured(ours: Row, maps: Sequence[Row]) -> list[tuple[str, ...]]:
             lambda row: f"{row['placed_unusable']} of {row['unusable']}",
             f"{ours['placed_unusable']} scans in it show nothing of the scene",
         ),
-        (
-            "wrong pairs kept",
-            lambda row: f"{_wrong(row, ROLES)}",
-            "wrong pairs bend the map" if wrong else "none bends it",
-        ),
+        ("wrong pairs kept", lambda row: f"{_wrong(row)}", "wrong pairs bend the map" if wrong else "none bends it"),
         (
             "error of the poses (ATE) [voxels]",
             lambda row: number(float(row["ate_after_voxels"]), 2),
@@ -100,7 +98,7 @@ def _measured(ours: Row, maps: Sequence[Row]) -> list[tuple[str, ...]]:
             f"expect {100 * float(ours['within_95']):.0f} of 100 poses in them",
         ),
     ]
-    if ours["survey"] == _DIVES:
+    if ours["survey"] == DIVES:
         apart = "the dives are joined" if ours["components"] == 1 else "the dives are not joined"
         measures.append(("maps, of two scans or more", lambda row: f"{row['components']}", apart))
     return [
@@ -126,15 +124,16 @@ def _systems(maps: Sequence[Row]) -> Table:
         "90 % [m]": "map_twice_p90_m",
         "of these within a voxel": "map_twice_within_voxel",
     }
-    lines = []
-    for system in dict.fromkeys(row["system"] for row in maps):
-        some = where(maps, system=system)
-        placed = _sum(some, "placed"), _sum(some, "scans") - _sum(some, "unusable")
-        tried = _sum(some, "pairs")
-        wrong = f"{sum(_wrong(row, ROLES) for row in some)}" if tried else DASH
-        cells = [number(median(float(row[key]) for row in some), 2) for key in keys.values()]
-        lines.append((str(system), f"{placed[0]} of {placed[1]}", *cells, wrong))
-    return Table("The longest survey, by every system", ("system", "placed", *keys, "wrong pairs kept"), tuple(lines))
+
+    def placed(some: Sequence[Row]) -> str:
+        scans, unusable, placed = (int(column(some, key).sum()) for key in ("scans", "unusable", "placed"))
+        return f"{placed} of {scans - unusable}"
+
+    columns: dict[str, Callable[[Sequence[Row]], str]] = {"placed": placed}
+    columns |= {name: lambda some, key=key: number(middle(some, key), 2) for name, key in keys.items()}
+    columns["wrong pairs kept"] = lambda some: f"{sum(map(_wrong, some))}" if any(column(some, "pairs")) else DASH
+    by_system = by_method(maps, distinct(maps, "system"), "system")
+    return table_of("The longest survey, by every system", ("system",), by_system, columns)
 
 
 def _growth(ours: Sequence[Row]) -> Table:
@@ -154,60 +153,47 @@ def _growth(ours: Sequence[Row]) -> Table:
         "mean NEES (6)": ("nees_mean", 1),
         "of positions (3)": ("position_nees_mean", 1),
     }
-    cells = {name: lambda row, key=key, n=n: number(float(row[key]), n) for name, (key, n) in columns.items()}
-    return table_of("`sonarmap`, survey by survey", ("survey",), [((_called(row),), row) for row in ours], cells)
+    return _survey_by_survey(ours, columns)
+
+
+def _survey_by_survey(ours: Sequence[Row], columns: Mapping[str, tuple[str, int]]) -> Table:
+    groups = [((_called(row),), row) for row in ours]
+    return table_of("`sonarmap`, survey by survey", ("survey",), groups, _numbers(columns))
+
+
+def _numbers(columns: Mapping[str, tuple[str, int]]) -> dict[str, Callable[[Row], str]]:
+    """Heading -> the cell of a row, from the row's key and a number of decimals."""
+    return {name: lambda row, key=key, n=n: number(float(row[key]), n) for name, (key, n) in columns.items()}
 
 
 def _pairs(maps: Sequence[Row]) -> Table:
     """What became of pairs of each kind."""
-    lines = []
+    groups = []
     for row in maps:
-        kinds = (*ROLES, BETWEEN) if row["survey"] == _DIVES else ROLES
-        for kind in kinds:
-            counts = [int(row[f"{kind}_{fate}"]) for fate in _FATES]
-            if sum(counts):
-                shown = "between the dives" if kind == BETWEEN else kind
-                lines.append((_called(row), str(row["system"]), shown, *map(str, counts)))
-    headings = ("survey", "system", "pairs", "kept right", "kept wrong", "refused right", "refused wrong")
-    return Table("Registered pairs, by kind and outcome", headings, tuple(lines))
+        kinds = {kind: kind for kind in ROLES} | ({BETWEEN: "between the dives"} if row["survey"] == DIVES else {})
+        for kind, shown in kinds.items():
+            if sum(counts := [int(row[f"{kind}_{fate}"]) for fate in FATES]):
+                groups.append(((_called(row), str(row["system"]), shown), dict(zip(FATES, counts, strict=True))))
+    columns = {fate.replace("_", " "): lambda counts, fate=fate: str(counts[fate]) for fate in FATES}
+    return table_of("Registered pairs, by kind and outcome", ("survey", "system", "pairs"), groups, columns)
 
 
 def _places(ours: Sequence[Row]) -> Table:
-    lines = [
-        (_called(row), str(row["revisited"]), *(number(float(row[f"recall_{k}"]), 2) for k in AMONG)) for row in ours
-    ]
     title = f"Recall of revisits by signatures alone (overlap {OVERLAP:g} or more, over {GAP} scans apart)"
-    return Table(title, ("survey", "scans with a revisit", *(f"among {k}" for k in AMONG)), tuple(lines))
-
-
-def _growth_times(seconds: Sequence[Row]) -> Table:
-    keys = ("total_s", "per_scan_s", "registering_s", "signing_s", "optimizing_s", "fusing_s", "peak_memory_mib")
-    headings = ("total [s]", "per scan [s]", "registering [s]", "signatures [s]", "optimizing, choosing loops [s]")
-    lines = [(_called(row), *(number(float(row[key]), 1) for key in keys)) for row in seconds]
-    return Table("`sonarmap`, survey by survey", ("survey", *headings, "fusing [s]", "peak memory [MiB]"), tuple(lines))
-
-
-def _system_times(seconds: Sequence[Row]) -> Table:
-    keys = ("total_s", "per_scan_s", "peak_memory_mib")
-    lines = [(str(row["system"]), *(number(float(row[key]), 1) for key in keys)) for row in seconds]
-    headings = ("system", "total [s]", "per scan [s]", "peak memory [MiB]")
-    return Table("The longest survey, by every system; the times of `sonarmap` include the map", headings, tuple(lines))
+    columns = _numbers({"scans with a revisit": ("revisited", 0)} | {f"among {k}": (f"recall_{k}", 2) for k in AMONG})
+    return table_of(title, ("survey",), [((_called(row),), row) for row in ours], columns)
 
 
 def _called(row: Row) -> str:
     """As in "floodgate 5, 200 scans" or "floodgate 5, 2 dives of 60"."""
     place = f"{row['scene']} {row['seed']}"
     scans = int(row["scans"])
-    return f"{place}, 2 dives of {scans // 2}" if row["survey"] == _DIVES else f"{place}, {scans} scans"
+    return f"{place}, 2 dives of {scans // 2}" if row["survey"] == DIVES else f"{place}, {scans} scans"
 
 
-def _wrong(row: Row, kinds: Sequence[str]) -> int:
-    """Pairs of these kinds that were kept though wrong, those with unusable scans among them."""
-    return sum(int(row[f"{kind}_kept_wrong"]) for kind in kinds) + int(row["unusable_kept"])
-
-
-def _sum(rows: Sequence[Row], key: str) -> int:
-    return sum(int(row[key]) for row in rows)
+def _wrong(row: Row) -> int:
+    """Pairs that were kept though wrong, those with unusable scans among them."""
+    return sum(int(row[f"{role}_kept_wrong"]) for role in ROLES) + int(row["unusable_kept"])
 
 
 PLAN_HEIGHT = -4.0  # of the section through the scene: the water's surface is at 0 [m]
@@ -218,27 +204,23 @@ _PATHS: dict[str, dict[str, Any]] = {
 }
 
 
-def draw_paths(path: Path, rows: Sequence[Row], scene: str, seed: int, survey: str) -> None:
-    """Write a PNG of one survey, each path over the true one."""
-    chosen = where(rows, seed=seed, survey=survey)
+def draw_paths(folder: Path, rows: Sequence[Row], settings: SurveySettings) -> None:
+    """Write a PNG of the longest survey of the first seed, each path over the true one."""
+    chosen = where(rows, seed=settings.first_seed, survey=f"{max(settings.counts)}")
     maps = where(chosen, row=MAP)
-    section = plan(build_scene(scene, seed).mesh, PLAN_HEIGHT)
+    section = plan(build_scene(settings.scene, settings.first_seed).mesh, PLAN_HEIGHT)
     figure = new_figure(5.2 * len(maps) + 0.4, 5.8, dpi=110)
     panels = figure.subplots(1, len(maps), squeeze=False)[0]
     for axes, mapped in zip(panels, maps, strict=True):
         draw_plan(axes, section)
         poses = where(chosen, row=POSE, system=mapped["system"])
         for name, style in _PATHS.items():
-            _draw_path(axes, poses, name, style)
+            if poses and f"x_{name}_m" in poses[0]:
+                axes.plot(column(poses, f"x_{name}_m"), column(poses, f"y_{name}_m"), **style)
         half = section.edge / 2
         axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="x [m]")
         axes.set_title(f"{mapped['system']}: {float(mapped['ate_after_voxels']):.2f} voxels off", fontsize=11)
     panels[0].set_ylabel("y [m]")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
-    save_small(figure, path)
-
-
-def _draw_path(axes: "Axes", poses: Sequence[Row], name: str, style: dict[str, Any]) -> None:
-    if poses and f"x_{name}_m" in poses[0]:
-        axes.plot(*np.array([[float(row[f"{axis}_{name}_m"]) for axis in "xy"] for row in poses]).T, **style)
+    save_small(figure, folder / PICTURE)

@@ -14,7 +14,6 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.main import app
-from sonarmap.tools.lab.reproduce.experiments import Request, chosen, members
 from sonarmap.tools.lab.reproduce.kinds import run as module
 from sonarmap.tools.lab.reproduce.kinds.navigation import directions
 from sonarmap.tools.lab.reproduce.kinds.run import Kinds
@@ -23,14 +22,13 @@ from sonarmap.tools.lab.reproduce.kinds.settings import (
     NAVIGATION,
     NAVIGATION_OVERLAPS,
     KindsSettings,
-    kinds_settings,
 )
 from sonarmap.tools.lab.reproduce.methods import ComparedMethods
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 from tests.tools.lab.reproduce.kinds.test_navigation import PAIR
 
-TWO = KindsSettings(("swath", "patch"), 6, compared=ComparedMethods(("spectral", "planes")))
+TWO = KindsSettings(6, kinds=("swath", "patch"), compared=ComparedMethods(("spectral", "planes")))
 
 
 @dataclass(frozen=True)
@@ -73,41 +71,6 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Fake:
     return made
 
 
-class TestRequest:
-    def test_a_group_of_its_own(self) -> None:
-        assert chosen("kinds", Request(pairs=5, seed=1, grid=64, method=("planes",))) == members("kinds") == ("kinds",)
-        assert "kinds" not in (*chosen("all", Request()), *chosen("evaluation", Request()))
-        with pytest.raises(InputError, match="--scene has no effect on reproduce kinds"):
-            chosen("kinds", Request(scene="harbor"))
-
-    def test_options_become_settings(self) -> None:
-        usual = kinds_settings(Request(method=("spectral",)))
-        assert (usual.kinds, usual.count, usual.edge) == (tuple(SCAN_KINDS), 100, 128)
-        quick = kinds_settings(Request(quick=True, method=("spectral",)))
-        assert (quick.kinds, quick.count, quick.edge, quick.seed) == (("patch", "swath"), 5, 64, usual.seed)
-        assert kinds_settings(Request(pairs=7, seed=0, grid=32, method=("icp",))) == KindsSettings(
-            pairs=7, seed=0, edge=32, compared=ComparedMethods(("icp",))
-        )
-
-    @pytest.mark.parametrize("changes", [{"pairs": 0}, {"seed": -1}, {"edge": 33}, {"kinds": ("sonogram",)}])
-    def test_what_cannot_be_used(self, changes: dict) -> None:
-        with pytest.raises(InputError):
-            KindsSettings(**changes)
-
-    def test_jobs_of_methods_that_use_priors_and_of_others(self) -> None:
-        jobs = list(Kinds(TWO, None).jobs())
-        assert jobs == [
-            f"{kind}/{known}/{batch}/{method}"
-            for kind, batch in (("swath", "000"), ("swath", "001"), ("patch", "000"), ("patch", "001"))
-            for known, method in (
-                ("none", "spectral"),
-                ("none", "planes"),
-                (LEVELED, "spectral"),
-                *([(NAVIGATION, "spectral")] if kind == "swath" else []),
-            )
-        ]
-
-
 class TestRows:
     def test_what_is_known_is_given(self, fake: Fake) -> None:
         experiment = Kinds(TWO, None)
@@ -135,7 +98,7 @@ class TestRows:
         assert math.isfinite(float(row["nees"]))
 
     def test_a_simulated_pair_by_a_method_that_says_no_evidence(self) -> None:
-        settings = KindsSettings(("sonar3d15",), 5, seed=6, edge=32, compared=ComparedMethods(("planes",)))
+        settings = KindsSettings(5, kinds=("sonar3d15",), seed=6, edge=32, compared=ComparedMethods(("planes",)))
         rows = Kinds(settings, None).run("sonar3d15/none/000/planes").rows
         assert [row["scene"] for row in rows] == list(SCAN_KINDS["sonar3d15"].scenes)
         assert not any(key.startswith("evidence") or "second" in key for row in rows for key in row)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
+from sonarmap.tools.lab.reproduce.experiment import Row
 from sonarmap.tools.lab.reproduce.kinds import tables
 from sonarmap.tools.lab.reproduce.kinds.calibration_tables import (
     Linear,
@@ -23,8 +23,9 @@ from sonarmap.tools.lab.reproduce.kinds.calibration_tables import (
 )
 from sonarmap.tools.lab.reproduce.kinds.run import Kinds
 from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NAVIGATION, KindsSettings
-from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
-from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds, where
+from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
+from sonarmap.tools.lab.reproduce.rows import column, right, where
+from tests.samples.experiments.shown import show
 from tests.tools.lab.reproduce.kinds.rows import fixed, row
 
 NAVIGATED = {name: value for number in (1, 2, 3) for name, value in fixed(0.1, 0.1, 1.0, number).items()}
@@ -59,31 +60,22 @@ class TestTables:
 
     def test_kinds_the_worst_first(self) -> None:
         assert tables.worst_first(ROWS) == ["swath", "patch"]
-        assert [line[:3] for line in tables.kind_table(ROWS).rows] == [
-            ("swath", "nothing", "8"),
-            ("patch", "attitude, depth", "4"),
-            ("patch", "nothing", "10"),
-        ]
-        firm = [
-            row(number=number, **{"relief": "flat", "right": False, "accepted": False} if not number else {})
-            for number in range(9)
-        ]
-        assert tables.kind_table(firm).rows[0][2] == "8"
+        lines = [("swath", "nothing", "8"), ("patch", "attitude, depth", "4"), ("patch", "nothing", "10")]
+        assert [line[:3] for line in tables.kind_table(ROWS).rows] == lines
+        flat = row(relief="flat", right=False, accepted=False)
+        assert tables.kind_table([flat, *ROWS[:8]]).rows[0][2] == "8"
 
-    def test_methods_beside_each_other(self) -> None:
+    def test_methods_beside_each_other_and_flat_scenes_apart(self) -> None:
         assert tables.every_variant(ROWS) == [("spectral", "none"), ("spectral", LEVELED), ("planes", "none")]
-        table = tables.method_table(ROWS)
+        table, reliefs = tables.method_table(ROWS), tables.relief_table(ROWS)
         assert table.headings == ("kind", "pairs", "spectral", "spectral, known: attitude, depth", "planes")
         assert table.rows == (
             ("swath", "8", "75 %, 67 %, 0", "–", "–"),
             ("patch", "10", "90 %, 100 %, 0", "100 %, 75 %, 0", "0 %, –, 1"),
             ("all kinds", "18", "83 %, 87 %, 0", "100 %, 75 %, 0", "0 %, –, 1"),
         )
-        assert tables.outcome([]) == "–"
-
-    def test_flat_scenes_stand_apart(self) -> None:
-        assert tables.relief_table(ROWS).rows[0] == ("flat (cannot fix a pose)", "1", "0 %, –, 1", "–", "–")
-        assert tables.relief_table(ROWS).rows[1][0] == "rich"
+        assert reliefs.rows[0] == ("flat (cannot fix a pose)", "1", "0 %, –, 1", "–", "–")
+        assert reliefs.rows[1][0] == "rich"
 
 
 class TestCalibration:
@@ -127,27 +119,19 @@ class TestCalibration:
 
 
 class TestSection:
-    SETTINGS = KindsSettings(kinds=("patch", "swath"), pairs=12)
+    EXPERIMENT = Kinds(KindsSettings(kinds=("patch", "swath"), pairs=12), None)
 
     def test_words_and_pictures(self, tmp_path: Path) -> None:
-        experiment = Kinds(self.SETTINGS, None)
-        outcomes = {str(number): Outcome((line,)) for number, line in enumerate(ROWS)}
-        section = experiment.section(all_rows(outcomes), all_seconds(outcomes))
+        section = show(self.EXPERIMENT, tmp_path, ROWS)
         assert len(verdicts(section)) == 6 + 2 + 2
         text = section_text(section, 1)
         assert "15 pairs of each kind (set 77014): `patch`, a patch merged" in text
         assert "Left out, because the scene has no such pair: 4 of `patch`, 7 of `swath`." in text
         assert "share 5 to 40 % and are registered with navigation" in text
-        experiment.draw(tmp_path, all_rows(outcomes))
-        assert {path.name for path in tmp_path.iterdir()} == set(section.pictures)
 
     def test_without_ours_there_is_nothing_to_compare(self, tmp_path: Path) -> None:
-        experiment = Kinds(self.SETTINGS, None)
-        outcomes = {"a": Outcome(ROWS[-1:])}
-        section = experiment.section(all_rows(outcomes), all_seconds(outcomes))
-        assert verdicts(section) == ()
-        experiment.draw(tmp_path, all_rows(outcomes))
-        assert {path.name for path in tmp_path.iterdir()} == set(section.pictures) == {"kinds.png"}
+        section = show(self.EXPERIMENT, tmp_path, ROWS[-1:])
+        assert (verdicts(section), set(section.pictures)) == ((), {"kinds.png"})
 
 
 KINDS = ("patch", "swath", "imaging")
@@ -155,8 +139,7 @@ KINDS = ("patch", "swath", "imaging")
 
 def slopes(fit: Linear, columns: int) -> np.ndarray:
     """The constant and the slope of each column of a fitted function, in the columns' own units."""
-    at = np.vstack([np.zeros(columns), np.eye(columns)])
-    values = fit(at)
+    values = fit(np.vstack([np.zeros(columns), np.eye(columns)]))
     return np.append(values[0], values[1:] - values[0])
 
 
@@ -166,11 +149,11 @@ def synthetic(count: int, seed: int = 3, odds: float = 2.0) -> list[Row]:
     rows = []
     for number in range(count):
         a, b, x = rng.normal(size=3) * (1.0, 3.0, 0.8)
-        right = bool(rng.uniform() < expit(-1 + odds * a - 0.5 * b))
+        is_right = bool(rng.uniform() < expit(-1 + odds * a - 0.5 * b))
         nees = float(rng.chisquare(6) * np.exp(1 + 0.7 * x))
         evidence = {"evidence_p_a": a, "evidence_p_b": b, "evidence_c_x": x}
         rows.append(
-            row(kind=KINDS[number % 3], number=number, right=right, nees=nees, probability=float(right) / 2, **evidence)
+            row(kind=KINDS[number % 3], number=number, right=is_right, nees=nees, probability=is_right / 2, **evidence)
         )
     return rows
 
@@ -179,8 +162,8 @@ class TestFits:
     def test_the_weights_of_the_odds_come_back(self) -> None:
         rows = synthetic(6000)
         columns = np.array([[row["evidence_p_a"], row["evidence_p_b"]] for row in rows], float)
-        right = np.array([bool(row["right"]) for row in rows])
-        assert slopes(fit_probability(columns, right), 2) == pytest.approx([-1.0, 2.0, -0.5], abs=0.15)
+        are_right = np.array([bool(row["right"]) for row in rows])
+        assert slopes(fit_probability(columns, are_right), 2) == pytest.approx([-1.0, 2.0, -0.5], abs=0.15)
 
     def test_the_weights_of_the_variance_come_back(self) -> None:
         rng = np.random.default_rng(5)
@@ -188,28 +171,25 @@ class TestFits:
         nees = rng.chisquare(6, 4000) * np.exp(columns @ (0.4, -3.0) - 2.0)
         assert slopes(fit_variance(columns, nees), 2) == pytest.approx([-2.0, 0.4, -3.0], abs=0.2)
 
-    def test_what_is_separable_and_what_is_constant_stays_finite(self) -> None:
+    def test_what_is_separable_constant_or_far_from_chi_squared_stays_finite(self) -> None:
         columns = np.column_stack([np.arange(20.0), np.full(20, 7.0)])
         log_odds = fit_probability(columns, columns[:, 0] > 9)(columns)
         assert np.isfinite(log_odds).all()
         assert (expit(log_odds) > 0.5).tolist() == (columns[:, 0] > 9).tolist()
-        assert fit_variance(columns[:, 1:], np.full(20, 12.0))(columns[:2, 1:]) == pytest.approx([math.log(2)] * 2)
-
-    def test_errors_far_from_the_chi_squared_are_fitted_too(self) -> None:
-        assert fit_variance(np.ones((9, 1)), np.full(9, 6e6))(np.ones((1, 1))) == pytest.approx([math.log(1e6)])
+        for nees, times in ((12.0, 2), (6e6, 1e6)):
+            fitted = fit_variance(columns[:, 1:], np.full(20, nees))(columns[:2, 1:])
+            assert fitted == pytest.approx([math.log(times)] * 2)
 
 
 class TestLeftOut:
     def test_what_holds_in_all_kinds_is_calibrated_in_the_one_left_out(self) -> None:
         rows = synthetic(3000)
-        refitted = refitted_probabilities(rows)
-        assert [row["number"] for row in refitted] == [row["number"] for row in rows]
+        refitted, scaled = refitted_probabilities(rows), refitted_nees(rows)
+        assert column(refitted, "number").tolist() == column(rows, "number").tolist()
+        assert column(scaled, "number").tolist() == column(right(rows), "number").tolist()
         for kind in KINDS:
             assert expected_error(where(refitted, kind=kind)) < 0.06 < expected_error(where(rows, kind=kind))
-        scaled = refitted_nees(rows)
-        assert [row["number"] for row in scaled] == [row["number"] for row in rows if row["right"]]
-        for kind in KINDS:
-            assert np.mean([float(row["nees"]) for row in where(scaled, kind=kind)]) == pytest.approx(6.0, abs=0.8)
+            assert column(where(scaled, kind=kind), "nees").mean() == pytest.approx(6.0, abs=0.8)
 
     def test_a_kinds_own_rows_have_no_part_in_its_fit(self) -> None:
         rows = synthetic(600)
@@ -221,14 +201,11 @@ class TestLeftOut:
 
     def test_a_kind_where_the_evidence_means_something_else_shows(self) -> None:
         rows = [row for row in synthetic(3000) if row["kind"] != "swath"]
-        rows += [row for row in synthetic(3000, 4, odds=-2.0) if row["kind"] == "swath"]
-        refitted = refitted_probabilities(rows)
-        assert expected_error(where(refitted, kind="swath")) > 0.2
+        rows += where(synthetic(3000, 4, odds=-2.0), kind="swath")
+        assert expected_error(where(refitted_probabilities(rows), kind="swath")) > 0.2
 
     def test_rows_without_evidence_are_left_out(self) -> None:
-        rows = synthetic(60)
-        bare = [row(kind=kind) for kind in KINDS]
-        unknown = [{**rows[0], "evidence_p_a": math.nan}]
+        rows, bare = synthetic(60), [row(kind=kind) for kind in KINDS]
         assert refitted_probabilities(bare) == refitted_nees(bare) == []
-        assert len(refitted_probabilities([*rows, *bare, *unknown])) == len(rows)
+        assert len(refitted_probabilities([*rows, *bare, {**rows[0], "evidence_p_a": math.nan}])) == len(rows)
         assert refitted_probabilities(where(rows, kind="patch")) == []
