@@ -22,3 +22,30 @@ from .resample.sphere import upload_directions as upload_directions
 from .so3.correlation import RotationCorrelation as RotationCorrelation
 from .so3.harmonics import Harmonics as Harmonics
 from .so3.harmonics import equalizers as equalizers
+
+__all__ = [
+    "Device",
+    "DeviceError",
+    "DeviceInfo",
+    "Harmonics",
+    "InputError",
+    "Peak",
+    "Pomf",
+    "RealFFT",
+    "RotationCorrelation",
+    "SonarmapError",
+    "choose_device",
+    "equalizers",
+    "find_peaks",
+    "latitude_longitude",
+    "list_devices",
+    "magnitude",
+    "normalize_layers",
+    "polar_magnitude",
+    "rectangular_unwrap",
+    "rotational_unwrap",
+    "sample",
+    "upload_directions",
+    "voxelize",
+    "whiten",
+]

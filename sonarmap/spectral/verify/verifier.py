@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.device.readback import Pending
 from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.kernels.pomf.peak_fit import Peak
 from sonarmap.spectral.grid import coarse_edge
 from sonarmap.spectral.prepare.range_image import COARSE, FINE, Visibility, visibility
 from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, SpectralScan
@@ -183,8 +184,7 @@ class Verifier:
         """
         views = visibility(self.device, target.view, source.view, poses, (FINE, COARSE))
         surfaces = shared_surfaces(self.device, target.surface, source.surface, poses, points)
-        # the surfaces are queued last: reading them waits for all
-        return Pending(lambda: Observation(surfaces.read(), views.read()))
+        return Pending(lambda: _observation(views, surfaces))
 
     def measure(
         self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis]
@@ -194,15 +194,7 @@ class Verifier:
         shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
         fine = self.translation.find_at(target.volume, source.volume, R, shifts)
         coarse = self._coarse.find_at(target.coarse, source.coarse, R, shifts * (self.coarse_edge / self.edge))
-
-        def read() -> list[Hypothesis]:
-            coarse_peaks = coarse.read()  # queued last: it waits for all
-            return [
-                replace(each, evidence=replace(each.evidence, psr=peak.psr, coarse_psr=coarse_peak.psr))
-                for each, peak, coarse_peak in zip(hypotheses, fine.read(), coarse_peaks, strict=True)
-            ]
-
-        return Pending(read)
+        return Pending(lambda: _measured(hypotheses, fine, coarse))
 
     def _scores(
         self, target: SpectralScan, source: SpectralScan, candidates: Candidates, tolerance: tuple[float, float]
@@ -220,3 +212,17 @@ class Verifier:
             shared = shared_surfaces(self.device, target.surface, source.surface, poses, _POINTS)
             agreement[highest] = [each.consistency for each in shared.read()]
         return agreement * np.maximum(candidates.psr, 0.0)
+
+
+def _observation(views: Pending[list[Visibility]], surfaces: Pending[list[SharedSurface]]) -> Observation:
+    return Observation(surfaces.read(), views.read())  # the surfaces are queued last: reading them waits for all
+
+
+def _measured(
+    hypotheses: Sequence[Hypothesis], fine: Pending[list[Peak]], coarse: Pending[list[Peak]]
+) -> list[Hypothesis]:
+    coarse_peaks = coarse.read()  # queued last: it waits for all
+    return [
+        replace(each, evidence=replace(each.evidence, psr=peak.psr, coarse_psr=coarse_peak.psr))
+        for each, peak, coarse_peak in zip(hypotheses, fine.read(), coarse_peaks, strict=True)
+    ]

@@ -11,6 +11,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
+from sonarmap.tools.files.readers.scans import read_survey
 from tests.samples.clutter_scans import (
     clutter,
     done,
@@ -125,6 +126,21 @@ def test_an_error_of_the_method_leaves_the_map_incomplete(tmp_path: Path, monkey
     assert "ended by an error of the method" in summary["warnings"][0]
     reasons = [pair["reason"] for pair in table_of(tmp_path / "out" / "pairs.csv") if pair["kept"] == "no"]
     assert reasons == ["failed: an error of the method, not of the scans: a slice begins at 7"]
+
+
+@pytest.mark.slow
+def test_scans_that_do_not_overlap_are_two_maps(tmp_path: Path) -> None:
+    paths = write(tmp_path, a=scan(0), b=scan(1), c=scan(2, scene=2), d=scan(3, scene=2))
+    result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID, "--json")
+    summary = printed(result, 3)
+    assert [part["scans"] for part in summary["components"]] == [[0, 1], [2, 3]]
+    assert summary["gaps"] == [[1, 2]]
+    tried = table_of(tmp_path / "out" / "pairs.csv")
+    assert not any(pair["kept"] == "yes" for pair in tried if int(pair["target"]) < 2 <= int(pair["source"]))
+    said(result, "gap between b and c: refused by the registration", "2 separate parts")
+    told = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
+    assert told.exit_code == 3
+    assert "4 of 4 placed in 2 separate maps" in told.stdout
 
 
 def test_where_nothing_joins_any_two_scans_the_first_is_the_map(tmp_path: Path) -> None:
@@ -244,6 +260,18 @@ def test_a_bad_file_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
     assert unread["name"] == str(file)
     assert [unread["gap"]] == summary["gaps"] == [{"a": [None, 0], "b": [0, 1], "c": [1, 2], "d": [2, None]}[bad]]
     assert words[0] in unread["reason"]
+
+
+@pytest.mark.parametrize("bad", ["a", "b", "d"])
+@pytest.mark.parametrize("case", ["nothing finite", "no bytes", "more promised", "text"])
+def test_a_bad_file_keeps_its_place_among_the_scans(tmp_path: Path, bad: str, case: str) -> None:
+    write(tmp_path, **{name: plane() for name in "abcd"})
+    (tmp_path / f"{bad}.ply").write_bytes(NOT_SCANS[case][1])
+    read = read_survey([tmp_path])
+    (unread,) = read.unread
+    assert (Path(unread.where).stem, unread.before) == (bad, "abcd".index(bad))
+    assert all(word in unread.reason for word in NOT_SCANS[case][2][1:])
+    assert [(scan.name, scan.stamp) for scan in read.scans] == [(n, "abcd".index(n)) for n in "abcd" if n != bad]
 
 
 def test_fewer_than_two_scans_that_can_be_read_are_an_error(good: str, tmp_path: Path) -> None:
