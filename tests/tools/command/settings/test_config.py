@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from sonarmap.tools.command.settings.in_force import NAMED_ONLY
-from tests.samples.clutter_scans import refused
+from tests.samples.clutter_scans import refused, scan, write
 from tests.samples.clutter_scans import sonarmap as run
 from tests.samples.command_line import ROOT, SONARMAP
 from tests.tools.command.settings.test_setting import SETTINGS
@@ -203,3 +203,22 @@ class TestInForce:
         read = {"priors", "odometry", "ties", "control", "like", "map", "surface", "summary", "compare", "from"}
         assert {entry.key for entry in SETTINGS if entry.kind is Path} - NAMED_ONLY == read
         assert {entry.key for entry in SETTINGS} >= NAMED_ONLY
+
+    @pytest.mark.slow
+    def test_a_map_has_the_settings_in_its_summary_and_goes_on(self, folder: Path) -> None:
+        files = write(folder / "scans", **{f"s{k}": scan(k) for k in range(3)})
+        sets('[map]\nmethod = "icp"\nvoxel = 0.4\nmax-step = 9\nframe = "flu"\nreport = false\n')
+        by_file = run("--config", "sonarmap.toml", "map", *files, "-o", "a", "--quiet")
+        assert by_file.exit_code in (0, 3), by_file.output
+        assert "settings from" not in by_file.stderr  # --quiet
+        by_words = run(
+            *("--config", "/dev/null", "map", *files, "-o", "b", "--no-report", "--method", "icp", "--voxel", "0.4"),
+            *("--max-step", "9", "--frame", "flu", "--quiet"),
+        )
+        assert by_words.exit_code == by_file.exit_code
+        summaries = [json.loads((folder / name / "summary.json").read_text()) for name in "ab"]
+        assert summaries[0]["settings"] == summaries[1]["settings"]
+        assert summaries[0]["settings"]["mapper"]["limits"]["step"] == 9
+        words = ("-o", "a", "--method", "icp", "--voxel", "0.4", "--max-step", "9", "--no-report")
+        again = run("--config", "/dev/null", "map", *files, *words)
+        assert re.search(r"(\d+) of \1 pairs were in a/journal.sqlite", again.stderr)
