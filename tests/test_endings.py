@@ -6,6 +6,8 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import pytest
+
 from tests.samples.command_line import ROOT
 
 LIMIT = 120  # seconds; without load it takes eight, of which pytest-xdist waits five for the other worker
@@ -36,6 +38,7 @@ def run(case: str, folder: Path) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_ends_the_run(tmp_path: Path) -> None:
     with ThreadPoolExecutor(len(CASES)) as pool:
         runs = {case: pool.submit(run, case, tmp_path / case.replace(" ", "_")) for case in CASES}

@@ -29,7 +29,7 @@ def test_what_libraries_print_is_not_an_answer(module: Path) -> None:
         ("os.kill(os.getpid(), 6)", 200, "it ended with SIGABRT: LLVM ERROR: out of memory"),
         ("raise ValueError('no')", 200, "it ended with exit code 1: ValueError: no"),
         ("os._exit(0)", 200, "it ended with exit code 0"),
-        ("time.sleep(600)", 6, "it did not answer within 6 s"),
+        pytest.param("time.sleep(600)", 6, "it did not answer within 6 s", marks=pytest.mark.slow),
     ],
 )
 def test_what_came_before_the_end_is_kept(module: Path, program: str, seconds: float, end: str) -> None:

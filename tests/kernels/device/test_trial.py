@@ -97,7 +97,9 @@ def found(*infos: DeviceInfo) -> dict[str, Any]:
 
 
 class TestDrivers:
-    @pytest.mark.parametrize("when", CRASHES)
+    @pytest.mark.parametrize(
+        "when", [pytest.param(n, marks=[] if n == "when it is asked" else pytest.mark.slow) for n in CRASHES]
+    )
     def test_one_that_crashes_is_named_and_another_used(self, drivers: Path, when: str) -> None:
         add_stub(drivers, "crash", CRASHES[when])
         (drivers / "absent.icd").write_text("libnowhere.so")

@@ -23,7 +23,7 @@ with growing_progress("mapping") as step:
 """
 
 
-@pytest.mark.parametrize("columns", [60, 80, 120])
+@pytest.mark.parametrize("columns", [60, *(pytest.param(n, marks=pytest.mark.slow) for n in (80, 120))])
 def test_bar_count_and_time_left_stay_whatever_is_said_of_a_pair(columns: int) -> None:
     shown = on_screen(COUNTING, columns=columns, when=r"\b3\d/1200")
     line, words = shown.moment

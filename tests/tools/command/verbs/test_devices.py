@@ -39,6 +39,7 @@ class TestDevices:
         assert chosen["works"]
         assert chosen["memory"] >= chosen["largest_allocation"] > 0
 
+    @pytest.mark.slow
     def test_each_that_works_is_tested(self) -> None:
         before = printed(sonarmap("devices", "--json"))["devices"]
         assert {entry["self_test"] for entry in before if entry["kind"] == "cpu"} == {"not tested"}

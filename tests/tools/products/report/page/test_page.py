@@ -212,6 +212,7 @@ def test_a_crossing_is_shown_with_its_distances(content: Content, tmp_path: Path
         assert "0.31\u202fm apart" in page.page.locator("#picked").inner_text()
 
 
+@pytest.mark.slow
 def test_dark_and_light(content: Content, tmp_path: Path) -> None:
     with opened(written(content, tmp_path / "report.html"), color_scheme="dark") as dark:
         ground = "getComputedStyle(document.body).backgroundColor"
