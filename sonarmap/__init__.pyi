@@ -22,6 +22,7 @@ from .kernels.resample.sphere import upload_directions as upload_directions
 from .kernels.so3.correlation import RotationCorrelation as RotationCorrelation
 from .kernels.so3.harmonics import Harmonics as Harmonics
 from .kernels.so3.harmonics import equalizers as equalizers
+from .slam.candidates.settings import LoopSettings as LoopSettings
 from .slam.graph.control import ControlPoint as ControlPoint
 from .slam.graph.edge import Edge as Edge
 from .slam.graph.gtsam_poses import to_transforms as to_transforms
@@ -30,7 +31,6 @@ from .slam.graph.pose_graph import PoseGraph as PoseGraph
 from .slam.graph.pose_graph import Solution as Solution
 from .slam.graph.pose_graph import factors_of as factors_of
 from .slam.graph.trajectory import Trajectory as Trajectory
-from .slam.loops.settings import LoopSettings as LoopSettings
 from .slam.map.point_map import PointMap as PointMap
 from .slam.mapper import Mapper as Mapper
 from .slam.mapper import MapperSettings as MapperSettings

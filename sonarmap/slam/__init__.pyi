@@ -1,3 +1,4 @@
+from .candidates.settings import LoopSettings as LoopSettings
 from .graph.control import ControlPoint as ControlPoint
 from .graph.edge import Edge as Edge
 from .graph.gtsam_poses import to_transforms as to_transforms
@@ -6,7 +7,6 @@ from .graph.pose_graph import PoseGraph as PoseGraph
 from .graph.pose_graph import Solution as Solution
 from .graph.pose_graph import factors_of as factors_of
 from .graph.trajectory import Trajectory as Trajectory
-from .loops.settings import LoopSettings as LoopSettings
 from .map.point_map import PointMap as PointMap
 from .mapper import Mapper as Mapper
 from .mapper import MapperSettings as MapperSettings

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision, decide
 from sonarmap.slam.decide.hand import displaced, with_contradictions
 from sonarmap.slam.decide.measurements import Measurements
@@ -14,7 +15,6 @@ from sonarmap.slam.execute.runner import Execution, PairRunner, Progress
 from sonarmap.slam.execute.worker import prepared_limit
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.pose_covariance import pose_covariances
-from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.map.component_maps import MIN_SEEN, ComponentMaps, component_maps
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.motion.limits import MotionLimits

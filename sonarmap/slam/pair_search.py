@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 
+from sonarmap.slam.candidates.candidates import find_candidates, find_lookalikes
+from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.execute.runner import PairRunner
-from sonarmap.slam.loops.candidates import find_candidates, find_lookalikes
-from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.map.cell import outline
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.measured_motion import AnyMotion, MeasuredMotion

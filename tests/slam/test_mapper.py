@@ -9,11 +9,11 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.slam.candidates.candidates import find_candidates
+from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.execute.runner import Execution
 from sonarmap.slam.execute.worker import Worker
 from sonarmap.slam.graph.trajectory import chain
-from sonarmap.slam.loops.candidates import find_candidates
-from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.map.cell import outline
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.pair import Pair

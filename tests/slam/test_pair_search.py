@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.survey_result import SurveyResult

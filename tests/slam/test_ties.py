@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.graph.control import ControlPoint, Use
-from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.stream.keys import KeySettings

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.chains import chain_parts
 from sonarmap.slam.decide.consistency import Comparison, compare
 from sonarmap.slam.decide.hand import hand_edges
@@ -20,7 +21,6 @@ from sonarmap.slam.graph.place import place_by_control, place_in_world
 from sonarmap.slam.graph.pose_covariance import weighed
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory, chain
-from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.pair import Pair, RegisteredPair
 from sonarmap.spectral.result import Registration
 

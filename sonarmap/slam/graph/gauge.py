@@ -12,7 +12,7 @@ from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge, components
 from sonarmap.slam.graph.known_pose import KnownPose, MeasuredPoses, blocks, held_pose, known_at, turn_information
 from sonarmap.slam.graph.tangent import adjoint
-from sonarmap.spectral.covariance import cross_matrices
+from sonarmap.spectral.covariance_at_sensor import cross_matrices
 from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior
 

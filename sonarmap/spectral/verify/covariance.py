@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.spectral.covariance import covariance_at_sensor
+from sonarmap.spectral.covariance_at_sensor import covariance_at_sensor
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.verify.calibration import CALIBRATION
 from sonarmap.spectral.verify.fit import Fit, principal_axes

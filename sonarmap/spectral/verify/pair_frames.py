@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.spectral.covariance import cross_matrices
+from sonarmap.spectral.covariance_at_sensor import cross_matrices
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.translation import Box

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision, decide
 from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, twin_odds
-from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.pair import RegisteredPair, Role
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import drawn, measurements_of, random_covariance, registration, ring_poses

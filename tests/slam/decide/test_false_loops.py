@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import decide
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.lab.simulate.paths.trajectories import lawnmower

@@ -64,7 +64,7 @@ class SurveyOptions:
 
     def mapper_settings(self) -> "MapperSettings":
         """The same as the mapper takes it; None leaves the default."""
-        from sonarmap.slam.loops.settings import LoopSettings
+        from sonarmap.slam.candidates.settings import LoopSettings
         from sonarmap.slam.map.component_maps import MIN_SEEN
         from sonarmap.slam.mapper import MapperSettings
         from sonarmap.slam.motion.limits import MotionLimits

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.map.cell import outline, overlapping
 from sonarmap.spectral.scan import Scan
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.device.device import choose_device
-from sonarmap.slam.loops.places import PlaceIndex
+from sonarmap.slam.candidates.places import PlaceIndex
 from sonarmap.spectral.grid import choose_grid
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.tools.lab.evaluate.place_recall import AMONG, GAP, hits, recall

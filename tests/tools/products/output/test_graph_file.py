@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 import sonarmap
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.survey_result import SurveyResult

@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
-from sonarmap.spectral.covariance import cross_matrices
+from sonarmap.spectral.covariance_at_sensor import cross_matrices
 from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import poses_of, values_of

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.spectral.covariance import cross_matrices
+from sonarmap.spectral.covariance_at_sensor import cross_matrices
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.lab.reproduce.experiment import Row, Value

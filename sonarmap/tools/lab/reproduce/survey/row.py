@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sonarmap.slam.loops.places import PlaceIndex
+from sonarmap.slam.candidates.places import PlaceIndex
 from sonarmap.tools.lab.evaluate.map_error import Reference, map_error
 from sonarmap.tools.lab.evaluate.pairs import score_pairs
 from sonarmap.tools.lab.evaluate.place_recall import AMONG, GAP, recall, revisits

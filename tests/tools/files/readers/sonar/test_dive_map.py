@@ -13,8 +13,8 @@ from scipy.spatial import KDTree
 from typer.testing import CliRunner
 
 import sonarmap
+from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.mapper import MapperSettings
 from sonarmap.tools.command.main import app
 from sonarmap.tools.files.memory import peak_memory

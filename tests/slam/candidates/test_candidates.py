@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.slam.candidates.candidates import certainties, displacement, separations
 from sonarmap.slam.graph.pose_graph import Solution
-from sonarmap.slam.loops.candidates import certainties, displacement, separations
 from sonarmap.slam.map.cell import outline
 from tests.samples.surveys import chain_edges, chained_graph, edge, random_covariance, ring_poses, scans_of
 

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.slam.candidates.places import PlaceIndex
+from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
-from sonarmap.slam.loops.places import PlaceIndex
-from sonarmap.slam.loops.settings import LoopSettings
 from sonarmap.slam.map.cell import cell_keys, overlapping
 from sonarmap.slam.pair import Candidate
 

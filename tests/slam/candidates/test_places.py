@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.loops.places import PlaceIndex
+from sonarmap.slam.candidates.places import PlaceIndex
 
 # Two laps over so many places make a survey.
 PLACES = 30
