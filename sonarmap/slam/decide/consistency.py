@@ -141,6 +141,8 @@ def agreeing_groups(chains: Chains, loops: Sequence[Edge], bound: float) -> np.n
 
 def distances_from_chain(chains: Chains, loops: Sequence[Edge]) -> np.ndarray:
     """(m,) how far each loop is from what the chain alone says [sigmas]; both as of `agreeing_groups`."""
+    if not loops:
+        return np.zeros(0)
     return _Cycles.of(chains, loops).from_chain(np.arange(len(loops)))
 
 

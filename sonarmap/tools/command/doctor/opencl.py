@@ -44,8 +44,6 @@ def main(arguments: Sequence[str]) -> None:
         answer(unloadable=str(error))
         return
     from sonarmap.kernels.errors import DeviceError, SonarmapError
-    from sonarmap.kernels.fft.edges import EDGES
-    from sonarmap.spectral.memory import largest_edge, memory_plan
 
     try:
         answer(begins="testing the devices" if arguments else "trying the devices")
@@ -53,6 +51,9 @@ def main(arguments: Sequence[str]) -> None:
         answer(begins="choosing a device")
         device = choose_device()
         answer(chosen=device.selector)
+        from sonarmap.kernels.fft.edges import EDGES
+        from sonarmap.spectral.memory import largest_edge, memory_plan  # loads SciPy: only once devices were tried
+
         pairs = [(edge, max(memory_plan(edge, method).pair for method in _METHODS)) for edge in EDGES]
         answer(largest=largest_edge(device), pairs=pairs, device_memory=device.memory, shared=device.is_cpu)
     except DeviceError as error:

@@ -181,6 +181,11 @@ class TestClock:
         assert clock_faults(clock_of(np.array([1e18, 1e18 + 500])), 1e9)
 
 
+def test_an_empty_recording_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "void.sonar").write_bytes(b"")
+    refused(sonarmap("inspect", tmp_path / "void.sonar"), "void.sonar")
+
+
 def test_a_real_recording_of_a_ship() -> None:
     if not REAL.exists():
         pytest.skip(f"no real recording at {REAL}")

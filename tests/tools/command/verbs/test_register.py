@@ -218,7 +218,6 @@ def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) 
     said(mixed, "1 of 2 scans have no echo strength")
 
 
-GRID = ("--grid", "64")
 T_TRUE = T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]
 
 

@@ -23,7 +23,11 @@ class Steps(ByMethod):
     """Registers S0..S12 to the reference scan; a job is one scene, seed, noise and method."""
 
     name = "steps"
-    sources: ClassVar[tuple[str, ...]] = (*METHOD_SOURCES, "tools/lab/reproduce/evaluation/settings.py")
+    sources: ClassVar[tuple[str, ...]] = (
+        *METHOD_SOURCES,
+        "tools/lab/reproduce/settings.py",
+        "tools/lab/reproduce/evaluation/settings.py",
+    )
     deciding = ("edge",)
     make_section, draw_pictures = staticmethod(steps_section), staticmethod(draw_steps)
 

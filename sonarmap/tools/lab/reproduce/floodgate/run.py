@@ -70,6 +70,7 @@ class Floodgate(Experiment):
 
     name = "floodgate"
     sources: ClassVar[tuple[str, ...]] = (
+        "tools/lab/reproduce/settings.py",
         *("tools/lab/simulate", "tools/lab/evaluate", "tools/lab/reproduce/answer.py"),
         *("tools/lab/reproduce/floodgate/chain.py", *ALL_METHODS),
     )

@@ -45,6 +45,7 @@ class Gaussian(Experiment):
 
     name = "gaussian"
     sources: ClassVar[tuple[str, ...]] = (
+        "tools/lab/reproduce/settings.py",
         *("kernels", "spectral", "tools/lab/simulate", "tools/lab/evaluate"),
         *(f"tools/lab/reproduce/{name}.py" for name in ("answer", "gaussian/series")),
     )

@@ -41,6 +41,7 @@ class StructureExperiment(Experiment):
     """The paper's registration on structures in a grid that stands still; it is the frame that they move out of."""
 
     sources: ClassVar[tuple[str, ...]] = (
+        "tools/lab/reproduce/settings.py",
         *("kernels", "spectral", "tools/lab/simulate", "tools/lab/evaluate", "tools/lab/reproduce/answer.py"),
         *(f"tools/lab/reproduce/structures/{name}.py" for name in ("moved", "settings")),
     )
