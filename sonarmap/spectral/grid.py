@@ -100,7 +100,11 @@ def choose_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = No
 
 
 def voxel_for(extent: float, edge: int) -> float:
-    """The voxel [m] with which a scan of this extent [m] fits into the grid with a margin; InputError where it is 0."""
+    """The voxel [m] with which a scan of this extent [m] fits into the grid with a margin.
+
+    Raises:
+        InputError: the extent is 0, or the edge is no grid's.
+    """
     _require_edge(edge)
     if extent <= 0:
         raise InputError(

@@ -82,7 +82,16 @@ class SpectralRegistrar(GridRegistrar):
     """Spectral registration on one device and grid; any two scans it prepared can be registered."""
 
     def __init__(self, device: Device, grid: Grid, config: SpectralConfig | None = None) -> None:
-        """Plan everything that does not depend on the scans; device and grid as `GridRegistrar` takes them."""
+        """Plan everything that does not depend on the scans.
+
+        Args:
+            device: from `choose_device`.
+            grid: of every scan, as `choose_grid` makes it.
+            config: None for the defaults.
+
+        Raises:
+            DeviceError: the device has too little memory.
+        """
         self.config = config or SpectralConfig()
         super().__init__(device, grid, memory_plan(grid.edge, max_tilt=self.config.max_tilt))
         self.so3 = So3(device, grid.edge, self.config.max_tilt)
@@ -91,7 +100,7 @@ class SpectralRegistrar(GridRegistrar):
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
 
     def prepare(self, scan: Scan) -> SpectralScan:
-        """Its spectra, its layers' harmonics, its surface and its view; InputError of one with little structure."""
+        """A scan's spectra, its layers' harmonics, its surface and its view; InputError where it shows too little."""
         # all that the device can do is queued before anything is read
         volume, magnitude = self._preparer.prepare(scan)
         analyzed = self.so3.analyze(magnitude)

@@ -132,7 +132,7 @@ class So3:
         allowed: Callable[[Rotation], np.ndarray],
         parts: Sequence[tuple[int, int]] = PARTS[1:],
     ) -> list[RotationPeaks]:
-        """For each of PARTS, the bands by default, the `count` highest distinct rotations, or all that are.
+        """For each of PARTS, the bands by default, the `count` highest distinct rotations, fewer if fewer are allowed.
 
         Args:
             target, source: `SphereLayers.coefficients`.

@@ -63,9 +63,8 @@ class Translation:
 
     def find_others(self, target: Volume, source: Volume, R_target_source: Rotation, separation: float) -> list[Peak]:
         """The next highest peak of that correlation, farther than `separation` [voxels] from the highest, if any."""
-        return self.find_within(target, source, Rotation.concatenate([R_target_source]), [None], 2, separation)[0][0][
-            1:
-        ]
+        found = self.find_within(target, source, Rotation.concatenate([R_target_source]), [None], 2, separation)
+        return found[0][0][1:]
 
     def find_within(
         self,
@@ -79,7 +78,7 @@ class Translation:
         """For each of m rotations and each exponent the `count` highest peaks within its box, or all that are.
 
         They are farther than `separation` [voxels] apart. Within a box a peak's shift is what it names, and what the
-        box moves out of the grid takes no part; without one, None, it is one of what is cyclic.
+        box moves out of the grid takes no part; without a box (None) a shift is one of those that are cyclically equal.
         """
         bounds = [box if self.is_bounded(box) else None for box in boxes]
         poses = [

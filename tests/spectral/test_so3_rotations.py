@@ -193,6 +193,19 @@ def test_the_best_is_the_nearest_tilt_of_the_nearest_turn(bounded: Spectra, scan
     assert best.scores[0] > best.scores[1]
 
 
+def test_groups_come_once_and_the_best_first_and_no_more_than_there_are(bounded, scans: tuple[Array, Array]) -> None:
+    best = swept(bounded, scans, 20)
+    assert len(best.R) == len(best.scores) == 20
+    assert best.scores.dtype == np.float64
+    assert (np.diff(best.scores) <= 0).all()
+    assert len(set(indices(best.R) // EACH)) == 20
+    every = swept(bounded, scans, 1000)
+    assert sorted(indices(every.R) // EACH) == list(range(len(TURNS)))
+    one_group = Sweep(SWEEP[:EACH], EACH, 0.0)
+    (only,) = bounded.so3.best_of(*scans, one_group, 3).scores
+    assert only in every.scores
+
+
 def test_each_stands_for_its_group_by_its_highest(bounded: Spectra, scans: tuple[Array, Array]) -> None:
     """In groups of one, all rotations show their values."""
     every = bounded.so3.best_of(*scans, Sweep(SWEEP, 1, 0.0), len(SWEEP))

@@ -94,11 +94,13 @@ class _Tracer:
         return event
 
     def copied(self, original: Callable[..., Any], queue: Any, to: Any, source: Any, **options: Any) -> Any:
+        if not self._is_ours(queue):
+            return original(queue, to, source, **options)
         counts = self._counts()
-        if self._is_ours(queue) and not isinstance(to, cl.MemoryObjectHolder):
+        if not isinstance(to, cl.MemoryObjectHolder):
             counts.reads += bool(options.get("is_blocking", True))
             counts.read_bytes += to.nbytes
-        elif self._is_ours(queue) and not isinstance(source, cl.MemoryObjectHolder):
+        elif not isinstance(source, cl.MemoryObjectHolder):
             counts.writes += 1
             counts.written_bytes += source.nbytes
         return original(queue, to, source, **options)

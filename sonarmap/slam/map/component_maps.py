@@ -48,7 +48,8 @@ class ComponentMaps:
     # the points that were left out of it, as too few scans saw them where others looked; None where that was not asked
     doubtful: PointMap | None
     # the map of each survey's scans alone, by the survey's number, and what is doubtful by these scans; none where
-    # there is one survey. In the map of all, a survey may contradict what an earlier one saw and what has changed since
+    # there is one survey. In the map of all, a survey may contradict what an earlier one saw
+    # and what has changed since: a layer is the place as that survey found it
     layers: Mapping[int, CleanMap]
     # the map that the poses before the loops would give, in the same frame, of the echoes that make up the map: it is
     # not judged itself, as free space contradicts what drift draws twice

@@ -78,7 +78,7 @@ def votes(point_map: PointMap, placed: PlacedScans) -> Votes:
 
 
 def ball_search(points: np.ndarray) -> Callable[[np.ndarray, float], np.ndarray]:
-    """Which of (M, 3) points [m] are nearer to a center (3,) than a radius [m], ascending.
+    """A function that tells which of (M, 3) points [m] are nearer to a center (3,) than a radius [m], ascending.
 
     It measures those of a slab along x, which is thin where the points are ordered by x, as a map's are.
     """

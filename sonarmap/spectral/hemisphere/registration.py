@@ -88,7 +88,16 @@ class HemisphereRegistrar(GridRegistrar):
     _LARGEST_TILT = float(np.deg2rad(85.0))
 
     def __init__(self, device: Device, grid: Grid, config: HemisphereConfig | None = None) -> None:
-        """Plan everything that does not depend on the scans; device and grid as `GridRegistrar` takes them."""
+        """Plan everything that does not depend on the scans.
+
+        Args:
+            device: from `choose_device`.
+            grid: of every scan, as `choose_grid` makes it.
+            config: None for the defaults.
+
+        Raises:
+            DeviceError: the device has too little memory.
+        """
         self.config = config or HemisphereConfig()
         super().__init__(device, grid, memory_plan(grid.edge, "hemisphere"))
         self.hemisphere = Hemisphere(device, grid.edge, self.config.windowed)
@@ -96,7 +105,7 @@ class HemisphereRegistrar(GridRegistrar):
         self._preparer = Preparer(device, grid, self.config.use_strength, self.config.centered)
 
     def prepare(self, scan: Scan) -> LayeredScan:
-        """Its spectra and, for the steps 1 and 4, its layers; InputError where it shows too little structure."""
+        """A scan's spectra and, for the steps 1 and 4, its layers; InputError where it shows too little structure."""
         volume, magnitude = self._preparer.prepare(scan)
         return LayeredScan(volume, magnitude, self.hemisphere.prepare(magnitude))
 

@@ -42,7 +42,7 @@ _ODDS, _TWIN = 1.4, 5.0
 _WEIGHTS = Clues(psr=0.8, view=1.0, surface=0.92, sharpness=0.66, firmness=0.82, lead=0.49, search=1.0)
 
 
-def clear_probability(given: Clues) -> float:
+def right_probability(given: Clues) -> float:
     """That a hypothesis is right: that the scans show one place so clearly, times that it is this one.
 
     Each is logistic in the clues. The second is 1/2 for a hypothesis and its exact twin, however high their peaks
@@ -78,7 +78,7 @@ def hypothesis_probabilities(hypotheses: Sequence[Hypothesis], edge: int, search
 
     Their sum is at most 1.
     """
-    probabilities = np.array([clear_probability(clues(each, hypotheses, edge, search)) for each in hypotheses])
+    probabilities = np.array([right_probability(clues(each, hypotheses, edge, search)) for each in hypotheses])
     # one answer at most is right: what the best leaves is all that the others can have
     left, others = 1 - probabilities[0], probabilities[1:].sum()
     if others > left:

@@ -45,7 +45,7 @@ _NO_VERB = re.compile(r"No such command '(.*?)'\.?")
 _MEANT = re.compile(r"Did you mean (.*)\?")
 _NO_VALUE = re.compile(r"Option '?(\S+?)'? requires an argument\.?")
 _A_VALUE = re.compile(r"Option '?(\S+?)'? does not take a value\.?")
-_EXTRA = re.compile(r"Got unexpected extra argument\(?s?\)? \((.*)\)", re.DOTALL)
+_TOO_MUCH = re.compile(r"Got unexpected extra argument\(?s?\)? \((.*)\)", re.DOTALL)
 
 
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -217,7 +217,7 @@ def _other(message: str, call: str) -> str:
         return f"{match[1]} needs a value after it; give one, or leave {match[1]} out."
     if match := _A_VALUE.fullmatch(message):
         return f"{match[1]} takes no value; leave out what stands after it."
-    if match := _EXTRA.fullmatch(message):
+    if match := _TOO_MUCH.fullmatch(message):
         return f"{match[1]} is too much; `{call} --help` shows how it is called."
     return message
 

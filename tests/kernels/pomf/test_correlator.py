@@ -39,7 +39,7 @@ def volume_of(points: np.ndarray, edge: int, pose: Pose) -> np.ndarray:
 def poses(count: int) -> list[Pose]:
     """Turned ones, as a scan with itself has equal peaks on either side; some moved, some bounded."""
     offsets = [None, np.array([1.5, -2.0, 0.5])]
-    limits = [None, None, np.array([3, 4.9, 6])]
+    limits = [None, np.array([3, 4.9, 6]), None]
     turns = Rotation.from_euler("ZYX", [[0.2 + 0.3 * k, -0.1 * k, 0.05] for k in range(count)]).as_matrix()
     return [Pose(R, offsets[k % 2], limits[k % 3]) for k, R in enumerate(turns)]
 

@@ -160,6 +160,24 @@ class TestHeadingsWithoutAttitude:
 
 
 class TestNormalized:
+    @pytest.mark.parametrize(
+        ("kinds", "dof"),
+        [
+            ((ATTITUDE,), 2),
+            ((ATTITUDE, HEADING), 3),
+            ((HEADING,), 0),
+            ((ATTITUDE, DEPTH), 3),
+            ((POSITION, DEPTH), 0),
+            ((ATTITUDE, POSITION), 2),
+            ((ATTITUDE, HEADING, POSITION), 5),
+        ],
+    )
+    def test_counted_is_what_is_measured(self, kinds: tuple[slice, ...], dof: int) -> None:
+        moved = T_TRUE * RigidTransform.from_exp_coords([0.05, -0.1, 0.07, 1, 2, 3])
+        chi2, counted = pair(*kinds).normalized(moved)
+        assert counted == dof
+        assert (chi2 > 0.1) == (dof > 0)
+
     def test_the_measured_pose_is_no_way_off_and_a_turn_of_one_sigma_is_1(self) -> None:
         assert pair(*ALL).normalized(T_TRUE) == (pytest.approx(0, abs=1e-20), 6)
         sigmas = [np.array([1e-3, 1e-3, heading, INF, INF, INF]) for heading in (0.03, 0.04)]

@@ -15,10 +15,10 @@ from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
 from sonarmap.spectral.verify.probability import (
     Clues,
-    clear_probability,
     clues,
     explain,
     hypothesis_probabilities,
+    right_probability,
     tolerance_probability,
 )
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_unrelated
@@ -40,9 +40,9 @@ def probabilities(*hypotheses: Hypothesis, edge: int = 128, search: float = 0.0)
 
 @pytest.mark.parametrize("clue", [field.name for field in fields(Clues)])
 def test_the_probability_grows_with_every_clue(clue: str) -> None:
-    clear = clear_probability(CLEAR)
+    clear = right_probability(CLEAR)
     assert 0.9 < clear < 1
-    assert clear_probability(replace(CLEAR, **{clue: getattr(CLEAR, clue) - 1.0})) < clear
+    assert right_probability(replace(CLEAR, **{clue: getattr(CLEAR, clue) - 1.0})) < clear
 
 
 def test_clues_are_logarithms_of_the_evidence() -> None:

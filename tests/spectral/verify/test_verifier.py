@@ -19,7 +19,7 @@ from sonarmap.spectral.verify.bounds import Bounds
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Hypothesis, ranked
 from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
-from sonarmap.spectral.verify.verifier import Selection, Verifier, consistency
+from sonarmap.spectral.verify.verifier import Candidates, Selection, Verifier, consistency
 from tests.samples.scenes.reliefs import above, relief, seen
 
 EDGE, VOXEL = 64, 0.5
@@ -90,6 +90,22 @@ class TestCandidates:
         assert (candidates.rotation[right] == 1).all()
         assert candidates.psr[right].max() > 1.5 * candidates.psr[candidates.rotation == 0].max()
         np.testing.assert_allclose((candidates.R[int(right[0])] * TRUE.rotation.inv()).magnitude(), 0, atol=1e-9)
+
+    def test_a_cyclic_shift_stands_for_several(self, verifier) -> None:
+        """-3 is also 61, and 1 also -63, but these leave nothing in common of 64 voxels; 20 is also -44."""
+        shifts = np.array([[20.0, -3.0, 1.0], [20.0, -30.0, 31.5], [50.0, -3.0, 70.0]])
+        peak, unwrapped = verifier._unwrapped(shifts, np.array([False, False, True]))
+        np.testing.assert_array_equal(peak, [0, 0, *[1] * 8, 2])
+        np.testing.assert_array_equal(unwrapped[:2], [[20.0, -3.0, 1.0], [-44.0, -3.0, 1.0]])
+        np.testing.assert_array_equal(unwrapped[-1], shifts[2])
+
+    def test_heights_are_those_of_the_highest_peaks_of_rotations(self) -> None:
+        R = Rotation.identity(5)
+        given = Candidates(np.array([0, 0, 1, 1, 2]), R, np.zeros((5, 3)), np.array([9.0, 4, 8, 2, 20]), np.zeros(5))
+        assert given.usual_height() == 9.0
+        assert given.raised(2.0).psr.tolist() == [18, 8, 16, 4, 40]
+        assert Candidates.joined([given, given.raised(0.5)]).psr.tolist() == [9, 4, 8, 2, 20, 4.5, 2, 4, 1, 10]
+        assert given.select(np.zeros(5, dtype=bool)).usual_height() == 1.0
 
     def test_the_best_is_the_true_one_and_none_comes_twice(self, verifier, pair) -> None:
         nearby = Rotation.from_rotvec([0, 0, 0.03]) * TRUE.rotation

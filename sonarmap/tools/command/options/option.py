@@ -42,7 +42,7 @@ REQUIRED: Any = MISSING  # the default of an option that has to be given
 _OPTION = "option"  # in a field's metadata
 
 
-def value(panel: str, metavar: str, words: str, *names: str, rare: bool = False, **more: Any) -> Any:
+def value_option(panel: str, metavar: str, words: str, *names: str, rare: bool = False, **more: Any) -> Any:
     """An option with a value, in one of the panels of GROUPS, as `Annotated` takes it; `metavar` stands for the value.
 
     Args:
@@ -63,9 +63,9 @@ def switch(panel: str, names: str, words: str, rare: bool = False) -> Any:
 def option(
     panel: str, metavar: str, words: str, default: Any = None, *names: str, shown: str | bool = True, **more: Any
 ) -> Any:
-    """A field that is an option with a value: `value`, with its default (None for none, REQUIRED where it has to be
-    given) and `shown`, the default in words where it is not the value."""
-    metadata = {_OPTION: value(panel, metavar, words, *names, show_default=shown, **more)}
+    """A field that is an option with a value: `value_option`, with its default (None for none, REQUIRED where it has
+    to be given) and `shown`, the default in words where it is not the value."""
+    metadata = {_OPTION: value_option(panel, metavar, words, *names, show_default=shown, **more)}
     if isinstance(default, list):
         return field(default_factory=lambda: list[Any](default), metadata=metadata)
     return field(default=default, metadata=metadata)

@@ -19,7 +19,7 @@ from sonarmap.tools.command.options.option import (
     listed_in,
     option,
     refuse_without,
-    value,
+    value_option,
 )
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import say
@@ -49,7 +49,7 @@ def _check_formats(values: list[str] | None) -> list[str] | None:
 
 FormatsOption = Annotated[
     list[str],
-    value(
+    value_option(
         OUTPUT,
         "NAME",
         f"{', '.join(FORMATS)}; several separated by commas. {_KNOWN}. The option may also be repeated.",

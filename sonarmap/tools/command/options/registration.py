@@ -10,7 +10,7 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.options.option import REGISTRATION, completes, flag, option, value
+from sonarmap.tools.command.options.option import REGISTRATION, completes, flag, option, value_option
 from sonarmap.tools.command.options.running import DeviceOption
 from sonarmap.tools.methods.registry import DEFAULT_METHOD, METHODS, find_method
 
@@ -74,7 +74,7 @@ check_seed = checked(
 
 GridOption = Annotated[
     int | None,
-    value(
+    value_option(
         REGISTRATION,
         "N",
         "Voxels per edge, 16..512. The number is an even product of 2, 3 and 5.",
@@ -84,7 +84,7 @@ GridOption = Annotated[
 ]
 VoxelOption = Annotated[
     float | None,
-    value(
+    value_option(
         REGISTRATION,
         "M",
         "Edge of a voxel \\[m].",
@@ -98,7 +98,7 @@ VoxelOption = Annotated[
 ]
 SeedOption = Annotated[
     int,
-    value(
+    value_option(
         REGISTRATION,
         "S",
         "Seed for methods that use random numbers. The same seed gives the same result.",

@@ -4,7 +4,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
-from sonarmap.tools.command.options.option import RUNNING, switch, value
+from sonarmap.tools.command.options.option import RUNNING, switch, value_option
 
 
 def _devices(incomplete: str) -> list[tuple[str, str]]:
@@ -20,7 +20,7 @@ def _devices(incomplete: str) -> list[tuple[str, str]]:
 
 DeviceOption = Annotated[
     str | None,
-    value(
+    value_option(
         RUNNING,
         "DEVICE",
         "OpenCL device: cpu, gpu, or a part of its name. platform:device too; `sonarmap devices` lists them.",
@@ -30,7 +30,9 @@ DeviceOption = Annotated[
 ]
 LogFileOption = Annotated[
     Path | None,
-    value(RUNNING, "FILE", "Add everything that is said, with times, to the end of FILE.", rare=True, dir_okay=False),
+    value_option(
+        RUNNING, "FILE", "Add everything that is said, with times, to the end of FILE.", rare=True, dir_okay=False
+    ),
 ]
 JsonOption = Annotated[bool, switch(RUNNING, "--json", "Print the result as JSON, without progress.")]
 QuietOption = Annotated[bool, switch(RUNNING, "--quiet -q", "Print nothing but warnings and errors.")]

@@ -70,6 +70,21 @@ class SurveyInput:
         return [*self.read.files, *said]
 
 
+@dataclass(frozen=True, slots=True)
+class Telling:
+    """How a run says what it does and what came of it."""
+
+    start: float  # by the monotonic clock [s]
+    as_json: bool
+    verbose: bool
+    quiet: bool
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing but results, warnings and errors is said."""
+        return self.quiet or self.as_json
+
+
 def command(
     context: typer.Context,
     inputs: InputsArgument,
@@ -106,35 +121,42 @@ def command(
 
     --export writes the map for other programs too, as `sonarmap export` does, which needs no other run of `map`.
     """
-    start, silent = time.monotonic(), quiet or as_json
+    telling = Telling(time.monotonic(), as_json, verbose, quiet)
     method = checked_method(method, context)
     mapper = survey.mapper_settings()
     navigation = reading.settings(priors.priors, odometry.odometry, origin=earth.georeference())
-    read = _read_scans(inputs, priors.priors, points.corrections(), output.out, silent)
+    read = _read_scans(inputs, priors.priors, points.corrections(), output.out, telling.silent)
     read, georeference = _navigate(read, priors, navigation, imu and method.uses_priors, earth.origin_heading)
     ties = person.read_ties(read.scans)
     control, georeference = person.read_control(read.scans, georeference)
     exports = output.export_settings(earth.crs, georeference, read.scans)
     reckoned = odometry.read(read.scans, navigation)
     configured = configure_method(read.scans, method, survey=True)
-    if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, silent):
+    if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, telling.silent):
         warn(f"{contradiction}; correct {priors.priors}, or say how it is meant (docs/navigation.md)")
     described = given(priors) | given(odometry) | given(reading) | given(points) | given(person)
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapper}
+    survey_input = SurveyInput(read, reckoned, ties, control, georeference, configured, settings)
+    if not _map_and_tell(survey_input, execution, output, exports, telling):
+        raise typer.Exit(INCOMPLETE)
+
+
+def _map_and_tell(
+    survey: SurveyInput, execution: ExecutionOptions, output: MapOutput, exports: "ExportSettings", telling: Telling
+) -> bool:
+    """Write the map's folder and what is made of it, and say what came of it; whether the map is whole."""
     require_writable(output.out)
     with locked(output.out, writing=True):  # until its last file is written
-        survey_input = SurveyInput(read, reckoned, ties, control, georeference, configured, settings)
-        mapped = _map(survey_input, execution, output, silent)
+        mapped = _map(survey, execution, output, telling.silent)
         try:
-            _write_report_and_exports(mapped, output.report, exports, silent)
+            _write_report_and_exports(mapped, output.report, exports, telling.silent)
         finally:  # the map is there, whatever its report and export came to
-            if not as_json:
-                print_mapped(mapped, time.monotonic() - start, verbose)
-    if as_json:
+            if not telling.as_json:
+                print_mapped(mapped, time.monotonic() - telling.start, telling.verbose)
+    if telling.as_json:
         print_summary(output.out)
-        warn_of_faults(mapped, verbose)
-    if not mapped.whole:
-        raise typer.Exit(INCOMPLETE)
+        warn_of_faults(mapped, telling.verbose)
+    return mapped.whole
 
 
 def _read_scans(

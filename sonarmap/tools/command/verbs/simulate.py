@@ -19,7 +19,7 @@ from sonarmap.tools.command.options.option import (
     completes_list,
     given,
     option,
-    value,
+    value_option,
 )
 from sonarmap.tools.command.options.registration import check_seed
 from sonarmap.tools.command.options.running import QuietOption
@@ -163,7 +163,7 @@ class SimulatedNavigation:
 
 
 def command(
-    out: Annotated[Path, value(OUTPUT, "DIR", "Folder for the scans.", "-o", "--out")],
+    out: Annotated[Path, value_option(OUTPUT, "DIR", "Folder for the scans.", "-o", "--out")],
     scans: SimulatedScans,
     noise: EchoNoise,
     lost: LostEchoes,

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import OUTPUT, value
+from sonarmap.tools.command.options.option import OUTPUT, value_option
 from sonarmap.tools.command.options.scan import InputsArgument
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import printable, say, warn
@@ -14,7 +14,7 @@ from sonarmap.tools.command.terminal import printable, say, warn
 
 def command(
     inputs: InputsArgument,
-    out: Annotated[Path, value(OUTPUT, "FILE", "CSV file to write.", "-o", "--out")],
+    out: Annotated[Path, value_option(OUTPUT, "FILE", "CSV file to write.", "-o", "--out")],
 ) -> None:
     """Write a CSV file for `--priors`: one row per scan with its name and stamp, and empty cells to fill in.
 

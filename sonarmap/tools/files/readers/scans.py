@@ -134,8 +134,8 @@ def read_entries(
                     progress(number, len(selection.files), f"{selected.path.name}: {count:,} scans")
         except InputError as error:
             # a text that cannot be read as points, as a README.txt or a log, beside scans of another format
-            texts = [path.suffix.lower() in _TEXTS for path in (selected.path, *files)]
-            if texts[0] and not all(texts):
+            is_text = selected.path.suffix.lower() in _TEXTS
+            if is_text and any(path.suffix.lower() not in _TEXTS for path in files):
                 notes.append(f"{selected.path} holds no points, and the scans are in another format: it is left out")
             else:
                 yield ScanEntry(selected.path, selected.place, "", reason=str(error))

@@ -33,12 +33,16 @@ def place_labels(
     y0, x1, y1 [pixels], and stand at one of the `distances` [points], the preferred first. The figure's size, and the
     axes' place and limits, must be final."""
     pixels = axes.figure.dpi / 72  # of a point
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    # without it each text would make a renderer of its own
+    renderer = FigureCanvasAgg(axes.get_figure(root=True)).get_renderer()
     frame, boxes = axes.get_window_extent(), [*map(np.array, taken)]
     hidden = _NOWHERE if covered is None else axes.transData.transform(covered)
     written: list[Annotation] = []
     for place, text in zip(places, texts, strict=True):
         label = axes.annotate(text, place, xytext=(0, 0), textcoords="offset points", annotation_clip=False, **style)
-        box = label.get_window_extent()
+        box = label.get_window_extent(renderer)
         anchor, size = axes.transData.transform(place), np.array([box.width, box.height])
         options: list[tuple[int, float, tuple[int, int], np.ndarray]] = []
         for distance in distances:

@@ -64,6 +64,11 @@ class TestHealthy:
 
 class TestBrokenLibraries:
     @pytest.mark.slow
+    def test_a_library_that_sizes_need_is_not_blamed_on_pyopencl(self, tmp_path: Path) -> None:
+        checks = quick(first=broken_module(tmp_path, "scipy", "SystemExit(1)"))
+        assert "while choosing a device" in checks["OpenCL"]["seen"]
+
+    @pytest.mark.slow
     def test_opencl_s_loader_is_missing(self, tmp_path: Path) -> None:
         fault = "libOpenCL.so.1: cannot open shared object file: No such file or directory"
         broken = broken_module(tmp_path, "pyopencl", f"ImportError({fault!r})")

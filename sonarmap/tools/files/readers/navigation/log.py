@@ -91,7 +91,8 @@ def _interpolated(
 def _attached(
     stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """As `_interpolated`, of the first measurement whose next scan is a scan, at most so far away [s]."""
+    """For each scan the first measurement of those to which it is the nearest scan, at most `reach` [s] away, as
+    `_interpolated` gives them."""
     known, deviations = (np.full((len(stamps), values.shape[1]), unknown) for unknown in (np.nan, np.inf))
     order = np.argsort(stamps, kind="stable")
     after = np.clip(np.searchsorted(stamps[order], times), 0, len(order) - 1)

@@ -30,7 +30,7 @@ from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 
-UNRELATED = 500  # pairs
+UNRELATED_PAIRS = 500
 SOURCES = (*METHOD_SOURCES, *(f"tools/lab/reproduce/evaluation/{name}.py" for name in ("pair_set", "settings")))
 
 
@@ -161,4 +161,4 @@ class Unrelated(PairSetExperiment):
 
 def create_unrelated(request: Request) -> Unrelated:
     """The experiment as the command line asks for it; `quick` is one batch on half the voxels."""
-    return Unrelated(pair_set_settings(request, UNRELATED, quick_pairs=BATCH), request.opened.selector)
+    return Unrelated(pair_set_settings(request, UNRELATED_PAIRS, quick_pairs=BATCH), request.opened.selector)

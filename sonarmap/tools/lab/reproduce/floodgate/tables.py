@@ -213,8 +213,8 @@ def times_tables(rows: Sequence[Row]) -> tuple[Table, ...]:
         for k, name in enumerate(("preparing", "min", "mean", "max"))
     }
     columns["ours: preparing, mean"] = lambda run: f"{column(runs[run], 'prepare_s').mean():.2f}"
-    ours = {"min": np.min, "mean": np.mean, "median": np.median, "max": np.max}
-    for name, of in {**ours, "max / median": lambda seconds: np.max(seconds) / np.median(seconds)}.items():
+    summaries = {"min": np.min, "mean": np.mean, "median": np.median, "max": np.max}
+    for name, of in {**summaries, "max / median": lambda seconds: np.max(seconds) / np.median(seconds)}.items():
         columns[f"ours: {name}"] = lambda run, of=of: f"{of(column(runs[run], 'register_s')):.2f}"
     title = (
         "Seconds per registration, without preparing the scans; the paper: fixed for spectral, varying for the others"

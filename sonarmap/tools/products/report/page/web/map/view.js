@@ -101,11 +101,11 @@ class View {
   }
 
   /** Have the user pick two points (`measuring`), the pose that is tied to the scan `tying`, or what there is. */
-  ask(measuring, tying, hit) {
+  ask(measuring, tying, message) {
     [this.measuring, this.tying, this.measured] = [measuring, tying, []];
     this.canvas.classList.toggle("measuring", measuring || tying !== null);
     this.showMeasured();
-    this.tell(hit);
+    this.tell(message);
   }
 
   measure(on) {
@@ -149,8 +149,9 @@ class View {
       const line = lineAt(seen.map((pair) => pair.ends), camera, x, y, near / 2);
       if (line !== null) return { pair: seen[line] };
     }
+    const { voxel } = part, edge = this.scene.edge(camera, voxel, this.scale);
     for (const name of ["points", "doubtful"]) {
-      const points = this[name], { voxel } = part, edge = this.scene.edge(camera, voxel, this.scale);
+      const points = this[name];
       const point = shown[name] && points ? pointAt(points, camera, x, y, edge, voxel, this.heights) : null;
       if (point !== null) return { [name === "points" ? "point" : name]: point, place: placeOf(this[name], point) };
     }
