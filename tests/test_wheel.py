@@ -17,7 +17,7 @@ from tests.samples.places import ROOT
 from tests.test_architecture import libraries, modules_of, parse
 
 PACKAGE = ROOT / "sonarmap"
-SUFFIXES = {".py", ".pyi", ".cl", ".typed", ".html", ".css", ".js"}
+SUFFIXES = {".py", ".pyi", ".cl", ".json", ".typed", ".html", ".css", ".js"}
 SOURCES = ("pyproject.toml", "README.md", "LICENSE")
 
 

@@ -1,12 +1,13 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """The spectral registration of two scans: rotations from all of SO(3), each verified and refined; on one screen."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Literal
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.recycled import recycled
@@ -15,7 +16,9 @@ from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.points.voxelize import scaled
 from sonarmap.kernels.pomf.point_spectra import PointSpectra
 from sonarmap.spectral.expected import ExpectedPose
+from sonarmap.spectral.fitted import FITTED
 from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.judge.judgement import conclude, no_candidates
 from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer
 from sonarmap.spectral.prepare.range_image import scan_view
@@ -27,16 +30,12 @@ from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.so3 import RotationPeaks, So3, distinct_rotations
 from sonarmap.spectral.verify.bounds import Bounds
-from sonarmap.spectral.verify.calibration import CALIBRATION
-from sonarmap.spectral.verify.covariance import PoseCovariance, covers, fit_covariance
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
-from sonarmap.spectral.verify.probability import Clues, clues, explain, hypothesis_probabilities, tolerance_probability
+from sonarmap.spectral.verify.observability import Observability
 from sonarmap.spectral.verify.verifier import Verifier
 
 Refinement = Literal["icp", "spectral"]
-# Another hypothesis at least this probable is kept beside the best.
-_POSSIBLE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +50,7 @@ class SpectralConfig:
         finalists: how many of them are compared on the whole grid, with as many others that only it shows.
         refinement: what makes the result finer than voxels and bins: "icp", point to plane on the surfaces, or
             "spectral", the translation's peak, which is climbed over the rotation.
-        least_probability: from which probability on a registration is accepted.
+        least_probability: from which probability of its place on a registration is accepted.
         use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
 
     Raises:
@@ -63,7 +62,7 @@ class SpectralConfig:
     shortlist: int = 72
     finalists: int = 3
     refinement: Refinement = "icp"
-    least_probability: float = 0.85
+    least_probability: float = FITTED["acceptance"]["place"]
     use_strength: bool = False
 
     def __post_init__(self) -> None:
@@ -134,22 +133,27 @@ class SpectralRegistrar(GridRegistrar):
             self._warm = True
             self._register(target, source, bounds)
         start = perf_counter()
-        test = HypothesisTest(self.grid, target, source, bounds, self._verifier)
+        registration = self._answer(HypothesisTest(self.grid, target, source, bounds, self._verifier))
+        return replace(registration, seconds=perf_counter() - start)
+
+    def _answer(self, test: HypothesisTest) -> Registration:
+        """From two scans to their registration."""
         # 1. rotations under which the magnitude spectra are alike
-        rotations = self._rotations(target, source, bounds)
+        rotations = self._rotations(test.target, test.source, test.bounds)
         if not len(rotations.scores):
-            return self._no_candidates(start)
+            return no_candidates(self.grid.extent)
         # 2. places where the scan would lie under each
         candidates = test.find_candidates(rotations)
         if not len(candidates.psr):
-            return self._no_candidates(start)
+            return no_candidates(self.grid.extent)
         # 3. the best of these by what the scans saw, refined, and others that the whole grid names
         finalists = test.refine_candidates(candidates, self.config.shortlist)[: self.config.finalists]
         hypotheses = finalists + test.find_missed(finalists)
-        # 4. all compared on the whole grid, the best refined to the end
+        # 4. all compared on the whole grid, the best refined to the end, and how sharply the scans agree there
         hypotheses = test.conclude(hypotheses, spectral=self.config.refinement == "spectral")
+        seen = self._verifier.observe_directions(test.target, test.source, hypotheses[0].fit).read()
         # 5. how probable each is, and how sure its pose
-        return self._conclude(test, hypotheses, start)
+        return self._conclude(test, hypotheses, seen)
 
     def register_expected(self, target: SpectralScan, source: SpectralScan, expected: ExpectedPose) -> Registration:
         """Find T_target_source about where the vehicle's motion expects it, which counts as a measurement.
@@ -187,72 +191,9 @@ class SpectralRegistrar(GridRegistrar):
         voxel = self.grid.voxel * self._verifier.coarser
         return Bounds(self.config.max_tilt, relative_prior(target.prior, source.prior), voxel)
 
-    def _conclude(self, test: HypothesisTest, hypotheses: list[Hypothesis], start: float) -> Registration:
-        """The result: the best hypothesis, and beside it every other that cannot be excluded.
-
-        What lies within the uncertainty of the best is no other answer: along a bed that leaves a direction open, or
-        that instruments alone bound, the scans fit at many places.
-        """
-        T, covariance = test.transform(hypotheses[0].fit), self._covariance(test, hypotheses[0]).posterior
-        hypotheses = hypotheses[:1] + [
-            other for other in hypotheses[1:] if not covers(covariance, T, test.transform(other.fit))
-        ]
-        search = test.bounds.search(self.grid.extent)
-        probabilities = hypothesis_probabilities(hypotheses, self.grid.edge, search)
-        best, *others = [
-            self._registration(test, hypothesis, probability, clues(hypothesis, hypotheses, self.grid.edge, search))
-            for n, (hypothesis, probability) in enumerate(zip(hypotheses, probabilities, strict=True))
-            if n == 0 or probability >= _POSSIBLE
-        ]
-        return replace(best, alternatives=tuple(others), seconds=perf_counter() - start)
-
-    def _registration(
-        self, test: HypothesisTest, hypothesis: Hypothesis, probability: float, speaking: Clues
-    ) -> Registration:
-        """One hypothesis, right with this probability, as a registration between the sensor frames."""
-        fit, evidence = hypothesis.fit, hypothesis.evidence
-        T, measured = test.transform(fit), fit.prior is not None
-        refusal = test.bounds.refusal(T)
-        covariance = self._covariance(test, hypothesis)
-        by_scans = test.transform(fit.by_scans)
-        held = tolerance_probability(covariance.posterior, self.grid.voxel, covariance.by_instruments)
-        probability *= held
-        least = self.config.least_probability
-        return Registration(
-            T_target_source=T,
-            covariance=covariance.posterior,
-            psr=evidence.psr,
-            overlap=evidence.overlap,
-            accepted=probability >= least and not refusal,
-            seconds=0.0,
-            reason=refusal or test.bounds.contradiction(by_scans) + explain(hypothesis, probability, least),
-            probability=0.0 if refusal else probability,
-            step_psr=(
-                ("rotation", hypothesis.rotation_score),
-                ("candidate", hypothesis.candidate_psr),
-                ("translation", evidence.psr),
-            ),
-            T_by_scans=test.transform(replace(fit, step=covariance.step).by_scans) if measured else None,
-            covariance_by_scans=covariance.by_scans if measured else None,
-            evidence=(*speaking.numbers(), *CALIBRATION.numbers(fit.width, evidence.psr), ("held", held)),
-        )
-
-    def _covariance(self, test: HypothesisTest, hypothesis: Hypothesis) -> PoseCovariance:
-        return fit_covariance(hypothesis, (test.target.volume.center, test.source.volume.center), self.grid)
-
-    def _no_candidates(self, start: float) -> Registration:
-        """The answer where priors leave no candidate: none, and nothing known."""
-        unknown = np.diag(np.repeat([np.pi, self.grid.extent], 3) ** 2)
-        return Registration(
-            T_target_source=RigidTransform.identity(),
-            covariance=unknown,
-            psr=0.0,
-            overlap=0.0,
-            accepted=False,
-            seconds=perf_counter() - start,
-            reason="no pose that the bound on tilt and the scans' priors allow brings the scans together",
-            probability=0.0,
-        )
+    def _conclude(self, test: HypothesisTest, hypotheses: Sequence[Hypothesis], seen: Observability) -> Registration:
+        """The registration, from all that was measured of its hypotheses and, of the best, along its directions."""
+        return conclude(test, hypotheses, seen, self.config.least_probability)
 
     def _coarsen(self, volume: Prepared) -> CoarseVolume:
         """The scan on the coarse grid."""

@@ -9,10 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.spectral.fitted import FITTED
 from sonarmap.spectral.scan import Scan
-
-# How probable its place is where a registration has found it: as one has to be to be accepted.
-_PLACED = 0.85
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +27,8 @@ class Registration:
         accepted: whether to believe it.
         seconds: time of the pair alone, the scans being prepared [s].
         reason: in words, why it was accepted or refused.
-        probability: that the transform is right, 0..1; NaN from methods that give none.
+        probability: that the place is right, 0..1, however open the pose may be there, which the covariance says; NaN
+            from methods that give none.
         step_psr: the peak-to-sidelobe ratio of every step, by the step's name.
         alternatives: other hypotheses that could not be excluded, best first.
         T_by_scans, covariance_by_scans: what the scans alone say, where instruments, or how the vehicle usually moves,
@@ -53,17 +52,14 @@ class Registration:
     evidence: tuple[tuple[str, float], ...] = ()
 
     @property
-    def place_probability(self) -> float:
-        """That the place is right, 0..1, however open the pose may be there; `probability` of methods that do not tell.
-
-        A graph takes a pose that is open along a wall by its covariance; by itself it is not to be believed.
-        """
-        return self.probability / max(dict(self.evidence).get("held", 1.0), 1e-9)
+    def fixed(self) -> float:
+        """The probability that the pose is fixed, where the place is right; 1 from methods that do not say."""
+        return dict(self.evidence).get("fixed", 1.0)
 
     @property
     def placed(self) -> bool:
         """Whether it has found the place, though it may leave a direction open there."""
-        return self.place_probability >= _PLACED
+        return self.probability >= FITTED["acceptance"]["place"]
 
     @property
     def by_scans(self) -> Registration:

@@ -102,3 +102,9 @@ class Translation:
         poses = [Pose(R) for R in R_target_source.as_matrix()]
         places = np.rint(shifts).astype(np.int64)
         return self._correlator.near(source.points, poses, target.spectra, places)
+
+    def profile(
+        self, target: Volume, source: Volume, R_target_source: Rotation, shifts: np.ndarray
+    ) -> Pending[np.ndarray]:
+        """(exponents, m) the correlations under one rotation at shifts (m, 3) [voxels]."""
+        return self._correlator.at(source.points, Pose(R_target_source.as_matrix()), target.spectra, shifts)

@@ -9,7 +9,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.device.launch import affine_rows, require_array, zero
+from sonarmap.kernels.device.launch import affine_rows, launch, require_array, zero
 from sonarmap.kernels.device.readback import Pending, Readback
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
@@ -128,6 +128,27 @@ class Correlator:
                 self._passes.near(self._spectra, n, targets[0], places[first + n], out, first + n)
         copy = Readback(self.device, out)
         return Pending(lambda: _highest_near(self.edge, places, copy.read()))
+
+    def at(
+        self, points: cla.Array, pose: Pose, targets: Sequence[cla.Array], places: np.ndarray
+    ) -> Pending[NDArray[np.float32]]:
+        """(exponents, m) the correlation of each exponent at places (m, 3) [voxels], cyclic; trilinear between voxels.
+
+        Args:
+            points, targets: as in `find`; the pose's limits do not count.
+
+        Raises:
+            InputError: an argument is not as above.
+        """
+        self.correlations(points, pose, targets)
+        rows = np.zeros((len(places), 4), np.float32)
+        rows[:, :3] = places
+        at, out = self.device.to_device(rows), self.device.empty((len(self.exponents), len(rows)))
+        numbers = np.int32(self.edge), np.int32(len(rows))
+        arrays = self._correlations.values, at, out
+        launch(self.device, "pomf/sample", "sample", out.shape[::-1], *arrays, *numbers, group=None)
+        copy = Readback(self.device, out)
+        return Pending(copy.read)
 
     def correlations(self, points: cla.Array, pose: Pose, targets: Sequence[cla.Array]) -> list[cla.Array]:
         """For each exponent the correlation (edge, edge, edge) float32; the arrays are used again by the next call."""

@@ -65,8 +65,8 @@ class PossibleEdge:
 
     @property
     def probability(self) -> float:
-        """That it is right, as its registration has it, at most 0.999."""
-        probability = self.registration.probability
+        """That it is right and fixed, as its registration has it, at most 0.999."""
+        probability = self.registration.probability * self.registration.fixed
         if not np.isfinite(probability):
             probability = _UNKNOWN if self.accepted else 0.0
         return min(max(probability, 0.0), _SUREST)

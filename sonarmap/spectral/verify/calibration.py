@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sonarmap.spectral.fitted import FITTED
+
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
@@ -17,30 +19,26 @@ class Calibration:
     a vehicle that moves during the scan, or was placed by odometry, bends it.
     """
 
-    scale: float = 6.4  # logarithm of the variance at 1 of the others
+    scale: float  # logarithm of the variance at 1 of the others
     # width, psr: its powers of how far the surfaces are apart [voxels] and of the peak-to-sidelobe ratio
-    width: float = 2.25
-    psr: float = -0.28
-    bent: float = 6.8e-3  # variance that is added in all directions [voxels^2], turns taken times their lever
-    stretched: float = 0.008  # share by which the ranges of a scan are off
-    usual_psr: float = 60.0  # stands for the ratio while it is not measured yet
+    width: float
+    psr: float
+    bent: float  # variance that is added in all directions [voxels^2], turns taken times their lever
+    stretched: float  # share by which the ranges of a scan are off
+    usual_psr: float  # stands for the ratio while it is not measured yet
     # share of the variance that errors usually have, as it covers rare large ones too. In the refinement the scans
     # weigh as much as is usual, along directions that both fix: more doubt would draw good scans to instruments that
     # know less.
-    usual: float = 0.1
+    usual: float
     # by which the variance is raised for kinds of scans that are not among those of the fit: what a kind was off by
     # that had been left out, beside what the others had said. Of the scans' part alone, and only where it is stated.
-    other_kinds: float = 2.0
-    narrowest: float = 0.02  # surfaces are never taken to be nearer than this [voxels]
+    other_kinds: float
+    narrowest: float  # surfaces are never taken to be nearer than this [voxels]
 
     def variance(self, width: np.ndarray, psr: float | None = None) -> np.ndarray:
         """What the inverse of the information is multiplied by [voxels^2], of any shape, as the widths."""
         ratio = self.usual_psr if psr is None else psr
         return np.exp(self.scale) * np.maximum(width, self.narrowest) ** self.width * max(ratio, 3.0) ** self.psr
-
-    def numbers(self, width: float, psr: float) -> tuple[tuple[str, float], ...]:
-        """What the variance depends on, as logarithms by name, each after "c_"."""
-        return ("c_width", float(np.log(max(width, self.narrowest)))), ("c_psr", float(np.log(max(psr, 3.0))))
 
     def systematic(
         self, from_target: np.ndarray, from_source: np.ndarray, lever: np.ndarray, stretches: bool
@@ -58,4 +56,4 @@ class Calibration:
         return covariance
 
 
-CALIBRATION = Calibration()
+CALIBRATION = Calibration(**FITTED["calibration"])

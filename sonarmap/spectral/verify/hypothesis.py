@@ -6,17 +6,15 @@ from math import isnan, log, nan
 
 import numpy as np
 
+from sonarmap.spectral.fitted import FITTED
 from sonarmap.spectral.verify.fit import Fit
 
 # Farther from what instruments measured than this chi-squared is all alike: something is wrong with one or the other.
-_MOST_MEASURED = 30.0
-# Powers of the evidence in a score, each for its logarithm, of residual and width for that of their inverse;
-# docs/registration.md says how they were fitted.
-_VIEW, _COARSE_VIEW, _SURFACE = 1.5, 1.0, 0.05
-_SURFACE_ALONE, _OVERLAP = 1.0, 2.0  # of the surfaces and of the overlap, where there is no view
-_RESIDUAL, _WIDTH, _FIRMNESS = 0.4, 3.0, 1.7
-_MEASURED = 0.3  # of the likelihood of what instruments measured; distorted scans follow it less than in full
-_PSR, _COARSE_PSR = 0.3, 0.3
+MOST_MEASURED = 30.0
+# Powers of the evidence in a score, each for its logarithm, of residual and width for that of their inverse; those of
+# `surface_alone` and `overlap` count where there is no view. Distorted scans follow instruments less than in full, so
+# the power of `measured` is small. docs/registration.md says how they were fitted.
+_POWERS: dict[str, float] = FITTED["ranking"]
 # Refined poses nearer than this to each other are the same hypothesis [rad; voxels].
 _SAME_ROTATION, SAME_REFINED_SHIFT = float(np.deg2rad(3.0)), 2.0
 
@@ -48,13 +46,13 @@ class Evidence:
     def agreement(self) -> float:
         """The logarithm of how well the scans agree, before they are correlated at the pose."""
         if isnan(self.view):
-            seen = _SURFACE_ALONE * _log(self.surface) + _OVERLAP * _log(self.overlap)
+            seen = _POWERS["surface_alone"] * _log(self.surface) + _POWERS["overlap"] * _log(self.overlap)
         else:
-            seen = _VIEW * _log(self.view) + _COARSE_VIEW * _log(self.coarse_view)
-            seen += _SURFACE * _log(self.surface)
-        blur = _RESIDUAL * log(max(self.residual, 0.03)) + _WIDTH * log(max(self.width, 0.03))
-        held = _FIRMNESS * log(max(self.firmness, 1e-4))
-        return seen - blur + held - _MEASURED * min(self.measured, _MOST_MEASURED) / 2
+            seen = _POWERS["view"] * _log(self.view) + _POWERS["coarse_view"] * _log(self.coarse_view)
+            seen += _POWERS["surface"] * _log(self.surface)
+        blur = _POWERS["residual"] * log(max(self.residual, 0.03)) + _POWERS["width"] * log(max(self.width, 0.03))
+        held = _POWERS["firmness"] * log(max(self.firmness, 1e-4))
+        return seen - blur + held - _POWERS["measured"] * min(self.measured, MOST_MEASURED) / 2
 
     @property
     def score(self) -> float:
@@ -63,7 +61,7 @@ class Evidence:
         Where beams lie farther apart than voxels, the lines that they draw on a floor or a wall correlate on the whole
         grid, whatever stands there; on the coarse one less.
         """
-        return self.agreement + _PSR * _peak(self.psr) + _COARSE_PSR * _peak(self.coarse_psr)
+        return self.agreement + _POWERS["psr"] * _peak(self.psr) + _POWERS["coarse_psr"] * _peak(self.coarse_psr)
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,7 @@ from sonarmap.spectral.translation import SAME_SHIFT, Box, Translation, Volume
 from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.fit import Fit, firmness
 from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
+from sonarmap.spectral.verify.observability import Observability, observe_directions
 from sonarmap.spectral.verify.shared_surface import SharedSurface, shared_surfaces
 
 # Peaks of a rotation's translation that are followed, and how far apart they are [coarse voxels].
@@ -195,6 +196,10 @@ class Verifier:
         fine = self.translation.find_at(target.volume, source.volume, R, shifts)
         coarse = self._coarse.find_at(target.coarse, source.coarse, R, shifts * (self.coarse_edge / self.edge))
         return Pending(lambda: _measured(hypotheses, fine, coarse))
+
+    def observe_directions(self, target: SpectralScan, source: SpectralScan, fit: Fit) -> Pending[Observability]:
+        """Queue how sharply the scans agree at a refined pose, by the coarse grid."""
+        return observe_directions(self._coarse, target.coarse, source.coarse, fit, self.coarse_edge / self.edge)
 
     def _scores(
         self, target: SpectralScan, source: SpectralScan, candidates: Candidates, tolerance: tuple[float, float]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Device
@@ -110,6 +111,20 @@ class TestPeaks:
         find, given = make(device, 16).find, (device.to_device(points), [STILL])
         refuses("1 targets for 2 exponents", find, *given, targets[:1], 1, 1.0)
         refuses("count", find, *given, targets, 0, 1.0)
+
+
+class TestAt:
+    @pytest.mark.parametrize("edge", [16, 32, 18, 40])
+    def test_is_linear_between_voxels_and_cyclic(self, device: Device, edge) -> None:
+        points, pose = surface(edge), poses(2)[1]
+        places = np.random.default_rng(edge).uniform(-2 * edge, 2 * edge, (200, 3))
+        places[:3] = [[0, 0, 0], [edge - 0.5, -0.25, edge + 0.75], [-edge, 3, 1.5]]
+        given = device.to_device(points), pose, spectra(device, points, edge)
+        found = make(device, edge).at(*given, places).read()
+        for exponent, values in zip(EXPONENTS, found, strict=True):
+            want = correlation_of(volume_of(points, edge, STILL), volume_of(points, edge, pose), exponent, BLUR)
+            between = map_coordinates(want, places.T, order=1, mode="grid-wrap")
+            np.testing.assert_allclose(values, between, atol=3 * TOLERANCE * want.std())
 
 
 class TestNear:

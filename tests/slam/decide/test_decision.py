@@ -94,7 +94,7 @@ def open_along(
     """A loop along a wall: 3 m off along it, by a covariance that says so; refused for that."""
     slid = RigidTransform.from_translation([3.0, 0, 0])
     off = slid if off is None else off * slid
-    given = pair(truth, i, j, "loop", off, **unsure(0.02 * place), evidence=(("held", 0.02),))
+    given = pair(truth, i, j, "loop", off, **unsure(place), evidence=(("fixed", 0.02),))
     assert given.registration is not None
     loose = COVARIANCE + np.diag([0, 0, 0, 25.0, 0, 0])
     return replace(given, registration=replace(given.registration, covariance=loose))

@@ -107,7 +107,7 @@ def placed(pairs: list[RegisteredPair], opens: list[int], place: float = 0.95) -
         in_source = np.kron(np.eye(2), moved(x).rotation.as_matrix().T)
         covariance = COVARIANCE + sigma**2 * np.outer(in_source[:, n], in_source[:, n])
         given = registration(moved(x), covariance, accepted=False)
-        result.append(replace(pair, registration=replace(given, probability=0.1 * place, evidence=(("held", 0.1),))))
+        result.append(replace(pair, registration=replace(given, probability=place, evidence=(("fixed", 0.1),))))
     return [pairs[0], *result[1:]]
 
 

@@ -88,7 +88,7 @@ def test_strides_go_on_along_a_wall() -> None:
         if i < COUNT // 3 or j >= 2 * COUNT // 3:
             return reach(i, j, given)
         loose = np.diag([1e-6, 1e-6, 1e-6, 100.0, 1e-4, 1e-4])
-        return replace(given, covariance=loose, accepted=False, probability=0.1 * place, evidence=(("held", 0.1),))
+        return replace(given, covariance=loose, accepted=False, probability=place, evidence=(("fixed", 0.1),))
 
     def strides(place: float) -> np.ndarray:
         registrar = KnowingRegistrar(STREAM, COVARIANCE, partial(along, place))

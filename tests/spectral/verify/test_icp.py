@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from sonarmap.spectral.judge.covariance import by_stretch
 from sonarmap.spectral.prepare.surface import Surface
 from sonarmap.spectral.verify.calibration import CALIBRATION
-from sonarmap.spectral.verify.covariance import by_stretch
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.icp import Stage, Start, refine
 from tests.spectral.surfaces import chosen_device, surface_of

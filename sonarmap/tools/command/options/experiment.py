@@ -47,7 +47,7 @@ NameArgument = Annotated[
 FolderArgument = Annotated[
     Path | None,
     typer.Argument(
-        help="For real: a folder with scans and a gt.log. Or a folder of such folders.",
+        help="For real: a folder with scans and a gt.log, or a folder of such folders. For judge: OUT of evidence.",
         metavar="DIR",
         show_default=False,
         rich_help_panel=INPUT,
@@ -106,6 +106,9 @@ class ExperimentOptions:
         "A,H,D,P",
         "Standard deviations for --known: attitude, heading \\[deg], depth, position \\[m].",
         shown="1.5,3,0.15,3",
+    )
+    write: bool = flag(
+        EXPERIMENT, "--write", "For judge: write what was fitted into the package, which judges by it from then on."
     )
 
 

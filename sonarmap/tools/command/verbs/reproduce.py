@@ -47,7 +47,7 @@ def command(
     if options.grid is not None:
         Grid(options.grid, 1.0)
     several = {"sigma2": _each_once(options.sigma2), "method": _each_once(options.method)}
-    asked = Request(folder=folder, **{**asdict(options), **several})
+    asked = Request(folder=folder, **{**asdict(options), **several, "write": options.write or None})
     names = chosen(name, asked)
     require_writable(run.out)
     opened = choose_device(device)
@@ -95,6 +95,8 @@ def _reproduce(name: str, job: ExperimentJob, printed: bool) -> "Record":
     record = write_experiment(out, experiment, result, origin, request.of(name).command(name))
     if printed:
         _print(record, out)
+    if request.write:
+        job.say(experiment.write([row for outcome in result.outcomes.values() for row in outcome.rows]))
     return record
 
 

@@ -68,6 +68,10 @@ class Experiment(ABC):
         """The words and tables."""
         return type(self).make_section(rows, seconds, self.settings)
 
+    def write(self, rows: Sequence[Row]) -> str:
+        """Write what was fitted where the package reads it, and say so; most experiments fit nothing."""
+        raise NotImplementedError
+
     def draw(self, folder: Path, rows: Sequence[Row]) -> None:
         """Write the section's pictures; none of them shows times."""
         type(self).draw_pictures(folder, rows, self.settings)

@@ -29,6 +29,8 @@ SLAM = "slam"  # of whole surveys
 REAL = "real"  # on scans of a folder
 SCALE = "scale"  # of growth
 KINDS = "kinds"  # on every kind of scan that is simulated
+EVIDENCE = "evidence"  # of what registrations measure
+FITTING = "judge"  # of how far to believe them
 EVERY = "pages"  # all experiments, for all pages of one state; those on a folder where one is given
 
 
@@ -51,6 +53,7 @@ class Request:
     max_tilt: float | None = None  # largest roll and pitch between two scans [degrees]
     known: str | None = None  # instruments, separated by commas, whose measurements are drawn about the truth
     known_sigmas: str | None = None  # their standard deviations, as the option is written
+    write: bool | None = None  # whether to write what was fitted where the package reads it
 
     @property
     def opened(self) -> "Device":
@@ -75,7 +78,8 @@ class Request:
         """The command line that asks for the same of one experiment; where the folder lies is nobody's business."""
         options = []
         for option, values in self.given.items():
-            options += [f"{_flag(option)} {f'{value:g}' if option == 'sigma2' else value}" for value in values]
+            shown = [f" {value:g}" if option == "sigma2" else "" if value is True else f" {value}" for value in values]
+            options += [f"{_flag(option)}{value}" for value in shown]
         folder = ["DIR"] if self.folder is not None else []
         return " ".join(["sonarmap reproduce", name, *folder, *(["--quick"] if self.quick else []), *options])
 
@@ -83,6 +87,7 @@ class Request:
 # The options that not every experiment has, in the order in which a command line shows them
 OPTIONS = (
     "scene", "grid", "voxel", "max_tilt", "known", "known_sigmas", "sigma2", "seeds", "pairs", "seed", "method",
+    "write",
 )  # fmt: skip
 _STRUCTURE_OPTIONS = ("scene", "grid", "seeds", "seed")
 _REAL_OPTIONS = ("grid", "voxel", "max_tilt", "known", "known_sigmas", "seeds", "seed", "method")
@@ -126,6 +131,14 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
         "real": _entry("pairs of real scans in a folder DIR", "real.run", _REAL_OPTIONS, REAL, on_folder=True),
         "scale": _entry(_MADE_UP, "scale.run", ("seeds", "seed"), SCALE, timed=True),
         "kinds": _entry("pairs of every kind of scan", "kinds.run", _PAIR_OPTIONS, KINDS),
+        "evidence": _entry("what registrations measure", "evidence.run", _PAIR_OPTIONS[:-1], EVIDENCE),
+        "judge": _entry(
+            "how far to believe them, fitted to those of a folder DIR",
+            "judge.run",
+            ("write",),
+            FITTING,
+            on_folder=True,
+        ),
     }
 )
 
@@ -161,7 +174,11 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
         raise InputError(f"no experiment is called {name!r}; there are {', '.join((*EXPERIMENTS, *groups(), EVERY))}")
     names = (name,) if name in EXPERIMENTS else members(name)
     if name == EVERY:
-        names = tuple(each for each, entry in EXPERIMENTS.items() if request.folder is not None or not entry.on_folder)
+        names = tuple(
+            each
+            for each, entry in EXPERIMENTS.items()
+            if entry.group not in (EVIDENCE, FITTING) and (request.folder is not None or not entry.on_folder)
+        )
     _check_folder(name, names, request.folder)
     options = [option for option in OPTIONS if all(option in EXPERIMENTS[member].options for member in names)]
     idle = [_flag(option) for option in request.given if option not in options]
@@ -189,10 +206,11 @@ def create(name: str, request: Request) -> "Experiment":
 def _check_folder(name: str, names: tuple[str, ...], folder: Path | None) -> None:
     needed = any(EXPERIMENTS[member].on_folder for member in names)
     if needed and folder is None:
-        raise InputError(
-            "reproduce real needs the folder of the scans: sonarmap reproduce real DIR; DIR, or each of several "
-            "folders in it, holds scans whose names end in a number and a gt.log"
-        )
+        holds = {
+            "judge": "what sonarmap reproduce evidence -o DIR wrote",
+            "real": "scans whose names end in a number and a gt.log, or several folders of such",
+        }[next(member for member in names if EXPERIMENTS[member].on_folder)]
+        raise InputError(f"reproduce {name} needs a folder: sonarmap reproduce {name} DIR; DIR holds {holds}")
     if folder is not None and not needed:
         raise InputError(
             f"reproduce {name} simulates its scans, so the folder {folder} has no effect on it; leave it out, or give "

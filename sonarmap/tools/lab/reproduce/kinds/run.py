@@ -73,14 +73,11 @@ class Kinds(ByMethod):
         instruments = PRIORS[known]
         given = pair if instruments is None else pair.with_priors(instruments)
         registration = answer(registrar(method, grid, self.device), given.target, given.source)
-        # what the probability and the covariance were computed from, of methods that say it
-        evidence: tuple[tuple[str, float], ...] = getattr(registration, "evidence", ())
         cells: dict[str, Value] = {
             name: getattr(pair, name) for name in ("kind", "number", "scene", "relief", "shared")
         }
         cells |= {"priors": known, "method": method, "voxel_m": grid.voxel}
         cells |= errors(registration, pair.T_target_source, grid.voxel) | claims(registration)
-        cells |= {f"evidence_{name}": float(value) for name, value in evidence}
         if known == NAVIGATION and given.target.prior is not None and given.source.prior is not None:
             cells |= navigation_cells(registration, pair.T_target_source, given.target.prior, given.source.prior)
         return cells

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from sonarmap.tools.lab.reproduce.beside import beside_table
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
-from sonarmap.tools.lab.reproduce.kinds.calibration_tables import calibration_beside, left_out_table, reported_table
+from sonarmap.tools.lab.reproduce.kinds.calibration_tables import calibration_beside, reported_table
 from sonarmap.tools.lab.reproduce.kinds.figure import OUTCOMES, RELIABILITY
 from sonarmap.tools.lab.reproduce.kinds.settings import NAVIGATED, NAVIGATION, NAVIGATION_OVERLAPS, KindsSettings
 from sonarmap.tools.lab.reproduce.kinds.tables import (
@@ -34,7 +34,7 @@ def kinds_section(rows: Sequence[Row], _seconds: Sequence[Row], settings: KindsS
     beside = beside_table([*beside_others(rows), *calibration_beside(rows), *navigation_beside(rows)])
     tables = [kind_table(rows), method_table(rows), relief_table(rows)]
     if where(rows, method=OURS):
-        tables += [reported_table(rows), left_out_table(rows), navigation_table(rows)]
+        tables += [reported_table(rows), navigation_table(rows)]
     pictures = {
         OUTCOMES: "Right and wrong registrations by kind, the worst kind on top, without the flat scenes: believed "
         "(dark) or not (light)."

@@ -1,6 +1,6 @@
 """The probability of hypotheses: what it falls with, and the answers that cannot be excluded."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from math import erf
 
 import numpy as np
@@ -9,22 +9,19 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.judge.probability import clues, explain, fixed_probability, place_probabilities
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
-from sonarmap.spectral.verify.probability import (
-    Clues,
-    clues,
-    explain,
-    hypothesis_probabilities,
-    right_probability,
-    tolerance_probability,
-)
+from sonarmap.spectral.verify.observability import Observability
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_unrelated
 from tests.samples.scenes.structures import registered
 
-CLEAR = Clues(psr=1.4, view=-0.2, surface=-0.4, sharpness=0.5, firmness=0.8, lead=3.0, search=0.0)
+GRID = Grid(128, 0.5)
+SURE = np.diag(np.repeat([0.01, 0.15], 3) ** 2)
+SHARP = Observability(np.eye(3), np.full((3, 3, 2), 0.3), np.full(2, 0.6))
+BLURRED = Observability(np.eye(3), np.full((3, 3, 2), 1.0), np.full(2, 1.0))
 
 
 def hypothesis(psr: float, view: float, width: float = 0.15) -> Hypothesis:
@@ -34,41 +31,50 @@ def hypothesis(psr: float, view: float, width: float = 0.15) -> Hypothesis:
     return Hypothesis(fit, 0.4, 20.0, evidence)
 
 
-def probabilities(*hypotheses: Hypothesis, edge: int = 128, search: float = 0.0) -> list[float]:
-    return hypothesis_probabilities(hypotheses, edge, search)
-
-
-@pytest.mark.parametrize("clue", [field.name for field in fields(Clues)])
-def test_the_probability_grows_with_every_clue(clue: str) -> None:
-    clear = right_probability(CLEAR)
-    assert 0.9 < clear < 1
-    assert right_probability(replace(CLEAR, **{clue: getattr(CLEAR, clue) - 1.0})) < clear
+def probabilities(*hypotheses: Hypothesis, seen: Observability = SHARP, search: float = 0.0) -> list[float]:
+    return place_probabilities(hypotheses, clues(hypotheses, seen, SURE, GRID, search))
 
 
 def test_clues_are_logarithms_of_the_evidence() -> None:
     best, rival = hypothesis(60.0, 0.8, 0.05), hypothesis(30.0, 0.5, 0.15)
-    found = clues(best, [best, rival], 128, -3.0)
+    found = clues([best, rival], SHARP, SURE, GRID, -3.0)
     assert found.psr == pytest.approx(np.log(60) - 3)
     assert found.view == pytest.approx(np.log(0.8))
     assert found.surface == pytest.approx(np.log(0.6))
     assert found.sharpness == pytest.approx(-np.log(0.05) - 1.5)
     assert found.firmness == pytest.approx(np.log(0.12) + 3)
+    assert found.overlap == pytest.approx(np.log(0.5))
     assert found.lead == pytest.approx(min(best.score - rival.score, 4.0))
-    assert found.search == 1.0
+    assert (found.search, found.measured, found.rivals) == (1.0, 0.0, np.log(2))
+    assert found.openness == pytest.approx(np.log(0.3))
+    assert (found.slide_0, found.slide_2) == pytest.approx((np.log(0.3), np.log(0.3)))
+    assert found.turn_1 == pytest.approx(np.log(0.6))
     assert dict(found.numbers())["p_lead"] == found.lead
-    assert clues(rival, [best, rival], 128).lead == -found.lead
-    assert clues(best, [best], 128).lead == 4.0
+    assert clues([best], SHARP, SURE, GRID).lead == 4.0
+    # false peaks stand higher on larger grids
+    assert clues([best], SHARP, SURE, Grid(256, 0.5)).psr == pytest.approx(found.psr - 0.75 * np.log(2))
 
 
-def test_few_poses_to_search_and_a_small_grid_make_chance_agreement_rarer() -> None:
+@pytest.mark.parametrize(
+    "worse",
+    [{"best": hypothesis(12.0, 0.8)}, {"best": hypothesis(60.0, 0.2)}, {"seen": BLURRED}],
+    ids=["peak", "view", "blurred"],
+)
+def test_the_probability_falls_with_the_evidence(worse) -> None:
+    (clear,) = probabilities(hypothesis(60.0, 0.8))
+    (less,) = probabilities(worse.get("best", hypothesis(60.0, 0.8)), seen=worse.get("seen", SHARP))
+    assert 0.9 < clear < 1
+    assert less < clear
+
+
+def test_few_poses_to_search_make_chance_agreement_rarer() -> None:
     both = hypothesis(15, 0.6), hypothesis(12, 0.55)
     assert probabilities(*both, search=-6.0)[0] > probabilities(*both, search=0.0)[0]
-    assert probabilities(hypothesis(12, 0.4), edge=256)[0] < probabilities(hypothesis(12, 0.4), edge=128)[0]
 
 
 def test_a_pose_that_is_left_open_is_less_probable() -> None:
     """3 voxels are 1.5 m: as many standard deviations hold 68.3 % within one, 95.4 % within two."""
-    sure, one_sigma, two_sigma = (tolerance_probability(np.eye(6) * sigma**2, 0.5) for sigma in (0.01, 1.5, 0.75))
+    sure, one_sigma, two_sigma = (fixed_probability(np.eye(6) * sigma**2, 0.5) for sigma in (0.01, 1.5, 0.75))
     assert sure > 0.999999
     turn = {sigma: erf(np.deg2rad(6) / sigma / np.sqrt(2)) for sigma in (1.5, 0.75)}
     assert one_sigma == pytest.approx(0.6827 * turn[1.5], rel=1e-3)
@@ -86,9 +92,9 @@ def test_a_pose_that_is_left_open_is_less_probable() -> None:
 )
 def test_where_instruments_bound_a_direction_three_of_their_sigmas_are_no_error(left_open, instruments, unsure) -> None:
     scans, known, unknown = (np.diag(np.square(sigmas)) for sigmas in (left_open, instruments, unsure))
-    assert tolerance_probability(scans, 0.2) < 0.4
-    assert tolerance_probability(scans, 0.2, known) > 0.99
-    assert tolerance_probability(scans, 0.2, unknown) == pytest.approx(tolerance_probability(scans, 0.2))
+    assert fixed_probability(scans, 0.2) < 0.4
+    assert fixed_probability(scans, 0.2, known) > 0.99
+    assert fixed_probability(scans, 0.2, unknown) == pytest.approx(fixed_probability(scans, 0.2))
 
 
 def test_a_rival_makes_both_doubtful() -> None:
@@ -113,8 +119,11 @@ def test_a_rival_that_the_views_like_better_counts_even_where_its_peak_is_low() 
 
 
 def test_the_reason_says_the_threshold_where_it_is_not_reached() -> None:
-    assert "believed from 85% on" in explain(hypothesis(12, 0.4), 0.3, 0.85)
-    assert "believed from" not in explain(hypothesis(80, 0.8), 0.99, 0.85)
+    assert "believed from 85% on" in explain(hypothesis(12, 0.4), 0.3, 0.85, fixed=True)
+    sure, opened = (explain(hypothesis(80, 0.8), 0.99, 0.85, fixed) for fixed in (True, False))
+    assert "believed from" not in sure + opened
+    assert "open" in opened
+    assert "open" not in sure
 
 
 def room(rng: np.random.Generator, marked: bool) -> np.ndarray:

@@ -1,5 +1,6 @@
 """The covariance of what was refined on the surfaces: what it leaves open, how it turns, and that it is honest."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,11 +10,13 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
 from sonarmap.kernels.device.device import choose_device
-from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.grid import Grid, choose_grid, coarse_edge
+from sonarmap.spectral.judge.covariance import Slide, covers, fit_covariance
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
-from sonarmap.spectral.verify.covariance import covers, fit_covariance
 from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
+from sonarmap.spectral.verify.observability import Observability
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair
 from tests.samples.scenes.structures import registered
@@ -151,19 +154,23 @@ def test_what_may_be_chance_holds_nothing() -> None:
     assert sigmas(0.11)[-1] > 20 * sigmas(0.0)[-1]
 
 
-def test_what_noisy_normals_share_holds_nothing() -> None:
-    """Along a pool's wall one scan's normals seem to hold four times what both do: that is how alike they lean."""
-    share = np.array([4e-3, 0.02, 0.1, 0.2, 0.3, 0.4])
-
-    def sigmas(first: float) -> np.ndarray:
-        own = share * [first, 1.2, 1.1, 1.1, 1.1, 1.1]
-        information = np.diag(share[::-1]) * 3000
-        return shift_sigmas(Fit(Rotation.identity(), np.zeros(3), information, 0.1, 3000.0, 0.3, own=own))
-
-    usual = sigmas(1.5)
-    assert sigmas(4.0)[-1] > 20 * usual[-1]
-    np.testing.assert_allclose(sigmas(4.0)[:2], usual[:2], rtol=0.05)
-    assert sigmas(2.0)[-1] < 1.5 * usual[-1]
+@pytest.mark.parametrize("edge", [64, 256])
+def test_a_direction_is_open_as_far_as_the_scans_agree_along_it(edge: int) -> None:
+    """Whatever the planes say, in voxels of the coarse grid, and by nothing where nothing is left of the peak."""
+    axes = Rotation.from_euler("ZYX", [0.4, -0.2, 0.1]).as_matrix()
+    slides = np.full((3, 3, 2), 0.02)
+    slides[0] = 1.0
+    grid, slide = Grid(edge, 0.5), Slide(odds=-1.0, weight=2.0, reach=6.0)
+    seen = Observability(axes, slides, np.full(2, 0.5))
+    assert slide.variance(seen, grid)[1:].tolist() == [0.0, 0.0]
+    coarse_voxel = edge / coarse_edge(edge)
+    assert slide.variance(seen, grid)[0] == pytest.approx((1 / (1 + np.e) - 0.03) * (6 * coarse_voxel) ** 2)
+    hypothesis = Hypothesis(Fit(Rotation.identity(), np.zeros(3), np.eye(6) * 1000, 0.1, 3000.0, 0.1), 0.4, 20.0)
+    hypothesis = replace(hypothesis, evidence=Evidence(psr=50.0))
+    middle = np.zeros(3), np.zeros(3)
+    before, after = (fit_covariance(hypothesis, middle, grid, some, slide).posterior for some in (None, seen))
+    opened, variances = (after - before)[3:, 3:], slide.variance(seen, grid) * grid.voxel**2
+    np.testing.assert_allclose(opened, (axes * variances) @ axes.T, rtol=0.05, atol=0.02 * variances[0])
 
 
 def test_where_no_points_are_near_anything_is_possible() -> None:

@@ -4,12 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
+from scipy.special import expit
 
 from sonarmap.spectral.covariance_at_sensor import covariance_at_sensor
-from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.fitted import FITTED
+from sonarmap.spectral.grid import Grid, coarse_edge
+from sonarmap.spectral.judge.probability import slides_of
 from sonarmap.spectral.verify.calibration import CALIBRATION
 from sonarmap.spectral.verify.fit import Fit, principal_axes
 from sonarmap.spectral.verify.hypothesis import Hypothesis
+from sonarmap.spectral.verify.observability import Observability
 
 # Of six normal numbers' chi-squared 95 % are less.
 _ELLIPSOID = 12.592
@@ -18,11 +22,34 @@ _ELLIPSOID = 12.592
 _TELLING = 0.01
 # What planes are found to hold is nothing up to so many standard errors.
 _DOUBTS = 2.0
-# Up to so much of what one scan's normals alone seem to hold is error that both scans share: seen alike, normals lean
-# alike.
-_COMMON = 1 / 3
 # Planes hold no direction by less than so many points.
 _LEAST = 1e-9
+
+
+# Slides that are rarer than this are outliers, which a graph has to find out by itself.
+_RARE = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class Slide:
+    """How far scans may have slid along a direction, by what is left of their correlation along it.
+
+    Planes say how well they hold a direction where they are; that the scans may lie elsewhere along it, where the next
+    post or ripple fits, shows in the correlation alone.
+    """
+
+    # odds, weight: logarithm of the odds that they have slid, logistic in the logarithm of the share that is left
+    odds: float
+    weight: float
+    reach: float  # root mean square of how far they have, then [voxels of the coarse grid]
+
+    def variance(self, seen: Observability, grid: Grid) -> np.ndarray:
+        """(3,) [voxels^2], along the axes of what was `seen`."""
+        slid = expit(self.odds + self.weight * slides_of(seen)[:, 0])
+        return np.maximum(slid - _RARE, 0.0) * (self.reach * grid.edge / coarse_edge(grid.edge)) ** 2
+
+
+SLIDE = Slide(**FITTED["slide"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +64,19 @@ class PoseCovariance:
     step: np.ndarray
 
 
-def fit_covariance(hypothesis: Hypothesis, centers: tuple[np.ndarray, np.ndarray], grid: Grid) -> PoseCovariance:
+def fit_covariance(
+    hypothesis: Hypothesis,
+    centers: tuple[np.ndarray, np.ndarray],
+    grid: Grid,
+    seen: Observability | None = None,
+    slide: Slide = SLIDE,
+) -> PoseCovariance:
     """The covariance of a refined pose, whose evidence is measured on the whole grid.
 
     Rotation and translation are estimated jointly: along a wall that shows nothing else the variance is large, and for
     a single plane that of three directions, though never beyond half a turn and the grid. The centers are the target's
-    and the source's grid center, (3,) each [m, each in its sensor frame].
+    and the source's grid center, (3,) each [m, each in its sensor frame]. `seen` is how sharply the scans agree there,
+    None where that was not measured.
     """
     fit = hypothesis.fit
     target_center, source_center = (center / grid.voxel for center in centers)
@@ -50,6 +84,8 @@ def fit_covariance(hypothesis: Hypothesis, centers: tuple[np.ndarray, np.ndarray
     _, _, lever = principal_axes(fit.information, fit.pairs)
     by_scans = _by_planes(hypothesis) + CALIBRATION.systematic(*away, lever, fit.stretch is not None)
     by_scans *= CALIBRATION.other_kinds
+    if seen is not None:
+        by_scans[3:, 3:] += (seen.axes * slide.variance(seen, grid)) @ seen.axes.T
     unknown = np.diag(np.repeat([np.pi, float(grid.edge)], 3) ** -2.0)
     by_scans = np.linalg.inv(np.linalg.inv(by_scans) + unknown)
     posterior, by_instruments, step = by_scans, None, fit.step
@@ -82,7 +118,7 @@ def _by_planes(hypothesis: Hypothesis) -> np.ndarray:
     variance = float(CALIBRATION.variance(np.array(fit.width), hypothesis.evidence.psr))
     # a share that is no more than its error may be nothing; one that is far above it is what it seems
     share = np.maximum(share, _LEAST)
-    sure = 1 - (np.maximum(_DOUBTS * fit.doubt, _COMMON * fit.own) / share) ** 2
+    sure = 1 - (_DOUBTS * fit.doubt / share) ** 2
     axes = axes / np.repeat([max(float(lever), 1e-6), 1.0], 3)[:, None]
     held = (axes * (sure > 0) / np.maximum(share * fit.pairs, _LEAST)) @ axes.T
     by_planes = (axes * variance / np.maximum(sure * share * fit.pairs, _LEAST)) @ axes.T

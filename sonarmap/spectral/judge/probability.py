@@ -1,0 +1,142 @@
+"""How probable it is that a hypothesis names the right place."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from math import erf, log, sqrt
+
+import numpy as np
+from scipy.special import expit
+
+from sonarmap.spectral.fitted import FITTED
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.judge.odds import Odds
+from sonarmap.spectral.verify.hypothesis import MOST_MEASURED, Hypothesis
+from sonarmap.spectral.verify.observability import Observability
+
+# A pose is fixed within these [rad; voxels].
+_FIXED_TURN, _FIXED_SHIFT = float(np.deg2rad(6.0)), 3.0
+# Instruments bound a direction if they know it better than this [rad; voxels]; so does the motion of a vehicle that
+# turns at the ends of short lanes, which may be as unsure as 28 degrees while few steps are known.
+_KNOWN_TURN, _KNOWN_SHIFT = float(np.deg2rad(30.0)), 16.0
+# The lead of a hypothesis without rivals, and the most that any has.
+_ALONE = 4.0
+# Which of `WHITENINGS` shows best how far scans can slide.
+_WHITENING = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Clues:
+    """What the probability of the best hypothesis is made of; all but `measured` are logarithms."""
+
+    psr: float  # of the translation's peak, as on a grid of 128 voxels: false peaks stand higher on larger grids
+    view: float  # of the consistency of the views; of the surfaces where there is no view
+    surface: float  # of the consistency of the surfaces
+    sharpness: float  # of the inverse of how far the surfaces are apart
+    firmness: float  # of how firmly the planes hold the pose
+    overlap: float  # of the share of points in common
+    lead: float  # of its score over the best of the others
+    rivals: float  # of how many hypotheses there are
+    search: float  # how few poses the instruments leave, so that a chance agreement is rarer; 0 without them
+    measured: float  # chi-squared of the pose by what instruments measured
+    openness: float  # of the standard deviation along the least sure direction
+    # slide_0, slide_1, slide_2: of the correlation beside the peak along each direction, the least fixed first
+    slide_0: float
+    slide_1: float
+    slide_2: float
+    # turn_0, turn_1: likewise of the peak under turns
+    turn_0: float
+    turn_1: float
+
+    def numbers(self) -> tuple[tuple[str, float], ...]:
+        """By name, each after "p_"."""
+        return tuple((f"p_{name}", float(value)) for name, value in asdict(self).items())
+
+
+_ODDS, _TWIN = Odds.from_json(FITTED["probability"]), FITTED["probability"]["twin"]
+
+
+def clues(
+    hypotheses: Sequence[Hypothesis], seen: Observability, covariance: np.ndarray, grid: Grid, search: float = 0.0
+) -> Clues:
+    """What speaks for the first and best hypothesis, measured on the whole grid, in the light of all of the pair.
+
+    Args:
+        seen: how sharply the scans agree at the best.
+        covariance: (6, 6), rotation first [rad, m], of the best.
+        search: logarithm, base 10, of the share of all poses that instruments leave, as `Bounds` has it.
+    """
+    evidence = hypotheses[0].evidence
+    lead = min((hypotheses[0].score - rival.score for rival in hypotheses[1:]), default=_ALONE)
+    slides, turns = slides_of(seen)[:, 0].tolist(), np.log(seen.turns).tolist()
+    return Clues(
+        psr=log(max(evidence.psr / max(1.0, grid.edge / 128) ** 0.75, 3.0)) - 3,
+        view=log(max(evidence.consistency, 0.02)),
+        surface=log(max(evidence.surface, 0.02)),
+        sharpness=-log(max(evidence.width, 0.03)) - 1.5,
+        firmness=log(max(evidence.firmness, 1e-4)) + 3,
+        overlap=log(max(evidence.overlap, 0.02)),
+        lead=min(max(lead, -_ALONE), _ALONE),
+        rivals=log(len(hypotheses)),
+        search=-search / 3,
+        measured=min(evidence.measured, MOST_MEASURED),
+        openness=log(np.linalg.eigvalsh(covariance[3:, 3:])[-1]) / 2 - log(grid.voxel),
+        slide_0=slides[0],
+        slide_1=slides[1],
+        slide_2=slides[2],
+        turn_0=turns[0],
+        turn_1=turns[1],
+    )
+
+
+def slides_of(seen: Observability) -> np.ndarray:
+    """(3, bands) the logarithm of what is left of the correlation some voxels away along each direction."""
+    return np.log(seen.slides[:, :, _WHITENING])
+
+
+def place_probabilities(hypotheses: Sequence[Hypothesis], given: Clues) -> list[float]:
+    """That each hypothesis, the best first, names the right place, 0..1; their sum is below 1.
+
+    The scans show one place clearly, logistic in the clues; it is shared by the scores: 1/2 each for exact twins,
+    however high their peaks stand, as between the two ends of a room.
+    """
+    clear = expit(_ODDS.of(np.array([list(asdict(given).values())])))
+    return (clear * shares(hypotheses)).tolist()
+
+
+def shares(hypotheses: Sequence[Hypothesis]) -> np.ndarray:
+    """(n,) which share of the probability each hypothesis has, by the scores alone."""
+    scores = np.array([hypothesis.score for hypothesis in hypotheses])
+    weights = np.exp(_TWIN * (scores - scores.max()))
+    return weights / weights.sum()
+
+
+def fixed_probability(covariance: np.ndarray, voxel: float, instruments: np.ndarray | None = None) -> float:
+    """That a pose is within 6 degrees and 3 voxels of the truth, 0..1, where its place is the right one.
+
+    The right place may still leave the pose open, as along a wall. Turn and shift are each taken along their
+    least sure direction. Where instruments bound that direction, as navigation does over a flat bed, an error of three
+    of their standard deviations is none either. Covariances are (6, 6), rotation first [rad, m], that of `instruments`
+    by these alone; the voxel is in meters.
+    """
+    probability = 1.0
+    turn = (slice(0, 3), _FIXED_TURN, _KNOWN_TURN)
+    shift = (slice(3, 6), _FIXED_SHIFT * voxel, _KNOWN_SHIFT * voxel)
+    for block, allowed, known in (turn, shift):
+        variances, axes = np.linalg.eigh(covariance[block, block])
+        if instruments is not None:
+            measured = sqrt(axes[:, -1] @ instruments[block, block] @ axes[:, -1])
+            allowed = max(allowed, 3 * measured) if measured < known else allowed
+        probability *= erf(allowed / sqrt(2 * variances[-1]))
+    return probability
+
+
+def explain(hypothesis: Hypothesis, probability: float, least: float, fixed: bool) -> str:
+    """The evidence for a hypothesis in words, and why it is believed or not from a probability of `least` on."""
+    verdict = "the scans match" if probability >= least else "the scans do not clearly match"
+    threshold = "" if probability >= least else f", believed from {least:.0%} on"
+    opened = "" if fixed else "; but the pose is open there, as along a wall: the covariance says in which direction"
+    return (
+        f"{verdict}; right with a probability of {probability:.1%}{threshold}: the translation's peak is "
+        f"{hypothesis.evidence.psr:.1f} standard deviations high, the views agree to "
+        f"{hypothesis.evidence.consistency:.0%}, {hypothesis.evidence.overlap:.0%} of the points are shared{opened}"
+    )

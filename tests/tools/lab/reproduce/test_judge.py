@@ -1,0 +1,134 @@
+"""Evidence that is recorded, and judging that is fitted to it."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.special import expit
+
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.fitted import FITTED
+from sonarmap.spectral.judge.covariance import SLIDE, fit_covariance
+from sonarmap.spectral.registration import SpectralRegistrar
+from sonarmap.tools.lab.reproduce.evidence.pairs import EXPECTED, draw
+from sonarmap.tools.lab.reproduce.evidence.recorder import Recorder, fit_of, seen_of
+from sonarmap.tools.lab.reproduce.evidence.run import EvidenceOfPairs
+from sonarmap.tools.lab.reproduce.evidence.settings import SURVEY, UNRELATED, evidence_settings
+from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.judge.fit import CLUES, fit_logistic, fit_odds, judged
+from sonarmap.tools.lab.reproduce.judge.recorded import read_recorded
+from sonarmap.tools.lab.reproduce.judge.reference import reference
+from sonarmap.tools.lab.reproduce.judge.run import RULES, Judge, JudgeSettings
+from sonarmap.tools.lab.reproduce.pages.folder import write_rows
+
+SEED = 5
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `sonarmap reproduce evidence` leaves, of a few draws on few voxels."""
+    settings = replace(evidence_settings(Request(quick=True)), seed=SEED)
+    experiment = EvidenceOfPairs(settings, choose_device())
+    jobs = ["patch-0000", "patch-0001", "sound_speed-0002", "still-0001", "unrelated-0000", "distorted-0001"]
+    path = tmp_path_factory.mktemp("evidence")
+    write_rows(path / "evidence.csv", [row for job in jobs for row in experiment.run(job).rows])
+    return path
+
+
+def test_every_set_is_drawn_and_the_same_again() -> None:
+    settings = evidence_settings(Request())
+    # a draw of a kind has five pairs, one of a survey two for each of four, and those apart
+    assert sum(settings.counts.values()) * 3 > 15_000
+    first, second = (list(draw("patch", 3, SEED, 64)) for _ in range(2))
+    assert [pair.cells["known"] for pair in first] == ["none", "attitude,depth", EXPECTED, "expected elsewhere"]
+    for one, other in zip(first, second, strict=True):
+        np.testing.assert_array_equal(one.source.points, other.source.points)
+    assert not any(pair.truth for pair in draw(UNRELATED, 0, SEED, 64))
+    apart = [pair.cells["apart"] for pair in draw(SURVEY, 1, SEED, 64)]
+    assert apart.count(1) == 15
+    assert {2, 4, 8} < set(apart)
+
+
+def test_what_was_recorded_is_judged_as_when_it_was_registered(folder: Path) -> None:
+    pairs = read_recorded(folder)
+    assert {pair.cells["set"] for pair in pairs} == {"patch", "sound_speed", "still", "unrelated", "distorted"}
+    pair = next(pair for pair in draw("patch", 0, SEED, 64))
+    registrar = SpectralRegistrar(choose_device(), pair.grid)
+    registration = registrar.register(registrar.prepare(pair.target), registrar.prepare(pair.source))
+    recorded = next(each for each in pairs if each.cells["set"] == "patch" and each.cells["known"] == "none")
+    again = judged([recorded], SLIDE)
+    np.testing.assert_allclose(again.clues[0], [dict(registration.evidence)[f"p_{name}"] for name in CLUES], atol=0.02)
+    covariance = fit_covariance(recorded.hypotheses[0], recorded.centers, recorded.grid, recorded.seen)
+    np.testing.assert_allclose(covariance.posterior, registration.covariance, rtol=1e-3)
+    assert again.fixed[0] == pytest.approx(registration.fixed, abs=1e-3)
+
+
+def test_a_text_holds_a_fit_with_its_instruments(folder: Path) -> None:
+    pair = list(draw("patch", 1, SEED, 64))[1]
+    recorder = Recorder(choose_device(), pair.grid)
+    recorder.register(recorder.prepare(pair.target), recorder.prepare(pair.source))
+    numbers = json.loads(str(recorder.cells(pair.truth)[0]["numbers"]))
+    fit, seen = fit_of(numbers), seen_of(numbers)
+    assert fit.prior is not None
+    assert fit.prior.jacobian.shape == (3, 6)
+    assert (fit.information.shape, seen.axes.shape) == ((6, 6), (3, 3))
+    assert recorder.cells(pair.truth) == []
+
+
+def test_a_folder_without_evidence_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="reproduce evidence"):
+        read_recorded(tmp_path)
+
+
+def test_every_rule_is_judged_and_the_fit_is_a_table(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    experiment = Judge(folder, JudgeSettings("", ""), choose_device())
+    rows = [row for job in experiment.jobs() for row in experiment.run(job).rows]
+    assert {row["rule"] for row in rows} == {*RULES, "set left out"}
+    whole = rows[0]
+    right, believed, accepted = (int(whole[name]) for name in ("right", "believed_right", "accepted_right"))
+    assert right >= believed >= accepted >= 0
+    table = json.loads(str(whole["fitted"]))
+    assert set(table) == {"probability", "slide"}
+    assert list(table["probability"]["clues"]) == list(CLUES) == list(FITTED["probability"]["clues"])
+    assert len(table["probability"]["weights"]) == len(FITTED["probability"]["weights"])
+    section = experiment.section(rows, [])
+    assert [row[0] for row in section.tables[1].rows] == list(RULES)
+    monkeypatch.setattr("sonarmap.tools.lab.reproduce.judge.run.TABLE", folder / "fitted.json")
+    assert "fitted.json" in experiment.write(rows)
+    written = json.loads((folder / "fitted.json").read_text())
+    assert set(written) == set(FITTED)
+    assert written["made"]["pairs"] == whole["pairs"]
+
+
+def test_the_logistic_is_what_made_the_rows() -> None:
+    rng = np.random.default_rng(1)
+    columns, share = rng.normal(size=(20_000, 3)), rng.uniform(0.3, 1.0, 20_000)
+    right = rng.random(20_000) < share * expit(0.5 + columns @ [1.0, -2.0, 0.0])
+    constant, weights = fit_logistic(columns, right, share)
+    assert constant == pytest.approx(0.5, abs=0.12)
+    np.testing.assert_allclose(weights, [1.0, -2.0, 0.0], atol=0.12)
+
+
+def test_odds_hold_what_products_of_clues_say() -> None:
+    rng = np.random.default_rng(2)
+    clues = rng.normal(size=(8000, len(CLUES)))
+    log_odds = 2 * clues[:, 0] * clues[:, 1] - clues[:, 2]
+    right = rng.random(8000) < expit(log_odds)
+    fitted = fit_odds(clues, right, np.ones(8000))
+    assert np.corrcoef(fitted.of(clues), log_odds)[0, 1] > 0.97
+    again = fit_odds(clues, right, np.ones(8000), fitted)
+    np.testing.assert_allclose(again.of(clues), fitted.of(clues), atol=0.02)
+
+
+def test_the_table_is_not_older_than_what_it_was_fitted_on() -> None:
+    """What the registration measures of a few pairs is what it measured when the table was written.
+
+    Where it is not: `sonarmap reproduce evidence -o OUT`, then `sonarmap reproduce judge OUT --write`.
+    """
+    found = reference(choose_device())
+    assert found.keys() == FITTED["reference"].keys()
+    for number, clues in found.items():
+        assert clues == pytest.approx(FITTED["reference"][number], abs=0.05)
