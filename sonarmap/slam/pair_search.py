@@ -16,7 +16,14 @@ from sonarmap.slam.map.cell import outline
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.measured_motion import AnyMotion, MeasuredMotion
 from sonarmap.slam.motion.motion import Motion
-from sonarmap.slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
+from sonarmap.slam.motion.reconsider import (
+    believing_steps,
+    expected_by,
+    is_doubtful,
+    with_both,
+    with_motion,
+    without_leaps,
+)
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registrar
 
@@ -69,7 +76,7 @@ class PairSearch:
         pairs = self._looked_at_again(pairs)
         if self._motion is not None:
             self._motion = self._motion.following(pairs)
-        return self._with_motion(pairs)
+        return believing_steps(self._with_motion(pairs), self._motion)
 
     def bridges(self, steps: Sequence[RegisteredPair], widest: int) -> list[RegisteredPair]:
         """Pairs over what gaps separate, the closest scans first, at most `widest` apart, and no farther ones once a

@@ -57,6 +57,11 @@ class Registration:
         return dict(self.evidence).get("fixed", 1.0)
 
     @property
+    def is_assumed(self) -> bool:
+        """Whether it is what is usual rather than what the scans show."""
+        return "assumed" in dict(self.evidence)
+
+    @property
     def placed(self) -> bool:
         """Whether it has found the place, though it may leave a direction open there."""
         return self.probability >= FITTED["acceptance"]["place"]

@@ -70,7 +70,8 @@ class Motion:
         A multivariate t with 4 degrees of freedom is fitted by expectation and maximization (Lange, Little and Taylor,
         DOI 10.2307/2290063); mean and covariance are then those of the steps that this does not exclude, so that rare
         turns count in full and a few wrong registrations do not count at all. Where fewer than FEWEST are accepted,
-        those count, too, that have found the place but leave directions open, for what they hold.
+        those count, too, that have found the place but leave directions open, for what they hold; then those that have
+        probably found it.
 
         Args:
             pairs: of the survey, registered.
@@ -79,11 +80,12 @@ class Motion:
             floor, limits: as the attributes.
         """
         times = scan_times(stamps, surveys)
-        steps = [pair for pair in pairs if pair.role == "sequential" and (pair.accepted or pair.placed)]
-        steps = [pair for pair in steps if _within(limits, times, pair)]
-        accepted = [pair for pair in steps if pair.accepted]
-        if len(accepted) >= FEWEST:
-            steps = accepted
+        possible = [pair for pair in pairs if pair.role == "sequential" and pair.registration is not None]
+        possible = [pair for pair in possible if _within(limits, times, pair)]
+        steps: list[RegisteredPair] = []
+        for believed in (_is_accepted, _is_placed, _is_probable):
+            if len(steps) < FEWEST:
+                steps = [pair for pair in possible if believed(pair)]
         if len(steps) < FEWEST:
             return cls._unlearned(times, surveys, floor, limits) if limits.any else None
         sure = [Step.of(pair, times) for pair in steps]
@@ -144,8 +146,7 @@ class Motion:
         registration = pair.registration
         if pair.role != "sequential" or registration is None:
             return False
-        probable = registration.accepted or registration.probability >= _PROBABLE
-        return probable and not self.contradicts(*pair.scans, registration.T_target_source)
+        return _is_probable(pair) and not self.contradicts(*pair.scans, registration.T_target_source)
 
     def expected(self, i: int, j: int) -> ExpectedPose:
         """T_i_j: its mean is that of a steady motion, its spread grows with the time between, up to the limits."""
@@ -192,6 +193,18 @@ def scan_times(stamps: np.ndarray, surveys: np.ndarray) -> np.ndarray:
     same = np.diff(surveys) == 0
     stamped = np.isfinite(stamps).all() and (np.diff(stamps)[same] > 0).all()
     return stamps.astype(np.float64) if stamped else np.arange(len(stamps), dtype=np.float64)
+
+
+def _is_accepted(pair: RegisteredPair) -> bool:
+    return pair.accepted
+
+
+def _is_placed(pair: RegisteredPair) -> bool:
+    return pair.accepted or pair.placed
+
+
+def _is_probable(pair: RegisteredPair) -> bool:
+    return pair.accepted or (pair.registration is not None and pair.registration.probability >= _PROBABLE)
 
 
 def _within(limits: MotionLimits, times: np.ndarray, pair: RegisteredPair) -> bool:

@@ -22,6 +22,14 @@ _UNDER_WAY = 2.0
 # The direction of the way is taken anew so often.
 _ROUNDS = 5
 
+# By so much the odds are better that scans share a place where they follow each other: of 136 steps over weak relief of
+# 0.6 or more 97 of 100 are right, and of 982 pairs that share nothing 2 are so probable.
+_STEP_ODDS = 4.0
+# Less probable ones, down to this, are assumed to be as usual: 99 of 100 pairs that share nothing are below it about an
+# expected place. So probable is then that the step is as far off as it says.
+_POSSIBLE_STEP, _SUREST_ASSUMPTION = 0.2, 0.9
+_FIXED = 0.5  # a pose is sure from this probability on
+
 
 def is_doubtful(pair: RegisteredPair, motion: AnyMotion) -> bool:
     """Whether a pair is worth another look: it was not accepted, or the motion contradicts what was."""
@@ -69,6 +77,50 @@ def expected_by(solution: Solution, pairs: Sequence[RegisteredPair], floor: np.n
     variances = np.concatenate([np.diagonal(part, axis1=1, axis2=2) for part in (turn, shift)], axis=1)
     sigmas = np.sqrt(_UNSURE * variances + floor**2)
     return [ExpectedPose.of(T_i_j, each) for T_i_j, each in zip(T, sigmas, strict=True)]
+
+
+def believing_steps(pairs: Sequence[RegisteredPair], motion: AnyMotion | None) -> list[RegisteredPair]:
+    """The pairs, those of consecutive scans believed as far as they are likely: these nearly always share a place.
+
+    What is likely is accepted. What is only possible becomes as wide as the usual motion leaves it, and what the scans
+    say counts in it as much as it is probable.
+    """
+    return [_as_step(pair, motion) if pair.role == "sequential" and not pair.accepted else pair for pair in pairs]
+
+
+def _as_step(pair: RegisteredPair, motion: AnyMotion | None) -> RegisteredPair:
+    registration = pair.registration
+    if registration is None or not registration.probability >= _POSSIBLE_STEP:
+        return pair
+    odds = _STEP_ODDS * registration.probability
+    as_step = replace(registration, probability=odds / (odds + 1 - registration.probability))
+    if as_step.placed and registration.fixed >= _FIXED:
+        reason = f"likely enough for a step between consecutive scans; {registration.reason}"
+        return replace(pair, registration=replace(as_step, accepted=True, reason=reason))
+    if motion is None or motion.is_measured(*pair.scans):
+        return pair
+    return replace(pair, registration=_assumed(registration, motion.expected(*pair.scans)))
+
+
+def _assumed(registration: Registration, expected: ExpectedPose) -> Registration:
+    """Mean and covariance of either the registration, as probable as it says, or what is expected."""
+    share, T = registration.probability, registration.T_target_source
+    away: np.ndarray = (T.inv() * expected.T_target_source).as_exp_coords()
+    to_source: np.ndarray = np.kron(np.eye(2), T.rotation.inv().as_matrix())
+    usual = (to_source * expected.sigmas**2) @ to_source.T
+    spread = share * (1 - share) * np.outer(away, away)
+    return replace(
+        registration,
+        T_target_source=T * RigidTransform.from_exp_coords((1 - share) * away),
+        covariance=share * registration.covariance + (1 - share) * usual + spread,
+        T_by_scans=None,
+        covariance_by_scans=None,
+        probability=_SUREST_ASSUMPTION,
+        accepted=True,
+        alternatives=(),
+        evidence=(("assumed", share),),
+        reason=f"assumed from the usual motion, as the scans show it with a probability of {share:.0%} only",
+    )
 
 
 def with_motion(pairs: Sequence[RegisteredPair], motion: AnyMotion) -> list[RegisteredPair]:

@@ -11,6 +11,7 @@ from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.measured_motion import MeasuredMotion
 from sonarmap.slam.motion.motion import Motion
 from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.slam.motion.reconsider import believing_steps
 from sonarmap.slam.pair import RegisteredPair
 from tests.samples.surveys import chained_graph, registration, ring_poses, step_pair
 
@@ -116,7 +117,7 @@ def test_where_few_are_sure_steps_that_leave_directions_open_tell_the_others() -
     motion = learned(placed(steps(40), [2, 4]))
     assert (np.abs(motion.usual - USUAL) < 6 * SPREAD / np.sqrt(20)).all()
     assert motion.covariance[4, 4] < 0.6**2
-    assert Motion.learn(placed(steps(40), [2, 4], 0.5), np.arange(41.0), np.zeros(41, int), FLOOR) is None
+    assert Motion.learn(placed(steps(40), [2, 4], 0.4), np.arange(41.0), np.zeros(41, int), FLOOR) is None
 
 
 def test_what_all_steps_leave_open_stays_as_wide_as_is_assumed() -> None:
@@ -209,3 +210,45 @@ def test_bad_odometry_is_refused() -> None:
     for count, drift, words in ((4, 0.1, "a scan, a pose and a time each"), (5, -0.1, "0 or more")):
         with pytest.raises(InputError, match=words):
             Odometry(np.arange(count), POSES[:5], TIMES[:5], drift=drift)
+
+
+def possible(probability: float, off: np.ndarray, fixed: float = 1.0) -> RegisteredPair:
+    """A refused step, off by so much, with this probability."""
+    given = step_pair(3, moved(USUAL + off), COVARIANCE, accepted=False)
+    assert given.registration is not None
+    evidence = (("fixed", fixed),)
+    return replace(given, registration=replace(given.registration, probability=probability, evidence=evidence))
+
+
+@pytest.mark.parametrize(("probability", "accepted"), [(0.1, False), (0.3, True), (0.7, True)])
+def test_a_step_is_believed_as_far_as_it_is_likely(probability: float, accepted: bool) -> None:
+    off = np.array([0, 0, 0, 0, 2.0, 0])
+    (step,) = believing_steps([possible(probability, off)], learned(steps(20)))
+    assert step.registration is not None
+    assert step.accepted == accepted
+    assert step.registration.is_assumed == (probability == 0.3)
+    loops = [replace(possible(probability, off), role="loop")]
+    assert believing_steps(loops, learned(steps(20))) == loops
+
+
+def test_an_assumed_step_lies_between_the_scans_and_the_motion_and_is_as_wide_as_both() -> None:
+    off, motion = np.array([0, 0, 0, 0, 2.0, 0]), learned(steps(20))
+    (step,) = believing_steps([possible(0.4, off)], motion)
+    assert step.registration is not None
+    expected = motion.expected(3, 4)
+    between = moved(USUAL + off).translation - expected.translation
+    found = step.registration.T_target_source.translation
+    np.testing.assert_allclose(found, expected.translation + 0.4 * between, atol=0.05)
+    covariance = step.registration.covariance
+    assert np.linalg.eigvalsh(covariance).min() > 0
+    least = 0.4 * 0.6 * np.linalg.norm(between) ** 2
+    assert np.trace(covariance[3:, 3:]) > least + 0.6 * (expected.sigmas[3:] ** 2).sum()
+    # nothing is assumed where no motion is known
+    given = [possible(0.4, off)]
+    assert believing_steps(given, None) == given
+
+
+def test_a_likely_step_that_leaves_a_direction_open_is_as_wide_as_the_motion() -> None:
+    (step,) = believing_steps([possible(0.8, np.zeros(6), fixed=0.1)], learned(steps(20)))
+    assert step.registration is not None
+    assert step.registration.is_assumed

@@ -119,6 +119,14 @@ def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     """Steps that the scans alone did not show, and that share far less than the steps that they did: a vehicle that was
     moved between two scans gives these, as two dives in one folder do."""
     steps = [pair for pair in result.pairs if pair.role == "sequential" and pair.edge is not None]
+    assumed = [step for step in steps if step.edge is not None and step.edge.registration.is_assumed]
+    if assumed:
+        where = f"as between {names[assumed[0].i]} and {names[assumed[0].j]}"
+        yield (
+            f"{len(assumed)} of {len(steps)} steps between consecutive scans, {where}, are assumed from the usual "
+            "motion, as the scans hardly show them: the map may be bent or torn there. If the vehicle was moved "
+            "meanwhile, give the scans before and after in folders of their own"
+        )
     usual = [step.edge.registration.overlap for step in steps if step.edge is not None and step.expected is None]
     if len(usual) < _FEWEST_STEPS:
         return

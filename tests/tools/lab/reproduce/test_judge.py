@@ -13,7 +13,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.fitted import FITTED
 from sonarmap.spectral.judge.covariance import SLIDE, fit_covariance
 from sonarmap.spectral.registration import SpectralRegistrar
-from sonarmap.tools.lab.reproduce.evidence.pairs import EXPECTED, draw
+from sonarmap.tools.lab.reproduce.evidence.pairs import ELSEWHERE, EXPECTED, draw
 from sonarmap.tools.lab.reproduce.evidence.recorder import Recorder, fit_of, seen_of
 from sonarmap.tools.lab.reproduce.evidence.run import EvidenceOfPairs
 from sonarmap.tools.lab.reproduce.evidence.settings import SURVEY, UNRELATED, evidence_settings
@@ -43,7 +43,7 @@ def test_every_set_is_drawn_and_the_same_again() -> None:
     # a draw of a kind has five pairs, one of a survey two for each of four, and those apart
     assert sum(settings.counts.values()) * 3 > 15_000
     first, second = (list(draw("patch", 3, SEED, 64)) for _ in range(2))
-    assert [pair.cells["known"] for pair in first] == ["none", "attitude,depth", EXPECTED, "expected elsewhere"]
+    assert [pair.cells["known"] for pair in first] == ["none", "attitude,depth", "navigation", EXPECTED, ELSEWHERE]
     for one, other in zip(first, second, strict=True):
         np.testing.assert_array_equal(one.source.points, other.source.points)
     assert not any(pair.truth for pair in draw(UNRELATED, 0, SEED, 64))

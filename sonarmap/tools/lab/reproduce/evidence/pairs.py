@@ -13,7 +13,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.evaluation.pair_set import related, unrelated
 from sonarmap.tools.lab.reproduce.evidence.settings import DISTORTED, STILL, SURVEY, UNRELATED
 from sonarmap.tools.lab.reproduce.experiment import Value
-from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NOTHING, PRIORS
+from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NAVIGATION, NOTHING, PRIORS
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.lab.simulate.kinds.kind import relief_of
 from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
@@ -60,10 +60,10 @@ def draw(name: str, number: int, seed: int, edge: int) -> Iterator[EvidencePair]
 
 
 def _kind(name: str, number: int, seed: int, edge: int, rng: np.random.Generator) -> Iterator[EvidencePair]:
-    """A pair of a kind, with nothing known, with attitude and depth, about where it is expected, and elsewhere."""
+    """A pair of a kind, with nothing known, with instruments, about where it is expected, and elsewhere."""
     pair = kind_pair(name, number, seed)
     grid, truth = choose_grid((pair.target, pair.source), edge), pair.T_target_source
-    for known in (NOTHING, LEVELED):
+    for known in (NOTHING, LEVELED, NAVIGATION):
         instruments = PRIORS[known]
         given = pair if instruments is None else pair.with_priors(instruments)
         yield EvidencePair(_cells(pair.scene, known), given.target, given.source, truth, grid)

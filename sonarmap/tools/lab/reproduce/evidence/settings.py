@@ -11,7 +11,7 @@ from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS
 
 SEED = 880_301  # neither the evaluations nor the tests use pairs of this set
 STILL, UNRELATED, SURVEY, DISTORTED = "still", "unrelated", "survey", "distorted"
-# How many draws there are of each set. A draw of a kind is registered four times, one of a survey 35 times.
+# How many draws there are of each set. A draw of a kind is registered five times, one of a survey 35 times.
 _COUNTS = dict.fromkeys(SCAN_KINDS, 300) | {STILL: 1200, UNRELATED: 1200, SURVEY: 240, DISTORTED: 300}
 
 
