@@ -106,8 +106,9 @@ def _assumed(registration: Registration, expected: ExpectedPose) -> Registration
     """Mean and covariance of either the registration, as probable as it says, or what is expected."""
     share, T = registration.probability, registration.T_target_source
     away: np.ndarray = (T.inv() * expected.T_target_source).as_exp_coords()
-    to_source: np.ndarray = np.kron(np.eye(2), T.rotation.inv().as_matrix())
-    usual = (to_source * expected.sigmas**2) @ to_source.T
+    R: np.ndarray = T.rotation.as_matrix()
+    to_source: np.ndarray = np.kron(np.eye(2), R.T)
+    usual: np.ndarray = (to_source * expected.sigmas**2) @ to_source.T
     spread = share * (1 - share) * np.outer(away, away)
     return replace(
         registration,

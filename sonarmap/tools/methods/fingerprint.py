@@ -31,7 +31,7 @@ def fingerprint(value: Any) -> str:
 
 @cache
 def source_digest(places: Sequence[str], left_out: Sequence[str] = (), root: Path = ROOT) -> str:
-    """A digest of Python files and OpenCL programs, as they were when it was first computed, which is what runs.
+    """A digest of Python files, OpenCL programs and tables, as they were when it was first computed, which is what runs.
 
     Of folders and files, relative to the root, without files whose names match a pattern, as "*figure.py".
 
@@ -87,7 +87,7 @@ def _source_files(place: Path) -> list[Path]:
         return [place]
     if not place.is_dir():
         raise FileNotFoundError(f"{place} is neither a folder nor a file; a list of sources names it")
-    return [path for path in place.rglob("*") if path.suffix in (".py", ".cl")]
+    return [path for path in place.rglob("*") if path.suffix in (".py", ".cl", ".json")]
 
 
 def worker_spec(name: str, setup: Setup, registrar: "Registrar", prepared: int) -> WorkerSpec:

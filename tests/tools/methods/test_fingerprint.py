@@ -67,7 +67,15 @@ class TestSources:
         return tmp_path
 
     @pytest.mark.parametrize(
-        "name", ["kernels/fft.cl", "kernels/new.cl", "tools/one.py", "tools/one_figure.py", "tools/notes.md"]
+        "name",
+        [
+            "kernels/fft.cl",
+            "kernels/new.cl",
+            "kernels/fitted.json",
+            "tools/one.py",
+            "tools/one_figure.py",
+            "tools/notes.md",
+        ],
     )
     def test_programs_decide_but_for_what_is_left_out(self, project: Path, name: str) -> None:
         def digest() -> str:
