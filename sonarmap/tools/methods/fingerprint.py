@@ -31,7 +31,7 @@ def fingerprint(value: Any) -> str:
 
 @cache
 def source_digest(places: Sequence[str], left_out: Sequence[str] = (), root: Path = ROOT) -> str:
-    """A digest of Python files, OpenCL programs and tables, as they were when it was first computed, which is what runs.
+    """A digest of Python files, OpenCL programs and tables as they were when it was first computed: what runs.
 
     Of folders and files, relative to the root, without files whose names match a pattern, as "*figure.py".
 

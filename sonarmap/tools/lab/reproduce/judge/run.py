@@ -114,8 +114,9 @@ class Judge(Experiment):
             "evidence": self.settings.evidence,
         }
         table = FITTED | fitted | {"made": made, "reference": reference(self.device)}
+        lines = ",\n".join(f"  {json.dumps(name)}: {json.dumps(part)}" for name, part in table.items())
         with atomic_path(TABLE) as temporary:
-            temporary.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
+            temporary.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
         return f"the table is in {TABLE}; it holds from the next start on"
 
 
