@@ -29,8 +29,6 @@ class Fit:
     width: float = 0.0
     # (6,) standard errors of the shares that `principal_axes` gives
     doubt: np.ndarray = field(default_factory=lambda: np.zeros(6))
-    # (6,) the shares along the same axes by one scan's normals alone: what noise seems to hold is in them too
-    own: np.ndarray = field(default_factory=lambda: np.zeros(6))
     # what instruments measured, about the pose before the last step; None where nothing was
     prior: PriorTerm | None = None
     # (6,) from there to where the scans alone would have it [rad, voxels]

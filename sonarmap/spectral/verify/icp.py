@@ -16,7 +16,7 @@ from sonarmap.kernels.surface.record import Record
 from sonarmap.kernels.surface.refinement import LastStep, Refinement, Stretching, Weighting
 from sonarmap.spectral.prepare.surface import Surface
 from sonarmap.spectral.verify.calibration import CALIBRATION
-from sonarmap.spectral.verify.fit import Fit, principal_axes
+from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.normal_equations import NormalEquations, State
 from sonarmap.spectral.verify.prior_term import PriorTerm
 
@@ -132,10 +132,6 @@ def _fits(record: Record, prior: PriorTerm | None, stretches: bool) -> list[Fit]
     information, total = shared[:, :6, :6], record.total
     counted = np.where(total > 0, total, 1.0)
     R, residual = Rotation.from_matrix(moved.turn), np.sqrt(record.squares / counted)
-    _, axes, lever = principal_axes(information, total)
-    # a turn is taken times the lever, as there
-    axes[:, :3] /= lever[:, None, None]
-    own = np.einsum("kia,kij,kja->ka", axes, record.whole[:, :6, :6], axes) / counted[:, None]
     doubt = np.sqrt(record.doubts) / counted[:, None]
     return [
         Fit(
@@ -146,7 +142,6 @@ def _fits(record: Record, prior: PriorTerm | None, stretches: bool) -> list[Fit]
             pairs=float(total[n]),
             width=float(state.width[n]),
             doubt=doubt[n],
-            own=own[n],
             prior=None if state.prior is None else state.prior.of(n),
             step=alone[n],
             stretch=None if moved.stretch is None else moved.stretch[n],

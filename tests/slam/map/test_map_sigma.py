@@ -72,6 +72,7 @@ def test_one_scan_scatters_as_its_pose_and_its_ranges_do(noise: float) -> None:
     assert sigma.max() > 1.5 * sigma.min()  # the lever arm tells
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("together", [True, False])
 def test_scans_gain_from_their_number_only_where_they_err_apart_and_then_its_root_at_most(together: bool) -> None:
     rng, count = np.random.default_rng(6), 3

@@ -105,6 +105,7 @@ def test_a_small_motion_is_found_and_with_the_same_seed_again_by_the_same_bytes(
         assert (other.overlap, other.reason) == (first.overlap, first.reason)
 
 
+@pytest.mark.slow
 def test_the_seed_is_heard() -> None:
     """Two scans with nothing in common: another seed draws another wrong answer."""
     first, second = (register("fpfh-ransac", easy()[0], elsewhere(), seed) for seed in (1, 2))

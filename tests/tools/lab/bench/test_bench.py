@@ -129,6 +129,7 @@ class TestPeers:
 
 
 class TestPairs:
+    @pytest.mark.slow
     def test_two_pairs_in_a_process_of_their_own(self) -> None:
         said: list[str] = []
         pairs = simulate_pairs(2, 3, lambda _: None)
