@@ -58,6 +58,7 @@ def _steady(result: dict[str, Any]) -> dict[str, Any]:
     return steady
 
 
+@pytest.mark.slow
 class TestCompare:
     @pytest.mark.slow
     def test_a_run_is_no_worse_than_itself(self, result: dict[str, Any]) -> None:

@@ -38,6 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_every_set_is_drawn_and_the_same_again() -> None:
     settings = evidence_settings(Request())
     # a draw of a kind has five pairs, one of a survey two for each of four, and those apart

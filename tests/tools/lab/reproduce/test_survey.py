@@ -140,6 +140,7 @@ class TestRun:
         assert {verdict.claim.split(", ")[1] for verdict in verdicts(section)} == {"5 scans"}
         assert "20 % of the scans show nothing" in section_text(section, 1)
 
+    @pytest.mark.slow
     def test_what_was_mapped_and_what_it_took_in_a_process_of_its_own(self, device: Device) -> None:
         (row, *poses), (times,) = done(device)
         assert (row["row"], row["scans"], row["unusable"], row["placed"]) == (MAP, 5, 1, 4)
