@@ -57,6 +57,11 @@ class Registration:
         return dict(self.evidence).get("fixed", 1.0)
 
     @property
+    def is_fixed(self) -> bool:
+        """Whether its pose is sure enough to be accepted where its place is right."""
+        return self.fixed >= FITTED["acceptance"]["fixed"]
+
+    @property
     def is_assumed(self) -> bool:
         """Whether it is what is usual rather than what the scans show."""
         return "assumed" in dict(self.evidence)

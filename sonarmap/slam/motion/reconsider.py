@@ -28,7 +28,6 @@ _STEP_ODDS = 4.0
 # Less probable ones, down to this, are assumed to be as usual: 99 of 100 pairs that share nothing are below it about an
 # expected place. So probable is then that the step is as far off as it says.
 _POSSIBLE_STEP, _SUREST_ASSUMPTION = 0.2, 0.9
-_FIXED = 0.5  # a pose is sure from this probability on
 
 
 def is_doubtful(pair: RegisteredPair, motion: AnyMotion) -> bool:
@@ -94,7 +93,7 @@ def _as_step(pair: RegisteredPair, motion: AnyMotion | None) -> RegisteredPair:
         return pair
     odds = _STEP_ODDS * registration.probability
     as_step = replace(registration, probability=odds / (odds + 1 - registration.probability))
-    if as_step.placed and registration.fixed >= _FIXED:
+    if as_step.placed and registration.is_fixed:
         reason = f"likely enough for a step between consecutive scans; {registration.reason}"
         return replace(pair, registration=replace(as_step, accepted=True, reason=reason))
     if motion is None or motion.is_measured(*pair.scans):

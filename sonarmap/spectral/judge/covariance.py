@@ -16,7 +16,7 @@ from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.observability import Observability
 
 # Of six normal numbers' chi-squared 95 % are less.
-_ELLIPSOID = 12.592
+ELLIPSOID = 12.592
 # Where scans know less than this share of what instruments know, they are taken to agree with these: where they would
 # have the pose alone, only their noise decides.
 _TELLING = 0.01
@@ -108,7 +108,7 @@ def fit_covariance(
 def covers(covariance: np.ndarray, T: RigidTransform, other: RigidTransform) -> bool:
     """Whether another pose lies in the 95 % ellipsoid of one, by its (6, 6) covariance as `PoseCovariance` has it."""
     away: np.ndarray = (T.inv() * other).as_exp_coords()
-    return float(away @ np.linalg.solve(covariance, away)) <= _ELLIPSOID
+    return float(away @ np.linalg.solve(covariance, away)) <= ELLIPSOID
 
 
 def _by_planes(hypothesis: Hypothesis) -> np.ndarray:

@@ -29,14 +29,6 @@ class Observability:
     slides: np.ndarray
     turns: np.ndarray  # (TURNED,) about each of the least fixed axes, the higher one of both ways; phase only
 
-    def numbers(self) -> tuple[tuple[str, float], ...]:
-        """Logarithms by name, each after "o_": of slides by direction, band and whitening, and of turns by axis."""
-        slides = [
-            (f"o_slide_{axis}{band}{whitening}", float(value))
-            for (axis, band, whitening), value in np.ndenumerate(np.log(self.slides))
-        ]
-        return (*slides, *((f"o_turn_{n}", float(value)) for n, value in enumerate(np.log(self.turns))))
-
 
 def observe_directions(
     correlation: Translation, target: CoarseVolume, source: CoarseVolume, fit: Fit, scale: float

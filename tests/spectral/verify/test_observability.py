@@ -1,7 +1,6 @@
 """How sharply scans agree along the directions that hold them least, and which these are."""
 
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import choose_device
@@ -50,12 +49,6 @@ def test_a_trench_agrees_with_itself_along_its_length_alone() -> None:
 def test_walls_across_hold_it() -> None:
     opened, closed = seen_at_truth(closed=False), seen_at_truth(closed=True)
     assert (closed.slides[0, :, 1] < 0.95 * opened.slides[0, :, 1]).all()
-
-
-def test_numbers_are_named_logarithms() -> None:
-    seen = Observability(np.eye(3), np.full((3, 3, 2), 0.5), np.array([0.25, 1.0]))
-    assert dict(seen.numbers())["o_slide_021"] == pytest.approx(np.log(0.5))
-    assert dict(seen.numbers())["o_turn_0"] == pytest.approx(np.log(0.25))
 
 
 def test_the_weakest_directions_are_those_that_are_left_where_the_others_follow() -> None:

@@ -35,7 +35,7 @@ class Recorder(SpectralRegistrar):
     def cells(self, truth: RigidTransform | None) -> list[dict[str, Value]]:
         """A row of each hypothesis of the pair that was registered since the last call, the best first.
 
-        Of each its evidence and its error; of the best what else was measured, as `measured_pair` reads it.
+        Of each its evidence and its error; of the best what else was measured, as `fit_of` and `seen_of` read it.
         """
         if self._measured is None:
             return []

@@ -10,7 +10,7 @@ from scipy.special import expit
 
 from sonarmap.spectral.covariance_at_sensor import cross_matrices
 from sonarmap.spectral.grid import coarse_edge
-from sonarmap.spectral.judge.covariance import Slide, fit_covariance
+from sonarmap.spectral.judge.covariance import ELLIPSOID, Slide, fit_covariance
 from sonarmap.spectral.judge.judgement import judge
 from sonarmap.spectral.judge.odds import Odds
 from sonarmap.spectral.judge.probability import Clues, fixed_probability, shares, slides_of
@@ -20,7 +20,6 @@ from sonarmap.tools.lab.reproduce.judge.recorded import RecordedPair
 CLUES = tuple(field.name for field in fields(Clues))
 _RIDGE = 1e-3  # weight of the squared weights in the mean loss, of columns with deviation 1
 _RARE = 0.005  # share of the pairs on either side that say nothing of a clue's range
-_INSIDE = 12.592  # chi-squared of six numbers in the 95 % ellipsoid
 # A place that is farther off is wrong, whatever its covariance says [degrees, voxels]
 _FARTHEST = 30.0, 40.0
 # Scans have slid if they are farther off than so many standard deviations by their planes, and than so many coarse
@@ -91,7 +90,7 @@ class JudgedPairs:
     def right(self) -> np.ndarray:
         """(N,) whether the place is right, or as far off as the covariance says."""
         off = np.array([pair.off[0] for pair in self.pairs])
-        return self.near | ((self.nees <= _INSIDE) & (off <= _FARTHEST).all(axis=1))
+        return self.near | ((self.nees <= ELLIPSOID) & (off <= _FARTHEST).all(axis=1))
 
     def probability(self, odds: Odds) -> np.ndarray:
         """(N,) that the best hypothesis names the right place."""

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sonarmap.spectral.fitted import FITTED, TABLE
-from sonarmap.spectral.judge.covariance import Slide
+from sonarmap.spectral.judge.covariance import ELLIPSOID, Slide
 from sonarmap.spectral.judge.odds import Odds
 from sonarmap.spectral.registration import SpectralConfig
 from sonarmap.tools.files.writers.atomic import atomic_path
@@ -160,7 +160,7 @@ def _rows(pairs: JudgedPairs, probability: np.ndarray, rule: str, least: float) 
                     "accepted_right": int((some & right & accepted).sum()),
                     "accepted_wrong": int((some & ~right & accepted).sum()),
                     "calibration_error": float(sum(gaps) / some.sum()), "near": len(nees),
-                    "inside": int((nees <= 12.592).sum()), "nees": float(nees.mean()) if len(nees) else np.nan,
+                    "inside": int((nees <= ELLIPSOID).sum()), "nees": float(nees.mean()) if len(nees) else np.nan,
                     "open": int((pairs.sigma[some & near] > 5).sum()),
                 }
             )  # fmt: skip
