@@ -40,16 +40,20 @@ def is_doubtful(pair: RegisteredPair, motion: AnyMotion) -> bool:
 
 def with_both(first: RegisteredPair, second: RegisteredPair, motion: AnyMotion | None = None) -> RegisteredPair:
     """A pair that was registered by the scans alone with its second registration, about where it is expected, and the
-    first one's answers beside it: less probable where the motion contradicts them."""
+    first one's answers beside it: less probable where the motion contradicts them.
+
+    What was looked for in a window is found there, rightly or not: it is as sure as the window where it is wrong.
+    """
     if first.registration is None or second.registration is None:
         return first
     left = 1.0 - second.registration.probability
     answers = (first.registration, *first.registration.alternatives)
     earlier = tuple(_less(answer, left, first, motion) for answer in answers)
-    return replace(
-        second,
-        registration=replace(second.registration, alternatives=(*second.registration.alternatives, *earlier)),
-    )
+    answer = second.registration
+    if motion is None and second.expected is not None:
+        away, window = _window(answer, second.expected)
+        answer = replace(answer, covariance=answer.covariance + left * (window + np.outer(away, away)))
+    return replace(second, registration=replace(answer, alternatives=(*answer.alternatives, *earlier)))
 
 
 def without_leaps(pair: RegisteredPair, motion: AnyMotion) -> RegisteredPair:
@@ -103,16 +107,12 @@ def _as_step(pair: RegisteredPair, motion: AnyMotion | None) -> RegisteredPair:
 
 def _assumed(registration: Registration, expected: ExpectedPose) -> Registration:
     """Mean and covariance of either the registration, as probable as it says, or what is expected."""
-    share, T = registration.probability, registration.T_target_source
-    away: np.ndarray = (T.inv() * expected.T_target_source).as_exp_coords()
-    R: np.ndarray = T.rotation.as_matrix()
-    to_source: np.ndarray = np.kron(np.eye(2), R.T)
-    usual: np.ndarray = (to_source * expected.sigmas**2) @ to_source.T
+    share, (away, window) = registration.probability, _window(registration, expected)
     spread = share * (1 - share) * np.outer(away, away)
     return replace(
         registration,
-        T_target_source=T * RigidTransform.from_exp_coords((1 - share) * away),
-        covariance=share * registration.covariance + (1 - share) * usual + spread,
+        T_target_source=registration.T_target_source * RigidTransform.from_exp_coords((1 - share) * away),
+        covariance=share * registration.covariance + (1 - share) * window + spread,
         T_by_scans=None,
         covariance_by_scans=None,
         probability=_SUREST_ASSUMPTION,
@@ -121,6 +121,16 @@ def _assumed(registration: Registration, expected: ExpectedPose) -> Registration
         evidence=(("assumed", share),),
         reason=f"assumed from the usual motion, as the scans show it with a probability of {share:.0%} only",
     )
+
+
+def _window(registration: Registration, expected: ExpectedPose) -> tuple[np.ndarray, np.ndarray]:
+    """The step (6,) from a registration to where it was expected, and the (6, 6) covariance there, in the source's
+    axes."""
+    T = registration.T_target_source
+    away: np.ndarray = (T.inv() * expected.T_target_source).as_exp_coords()
+    R: np.ndarray = T.rotation.as_matrix()
+    to_source: np.ndarray = np.kron(np.eye(2), R.T)
+    return away, (to_source * expected.sigmas**2) @ to_source.T
 
 
 def with_motion(pairs: Sequence[RegisteredPair], motion: AnyMotion) -> list[RegisteredPair]:

@@ -172,6 +172,23 @@ def test_the_second_look_leads_and_the_first_stays_possible() -> None:
     assert with_both(first, pair(None), MOTION) is first
 
 
+def test_what_was_looked_for_in_a_window_is_as_sure_as_the_window_where_it_is_wrong() -> None:
+    first, second = pair(answer(JUMP, 0.5)), replace(pair(answer(moved(USUAL), 0.9)), expected=EXPECTED)
+    assert first.registration is not None
+    assert second.registration is not None
+    both = with_both(first, second).registration
+    assert both is not None
+    T = second.registration.T_target_source
+    away = (T.inv() * EXPECTED.T_target_source).as_exp_coords()
+    R = np.kron(np.eye(2), T.rotation.as_matrix())
+    widened = R.T @ np.diag(EXPECTED.sigmas**2) @ R + np.outer(away, away)
+    np.testing.assert_allclose(both.covariance - second.registration.covariance, 0.1 * widened, atol=1e-12)
+    # about the usual motion the steps themselves are weighed
+    by_motion = with_both(first, second, MOTION).registration
+    assert by_motion is not None
+    np.testing.assert_array_equal(by_motion.covariance, second.registration.covariance)
+
+
 def test_the_motion_holds_what_the_scans_leave_open() -> None:
     """Along a wall that shows nothing else the scans do not tell how far the vehicle went."""
     T = moved(USUAL) * RigidTransform.from_translation([30.0, 0.0, 0.0])
