@@ -19,8 +19,10 @@ from sonarmap.slam.map.component_maps import MIN_SEEN, ComponentMaps, component_
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.slam.odd.odd_scan import OddScan
+from sonarmap.slam.odd.search import find_odd
 from sonarmap.slam.pair import RegisteredPair, require_any_registered
-from sonarmap.slam.pair_search import PairSearch
+from sonarmap.slam.pair_search import PairSearch, register_steps
 from sonarmap.slam.stream.between import with_between
 from sonarmap.slam.stream.keys import KeySettings, choose_keys
 from sonarmap.slam.survey_result import SurveyResult
@@ -128,25 +130,40 @@ class Mapper:
         runner = PairRunner(self.execution, measurements.scans, 2, progress)
         try:
             keys, known = choose_keys(runner, number, self.voxel, self.settings.keys)
+            odd: tuple[OddScan, ...] = ()
+            if len(keys) == len(scans):
+                known = register_steps(runner, measurements.surveys, known)
+                vouched = {k for tie in ties for k in tie.scans} | {point.scan for point in control}
+                odd = find_odd(runner, measurements.scans, number.tolist(), known, self.voxel, vouched)
+                keys = [k for k in keys if k not in {each.scan for each in odd}]
             if len(keys) == len(scans):
                 decision = self._decided(runner, measurements, known)
             else:
-                decision = self._decided_by_keys(runner, measurements, keys, known)
+                decision = self._decided_by_keys(runner, measurements, keys, known, odd)
         finally:
             runner.release()
         runner.step_done("poses optimized")
         result = replace(self._fuse(scans, number, decision), ties=tuple(ties), control=decision.points(control))
         runner.step_done("map fused")
-        return result if len(keys) == len(scans) else replace(result, keys=tuple(keys))
+        return replace(result, odd=odd, keys=None if len(keys) + len(odd) == len(scans) else tuple(keys))
 
     def _decided_by_keys(
-        self, runner: PairRunner, measurements: Measurements, keys: Sequence[int], known: Sequence[RegisteredPair]
+        self,
+        runner: PairRunner,
+        measurements: Measurements,
+        keys: Sequence[int],
+        known: Sequence[RegisteredPair],
+        odd: Sequence[OddScan],
     ) -> Decision:
-        """About the key scans, and by them about all."""
-        number = {k: n for n, k in enumerate(keys)}
-        of_keys, own = measurements.take(keys), [pair.renumbered(number) for pair in known]
+        """About the key scans, or those that are not odd, and by them about all."""
+        number, outside = {k: n for n, k in enumerate(keys)}, {each.scan for each in odd}
+        of_keys = measurements.take(keys)
+        own = [pair.renumbered(number) for pair in known if outside.isdisjoint(pair.scans)]
         decision = self._decided(runner.of(keys), of_keys, own)
-        return with_between(decision, keys, measurements, self.settings.loops.floor(self.voxel) / 4)
+        if odd:  # what was measured of them places no points that do not fit
+            scans = [replace(scan, prior=None) if k in outside else scan for k, scan in enumerate(measurements.scans)]
+            measurements = replace(measurements, scans=tuple(scans))
+        return with_between(decision, keys, measurements, self.settings.loops.floor(self.voxel) / 4, outside)
 
     def _decided(self, runner: PairRunner, measurements: Measurements, known: Sequence[RegisteredPair]) -> Decision:
         """About all that can be registered of some scans; `known` pairs have been.

@@ -31,6 +31,14 @@ from sonarmap.spectral.result import Registrar
 _WORTH_A_ROUND = 0.01
 
 
+def register_steps(runner: PairRunner, survey: np.ndarray, known: Sequence[RegisteredPair]) -> list[RegisteredPair]:
+    """Consecutive scans of each survey, of which (N,) numbers are given, by the scans alone; `known` have been."""
+    by_scans = {pair.scans: pair for pair in known}
+    steps = [Candidate(k, k + 1, "sequential") for k in range(len(survey) - 1) if survey[k] == survey[k + 1]]
+    by_scans |= {pair.scans: pair for pair in runner.register([step for step in steps if step.scans not in by_scans])}
+    return [by_scans[step.scans] for step in steps]
+
+
 class PairSearch:
     """Registers the pairs of one survey, or of several of one place.
 
@@ -64,12 +72,8 @@ class PairSearch:
 
     def steps(self, known: Sequence[RegisteredPair] = ()) -> list[RegisteredPair]:
         """Consecutive scans of each survey, from which the motion is learned; `known` have been registered already."""
-        survey, by_scans = self._measurements.surveys, {pair.scans: pair for pair in known}
-        steps = [Candidate(k, k + 1, "sequential") for k in range(len(survey) - 1) if survey[k] == survey[k + 1]]
-        registered = {
-            pair.scans: pair for pair in self._runner.register([step for step in steps if step.scans not in by_scans])
-        }
-        pairs = [(by_scans | registered)[step.scans] for step in steps]
+        survey = self._measurements.surveys
+        pairs = register_steps(self._runner, survey, known)
         odometry = self._measurements.odometry
         motion = Motion.learn(pairs, self._measurements.stamps, survey, self._floor, self._limits)
         self._motion = motion if odometry is None else MeasuredMotion(odometry, motion, self._floor)

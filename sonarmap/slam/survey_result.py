@@ -12,6 +12,7 @@ from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.map.component_maps import ComponentMaps
 from sonarmap.slam.map.point_map import PointMap
+from sonarmap.slam.odd.odd_scan import OddScan
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.tie import Tie
 
@@ -37,6 +38,7 @@ class SurveyResult:
         ties: what a person said of pairs; what came of each is with its pair.
         displaced: scans of pairs that are kept without ties and control points, and refused for these.
         control: where control and check points are in the map.
+        odd: the scans that are mirrored, in another unit, or whose ranges are off by a share; they were left out.
     """
 
     trajectory: Trajectory
@@ -54,6 +56,7 @@ class SurveyResult:
     ties: tuple[Tie, ...] = ()
     displaced: tuple[tuple[int, int], ...] = ()
     control: tuple[MeasuredControl, ...] = ()
+    odd: tuple[OddScan, ...] = ()
 
     @property
     def moved(self) -> float:

@@ -107,6 +107,14 @@ class PairRunner:
         part._numbers = [self._numbers[k] for k in chosen]
         return part
 
+    def beside(self, versions: Sequence[Scan], numbers: Sequence[int]) -> "PairRunner":
+        """The same with versions of some scans, by their numbers, behind all others; their progress goes on."""
+        more, keys = copy(self), [scan_key(scan) for scan in versions]
+        more._number = {key: len(self._all_scans) + n for n, key in enumerate(keys)} | self._number
+        more._all_scans = [*self._all_scans, *versions]
+        more._scans, more._numbers = [*self._scans, *keys], [*self._numbers, *(self._numbers[k] for k in numbers)]
+        return more
+
     @property
     def workers(self) -> int:
         """How many there are now, at least 1: so many pairs are registered at a time."""

@@ -3,7 +3,7 @@
 the key scans themselves show it."""
 
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,7 @@ def with_between(
     keys: Sequence[int],
     measurements: Measurements,
     floor: np.ndarray,
+    odd: Collection[int] = (),
 ) -> Decision:
     """What was decided about key scans, for all scans.
 
@@ -35,13 +36,14 @@ def with_between(
     Args:
         decision: about the key scans, numbered 0, 1, ...; `keys` are their indices among all scans, ascending.
         floor: (6,) standard deviations of a place that is interpolated [rad, m].
+        odd: scans without a place, which are left alone.
     """
     count, graph = len(measurements.scans), decision.solution.graph
-    steps = _steps(keys, decision, measurements, floor)
+    steps = _steps(keys, decision, measurements, floor, odd)
     at_keys = {k: number for number, k in enumerate(keys)}
 
     def expanded(T_keys: RigidTransform) -> Trajectory:
-        poses = {k: T_keys[number] for k, number in at_keys.items()}
+        poses = dict.fromkeys(odd, RigidTransform.identity()) | {k: T_keys[n] for k, n in at_keys.items()}
         for edge in steps:
             poses[edge.j] = poses[edge.i] * edge.registration.T_target_source
         return Trajectory(measurements.stamps, RigidTransform.concatenate([poses[k] for k in range(count)]))
@@ -95,6 +97,7 @@ def _steps(
     decision: Decision,
     measurements: Measurements,
     floor: np.ndarray,
+    odd: Collection[int],
 ) -> list[Edge]:
     """For every scan that is no key scan, how it lies to the key scan before it."""
     surveys, odometry = measurements.surveys, measurements.odometry
@@ -107,7 +110,7 @@ def _steps(
     unsteady = Unsteadiness.of(T_keys, times[list(keys)], run)
     known, steps = set(keys), list[Edge]()
     for k in range(len(times)):
-        if k in known:
+        if k in known or k in odd:
             continue
         a = bisect_right(keys, k) - 1
         i, b = keys[a], a + 1

@@ -70,6 +70,7 @@ def _registration(
     refusal = pair.bounds.refusal(T)
     fixed = fixed_probability(covariance.posterior, pair.grid.voxel, covariance.by_instruments)
     is_fixed = fixed >= FITTED["acceptance"]["fixed"]
+    stretch = () if fit.stretch is None else (("stretch", float(fit.stretch[0] - fit.stretch[1])),)
     words = explain(hypothesis, probability, least, is_fixed)
     return Registration(
         T_target_source=T,
@@ -87,7 +88,7 @@ def _registration(
         ),
         T_by_scans=pair.transform(replace(fit, step=covariance.step).by_scans) if measured else None,
         covariance_by_scans=covariance.by_scans if measured else None,
-        evidence=(("fixed", fixed),),
+        evidence=(("fixed", fixed), *stretch),
     )
 
 

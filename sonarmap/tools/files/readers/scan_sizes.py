@@ -10,15 +10,16 @@ from sonarmap.spectral.scan import Scan
 _SAMPLE = 1000  # points of a scan that are looked at
 _LEAST_SCANS = 3  # of two nobody knows which is wrong
 _LEAST_POINTS = 100  # of fewer the spread says nothing
-# Views of one place differ in range by tens; a scan in millimeters beside others in meters by a thousand.
-_STRANGE = 200.0
-_MILLIMETERS = (500, 2000)  # times
+# Views of one place differ in range by tens; a scan in centimeters beside others in meters by a hundred. One that is so
+# much smaller than the others fills three voxels of a grid of 128, and nothing is lost with it.
+_STRANGE = 40.0
+_UNITS = {"centimeters": (40, 300), "millimeters": (300, 3000)}  # times
 _LISTED = 5  # scans in a sentence
 _FIRST = 64  # points by which scans are compared first
 
 
 def strange_sizes(scans: Sequence[Scan]) -> dict[int, str]:
-    """What is wrong with scans that are hundreds of times larger or smaller than the others, by their index. `scans`:
+    """What is wrong with scans that are 40 times larger or smaller, or more, than the others, by their index. `scans`:
     of one survey."""
     sizes = {k: size for k, scan in enumerate(scans) if len(scan.points) >= _LEAST_POINTS and (size := _size(scan)) > 0}
     if len(sizes) < _LEAST_SCANS:
@@ -36,8 +37,9 @@ def _size(scan: Scan) -> float:
 
 def _in_words(size: float, usual: float, times: float) -> str:
     factor = f"{times:.3g} times larger" if times > 1 else f"{1 / times:.3g} times smaller"
-    likely = any(_MILLIMETERS[0] < ratio < _MILLIMETERS[1] for ratio in (times, 1 / times))
-    hint = f"as if {'it was' if times > 1 else 'the others were'} in millimeters" if likely else "in another unit"
+    ratio = max(times, 1 / times)
+    unit = next((unit for unit, (least, most) in _UNITS.items() if least <= ratio < most), "another unit")
+    hint = f"as if {'it was' if times > 1 else 'the others were'} in {unit}"
     return (
         f"its points are spread over {size:.3g} m, those of the other scans over {usual:.3g} m: {factor}, {hint}; "
         "write all scans in one unit (--units says which)"

@@ -3,9 +3,11 @@
 import math
 from collections.abc import Iterator, Sequence
 from statistics import median
+from typing import Any
 
 from sonarmap.slam.graph.edge import components
 from sonarmap.slam.graph.gauge import MEASURED
+from sonarmap.slam.odd.odd_scan import OddScan
 from sonarmap.slam.pair import DEFECT, Pair
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
@@ -29,14 +31,15 @@ _EACH = 3  # gaps or fixes that get a sentence each; more share one
 
 
 def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
-    """Errors of the method, several parts, scans without a place, gaps, odd steps, ties and control points that do not
-    fit, wrong fixes, loops without effect, and stray points: a sentence each.
+    """Errors of the method, odd scans, several parts, scans without a place, gaps, odd steps, ties and control points
+    that do not fit, wrong fixes, loops without effect, and stray points: a sentence each.
 
     What one scan is to blame for is in one sentence, about that scan. Arguments of the library are in backticks.
     """
     unusable = _unusable(result, names)
     return [
         *_of_defects(result, names),
+        *(row["reason"] for row in odd_rows(result, names)),
         *_of_parts(result, names, unusable),
         *_of_gaps(result, names, unusable),
         *_of_steps(result, names),
@@ -45,6 +48,42 @@ def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
         *_of_fixes(result, names),
         *_of_the_whole(result),
     ]
+
+
+def odd_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
+    """The scans that are odd, what makes each fit, and the reason why it was left out with what to do, in words."""
+    return [
+        {
+            "index": each.scan,
+            "name": names[each.scan],
+            "kind": each.kind,
+            "mirrored_axes": each.change.axes,
+            "factor": each.change.factor,
+            "reason": f"{names[each.scan]} {_oddness(each)}",
+        }
+        for each in result.odd
+    ]
+
+
+def _oddness(odd: OddScan) -> str:
+    """What a scan seems to be, and what to do."""
+    axis, factor = odd.change.axes, odd.change.factor
+    short = "too short" if factor > 1 else "too long"
+    seems, change, what_to_do = {
+        "mirrored": ("is mirrored", f"the sign of {axis} changed", "write it with x forward, y left, z up"),
+        "feet": ("is in feet", f"its lengths multiplied by {factor:.4f}", "write all scans in one unit"),
+        "meters": (
+            "is in meters and the others in feet",
+            f"its lengths multiplied by {factor:.4f}",
+            "write all scans in one unit",
+        ),
+        "ranges": (
+            f"has ranges that are {abs(1 / factor - 1):.0%} {short}, as by a wrong speed of sound",
+            f"its ranges multiplied by {factor:.3f}",
+            "correct them in its file",
+        ),
+    }[odd.kind]
+    return f"{seems}: with {change} it fits its neighbors, and not as it is. It was left out of the map; {what_to_do}"
 
 
 def _unusable(result: SurveyResult, names: Sequence[str]) -> dict[int, str]:
@@ -68,7 +107,8 @@ def _of_defects(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
 
 
 def _of_parts(result: SurveyResult, names: Sequence[str], unusable: dict[int, str]) -> Iterator[str]:
-    parts, outside = placed(result.components), unplaced(result.components)
+    odd = {each.scan for each in result.odd}
+    parts, outside = placed(result.components), [k for k in unplaced(result.components) if k not in odd]
     if len(parts) > 1:
         yield (
             f"no reliable registration joins all the scans: there are {len(parts)} separate parts, each with its own "

@@ -17,7 +17,7 @@ from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.files.readers.csv_table import PAIRS
-from sonarmap.tools.products.output.faults import faults
+from sonarmap.tools.products.output.faults import faults, odd_rows
 from sonarmap.tools.products.output.hand import control_fit, control_rows, tie_rows
 from sonarmap.tools.products.output.pairs_file import fields_of
 from sonarmap.tools.products.output.run import SurveyRun
@@ -46,6 +46,7 @@ def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
         ],
         "components": [_component_row(result, c, graph.gauge.unmeasured) for c in placed(result.components)],
         "unplaced": unplaced(result.components),
+        "odd_scans": odd_rows(result, names),
         "key_scans": result.keys,
         "by_navigation": result.by_navigation,
         "warnings": faults(result, names),

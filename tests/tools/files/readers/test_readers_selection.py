@@ -131,7 +131,12 @@ def scans(*sizes: float) -> list[Scan]:
 
 @pytest.mark.parametrize(
     ("sizes", "strange", "words"),
-    [((5, 7, 6000, 4), 2, "it was in millimeters"), ((0.006, 7, 6, 4), 0, "the others were in millimeters")],
+    [
+        ((5, 7, 6000, 4), 2, "it was in millimeters"),
+        ((0.006, 7, 6, 4), 0, "the others were in millimeters"),
+        ((5, 7, 6, 400), 3, "it was in centimeters"),
+        ((5, 0.07, 6, 9), 1, "the others were in centimeters"),
+    ],
 )
 def test_names_the_unit(sizes: tuple[float, ...], strange: int, words: str) -> None:
     named = strange_sizes(scans(*sizes))

@@ -56,7 +56,10 @@ def _concerns(summary: Mapping[str, Any], names: Sequence[str]) -> Iterator[str]
     if len(parts) > 1:
         separate = f"there are {len(parts)} separate maps, each in a frame of its own"
         yield f"No reliable registration joins all scans: {separate}."
-    lost, alone = _named(summary["unplaced"], names), _named(summary["by_navigation"], names)
+    odd = summary.get("odd_scans", [])  # which earlier maps do not have
+    yield from (f"{row['reason']}." for row in odd)
+    outside = [scan for scan in summary["unplaced"] if scan not in {row["index"] for row in odd}]
+    lost, alone = _named(outside, names), _named(summary["by_navigation"], names)
     for what, words, listing in (
         ("scan", "in no map: no reliable registration joins them to the others", lost),
         ("scan", "placed by navigation alone: no reliable registration joins them", alone),

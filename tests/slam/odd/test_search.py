@@ -1,0 +1,161 @@
+"""Scans that are mirrored, in feet, or whose ranges are off: which are named, and what is left of the map."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.odd.odd_scan import FOOT, Change, OddScan
+from sonarmap.slam.parts import unplaced
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.slam.tie import Tie
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior, Scan
+from sonarmap.tools.products.output.faults import faults, odd_rows
+from sonarmap.tools.products.report.page.verdict import verdict
+from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
+
+COUNT, VOXEL = 12, 0.5
+TRUTH = ring_poses(COUNT, turns=0.4)
+SCANS = scans_of(TRUTH)
+NAMES = [scan.name for scan in SCANS]
+FOLLOWED = 0.1  # share of a scan's scale that a registration follows
+
+
+class Seeing(KnowingRegistrar):
+    """Right about scans that are as they were; as unsure of others as a registration is; `blind` to what is wrong."""
+
+    def __init__(self, blind: bool = False, spread: float = 0.0) -> None:
+        super().__init__(TRUTH, 1e-6 * np.eye(6))
+        self.blind, self.spread = blind, spread
+
+    def prepare(self, scan: Scan) -> Any:
+        prepared: Any = super().prepare(scan)
+        prepared.by = np.median(scan.points / SCANS[prepared.index].points, axis=0)
+        return prepared
+
+    def register(self, target: Any, source: Any) -> Registration:
+        given = super().register(target, source)
+        by, chance = source.by / target.by, np.random.default_rng([target.index, source.index]).normal()
+        fits = self.blind or (by.min() > 0.7 and by.max() < 1.4)
+        stretch = self.spread * chance - FOLLOWED * float(np.log(np.abs(by).mean()))
+        return replace(given, accepted=bool(fits), probability=0.98 if fits else 0.1, evidence=(("stretch", stretch),))
+
+
+def with_odd(changes: dict[int, Change]) -> list[Scan]:
+    return [changes[k].of(scan) if k in changes else scan for k, scan in enumerate(SCANS)]
+
+
+def mapped(scans: list[Scan], registrar: KnowingRegistrar | None = None, **arguments: Any) -> SurveyResult:
+    return Mapper(registrar or Seeing(), VOXEL).run(scans, **arguments)
+
+
+@pytest.mark.parametrize("scan", [0, 1, 6, COUNT - 1])
+@pytest.mark.parametrize(
+    ("change", "kind", "words"),
+    [
+        (Change("y"), "mirrored", "the sign of y changed"),
+        (Change("z"), "mirrored", "the sign of z changed"),
+        (Change(factor=1 / FOOT), "feet", "in feet"),
+        (Change(factor=FOOT), "meters", "the others in feet"),
+        (Change(factor=0.95), "ranges", "5% too short"),
+        (Change(factor=1.05), "ranges", "5% too long"),
+    ],
+)
+def test_an_odd_scan_is_named_and_left_out(scan: int, change: Change, kind: str, words: str) -> None:
+    result = mapped(with_odd({scan: change}))
+    (odd,) = result.odd
+    assert (odd.scan, odd.kind, odd.change.axes) == (scan, kind, change.axes)
+    assert odd.change.factor == pytest.approx(1 / change.factor, rel=1e-3)
+    assert unplaced(result.components) == [scan]
+    (named, *others) = faults(result, NAMES)
+    assert named.startswith(f"scan{scan} ")
+    assert words in named
+    assert not [fault for fault in others if "gap" in fault or "in no map" in fault]
+
+
+def test_the_rest_of_the_map_is_as_without_it() -> None:
+    scans, left = with_odd({5: Change("y")}), [k for k in range(COUNT) if k != 5]
+    result, without = mapped(scans), mapped([SCANS[k] for k in left])
+    ours, theirs = result.trajectory.T_world_sensor[left], without.trajectory.T_world_sensor
+    np.testing.assert_allclose(ours.as_matrix(), theirs.as_matrix(), atol=1e-6)
+    assert result.gaps == ()
+    tried = [tuple(left[k] for k in pair.scans) for pair in without.pairs]
+    assert [pair.scans for pair in result.pairs] == tried
+
+
+def test_several_are_named_also_side_by_side() -> None:
+    changes = {3: Change("y"), 4: Change("y"), 8: Change(factor=0.95)}
+    assert [odd.scan for odd in mapped(with_odd(changes)).odd] == [3, 4, 8]
+
+
+def test_what_fits_as_it_is_is_not_odd() -> None:
+    """As a mirrored scan of a symmetric place, and ranges that nothing tells."""
+    registrar = Seeing(blind=True)
+    result = mapped(with_odd({5: Change("y")}), registrar)
+    assert result.odd == ()
+    assert len(result.components) == 1
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.001, 0.004])
+def test_ordinary_surveys_have_none(spread: float) -> None:
+    """By however much what registrations say of the ranges varies by chance; and none of its steps is tried twice."""
+    registrar = Seeing(spread=spread)
+    assert mapped(SCANS, registrar).odd == ()
+    if spread <= 0.001:
+        assert len(set(registrar.pairs)) == len(registrar.pairs)
+
+
+def test_small_shares_are_left_to_the_fit() -> None:
+    assert mapped(with_odd({5: Change(factor=0.985)})).odd == ()
+
+
+def test_a_person_may_vouch_for_a_scan() -> None:
+    result = mapped(with_odd({5: Change(factor=0.95)}), ties=(Tie(5, 6, "accept"),))
+    assert result.odd == ()
+    assert len(result.components) == 1
+
+
+def test_navigation_does_not_bring_it_back() -> None:
+    sigmas = np.array([np.inf, np.inf, np.inf, 0.1, 0.1, 0.1])
+    at = [PosePrior(RigidTransform.from_translation(T.translation), sigmas) for T in TRUTH]
+    scans = [replace(scan, prior=prior) for scan, prior in zip(with_odd({5: Change("y")}), at, strict=True)]
+    result = mapped(scans)
+    assert [odd.scan for odd in result.odd] == [5]
+    assert unplaced(result.components) == [5]
+
+
+def test_it_is_a_concern_of_the_report_once() -> None:
+    (row,) = rows = odd_rows(replace(mapped(SCANS), odd=(OddScan(2, Change("y")),)), NAMES)
+    assert {name: row[name] for name in ("index", "name", "kind", "mirrored_axes", "factor")} == {
+        "index": 2,
+        "name": "scan2",
+        "kind": "mirrored",
+        "mirrored_axes": "y",
+        "factor": 1.0,
+    }
+    summary = {
+        "unplaced": [2],
+        "odd_scans": rows,
+        "components": [{"map": {"seen_by_two_or_more": 0.8}}],
+        "pairs": {"by_role": {}},
+        "crossing_error_m": {"pairs": 0},
+        "by_navigation": [],
+        "unread": [],
+        "gaps": [],
+        "wrong_fixes": [],
+        "graph": {"converged": True},
+    }
+    assert verdict(summary, NAMES)["concerns"] == [f"{row['reason']}."]
+
+
+def test_a_change_is_done_to_the_viewpoints_too() -> None:
+    points = np.ones((3, 3), np.float32)
+    changed = Change("y", 2.0).of(Scan(points, viewpoints=points))
+    np.testing.assert_array_equal(changed.points, [[2, -2, 2]] * 3)
+    assert changed.viewpoints is not None
+    np.testing.assert_array_equal(changed.viewpoints, changed.points)
+    assert changed.points.dtype == changed.viewpoints.dtype == np.float32
