@@ -109,6 +109,17 @@ def test_ordinary_surveys_have_none(spread: float) -> None:
         assert len(set(registrar.pairs)) == len(registrar.pairs)
 
 
+def test_scans_on_one_side_alone_do_not_tell_the_ranges() -> None:
+    """As where the vehicle's place is wrong behind a gap."""
+
+    class Torn(Seeing):
+        def register(self, target: Any, source: Any) -> Registration:
+            given, ends = super().register(target, source), sorted((target.index, source.index))
+            return replace(given, accepted=False) if ends[0] <= 5 < ends[1] else given
+
+    assert mapped(with_odd({5: Change(factor=0.95)}), Torn()).odd == ()
+
+
 def test_small_shares_are_left_to_the_fit() -> None:
     assert mapped(with_odd({5: Change(factor=0.985)})).odd == ()
 
