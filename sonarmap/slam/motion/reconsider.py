@@ -28,6 +28,8 @@ _STEP_ODDS = 4.0
 # Less probable ones, down to this, are assumed to be as usual: 99 of 100 pairs that share nothing are below it about an
 # expected place. So probable is then that the step is as far off as it says.
 _POSSIBLE_STEP, _SUREST_ASSUMPTION = 0.2, 0.9
+# Only where so many steps, and such a share of all, are doubtful: of 26 folders of two dives two were joined by one.
+_FEW_DOUBTS, _DOUBTED = 2, 0.1
 
 
 def is_doubtful(pair: RegisteredPair, motion: AnyMotion) -> bool:
@@ -86,12 +88,17 @@ def believing_steps(pairs: Sequence[RegisteredPair], motion: AnyMotion | None) -
     """The pairs, those of consecutive scans believed as far as they are likely: these nearly always share a place.
 
     What is likely is accepted. What is only possible becomes as wide as the usual motion leaves it, and what the scans
-    say counts in it as much as it is probable.
+    say counts in it as much as it is probable; but not where nearly all other steps are believed: there two dives meet.
     """
-    return [_as_step(pair, motion) if pair.role == "sequential" and not pair.accepted else pair for pair in pairs]
+    steps = [pair for pair in pairs if pair.role == "sequential"]
+    doubtful = sum(not step.accepted for step in steps)
+    alone = doubtful < max(_FEW_DOUBTS, _DOUBTED * len(steps))
+    return [
+        _as_step(pair, motion, alone) if pair.role == "sequential" and not pair.accepted else pair for pair in pairs
+    ]
 
 
-def _as_step(pair: RegisteredPair, motion: AnyMotion | None) -> RegisteredPair:
+def _as_step(pair: RegisteredPair, motion: AnyMotion | None, alone: bool) -> RegisteredPair:
     registration = pair.registration
     if registration is None or not registration.probability >= _POSSIBLE_STEP:
         return pair
@@ -100,7 +107,7 @@ def _as_step(pair: RegisteredPair, motion: AnyMotion | None) -> RegisteredPair:
     if as_step.placed and registration.is_fixed:
         reason = f"likely enough for a step between consecutive scans; {registration.reason}"
         return replace(pair, registration=replace(as_step, accepted=True, reason=reason))
-    if motion is None or motion.is_measured(*pair.scans):
+    if motion is None or motion.is_measured(*pair.scans) or (alone and not as_step.placed):
         return pair
     return replace(pair, registration=_assumed(registration, motion.expected(*pair.scans)))
 

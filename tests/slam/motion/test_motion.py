@@ -223,7 +223,7 @@ def possible(probability: float, off: np.ndarray, fixed: float = 1.0) -> Registe
 @pytest.mark.parametrize(("probability", "accepted"), [(0.1, False), (0.3, True), (0.7, True)])
 def test_a_step_is_believed_as_far_as_it_is_likely(probability: float, accepted: bool) -> None:
     off = np.array([0, 0, 0, 0, 2.0, 0])
-    (step,) = believing_steps([possible(probability, off)], learned(steps(20)))
+    step, _ = believing_steps([possible(probability, off), possible(0.1, off)], learned(steps(20)))
     assert step.registration is not None
     assert step.accepted == accepted
     assert step.registration.is_assumed == (probability == 0.3)
@@ -231,9 +231,19 @@ def test_a_step_is_believed_as_far_as_it_is_likely(probability: float, accepted:
     assert believing_steps(loops, learned(steps(20))) == loops
 
 
+def test_a_lone_doubtful_step_is_not_assumed_as_two_dives_may_meet_there() -> None:
+    own, motion = steps(20), learned(steps(20))
+    doubtful = possible(0.4, np.zeros(6))
+    assert believing_steps([*own, doubtful], motion) == [*own, doubtful]
+    assert not any(step.accepted for step in believing_steps([*own, doubtful], motion)[20:])
+    # nor are two of thirty
+    two = [*own, *own, doubtful, possible(0.1, np.zeros(6))]
+    assert believing_steps(two, motion) == two
+
+
 def test_an_assumed_step_lies_between_the_scans_and_the_motion_and_is_as_wide_as_both() -> None:
     off, motion = np.array([0, 0, 0, 0, 2.0, 0]), learned(steps(20))
-    (step,) = believing_steps([possible(0.4, off)], motion)
+    step, _ = believing_steps([possible(0.4, off), possible(0.1, off)], motion)
     assert step.registration is not None
     expected = motion.expected(3, 4)
     between = moved(USUAL + off).translation - expected.translation
