@@ -40,6 +40,7 @@ def test_two_arrays() -> None:
     assert degrees < 0.5
 
 
+@pytest.mark.slow
 def test_the_others(survey: Path, tmp_path: Path) -> None:
     assert [path.name[:2] for path in sorted(EXAMPLES.glob("*.py"))] == ["01", "02", "03", "04", "05"]
     assert run("02_folder_to_map.py", survey, tmp_path / "map.ply").count("sequential: kept") == 3

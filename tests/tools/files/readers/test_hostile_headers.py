@@ -179,7 +179,9 @@ def with_numbers(path: Path, content: bytes, numbers: tuple[bytes, ...]) -> Iter
             yield other
 
 
-@pytest.mark.parametrize("kind", POSE_FILES)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind == "g2o repaired" else ()) for kind in POSE_FILES]
+)
 def test_every_number_has_a_largest_and_what_is_next_to_nothing_gives_no_infinity(tmp_path: Path, kind: str) -> None:
     file = POSE_FILES[kind]
     path = tmp_path / file.name
