@@ -44,7 +44,8 @@ def with_both(first: RegisteredPair, second: RegisteredPair, motion: AnyMotion |
     """A pair that was registered by the scans alone with its second registration, about where it is expected, and the
     first one's answers beside it: less probable where the motion contradicts them.
 
-    What was looked for in a window is found there, rightly or not: it is as sure as the window where it is wrong.
+    What was looked for about an estimate, where no motion is given, is found there, rightly or not: it is as sure as
+    that window where it is wrong. A step about the usual motion is weighed by that later, in `with_motion`.
     """
     if first.registration is None or second.registration is None:
         return first
