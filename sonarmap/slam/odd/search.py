@@ -27,6 +27,8 @@ _LARGER = 1.6
 # Mean difference of the stretches, all of one sign, from which on a scan is tried, and the least of any step. Of 40
 # ordinary scans of ten scenes none reached it, of 72 whose ranges were off by 5 % 68 did, and 1 of 8 in a pool.
 _TRIED, _TRIED_ALONE, _EACH = 0.0019, 0.0025, 0.0008
+# And in multiples of the median of all other steps: scans that are bent by themselves differ by as much.
+_BEYOND_OTHERS = 3.0
 _TRIAL = log(1.05)  # by so much the ranges of a scan are changed to see how the stretch follows
 _TELLING = 0.002  # change of the stretch by that trial from which on a pair tells the ranges
 # A scan is odd whose ranges are off by more than this: ordinary ones that two pairs tell, by up to 0.9 % but in a pool.
@@ -113,8 +115,14 @@ class _Search:
             if each
             and abs(fmean(each)) >= (_TRIED if len(each) > 1 else _TRIED_ALONE)
             and min(stretch * np.sign(fmean(each)) for stretch in each) >= _EACH
+            and abs(fmean(each)) >= _BEYOND_OTHERS * self._usual(k)
         ]
         return sorted(suspects, key=lambda k: -abs(sum(said[k])))
+
+    def _usual(self, k: int) -> float:
+        """The median of what the believed steps without a scan stretch by, either way; 0 where there are none."""
+        others = [_stretch(step, step.j) for step in self._steps if k not in step.scans]
+        return median([abs(each) for each in others if each is not None] or [0.0])
 
     def changed(self, k: int) -> Change | None:
         """The change with which a scan lies where neighbors agree that it does, as they do not of the scan as it is."""
