@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from math import erf, log, sqrt
+from math import erf, log, log1p, sqrt
 
 import numpy as np
 from scipy.special import expit
@@ -37,6 +37,7 @@ class Clues:
     lead: float  # of its score over the best of the others
     rivals: float  # of how many hypotheses there are
     search: float  # how few poses the instruments leave, so that a chance agreement is rarer; 0 without them
+    moved: float  # of how far the pose is from where nothing has moved
     measured: float  # chi-squared of the pose by what instruments measured
     openness: float  # of the standard deviation along the least sure direction
     # slide_0, slide_1, slide_2: of the correlation beside the peak along each direction, the least fixed first
@@ -78,6 +79,7 @@ def clues(
         lead=min(max(lead, -_ALONE), _ALONE),
         rivals=log(len(hypotheses)),
         search=-search / 3,
+        moved=log1p(evidence.moved),
         measured=min(evidence.measured, MOST_MEASURED),
         openness=log(np.linalg.eigvalsh(covariance[3:, 3:])[-1]) / 2 - log(grid.voxel),
         slide_0=slides[0],

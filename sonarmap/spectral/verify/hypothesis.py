@@ -34,7 +34,7 @@ class Evidence:
     width: float = nan  # median distance of all points near each other's planes [voxels], as `Fit` has it
     firmness: float = nan  # how firmly their planes hold the pose, 0..1, as `Fit` has it
     psr: float = nan  # peak-to-sidelobe ratio of the translation at the pose, on the whole grid, phase only
-    coarse_psr: float = nan  # the same on the coarse grid
+    moved: float = nan  # from where nothing has moved, as `PairFrames` has it [voxels]
     measured: float = 0.0  # chi-squared of the pose by what instruments measured; 0 where they measured nothing
 
     @property
@@ -58,10 +58,10 @@ class Evidence:
     def score(self) -> float:
         """The logarithm of what decides which hypothesis wins.
 
-        Where beams lie farther apart than voxels, the lines that they draw on a floor or a wall correlate on the whole
-        grid, whatever stands there; on the coarse one less.
+        Where beams lie farther apart than voxels, the lines that they draw on a floor or a wall correlate, whatever
+        stands there: so a peak says little of which hypothesis is the better one.
         """
-        return self.agreement + _POWERS["psr"] * _peak(self.psr) + _POWERS["coarse_psr"] * _peak(self.coarse_psr)
+        return self.agreement + _POWERS["psr"] * _peak(self.psr)
 
 
 @dataclass(frozen=True, slots=True)

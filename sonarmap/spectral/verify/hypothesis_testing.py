@@ -14,6 +14,7 @@ from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Hypothesis, alike, ranked
 from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
+from sonarmap.spectral.verify.observability import weakest
 from sonarmap.spectral.verify.pair_frames import PairFrames
 from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Selection, Verifier
 
@@ -32,6 +33,10 @@ _PROMISING = 0.4
 _LEFT, _SURVIVORS = 16, 6
 # Hypotheses whose agreement is less than the best's by more than this are out: no peak makes up for it.
 _HOPELESS = 3.5
+# Beside the best, along the two directions that its planes hold least, so far off [voxels] and in so many directions
+# surfaces are laid upon each other; where they agree less than at the best by more than this, it is no rival; so
+# many at most. Only where planes hold the best less firmly than this: where they hold it, nothing else came of it.
+_BESIDE, _DIRECTIONS, _RIVALS, _SLID, _FIRM = (4.0, 8.0, 12.0), 8, 1.0, 3, 0.05
 # Refined rotations nearer than this have the same correlation on the whole grid [rad].
 _SAME_ROTATION = float(np.deg2rad(1.0))
 
@@ -86,6 +91,28 @@ class HypothesisTest(PairFrames):
         hypotheses = self._refine_candidates(candidates, best, [_ROUGH])
         missed = [new for new in hypotheses if not any(alike(new.fit, finalist.fit) for finalist in finalists)]
         return self.possible(missed)[: len(finalists)]
+
+    def find_slid(self, known: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Where the surfaces agree about as well beside the first and best of these, along what its planes hold least.
+
+        Over a bed of little relief the correlation does not name the true place: where beams lie farther apart than
+        voxels, the lines that they draw agree best where nothing has moved, and the ripples do at the next one.
+        """
+        best = known[0]
+        if best.evidence.firmness > _FIRM:
+            return []
+        along = weakest(best.fit.information)[1][:, :2]
+        angles = np.arange(_DIRECTIONS) * 2 * np.pi / _DIRECTIONS
+        ring = np.column_stack([np.cos(angles), np.sin(angles)]) @ along.T
+        shifts = best.fit.shift + self.verifier.coarser * np.outer(_BESIDE, ring.ravel()).reshape(-1, 3)
+        R = Rotation.concatenate([best.fit.R] * len(shifts))
+        origins = [(best.rotation_score, 0.0)] * len(shifts)
+        left = self._round(Start(R, shifts, np.full(len(shifts), best.fit.width)), origins, [_QUICK], _QUICK.points)
+        left = self.possible(left)[:_SURVIVORS]
+        refined = self._refine(left, [_ROUGH]) if left else []
+        least = best.evidence.agreement - _RIVALS
+        rivals = [new for new in self.possible(refined) if new.evidence.agreement >= least]
+        return [new for new in rivals if not any(alike(new.fit, old.fit) for old in known)][:_SLID]
 
     def conclude(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
         """The hypotheses compared, and the best refined to the end as `finish` does; one alone is not compared."""
@@ -182,7 +209,9 @@ class HypothesisTest(PairFrames):
         seen = self.verifier.observe(self.target, self.source, refined.poses, points).read()
         fits = refined.read()
         rows = zip(fits, origins, seen.evidence(fits), strict=True)
-        return ranked([Hypothesis(fit, *origin, evidence) for fit, origin, evidence in rows])
+        return ranked(
+            [Hypothesis(fit, *origin, replace(evidence, moved=self.moved(fit))) for fit, origin, evidence in rows]
+        )
 
     def _steps(self, start: Start, stages: Sequence[Stage]) -> Refined:
         """Queue the refinement from each of the places."""

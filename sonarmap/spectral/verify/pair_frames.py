@@ -17,6 +17,8 @@ from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.prior_term import PriorTerm
 
+_SEEN_AT = 30.0  # from the sensor, about where it sees most [voxels]
+
 
 @dataclass(frozen=True, slots=True)
 class PairFrames:
@@ -30,6 +32,12 @@ class PairFrames:
     def transform(self, fit: Fit) -> RigidTransform:
         """T_target_source between the sensor frames [m]."""
         return RigidTransform.from_components(self._sensor_shift(fit.R, fit.shift), fit.R)
+
+    def moved(self, fit: Fit) -> float:
+        """How far the source's sensor is from where the target's was, and what it sees for its turn [voxels]."""
+        T = self.transform(fit)
+        turned = _SEEN_AT * float(T.rotation.magnitude())
+        return float(np.hypot(np.linalg.norm(T.translation) / self.grid.voxel, turned))
 
     def _sensor_shift(self, R: Rotation, shift: np.ndarray) -> np.ndarray:
         """Where the source's sensor is in the target's frame (..., 3) [m], from shifts between the grids [voxels]."""

@@ -190,12 +190,11 @@ class Verifier:
     def measure(
         self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis]
     ) -> Pending[list[Hypothesis]]:
-        """Queue the translation's correlation on both grids at the poses of hypotheses, which then have these peaks."""
+        """Queue the translation's correlation at the poses of hypotheses, which then have these peaks."""
         R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
         shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
-        fine = self.translation.find_at(target.volume, source.volume, R, shifts)
-        coarse = self._coarse.find_at(target.coarse, source.coarse, R, shifts * (self.coarse_edge / self.edge))
-        return Pending(lambda: _measured(hypotheses, fine, coarse))
+        peaks = self.translation.find_at(target.volume, source.volume, R, shifts)
+        return Pending(lambda: _measured(hypotheses, peaks.read()))
 
     def observe_directions(self, target: SpectralScan, source: SpectralScan, fit: Fit) -> Pending[Observability]:
         """Queue how sharply the scans agree at a refined pose, by the coarse grid."""
@@ -223,11 +222,8 @@ def _observation(views: Pending[list[Visibility]], surfaces: Pending[list[Shared
     return Observation(surfaces.read(), views.read())  # the surfaces are queued last: reading them waits for all
 
 
-def _measured(
-    hypotheses: Sequence[Hypothesis], fine: Pending[list[Peak]], coarse: Pending[list[Peak]]
-) -> list[Hypothesis]:
-    coarse_peaks = coarse.read()  # queued last: it waits for all
+def _measured(hypotheses: Sequence[Hypothesis], peaks: Sequence[Peak]) -> list[Hypothesis]:
     return [
-        replace(each, evidence=replace(each.evidence, psr=peak.psr, coarse_psr=coarse_peak.psr))
-        for each, peak, coarse_peak in zip(hypotheses, fine.read(), coarse_peaks, strict=True)
+        replace(each, evidence=replace(each.evidence, psr=peak.psr))
+        for each, peak in zip(hypotheses, peaks, strict=True)
     ]

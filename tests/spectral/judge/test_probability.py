@@ -27,7 +27,7 @@ BLURRED = Observability(np.eye(3), np.full((3, 3, 2), 1.0), np.full(2, 1.0))
 def hypothesis(psr: float, view: float, width: float = 0.15) -> Hypothesis:
     """With this evidence."""
     fit = Fit(Rotation.identity(), np.zeros(3), np.eye(6), 0.1, 1000.0)
-    evidence = Evidence(view, view, 0.6, 0.5, 0.1, width, 0.12, psr, psr)
+    evidence = Evidence(view, view, 0.6, 0.5, 0.1, width, 0.12, psr, 40.0)
     return Hypothesis(fit, 0.4, 20.0, evidence)
 
 
@@ -45,6 +45,7 @@ def test_clues_are_logarithms_of_the_evidence() -> None:
     assert found.firmness == pytest.approx(np.log(0.12) + 3)
     assert found.overlap == pytest.approx(np.log(0.5))
     assert found.lead == pytest.approx(min(best.score - rival.score, 4.0))
+    assert found.moved == pytest.approx(np.log(41.0))
     assert (found.search, found.measured, found.rivals) == (1.0, 0.0, np.log(2))
     assert found.openness == pytest.approx(np.log(0.3))
     assert (found.slide_0, found.slide_2) == pytest.approx((np.log(0.3), np.log(0.3)))

@@ -151,7 +151,7 @@ class TestEvidence:
         assert best.evidence.surface > 2 * second.evidence.surface
         assert best == replace(true, evidence=best.evidence)
         assert (best.evidence.residual, best.evidence.width) == (true.fit.residual, true.fit.width)
-        assert np.isnan([best.evidence.psr, best.evidence.coarse_psr]).all()
+        assert np.isnan(best.evidence.psr)
 
     def test_poses_that_came_out_at_one_place_are_the_same(self, verifier, pair) -> None:
         turned = Rotation.from_rotvec([0, 0, 0.02]) * TRUE.rotation
@@ -166,7 +166,6 @@ class TestEvidence:
         assert right.fit is given[0].fit
         assert right.evidence.psr > 30 > 10 > wrong.evidence.psr
         assert right.evidence.overlap > 0.35
-        assert right.evidence.coarse_psr > 2 * wrong.evidence.coarse_psr
         assert right.score > wrong.score + 1
 
     def test_without_a_view_the_surfaces_are_the_evidence(self, verifier, pair) -> None:
@@ -217,6 +216,39 @@ class TestMissed:
             assert all(off(pair_test, each) > 2.0 for each in missed)
         monkeypatch.setattr(Bounds, "allow_shifts", lambda _bounds, _R, shifts: np.zeros(len(shifts), dtype=bool))
         assert pair_test.find_missed([hypothesis(TRUE.rotation, true_shift(pair_test))]) == []
+
+
+class TestSlid:
+    def known(self, pair_test: HypothesisTest, offset: np.ndarray, firmness: float) -> Hypothesis:
+        """A hypothesis beside the truth that planes hold so firmly."""
+        (beside,) = with_evidence(pair_test, [hypothesis(TRUE.rotation, true_shift(pair_test) + offset)])
+        return replace(beside, evidence=replace(beside.evidence, firmness=firmness))
+
+    def test_the_true_place_is_named_from_one_that_slid(self, pair_test: HypothesisTest) -> None:
+        named = pair_test.find_slid([self.known(pair_test, 2 * ASIDE, 0.01)])
+        assert off(pair_test, named[0]) < 1.0
+        assert len(named) <= 3
+
+    def test_nothing_is_named_where_planes_hold_the_best_or_it_is_known(self, pair_test: HypothesisTest) -> None:
+        assert pair_test.find_slid([self.known(pair_test, 2 * ASIDE, 0.1)]) == []
+        both = [self.known(pair_test, offset, 0.01) for offset in (2 * ASIDE, 0 * ASIDE)]
+        assert all(off(pair_test, each) > 2.0 for each in pair_test.find_slid(both))
+
+    def test_nothing_is_named_that_is_forbidden(self, pair_test: HypothesisTest, monkeypatch) -> None:
+        monkeypatch.setattr(Bounds, "allow_shifts", lambda _bounds, _R, shifts: np.zeros(len(shifts), dtype=bool))
+        assert pair_test.find_slid([self.known(pair_test, 2 * ASIDE, 0.01)]) == []
+
+
+def test_how_far_a_pose_is_from_no_motion(pair_test: HypothesisTest) -> None:
+    """At no motion the scans' own frames agree; a shift counts in voxels, a turn as what is 30 voxels away moves."""
+    centers = [scan.volume.center for scan in (pair_test.target, pair_test.source)]
+    still = hypothesis(Rotation.identity(), (centers[1] - centers[0]) / VOXEL).fit
+    assert pair_test.moved(still) == pytest.approx(0.0, abs=1e-4)
+    moved = replace(still, shift=still.shift + np.array([3.0, 0.0, -4.0]))
+    assert pair_test.moved(moved) == pytest.approx(5.0, abs=1e-4)
+    turn = Rotation.from_rotvec([0, 0, 0.1])
+    turned = replace(still, R=turn, shift=(turn.apply(centers[1]) - centers[0]) / VOXEL)
+    assert pair_test.moved(turned) == pytest.approx(3.0, abs=1e-4)
 
 
 def test_the_true_place_wins_however_the_finalists_are_ordered(pair_test: HypothesisTest) -> None:

@@ -19,7 +19,7 @@ from sonarmap.tools.lab.simulate.kinds.kind import relief_of
 from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
-from sonarmap.tools.lab.simulate.simulation import simulate
+from sonarmap.tools.lab.simulate.simulation import observe, simulate
 
 # What is known beforehand, beside what instruments measure: where the pair is expected, rightly or wrongly
 EXPECTED, ELSEWHERE = "expected", "expected elsewhere"
@@ -29,6 +29,7 @@ _WINDOWS = ((1.0, 0.05), (4.0, 0.1), (12.0, 0.3))
 # Of a survey: how many scans, how much of the usual noise in turns, and how many scans apart its pairs are
 _SCANS, _NOISES = 16, (1.0, 1.5)
 _FAR = (2, 4, 8)
+_RESTING = 4  # pairs of a sensor that hardly moves between its scans
 # What is done to one of two scans, in turns: a sign of y, and the factors of a wrong speed of sound
 _FACTORS = (-1.0, 0.95, 1.05)
 
@@ -127,6 +128,13 @@ def _survey(number: int, seed: int, edge: int, rng: np.random.Generator) -> Iter
         for i in rng.choice(_SCANS - apart, 4, replace=False).tolist():
             yield between(i, i + apart)
             yield from _about(between(i, i + apart), number, rng) if apart == _FAR[0] else ()
+    for n, i in enumerate(rng.choice(_SCANS, _RESTING, replace=False).tolist()):
+        drift = RigidTransform.from_components(
+            grid.voxel * rng.uniform(0.1, 4.0) * rng.standard_normal(3) / 2,
+            Rotation.from_euler("ZYX", rng.normal(0.0, [3.0, 1.0, 1.0]), degrees=True),
+        )
+        again = observe(simulated.settings, poses[i] * drift, _SCANS + n, "again")
+        yield EvidencePair(_cells(scene, NOTHING) | {"apart": 0}, simulated.scans[i], again, drift, grid)
 
 
 def _distorted(number: int, seed: int, edge: int, _rng: np.random.Generator) -> Iterator[EvidencePair]:
