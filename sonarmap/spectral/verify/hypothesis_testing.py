@@ -156,7 +156,7 @@ class HypothesisTest(PairFrames):
         best = replace(best, fit=replace(best.fit, R=R, shift=near))
         pose = upload_poses(self.verifier.device, R.as_matrix()[None], near[None])
         (evidence,) = self.verifier.observe(self.target, self.source, pose).read().evidence([best.fit])
-        return self._measured([replace(best, evidence=evidence)])[0]
+        return self._measured([replace(best, evidence=replace(evidence, moved=self.moved(best.fit)))])[0]
 
     def _left_to_scans(self, best: Hypothesis) -> Hypothesis:
         """The hypothesis with the whole step to where the scans alone would have it, where instruments took part.

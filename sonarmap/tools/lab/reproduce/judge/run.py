@@ -39,6 +39,7 @@ RULES: Mapping[str, tuple[tuple[str, ...], bool]] = MappingProxyType(
         "without all three": ((*_SLIDES, *_TURNS, "overlap"), True),
         "without openness": (("openness",), True),
         "without rivals": (("rivals",), True),
+        "without how far a pose is from no motion": (("moved",), True),
         "without search and what instruments measured": (("search", "measured"), True),
         "without widening by slides": ((), False),
     }
