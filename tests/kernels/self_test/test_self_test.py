@@ -72,6 +72,7 @@ def no_measure(_: Device) -> Any:
     raise AssertionError("it was tested again")
 
 
+@pytest.mark.slow
 def test_both_flavors_pass(device: Device) -> None:
     measured = list(checks.measure(device))
     assert len(measured) == 18
