@@ -27,7 +27,7 @@ _LARGER = 1.6
 # Mean difference of the stretches, all of one sign, from which on a scan is tried, and the least of any step. Of 40
 # ordinary scans of ten scenes none reached it, of 72 whose ranges were off by 5 % 68 did, and 1 of 8 in a pool.
 _TRIED, _TRIED_ALONE, _EACH = 0.0019, 0.0025, 0.0008
-# And in multiples of the median of all other steps: scans that are bent by themselves differ by as much.
+# And as a multiple of what other steps differ by in the median: where all scans are bent, none is odd for it.
 _BEYOND_OTHERS = 3.0
 _TRIAL = log(1.05)  # by so much the ranges of a scan are changed to see how the stretch follows
 _TELLING = 0.002  # change of the stretch by that trial from which on a pair tells the ranges

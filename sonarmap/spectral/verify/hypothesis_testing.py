@@ -12,11 +12,11 @@ from sonarmap.spectral.rotation_search import search_rotation
 from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.fit import Fit
-from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Hypothesis, alike, ranked
+from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Evidence, Hypothesis, alike, ranked
 from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
 from sonarmap.spectral.verify.observability import weakest
 from sonarmap.spectral.verify.pair_frames import PairFrames
-from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Selection, Verifier
+from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Observation, Selection, Verifier
 
 # Reaches of the refinement's steps [voxels] and its points: out of a candidate's error, which a coarse voxel and a
 # rotation 4 degrees off make; twice until it shows which candidates are worth more; until hypotheses can be compared;
@@ -33,10 +33,13 @@ _PROMISING = 0.4
 _LEFT, _SURVIVORS = 16, 6
 # Hypotheses whose agreement is less than the best's by more than this are out: no peak makes up for it.
 _HOPELESS = 3.5
-# Beside the best, along the two directions that its planes hold least, so far off [voxels] and in so many directions
-# surfaces are laid upon each other; where they agree less than at the best by more than this, it is no rival; so
-# many at most. Only where planes hold the best less firmly than this: where they hold it, nothing else came of it.
-_BESIDE, _DIRECTIONS, _RIVALS, _SLID, _FIRM = (4.0, 8.0, 12.0), 8, 1.0, 3, 0.05
+# Planes hold the best less firmly than this where surfaces are laid upon each other beside it: where they hold it more
+# firmly, nothing came of that.
+_FIRM = 0.05
+# So far off, along the two directions that planes hold least [voxels], and in so many directions.
+_BESIDE, _DIRECTIONS = (4.0, 8.0, 12.0), 8
+# Where the surfaces agree less than at the best by more than this, it is no rival; so many rivals at most.
+_RIVAL, _RIVALS = 1.0, 3
 # Refined rotations nearer than this have the same correlation on the whole grid [rad].
 _SAME_ROTATION = float(np.deg2rad(1.0))
 
@@ -110,9 +113,9 @@ class HypothesisTest(PairFrames):
         left = self._round(Start(R, shifts, np.full(len(shifts), best.fit.width)), origins, [_QUICK], _QUICK.points)
         left = self.possible(left)[:_SURVIVORS]
         refined = self._refine(left, [_ROUGH]) if left else []
-        least = best.evidence.agreement - _RIVALS
+        least = best.evidence.agreement - _RIVAL
         rivals = [new for new in self.possible(refined) if new.evidence.agreement >= least]
-        return [new for new in rivals if not any(alike(new.fit, old.fit) for old in known)][:_SLID]
+        return [new for new in rivals if not any(alike(new.fit, old.fit) for old in known)][:_RIVALS]
 
     def conclude(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
         """The hypotheses compared, and the best refined to the end as `finish` does; one alone is not compared."""
@@ -155,8 +158,8 @@ class HypothesisTest(PairFrames):
         near = peak.shift + self.grid.edge * np.rint((best.fit.shift - peak.shift) / self.grid.edge)
         best = replace(best, fit=replace(best.fit, R=R, shift=near))
         pose = upload_poses(self.verifier.device, R.as_matrix()[None], near[None])
-        (evidence,) = self.verifier.observe(self.target, self.source, pose).read().evidence([best.fit])
-        return self._measured([replace(best, evidence=replace(evidence, moved=self.moved(best.fit)))])[0]
+        seen = self.verifier.observe(self.target, self.source, pose).read()
+        return self._measured([replace(best, evidence=self._evidence(seen, [best.fit])[0])])[0]
 
     def _left_to_scans(self, best: Hypothesis) -> Hypothesis:
         """The hypothesis with the whole step to where the scans alone would have it, where instruments took part.
@@ -208,10 +211,12 @@ class HypothesisTest(PairFrames):
         refined = self._steps(start, stages)
         seen = self.verifier.observe(self.target, self.source, refined.poses, points).read()
         fits = refined.read()
-        rows = zip(fits, origins, seen.evidence(fits), strict=True)
-        return ranked(
-            [Hypothesis(fit, *origin, replace(evidence, moved=self.moved(fit))) for fit, origin, evidence in rows]
-        )
+        rows = zip(fits, origins, self._evidence(seen, fits), strict=True)
+        return ranked([Hypothesis(fit, *origin, evidence) for fit, origin, evidence in rows])
+
+    def _evidence(self, seen: Observation, fits: Sequence[Fit]) -> list[Evidence]:
+        """What the scans show of poses, and how far these are from no motion."""
+        return [replace(each, moved=self.moved(fit)) for each, fit in zip(seen.evidence(fits), fits, strict=True)]
 
     def _steps(self, start: Start, stages: Sequence[Stage]) -> Refined:
         """Queue the refinement from each of the places."""
