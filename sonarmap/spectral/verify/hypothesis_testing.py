@@ -38,8 +38,9 @@ _HOPELESS = 3.5
 _FIRM = 0.05
 # So far off, along the two directions that planes hold least [voxels], and in so many directions.
 _BESIDE, _DIRECTIONS = (4.0, 8.0, 12.0), 8
-# Where the surfaces agree less than at the best by more than this, it is no rival; so many rivals at most.
-_RIVAL, _RIVALS = 1.0, 3
+# There few points tell which places are worth more. Where the surfaces then agree less than at the best by more than
+# this, it is no rival; so many rivals at most.
+_SLID, _PROBED, _RIVAL, _RIVALS = Stage((4.0, 3.0, 2.0), 150), 4, 0.7, 2
 # Refined rotations nearer than this have the same correlation on the whole grid [rad].
 _SAME_ROTATION = float(np.deg2rad(1.0))
 
@@ -110,9 +111,9 @@ class HypothesisTest(PairFrames):
         shifts = best.fit.shift + self.verifier.coarser * np.outer(_BESIDE, ring.ravel()).reshape(-1, 3)
         R = Rotation.concatenate([best.fit.R] * len(shifts))
         origins = [(best.rotation_score, 0.0)] * len(shifts)
-        left = self._round(Start(R, shifts, np.full(len(shifts), best.fit.width)), origins, [_QUICK], _QUICK.points)
-        left = self.possible(left)[:_SURVIVORS]
-        refined = self._refine(left, [_ROUGH]) if left else []
+        left = self._round(Start(R, shifts, np.full(len(shifts), best.fit.width)), origins, [_SLID], _SLID.points)
+        left = self.possible(left)[:_PROBED]
+        refined = self._refine(left, [_QUICK]) if left else []
         least = best.evidence.agreement - _RIVAL
         rivals = [new for new in self.possible(refined) if new.evidence.agreement >= least]
         return [new for new in rivals if not any(alike(new.fit, old.fit) for old in known)][:_RIVALS]

@@ -69,6 +69,17 @@ def test_each_gap_is_told_and_many_together() -> None:
     assert "too weak at 1" in many
 
 
+def test_a_gap_that_loops_alone_bridge_is_told_as_twins_make_it_too() -> None:
+    survey = refusing({(4, 5)})
+    (bridged,) = faults(survey, NAMES)
+    assert ", bridged by other pairs: " in bridged
+    pairs = [replace(pair, role="loop") if pair.i <= 4 < pair.j and pair.kept else pair for pair in survey.pairs]
+    (gap,) = faults(replace(survey, pairs=tuple(pairs)), NAMES)
+    assert gap.startswith(
+        "gap between scan4 and scan5 (bridged by loops alone, as two places of one build would be too"
+    )
+
+
 def test_a_scan_that_is_to_blame_is_told_once() -> None:
     assert faults(refusing(set(), ("scan4",)), NAMES) == ["scan4 is in no map: it is of no use; drop it"]
     (several,) = faults(refusing(set(), ("scan4", "scan8")), NAMES)
