@@ -18,7 +18,6 @@ from sonarmap.slam.motion.measured_motion import AnyMotion, MeasuredMotion
 from sonarmap.slam.motion.motion import Motion
 from sonarmap.slam.motion.reconsider import (
     believing_steps,
-    doubting_rests,
     expected_by,
     is_doubtful,
     with_both,
@@ -74,11 +73,11 @@ class PairSearch:
     def steps(self, known: Sequence[RegisteredPair] = ()) -> list[RegisteredPair]:
         """Consecutive scans of each survey, from which the motion is learned; `known` have been registered already."""
         survey = self._measurements.surveys
-        pairs = doubting_rests(register_steps(self._runner, survey, known))
+        pairs = register_steps(self._runner, survey, known)
         odometry = self._measurements.odometry
         motion = Motion.learn(pairs, self._measurements.stamps, survey, self._floor, self._limits)
         self._motion = motion if odometry is None else MeasuredMotion(odometry, motion, self._floor)
-        pairs = doubting_rests(self._looked_at_again(pairs))
+        pairs = self._looked_at_again(pairs)
         if self._motion is not None:
             self._motion = self._motion.following(pairs)
         return believing_steps(self._with_motion(pairs), self._motion)

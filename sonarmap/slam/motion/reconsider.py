@@ -3,7 +3,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import log1p
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -26,10 +25,6 @@ _ROUNDS = 5
 # By so much the odds are better that scans share a place where they follow each other: of 136 steps over weak relief of
 # 0.6 or more 97 of 100 are right, and of 982 pairs that share nothing 2 are so probable.
 _STEP_ODDS = 4.0
-# But where the vehicle goes, an answer that nothing has moved by more than so much [logarithm, voxels] is mostly that
-# of the beams' own lines on a bed: of 38 such steps of 0.3 to 0.85 4 were right, so the odds are so much worse. It goes
-# where of the steps that are believed hardly any rests.
-_RESTING, _REST_ODDS, _HARDLY_ANY = log1p(6.0), 0.1, 0.1
 # Less probable ones, down to this, are assumed to be as usual: 99 of 100 pairs that share nothing are below it about an
 # expected place. So probable is then that the step is as far off as it says.
 _POSSIBLE_STEP, _SUREST_ASSUMPTION = 0.2, 0.9
@@ -99,52 +94,17 @@ def believing_steps(pairs: Sequence[RegisteredPair], motion: AnyMotion | None) -
     steps = [pair for pair in pairs if pair.role == "sequential"]
     doubtful = sum(not step.accepted for step in steps)
     alone = doubtful < max(_FEW_DOUBTS, _DOUBTED * len(steps))
-    goes = _goes(steps)
-    weighed = []
-    for pair in pairs:
-        if pair.role == "sequential" and not pair.accepted:
-            pair = _as_step(pair, 1.0 if goes and _rests(pair) else _STEP_ODDS, motion, alone)
-        weighed.append(pair)
-    return weighed
-
-
-def doubting_rests(pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
-    """The pairs, where the vehicle goes those less probable that say that nothing has moved."""
-    if not _goes(pairs):
-        return list(pairs)
     return [
-        replace(pair, registration=_with_odds(pair.registration, _REST_ODDS))
-        if _rests(pair) and pair.registration
-        else pair
-        for pair in pairs
+        _as_step(pair, motion, alone) if pair.role == "sequential" and not pair.accepted else pair for pair in pairs
     ]
 
 
-def _goes(steps: Sequence[RegisteredPair]) -> bool:
-    """Whether of the steps that are believed hardly any rests."""
-    believed = [_rests(step) for step in steps if step.accepted]
-    return sum(believed) <= _HARDLY_ANY * len(believed)
-
-
-def _rests(step: RegisteredPair) -> bool:
-    """Whether its answer is that hardly anything has moved; False from methods that do not measure that."""
-    evidence = {} if step.registration is None else dict(step.registration.evidence)
-    return evidence.get("p_moved", np.inf) < _RESTING
-
-
-def _with_odds(registration: Registration, better: float) -> Registration:
-    """The registration with odds so much better, no longer accepted where that is too little."""
-    odds = better * registration.probability
-    weighed = replace(registration, probability=odds / (odds + 1 - registration.probability))
-    return replace(weighed, accepted=registration.accepted and weighed.placed)
-
-
-def _as_step(pair: RegisteredPair, better: float, motion: AnyMotion | None, alone: bool) -> RegisteredPair:
-    """The step with odds so much better."""
+def _as_step(pair: RegisteredPair, motion: AnyMotion | None, alone: bool) -> RegisteredPair:
     registration = pair.registration
     if registration is None or not registration.probability >= _POSSIBLE_STEP:
         return pair
-    as_step = _with_odds(registration, better)
+    odds = _STEP_ODDS * registration.probability
+    as_step = replace(registration, probability=odds / (odds + 1 - registration.probability))
     if as_step.placed and registration.is_fixed:
         reason = f"likely enough for a step between consecutive scans; {registration.reason}"
         return replace(pair, registration=replace(as_step, accepted=True, reason=reason))

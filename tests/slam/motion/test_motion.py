@@ -11,7 +11,7 @@ from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.measured_motion import MeasuredMotion
 from sonarmap.slam.motion.motion import Motion
 from sonarmap.slam.motion.odometry import Odometry
-from sonarmap.slam.motion.reconsider import believing_steps, doubting_rests
+from sonarmap.slam.motion.reconsider import believing_steps
 from sonarmap.slam.pair import RegisteredPair
 from tests.samples.surveys import chained_graph, registration, ring_poses, step_pair
 
@@ -239,34 +239,6 @@ def test_a_lone_doubtful_step_is_not_assumed_as_two_dives_may_meet_there() -> No
     # nor are two of thirty
     two = [*own, *own, doubtful, possible(0.1, np.zeros(6))]
     assert believing_steps(two, motion) == two
-
-
-def resting(step: RegisteredPair, off: float) -> RegisteredPair:
-    """The step with an answer that the sensor has moved by so much [voxels]."""
-    assert step.registration is not None
-    evidence = (*step.registration.evidence, ("p_moved", float(np.log1p(off))))
-    return replace(step, registration=replace(step.registration, evidence=evidence))
-
-
-def test_where_the_vehicle_goes_an_answer_that_nothing_has_moved_is_doubted() -> None:
-    own, likely = [resting(step, 20.0) for step in steps(20)], possible(0.8, np.zeros(6))
-    rests, moves = resting(likely, 2.0), resting(likely, 20.0)
-    doubted = doubting_rests([*own, rests, moves])
-    assert doubted[:20] == own
-    assert doubted[21] == moves
-    assert doubted[20].registration is not None
-    assert doubted[20].registration.probability == pytest.approx(0.4 / 1.4)
-    # nor are its odds better as it is a step; it is assumed, if anything
-    believed = believing_steps([*own, rests, moves], learned(steps(20)))
-    assert believed[21].accepted
-    assert not believed[20].accepted
-    # one that was believed no longer is; a sensor that stands still is not doubted
-    (accepted,) = [resting(step, 2.0) for step in steps(1)]
-    assert accepted.registration is not None
-    sure = replace(accepted, registration=replace(accepted.registration, probability=0.9))
-    assert not doubting_rests([*own, sure])[-1].accepted
-    still = [resting(step, 0.5) for step in steps(20)]
-    assert doubting_rests([*still, rests]) == [*still, rests]
 
 
 def test_an_assumed_step_lies_between_the_scans_and_the_motion_and_is_as_wide_as_both() -> None:
