@@ -18,6 +18,9 @@ from sonarmap.spectral.scan import Scan
 _MOST = 2  # scans that are tried of each kind in vain: where more do not fit, the survey is weak, and no scan odd
 # Mean probability of a scan's steps from which on it fits as it is.
 _FITS = 0.75
+# By so much the mean probability with all neighbors is higher with the change: of a scan between the walls of a pool by
+# 0.20, which was as it should be; of mirrored ones by 0.68 and more.
+_CLEARLY = 0.4
 # A mirrored scan may fit at a wrong place, along a quay; a step beyond so many usual ones, and voxels, does not count.
 _LONG, _LONGER = 1.3, 2.0
 # Two answers agree that are no farther apart [rad, voxels].
@@ -30,7 +33,7 @@ _TRIED, _TRIED_ALONE, _EACH = 0.0019, 0.0025, 0.0008
 # And as a multiple of what other steps differ by in the median: where all scans are bent, none is odd for it.
 _BEYOND_OTHERS = 3.0
 _TRIAL = log(1.05)  # by so much the ranges of a scan are changed to see how the stretch follows
-_TELLING = 0.002  # change of the stretch by that trial from which on a pair tells the ranges
+_TELLING = 0.0015  # change of the stretch by that trial from which on a pair tells the ranges
 # A scan is odd whose ranges are off by more than this: ordinary ones that two pairs tell, by up to 0.9 % but in a pool.
 _ODD = 0.025
 _APART = 2.0  # times by which no pair's answer may be above or below the median of all
@@ -195,10 +198,15 @@ class _Search:
             yield Change(factor=1 / FOOT)
 
     def _is_placed(self, k: int, change: Change) -> bool:
-        """Whether neighbors to which the changed scan is registered agree where it lies."""
+        """Whether neighbors agree where the changed scan lies, and clearly surer than of the scan as it is."""
         near = self._neighbors(k)
-        at = self._places(self._tried(k, change, near[:2]), k, self._longest)
-        return bool(at) and self._agree(at | self._places(self._tried(k, change, near[2:]), k, self._longest))
+        pairs = self._tried(k, change, near[:2])
+        if not self._places(pairs, k, self._longest):
+            return False
+        pairs += self._tried(k, change, near[2:])
+        as_it_is = [self._registered(j, k) for j in near]
+        clear = _fit(pairs, np.inf) >= _fit(as_it_is, np.inf) + _CLEARLY
+        return clear and self._agree(self._places(pairs, k, self._longest))
 
     def _fits_as_it_is(self, pairs: Sequence[RegisteredPair], k: int) -> bool:
         """Whether these pairs of a scan agree where it lies; if all are on one side of it, those that leave it near."""

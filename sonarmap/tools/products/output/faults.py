@@ -27,10 +27,11 @@ _OPEN = {
     "north": "its North",
     "up": "its height",
 }
-# Of a gap: nothing in the scans tells two places of one build from one place seen again.
-_BY_LOOPS = (
-    " (bridged by loops alone, as two places of one build would be too, such as two tanks: then give the scans "
-    "before and after in folders of their own)"
+# Of a gap between two chains of steps: nothing in the scans tells two places of one build from one place seen again.
+_BRIDGED = ", bridged by other pairs"
+_CHAINS = (
+    ", bridged by other pairs, as two places of one build would be too, such as two tanks (then give the scans before "
+    "and after in folders of their own)"
 )
 _EACH = 3  # gaps or fixes that get a sentence each; more share one
 
@@ -146,21 +147,21 @@ def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str
         {scan: c for c, members in enumerate(parts) for scan in members}
         for parts in (result.components, components(len(names), result.edges))
     )
-    gaps: dict[str, list[Pair]] = {"": [], ", bridged by navigation": [], _BY_LOOPS: [], ", bridged by other pairs": []}
+    gaps: dict[str, list[Pair]] = {"": [], ", bridged by navigation": [], _CHAINS: [], _BRIDGED: []}
+    in_chains = {k for pair in result.pairs if pair.role == "sequential" and pair.kept for k in pair.scans}
     for pair in result.pairs:
         explained = pair.is_defect or not unusable.keys().isdisjoint(pair.scans)
         if pair.role == "sequential" and not pair.kept and not explained:
             bridged = ", bridged by navigation" if shared[pair.i] == shared[pair.j] else ""
             if joined[pair.i] == joined[pair.j]:
-                across = {each.role for each in result.pairs if each.kept and each.i <= pair.i < each.j}
-                bridged = _BY_LOOPS if across == {"loop"} else ", bridged by other pairs"
+                bridged = _CHAINS if in_chains.issuperset(pair.scans) else _BRIDGED
             gaps[bridged].append(pair)
     for bridged, pairs in gaps.items():
-        sentences = [f"{names[pair.i]} and {names[pair.j]}{bridged}: {pair.reason}" for pair in pairs]
-        if len(pairs) <= _EACH:
-            yield from (f"gap between {sentence}" for sentence in sentences)
-        else:
-            yield f"{len(pairs)} gaps between consecutive scans{bridged}, as between {sentences[0]}"
+        many = f"{len(pairs)} gaps between consecutive scans{bridged}, as between"
+        for pair in pairs if len(pairs) <= _EACH else pairs[:1]:
+            between = f"{names[pair.i]} and {names[pair.j]}"
+            gap = f"gap between {between}{bridged}" if len(pairs) <= _EACH else f"{many} {between}"
+            yield f"{gap}: {pair.reason}"
 
 
 def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
