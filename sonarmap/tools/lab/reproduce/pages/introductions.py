@@ -109,10 +109,8 @@ interval (Wilson's).
 
 The pairs come from the set 77014, which neither development nor the tests use; `--seed` takes another. Their kinds and
 scenes are those of the development, which drew its pairs from other sets: other scenes of the same make, other places,
-other noise. That is less than a kind never seen. So probability and covariance are also tested on each kind with a fit
-to all others: the weights of the evidence are fitted to the other kinds' rows again, and the kind left out shows
-whether they hold there. The probability is fitted by logistic regression, the scale of the covariance by maximum
-likelihood of the right registrations that were made without priors.
+other noise. That is less than a kind never seen: what holds for one that was left out of the fit, `sonarmap reproduce
+judge` says ([Registration](registration.md)).
 """
 
 # By group
