@@ -30,8 +30,8 @@ _OPEN = {
 # Of a gap between two chains of steps: nothing in the scans tells two places of one build from one place seen again.
 _BRIDGED = ", bridged by other pairs"
 _CHAINS = (
-    ", bridged by other pairs, as two places of one build would be too, such as two tanks (then give the scans before "
-    "and after in folders of their own)"
+    f"{_BRIDGED}, as two places of one build would be too, such as two tanks (then give the scans before and after in "
+    "folders of their own)"
 )
 _EACH = 3  # gaps or fixes that get a sentence each; more share one
 
@@ -157,11 +157,12 @@ def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str
                 bridged = _CHAINS if in_chains.issuperset(pair.scans) else _BRIDGED
             gaps[bridged].append(pair)
     for bridged, pairs in gaps.items():
-        many = f"{len(pairs)} gaps between consecutive scans{bridged}, as between"
-        for pair in pairs if len(pairs) <= _EACH else pairs[:1]:
-            between = f"{names[pair.i]} and {names[pair.j]}"
-            gap = f"gap between {between}{bridged}" if len(pairs) <= _EACH else f"{many} {between}"
-            yield f"{gap}: {pair.reason}"
+        if len(pairs) > _EACH:
+            first = pairs[0]
+            between = f"as between {names[first.i]} and {names[first.j]}: {first.reason}"
+            yield f"{len(pairs)} gaps between consecutive scans{bridged}, {between}"
+        else:
+            yield from (f"gap between {names[pair.i]} and {names[pair.j]}{bridged}: {pair.reason}" for pair in pairs)
 
 
 def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
