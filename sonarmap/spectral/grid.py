@@ -19,6 +19,8 @@ from sonarmap.spectral.scan import Scan
 _TRIM = 0.01
 # The most voxels along an edge of the grid that places are first looked for on.
 _FINEST_COARSE = 64
+# Grids of so many voxels along an edge are fine: noise as large as a voxel hides there what half as many show.
+_FINE = 192
 _FARTHEST = 1e6  # [voxels]
 # Free space around the largest scan, as a factor on its box: a periodic shift needs it to distinguish left
 # from right.
@@ -64,7 +66,12 @@ def coarse_edge(edge: int) -> int:
 
     More would find no more places, at eight times the time for twice the edge.
     """
-    return min(_FINEST_COARSE, min(EDGES, key=lambda allowed: abs(np.log(2 * allowed / edge))))
+    return min(_FINEST_COARSE, _half(edge))
+
+
+def second_edge(edge: int) -> int | None:
+    """Voxels per edge of the grid of the same extent on which a fine grid's pairs are tried again; None if not fine."""
+    return _half(edge) if edge >= _FINE else None
 
 
 def image_edge(edge: int) -> int:
@@ -126,6 +133,10 @@ def trimmed_box(scan: Scan) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and the highest corner (3,) [m, sensor frame] of the scan's points but for the outermost 1 %."""
     low, high = np.quantile(scan.points, [_TRIM, 1 - _TRIM], axis=0).astype(np.float64)
     return low, high
+
+
+def _half(edge: int) -> int:
+    return min(EDGES, key=lambda allowed: abs(np.log(2 * allowed / edge)))
 
 
 def _require_edge(edge: int) -> None:

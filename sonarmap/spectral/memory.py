@@ -5,7 +5,7 @@ tests/spectral/test_memory.py, which counts what is really allocated, says by ho
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.kernels.fft.edges import EDGES, row_pitch
 from sonarmap.kernels.pomf.correlator import at_once
-from sonarmap.spectral.grid import coarse_edge, image_edge
+from sonarmap.spectral.grid import coarse_edge, image_edge, second_edge
 
 Method = Literal["spectral", "hemisphere"]
 
@@ -70,7 +70,17 @@ def memory_plan(edge: int, method: Method = "spectral", points: int = POINTS, ma
 
     Its tables of rotations grow with the largest roll and pitch [rad]; "hemisphere", the paper's own, has none.
     """
-    return _spectral(edge, points, max_tilt) if method == "spectral" else _hemisphere(edge, points)
+    if method == "hemisphere":
+        return _hemisphere(edge, points)
+    plan = _spectral(edge, points, max_tilt)
+    if (second := second_edge(edge)) is None:
+        return plan
+    other = _spectral(second, points, max_tilt)
+    return replace(
+        plan,
+        prepared={**plan.prepared, "second look, on a coarser grid": other.scan},
+        shared={**plan.shared, "second look: all that is shared": sum(other.shared.values())},
+    )
 
 
 def memory_plans(edge: int) -> tuple[MemoryPlan, MemoryPlan]:

@@ -2,9 +2,10 @@
 """The spectral registration of two scans: rotations from all of SO(3), each verified and refined; on one screen."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,7 +18,7 @@ from sonarmap.kernels.points.voxelize import scaled
 from sonarmap.kernels.pomf.point_spectra import PointSpectra
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.fitted import FITTED
-from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.grid import Grid, second_edge
 from sonarmap.spectral.judge.judgement import conclude, no_candidates
 from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer
@@ -97,6 +98,16 @@ class SpectralRegistrar(GridRegistrar):
         self._preparer = Preparer(device, grid, self.config.use_strength, farthest=self.so3.farthest)
         self._verifier = Verifier(device, grid.edge)
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
+        self._second: SpectralRegistrar | None = None
+        if (second := second_edge(grid.edge)) is not None:
+            self._second = SpectralRegistrar(device, Grid(second, grid.extent / second), self.config)
+
+    def with_voxel(self, voxel: float) -> Self:
+        """As of `GridRegistrar`, the grid of the second look too."""
+        other = super().with_voxel(voxel)
+        if self._second is not None:
+            other._second = self._second.with_voxel(other.grid.extent / self._second.grid.edge)
+        return other
 
     def prepare(self, scan: Scan) -> SpectralScan:
         """A scan's spectra, its layers' harmonics, its surface and its view; InputError where it shows too little."""
@@ -110,6 +121,10 @@ class SpectralRegistrar(GridRegistrar):
         view = scan_view(self.device, points, volume.surface, viewpoints)
         surface = smooth_surface(self.device, volume.cells, list(view.places))
         layers = analyzed.read()
+        second: SpectralScan | None = None
+        if self._second is not None:
+            with suppress(InputError):  # a low relief shows on fine grids alone
+                second = self._second.prepare(scan)
         return SpectralScan(
             volume=volume,
             coarse=coarse,
@@ -118,6 +133,7 @@ class SpectralRegistrar(GridRegistrar):
             surface=surface.read(),
             view=view,
             prior=scan.prior,
+            second=second,
         )
 
     def register(self, target: SpectralScan, source: SpectralScan) -> Registration:
@@ -134,7 +150,21 @@ class SpectralRegistrar(GridRegistrar):
             self._register(target, source, bounds)
         start = perf_counter()
         registration = self._answer(HypothesisTest(self.grid, target, source, bounds, self._verifier))
+        if not registration.accepted:
+            registration = self._looked_at_again(target, source, bounds) or registration
         return replace(registration, seconds=perf_counter() - start)
+
+    def _looked_at_again(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration | None:
+        """What is believed on a coarser grid, where noise as large as a fine voxel hides less; None if nothing is."""
+        second = self._second
+        if second is None or target.second is None or source.second is None:
+            return None
+        scans = replace(target.second, prior=target.prior), replace(source.second, prior=source.prior)
+        found = second._register(*scans, replace(bounds, voxel=second.grid.voxel * second._verifier.coarser))
+        if not found.accepted:
+            return None
+        reason = f"found with voxels of {second.grid.voxel:.3g} m, which noise hides less: {found.reason}"
+        return replace(found, reason=reason)
 
     def _answer(self, test: HypothesisTest) -> Registration:
         """From two scans to their registration."""

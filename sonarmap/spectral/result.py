@@ -67,6 +67,11 @@ class Registration:
         return "assumed" in dict(self.evidence)
 
     @property
+    def is_only_likely(self) -> bool:
+        """Whether it is believed as scans that follow each other nearly always share a place, and not by itself."""
+        return "likely" in dict(self.evidence)
+
+    @property
     def placed(self) -> bool:
         """Whether it has found the place, though it may leave a direction open there."""
         return self.probability >= FITTED["acceptance"]["place"]

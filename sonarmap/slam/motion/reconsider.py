@@ -107,7 +107,8 @@ def _as_step(pair: RegisteredPair, motion: AnyMotion | None, alone: bool) -> Reg
     as_step = replace(registration, probability=odds / (odds + 1 - registration.probability))
     if as_step.placed and registration.is_fixed:
         reason = f"likely enough for a step between consecutive scans; {registration.reason}"
-        return replace(pair, registration=replace(as_step, accepted=True, reason=reason))
+        evidence = (*registration.evidence, ("likely", registration.probability))
+        return replace(pair, registration=replace(as_step, accepted=True, reason=reason, evidence=evidence))
     if motion is None or motion.is_measured(*pair.scans) or (alone and not as_step.placed):
         return pair
     return replace(pair, registration=_assumed(registration, motion.expected(*pair.scans)))

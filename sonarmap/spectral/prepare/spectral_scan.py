@@ -1,5 +1,7 @@
 """A scan prepared for the spectral registration."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,3 +36,5 @@ class SpectralScan:
     surface: Surface  # points and normals, for the refinement
     view: View  # what the sensor saw
     prior: PosePrior | None  # what other instruments say about its pose, or None
+    # the same on the grid of `second_edge`; None where there is none, or where the scan shows too little on it
+    second: SpectralScan | None = None

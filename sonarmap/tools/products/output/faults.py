@@ -177,6 +177,15 @@ def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
             "motion, as the scans hardly show them: the map may be bent or torn there. If the vehicle was moved "
             "meanwhile, give the scans before and after in folders of their own"
         )
+    likely = [step for step in steps if _is_only_likely(step, result.pairs)]
+    if likely:
+        first = likely[0]
+        yield (
+            f"{len(likely)} of {len(steps)} steps between consecutive scans, as between {names[first.i]} and "
+            f"{names[first.j]}, are likely only because they follow each other, and no other pair that was found "
+            "without the estimate confirms them. If the vehicle was moved meanwhile, give the scans before and after "
+            "in folders of their own"
+        )
     usual = [step.edge.registration.overlap for step in steps if step.edge is not None and step.expected is None]
     if len(usual) < _FEWEST_STEPS:
         return
@@ -191,6 +200,15 @@ def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
                 f"{middle:.0%}, and were placed by the usual motion. If the vehicle was moved between them, give the "
                 "scans before and after in folders of their own, or reject the pair (docs/ties.md)"
             )
+
+
+def _is_only_likely(step: Pair, pairs: Sequence[Pair]) -> bool:
+    """Whether a step is believed as one of consecutive scans, and no pair of scans on either side says so freely."""
+    edge = step.edge
+    if edge is None or not edge.registration.is_only_likely:
+        return False
+    beside = (pair for pair in pairs if pair.kept and pair.accepted and pair.expected is None)
+    return not any(pair.i <= step.i and step.j <= pair.j and pair.scans != step.scans for pair in beside)
 
 
 def _of_fixes(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:

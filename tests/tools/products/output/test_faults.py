@@ -51,6 +51,24 @@ def test_a_step_that_only_the_motion_placed_and_that_shares_little_is_named(
         assert sentences[0].startswith("scan4 and scan5 share 45%, where consecutive scans usually share 85%")
 
 
+@pytest.mark.parametrize("confirmed", [False, True])
+def test_a_step_that_is_only_likely_is_named_where_no_pair_beside_it_says_so(confirmed: bool) -> None:
+    """As where two dives over beds of little relief meet in one folder."""
+    result = survey(0.9, False)
+    pairs = [pair for pair in result.pairs if confirmed or pair.role == "sequential"]
+    (n,) = (n for n, pair in enumerate(pairs) if pair.scans == (4, 5))
+    edge = pairs[n].edge
+    assert edge is not None
+    likely = replace(edge.registration, evidence=(("likely", 0.64),))
+    pairs[n] = replace(pairs[n], edge=replace(edge, registration=likely))
+    if confirmed:
+        assert any(pair.i <= 4 and pair.j >= 5 and pair.scans != (4, 5) and pair.kept for pair in pairs)
+    sentences = [fault for fault in faults(replace(result, pairs=tuple(pairs)), NAMES) if "likely only" in fault]
+    assert len(sentences) == (not confirmed)
+    if not confirmed:
+        assert sentences[0].startswith("1 of 9 steps between consecutive scans, as between scan4 and scan5, are likely")
+
+
 def test_a_transform_by_hand_comes_back_as_it_was_given(tmp_path: Path) -> None:
     """Through summary.json and a file of ties."""
     R = Rotation.from_euler("ZYX", [40.0, -7.0, 3.0], degrees=True)

@@ -1,0 +1,57 @@
+"""A fine grid's second look at a pair, with voxels twice as large, which noise hides less."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.spectral.grid import Grid, second_edge
+from sonarmap.spectral.registration import SpectralRegistrar
+from sonarmap.spectral.scan import Scan
+from tests.samples.scenes.structures import assert_near, structure
+
+EDGE, EXTENT = 192, 25.6
+T_TRUE = RigidTransform.from_components([1.3, -2.1, 0.7], Rotation.from_euler("ZYX", [40, 6, -9], degrees=True))
+
+
+@pytest.fixture(scope="module")
+def registrar() -> SpectralRegistrar:
+    return SpectralRegistrar(choose_device(), Grid(EDGE, EXTENT / EDGE))
+
+
+def noisy(points: np.ndarray, voxels: float, seed: int) -> Scan:
+    """With a standard deviation of so many voxels."""
+    noise = np.random.default_rng(seed).normal(0.0, voxels * EXTENT / EDGE, points.shape)
+    return Scan((points + noise).astype(np.float32))
+
+
+def test_only_fine_grids_have_a_second() -> None:
+    assert [second_edge(edge) for edge in (64, 128, 180, 192, 250, 256, 512)] == [None, None, None, 96, 128, 128, 256]
+
+
+def test_what_noise_hides_on_the_fine_grid_is_believed_on_the_other(registrar: SpectralRegistrar) -> None:
+    points = structure(4, 8000)
+    scans = [noisy(of, 3.75, k) for k, of in enumerate((points, T_TRUE.inv().apply(points)))]
+    found = registrar.register(*(registrar.prepare(scan) for scan in scans))
+    assert found.accepted
+    assert found.reason.startswith("found with voxels of 0.267 m, which noise hides less: the scans match")
+    assert_near(found.T_target_source, T_TRUE, 2.0, 0.3)
+    wider = registrar.with_voxel(2 * EXTENT / EDGE)
+    twice = wider.register(*(wider.prepare(Scan(2 * scan.points)) for scan in scans))
+    np.testing.assert_allclose(twice.T_target_source.translation, 2 * found.T_target_source.translation, atol=1e-3)
+
+
+def test_what_is_believed_at_once_is_not_looked_at_again(registrar: SpectralRegistrar) -> None:
+    points = structure(4, 8000)
+    target, source = (registrar.prepare(noisy(of, 0.5, k)) for k, of in enumerate((points, T_TRUE.inv().apply(points))))
+    found = registrar.register(target, source)
+    assert found.accepted
+    assert found.reason.startswith("the scans match")
+    assert_near(found.T_target_source, T_TRUE, 0.3, 0.05)
+
+
+def test_scans_that_share_nothing_stay_refused(registrar: SpectralRegistrar) -> None:
+    scans = [registrar.prepare(noisy(structure(seed, 8000), 2.0, seed)) for seed in (5, 6)]
+    found = registrar.register(*scans)
+    assert not found.accepted
+    assert "found with voxels" not in found.reason
