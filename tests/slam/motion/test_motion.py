@@ -236,6 +236,11 @@ def test_a_lone_doubtful_step_is_not_assumed_as_two_dives_may_meet_there() -> No
     doubtful = possible(0.4, np.zeros(6))
     assert believing_steps([*own, doubtful], motion) == [*own, doubtful]
     assert not any(step.accepted for step in believing_steps([*own, doubtful], motion)[20:])
+    # nor is one believed that would be among many
+    (lone,) = believing_steps([*own, possible(0.65, np.zeros(6))], motion)[20:]
+    (likelier,) = believing_steps([*own, possible(0.75, np.zeros(6))], motion)[20:]
+    assert not lone.accepted
+    assert likelier.accepted
     # nor are two of thirty
     two = [*own, *own, doubtful, possible(0.1, np.zeros(6))]
     assert believing_steps(two, motion) == two
