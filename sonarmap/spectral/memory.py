@@ -75,7 +75,7 @@ def memory_plan(edge: int, method: Method = "spectral", points: int = POINTS, ma
     plan = _spectral(edge, points, max_tilt)
     if (second := second_edge(edge)) is None:
         return plan
-    other = _spectral(second, points, max_tilt)
+    other = memory_plan(second, method, points, max_tilt)
     return replace(
         plan,
         prepared={**plan.prepared, "second look, on a coarser grid": other.scan},
