@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
+from sonarmap.spectral.verify.bounds import Bounds
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
@@ -31,6 +33,9 @@ class Recorder(SpectralRegistrar):
     def _conclude(self, test: HypothesisTest, hypotheses: Sequence[Hypothesis], seen: Observability) -> Registration:
         self._measured = test, hypotheses, seen
         return super()._conclude(test, hypotheses, seen)
+
+    def _looked_at_again(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> None:
+        """What is kept was measured on its own grid; another is none of it."""
 
     def cells(self, truth: RigidTransform | None) -> list[dict[str, Value]]:
         """A row of each hypothesis of the pair that was registered since the last call, the best first.
