@@ -30,6 +30,7 @@ REAL = "real"  # on scans of a folder
 SCALE = "scale"  # of growth
 KINDS = "kinds"  # on every kind of scan that is simulated
 EVIDENCE = "evidence"  # of what registrations measure
+LOST = "funnel"  # of what registrations do not find
 FITTING = "judge"  # of how far to believe them
 EVERY = "pages"  # all experiments, for all pages of one state; those on a folder where one is given
 
@@ -132,6 +133,7 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
         "scale": _entry(_MADE_UP, "scale.run", ("seeds", "seed"), SCALE, timed=True),
         "kinds": _entry("pairs of every kind of scan", "kinds.run", _PAIR_OPTIONS, KINDS),
         "evidence": _entry("what registrations measure", "evidence.run", _PAIR_OPTIONS[:-1], EVIDENCE),
+        "funnel": _entry("where the right pose is lost", "funnel.run", _PAIR_OPTIONS[:-1], LOST),
         "judge": _entry(
             "how far to believe them, fitted to those of a folder DIR",
             "judge.run",
@@ -177,7 +179,7 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
         names = tuple(
             each
             for each, entry in EXPERIMENTS.items()
-            if entry.group not in (EVIDENCE, FITTING) and (request.folder is not None or not entry.on_folder)
+            if entry.group not in (EVIDENCE, LOST, FITTING) and (request.folder is not None or not entry.on_folder)
         )
     _check_folder(name, names, request.folder)
     options = [option for option in OPTIONS if all(option in EXPERIMENTS[member].options for member in names)]

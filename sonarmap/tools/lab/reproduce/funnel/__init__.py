@@ -1,0 +1,1 @@
+"""Where the right pose is lost between the first rotations and the answer."""
