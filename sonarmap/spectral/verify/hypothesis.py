@@ -36,6 +36,9 @@ class Evidence:
     psr: float = nan  # peak-to-sidelobe ratio of the translation at the pose, on the whole grid, phase only
     moved: float = nan  # from where nothing has moved, as `PairFrames` has it [voxels]
     measured: float = 0.0  # chi-squared of the pose by what instruments measured; 0 where they measured nothing
+    # logarithm of how close the surfaces come, by the inverse of the residual, where that decides between places that
+    # look alike; 0 where it does not
+    closeness: float = 0.0
 
     @property
     def consistency(self) -> float:
@@ -61,7 +64,7 @@ class Evidence:
         Where beams lie farther apart than voxels, the lines that they draw on a floor or a wall correlate, whatever
         stands there: so a peak says little of which hypothesis is the better one.
         """
-        return self.agreement + _POWERS["psr"] * _peak(self.psr)
+        return self.agreement + _POWERS["psr"] * _peak(self.psr) + _POWERS["closeness"] * self.closeness
 
 
 @dataclass(frozen=True, slots=True)

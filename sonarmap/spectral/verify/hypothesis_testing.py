@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import log
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -33,9 +34,11 @@ _PROMISING = 0.4
 _LEFT, _SURVIVORS = 16, 6
 # Hypotheses whose agreement is less than the best's by more than this are out: no peak makes up for it.
 _HOPELESS = 3.5
-# Planes hold the best less firmly than this where surfaces are laid upon each other beside it: where they hold it more
-# firmly, nothing came of that.
+# Planes hold the best less firmly than this where surfaces are laid upon each other beside it, and where how close they
+# come decides: where planes hold it more firmly, nothing came of that.
 _FIRM = 0.05
+# Surfaces whose residual is smaller than this are as close as any [voxels].
+_CLOSEST = 0.03
 # So far off, along the two directions that planes hold least [voxels], and in so many directions.
 _BESIDE, _DIRECTIONS = (4.0, 8.0, 12.0), 8
 # There few points tell which places are worth more. Where the surfaces then agree less than at the best by more than
@@ -133,7 +136,23 @@ class HypothesisTest(PairFrames):
         refined = self._refine(_hopeful(hypotheses, 1.5 * _HOPELESS), [_CLOSE])
         hopeful = _hopeful(refined, _HOPELESS)
         # one alone is measured where it ends
-        return hopeful if len(hopeful) == 1 else self._measured(hopeful)
+        if len(hopeful) == 1:
+            return hopeful
+        measured = self._measured(hopeful)
+        return measured if measured[0].evidence.firmness > _FIRM else self._closest_first(measured)
+
+    def _closest_first(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """All refined to the end and compared by how close the surfaces come there, too.
+
+        Over a bed of little relief, what the sensors saw agrees nearly as well at a place some voxels off. There the
+        surfaces are a little farther apart: hardly more than noise at one point, but at thousands of points.
+        """
+        fits = self._steps(_start([each.fit for each in hypotheses]), [_FINAL]).read()
+        closer = [
+            replace(each, fit=fit, evidence=replace(each.evidence, closeness=-log(max(fit.residual, _CLOSEST))))
+            for each, fit in zip(hypotheses, fits, strict=True)
+        ]
+        return sorted(closer, key=lambda hypothesis: -hypothesis.score)
 
     def finish(
         self, hypotheses: list[Hypothesis], spectral: bool, stages: Sequence[Stage] = (_FINAL,)
@@ -143,6 +162,7 @@ class HypothesisTest(PairFrames):
         If `spectral`, the best climbs the translation's peak over the rotation, instead of the planes.
         """
         best = self._left_to_scans(self._finish_best(hypotheses[0], spectral, stages))
+        best = replace(best, evidence=replace(best.evidence, closeness=hypotheses[0].evidence.closeness))
         return [best, *(hypothesis for hypothesis in hypotheses[1:] if not alike(hypothesis.fit, best.fit))]
 
     def _finish_best(self, best: Hypothesis, spectral: bool, stages: Sequence[Stage]) -> Hypothesis:

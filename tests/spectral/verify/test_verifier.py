@@ -259,6 +259,33 @@ def test_the_true_place_wins_however_the_finalists_are_ordered(pair_test: Hypoth
         assert all(hypotheses[0].score > other.score for other in hypotheses[1:])
 
 
+class TestClosest:
+    """Where planes hold the best weakly, how close the surfaces come decides."""
+
+    def compared(self, pair_test: HypothesisTest, monkeypatch: pytest.MonkeyPatch, firm: float) -> list[Hypothesis]:
+        monkeypatch.setattr("sonarmap.spectral.verify.hypothesis_testing._FIRM", firm)
+        monkeypatch.setattr("sonarmap.spectral.verify.hypothesis_testing._HOPELESS", 100.0)  # both stay
+        both = [hypothesis(TRUE.rotation, true_shift(pair_test) + offset) for offset in (0 * ASIDE, 2 * ASIDE)]
+        return pair_test.compare(with_evidence(pair_test, both))
+
+    def test_it_counts_where_planes_hold_the_best_weakly_alone(self, pair_test: HypothesisTest, monkeypatch) -> None:
+        assert [each.evidence.closeness for each in self.compared(pair_test, monkeypatch, 0.0)] == [0.0, 0.0]
+        right, wrong = self.compared(pair_test, monkeypatch, 1.0)
+        assert off(pair_test, right) < 0.5
+        assert right.evidence.closeness > wrong.evidence.closeness > 0.0
+
+    def test_it_outweighs_a_peak_twice_as_high(self, pair_test: HypothesisTest, monkeypatch) -> None:
+        right, wrong = self.compared(pair_test, monkeypatch, 0.0)
+        ahead = replace(wrong, evidence=replace(right.evidence, psr=2 * right.evidence.psr))
+        assert ahead.score > right.score
+        assert off(pair_test, pair_test._closest_first([ahead, right])[0]) < 0.5
+
+    def test_the_best_keeps_it_to_the_end(self, pair_test: HypothesisTest, monkeypatch) -> None:
+        both = self.compared(pair_test, monkeypatch, 1.0)
+        best, *_ = pair_test.finish(both, spectral=False)
+        assert best.evidence.closeness == both[0].evidence.closeness
+
+
 def test_what_looks_hopeless_is_not_compared(pair_test: HypothesisTest, monkeypatch: pytest.MonkeyPatch) -> None:
     both = [hypothesis(TRUE.rotation, true_shift(pair_test) + offset) for offset in (0 * ASIDE, 2 * ASIDE)]
     true, beside = with_evidence(pair_test, both)
