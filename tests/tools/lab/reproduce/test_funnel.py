@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
+from sonarmap.spectral.verify.bounds import Bounds
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.reproduce.evidence.pairs import EvidencePair, draw
 from sonarmap.tools.lab.reproduce.experiments import Request
@@ -56,6 +58,15 @@ def test_a_true_rotation_that_is_given_is_followed(pair: EvidencePair, monkeypat
     assert not traced["right_given_nothing"]
     assert traced["right_given_rotation"]
     assert traced["right_given_pose"]
+
+
+def test_a_pair_without_candidates_counts_as_lost(pair: EvidencePair, monkeypatch: pytest.MonkeyPatch) -> None:
+    registrar = TracingRegistrar(choose_device(), pair.grid)
+    prepared = registrar.prepare(pair.target), registrar.prepare(pair.source)
+    monkeypatch.setattr(Bounds, "allow_rotations", lambda _bounds, R: np.zeros(len(R), dtype=bool))
+    assert pair.truth is not None
+    traced = registrar.trace(*prepared, pair.truth)
+    assert (traced["rotations"], traced["final"], traced["right_given_nothing"]) == (-1, -1, False)
 
 
 def test_every_kind_and_step_has_jobs_and_rows() -> None:

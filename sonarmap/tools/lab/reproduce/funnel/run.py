@@ -2,23 +2,23 @@
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from itertools import islice
 from math import pi
 from typing import ClassVar
-
-from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.registration import SpectralConfig
-from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.reproduce.evidence.pairs import draw
+from sonarmap.tools.lab.reproduce.evidence.pairs import EvidencePair, draw
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.funnel.section import funnel_section
 from sonarmap.tools.lab.reproduce.funnel.settings import KINDS, STEPS, VARIANCES, FunnelSettings, funnel_settings
 from sonarmap.tools.lab.reproduce.funnel.traced import TracingRegistrar
+from sonarmap.tools.lab.reproduce.kinds.settings import NOTHING
 from sonarmap.tools.lab.reproduce.settings import paper_grid
+from sonarmap.tools.lab.simulate.kinds.kind import relief_of
 from sonarmap.tools.lab.simulate.plan import table1_pair
 
 TABLE1 = "S"  # what the sets of Table 1 begin with
@@ -54,32 +54,27 @@ class Funnel(Experiment):
         name, _, number = job.partition("-")
         pairs = self._table1(name, int(number)) if name.startswith(TABLE1) else self._kind(name, int(number))
         rows: list[Row] = []
-        for cells, target, source, truth, grid, any_tilt in pairs:
-            registrar = self._registrar(grid.edge, any_tilt).with_voxel(grid.voxel)
+        for pair in pairs:
+            registrar = self._registrar(pair.grid.edge, pair.any_tilt).with_voxel(pair.grid.voxel)
             try:
-                prepared = registrar.prepare(target), registrar.prepare(source)
+                prepared = registrar.prepare(pair.target), registrar.prepare(pair.source)
             except InputError:
                 continue
-            traced = registrar.trace(*prepared, truth)
-            if "final" in traced:
-                rows.append(cells | traced)
+            if pair.truth is not None:
+                rows.append(pair.cells | registrar.trace(*prepared, pair.truth))
         return Outcome(tuple(rows))
 
-    def _kind(
-        self, name: str, number: int
-    ) -> Iterator[tuple[dict[str, Value], Scan, Scan, RigidTransform, Grid, bool]]:
-        pair = next(draw(name, number, self.settings.seed, self.settings.edge), None)
-        if pair is not None and pair.truth is not None and pair.grid.edge == self.settings.edge:
-            cells = {"set": name, "scene": pair.cells["scene"], "relief": pair.cells["relief"]}
-            yield cells, pair.target, pair.source, pair.truth, pair.grid, pair.any_tilt
+    def _kind(self, name: str, number: int) -> Sequence[EvidencePair]:
+        """The first pair of a draw, of which nothing is known but the points, on the usual grid."""
+        first = list(islice(draw(name, number, self.settings.seed, self.settings.edge), 1))
+        return [pair for pair in first if pair.grid.edge == self.settings.edge]
 
-    def _table1(
-        self, name: str, number: int
-    ) -> Iterator[tuple[dict[str, Value], Scan, Scan, RigidTransform, Grid, bool]]:
+    def _table1(self, name: str, number: int) -> Iterator[EvidencePair]:
         for step in STEPS:
-            target, source, truth = table1_pair(step, self.settings.seed + number, float(name.removeprefix(TABLE1)))
-            cells: dict[str, Value] = {"set": f"{TABLE1}{step}", "scene": "floodgate", "relief": "rich"}
-            yield cells, target, source, truth, paper_grid(self.settings.edge), False
+            pair = table1_pair(step, self.settings.seed + number, float(name.removeprefix(TABLE1)))
+            cells: dict[str, Value] = {"set": f"{TABLE1}{step}", "number": number, "scene": "floodgate"}
+            cells |= {"relief": relief_of("floodgate"), "known": NOTHING, "apart": 0}
+            yield EvidencePair(cells, *pair, paper_grid(self.settings.edge))
 
     def _planned(self, edge: int, any_tilt: bool) -> TracingRegistrar:
         config = SpectralConfig(max_tilt=pi) if any_tilt else SpectralConfig()

@@ -12,12 +12,12 @@ from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
-from sonarmap.tools.lab.evaluate.trajectory import pair_error
+from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
+from sonarmap.tools.lab.reproduce.evidence.section import NEAR
 from sonarmap.tools.lab.reproduce.experiment import Value
 
-# A pose is followed while it is within these of the truth, and right in the end within the last [degrees, voxels].
-_ROTATION, _PLACE, RIGHT = 12.0, (12.0, 8.0), (6.0, 3.0)
 ROUNDS = ("few_points", "more_points", "rough")  # of refinement, after each of which hypotheses are left out
+_STAGES = ("rotations", "candidates", *ROUNDS, "compared", "final")
 NOWHERE = -1  # the rank of what is not there
 # What is given away: nothing, one more rotation, one more hypothesis
 NOTHING, ROTATION, POSE = "nothing", "rotation", "pose"
@@ -29,7 +29,8 @@ class TracedTest(HypothesisTest):
 
     truth: RigidTransform  # T_target_source
     given: str
-    ranks: dict[str, Value] = field(default_factory=dict[str, Value])
+    # by stage; where nothing is possible there is nothing near the truth
+    ranks: dict[str, Value] = field(default_factory=lambda: dict[str, Value](dict.fromkeys(_STAGES, NOWHERE)))
     rounds: list[int] = field(default_factory=list[int])  # likewise after each of ROUNDS that there was
 
     def find_candidates(self, rotations: RotationPeaks) -> Candidates:
@@ -38,14 +39,14 @@ class TracedTest(HypothesisTest):
             R = Rotation.concatenate([rotations.R, self.truth.rotation])
             rotations = RotationPeaks(R, np.append(rotations.scores, 0.0))
         off = np.rad2deg((rotations.R * self.truth.rotation.inv()).magnitude())
-        self.ranks.update(rotations=_first(off <= _ROTATION), rotation_deg=float(off.min()))
+        self.ranks.update(rotations=_first(off <= NEAR[0]), rotation_deg=float(off.min()))
         candidates = super().find_candidates(rotations)
-        turned = np.rad2deg((candidates.R * self.truth.rotation.inv()).magnitude()) <= _PLACE[0]
+        turned = np.rad2deg((candidates.R * self.truth.rotation.inv()).magnitude()) <= NEAR[0]
         # under a rotation that is not exact the middle of the scan is where it should be
         middle = self.source.volume.center
         places = self._sensor_shift(candidates.R, candidates.shifts) + candidates.R.apply(middle)
         off = np.linalg.norm(places - self.truth.apply(middle), axis=1) / self.grid.voxel
-        self.ranks["candidates"] = _first((turned & (off <= _PLACE[1]))[np.argsort(-candidates.psr, kind="stable")])
+        self.ranks["candidates"] = _first((turned & (off <= NEAR[1]))[np.argsort(-candidates.psr, kind="stable")])
         return candidates
 
     def conclude(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
@@ -61,7 +62,7 @@ class TracedTest(HypothesisTest):
         self.ranks.update(zip(ROUNDS, rounds, strict=False))
         concluded = super().conclude(hypotheses, spectral)
         self.ranks["final"] = self._rank(concluded)
-        self.ranks["right"] = self._is_near(concluded[0], RIGHT)
+        self.ranks["right"] = self._is_near(concluded[0], (RIGHT_DEG, RIGHT_VOXELS))
         return concluded
 
     def _possible(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
@@ -70,7 +71,7 @@ class TracedTest(HypothesisTest):
         return possible
 
     def _rank(self, hypotheses: Sequence[Hypothesis]) -> int:
-        return _first(np.array([self._is_near(each, _PLACE) for each in hypotheses], dtype=bool))
+        return _first(np.array([self._is_near(each, NEAR) for each in hypotheses], dtype=bool))
 
     def _is_near(self, hypothesis: Hypothesis, within: tuple[float, float]) -> bool:
         error = pair_error(self.transform(hypothesis.fit), self.truth)
@@ -87,8 +88,8 @@ class TracingRegistrar(SpectralRegistrar):
         for given in (NOTHING, ROTATION, POSE):
             test = TracedTest(self.grid, target, source, bounds, self._verifier, truth, given)
             self._answer(test)
-            whole = test.ranks if given == NOTHING else {}
-            cells |= whole | {f"right_given_{given}": test.ranks.get("right", False)}
+            cells[f"right_given_{given}"] = test.ranks.pop("right", False)
+            cells |= test.ranks if given == NOTHING else {}
         return cells
 
 
