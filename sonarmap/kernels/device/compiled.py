@@ -7,7 +7,7 @@ import warnings
 import pyopencl as cl
 
 from sonarmap.kernels.device.cache import LOGGER, digest, kernel_cache, recall, remember
-from sonarmap.kernels.device.source import inline_includes
+from sonarmap.kernels.device.source import complete
 
 _KEPT = 1000  # programs that are remembered of a device
 _WARNING = re.compile(r"\bwarning\b", re.IGNORECASE)
@@ -21,7 +21,7 @@ def compile_program(context: cl.Context, source: str, options: tuple[str, ...], 
     Raises:
         cl.Error: it does not build.
     """
-    device, whole = context.devices[0], inline_includes(source)
+    device, whole = context.devices[0], complete(source)
     record = f"compiled-{digest(*identity(device), str(kernel_cache()))}"
     known, key = recall(record).get("programs", []), digest(whole, *options)
     if key not in known and (record,) not in _said:

@@ -8,6 +8,12 @@ import numpy as np
 
 KERNEL_FOLDER = Path(__file__).parents[1]
 
+# No vector is handed over between these programs and others; clang, where it does not know the widest registers of a
+# processor, warns of every one that is handed to a function.
+_QUIET = """#ifdef __clang__
+#pragma clang diagnostic ignored "-Wpsabi"
+#endif
+"""
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"]+)"[ \t]*$', re.MULTILINE)
 _NOT_LOG = ("Build on <", "(options:", "(source saved as")  # what PyOpenCL puts around a driver's log
 
@@ -17,13 +23,18 @@ def literal(value: int | float | np.number) -> str:
     return str(int(value)) if isinstance(value, Integral) else f"{float(np.float32(value))!r}f"
 
 
-def inline_includes(source: str) -> str:
+def complete(source: str) -> str:
+    """What a compiler gets: the source with its includes in place, and no warning asked for that is of no use."""
+    return _QUIET + _inline_includes(source)
+
+
+def _inline_includes(source: str) -> str:
     """The source with each line `#include "x.cl"` replaced by that file of this folder.
 
     An include path would do the same, but drivers differ in how they read a path that holds a space.
     """
     return _INCLUDE.sub(
-        lambda include: inline_includes((KERNEL_FOLDER / include[1]).read_text(encoding="utf-8")), source
+        lambda include: _inline_includes((KERNEL_FOLDER / include[1]).read_text(encoding="utf-8")), source
     )
 
 

@@ -13,7 +13,7 @@ import pyopencl as cl
 import pytest
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.device.source import inline_includes
+from sonarmap.kernels.device.source import complete
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import EDGES, neighbors, radices, row_pitch
 from sonarmap.kernels.fft.transform import RealFFT
@@ -161,7 +161,7 @@ def test_no_build_warning_is_ours(device, monkeypatch, shape, batched):
 
     def build(source: str, **_: object):
         fresh = f"// {os.getpid()} {time.time_ns()}\n"  # drivers keep what they built, without its warnings
-        program = cl.Program(device.context, fresh + inline_includes(source)).build()
+        program = cl.Program(device.context, fresh + complete(source)).build()
         logs.append(str(program.get_build_info(device.cl_device, cl.program_build_info.LOG)))
         return program
 

@@ -77,8 +77,9 @@ def test_the_process_is_kept_until_it_ends() -> None:
 def test_time_and_memory_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     refuses("it takes more memory than", read_apart, gorge, b"")
     first = process()
-    monkeypatch.setattr(apart, "_SECONDS", 1)
-    refuses("ended with SIGXCPU", read_apart, loop, b"")
+    with monkeypatch.context() as patch:
+        patch.setattr(apart, "_SECONDS", 1)
+        refuses("ended with SIGXCPU", read_apart, loop, b"")
     assert process() != first
 
 
