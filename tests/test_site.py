@@ -31,12 +31,14 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_every_page_is_there(site: Path) -> None:
     pages = {path.relative_to(ROOT / "docs").with_suffix(".html") for path in (ROOT / "docs").rglob("*.md")}
     pages |= {Path(name) for name in ("index.html", "changelog.html", "license.html", "api/index.html")}
     assert not [page for page in sorted(pages) if not (site / page).exists()]
 
 
+@pytest.mark.slow
 def test_every_public_name_is_described(site: Path) -> None:
     import sonarmap
 
@@ -46,6 +48,7 @@ def test_every_public_name_is_described(site: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_nothing_is_loaded_from_other_machines(site: Path) -> None:
     assert not [page for page in site.rglob("*.html") if LOADED.search(page.read_text())]
 

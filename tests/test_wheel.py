@@ -43,6 +43,7 @@ def test_the_wheel_holds_the_package_with_its_kernels_and_nothing_else(wheel: Pa
     assert actual == expected
 
 
+@pytest.mark.slow
 def test_every_imported_library_is_a_dependency() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     requirements = [*project["dependencies"], *chain.from_iterable(project["optional-dependencies"].values())]

@@ -51,6 +51,7 @@ def test_the_page_runs(page: Path, inputs: Inputs, environment: dict[str, str], 
     assert not faults, "\n".join(faults)
 
 
+@pytest.mark.slow
 def test_the_tutorial_runs_with_few_scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In this process, which has imported everything already."""
     monkeypatch.chdir(tmp_path)

@@ -47,6 +47,7 @@ def test_accepted_registrations_are_the_same(edge: int, places: list[tuple[Rigid
     assert accepted >= min(2, len(places))
 
 
+@pytest.mark.slow
 def test_the_papers_chain_finds_the_same_peaks() -> None:
     own = choose_device().cl_device
     target = seen(relief(1), HERE)

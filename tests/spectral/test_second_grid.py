@@ -29,6 +29,7 @@ def test_only_fine_grids_have_a_second() -> None:
     assert [second_edge(edge) for edge in (64, 128, 180, 192, 250, 256, 512)] == [None, None, None, 96, 128, 128, 256]
 
 
+@pytest.mark.slow
 def test_what_noise_hides_on_the_fine_grid_is_believed_on_the_other(registrar: SpectralRegistrar) -> None:
     points = structure(4, 8000)
     scans = [noisy(of, 3.75, k) for k, of in enumerate((points, T_TRUE.inv().apply(points)))]

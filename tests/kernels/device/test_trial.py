@@ -182,6 +182,7 @@ class TestMemory:
             trial.known_devices()
         return count
 
+    @pytest.mark.slow
     def test_a_trial_is_remembered_until_something_changes(self, drivers, monkeypatch):
         assert [self.trials(monkeypatch) for _ in range(2)] == [1, 0]
         os.utime(drivers / "good.icd", ns=(1, 1))
@@ -199,6 +200,7 @@ class TestMemory:
         assert trial.known_devices()[0].fault == "it was broken then"
         assert trial.known_devices(remembered=False)[0].fault == ""
 
+    @pytest.mark.slow
     def test_damaged_memory_is_none(self, drivers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         self.trials(monkeypatch)
         (path,) = cache_folder().glob("driver-*.json")

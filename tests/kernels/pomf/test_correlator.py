@@ -51,7 +51,10 @@ def spectra(device: Device, points: np.ndarray, edge: int, exponents: tuple[floa
 
 
 class TestPeaks:
-    @pytest.mark.parametrize(("edge", "number", "count"), [(16, 3, 1), (32, 5, 8), (64, 2, 4), (50, 3, 4), (48, 3, 2)])
+    @pytest.mark.parametrize(
+        ("edge", "number", "count"),
+        [(16, 3, 1), (32, 5, 8), (64, 2, 4), (50, 3, 4), pytest.param(48, 3, 2, marks=pytest.mark.slow)],
+    )
     def test_are_those_of_numpy(self, device: Device, edge, number, count) -> None:
         points, given = surface(edge), poses(number)
         found = make(device, edge).find(device.to_device(points), given, spectra(device, points, edge), count, 2.0)
@@ -81,7 +84,7 @@ class TestPeaks:
         for one, other in zip(psr[0], psr[1], strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-6)
 
-    @pytest.mark.parametrize("edge", [32, 18, 30, 50, 54])
+    @pytest.mark.parametrize("edge", [32, 18, 50, *(pytest.param(edge, marks=pytest.mark.slow) for edge in (30, 54))])
     def test_of_more_equal_maxima_than_the_device_lists(self, device: Device, edge: int) -> None:
         """A line of points along z correlates alike at all shifts along it; 18 cubed is no multiple of an alignment."""
         z = np.arange(-edge // 2, edge // 2)
@@ -114,7 +117,7 @@ class TestPeaks:
 
 
 class TestAt:
-    @pytest.mark.parametrize("edge", [16, 32, 18, 40])
+    @pytest.mark.parametrize("edge", [16, 32, 18, pytest.param(40, marks=pytest.mark.slow)])
     def test_is_linear_between_voxels_and_cyclic(self, device: Device, edge) -> None:
         points, pose = surface(edge), poses(2)[1]
         places = np.random.default_rng(edge).uniform(-2 * edge, 2 * edge, (200, 3))

@@ -145,6 +145,7 @@ def test_bridges_are_what_takes_a_component_apart() -> None:
     assert [cut_edges(6, chained, held) for held in ([], [1, 4], [0, 2, 5])] == [set(range(5)), {0, 4}, set()]
 
 
+@pytest.mark.slow
 def test_a_chain_that_is_less_sure_than_it_says_does_not_leave_out_the_loops() -> None:
     T, graph = lawnmower(1500, 2.5, 1)
     drift = RigidTransform.from_exp_coords([0, 0, 4e-3, 0, 0, 0])

@@ -81,6 +81,7 @@ def test_what_is_wrong_with_files_is_told_once(scans: Path) -> None:
     assert "the same points twice: b_copy of b; leave the copies out" in words
 
 
+@pytest.mark.slow
 def test_a_stopped_map_says_what_is_kept(tmp_path: Path) -> None:
     folder = tmp_path / "scans"
     folder.mkdir()

@@ -25,6 +25,7 @@ def told_of(covariance: np.ndarray) -> tuple[float, list[str]]:
     return survey.moved, faults(survey, NAMES)
 
 
+@pytest.mark.slow
 def test_loops_that_change_nothing_are_told() -> None:
     covariance = random_covariance(np.random.default_rng(0), 0.004, 0.03)
     moved, told = told_of(1e-8 * covariance)

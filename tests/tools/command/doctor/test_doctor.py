@@ -91,6 +91,7 @@ class TestBrokenLibraries:
         assert "a library cannot be loaded" in shown.stderr
         assert "'sonarmap doctor' says what to do" in shown.stderr
 
+    @pytest.mark.slow
     @own_loader
     def test_there_is_no_driver(self, tmp_path: Path) -> None:
         (tmp_path / "empty").mkdir()
@@ -129,6 +130,7 @@ class TestBrokenLibraries:
             assert other.returncode == 2
             assert "'sonarmap doctor' says what is missing" in other.stderr
 
+    @pytest.mark.slow
     def test_a_version_that_is_too_old_is_named_with_the_command(self, tmp_path: Path) -> None:
         about = tmp_path / "gtsam-1.0.dist-info"
         about.mkdir()

@@ -49,6 +49,7 @@ def scans(tmp_path: Path) -> Path:
 
 
 class TestDisks:
+    @pytest.mark.slow
     def test_a_full_disk(self, tmp_path: Path, scans: Path) -> None:
         with mounted(tmp_path / "full", "size=64k") as full:
             place = look_at(full / "out")
@@ -62,6 +63,7 @@ class TestDisks:
             assert "'sonarmap doctor OUT' looks at a folder OUT and its disk" in made.stderr
             assert "Traceback" not in made.stderr
 
+    @pytest.mark.slow
     def test_a_full_disk_of_temporary_files(self, tmp_path: Path) -> None:
         with mounted(tmp_path / "full", "size=64k") as full:
             (full / "rest").write_bytes(bytes(60 << 10))

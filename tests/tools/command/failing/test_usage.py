@@ -131,6 +131,7 @@ class TestJson:
 
 
 class TestQuiet:
+    @pytest.mark.slow
     def test_nothing_but_warnings_and_errors(self, scans: list[str], tmp_path: Path) -> None:
         result = sonarmap("map", *scans[:2], "-o", tmp_path, *GRID, "--quiet")
         assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")
@@ -143,6 +144,7 @@ class TestQuiet:
 
 
 class TestLogFile:
+    @pytest.mark.slow
     def test_everything_said_is_added_with_times(self, scans: list[str], tmp_path: Path) -> None:
         log = tmp_path / "logs" / "run.txt"
         first = sonarmap("map", *scans, "-o", tmp_path / "out", *GRID, "--quiet", "--log-file", log)

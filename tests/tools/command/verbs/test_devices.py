@@ -50,6 +50,7 @@ class TestDevices:
         after = printed(sonarmap("devices", "--json"))["devices"]
         assert [entry["self_test"] == "passed" for entry in after] == [entry["works"] for entry in after]
 
+    @pytest.mark.slow
     def test_one_that_fails_its_test_is_refused(self) -> None:
         for info in list_devices():
             remember_verdict(info.identity, Verdict("failed", "voxels of points: off by 1 voxels"))

@@ -226,6 +226,7 @@ def test_a_map_is_not_taken_for_a_scan_of_the_next_run(tmp_path: Path) -> None:
     assert set(files_in(tmp_path)) == set(before)
 
 
+@pytest.mark.slow
 def test_an_order_that_is_not_the_given_one_is_told(tmp_path: Path) -> None:
     paths = write(tmp_path, scan_2=scan(0), scan_10=scan(1))
     told = sonarmap("map", *reversed(paths), "-o", tmp_path / "out", *GRID, "--json")

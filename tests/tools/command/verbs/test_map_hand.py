@@ -42,6 +42,7 @@ def registered(out: Path) -> tuple[int, int]:
     return len(times["pairs"]), len(times["pairs"]) - times["pairs_from_journal"]
 
 
+@pytest.mark.slow
 def test_verdicts_register_nothing_again(dive: Path, out: Path, tmp_path: Path) -> None:
     before = table_of(out / "pairs.csv")
     loop = next(row for row in before if row["role"] == "loop")
@@ -132,6 +133,7 @@ def test_a_wrong_point_is_named(dive: Path, out: Path, tmp_path: Path) -> None:
     assert [row["name"] for row in summary["control"]["left_out"]] == ["P5"]
 
 
+@pytest.mark.slow
 def test_what_one_point_leaves_open_is_said(dive: Path, out: Path, tmp_path: Path) -> None:
     control = control_file(tmp_path, dive)
     control.write_text("\n".join(control.read_text().splitlines()[:2]) + "\n")

@@ -108,13 +108,15 @@ def test_killed_it_goes_on_and_ends_with_the_same_bytes(clutter: Path, tmp_path:
     assert times(tmp_path)["pairs_from_journal"] >= before - 1
 
 
+@pytest.mark.slow
 def test_two_workers_give_the_same_bytes(clutter: Path, tmp_path: Path) -> None:
     assert sonarmap("map", clutter, "-o", tmp_path, *CLUTTER, "--workers", "2").exit_code == 0
     assert results(tmp_path) == results(clutter / "out")
     assert times(tmp_path)["workers"] == 2
 
 
-@pytest.mark.parametrize("kind", ["folder", pytest.param("link", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["folder", "link"])
 def test_pickles_that_lie_where_workers_read_scans_are_never_read(clutter: Path, tmp_path: Path, kind: str) -> None:
     """Left by a killed run of an earlier version, or put there by someone else; the run goes on from its journal."""
     out, theirs, harmed = tmp_path / "out", tmp_path / "theirs", tmp_path / "harmed"

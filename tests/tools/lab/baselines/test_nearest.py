@@ -45,7 +45,11 @@ def test_it_is_scipys(k: Any, reach: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("points", "most", "times"), [(200_000, 0.2, 5), (20, 0.002, 200)], ids=["in SciPy's threads", "as a thread starts"]
+    ("points", "most", "times"),
+    [
+        pytest.param(200_000, 0.2, 5, id="in SciPy's threads", marks=pytest.mark.slow),
+        pytest.param(20, 0.002, 200, id="as a thread starts"),
+    ],
 )
 def test_an_interrupt_is_raised_and_neither_crashes_nor_hangs(points: int, most: float, times: int) -> None:
     values = {"POINTS": points, "MOST": most, "TIMES": times}

@@ -42,6 +42,7 @@ def test_the_closed_form_is_exact_without_noise(source: Patches, T: RigidTransfo
     np.testing.assert_allclose(error(closed_form(seen_from(source, T), source), T), 0, atol=atol)
 
 
+@pytest.mark.slow
 def test_refining_is_more_exact_than_the_closed_form_and_its_covariance_is_right() -> None:
     """Errors squared, in units of the covariance, average the 6 degrees of freedom; the slack is found needless."""
     source = some_planes()

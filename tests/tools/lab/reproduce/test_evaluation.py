@@ -40,6 +40,7 @@ class TestPairs:
         assert (bounded.config.max_tilt, free.config.max_tilt) == (math.radians(35), math.pi)  # pyright: ignore
         methods.registrar("planes", Grid(16, 1.0), None, any_tilt=True)
 
+    @pytest.mark.slow
     def test_the_overlap_is_that_without_noise_and_strangers_share_nothing(self) -> None:
         for number, low in ((0, 0.05), (2, 0.4), (4, 0.8)):
             pair = related(number, 3, "yaw", 32)
@@ -88,6 +89,7 @@ class TestRuns:
         assert len(seconds) == len(FEW)
         assert all(float(row["register_s"]) > 0 and float(row["prepare_s"]) > 0 for row in seconds)
 
+    @pytest.mark.slow
     def test_a_stranger_has_no_verdict(self, device: Device) -> None:
         assert all("right" not in row and "nees" not in row for row in done("unrelated", device)[0])
 

@@ -171,6 +171,7 @@ class TestSummary:
 
 
 class TestWords:
+    @pytest.mark.slow
     def test_the_section_states_its_bounds_and_verdicts_and_draws_the_same_again(
         self, device: Device, tmp_path: Path
     ) -> None:

@@ -84,6 +84,7 @@ def test_a_folder_without_evidence_is_refused(tmp_path: Path) -> None:
         read_recorded(tmp_path)
 
 
+@pytest.mark.slow
 def test_every_rule_is_judged_and_the_fit_is_a_table(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     experiment = Judge(folder, JudgeSettings("", ""), choose_device())
     rows = [row for job in experiment.jobs() for row in experiment.run(job).rows]

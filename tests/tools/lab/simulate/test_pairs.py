@@ -74,6 +74,7 @@ def test_every_scene_has_pairs_of_every_overlap(scene: str, overlaps: tuple[floa
         assert overlaps[0] <= share <= overlaps[1]
 
 
+@pytest.mark.slow
 def test_a_yaw_pair_turns_anywhere_and_tilts_up_to_its_bound():
     found = [
         random_pair(seed, (0.6, 0.8), QUIET, "pool", _small("pool"), Turning("yaw", STEEP))[2] for seed in range(16)

@@ -97,6 +97,7 @@ def without(whole: PointMap, count: int) -> tuple[np.ndarray, CleanMap]:
     return out, CleanMap(replace(whole.take(~out), doubted=int(out.sum())), whole.take(out))
 
 
+@pytest.mark.slow
 def test_what_the_map_leaves_out_is_in_the_map_of_all(mapped: tuple[list[Scan], SurveyResult], tmp_path: Path) -> None:
     """Five points of the map, put into its layer of doubtful ones."""
     _, result = mapped
@@ -153,6 +154,7 @@ def test_the_summary_tells_what_crosses_and_what_was_removed(folder: Path) -> No
     assert summary["unplaced"] == []
 
 
+@pytest.mark.slow
 def test_the_same_result_gives_the_same_picture_and_one_survey_no_layers(
     mapped: tuple[list[Scan], SurveyResult], folder: Path, tmp_path: Path
 ) -> None:

@@ -171,6 +171,7 @@ class TestPicture:
 
 
 class TestOption:
+    @pytest.mark.slow
     def test_the_picture_lies_beside_the_result_or_is_refused(self, tmp_path: Path) -> None:
         pair = write(tmp_path, target=scan(0), source=scan(1))
         plain, drawn = (
