@@ -42,6 +42,7 @@ def test_what_noise_hides_on_the_fine_grid_is_believed_on_the_other(registrar: S
     np.testing.assert_allclose(twice.T_target_source.translation, 2 * found.T_target_source.translation, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_what_is_believed_at_once_is_not_looked_at_again(registrar: SpectralRegistrar) -> None:
     points = structure(4, 8000)
     target, source = (registrar.prepare(noisy(of, 0.5, k)) for k, of in enumerate((points, T_TRUE.inv().apply(points))))
@@ -51,6 +52,7 @@ def test_what_is_believed_at_once_is_not_looked_at_again(registrar: SpectralRegi
     assert_near(found.T_target_source, T_TRUE, 0.3, 0.05)
 
 
+@pytest.mark.slow
 def test_scans_that_share_nothing_stay_refused(registrar: SpectralRegistrar) -> None:
     scans = [registrar.prepare(noisy(structure(seed, 8000), 2.0, seed)) for seed in (5, 6)]
     found = registrar.register(*scans)

@@ -53,7 +53,12 @@ def spectra(device: Device, points: np.ndarray, edge: int, exponents: tuple[floa
 class TestPeaks:
     @pytest.mark.parametrize(
         ("edge", "number", "count"),
-        [(16, 3, 1), (32, 5, 8), (64, 2, 4), (50, 3, 4), pytest.param(48, 3, 2, marks=pytest.mark.slow)],
+        [
+            (16, 3, 1),
+            (32, 5, 8),
+            (50, 3, 4),
+            *(pytest.param(*case, marks=pytest.mark.slow) for case in ((64, 2, 4), (48, 3, 2))),
+        ],
     )
     def test_are_those_of_numpy(self, device: Device, edge, number, count) -> None:
         points, given = surface(edge), poses(number)

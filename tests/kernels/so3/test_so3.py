@@ -55,7 +55,8 @@ def correlate(correlation, target, source, parts=None):
 
 class TestCorrelation:
     @pytest.mark.parametrize(
-        ("bandwidth", "largest", "layers"), [(8, np.pi, 1), (8, 0.5, 3), (16, np.deg2rad(50), 2), (24, 1e-9, 2)]
+        ("bandwidth", "largest", "layers"),
+        [(8, np.pi, 1), (8, 0.5, 3), (16, np.deg2rad(50), 2), pytest.param(24, 1e-9, 2, marks=pytest.mark.slow)],
     )
     def test_equals_the_direct_sum_over_turned_layers(self, device, bandwidth, largest, layers):
         correlation = RotationCorrelation(device, bandwidth, largest)

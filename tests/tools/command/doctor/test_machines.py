@@ -159,6 +159,7 @@ class TestMemory:
 ASCII = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C", "PYTHONIOENCODING": "ascii"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("machine", "check", "verdict", "command", "opencl"),
     [

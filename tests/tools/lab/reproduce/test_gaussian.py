@@ -246,6 +246,7 @@ class TestSeries:
         for config in (VARIANTS["paper"].config, HemisphereConfig(use_strength=True)):
             assert preparation_of(config) != HemisphereConfig()
 
+    @pytest.mark.slow
     def test_shared_or_not_the_rows_are_the_same(self, device: Device) -> None:
         series = Series(device, paper_grid(32), "floodgate")
         by_method = {row["method"]: row for row, _ in series.register(2, 1, 1.0)}
@@ -258,6 +259,7 @@ class TestSeries:
                 assert listed == pytest.approx(parameters(about_center(T)), abs=1e-9)
             assert by_method[name]["psr"] == registration.psr
 
+    @pytest.mark.slow
     def test_one_grid_is_planned_at_a_time(self, device: Device) -> None:
         experiment = Gaussian(GaussianSettings(seeds=1, edges=(16, 32), sigma2=(0.0,)), device)
         for job, edge in (("32/0.0/11/S0", 32), ("16/0.0/11/S0", 16), ("32/0.0/11/S1", 32)):

@@ -53,6 +53,7 @@ def test_every_set_is_drawn_and_the_same_again() -> None:
     assert {2, 4, 8} < set(apart)
 
 
+@pytest.mark.slow
 def test_what_was_recorded_is_judged_as_when_it_was_registered(folder: Path) -> None:
     pairs = read_recorded(folder)
     assert {pair.cells["set"] for pair in pairs} == {"patch", "sound_speed", "unrelated", "distorted"}

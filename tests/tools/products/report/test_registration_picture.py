@@ -159,6 +159,7 @@ class TestPicture:
         assert lines[0] == f"The source, {view.source.name}, in the frame of the target, {view.target.name}"
         assert "\nNOT accepted:  yaw" in headline(replace(view, registration=replace(sure, accepted=False)))
 
+    @pytest.mark.slow
     def test_the_same_bytes_twice_and_not_many_whatever_the_scan_s_name(self, seen: Seen, tmp_path: Path) -> None:
         odd = replace(seen[0], target=replace(seen[0].target, name="$x^ \n\udcff " + 50 * "深"))
         paths = tmp_path / "new" / "one.png", tmp_path / "two.png"
