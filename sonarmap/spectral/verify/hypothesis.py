@@ -36,8 +36,8 @@ class Evidence:
     psr: float = nan  # peak-to-sidelobe ratio of the translation at the pose, on the whole grid, phase only
     moved: float = nan  # from where nothing has moved, as `PairFrames` has it [voxels]
     measured: float = 0.0  # chi-squared of the pose by what instruments measured; 0 where they measured nothing
-    # logarithm of how close the surfaces come, by the inverse of the residual, where that decides between places that
-    # look alike; 0 where it does not
+    # logarithm of how close the surfaces come, by the inverse of the residual, where that helps to tell places that
+    # look alike apart; 0 where it does not
     closeness: float = 0.0
 
     @property

@@ -35,7 +35,7 @@ _LEFT, _SURVIVORS = 16, 6
 # Hypotheses whose agreement is less than the best's by more than this are out: no peak makes up for it.
 _HOPELESS = 3.5
 # Planes hold the best less firmly than this where surfaces are laid upon each other beside it, and where how close they
-# come decides: where planes hold it more firmly, nothing came of that.
+# come counts most: where planes hold it more firmly, nothing came of that.
 _FIRM = 0.05
 # Surfaces whose residual is smaller than this are as close as any [voxels].
 _CLOSEST = 0.03

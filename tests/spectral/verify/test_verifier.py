@@ -260,7 +260,7 @@ def test_the_true_place_wins_however_the_finalists_are_ordered(pair_test: Hypoth
 
 
 class TestClosest:
-    """Where planes hold the best weakly, how close the surfaces come decides."""
+    """Where planes hold the best weakly, how close the surfaces come counts."""
 
     def compared(self, pair_test: HypothesisTest, monkeypatch: pytest.MonkeyPatch, firm: float) -> list[Hypothesis]:
         monkeypatch.setattr("sonarmap.spectral.verify.hypothesis_testing._FIRM", firm)
