@@ -3,6 +3,7 @@
 import faulthandler
 import os
 import signal
+from collections import Counter
 from functools import cache
 from typing import Any
 
@@ -52,6 +53,21 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         return
     if choose_device().is_cpu:
         metafunc.parametrize("device", [None, "gpu"], ids=["own", "gpu"], indirect=True, scope="session")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark as slow what `quick_cases` says, and of a kernel's test all but the first case in the second flavor."""
+    counts: Counter[tuple[str, Any]] = Counter()
+    for item in items:
+        if item.get_closest_marker("slow"):
+            continue
+        cases, kernel = getattr(item, "callspec", None), item.nodeid.startswith("tests/kernels/")
+        test, second = item.nodeid.partition("[")[0], kernel and cases and cases.params.get("device") == "gpu"
+        counts[test, second] += 1
+        given = item.get_closest_marker("quick_cases")
+        if (given and counts[test, second] > given.args[0]) or (second and counts[test, second] > 1):
+            item.add_marker(pytest.mark.slow)
 
 
 @cache

@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Mapping
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -71,6 +72,7 @@ def circle_in(graph: Mapping[str, set[str]]) -> str:
     return ""
 
 
+@cache
 def parse(path: Path) -> ast.Module:
     return ast.parse(path.read_text(), str(path))
 
@@ -133,12 +135,17 @@ def test_every_room_says_what_lives_in_it_and_holds_no_code_in_its_init() -> Non
 
 FOLDERS = sorted({path.parent for path in FILES})
 MODULES = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in FILES}
-IMPORTS = {name: modules_of(parse(path)) & set(MODULES) for name, path in MODULES.items()}
+
+
+@cache
+def imports() -> dict[str, set[str]]:
+    """What each module imports of our own."""
+    return {name: modules_of(parse(path)) & set(MODULES) for name, path in MODULES.items()}
 
 
 def test_no_import_circle() -> None:
     """Neither at load nor inside functions: what two files need of each other belongs into a third."""
-    assert not circle_in(IMPORTS)
+    assert not circle_in(imports())
 
 
 @pytest.mark.parametrize("folder", [PACKAGE, *FOLDERS], ids=named)
@@ -147,11 +154,11 @@ def test_no_import_circle_between_folders(folder: Path) -> None:
     inside = len(folder.relative_to(ROOT).parts)
     begins = ".".join(folder.relative_to(ROOT).parts) + "."
     graph: dict[str, set[str]] = {}
-    for name, imports in IMPORTS.items():
+    for name, imported in imports().items():
         if name.startswith(begins) and name.count(".") > inside:
             own = name.split(".")[inside]
             others = {
-                other.split(".")[inside] for other in imports if other.startswith(begins) and other.count(".") > inside
+                other.split(".")[inside] for other in imported if other.startswith(begins) and other.count(".") > inside
             }
             graph.setdefault(own, set()).update(others - {own})
     assert not circle_in(graph)

@@ -114,6 +114,7 @@ T_TARGET_SOURCE = RigidTransform.from_exp_coords([0.02, -0.03, 0.4, 2.0, -1.5, 0
 
 
 class TestRegister:
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
     def test_two_arrays_of_any_float_type(self, dtype: type) -> None:
         target = points(1, dtype)
@@ -123,6 +124,7 @@ class TestRegister:
         assert np.linalg.norm(error.translation) < 0.5
         assert error.rotation.magnitude() < 0.02
 
+    @pytest.mark.slow
     def test_prepared_scans_give_the_same(self) -> None:
         source = T_TARGET_SOURCE.inv().apply(points(2))
         a, b = sonarmap.prepare([points(1), source], edge=32)
@@ -270,6 +272,7 @@ class TestArguments:
             with pytest.raises(sonarmap.InputError, match=re.escape(f"`{name}={shortened(value)}`") + f".*{words}"):
                 call()
 
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("kind", [np.int8, np.int16, np.int32, np.uint32, np.uint64])
     @pytest.mark.filterwarnings("error")
     def test_whole_numbers_of_any_kind(self, kind: Any) -> None:
@@ -278,10 +281,11 @@ class TestArguments:
         np.testing.assert_array_equal(found.T_target_source.as_matrix(), same.T_target_source.as_matrix())
         assert door.prepare([points(1)], edge=kind(16))
 
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("number", [Fraction(1, 2), np.float16(0.5), np.float32(0.5)])
     def test_real_numbers_of_any_kind(self, number: Any) -> None:
-        options = {"edge": np.uint8(128), "voxel": number, "max_tilt": number}
-        assert door.prepare([points(1)], **options)[0].registrar.grid == door.Grid(128, 0.5)
+        options = {"edge": np.uint8(64), "voxel": number, "max_tilt": number}
+        assert door.prepare([points(1)], **options)[0].registrar.grid == door.Grid(64, 0.5)
         assert door.map_scans(scans_of(TRUTH), method=KNOWING, **options).voxel == 0.5
 
     def test_a_folder_is_given_by_its_path(self, tmp_path: Path) -> None:

@@ -196,6 +196,7 @@ def test_candidates_spread_and_skip_what_is_joined():
         assert index + 1 not in partners
 
 
+@pytest.mark.slow
 def test_later_rounds_seek_only_what_the_estimate_knows_no_better_than_registrations():
     """The ends of a chain that closes no loop are unsure of each other; with many loops nothing is left to gain."""
     truth = ring_poses(24)
@@ -236,6 +237,7 @@ def placed(truth: RigidTransform, sigmas: np.ndarray = SIGMAS, settings: MapperS
     return Mapper(KnowingRegistrar(truth, COVARIANCE, halved), VOXEL, settings).run(in_world(truth, sigmas))
 
 
+@pytest.mark.slow
 def test_two_halves_that_nothing_joins_share_one_map(truth: RigidTransform) -> None:
     result = placed(truth)
     assert result.components == (tuple(range(9)),)
@@ -263,6 +265,7 @@ def test_a_scan_that_nothing_joins_lies_where_its_instruments_say() -> None:
     np.testing.assert_allclose(off, 0, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_the_only_registration_between_two_parts_may_be_wrong_where_navigation_contradicts_it(
     truth: RigidTransform,
 ) -> None:

@@ -98,6 +98,7 @@ def test_limits_find_steps_where_nothing_could_be_learned() -> None:
     assert largest_step_error(result) < 0.5
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("wrong", [3, 7])
 def test_many_second_looks_do_not_hide_a_gap(wrong: int) -> None:
     """Where not even the second look finds the step, the chain is as broken as it was."""

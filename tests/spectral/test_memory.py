@@ -34,7 +34,8 @@ MAKERS: dict[str, tuple[Any, ...]] = {
     ("maker", "edge"),
     [
         ("spectral", 32),
-        *((maker, 64) for maker in ("spectral", "any rotation", "hemisphere")),
+        ("hemisphere", 32),
+        *(pytest.param(maker, 64, marks=pytest.mark.slow) for maker in ("spectral", "any rotation", "hemisphere")),
         *(pytest.param(maker, edge, marks=pytest.mark.slow) for maker in MAKERS for edge in (90, 256)),
         *(pytest.param(maker, 128, marks=pytest.mark.slow) for maker in ("spectral", "hemisphere")),
         pytest.param("any rotation", 50, marks=pytest.mark.slow),

@@ -62,6 +62,7 @@ def waves_with_boxes(rng: np.random.Generator) -> np.ndarray:
 
 
 class TestAccuracy:
+    @pytest.mark.slow
     def test_what_stands_on_a_bed_of_equal_waves_decides(self) -> None:
         """Waves of a bed lie upon one another as closely where they are laid one farther."""
         registrar = SpectralRegistrar(choose_device(), Grid(128, 0.5))
@@ -71,12 +72,14 @@ class TestAccuracy:
             target, source = (seen(waves_with_boxes(rng), place, 30.0) for place in (HERE, there))
             assert_near(register(registrar, target, source).T_target_source, HERE.inv() * there)
 
+    @pytest.mark.quick_cases(2)
     @pytest.mark.parametrize("rotvec", [(2.5, -1.0, 0.7), (0.0, 3.1, 0.0), (-1.6, 0.1, 0.2), (0.3, 1.5, -2.4)])
     def test_any_rotation_is_found_where_none_is_excluded(self, of_any_rotation, rotvec):
         Q = RigidTransform.from_components([2, -3, 1], Rotation.from_rotvec(rotvec))
         registration = register(of_any_rotation, seen(relief(2), HERE), moved(seen(relief(2), THERE), Q))
         assert_near(registration.T_target_source, T_TRUE * Q.inv(), 1.0, 0.25)
 
+    @pytest.mark.slow
     def test_the_translations_peak_refines_to_within_a_voxel(self) -> None:
         registrar = SpectralRegistrar(choose_device(), Grid(EDGE, VOXEL), SpectralConfig(refinement="spectral"))
         for seed in (1, 2):
@@ -85,6 +88,7 @@ class TestAccuracy:
 
 
 class TestViews:
+    @pytest.mark.quick_cases(2)
     @pytest.mark.parametrize(("x", "y"), [(17.5, -1.0), (-1.0, 18.5), (-19.0, 2.0), (17.0, 17.5)])
     def test_a_shift_beyond_half_the_grid_is_told_from_its_wrapped_twin(self, registrar, x, y):
         """The grid is 32 m wide: 17.5 m look like -14.5 m to a periodic correlation."""
@@ -106,6 +110,7 @@ class TestViews:
         assert ground.view.ranges is not None
         assert_near(registrar.register(target, ground).T_target_source, here.inv() * there)
 
+    @pytest.mark.quick_cases(2)
     @pytest.mark.parametrize("side", [-1, 1])
     def test_what_was_seen_through_decides_between_twins(self, of_either: SpectralRegistrar, side: int) -> None:
         """The target shows two equal sails, the source one of them, over where the other cannot have been.
@@ -147,6 +152,7 @@ class TestPriors:
         assert_near(registration.T_target_source, plain.T_target_source, 0.01, 0.01)
         assert registration.accepted
 
+    @pytest.mark.slow
     def test_a_place_that_repeats_is_told_by_the_heading(self, registrar: SpectralRegistrar) -> None:
         """A ground that is the same after half a turn: two answers, of which the heading allows one."""
         half = relief(3)[relief(3)[:, 0] > 0]
@@ -192,6 +198,7 @@ class TestPriors:
 
 
 class TestBounds:
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize(("bound", "within"), [(5.0, False), (20.0, True)])
     def test_max_tilt_bounds_the_answer(self, bound: float, within: bool) -> None:
         rolled = above(3, -2, 13, 25, 4, 15)

@@ -45,6 +45,7 @@ def test_damaged_files_say_nothing(content: str) -> None:
     assert recall("of a device") == {}
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "POCL_CACHE_DIR"])
 def test_a_folder_that_cannot_be_written_is_named_once(variable: str, tmp_path: Path) -> None:
     """PoCL has no devices without its own, and PyOpenCL no kernels."""

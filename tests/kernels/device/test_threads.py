@@ -63,6 +63,7 @@ def test_new_processes_have_their_share() -> None:
         assert pool.submit(thread_count).result() == max(1, count // 2)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("first", "variables"),
     [("pass", {"SONARMAP_THREADS": "1"}), ("os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])", {})],

@@ -121,6 +121,7 @@ class TestDrivers:
         assert crash.fault == f"the process that tried it failed: it ended with {end}"
         assert (good.fault, good.driver_file) == ("", str(drivers / "good.icd"))
 
+    @pytest.mark.slow
     def test_one_that_crashes_or_hangs_alone_is_refused(self, drivers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (drivers / "good.icd").unlink()
         add_stub(drivers, "crash", CRASHES["when it is loaded"])
@@ -131,6 +132,7 @@ class TestDrivers:
         (hung,) = list_devices()
         assert hung.fault == "the process that tried it failed: it did not answer within 2 s"
 
+    @pytest.mark.slow
     def test_a_process_loads_one_and_the_environment_is_left_as_it_was(self, drivers: Path) -> None:
         add_stub(drivers, "another", "int nothing;")
         good = Path((drivers / "good.icd").read_text()).name
@@ -190,6 +192,7 @@ class TestMemory:
         monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1")
         assert [self.trials(monkeypatch) for _ in range(2)] == [1, 0]
 
+    @pytest.mark.slow
     def test_what_another_process_found_is_tried_again_where_nothing_works(self, drivers, monkeypatch):
         trial.known_devices()
         (name,) = [path.stem for path in cache_folder().glob("driver-*.json")]

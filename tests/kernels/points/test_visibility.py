@@ -112,6 +112,7 @@ def alone(device, view, points, R, t, reach, slope):
 
 
 class TestAgreement:
+    @pytest.mark.quick_cases(2)
     @pytest.mark.parametrize(
         ("edge", "points", "poses"), [(4, 1, 1), (16, 7, 5), (32, 255, 3), (32, 256, 2), (128, 257, 4), (64, 1500, 20)]
     )
@@ -166,6 +167,7 @@ class TestAgreement:
             np.testing.assert_array_equal(alone(device, there, points, *pose, 1, 0), [want])
             assert alone(device, there, points, pose[0][:0], pose[1][:0], 1, 0).shape == (0, 3)
 
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("images", [(1, 1), (3, 2), (0, 2), (2, 0), (0, 0)])
     def test_both_ways_at_once_are_as_one_at_a_time(self, device, images):
         """Two of several images each, and two tolerances; but for points at borders, as the inverse is rounded."""

@@ -14,6 +14,7 @@ def bump(shape, center, deviation, height=1.0):
     return height * np.exp(-squared / (2 * deviation**2))
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("shape", [(16, 16, 16), (7, 20, 32), (9, 5, 13), (1, 32, 64), (18, 18, 18)])
 @pytest.mark.parametrize("count", [1, 6, 40])
 def test_equals_the_twin_on_noise(device, shape, count):

@@ -10,7 +10,7 @@ from tests.samples.pomf_twin import occupied, relative_error
 from tests.samples.refusals import refuses
 
 # multiples of 8, whose passes are fused on a processor, and others
-EDGES = (16, 24, 40, 50, 72)
+EDGES = (16, 18, *(pytest.param(edge, marks=pytest.mark.slow) for edge in (24, 40, 50, 72)))
 TOLERANCE = 2e-6
 
 

@@ -71,6 +71,7 @@ def test_cross_power(device, shape, blur, batched):
     np.testing.assert_array_equal(target.get(), got)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("shape", [(16, 32, 64), (32, 32, 32)])
 def test_pomf_finds_a_cyclic_shift(device, shape):
     source = np.random.default_rng(6).normal(size=shape).astype(np.float32)

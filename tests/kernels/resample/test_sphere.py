@@ -25,6 +25,7 @@ def magnitude_of(edge, seed=0):
     return half, whole
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("edge", [16, 32, 64])
 @pytest.mark.parametrize(
     "directions",

@@ -53,6 +53,7 @@ def coefficients_of(layers, bandwidth):
 
 
 class TestAnalyze:
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize(
         ("bandwidth", "latitudes", "longitudes", "edge", "layers"),
         [(8, 16, 16, 16, 1), (8, 16, 20, 32, 3), (16, 32, 44, 32, 5), (24, 48, 128, 48, 2), (48, 96, 256, 64, 3)],

@@ -54,9 +54,10 @@ def correlate(correlation, target, source, parts=None):
 
 
 class TestCorrelation:
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize(
         ("bandwidth", "largest", "layers"),
-        [(8, np.pi, 1), (8, 0.5, 3), (16, np.deg2rad(50), 2), pytest.param(24, 1e-9, 2, marks=pytest.mark.slow)],
+        [(8, 0.5, 3), (8, np.pi, 1), (16, np.deg2rad(50), 2), pytest.param(24, 1e-9, 2, marks=pytest.mark.slow)],
     )
     def test_equals_the_direct_sum_over_turned_layers(self, device, bandwidth, largest, layers):
         correlation = RotationCorrelation(device, bandwidth, largest)
@@ -69,6 +70,7 @@ class TestCorrelation:
             want = direct(target, source, correlation.rotations(place))
             assert got[tuple(place)] == pytest.approx(want, abs=2e-6 * float(largest_value))
 
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("bandwidth", [32, 40, 48, 64])
     def test_equals_the_sum_of_the_formula(self, device, bandwidth):
         """Larger bandwidths against C(R) as the module's docstring has it, in float64."""
@@ -109,6 +111,7 @@ class TestCorrelation:
         for largest in (0.0, -1.0, 3.2, np.nan):
             refuses("above 0 up to 180 degrees", RotationCorrelation, device, 16, largest)
 
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize(("bandwidth", "parts"), [(8, [(0, 2), (2, 5), (1, 1)]), (16, [(3, 4), (0, 1)])])
     def test_parts_are_as_if_alone(self, device, bandwidth, parts):
         correlation = RotationCorrelation(device, bandwidth, 0.8)
@@ -128,6 +131,7 @@ class TestCorrelation:
 
 
 class TestSamples:
+    @pytest.mark.quick_cases(2)
     @pytest.mark.parametrize(("bandwidth", "edge"), [(8, 16), (16, 32), (24, 64), (48, 128), (64, 128)])
     def test_they_cover_what_is_asked_for(self, device, bandwidth, edge):
         step = np.pi / (2 * bandwidth)

@@ -50,6 +50,7 @@ def distance(one: RigidTransform, other: RigidTransform) -> float:
     return position_error(from_the_first(one), from_the_first(other))
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("kind", ["scattered", "aliased"])
 def test_wrong_loops_are_rejected_and_leave_the_optimum_where_it_was(seed: int, kind: str) -> None:

@@ -49,6 +49,7 @@ def threads() -> Iterator[Any]:
 
 
 class TestScans:
+    @pytest.mark.slow
     def test_they_do_not_go_through_the_scheduler(self, threads: Any, tmp_path: Path, expected: list[str]) -> None:
         """A pair's own share is a few kilobytes: its job, and its result."""
         rng = np.random.default_rng(1)
@@ -87,6 +88,7 @@ class TestScans:
 
 
 class TestOtherUsers:
+    @pytest.mark.slow
     def test_their_work_and_what_they_keep_on_workers_stays(
         self, threads: Any, tmp_path: Path, expected: list[str]
     ) -> None:
@@ -102,6 +104,7 @@ class TestOtherUsers:
             # the scheduler forgets our scans once it sees that we are gone
             assert _soon(lambda: {key for keys in other.has_what().values() for key in keys} == {kept.key, slow.key})
 
+    @pytest.mark.slow
     def test_a_worker_without_work_frees_its_device(
         self, threads: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -190,6 +193,7 @@ class TestCertificates:
         with config.set(_below_comm(settings) | encryption), cluster(encrypted.scheduler_address) as executor:
             assert register(executor, tmp_path / "notes") == expected
 
+    @pytest.mark.quick_cases(3)
     @pytest.mark.parametrize("given", ["none", "of others", "no tls", "encryption wanted", "missing file"])
     def test_without_the_right_ones_it_is_told(
         self, given: str, encrypted: Any, settings: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

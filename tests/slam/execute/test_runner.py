@@ -87,6 +87,7 @@ def test_failures_are_told_in_their_place(undisturbed: list[str]) -> None:
     assert failed == [pair for pair in PAIRS if 2 in pair]
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("kind", ["here", "processes 1", "processes 3"])
 def test_processes_and_the_journal_give_the_same_bits(work: Work, undisturbed: list[str], kind: str) -> None:
     assert [work.run(kind) for _ in range(2)] == [undisturbed] * 2
@@ -126,6 +127,7 @@ def test_a_worker_that_is_killed_is_told_and_what_is_done_is_kept(work: Work, un
     assert (7, 8) in again
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kind", ["here", "processes 2"])
 def test_a_machine_that_fails_is_raised_and_not_kept(work: Work, undisturbed: list[str], kind: str) -> None:
     with pytest.raises(DeviceError, match="the device is full"):
@@ -150,6 +152,7 @@ def test_timings_say_what_came_from_the_journal(work: Work) -> None:
     assert [(time.target, time.source) for time in execution.timings.pairs] == [(1, 3), (3, 8)]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kind", ["here", "processes 2"])
 def test_signatures_are_kept_too(work: Work, kind: str) -> None:
     for _ in range(2):
@@ -184,7 +187,7 @@ class TestJournalEntries:
         with pytest.raises(InputError, match="damaged"):
             work.run(pairs=[(0, 1)])
 
-    @pytest.mark.parametrize("count", [150, pytest.param(5000, marks=pytest.mark.slow)])
+    @pytest.mark.parametrize("count", [60, pytest.param(5000, marks=pytest.mark.slow)])
     def test_a_byte_that_is_damaged_is_refused_or_harmless(
         self, work: Work, undisturbed: list[str], count: int
     ) -> None:

@@ -45,6 +45,7 @@ class Counted(Sequence[Scan]):
         return (self[k] for k in range(COUNT))
 
 
+@pytest.mark.slow
 def test_a_scan_is_read_for_its_key_and_for_its_file_and_never_again(tmp_path: Path) -> None:
     scans = Counted()
     with processes(2, spool=tmp_path / "spool") as executor:
@@ -100,6 +101,7 @@ class Harmful:
         return os.mkdir, (str(self.mark),)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planted", ["folder", "link"])
 def test_what_others_left_where_scans_are_expected_is_neither_read_nor_written(tmp_path: Path, planted: str) -> None:
     """Pickles of an earlier version too, which began with the number of the scan."""

@@ -68,6 +68,7 @@ def normalized(truth: RigidTransform, T: RigidTransform, covariances: np.ndarray
     return np.einsum("na,na->n", xi, np.linalg.solve(covariances[1:], xi[..., None])[..., 0])
 
 
+@pytest.mark.slow
 def test_errors_that_scans_share_are_within_what_is_told_and_not_within_what_cycles_say():
     plain, wide = [], []
     for seed in range(12):
@@ -81,6 +82,7 @@ def test_errors_that_scans_share_are_within_what_is_told_and_not_within_what_cyc
     assert np.concatenate(wide).mean() > 2
 
 
+@pytest.mark.slow
 def test_larger_errors_are_told_by_chi_squared_however_wide_covariances_were_stated():
     """One sonar's registrations are a third as far off as stated: with loops enough its poses are the surer."""
     factors = [np.median(edge_variances(ring(3, scale)[1])) for scale in (0.5, 1.0, 2.0)]

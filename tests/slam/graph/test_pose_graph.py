@@ -138,6 +138,7 @@ def test_refuses_edges_and_fixed_poses_without_a_pose():
         PoseGraph(trajectory, (), fixed=(2,))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not GRAPHS.is_dir(), reason=f"the benchmark graphs are not at {GRAPHS}")
 def test_sphere2500_from_its_own_initial_estimate():
     """GTSAM's full-information cost; four settings of the optimizer found this same optimum."""

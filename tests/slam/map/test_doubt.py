@@ -163,6 +163,7 @@ def test_together_they_are_the_map_without_the_rule(scans: list[Scan], parted: C
     assert of_three.doubtful.seen.max() == 2
 
 
+@pytest.mark.slow
 def test_the_scans_order_and_names_and_the_world_do_not_matter(scans: list[Scan], parted: CleanMap) -> None:
     order = np.random.default_rng(2).permutation(COUNT)
     again = clean_map(PlacedScans.of([scans[k] for k in order], T[order], VOXEL, [100 + int(k) for k in order]))

@@ -27,6 +27,7 @@ def scans_at(T: RigidTransform, wild: float) -> list[Scan]:
     return [look(pose, rng, wild=wild) for pose in T]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("wild", "moved"), [(0.01, False), (0.05, False), (0.02, True)])
 def test_wild_echoes_go_and_surfaces_stay(wild: float, moved: bool) -> None:
     truth = room_poses(COUNT)
@@ -76,6 +77,7 @@ def test_a_point_is_asked_about_in_every_view() -> None:
     assert not vague.contradict.any()
 
 
+@pytest.mark.slow
 def test_the_same_to_the_byte_moved_with_the_world_and_left_alone_where_poses_are_unsure() -> None:
     T = room_poses(COUNT)
     scans = scans_at(T, 0.02)
@@ -92,6 +94,7 @@ def test_the_same_to_the_byte_moved_with_the_world_and_left_alone_where_poses_ar
     assert clean_map(PlacedScans.of(scans, T, VOXEL, covariances=vague)).clean.removed == 0
 
 
+@pytest.mark.slow
 def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
     """A wall of the first survey that the second looks through stays in the first one's layer."""
     T = room_poses(COUNT)

@@ -62,6 +62,7 @@ def ratios(
     return scatter(maps) / maps[0].sigma, maps[0].sigma
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("noise", [0.0, 0.12])
 def test_one_scan_scatters_as_its_pose_and_its_ranges_do(noise: float) -> None:
     """Every spot's scatter is within 12 % of sigma: four hundred draws of three coordinates tell it to 3 %."""

@@ -53,7 +53,7 @@ def mapped(scans: list[Scan], registrar: KnowingRegistrar | None = None, **argum
     return Mapper(registrar or Seeing(), VOXEL).run(scans, **arguments)
 
 
-@pytest.mark.parametrize("scan", [0, 1, 6, COUNT - 1])
+@pytest.mark.parametrize("scan", [6, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 1, COUNT - 1))])
 @pytest.mark.parametrize(
     ("change", "kind", "words"),
     [
@@ -77,6 +77,7 @@ def test_an_odd_scan_is_named_and_left_out(scan: int, change: Change, kind: str,
     assert not [fault for fault in others if "gap" in fault or "in no map" in fault]
 
 
+@pytest.mark.slow
 def test_the_rest_of_the_map_is_as_without_it() -> None:
     scans, left = with_odd({5: Change("y")}), [k for k in range(COUNT) if k != 5]
     result, without = mapped(scans), mapped([SCANS[k] for k in left])
@@ -100,6 +101,7 @@ def test_what_fits_as_it_is_is_not_odd() -> None:
     assert len(result.components) == 1
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("spread", [0.0, 0.001, 0.004])
 def test_ordinary_surveys_have_none(spread: float) -> None:
     """By however much what registrations say of the ranges varies by chance; and none of its steps is tried twice."""

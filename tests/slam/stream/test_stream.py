@@ -72,6 +72,7 @@ def test_few_scans_are_registered_and_all_are_placed() -> None:
     assert traces[(a + b) // 2] > traces[a]
 
 
+@pytest.mark.slow
 def test_a_user_may_set_the_step() -> None:
     result, _ = mapped(step=0.5)
     assert result.keys is not None
@@ -100,6 +101,7 @@ def test_strides_go_on_along_a_wall() -> None:
     assert min(strides(place=0.95)) > 3
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("widest", [1.5, 0.6])
 def test_idle_workers_register_ahead_and_the_key_scans_are_the_same(widest: float) -> None:
     """Also where many strides are refused."""
@@ -139,6 +141,7 @@ def test_a_survey_that_is_no_stream_is_registered_scan_by_scan() -> None:
     assert sorted(registrar.pairs) == [(k, k + 1) for k in range(47)]
 
 
+@pytest.mark.slow
 def test_fixes_of_scans_between_place_the_map() -> None:
     world = RigidTransform.from_exp_coords([0, 0, 1.2, 300.0, -200.0, -15.0])
     sigmas = np.array([np.inf, np.inf, np.inf, 0.1, 0.1, 0.05])
@@ -150,6 +153,7 @@ def test_fixes_of_scans_between_place_the_map() -> None:
     assert np.linalg.norm(away, axis=1).max() < 0.5
 
 
+@pytest.mark.slow
 def test_a_wrong_fix_that_dead_reckoning_shows_is_told() -> None:
     sigmas = np.array([np.inf, np.inf, np.inf, 0.2, 0.2, 0.1])
     scans = [replace(scan, prior=PosePrior(T, sigmas)) for scan, T in zip(SCANS, STREAM, strict=True)]
@@ -196,6 +200,7 @@ def between(T: RigidTransform, k: int) -> np.ndarray:
     return (steady.inv() * T[k]).as_exp_coords()
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("shake", [0.0 * SHAKE, 0.1 * SHAKE, SHAKE])
 @pytest.mark.parametrize("turn", [0.0, 0.02])
 def test_scans_between_are_as_far_off_as_key_scans_tell(turn: float, shake: np.ndarray) -> None:

@@ -74,6 +74,7 @@ def turn(*angles: float, axes: str = "ZYX") -> Rotation:
 TILTED, YAW = turn(70, 6, -9), Rotation.from_euler("Z", 40, degrees=True)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("step", "true", "known", "limit", "near"),
     [

@@ -33,6 +33,7 @@ def turned(yaw: float, pitch: float, roll: float, shift: list[float]) -> RigidTr
     return RigidTransform.from_components(shift, Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True))
 
 
+@pytest.mark.slow
 def test_scans_of_different_places_are_refused(registrar: HemisphereRegistrar) -> None:
     for seed in range(4):
         registration = registered(registrar, structure(20 + seed), structure(30 + seed))
@@ -72,6 +73,7 @@ def test_simulated_table_1(index: int) -> None:
     assert_found(registrar.register(registrar.prepare(target), registrar.prepare(source)), truth, 6.0, 6.0)
 
 
+@pytest.mark.slow
 def test_strength_tells_echoes_from_clutter_that_occupancy_cannot() -> None:
     """The same structure among ten times as many weak echoes, which are others in each scan."""
     rng = np.random.default_rng(12)
@@ -97,6 +99,7 @@ def test_strength_of_points_outside_the_grid_does_not_count() -> None:
     assert registrar.register(prepared, prepared).accepted
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("bound", "accepted"), [(3.0, False), (8.0, False), (20.0, True)])
 def test_max_tilt_bounds_the_answer(bound: float, accepted: bool) -> None:
     registrar = HemisphereRegistrar(choose_device(), Grid(EDGE, 0.4), HemisphereConfig(max_tilt=np.deg2rad(bound)))
@@ -105,6 +108,7 @@ def test_max_tilt_bounds_the_answer(bound: float, accepted: bool) -> None:
     assert registration.accepted == accepted, registration.reason
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(("roll", "pitch", "bound"), [(19.0, 19.0, 20.0), (-20.0, 20.0, 20.0), (34.5, 0.0, 35.0)])
 @pytest.mark.parametrize("yaw", [0.0, 45.0])
 def test_max_tilt_is_of_roll_and_pitch_whatever_the_yaw(yaw: float, roll: float, pitch: float, bound: float) -> None:

@@ -168,6 +168,7 @@ class TestFlatBed:
             assert not registrar.register(flat[0], replace(scans[1], prior=prior)).accepted
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("degrees", "about"), [(9.0, 0.6), (9.0, 2.0), (7.5, 2.0)])
 def test_scans_that_lean_stay_level_and_are_believed_less(registrar, scans, upright, degrees, about):
     """A sonar that guesses elevations shows all that stands leaning; both attitudes are measured within a degree.

@@ -66,17 +66,20 @@ def tilted(tilt: tuple[float, float], turn: float) -> RigidTransform:
 
 @pytest.mark.parametrize("target", EVERY, ids=names_of)
 class TestWhateverIsKnown:
+    @pytest.mark.quick_cases(5)
     def test_the_measured_pose_has_no_residuals(self, target: Kinds) -> None:
         for source in EVERY:
             residuals = between(target, source).residuals(stack(T_TRUE))
             assert residuals.shape == (1, sum(known(target, source)))
             np.testing.assert_allclose(residuals, 0, atol=1e-12)
 
+    @pytest.mark.quick_cases(5)
     def test_the_jacobian_is_exact_where_no_tilt_is_left(self, target: Kinds) -> None:
         for source in EVERY:
             relative, T = between(target, source), tilted((0.0, 0.0), 0.3)
             np.testing.assert_allclose(relative.residual_jacobian(stack(T))[0], differences(relative, T), atol=1e-6)
 
+    @pytest.mark.quick_cases(5)
     def test_and_nearly_where_a_little_is(self, target: Kinds) -> None:
         """Of turns and shifts in units that count alike: a radian's turn moves by the scans' distance."""
         far = float(np.linalg.norm(T_TRUE.translation))
@@ -87,6 +90,7 @@ class TestWhateverIsKnown:
             off = rows * (relative.residual_jacobian(stack(T))[0] - differences(relative, T)) / units
             assert np.abs(off).max(initial=0) < 0.02 * np.sqrt(2)
 
+    @pytest.mark.quick_cases(5)
     def test_the_covariance_is_of_the_residuals(self, target: Kinds) -> None:
         for source in EVERY:
             count = sum(known(target, source))
@@ -128,7 +132,7 @@ class TestResiduals:
         assert relative.normalized(T) == (pytest.approx(residual @ np.linalg.inv(covariance) @ residual), 6)
 
 
-DRAWS, BOXES = 800, 500
+DRAWS, BOXES = 800, 150
 
 
 @pytest.fixture(scope="module")

@@ -50,6 +50,7 @@ def about(covariance: np.ndarray, place: np.ndarray) -> np.ndarray:
     return shift @ covariance @ shift.T
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("noise", [0.35, 0.6])
 def test_a_wall_leaves_its_own_direction_open(noise: float) -> None:
     rng = np.random.default_rng(3)
@@ -62,6 +63,7 @@ def test_a_wall_leaves_its_own_direction_open(noise: float) -> None:
     assert abs(axes[:, 2] @ along) > 0.99
 
 
+@pytest.mark.slow
 def test_a_plane_leaves_three_directions_open() -> None:
     """Two shifts along it, and the turn about its normal; height, roll and pitch are fixed."""
     rng = np.random.default_rng(3)
@@ -78,6 +80,7 @@ def corner(rng: np.random.Generator) -> np.ndarray:
     return np.vstack([wall(rng, 0.3), np.transpose(across)])
 
 
+@pytest.mark.slow
 def test_it_turns_with_the_source() -> None:
     """A frame turned by Q: T becomes T Q, and its tangent is seen in the turned axes."""
     rng = np.random.default_rng(5)
@@ -88,6 +91,7 @@ def test_it_turns_with_the_source() -> None:
     np.testing.assert_allclose(back @ turned @ back.T, plain, rtol=0.35, atol=0.05 * np.abs(plain).max())
 
 
+@pytest.mark.slow
 def test_it_is_symmetric_and_positive_and_grows_with_the_voxel() -> None:
     """The same scene, twice as large on voxels twice as large: turns as sure, shifts half as sure."""
     rng = np.random.default_rng(5)

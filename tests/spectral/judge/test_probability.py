@@ -167,6 +167,7 @@ def test_the_same_room_with_a_block_in_a_corner_is_believed() -> None:
     assert np.rad2deg((registration.T_target_source.rotation * T.rotation.inv()).magnitude()) < 1
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("number", range(4))
 def test_scans_that_share_nothing_are_refused(number: int) -> None:
     target, source = evaluation_unrelated(number, 4242).scans()

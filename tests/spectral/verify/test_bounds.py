@@ -44,7 +44,7 @@ class TestSweep:
             sigmas = np.array([0.01, np.deg2rad(degrees), 0.1, 1, 1, 1])
             assert (bounds(pair(ATTITUDE, sigmas=sigmas)).sweep is not None) is swept
 
-    @pytest.mark.parametrize("kinds", [(ATTITUDE,), (ATTITUDE, HEADING)])
+    @pytest.mark.parametrize("kinds", [pytest.param((ATTITUDE,), marks=pytest.mark.slow), (ATTITUDE, HEADING)])
     def test_the_truth_lies_near_a_rotation_of_it(self, kinds: tuple[slice, ...]) -> None:
         """Half of 4 degrees from the nearest turn, and of tilts within 2 sigmas a sigma from the nearest tilt."""
         rng = np.random.default_rng(3)

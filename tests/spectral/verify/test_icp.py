@@ -141,6 +141,7 @@ def thick_corner(seed: int, noise: float) -> np.ndarray:
     return points[np.unique(np.floor(points), axis=0, return_index=True)[1]]
 
 
+@pytest.mark.slow
 def test_noise_of_a_quarter_to_four_voxels_tells_itself_apart() -> None:
     """The residual alone, within a fixed reach, is the same for a voxel of noise and for four."""
     widths = []

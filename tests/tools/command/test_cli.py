@@ -57,6 +57,7 @@ class TestExitCodes:
     def test_a_verb_that_ends_well_returns(self) -> None:
         assert guarded(lambda: 7)() == 7
 
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize(("arguments", "code"), [(["--version"], 1), (["devices", "--json"], 141)])
     def test_a_closed_pipe_is_quiet(self, arguments: list[str], code: int) -> None:
         """What is printed before a verb begins is typer's to end, with its own code."""

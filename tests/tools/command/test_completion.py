@@ -31,39 +31,63 @@ def completed(line: str) -> list[str]:
     return asked(_SONARMAP_COMPLETE="complete_bash", COMP_WORDS=line, COMP_CWORD=str(len(words) - 1)).split()
 
 
-@pytest.mark.parametrize(
-    ("line", "offered"),
-    [
-        ("sonarmap r", ["register", "record", "reproduce"]),
-        ("sonarmap map --max-s", ["--max-speed", "--max-step"]),  # rare options too
-        ("sonarmap map a.ply -o out --method ", list(METHODS)),
-        ("sonarmap register --method icp", ["icp", "icp-plane"]),
-        ("sonarmap map --export laz,km", ["laz,kml", "laz,kmz"]),
-        ("sonarmap export map/ --format eiva", ["eiva-position", "eiva-attitude"]),
-        ("sonarmap simulate --scene s", ["ship", "sandflat", "seabed", "shallow"]),
-        ("sonarmap register --frame ", ["flu", "frd", "rdf", "ned"]),
-        ("sonarmap map --units m", ["m", "mm"]),
-        ("sonarmap map --vertical EGM", ["EGM96", "EGM2008"]),
-        ("sonarmap map --nav-frame ", ["frd", "ned", "flu", "enu"]),
-        ("sonarmap map --time-scale ", ["utc", "gps", "tai"]),
-        ("sonarmap optimize --start g", ["given"]),
-        ("sonarmap evaluate --align p", ["poses", "positions"]),
-        ("sonarmap reproduce trans", ["translation"]),
-        ("sonarmap simulate --priors attitude,", ["attitude,heading", "attitude,depth", "attitude,position"]),
-        ("sonarmap map --priors ", []),  # nothing of ours: the shell completes files
-        ("sonarmap register tar", []),
-        ("sonarmap --inst", ["--install-completion"]),
-    ],
-)
-def test_what_is_offered(line: str, offered: list[str]) -> None:
-    assert completed(line) == offered
+LINES: dict[str, list[str]] = {
+    "sonarmap r": ["register", "record", "reproduce"],
+    "sonarmap map --max-s": ["--max-speed", "--max-step"],  # rare options too
+    "sonarmap map a.ply -o out --method ": list(METHODS),
+    "sonarmap register --method icp": ["icp", "icp-plane"],
+    "sonarmap map --export laz,km": ["laz,kml", "laz,kmz"],
+    "sonarmap export map/ --format eiva": ["eiva-position", "eiva-attitude"],
+    "sonarmap simulate --scene s": ["ship", "sandflat", "seabed", "shallow"],
+    "sonarmap register --frame ": ["flu", "frd", "rdf", "ned"],
+    "sonarmap map --units m": ["m", "mm"],
+    "sonarmap map --vertical EGM": ["EGM96", "EGM2008"],
+    "sonarmap map --nav-frame ": ["frd", "ned", "flu", "enu"],
+    "sonarmap map --time-scale ": ["utc", "gps", "tai"],
+    "sonarmap optimize --start g": ["given"],
+    "sonarmap evaluate --align p": ["poses", "positions"],
+    "sonarmap reproduce trans": ["translation"],
+    "sonarmap simulate --priors attitude,": ["attitude,heading", "attitude,depth", "attitude,position"],
+    "sonarmap map --priors ": [],  # nothing of ours: the shell completes files
+    "sonarmap register tar": [],
+    "sonarmap --inst": ["--install-completion"],
+    "sonarmap map --device g": ["gpu"],
+}
+# The command loaded once, and what it answers of each line.
+MANY = """
+import os, sys
+from sonarmap.tools.command.start import start
+lines, sys.argv[:] = sys.argv[1:], ["sonarmap"]
+for line in lines:
+    os.environ.update(COMP_WORDS=line, COMP_CWORD=str(line.count(" ")))
+    try:
+        start()
+    except SystemExit:
+        print("answered")
+"""
+
+
+@pytest.fixture(scope="module")
+def answers() -> dict[str, list[str]]:
+    """What bash is offered for the last words of all of LINES."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "_SONARMAP_COMPLETE": "complete_bash"}
+    command = [sys.executable, "-c", MANY, *LINES]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert ended.stderr == ""
+    *given, rest = ended.stdout.split("answered\n")
+    assert rest == ""
+    return {line: answer.split() for line, answer in zip(LINES, given, strict=True)}
+
+
+@pytest.mark.parametrize(("line", "offered"), LINES.items())
+def test_what_is_offered(answers: dict[str, list[str]], line: str, offered: list[str]) -> None:
+    assert answers[line] == offered
 
 
 def test_devices_are_offered() -> None:
     offered = completed("sonarmap map --device ")
     assert offered[:2] == ["cpu", "gpu"]
     assert "0:0" in offered
-    assert completed("sonarmap map --device g") == ["gpu"]
 
 
 def test_zsh_and_fish_are_told_what_a_word_means() -> None:

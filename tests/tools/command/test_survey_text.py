@@ -83,6 +83,7 @@ def test_a_scan_that_is_to_blame_is_told_once() -> None:
     assert several == "2 scans are in no map: scan4, scan8; the first: it is of no use; drop it"
 
 
+@pytest.mark.slow
 def test_an_error_of_the_method_is_named_and_the_map_is_not_whole() -> None:
     """Though other pairs bridge it: it says nothing of the scans, and is not told as a gap of theirs."""
     survey = refusing(set(), defects={(4, 5), (4, 6)})

@@ -59,6 +59,7 @@ def test_it_is_made_once_and_a_call_registers_once(calls: list[str], method: str
     np.testing.assert_array_equal(own.T_target_source.as_matrix(), other)
 
 
+@pytest.mark.slow
 def test_other_settings_make_another_and_one_is_kept(calls: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     several: list[Any] = [{}, {"max_tilt": 0.5}, {"max_tilt": 0.5, "seed": 3}, {"method": "hemisphere"}, {}]
     for options in several:

@@ -80,6 +80,7 @@ class TestBrokenLibraries:
         assert commands_of(checks["OpenCL"])[0] == "sudo apt-get install ocl-icd-libopencl1"
         assert "pyopencl" in checks["libraries"]["details"]["cannot be loaded"]
 
+    @pytest.mark.slow
     @own_loader
     def test_the_loader_of_the_wheel_is_missing(self, tmp_path: Path) -> None:
         first = without_drivers(tmp_path, loader=False)

@@ -124,6 +124,7 @@ class TestMemory:
         assert "'sonarmap doctor' says" in made.stderr
         assert "Traceback" not in made.stderr
 
+    @pytest.mark.slow
     def test_a_control_group(self, tmp_path: Path) -> None:
         group = GROUPS / f"sonarmap-test-{os.getpid()}"
         try:

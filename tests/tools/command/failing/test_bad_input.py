@@ -90,6 +90,7 @@ def test_one_scan_alone_is_no_map(good: str, tmp_path: Path) -> None:
         assert ("given more than once" in result.stderr) == (len(inputs) == 2)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("bad", "points"), [("a", np.ones((1, 3), np.float32)), ("b", plane()), ("c", plane())], ids=["a", "b", "c"]
 )
@@ -110,6 +111,7 @@ def test_a_bad_scan_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
     assert "gap between" not in result.stderr
 
 
+@pytest.mark.slow
 def test_an_error_of_the_method_leaves_the_map_incomplete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     register = SpectralRegistrar.register
 
@@ -143,6 +145,7 @@ def test_scans_that_do_not_overlap_are_two_maps(tmp_path: Path) -> None:
     assert "4 of 4 placed in 2 separate maps" in told.stdout
 
 
+@pytest.mark.slow
 def test_where_nothing_joins_any_two_scans_the_first_is_the_map(tmp_path: Path) -> None:
     paths = write(tmp_path, a=scan(0), b=scan(1, scene=2))
     result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
@@ -225,6 +228,7 @@ def test_a_grid_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, memor
     said(result, "this needs", "GiB on the device", f"has {has}", f"Use {fitting}")
 
 
+@pytest.mark.slow
 def test_points_outside_a_grid_that_is_too_small_are_no_crash(tmp_path: Path) -> None:
     far = np.vstack([clutter(1), np.array([[9e4, -9e4, 3.0]])]).astype(np.float32)
     paths = write(tmp_path, a=far, b=scan(1))
@@ -232,6 +236,7 @@ def test_points_outside_a_grid_that_is_too_small_are_no_crash(tmp_path: Path) ->
     assert sonarmap("register", *paths, *GRID).exit_code == 0
 
 
+@pytest.mark.slow
 def test_a_stray_point_costs_no_map(tmp_path: Path) -> None:
     """A scan 3.5 m across with an echo from 99 km: its voxels are too small for numbers this far apart."""
     small = [scan(k) / np.float32(5) for k in range(2)]
@@ -243,6 +248,7 @@ def test_a_stray_point_costs_no_map(tmp_path: Path) -> None:
     assert max(component["map"]["upper_m"]) < 10
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("bad", "case"), [("a", "nothing finite"), ("b", "no bytes"), ("c", "too much"), ("d", "text")]
 )

@@ -64,6 +64,7 @@ BEFORE, AFTER = False, True
 KEEP, WRITE = "sonarmap.slam.execute.journal:Journal.add", "sonarmap.tools.products.output.folder:write_points"
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("remove", [folder, journal, a_file_instead])
 @pytest.mark.parametrize("moment", [BEFORE, AFTER])
 def test_while_pairs_are_kept(out: Path, scans: list[str], remove: Removal, moment: bool, monkeypatch: Patch) -> None:
@@ -73,6 +74,7 @@ def test_while_pairs_are_kept(out: Path, scans: list[str], remove: Removal, mome
     assert not out.is_dir() or files_in(out) == {}
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("verb", "function", "moment"),
     [
@@ -93,6 +95,7 @@ def test_while_results_are_written(
     assert remove is folder or out.read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_before_the_map_is_written_it_is_made_again(out: Path, scans: list[str], monkeypatch: Patch) -> None:
     when(monkeypatch, WRITE, lambda: folder(out))
     assert sonarmap("map", *scans[:2], "-o", out, *GRID).exit_code == 0

@@ -126,7 +126,7 @@ def test_a_full_disk_leaves_earlier_results(tiny_disk: Path, scans: list[str]) -
 
 def test_stopped_while_it_maps(out: Path, scans: list[str]) -> None:
     before = files_in(out)
-    command = as_command("map", *scans, "-o", out, "--grid", "128", program=CHATTY)
+    command = as_command("map", *scans, "-o", out, *GRID, program=CHATTY)
     mapping = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert mapping.stdout
     assert mapping.stderr
@@ -185,6 +185,7 @@ def test_a_reader_that_left_is_no_error(scans: list[str]) -> None:
     assert (ended.returncode, ended.stderr) == (141, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "closed", [*(pytest.param(stream, marks=pytest.mark.slow) for stream in ("<&-", ">&-", "2>&-")), "<&- >&- 2>&-"]
 )
@@ -203,4 +204,10 @@ def test_stderr_that_is_full_hides_no_failure(scans: list[str], monkeypatch: pyt
     monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)  # with which nothing is left to be written at the end
     with Path("/dev/full").open("w") as full:
         assert run("register", scans[0], "missing.ply", stderr=full).returncode == 2
+
+
+@pytest.mark.slow
+def test_stderr_that_is_full_is_no_failure(scans: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
+    with Path("/dev/full").open("w") as full:
         assert run("register", *scans[:2], *GRID, stderr=full).returncode == 0

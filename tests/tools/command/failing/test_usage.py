@@ -120,6 +120,7 @@ class TestJson:
         assert sonarmap("map", "missing.ply", "-o", "out").stdout == ""
         assert sonarmap("devices", "--bogus").stdout == ""
 
+    @pytest.mark.slow
     def test_a_failed_export(self, scans: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         def fail(*_: object) -> None:
             raise InputError("no room for it")
@@ -172,6 +173,7 @@ class TestLogFile:
         assert "cannot write the log" in str(failure(unwritable)["error"])
         refused(sonarmap("devices", "--log-file", tmp_path))
 
+    @pytest.mark.slow
     def test_a_full_disk_ends_the_log_and_not_the_work(self, scans: list[str], tmp_path: Path) -> None:
         if not Path("/dev/full").exists():
             pytest.skip("no /dev/full here")

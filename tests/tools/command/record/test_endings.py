@@ -51,6 +51,7 @@ def until_written(path: Path, size: int, recorder: "subprocess.Popen[str]") -> N
         time.sleep(0.01)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_it_well(tmp_path: Path, number: int) -> None:
     with running(tmp_path / "dive.sonar") as (recorder, to):
@@ -118,6 +119,7 @@ def test_a_disk_that_takes_no_more_leaves_whole_packets_in_the_part_that_is_name
     assert not (tmp_path / "dive.sonar").exists()
 
 
+@pytest.mark.slow
 def test_a_terminal_that_has_gone_does_not_end_it(tmp_path: Path) -> None:
     with running(tmp_path / "dive.sonar") as (recorder, to):
         assert recorder.stderr is not None
@@ -144,6 +146,7 @@ finally:
 """
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("options", [("--unicast", "127.0.0.1:{}"), ("--multicast", "239.255.47.48:{}")])
 def test_it_only_listens_and_where_it_is_told(tmp_path: Path, options: tuple[str, str]) -> None:
     """By the events that Python itself reports of sockets."""
@@ -185,6 +188,7 @@ def test_nothing_is_lost_while_the_disk_takes_its_time(tmp_path: Path, monkeypat
     assert (status.unsaved, status.overflow, status.tally.missing) == (0, 0, 0)
 
 
+@pytest.mark.slow
 def test_what_memory_does_not_hold_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """While the first 200 packets are sent, the disk is waited for."""
     monkeypatch.setattr("sonarmap.tools.command.record.recorder._OVER", 1)

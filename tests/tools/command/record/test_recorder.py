@@ -104,6 +104,7 @@ def test_packets_of_kinds_that_nobody_knows_are_kept(tmp_path: Path) -> None:
     assert (status.tally.undocumented, status.tally.unreadable, status.tally.packets) == (1, 1, 3)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("wanted", "kept"), [(None, 0), (OTHER, 1), (LOOPBACK, 0)])
 def test_of_two_sonars_one_is_recorded(tmp_path: Path, wanted: str | None, kept: int) -> None:
     both = [contents(15, first) for first in (100, 7000)]

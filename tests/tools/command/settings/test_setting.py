@@ -243,6 +243,7 @@ def test_a_long_line_is_refused_before_it_is_read(text: str, tmp_path: Path) -> 
     refuses(r"survey.toml: line [23] has more than 1000 characters", read_settings, path, GROUP.commands, None)
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
@@ -264,7 +265,7 @@ def test_keys_of_many_parts_are_refused_soon(text: str, parts: int, tmp_path: Pa
     assert len(str(refused.value)) < 1000
 
 
-@pytest.mark.parametrize("count", [150, pytest.param(3000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [60, pytest.param(3000, marks=pytest.mark.slow)])
 def test_damaged_files_are_refused_by_their_name_or_read(count: int, tmp_path: Path) -> None:
     rng, path = random.Random(7), tmp_path / "damaged.toml"
     for _ in range(count):

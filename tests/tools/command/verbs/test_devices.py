@@ -20,6 +20,7 @@ class TestDevices:
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
         monkeypatch.setattr("sonarmap.kernels.device.verdict._known", {})
 
+    @pytest.mark.slow
     def test_the_table_marks_the_chosen_one(self) -> None:
         device = choose_device()
         lines = done(sonarmap("devices")).stdout.splitlines()
@@ -61,6 +62,7 @@ class TestDevices:
         again = "update the driver and try it again by 'sonarmap devices --test'"
         said(result, "its self-test failed: voxels of points", again)
 
+    @pytest.mark.slow
     def test_an_unknown_device_is_2(self) -> None:
         result = sonarmap("devices", "--device", "abacus")
         assert result.exit_code == 2
@@ -70,6 +72,7 @@ class TestDevices:
         monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
         refused(sonarmap("devices"), "pocl-opencl-icd")
 
+    @pytest.mark.slow
     def test_devices_that_all_fail_are_listed_and_2(self, monkeypatch: pytest.MonkeyPatch) -> None:
         def no_device(selector: str | None = None) -> Device:
             raise DeviceError("no OpenCL device works")

@@ -137,6 +137,7 @@ def test_map_refuses_before_it_maps(
     assert not there or files_in(tmp_path / "out") == {there: b"mine"}
 
 
+@pytest.mark.slow
 def test_map_exports_over_what_it_or_an_export_wrote_before(tmp_path: Path) -> None:
     """What the user put beside it under names of no export is left alone."""
     write(tmp_path / "scans", scan_0=scan(0), scan_1=scan(1))

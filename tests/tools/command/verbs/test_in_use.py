@@ -58,6 +58,7 @@ def test_a_report_is_opened_whoever_uses_the_folder(out: Path, monkeypatch: pyte
         assert sonarmap("view", out).exit_code == 0
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("verb", "options", "other", "files"),
     [

@@ -147,6 +147,7 @@ def test_scans_of_one_name_keep_their_folders(tmp_path: Path) -> None:
     assert [scan.name for scan in read.scans] == names
 
 
+@pytest.mark.slow
 def test_any_file_name_will_do(tmp_path: Path) -> None:
     write(tmp_path, **{"1 a\nb\x1b[2J": scan(0), "2 [x] $é$ 深 \udcff": scan(1)})
     result = done(sonarmap("map", tmp_path, "-o", tmp_path / "out [1] $ü", *GRID))
@@ -176,6 +177,7 @@ def test_only_parts_of_an_earlier_run_go(two_places: tuple[list[str], Path, Resu
     assert set(files_in(out)) == RESULTS | {"probe", "map_3.ply", "notes.txt"}
 
 
+@pytest.mark.slow
 def test_in_words(two_places: tuple[list[str], Path, Result]) -> None:
     _, _, result = two_places
     assert "a - b" in result.stdout
@@ -186,6 +188,7 @@ def test_in_words(two_places: tuple[list[str], Path, Result]) -> None:
     said(result, "mapping:", "gap between b and c: refused by the registration", "2 separate parts")
 
 
+@pytest.mark.slow
 def test_further_formats_are_written(two_places: tuple[list[str], Path, Result]) -> None:
     paths, out, result = two_places
     more = "map.pcd map_2.pcd trajectory.kitti trajectory_2.kitti"
@@ -202,6 +205,7 @@ def test_further_formats_are_written(two_places: tuple[list[str], Path, Result])
     refused(sonarmap("map", *paths[:2], "-o", out, "--also", "las"), "las", "choose one of pcd, kitti")
 
 
+@pytest.mark.slow
 def test_one_scan_is_enough_where_the_user_says_so(survey: Path, tmp_path: Path) -> None:
     """The pairs are those of the run before; its map_all.ply is gone, and all its points are in the map."""
     shutil.copytree(survey / "out", tmp_path / "out")

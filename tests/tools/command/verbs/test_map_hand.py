@@ -77,6 +77,7 @@ def test_an_added_pair_is_registered_once(dive: Path, out: Path, tmp_path: Path)
     assert any(pair.get("by_hand") == "add" for pair in json.loads((out / "graph.json").read_text())["pairs"])
 
 
+@pytest.mark.slow
 def test_a_false_transform_is_warned_of(dive: Path, out: Path, tmp_path: Path) -> None:
     ties = tmp_path / "ties.csv"
     heading = "target,source,verdict,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg,sigma_m,sigma_deg\n"
@@ -99,6 +100,7 @@ def control_file(folder: Path, dive: Path, off: float = 0.0, check: int = 4) -> 
     return path
 
 
+@pytest.mark.slow
 def test_control_points_bring_a_map_into_the_world(dive: Path, out: Path, tmp_path: Path) -> None:
     control = control_file(tmp_path, dive)
     world = ("--control", control, "--origin", "60.3913,5.3221", "--export", "laz")
@@ -126,6 +128,7 @@ def test_control_points_bring_a_map_into_the_world(dive: Path, out: Path, tmp_pa
         assert np.abs(np.subtract(cloud.header.mins[:2], [297400, 6700400])).max() < 2000
 
 
+@pytest.mark.slow
 def test_a_wrong_point_is_named(dive: Path, out: Path, tmp_path: Path) -> None:
     result = sonarmap("map", dive, "-o", out, *GRID, "--control", control_file(tmp_path, dive, off=7.0, check=9))
     said(result, "warning: the control point P5 in scan_005 is", "it is left out")
@@ -175,6 +178,7 @@ def test_two_surveys_of_one_scan_each_have_no_pair_to_try() -> None:
     assert result.gaps == ()
 
 
+@pytest.mark.slow
 def test_what_a_killed_run_had_half_written_goes(tmp_path: Path) -> None:
     write(tmp_path, **{f"scan_{k}": scan(k) for k in range(2)})
     out = tmp_path / "out"

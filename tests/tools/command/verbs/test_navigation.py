@@ -140,6 +140,7 @@ def test_the_wrong_fix_is_named_and_left_out(mapped: Path, dive: Path) -> None:
     assert np.linalg.norm(away, axis=1).max() < 6  # fixes of 3 m
 
 
+@pytest.mark.slow
 def test_the_graph_gives_the_maps_poses(mapped: Path, tmp_path: Path) -> None:
     again = tmp_path / "again.g2o"
     done(sonarmap("optimize", str(mapped / "graph.g2o"), "-o", str(again), "--json"))

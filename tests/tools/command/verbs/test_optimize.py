@@ -240,7 +240,7 @@ def test_from_random_poses_the_certificate_tells_what_was_found(name: str, seed:
 
 
 @needs_graphs
-@pytest.mark.parametrize("name", sorted(BEST))
+@pytest.mark.parametrize("name", [*sorted(BEST)[:-2], pytest.param("sphere2500", marks=pytest.mark.slow), "tinyGrid3D"])
 def test_benchmarks(name: str, tmp_path: Path) -> None:
     (tmp_path / "in.g2o").symlink_to(GRAPHS / f"{name}.g2o")
     summary = told(tmp_path / "in.g2o", "--objective", "isotropic")

@@ -90,6 +90,7 @@ class TestSimulated:
         refused(result, "priors.csv, which does not belong to these scans", "remove it")
         assert files_in(tmp_path).keys() == {"priors.csv"}
 
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("instruments", [Instruments(), instruments_for(["attitude", "depth"])])
     def test_the_errors_have_the_deviations_they_are_said_to_have(self, instruments: Instruments) -> None:
         priors = measure_poses(T_WORLD, instruments, 5)
@@ -190,6 +191,7 @@ def described(folder: Path) -> dict:
     return json.loads((folder / "description.json").read_text())
 
 
+@pytest.mark.slow
 def test_the_noise_of_the_echoes_is_described_and_given_again(tmp_path: Path) -> None:
     options = ("--ghosts", "0.2", "--speckle", "0.6", "--lobe", "1.5", "--threshold", "0.01")
     assert sonarmap("simulate", "--seed", "4", *options, *ONE, tmp_path / "a").exit_code == 0

@@ -100,6 +100,7 @@ def test_a_real_recording_and_its_clouds_in_other_formats_are_one_map(tmp_path: 
             assert (KDTree(maps[one]).query(maps[other])[0] <= voxel).mean() > 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["mcap", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("ros1", "ros2"))])
 def test_odometry_of_the_recording(dives: dict[str, Path], tmp_path: Path, kind: str) -> None:
     options = ("--odometry", f"{dives[kind]}::/odom", "--odometry-drift", "1,10")

@@ -89,6 +89,7 @@ def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert unknown.startswith(f"{refusal}\n")
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("options", ["--hypotheses 1", "--refine spectral", "--voxel 0.4"])
 def test_a_good_pair_with_options(pair: list[str], options: str) -> None:
     found = as_json(*pair, *options.split())
@@ -198,6 +199,7 @@ def test_the_uncertainty_is_along_the_worst_direction_whatever_the_axes(capsys: 
     assert "0.300 m and 2.00° in the worst direction" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_echo_strengths_weigh_the_voxels_where_wanted(tmp_path: Path) -> None:
     strengths = np.random.default_rng(7).uniform(0, 1, 7200).astype(np.float32)
     paths = [tmp_path / "target.ply", tmp_path / "source.ply"]
@@ -229,6 +231,7 @@ def strong_pair(tmp_path: Path) -> list[str]:
     return [*target, str(tmp_path / "source.ply")]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("suffix", [".ply", ".pcd", ".PLY"])
 def test_the_moved_scan_lies_on_the_target(strong_pair: list[str], tmp_path: Path, suffix: str) -> None:
     moved = tmp_path / f"moved{suffix}"
@@ -266,6 +269,7 @@ def test_viewpoints_move_with_the_points(tmp_path: Path) -> None:
     assert read.strength is None
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", ["moved.xyz", "moved", "moved.las"])
 def test_a_format_that_is_not_written_is_refused_at_once(tmp_path: Path, name: str) -> None:
     result = sonarmap("register", "missing.ply", "missing.ply", "--write", tmp_path / name)

@@ -62,6 +62,7 @@ def test_what_comes_is_what_was_read() -> None:
     assert there[1].stamp is None
 
 
+@pytest.mark.slow
 def test_the_process_is_kept_until_it_ends() -> None:
     first = process()
     refuses("3 bytes are not to its taste", read_apart, refuse, b"abc")
@@ -125,6 +126,7 @@ def test_plain_points_need_no_process(tmp_path: Path, monkeypatch: pytest.Monkey
     refuses(r"a\.laz: no process can be started to read it \(Resource temporarily", read_scans, [tmp_path / "a.laz"])
 
 
+@pytest.mark.slow
 def test_a_script_needs_no_guard_and_leaves_no_process(tmp_path: Path) -> None:
     (tmp_path / "a.laz").write_bytes(las())
     (tmp_path / "script.py").write_text(

@@ -272,6 +272,7 @@ def test_gtsam_reads_the_same_noise(tmp_path):
         np.testing.assert_allclose(values.atPose3(k).matrix(), matrix, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(KNOWN))
 @pytest.mark.skipif(not GRAPHS.is_dir(), reason=f"the benchmark graphs are not at {GRAPHS}")
 def test_public_graphs(name, tmp_path):

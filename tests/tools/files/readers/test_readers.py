@@ -116,6 +116,7 @@ def test_strengths_that_mean_nothing_become_zero_and_are_told(tmp_path):
     assert read.notes == ("scan.npy: set 4 of 5 strengths that are negative or not finite to 0",)
 
 
+@pytest.mark.slow
 def test_real_rgbd_fragments_are_read_whole():
     files = sorted((DATA / "redkitchen").glob("*.ply"))
     if not files:

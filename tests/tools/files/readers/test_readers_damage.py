@@ -33,6 +33,7 @@ def read(folder: Path, suffix: str, content: bytes) -> Scan:
     return read_scans([path]).scans[0]
 
 
+@pytest.mark.quick_cases(5)
 @pytest.mark.parametrize("sample", [name for name in NAMES if name != "sonar"])
 def test_a_file_cut_anywhere_is_refused(tmp_path, sample):
     suffix, content = SAMPLES[sample]
@@ -51,7 +52,7 @@ class TestDamageOfEveryKindOfFile:
     """Scans, trajectories, graphs, priors, settings and journals; damaged as mutations.py has it."""
 
     def test_a_few_are_refused_or_harmless(self, tmp_path: Path) -> None:
-        outcome = damage(tmp_path, each=30, seed=2)
+        outcome = damage(tmp_path, each=20, seed=2)
         assert outcome.faults == []
         assert all(ends["refused"] > 0 for ends in outcome.ends.values())
         assert all(outcome.ends[kind]["read"] > 0 for kind in NAVIGATION_FILES)

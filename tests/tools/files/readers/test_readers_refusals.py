@@ -61,6 +61,7 @@ def zipped(member: bytes) -> bytes:
     return file.getvalue()
 
 
+@pytest.mark.slow
 def test_an_npz_that_lies_about_its_size_is_not_unpacked(tmp_path):
     lying = npy(POINTS).replace(b"(5, 3), }        ", b"(1000000000, 3), }")
     refused(tmp_path, ".npz", zipped(lying), r"'points.npy'.*promises")

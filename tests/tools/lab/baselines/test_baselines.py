@@ -80,11 +80,13 @@ def check(found: Registration, truth: RigidTransform) -> None:
     assert np.linalg.eigvalsh(found.covariance).min() > 0
 
 
+@pytest.mark.slow
 def test_a_large_one_is_found_without_a_guess(anywhere: str) -> None:
     target, source, truth = easy()
     check(register(anywhere, target, source), truth)
 
 
+@pytest.mark.quick_cases(1)
 def test_turning_the_source_turns_the_answer(anywhere: str) -> None:
     """With T_s a sensor that is turned and moved, T_target_new = T_target_old inverse(T_new_old)."""
     target, source, _ = easy()
@@ -94,6 +96,7 @@ def test_turning_the_source_turns_the_answer(anywhere: str) -> None:
     check(after, before.T_target_source * T_new_old.inv())
 
 
+@pytest.mark.quick_cases(2)
 def test_a_small_motion_is_found_and_with_the_same_seed_again_by_the_same_bytes(near: str) -> None:
     pair = nearly(easy()[0])
     first, *others = (register(near, *pair, seed=5) for _ in range(3))
@@ -129,6 +132,7 @@ def test_scans_of_a_few_scattered_points_are_refused(near: str, count: int) -> N
     assert np.linalg.eigvalsh(found.covariance).min() > 0
 
 
+@pytest.mark.quick_cases(2)
 def test_another_place_is_refused_and_nothing_of_theirs_reaches_stdout(
     near: str, capfd: pytest.CaptureFixture[str]
 ) -> None:

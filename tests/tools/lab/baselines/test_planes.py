@@ -57,12 +57,14 @@ def test_every_wall_becomes_a_patch_with_its_true_plane_largest_first() -> None:
     assert {len(getattr(patches, field.name)) for field in fields(patches)} == {len(patches)}
 
 
+@pytest.mark.slow
 def test_swapped_scans_give_the_inverse() -> None:
     target, source = look_twice(ROOM, seed=4, sigma2=0.02)
     there, back = register(target, source), register(source, target)
     np.testing.assert_allclose(error(back, there.T_target_source.inv()), 0, atol=0.02)
 
 
+@pytest.mark.slow
 def test_a_moved_source_moves_the_result() -> None:
     target, source = look_twice(ROOM, seed=5, sigma2=0.01)
     G = RigidTransform.from_components([0.8, -0.5, 0.3], Rotation.from_euler("ZYX", [0.6, 0.1, -0.05]))

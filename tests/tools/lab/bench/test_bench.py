@@ -25,7 +25,7 @@ from sonarmap.tools.lab.bench.machine import count_cores
 from sonarmap.tools.lab.bench.pairs import is_right, measure_pairs, simulate_pairs
 from sonarmap.tools.lab.bench.peers import fft_peers
 from sonarmap.tools.lab.bench.rates import Rates, Traffic, _kernels, _per_item, measure_rates, summarize_rates
-from sonarmap.tools.lab.bench.spectra_cases import real_forward_case
+from sonarmap.tools.lab.bench.spectra_cases import magnitude_case, real_forward_case
 from sonarmap.tools.lab.bench.stages import PAIR_STAGES
 from sonarmap.tools.lab.bench.timing import interleave, summarize
 from sonarmap.tools.lab.bench.workload import Workload
@@ -62,6 +62,7 @@ class TestTiming:
 
 
 class TestKernels:
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("edge", [16, 32])
     def test_every_kernel_is_its_twins_equal(self, device: Device, edge: int) -> None:
         said: list[str] = []
@@ -148,6 +149,7 @@ class TestPairs:
         assert sum(stage["device_seconds"] for stage in result["stages"]) > 0
         assert multiprocessing.active_children() == []
 
+    @pytest.mark.slow
     def test_an_error_to_mend_comes_back_from_there(self) -> None:
         pairs = simulate_pairs(1, 3, lambda _: None)
         with pytest.raises(DeviceError, match="no OpenCL device matches 'abacus'"):
@@ -189,6 +191,7 @@ class TestCommand:
         assert 0 < row["share_of_limit"] < 1.5
         assert row["ratio"] == pytest.approx(row["twin_seconds"]["median"] / row["device_seconds"]["median"])
 
+    @pytest.mark.slow
     def test_the_table_names_every_kernel(self, device: Device) -> None:
         result = CliRunner().invoke(app, [*QUICK, "--pairs", "0"])
         assert result.exit_code == 0
@@ -205,6 +208,8 @@ class TestCommand:
     def test_a_wrong_kernel_ends_with_3(self, monkeypatch: pytest.MonkeyPatch) -> None:
         right = twins.magnitude
         monkeypatch.setattr("sonarmap.tools.lab.bench.twins.magnitude", lambda *given: right(*given) + np.float32(1))
+        for module in ("run", "kernels"):
+            monkeypatch.setattr(f"sonarmap.tools.lab.bench.{module}.CASES", (magnitude_case,))
         result = CliRunner().invoke(app, [*QUICK, "--pairs", "0"])
         assert result.exit_code == 3
         assert "WRONG" in result.stdout

@@ -114,6 +114,7 @@ def test_kitchen_fragments_are_registered_as_the_truth_has_them(kitchen: Mapped)
         assert off < voxel
 
 
+@pytest.mark.slow
 def test_frames_of_a_sonar_agree_with_their_mean_chain(ship: Mapped) -> None:
     """Each of the 15 pairs of six frames within 1 degree and 3 cm of what the optimized chain says; all believed."""
     registrar, poses = build("spectral", choose_grid(ship.scans)), ship.poses

@@ -84,6 +84,7 @@ class TestRuns:
         methods = ", ".join(f"`{method}`" for method in experiment.settings.compared.methods)
         assert f"Methods: {methods}." in section_text(show(experiment, tmp_path, rows, seconds), 1)
 
+    @pytest.mark.slow
     def test_speed_keeps_times_apart(self, device: Device) -> None:
         seconds = done("speed", device)[1]
         assert len(seconds) == len(FEW)

@@ -43,6 +43,7 @@ def test_what_is_traced_is_what_is_registered(pair: EvidencePair) -> None:
     assert not any(lost[f"right_given_{given}"] for given in ("nothing", "rotation", "pose"))
 
 
+@pytest.mark.slow
 def test_a_true_rotation_that_is_given_is_followed(pair: EvidencePair, monkeypatch: pytest.MonkeyPatch) -> None:
     registrar = TracingRegistrar(choose_device(), pair.grid)
     prepared = registrar.prepare(pair.target), registrar.prepare(pair.source)
@@ -69,6 +70,7 @@ def test_a_pair_without_candidates_counts_as_lost(pair: EvidencePair, monkeypatc
     assert (traced["rotations"], traced["final"], traced["right_given_nothing"]) == (-1, -1, False)
 
 
+@pytest.mark.slow
 def test_every_kind_and_step_has_jobs_and_rows() -> None:
     experiment = Funnel(replace(funnel_settings(Request(quick=True)), seed=SEED), choose_device())
     assert experiment.jobs() == sorted([*(f"{kind}-0000" for kind in KINDS), "S1.0-0000", "S2.0-0000", "S4.0-0000"])

@@ -68,6 +68,7 @@ def test_what_was_recorded_is_judged_as_when_it_was_registered(folder: Path) -> 
     assert again.fixed[0] == pytest.approx(registration.fixed, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_text_holds_a_fit_with_its_instruments(folder: Path) -> None:
     pair = list(draw("patch", 1, SEED, 64))[1]
     recorder = Recorder(choose_device(), pair.grid)

@@ -198,6 +198,7 @@ class TestCommand:
         assert printed["section"]["tables"][0]["headings"] == ["what", "paper", "ours, mean", "verdict"]
         assert {Path(name).name for name in printed["files"]} == FILES
 
+    @pytest.mark.slow
     def test_workers_change_nothing_but_where_times_are_measured(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

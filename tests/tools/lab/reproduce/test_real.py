@@ -123,6 +123,7 @@ class TestJobs:
 
 
 class TestRuns:
+    @pytest.mark.slow
     def test_rows_section_and_pictures_and_a_second_run_that_runs_nothing(self, tmp_path: Path, device: Device) -> None:
         put(tmp_path / "in" / "quay")
         put(tmp_path / "in" / "pier", ("0.ply", "1.npy"))
@@ -156,6 +157,7 @@ class TestRuns:
         after = keys()
         assert {job for job in before if before[job] != after[job]} == {"pier/hemisphere", "pier/planes"}
 
+    @pytest.mark.slow
     def test_a_registration_of_the_truth_is_right_and_a_turned_truth_makes_it_wrong(
         self, tmp_path: Path, device: Device
     ) -> None:

@@ -187,6 +187,7 @@ def workers(count: int, scene: str | None = None) -> RunOptions:
 
 
 class TestWorkers:
+    @pytest.mark.slow
     def test_rows_are_those_of_one_process(self, tmp_path: Path) -> None:
         fake = Fake()
         alone = run(fake, origin(fake), tmp_path / "alone", silence)
@@ -195,6 +196,7 @@ class TestWorkers:
         assert str(list(shared.outcomes.items())) == str(list(alone.outcomes.items()))
         assert list(shared.job_seconds) == list(JOBS)
 
+    @pytest.mark.slow
     def test_jobs_that_are_done_are_kept_and_the_rest_run_later(self, tmp_path: Path) -> None:
         with pytest.raises(KeyboardInterrupt):
             run(Fake(), origin(Fake()), tmp_path, silence, workers(1, scene="c"))
@@ -204,6 +206,7 @@ class TestWorkers:
         assert again.ran in (["c", "d", "e"], ["c", "e"])
         assert list(result.outcomes) == list(JOBS)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("scene", "words"), [("error b", "no scene is called 'b'"), ("kill b", "use fewer")], ids=["error", "killed"]
     )

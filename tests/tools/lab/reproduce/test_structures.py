@@ -119,6 +119,7 @@ class TestRun:
         show(experiment, tmp_path, rows, seconds)
         assert all(within_limits(row) for row in rows)
 
+    @pytest.mark.slow
     def test_limits_look_at_each_step(self, tmp_path: Path) -> None:
         settings = LimitsSettings(scenes=("clutter",), seeds=1, edge=64, tilts_deg=(10,), yaws_deg=(-40,))
         rows, seconds = run_all(experiment := Limits(settings, choose_device()))

@@ -30,6 +30,7 @@ def test_dives_begin_far_apart_and_the_first_at_the_start() -> None:
     assert np.minimum(apart, 300 - apart).min() > 300 / 10
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("scene", SCENE_KINDS)
 def test_a_second_dive_follows_the_same_path(scene: str) -> None:
     settings = plan(scene, "lawnmower", seed=14)
@@ -41,6 +42,7 @@ def test_a_second_dive_follows_the_same_path(scene: str) -> None:
     assert np.median(off) > 0.1 * scale
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("scene", SCENE_KINDS)
 def test_a_short_second_dive_sees_again_what_the_first_saw(scene: str) -> None:
     settings = replace(plan(scene, "lawnmower", seed=15), count=40)

@@ -164,6 +164,7 @@ def test_a_scan_carries_the_strengths_of_its_own_points():
     assert 0.1 < kept.mean() < 0.9
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("scene", "wanted"), [("floodgate", 90), ("harbor", 90), ("clutter", 80)])
 def test_the_threshold_narrows_the_eclipses_field_to_about_90_degrees(scene: str, wanted: float):
     """Paper Sect. 4.1: about 90 degrees of 120. The clutter is seen from 20 m above the water: longer ways."""

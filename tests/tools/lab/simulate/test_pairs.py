@@ -52,6 +52,7 @@ def _distances(target: Scan, source: Scan, T_target_source: RigidTransform) -> n
     return KDTree(target.points).query(T_target_source.apply(source.points))[0]
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize(("scene", "overlaps"), list(zip(SET_SCENES, SET_OVERLAPS * 2, strict=False)))
 @pytest.mark.parametrize("turn", ["yaw", "any"])
 def test_a_turned_pair_obeys_its_truth_and_overlaps_as_wanted(scene: str, overlaps: tuple[float, float], turn: Turn):
@@ -133,6 +134,7 @@ def test_a_turned_frame_leaves_ranges_and_noise_as_they_are():
     assert (truth.rotation.inv() * other.rotation).magnitude() > 0.1
 
 
+@pytest.mark.slow
 def test_less_in_common_is_farther_away_and_turned_aside():
     def apart(overlaps: tuple[float, float]) -> float:
         found = [
@@ -152,6 +154,7 @@ def test_a_glance_refuses_no_pose_that_all_beams_accept(monkeypatch: pytest.Monk
     assert_array_equal(quick[2].as_matrix(), slow[2].as_matrix())
 
 
+@pytest.mark.slow
 def test_an_overlap_that_cannot_be_is_refused(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(viewpoints, "TRIES", 20)
     refuses("widen the range", random_pair, 1, (0.99999, 1.0), QUIET, "pool", _small("pool"), Turning("yaw"))
@@ -177,6 +180,7 @@ def test_a_new_scene_does_not_change_which_strangers_a_seed_draws():
     assert ", ".join(" ".join(draw_strangers(None, rng)) for rng in generators) == drawn
 
 
+@pytest.mark.slow
 def test_an_unrelated_pair_is_its_seed_in_a_turned_frame():
     noise = Noise(sigma2=0.1, ghosts=0.02, speckle=1.0)
     for scene in ("harbor", "manifold"):

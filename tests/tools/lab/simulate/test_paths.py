@@ -36,6 +36,7 @@ def _clearance(scene: str, seed: int, path) -> float:
     return float(world.intersect(origins, directions)[0].min())
 
 
+@pytest.mark.quick_cases(6)
 @pytest.mark.parametrize("scene", SCENE_KINDS)
 @pytest.mark.parametrize("seed", [101, 202])
 def test_paths_keep_clear_of_everything(scene: str, seed: int):
@@ -46,6 +47,7 @@ def test_paths_keep_clear_of_everything(scene: str, seed: int):
         assert _clearance(scene, seed, gate_path()) > least
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", [101, 202])
 @pytest.mark.parametrize("trajectory", ["survey", "lawnmower", "loop"])
 def test_a_sensor_of_short_range_is_carried_near_enough_to_the_ship(trajectory: str, seed: int):
@@ -94,6 +96,7 @@ def test_a_long_lawnmower_crosses_its_own_way(scene: str):
     assert np.ptp(places[:, 0]) > 0.35 * SCENE_KINDS[scene].size[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["harbor", "pool"])
 def test_neighbors_on_a_lawnmowers_turns_have_a_view_in_common(scene: str):
     settings = plan(scene, "lawnmower", seed=71)
@@ -218,6 +221,7 @@ def test_table_1_pairs_obey_their_truth():
     assert_allclose(T_target_source.rotation.as_euler("ZYX", degrees=True), (12, 2, 4), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_table_1_overlap_falls_smoothly_to_a_small_share():
     pairs = [table1_pair(index, seed=0, sigma2=0.0) for index in range(10)]
     shares = [overlap(target.points, source.points, T_target_source) for target, source, T_target_source in pairs]
@@ -229,6 +233,7 @@ def test_table_1_overlap_falls_smoothly_to_a_small_share():
     assert (steps < 0.13).all()
 
 
+@pytest.mark.slow
 def test_the_series_and_the_pair_are_the_same_scans():
     series = simulate(replace(table1_settings(seed=2, sigma2=1.0), count=4))
     target, source, T_target_source = table1_pair(2, seed=2, sigma2=1.0)

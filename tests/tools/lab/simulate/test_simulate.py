@@ -134,6 +134,7 @@ def test_a_description_that_is_none_is_refused(tmp_path, text: str | None):
     refuses(r"description\.json", read_settings, path)
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("scene", SCENE_KINDS)
 def test_a_random_pair_overlaps_as_wanted(scene: str):
     kind = SCENE_KINDS[scene]

@@ -79,6 +79,7 @@ def test_a_height_field_is_seen_from_above_at_its_heights():
     assert_allclose(sines, [1 / np.sqrt(5), 1.0])
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("name", SCENE_KINDS)
 def test_a_scene_is_its_seed(name: str):
     first, again, other = SCENE_KINDS[name].build(4), SCENE_KINDS[name].build(4), SCENE_KINDS[name].build(5)

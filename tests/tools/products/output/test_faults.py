@@ -39,6 +39,7 @@ def survey(overlap: float, by_motion: bool) -> SurveyResult:
     return replace(result, pairs=tuple(pairs))
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("overlap", "by_motion", "said"), [(0.45, True, True), (0.45, False, False), (0.7, True, False)]
 )

@@ -143,6 +143,7 @@ def test_right_navigation_is_not_doubted() -> None:
         assert contradiction(priors(measured(truth, rng, known)), registered(truth, rng, wrong=seed % 4)) is None
 
 
+@pytest.mark.slow
 def test_other_mistakes_have_no_name() -> None:
     """A compass that is off by 40 degrees, noise, and another dive's navigation."""
     for seed in range(10):

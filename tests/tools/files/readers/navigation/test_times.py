@@ -207,6 +207,7 @@ def test_offsets_beyond_the_limit_are_refused() -> None:
     assert estimate_offset(a[0] - 90, a[1], *b, most=120).seconds == pytest.approx(90, abs=0.1)
 
 
+@pytest.mark.slow
 def test_many_draws_are_right_or_refused() -> None:
     """Dives of any length, calm or not, instruments of any rate: whatever is not refused is within 0.1 s."""
     sigmas: list[float] = []

@@ -53,6 +53,7 @@ def clean() -> list[PacketOf]:
     return list(recording(300, first=2**32 - 100))
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("seed", range(6))
 def test_counts_are_right_and_the_rest_is_the_same_to_the_bit(tmp_path: Path, clean: list[PacketOf], seed: int) -> None:
     """1 % lost, 1 % doubled, 1 % exchanged, a damaged packet, and a wrap: all counted, and no other shot changed."""

@@ -96,6 +96,7 @@ class TestRows:
         assert row["translation_voxels"] == pytest.approx(length / float(row["voxel_m"]))
         assert math.isfinite(float(row["nees"]))
 
+    @pytest.mark.slow
     def test_a_simulated_pair_by_a_method_that_says_no_evidence(self) -> None:
         settings = KindsSettings(5, kinds=("sonar3d15",), seed=6, edge=32, compared=ComparedMethods(("planes",)))
         rows = Kinds(settings, None).run("sonar3d15/none/000/planes").rows

@@ -39,6 +39,7 @@ def _pair(kind: str, scene: str, overlaps: tuple[float, float] = (0.2, 0.9), see
     return kind_pair(kind, SCAN_KINDS[kind].scenes.index(scene), seed, overlaps)
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("kind", [*VIEWS, *SWEEPS])
 def test_a_pair_is_its_kind_number_and_seed(kind: str):
     number = SCAN_KINDS[kind].scenes.index("shallow") if kind in SWEEPS else 5
@@ -72,6 +73,7 @@ def test_a_pair_is_as_its_number_says(kind: str, turn: int):
             assert (scan.viewpoints is not None) == (number % 2 == 0 and kind != "imaging")
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(("kind", "most"), [*((kind, 0.1) for kind in VIEWS), *((kind, 0.4) for kind in SWEEPS)])
 def test_both_scans_lie_on_the_scene_where_the_truth_says(kind: str, most: float):
     """But for noise and distortion; at the other's place they do not."""
@@ -89,6 +91,7 @@ def test_both_scans_lie_on_the_scene_where_the_truth_says(kind: str, most: float
         assert kind in SWEEPS or np.median(surface_distance(mesh, wrong.apply(points))) > 3 * off
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kind", SWEEPS)
 def test_without_noise_and_distortion_both_scans_lie_on_the_scene(kind: str, monkeypatch: pytest.MonkeyPatch):
     """The source moved by T_target_source lies on it with the target, and nowhere else."""
@@ -116,6 +119,7 @@ def test_every_kind_meets_every_relief_and_every_scene_has_one():
     assert len(SCAN_KINDS["patch"].scenes) % 2 == 1
 
 
+@pytest.mark.slow
 def test_the_frames_look_any_way_at_one_another():
     """Over an open bed, at little overlap: from beside, from across and head-on."""
     pairs = [kind_pair("sonar3d15", 2 + 5 * number, 4, (0.3, 0.9)) for number in range(8)]
@@ -129,12 +133,17 @@ def test_what_does_not_exist_is_refused(monkeypatch: pytest.MonkeyPatch):
     refuses(">= 0", kind_pair, "patch", -1, 0)
     monkeypatch.setattr(viewpoints, "TRIES", 20)
     refuses("widen the range", kind_pair, "sonar3d15", 4, 0, (0.4, 0.4 + 1e-9))
+
+
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("kind", SWEEPS)
+def test_a_sweep_that_does_not_exist_is_refused(kind: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(partners, "PLACES", 1)
     monkeypatch.setattr(partners, "TRIES", 3)
-    for kind in SWEEPS:
-        refuses("widen the range", _pair, kind, "shallow", (0.5, 0.5 + 1e-9))
+    refuses("widen the range", _pair, kind, "shallow", (0.5, 0.5 + 1e-9))
 
 
+@pytest.mark.slow
 def test_instruments_err_by_their_sigmas_and_each_on_its_own():
     every, depth = Instruments(), instruments_for(["depth"])
     pair = kind_pair("sonar3d15", 4, 6)

@@ -204,6 +204,7 @@ def _wall(seed: int, by_depth: bool, imager: imaging.Imager | None = None) -> tu
     return points[np.abs(points[:, 1]) < 4.0], sweep
 
 
+@pytest.mark.slow
 def test_a_wall_leans_as_the_vehicle_drifts_over_the_depths():
     """By about a meter at either end in a scene of 256 m; a third of a meter in a pool of 25 m."""
     leans = []

@@ -106,7 +106,7 @@ def test_damaged_folders_end_in_words(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     outcomes = {"page": 0, "error": 0}
     said: set[str] = set()
-    for _ in range(100 if seed == 1 else 2000):
+    for _ in range(50 if seed == 1 else 2000):
         name = (SUMMARY, FULL_GRAPH)[rng.integers(2)]
         damaged = json.loads(json.dumps(whole[name]))
         spoil(damaged, rng)
@@ -119,7 +119,7 @@ def test_damaged_folders_end_in_words(tmp_path: Path, seed: int) -> None:
         except InputError as error:
             said.add(str(error).split("(")[0])
             outcomes["error"] += 1
-    assert min(outcomes.values()) > 10, outcomes
+    assert min(outcomes.values()) > 5, outcomes
     assert not [words for words in said if str(out) not in words and "origin" not in words]
 
 

@@ -59,6 +59,7 @@ def texts_of(figure: Figure) -> list[str]:
     return [text.get_text() for text in figure.texts]
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_text_lies_upon_another_or_leaves_the_sheet(kind: str) -> None:
     assert overlapping_texts(map_figure(KINDS[kind])) == []
@@ -110,6 +111,7 @@ def test_the_image_lies_where_its_points_do() -> None:
     )
 
 
+@pytest.mark.slow
 def test_what_is_left_out_is_said_and_not_drawn() -> None:
     """Doubtful points are not in a part's map at all; a point alone in the water is in it, and far from the others."""
     points = np.vstack([bed(30, 15), [[10.0, 5.0, 40.0]], [[400.0, 300.0, -20.0]]])
@@ -183,6 +185,7 @@ def lines_of(figure: Figure) -> list[Any]:
     return [each for each in drawn if isinstance(each, LineCollection) and each.get_segments()]
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     "shown",
     [view(), view(loops=0), view(loops=500), view(3, 1), view(30, 20, 900, 20), view(30, 20, 20, 900)],
@@ -211,6 +214,7 @@ def test_both_panels_have_the_same_extent_and_colors() -> None:
     assert tops[0] - tops[1] == pytest.approx(3, abs=0.3)
 
 
+@pytest.mark.slow
 def test_loops_are_drawn_by_verdict_and_counted() -> None:
     shown = view()
     figure = loops_figure(shown)

@@ -80,6 +80,7 @@ class TestNumbers:
         assert (profile.axis, profile.along[-1]) == (axis, pytest.approx(last))
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(
     "view",
     [
