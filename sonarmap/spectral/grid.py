@@ -19,8 +19,9 @@ from sonarmap.spectral.scan import Scan
 _TRIM = 0.01
 # The most voxels along an edge of the grid that places are first looked for on.
 _FINEST_COARSE = 64
-# Grids of so many voxels along an edge are fine: noise as large as a voxel hides there what half as many show.
-_FINE = 192
+# Grids of so many voxels along an edge are fine: noise as large as a voxel, or beams farther apart, hide there what
+# half as many show.
+_FINE = 128
 _FARTHEST = 1e6  # [voxels]
 # Free space around the largest scan, as a factor on its box: a periodic shift needs it to distinguish left
 # from right.

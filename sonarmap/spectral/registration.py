@@ -4,8 +4,9 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from time import perf_counter
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -98,16 +99,9 @@ class SpectralRegistrar(GridRegistrar):
         self._preparer = Preparer(device, grid, self.config.use_strength, farthest=self.so3.farthest)
         self._verifier = Verifier(device, grid.edge)
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
-        self._second: SpectralRegistrar | None = None
-        if (second := second_edge(grid.edge)) is not None:
-            self._second = SpectralRegistrar(device, Grid(second, grid.extent / second), self.config)
-
-    def with_voxel(self, voxel: float) -> Self:
-        """As of `GridRegistrar`, the grid of the second look too."""
-        other = super().with_voxel(voxel)
-        if self._second is not None:
-            other._second = self._second.with_voxel(other.grid.extent / self._second.grid.edge)
-        return other
+        second = second_edge(grid.edge)
+        # planned when the first pair is refused
+        self._plan_second = None if second is None else cache(partial(_planned, device, second, self.config))
 
     def prepare(self, scan: Scan) -> SpectralScan:
         """A scan's spectra, its layers' harmonics, its surface and its view; InputError where it shows too little."""
@@ -121,10 +115,6 @@ class SpectralRegistrar(GridRegistrar):
         view = scan_view(self.device, points, volume.surface, viewpoints)
         surface = smooth_surface(self.device, volume.cells, list(view.places))
         layers = analyzed.read()
-        second: SpectralScan | None = None
-        if self._second is not None:
-            with suppress(InputError):  # a low relief shows on fine grids alone
-                second = self._second.prepare(scan)
         return SpectralScan(
             volume=volume,
             coarse=coarse,
@@ -133,7 +123,7 @@ class SpectralRegistrar(GridRegistrar):
             surface=surface.read(),
             view=view,
             prior=scan.prior,
-            second=second,
+            second=cache(partial(self._prepare_second, scan)),
         )
 
     def register(self, target: SpectralScan, source: SpectralScan) -> Registration:
@@ -149,22 +139,39 @@ class SpectralRegistrar(GridRegistrar):
             self._warm = True
             self._register(target, source, bounds)
         start = perf_counter()
-        registration = self._answer(HypothesisTest(self.grid, target, source, bounds, self._verifier))
-        if not registration.accepted:
-            registration = self._looked_at_again(target, source, bounds) or registration
-        return replace(registration, seconds=perf_counter() - start)
+        return replace(self._found(target, source, bounds), seconds=perf_counter() - start)
+
+    def _found(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration:
+        """The answer; where it is not accepted, that of the second look if it is, or is the more probable one."""
+        first = self._answer(HypothesisTest(self.grid, target, source, bounds, self._verifier))
+        if first.accepted or (second := self._looked_at_again(target, source, bounds)) is None:
+            return first
+        return second if second.accepted or second.probability > first.probability else first
 
     def _looked_at_again(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration | None:
-        """What is believed on a coarser grid, where noise as large as a fine voxel hides less; None if nothing is."""
-        second = self._second
-        if second is None or target.second is None or source.second is None:
+        """The answer on the coarser grid; None if there is none, or if a scan shows too little on it."""
+        registrar = self._second
+        if registrar is None or (ours := target.second()) is None or (theirs := source.second()) is None:
             return None
-        scans = replace(target.second, prior=target.prior), replace(source.second, prior=source.prior)
-        found = second._register(*scans, replace(bounds, voxel=second.grid.voxel * second._verifier.coarser))
-        if not found.accepted:
-            return None
-        reason = f"found with voxels of {second.grid.voxel:.3g} m, which noise hides less: {found.reason}"
+        scans = replace(ours, prior=target.prior), replace(theirs, prior=source.prior)
+        found = registrar._found(*scans, replace(bounds, voxel=registrar.grid.voxel * registrar._verifier.coarser))
+        reason = f"with voxels of {registrar.grid.voxel:.3g} m, which noise and gaps hide less: {found.reason}"
         return replace(found, reason=reason)
+
+    @property
+    def _second(self) -> "SpectralRegistrar | None":
+        """For the grid of the second look; None if there is none."""
+        if self._plan_second is None:
+            return None
+        planned = self._plan_second()
+        return planned.with_voxel(self.grid.extent / planned.grid.edge)
+
+    def _prepare_second(self, scan: Scan) -> SpectralScan | None:
+        """The scan for the second look; None where it shows too little on a coarser grid, as a low relief does."""
+        if (registrar := self._second) is None:
+            return None
+        with suppress(InputError):
+            return registrar.prepare(scan)
 
     def _answer(self, test: HypothesisTest) -> Registration:
         """From two scans to their registration."""
@@ -233,3 +240,7 @@ class SpectralRegistrar(GridRegistrar):
         spectra = tuple(recycled(self.device, (edge, edge, row_pitch(edge)), np.complex64) for _ in WHITENINGS)
         self._coarse_spectra.transform(points, spectra)
         return CoarseVolume(points, spectra)
+
+
+def _planned(device: Device, edge: int, config: SpectralConfig) -> SpectralRegistrar:
+    return SpectralRegistrar(device, Grid(edge, 1.0), config)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,5 +37,6 @@ class SpectralScan:
     surface: Surface  # points and normals, for the refinement
     view: View  # what the sensor saw
     prior: PosePrior | None  # what other instruments say about its pose, or None
-    # the same on the grid of `second_edge`; None where there is none, or where the scan shows too little on it
-    second: SpectralScan | None = None
+    # the same on the grid of `second_edge`, prepared when it is asked for; None where there is none, or where the scan
+    # shows too little on it
+    second: Callable[[], SpectralScan | None]
