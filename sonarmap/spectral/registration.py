@@ -142,11 +142,15 @@ class SpectralRegistrar(GridRegistrar):
         return replace(self._found(target, source, bounds), seconds=perf_counter() - start)
 
     def _found(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration:
-        """The answer; where it is not accepted, that of the second look if it is, or is the more probable one."""
+        """The answer; where its place is not believed, that of the second look if it is the more probable one.
+
+        Where the place is believed and the pose is open there, larger voxels know the pose no better.
+        """
         first = self._answer(HypothesisTest(self.grid, target, source, bounds, self._verifier))
-        if first.accepted or (second := self._looked_at_again(target, source, bounds)) is None:
+        if first.probability >= self.config.least_probability:
             return first
-        return second if second.accepted or second.probability > first.probability else first
+        second = self._looked_at_again(target, source, bounds)
+        return first if second is None or second.probability <= first.probability else second
 
     def _looked_at_again(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration | None:
         """The answer on the coarser grid; None if there is none, or if a scan shows too little on it."""
