@@ -1,12 +1,16 @@
 """A fine grid's second look at a pair, with voxels twice as large, which noise hides less."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.spectral.grid import Grid, second_edge
+from sonarmap.spectral.judge.judgement import no_candidates
 from sonarmap.spectral.registration import SpectralRegistrar
+from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from tests.samples.scenes.structures import assert_near, structure
 
@@ -61,3 +65,28 @@ def test_scans_that_share_nothing_stay_refused(registrar: SpectralRegistrar) -> 
     found = registrar.register(*scans)
     assert not found.accepted
     assert found.probability < 0.5
+
+
+def test_it_is_prepared_for_pairs_that_are_not_believed_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sonarmap.spectral.registration.second_edge", {64: 32, 32: None}.get)
+    looks = [0.9, 0.2, 0.6]  # of what answers say: the first pair's, then both looks' at the second pair
+
+    def answer(self: SpectralRegistrar, _: object) -> Registration:
+        return replace(no_candidates(1.0), probability=looks.pop(0), reason=f"{self.grid.edge} voxels")
+
+    grid = Grid(64, EXTENT / 64)
+    registrar = SpectralRegistrar(choose_device(), grid)
+    registrar._warm = True  # pyright: ignore[reportPrivateUsage]
+    scan = registrar.prepare(Scan(structure(4, 3000)))
+    monkeypatch.setattr(SpectralRegistrar, "_answer", answer)
+    asked: list[Scan] = []
+    prepare = SpectralRegistrar.prepare
+    monkeypatch.setattr(SpectralRegistrar, "prepare", lambda self, scan: asked.append(scan) or prepare(self, scan))
+    assert registrar.register(scan, scan).reason == "64 voxels"
+    assert not asked
+    again = registrar.register(scan, scan)
+    assert (again.probability, len(asked)) == (0.6, 1)
+    assert again.reason == "with voxels of 0.8 m, which noise and gaps hide less: 32 voxels"
+    looks.extend([0.5, 0.3])
+    assert registrar.register(scan, scan).probability == 0.5
+    assert len(asked) == 1
