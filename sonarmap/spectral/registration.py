@@ -100,8 +100,8 @@ class SpectralRegistrar(GridRegistrar):
         self._verifier = Verifier(device, grid.edge)
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
         second = second_edge(grid.edge)
-        # planned when the first pair is refused
-        self._plan_second = None if second is None else cache(partial(_planned, device, second, self.config))
+        plan = None if second is None else partial(SpectralRegistrar, device, Grid(second, 1.0), self.config)
+        self._plan_second = None if plan is None else cache(plan)  # when a pair is first looked at again
 
     def prepare(self, scan: Scan) -> SpectralScan:
         """A scan's spectra, its layers' harmonics, its surface and its view; InputError where it shows too little."""
@@ -244,7 +244,3 @@ class SpectralRegistrar(GridRegistrar):
         spectra = tuple(recycled(self.device, (edge, edge, row_pitch(edge)), np.complex64) for _ in WHITENINGS)
         self._coarse_spectra.transform(points, spectra)
         return CoarseVolume(points, spectra)
-
-
-def _planned(device: Device, edge: int, config: SpectralConfig) -> SpectralRegistrar:
-    return SpectralRegistrar(device, Grid(edge, 1.0), config)
