@@ -16,7 +16,7 @@ from sonarmap.tools.products.output.hand import has_no_effect, is_contradicted, 
 UNMOVED = 0.001  # poses moved by less than this were not moved [voxels]
 LISTED = 10  # names of scans in a sentence
 _FEWEST_STEPS = 4  # that tell what is usual
-_FAR_OFF, _LITTLE = 6.0, 2 / 3  # median absolute deviations below the median, and a share of it: a step to look at
+_FAR_OFF, _LITTLE = 6.0, 3 / 4  # median absolute deviations below the median, and a share of it: a step to look at
 FAR = 4.0  # sigmas beyond which a point that holds the map is warned of
 _PAIRS = 5  # in a sentence
 _OPEN = {
@@ -166,8 +166,8 @@ def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str
 
 
 def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
-    """Steps that the scans alone did not show, and that share far less than the steps that they did: a vehicle that was
-    moved between two scans gives these, as two dives in one folder do."""
+    """Steps that the scans alone did not show, and steps that share far less than the others: a vehicle that was moved
+    between two scans gives these, as two dives in one folder do."""
     steps = [pair for pair in result.pairs if pair.role == "sequential" and pair.edge is not None]
     assumed = [step for step in steps if step.edge is not None and step.edge.registration.is_assumed]
     if assumed:
@@ -186,20 +186,23 @@ def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
             "without the estimate confirms them. If the vehicle was moved meanwhile, give the scans before and after "
             "in folders of their own"
         )
-    usual = [step.edge.registration.overlap for step in steps if step.edge is not None and step.expected is None]
+    overlaps = [(step.edge.registration.overlap, step) for step in steps if step.edge is not None]
+    usual = [overlap for overlap, step in overlaps if step.expected is None]
     if len(usual) < _FEWEST_STEPS:
         return
     middle = median(usual)
     deviation = median(abs(overlap - middle) for overlap in usual)
     least = min(middle - _FAR_OFF * deviation, _LITTLE * middle)
-    for step in steps:
-        if step.edge is not None and step.expected is not None and step.edge.registration.overlap < least:
-            overlap = step.edge.registration.overlap
-            yield (
-                f"{names[step.i]} and {names[step.j]} share {overlap:.0%}, where consecutive scans usually share "
-                f"{middle:.0%}, and were placed by the usual motion. If the vehicle was moved between them, give the "
-                "scans before and after in folders of their own, or reject the pair (docs/ties.md)"
-            )
+    apart = sorted((pair for pair in overlaps if pair[0] < least), key=lambda pair: pair[0])
+    if apart:
+        overlap, step = apart[0]
+        others = f"; {len(apart) - 1} more steps share as little" if apart[1:] else ""
+        yield (
+            f"{names[step.i]} and {names[step.j]} share {overlap:.0%}, where consecutive scans usually share "
+            f"{middle:.0%}{others}. A sharp turn does this, and so does a vehicle that was moved, even to another "
+            "place of one build: then give the scans before and after in folders of their own, or reject the pair "
+            "(docs/ties.md)"
+        )
 
 
 def _is_only_likely(step: Pair, pairs: Sequence[Pair]) -> bool:
