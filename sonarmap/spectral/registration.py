@@ -30,7 +30,7 @@ from sonarmap.spectral.prepare.surface import smooth_surface
 from sonarmap.spectral.prior import relative_prior
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.spectral.so3 import RotationPeaks, So3, distinct_rotations
+from sonarmap.spectral.so3 import RotationPeaks, So3, distinct_rotations, with_those_around
 from sonarmap.spectral.verify.bounds import Bounds
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
@@ -38,6 +38,10 @@ from sonarmap.spectral.verify.observability import Observability
 from sonarmap.spectral.verify.verifier import Verifier
 
 Refinement = Literal["icp", "spectral"]
+
+# In the second look: where scans share little, a rotation by its peak is 5 to 10 degrees off, and under that the place
+# is lost. On the coarse grid seven times as many rotations cost little.
+_SPREAD = float(np.deg2rad(5.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +65,7 @@ class SpectralConfig:
 
     max_tilt: float = float(np.deg2rad(35.0))
     hypotheses: int = 6
+    spread: float = 0.0
     shortlist: int = 72
     finalists: int = 3
     refinement: Refinement = "icp"
@@ -73,6 +78,8 @@ class SpectralConfig:
                 raise InputError(f"`{name}={getattr(self, name)}` is too few; give at least 1")
         if not 0 < self.max_tilt <= np.pi:
             raise InputError(f"`max_tilt` is {np.rad2deg(self.max_tilt):g} degrees; give more than 0 and up to 180")
+        if not 0 <= self.spread < np.pi:
+            raise InputError(f"`spread` is {np.rad2deg(self.spread):g} degrees; give 0 to 180")
         if self.refinement not in ("icp", "spectral"):
             raise InputError(f"`refinement={self.refinement}` is unknown; choose 'icp' or 'spectral'")
         if not 0 < self.least_probability < 1:
@@ -100,7 +107,8 @@ class SpectralRegistrar(GridRegistrar):
         self._verifier = Verifier(device, grid.edge)
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
         second = second_edge(grid.edge)
-        plan = None if second is None else partial(SpectralRegistrar, device, Grid(second, 1.0), self.config)
+        again = replace(self.config, spread=_SPREAD)
+        plan = None if second is None else partial(SpectralRegistrar, device, Grid(second, 1.0), again)
         self._plan_second = None if plan is None else cache(plan)  # when a pair is first looked at again
 
     def prepare(self, scan: Scan) -> SpectralScan:
@@ -225,6 +233,8 @@ class SpectralRegistrar(GridRegistrar):
         if (sweep := bounds.sweep) is not None:
             return self.so3.best_of(*coefficients, sweep, 4 * count)
         peaks = distinct_rotations(self.so3.candidates(*coefficients, count, bounds.allow_rotations))
+        if self.config.spread:
+            peaks = with_those_around(peaks, self.config.spread, bounds.allow_rotations)
         if (measured := bounds.measured) is None:
             return peaks
         return RotationPeaks(Rotation.concatenate([peaks.R, measured]), np.append(peaks.scores, 0.0))

@@ -21,10 +21,11 @@ from sonarmap.spectral.scan import Scan
 from tests.samples.scenes.structures import structure
 
 TILT = float(np.deg2rad(35))
+HARDLY = 1 - 1e-9  # a probability that no pair has: so all looks at a pair are taken
 # A registrar, its config, and the method and tilt of its plan.
 MAKERS: dict[str, tuple[Any, ...]] = {
-    "spectral": (SpectralRegistrar, None, "spectral", TILT),
-    "any rotation": (SpectralRegistrar, SpectralConfig(max_tilt=np.pi), "spectral", np.pi),
+    "spectral": (SpectralRegistrar, SpectralConfig(least_probability=HARDLY), "spectral", TILT),
+    "any rotation": (SpectralRegistrar, SpectralConfig(np.pi, least_probability=HARDLY), "spectral", np.pi),
     "hemisphere": (HemisphereRegistrar, None, "hemisphere", np.pi),
     "paper": (HemisphereRegistrar, HemisphereConfig.paper(), "hemisphere", np.pi),
 }
