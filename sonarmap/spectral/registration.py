@@ -52,6 +52,8 @@ class SpectralConfig:
         max_tilt: largest roll and largest pitch between two scans [rad] (Sect. 2.7); pi for any.
         hypotheses: how many distinct rotations of each of three bands of layers are followed; where the attitude is
             known four times as many turns.
+        spread: beside each rotation those turned from it by this much about each axis, both ways, are followed too
+            [rad]; 0 for none.
         shortlist: how many of the poses that these lead to are refined.
         finalists: how many of them are compared on the whole grid, with as many others that only it shows.
         refinement: what makes the result finer than voxels and bins: "icp", point to plane on the surfaces, or
