@@ -193,7 +193,7 @@ def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     middle = median(usual)
     deviation = median(abs(overlap - middle) for overlap in usual)
     least = min(middle - _FAR_OFF * deviation, _LITTLE * middle)
-    apart = sorted((pair for pair in overlaps if pair[0] < least), key=lambda pair: pair[0])
+    apart = sorted((each for each in overlaps if each[0] < least), key=lambda each: each[0])
     if apart:
         overlap, step = apart[0]
         others = f"; {len(apart) - 1} more steps share as little" if apart[1:] else ""
