@@ -81,7 +81,7 @@ class SpectralConfig:
         if not 0 < self.max_tilt <= np.pi:
             raise InputError(f"`max_tilt` is {np.rad2deg(self.max_tilt):g} degrees; give more than 0 and up to 180")
         if not 0 <= self.spread < np.pi:
-            raise InputError(f"`spread` is {np.rad2deg(self.spread):g} degrees; give 0 to 180")
+            raise InputError(f"`spread` is {np.rad2deg(self.spread):g} degrees; give 0 or more, below 180")
         if self.refinement not in ("icp", "spectral"):
             raise InputError(f"`refinement={self.refinement}` is unknown; choose 'icp' or 'spectral'")
         if not 0 < self.least_probability < 1:

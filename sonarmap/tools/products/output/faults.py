@@ -196,7 +196,7 @@ def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     apart = sorted((each for each in overlaps if each[0] < least), key=lambda each: each[0])
     if apart:
         overlap, step = apart[0]
-        others = f"; {len(apart) - 1} more steps share as little" if apart[1:] else ""
+        others = f" (steps that share as little: {len(apart)})" if apart[1:] else ""
         yield (
             f"{names[step.i]} and {names[step.j]} share {overlap:.0%}, where consecutive scans usually share "
             f"{middle:.0%}{others}. A sharp turn does this, and so does a vehicle that was moved, even to another "
