@@ -30,7 +30,7 @@ from sonarmap.spectral.prepare.surface import smooth_surface
 from sonarmap.spectral.prior import relative_prior
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.spectral.so3 import RotationPeaks, So3, distinct_rotations, with_those_around
+from sonarmap.spectral.so3 import RotationPeaks, So3, distinct_rotations
 from sonarmap.spectral.verify.bounds import Bounds
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
@@ -38,10 +38,6 @@ from sonarmap.spectral.verify.observability import Observability
 from sonarmap.spectral.verify.verifier import Verifier
 
 Refinement = Literal["icp", "spectral"]
-
-# In the second look: where scans share little, a rotation by its peak is 5 to 10 degrees off, and under that the place
-# is lost. On the coarse grid seven times as many rotations cost little.
-_SPREAD = float(np.deg2rad(5.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +48,6 @@ class SpectralConfig:
         max_tilt: largest roll and largest pitch between two scans [rad] (Sect. 2.7); pi for any.
         hypotheses: how many distinct rotations of each of three bands of layers are followed; where the attitude is
             known four times as many turns.
-        spread: beside each rotation those turned from it by this much about each axis, both ways, are followed too
-            [rad]; 0 for none.
         shortlist: how many of the poses that these lead to are refined.
         finalists: how many of them are compared on the whole grid, with as many others that only it shows.
         refinement: what makes the result finer than voxels and bins: "icp", point to plane on the surfaces, or
@@ -67,7 +61,6 @@ class SpectralConfig:
 
     max_tilt: float = float(np.deg2rad(35.0))
     hypotheses: int = 6
-    spread: float = 0.0
     shortlist: int = 72
     finalists: int = 3
     refinement: Refinement = "icp"
@@ -80,8 +73,6 @@ class SpectralConfig:
                 raise InputError(f"`{name}={getattr(self, name)}` is too few; give at least 1")
         if not 0 < self.max_tilt <= np.pi:
             raise InputError(f"`max_tilt` is {np.rad2deg(self.max_tilt):g} degrees; give more than 0 and up to 180")
-        if not 0 <= self.spread < np.pi:
-            raise InputError(f"`spread` is {np.rad2deg(self.spread):g} degrees; give 0 or more, below 180")
         if self.refinement not in ("icp", "spectral"):
             raise InputError(f"`refinement={self.refinement}` is unknown; choose 'icp' or 'spectral'")
         if not 0 < self.least_probability < 1:
@@ -109,8 +100,7 @@ class SpectralRegistrar(GridRegistrar):
         self._verifier = Verifier(device, grid.edge)
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
         second = second_edge(grid.edge)
-        again = replace(self.config, spread=_SPREAD)
-        plan = None if second is None else partial(SpectralRegistrar, device, Grid(second, 1.0), again)
+        plan = None if second is None else partial(SpectralRegistrar, device, Grid(second, 1.0), self.config)
         self._plan_second = None if plan is None else cache(plan)  # when a pair is first looked at again
 
     def prepare(self, scan: Scan) -> SpectralScan:
@@ -235,8 +225,6 @@ class SpectralRegistrar(GridRegistrar):
         if (sweep := bounds.sweep) is not None:
             return self.so3.best_of(*coefficients, sweep, 4 * count)
         peaks = distinct_rotations(self.so3.candidates(*coefficients, count, bounds.allow_rotations))
-        if self.config.spread:
-            peaks = with_those_around(peaks, self.config.spread, bounds.allow_rotations)
         if (measured := bounds.measured) is None:
             return peaks
         return RotationPeaks(Rotation.concatenate([peaks.R, measured]), np.append(peaks.scores, 0.0))

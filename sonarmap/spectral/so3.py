@@ -82,15 +82,6 @@ def distinct_rotations(found: Sequence[RotationPeaks]) -> RotationPeaks:
     return RotationPeaks(R[kept], scores[kept])  # pyright: ignore[reportArgumentType]
 
 
-def with_those_around(peaks: RotationPeaks, angle: float, allowed: Callable[[Rotation], np.ndarray]) -> RotationPeaks:
-    """The rotations, then all of them turned by the angle [rad] about x, then -x and so on, where these are allowed."""
-    turns = Rotation.from_rotvec(angle * np.concatenate([[axis, -axis] for axis in np.eye(3)]))
-    around = Rotation.concatenate([turn * peaks.R for turn in turns])
-    scores, possible = np.tile(peaks.scores, len(turns)), allowed(around)
-    R = Rotation.concatenate([peaks.R, around[possible]])  # pyright: ignore[reportArgumentType]
-    return RotationPeaks(R, np.append(peaks.scores, scores[possible]))
-
-
 class So3:
     """The rotations under which two magnitude spectra are most alike, on one device and grid."""
 

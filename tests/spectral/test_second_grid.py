@@ -72,8 +72,7 @@ def test_it_is_prepared_for_pairs_that_are_not_believed_alone(monkeypatch: pytes
     looks = [0.9, 0.2, 0.6]  # of what answers say: the first pair's, then both looks' at the second pair
 
     def answer(self: SpectralRegistrar, _: object) -> Registration:
-        reason = f"{self.grid.edge} voxels, {np.rad2deg(self.config.spread):.0f} degrees around"
-        return replace(no_candidates(1.0), probability=looks.pop(0), reason=reason)
+        return replace(no_candidates(1.0), probability=looks.pop(0), reason=f"{self.grid.edge} voxels")
 
     grid = Grid(64, EXTENT / 64)
     registrar = SpectralRegistrar(choose_device(), grid)
@@ -83,11 +82,11 @@ def test_it_is_prepared_for_pairs_that_are_not_believed_alone(monkeypatch: pytes
     asked: list[Scan] = []
     prepare = SpectralRegistrar.prepare
     monkeypatch.setattr(SpectralRegistrar, "prepare", lambda self, scan: asked.append(scan) or prepare(self, scan))
-    assert registrar.register(scan, scan).reason == "64 voxels, 0 degrees around"
+    assert registrar.register(scan, scan).reason == "64 voxels"
     assert not asked
     again = registrar.register(scan, scan)
     assert (again.probability, len(asked)) == (0.6, 1)
-    assert again.reason == "with voxels of 0.8 m, which noise and gaps hide less: 32 voxels, 5 degrees around"
+    assert again.reason == "with voxels of 0.8 m, which noise and gaps hide less: 32 voxels"
     looks.extend([0.5, 0.3])
     assert registrar.register(scan, scan).probability == 0.5
     assert len(asked) == 1

@@ -10,7 +10,7 @@ from sonarmap.kernels.device.device import Array, choose_device
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.prepare.prepared import Preparer
 from sonarmap.spectral.scan import Scan
-from sonarmap.spectral.so3 import PARTS, RotationPeaks, So3, Sweep, distinct_rotations, with_those_around
+from sonarmap.spectral.so3 import PARTS, RotationPeaks, So3, Sweep, distinct_rotations
 from tests.samples.scenes.reliefs import HERE, T_TRUE, THERE, relief, seen
 from tests.samples.scenes.structures import structure
 
@@ -241,17 +241,3 @@ def test_distinct_rotations_are_those_of_all_in_their_order() -> None:
     found = distinct_rotations([first, second])
     np.testing.assert_allclose(np.rad2deg(found.R.magnitude()), [0, 40, 80], atol=1e-9)
     np.testing.assert_array_equal(found.scores, [0.9, 0.5, 0.7])
-
-
-def test_those_around_are_turned_about_the_targets_axes_where_that_is_allowed() -> None:
-    peaks = RotationPeaks(
-        Rotation.from_euler("ZYX", [[70.0, 8.0, -5.0], [-20.0, 0.0, 30.0]], degrees=True), np.array([0.9, 0.4])
-    )
-    found = with_those_around(peaks, 0.1, lambda R: np.arange(len(R)) != 3)
-    assert len(found.scores) == 13
-    np.testing.assert_array_equal(found.R[:2].as_quat(), peaks.R.as_quat())
-    axes = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
-    wanted = [(n, axis) for axis in axes for n in (0, 1) if (n, axis) != (1, (-1, 0, 0))]
-    for R, score, (n, axis) in zip(found.R[2:], found.scores[2:], wanted, strict=True):
-        np.testing.assert_allclose((R * peaks.R[n].inv()).as_rotvec(), 0.1 * np.array(axis), atol=1e-12)
-        assert score == peaks.scores[n]

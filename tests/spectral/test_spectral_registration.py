@@ -214,7 +214,6 @@ class TestBounds:
         [
             ({"hypotheses": 0}, "`hypotheses=0`"),
             ({"shortlist": 0}, "`shortlist=0`"),
-            ({"spread": -0.1}, "`spread` is -5"),
             ({"finalists": 0}, "`finalists=0`"),
             ({"max_tilt": 0.0}, "`max_tilt` is 0 degrees"),
             ({"max_tilt": 3.2}, "`max_tilt` is 183"),
