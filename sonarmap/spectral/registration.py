@@ -20,13 +20,14 @@ from sonarmap.kernels.pomf.point_spectra import PointSpectra
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.fitted import FITTED
 from sonarmap.spectral.grid import Grid, second_edge
+from sonarmap.spectral.judge.covariance import covers
 from sonarmap.spectral.judge.judgement import conclude, no_candidates
 from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer
 from sonarmap.spectral.prepare.range_image import scan_view
 from sonarmap.spectral.prepare.signature import signature
 from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, CoarseVolume, SpectralScan
-from sonarmap.spectral.prepare.surface import smooth_surface
+from sonarmap.spectral.prepare.surface import smooth_surface, smoothed_further
 from sonarmap.spectral.prior import relative_prior
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
@@ -114,13 +115,14 @@ class SpectralRegistrar(GridRegistrar):
         viewpoints = self.grid.to_voxels(places, volume.center)
         view = scan_view(self.device, points, volume.surface, viewpoints)
         surface = smooth_surface(self.device, volume.cells, list(view.places))
-        layers = analyzed.read()
+        layers, shown = analyzed.read(), surface.read()
         return SpectralScan(
             volume=volume,
             coarse=coarse,
             coefficients=layers.coefficients,
             signature=signature(layers.products),
-            surface=surface.read(),
+            surface=shown,
+            smoother=cache(partial(smoothed_further, self.device, shown)),
             view=view,
             prior=scan.prior,
             second=cache(partial(self._prepare_second, scan)),
@@ -150,7 +152,13 @@ class SpectralRegistrar(GridRegistrar):
         if first.probability >= self.config.least_probability:
             return first
         second = self._looked_at_again(target, source, bounds)
-        return first if second is None or second.probability <= first.probability else second
+        if second is None or second.probability <= first.probability:
+            return first
+        if not (first.probability and covers(first.covariance, first.T_target_source, second.T_target_source)):
+            return second
+        # the same place, of which the finer grid knows the pose better
+        accepted = second.probability >= self.config.least_probability and first.fixed >= FITTED["acceptance"]["fixed"]
+        return replace(first, probability=second.probability, accepted=accepted, reason=second.reason)
 
     def _looked_at_again(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration | None:
         """The answer on the coarser grid; None if there is none, or if a scan shows too little on it."""

@@ -90,3 +90,25 @@ def test_it_is_prepared_for_pairs_that_are_not_believed_alone(monkeypatch: pytes
     looks.extend([0.5, 0.3])
     assert registrar.register(scan, scan).probability == 0.5
     assert len(asked) == 1
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_of_the_same_place_the_finer_grid_knows_the_pose(monkeypatch: pytest.MonkeyPatch, same: bool) -> None:
+    monkeypatch.setattr("sonarmap.spectral.registration.second_edge", {64: 32, 32: None}.get)
+    sigma = 0.2 if same else 0.05
+
+    def answer(self: SpectralRegistrar, _: object) -> Registration:
+        fine = self.grid.edge == 64
+        T = RigidTransform.from_translation([0.0, 0.1 if fine else 0.4, 0.0])
+        covariance = np.diag(np.full(6, sigma**2))
+        answered = replace(no_candidates(1.0), T_target_source=T, covariance=covariance, evidence=(("fixed", 0.99),))
+        return replace(answered, probability=0.3 if fine else 0.95, accepted=not fine)
+
+    registrar = SpectralRegistrar(choose_device(), Grid(64, EXTENT / 64))
+    registrar._warm = True  # pyright: ignore[reportPrivateUsage]
+    scan = registrar.prepare(Scan(structure(4, 3000)))
+    monkeypatch.setattr(SpectralRegistrar, "_answer", answer)
+    found = registrar.register(scan, scan)
+    np.testing.assert_allclose(found.T_target_source.translation[1], 0.1 if same else 0.4)
+    assert (found.probability, found.accepted) == (0.95, True)
+    assert found.reason.startswith("with voxels of 0.8 m")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +35,7 @@ class SpectralScan:
     coefficients: Array  # device (degrees, layers, orders) complex64 of its layers, from `So3.equalize`
     signature: np.ndarray  # (K,) float32, nearly the same however the scan is turned and moved, from `signature`
     surface: Surface  # points and normals, for the refinement
+    smoother: Callable[[], Sequence[Surface]]  # the same smoothed further, the smoothest first, when it is asked for
     view: View  # what the sensor saw
     prior: PosePrior | None  # what other instruments say about its pose, or None
     # the same on the grid of `second_edge`, prepared when it is asked for; None where there is none, or where the scan

@@ -1,9 +1,10 @@
 """The surface that a scan shows: a point for each occupied voxel, on the plane of its neighbors, with its normal."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.device.readback import Pending, Readback
@@ -15,6 +16,10 @@ _FARTHEST = 3.0
 # At a rim the neighbors lie to one side: their middle is farther away than this share of their spread. On a straight
 # rim it is three quarters, well inside a fifth.
 _ASIDE = 0.4
+# Points that have so many of a rim nearer than this lie near it [voxels].
+_RIM_POINTS, _RIM_WIDTH = 3, 3.0
+# How often a surface is smoothed further.
+SMOOTHED = 3
 # A direction of normals that holds a smaller share of the points than this counts less than the others.
 _RARE = 0.05
 
@@ -61,6 +66,25 @@ class Surface:
     def rays(self) -> np.ndarray:
         """(m, 3) float32, to each point from where the sensor saw it [voxels]; 0 where that is not known."""
         return self.rows[:, 8:11]
+
+
+def smoothed_further(device: Device, surface: Surface) -> list[Surface]:
+    """The surface smoothed thrice more, twice and once, with all points near a rim counted among the rim's.
+
+    What noise moves along the beams leaves at the end of a view a slope that belongs to the sensor, not to the scene.
+    """
+    rim, near = surface.points[~surface.inner], np.zeros(len(surface.rows), bool)
+    if len(rim) >= _RIM_POINTS:
+        distances, _ = KDTree(rim).query(surface.points, _RIM_POINTS, distance_upper_bound=_RIM_WIDTH)
+        near = np.isfinite(distances[:, -1])
+    surfaces: list[Surface] = []
+    for _ in range(SMOOTHED):
+        smooth = smooth_surface(device, (surfaces[-1] if surfaces else surface).elements.cells).read()
+        rows = smooth.rows.copy()
+        rows[near, 3], rows[:, 8:11] = 0.0, surface.rays
+        elements = replace(smooth.elements, rows=device.to_device(rows))
+        surfaces.append(replace(smooth, rows=rows, elements=elements))
+    return surfaces[::-1]
 
 
 def smooth_surface(device: Device, cells: Cells, viewpoints: Sequence[np.ndarray] = ()) -> Pending[Surface]:

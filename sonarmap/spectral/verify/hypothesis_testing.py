@@ -9,10 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.points.poses import upload_poses
 from sonarmap.spectral.prepare.range_image import FINE
+from sonarmap.spectral.prepare.surface import SMOOTHED
 from sonarmap.spectral.rotation_search import search_rotation
 from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.verify.candidates import Candidates
-from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.fit import Fit, principal_axes
 from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Evidence, Hypothesis, alike, ranked
 from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
 from sonarmap.spectral.verify.observability import weakest
@@ -27,6 +28,14 @@ _QUICK = Stage((4.0, 3.0, 2.0), 250)
 _ROUGH = Stage((4.0, 3.0, 2.0, 2.0), 500)
 _CLOSE = Stage((4.0, 2.0, 2.0, 1.5, 1.5, 1.5), 1000)
 _FINAL = Stage((1.5,) * 3, 3000)
+# Where one direction is held by less than this share of the planes, the best is laid on once more by surfaces that are
+# smoothed further, thrice, twice and once: normals of little relief are mostly noise, which adds to
+# the squares that a step is divided by, so that it covers a twentieth of its way.
+_LOOSE = 0.02
+_SMOOTHED = (
+    Stage((3.0, 3.0, 2.0, 2.0, 1.5, 1.5, 1.5, 1.5), 3000),
+    *(Stage((2.0, 2.0, *(1.5,) * 6), 3000),) * (SMOOTHED - 1),
+)
 # Candidates that score less than this share of the best are not refined: of 115 right ones among the best 72 one scored
 # less than half.
 _PROMISING = 0.4
@@ -134,25 +143,14 @@ class HypothesisTest(PairFrames):
         Of those that came out at the same pose the best alone is kept.
         """
         refined = self._refine(_hopeful(hypotheses, 1.5 * _HOPELESS), [_CLOSE])
+        if refined[0].evidence.firmness <= _FIRM:
+            refined = [
+                replace(each, evidence=replace(each.evidence, closeness=-log(max(each.fit.residual, _CLOSEST))))
+                for each in self._laid_smoothly(refined)
+            ]
         hopeful = _hopeful(refined, _HOPELESS)
         # one alone is measured where it ends
-        if len(hopeful) == 1:
-            return hopeful
-        measured = self._measured(hopeful)
-        return measured if measured[0].evidence.firmness > _FIRM else self._closest_first(measured)
-
-    def _closest_first(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """All refined to the end and compared by how close the surfaces come there, too.
-
-        Over a bed of little relief, what the sensors saw agrees nearly as well at a place some voxels off. There the
-        surfaces are a little farther apart: hardly more than noise at one point, but at thousands of points.
-        """
-        fits = self._steps(_start([each.fit for each in hypotheses]), [_FINAL]).read()
-        closer = [
-            replace(each, fit=fit, evidence=replace(each.evidence, closeness=-log(max(fit.residual, _CLOSEST))))
-            for each, fit in zip(hypotheses, fits, strict=True)
-        ]
-        return sorted(closer, key=lambda hypothesis: -hypothesis.score)
+        return hopeful if len(hopeful) == 1 else self._measured(hopeful)
 
     def finish(
         self, hypotheses: list[Hypothesis], spectral: bool, stages: Sequence[Stage] = (_FINAL,)
@@ -165,9 +163,11 @@ class HypothesisTest(PairFrames):
         best = replace(best, evidence=replace(best.evidence, closeness=hypotheses[0].evidence.closeness))
         return [best, *(hypothesis for hypothesis in hypotheses[1:] if not alike(hypothesis.fit, best.fit))]
 
-    def _finish_best(self, best: Hypothesis, spectral: bool, stages: Sequence[Stage]) -> Hypothesis:
+    def _finish_best(self, known: Hypothesis, spectral: bool, stages: Sequence[Stage]) -> Hypothesis:
         """Its evidence is of the scans as they are; its pose, by planes, is with their ranges set right."""
-        best = self._refine([best], stages)[0]
+        best = self._refine([known], stages)[0]
+        if not known.evidence.closeness and principal_axes(best.fit.information, best.fit.pairs)[0][0] < _LOOSE:
+            best = self._laid_smoothly([best])[0]
         if not spectral:
             measurement = self.verifier.measure(self.target, self.source, [best])
             (fit,) = self._steps(_start([best.fit], stretches=True), [_FINAL]).read()
@@ -181,6 +181,22 @@ class HypothesisTest(PairFrames):
         pose = upload_poses(self.verifier.device, R.as_matrix()[None], near[None])
         seen = self.verifier.observe(self.target, self.source, pose).read()
         return self._measured([replace(best, evidence=self._evidence(seen, [best.fit])[0])])[0]
+
+    def _laid_smoothly(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Refined by surfaces that are smoothed further, the smoothest first, and then by the surfaces as they are.
+
+        Over a bed of little relief, what the sensors saw agrees nearly as well at a place some voxels off. There the
+        surfaces are a little farther apart: hardly more than noise at one point, but at thousands of points.
+        """
+        fits = [each.fit for each in hypotheses]
+        for target, source, stage in zip(self.target.smoother(), self.source.smoother(), _SMOOTHED, strict=True):
+            smooth = replace(self.target, surface=target), replace(self.source, surface=source)
+            fits = replace(self, target=smooth[0], source=smooth[1])._steps(_start(fits), [stage]).read()
+        # how far the surfaces are apart is known from those that are not smoothed
+        laid = [
+            replace(each, fit=replace(fit, width=each.fit.width)) for each, fit in zip(hypotheses, fits, strict=True)
+        ]
+        return self._refine(laid, [_FINAL])
 
     def _left_to_scans(self, best: Hypothesis) -> Hypothesis:
         """The hypothesis with the whole step to where the scans alone would have it, where instruments took part.

@@ -1,10 +1,13 @@
 """The surface of a scan: noise along the normals goes, walls stay where they are, and so do wild points."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.spectral.surfaces import surface_of
+from sonarmap.spectral.prepare.surface import SMOOTHED, smoothed_further
+from tests.spectral.surfaces import chosen_device, surface_of
 
 TURN = Rotation.from_euler("ZYX", [40, -25, 12], degrees=True)
 
@@ -69,3 +72,31 @@ def test_points_at_a_rim_have_their_neighbors_on_one_side() -> None:
     assert inner[3:-3, 3:-3].all()
     assert not inner[[0, -1]].any()
     assert not inner[:, [0, -1]].any()
+
+
+def test_smoothed_further_heights_and_normals_are_noise_the_less() -> None:
+    surface = surface_of(noisy_plane(), [np.array([0.0, 0.0, 20.0])])
+    smoother = smoothed_further(chosen_device(), surface)
+    assert len(smoother) == SMOOTHED
+    middle = (np.abs(surface.points[:, :2] - [0.0, 3.0]) < 9).all(axis=1)
+    for more, less in pairwise([*smoother, surface]):
+        assert more.points[middle, 2].std() < 0.9 * less.points[middle, 2].std()
+        assert more.normals[middle, :2].std() < 0.85 * less.normals[middle, :2].std()
+        np.testing.assert_array_equal(more.rays, surface.rays)
+        np.testing.assert_array_equal(more.elements.rows.get().reshape(more.rows.shape), more.rows)
+
+
+def test_smoothed_further_what_is_near_a_rim_counts_as_rim() -> None:
+    x, y = np.meshgrid(np.arange(20.0), np.arange(16.0))
+    surface = surface_of(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]))
+    for smooth in smoothed_further(chosen_device(), surface):
+        inner = smooth.inner.reshape(x.shape)
+        assert inner[4:-4, 4:-4].all()
+        assert not np.delete(inner, np.s_[3:-3], axis=0).any()
+        assert not np.delete(inner, np.s_[3:-3], axis=1).any()
+
+
+def test_few_points_are_smoothed_further() -> None:
+    surface = surface_of(np.array([[0.0, 0, 1], [2, 0, 1], [0, 3, 1]]))
+    for smooth in smoothed_further(chosen_device(), surface):
+        np.testing.assert_allclose(smooth.points, surface.points, atol=1e-5)

@@ -275,10 +275,10 @@ class TestClosest:
         assert right.evidence.closeness > wrong.evidence.closeness > 0.0
 
     def test_it_outweighs_a_peak_twice_as_high(self, pair_test: HypothesisTest, monkeypatch) -> None:
-        right, wrong = self.compared(pair_test, monkeypatch, 0.0)
-        ahead = replace(wrong, evidence=replace(right.evidence, psr=2 * right.evidence.psr))
-        assert ahead.score > right.score
-        assert off(pair_test, pair_test._closest_first([ahead, right])[0]) < 0.5
+        right, wrong = self.compared(pair_test, monkeypatch, 1.0)
+        peak = replace(right.evidence, psr=2 * right.evidence.psr)
+        assert replace(wrong, evidence=peak).score > right.score
+        assert replace(wrong, evidence=replace(peak, closeness=wrong.evidence.closeness)).score < right.score
 
     def test_the_best_keeps_it_to_the_end(self, pair_test: HypothesisTest, monkeypatch) -> None:
         both = self.compared(pair_test, monkeypatch, 1.0)
