@@ -19,7 +19,7 @@ _ASIDE = 0.4
 # Points that have so many of a rim nearer than this lie near it [voxels].
 _RIM_POINTS, _RIM_WIDTH = 3, 3.0
 # How often a surface is smoothed further.
-SMOOTHED = 3
+_TIMES = 3
 # A direction of normals that holds a smaller share of the points than this counts less than the others.
 _RARE = 0.05
 
@@ -78,7 +78,7 @@ def smoothed_further(device: Device, surface: Surface) -> list[Surface]:
         distances, _ = KDTree(rim).query(surface.points, _RIM_POINTS, distance_upper_bound=_RIM_WIDTH)
         near = np.isfinite(distances[:, -1])
     surfaces: list[Surface] = []
-    for _ in range(SMOOTHED):
+    for _ in range(_TIMES):
         smooth = smooth_surface(device, (surfaces[-1] if surfaces else surface).elements.cells).read()
         rows = smooth.rows.copy()
         rows[near, 3], rows[:, 8:11] = 0.0, surface.rays

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.points.poses import upload_poses
 from sonarmap.spectral.prepare.range_image import FINE
-from sonarmap.spectral.prepare.surface import SMOOTHED
 from sonarmap.spectral.rotation_search import search_rotation
 from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.verify.candidates import Candidates
@@ -28,14 +27,10 @@ _QUICK = Stage((4.0, 3.0, 2.0), 250)
 _ROUGH = Stage((4.0, 3.0, 2.0, 2.0), 500)
 _CLOSE = Stage((4.0, 2.0, 2.0, 1.5, 1.5, 1.5), 1000)
 _FINAL = Stage((1.5,) * 3, 3000)
-# Where one direction is held by less than this share of the planes, the best is laid on once more by surfaces that are
-# smoothed further, thrice, twice and once: normals of little relief are mostly noise, which adds to
-# the squares that a step is divided by, so that it covers a twentieth of its way.
-_LOOSE = 0.02
-_SMOOTHED = (
-    Stage((3.0, 3.0, 2.0, 2.0, 1.5, 1.5, 1.5, 1.5), 3000),
-    *(Stage((2.0, 2.0, *(1.5,) * 6), 3000),) * (SMOOTHED - 1),
-)
+# Where one direction is held by less than this share of the planes, surfaces are laid on each other once more, smoothed
+# further: normals of little relief are mostly noise, which adds to the squares that a step is divided by, so that it
+# covers a twentieth of its way. No step reaches so far that rims take part.
+_LOOSE, _SMOOTHED = 0.02, Stage((2.0, 2.0, *(1.5,) * 6), 3000)
 # Candidates that score less than this share of the best are not refined: of 115 right ones among the best 72 one scored
 # less than half.
 _PROMISING = 0.4
@@ -189,13 +184,10 @@ class HypothesisTest(PairFrames):
         surfaces are a little farther apart: hardly more than noise at one point, but at thousands of points.
         """
         fits = [each.fit for each in hypotheses]
-        for target, source, stage in zip(self.target.smoother(), self.source.smoother(), _SMOOTHED, strict=True):
+        for target, source in zip(self.target.smoother(), self.source.smoother(), strict=True):
             smooth = replace(self.target, surface=target), replace(self.source, surface=source)
-            fits = replace(self, target=smooth[0], source=smooth[1])._steps(_start(fits), [stage]).read()
-        # how far the surfaces are apart is known from those that are not smoothed
-        laid = [
-            replace(each, fit=replace(fit, width=each.fit.width)) for each, fit in zip(hypotheses, fits, strict=True)
-        ]
+            fits = replace(self, target=smooth[0], source=smooth[1])._steps(_start(fits), [_SMOOTHED]).read()
+        laid = [replace(each, fit=fit) for each, fit in zip(hypotheses, fits, strict=True)]
         return self._refine(laid, [_FINAL])
 
     def _left_to_scans(self, best: Hypothesis) -> Hypothesis:
