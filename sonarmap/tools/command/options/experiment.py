@@ -47,7 +47,8 @@ NameArgument = Annotated[
 FolderArgument = Annotated[
     Path | None,
     typer.Argument(
-        help="For real: a folder with scans and a gt.log, or a folder of such folders. For judge: OUT of evidence.",
+        help="For real: a folder with scans and a gt.log, or a folder of such folders. For judge: OUT of evidence. "
+        "For decisions: where registrations are kept.",
         metavar="DIR",
         show_default=False,
         rich_help_panel=INPUT,

@@ -32,6 +32,7 @@ KINDS = "kinds"  # on every kind of scan that is simulated
 EVIDENCE = "evidence"  # of what registrations measure
 LOST = "funnel"  # of what registrations do not find
 FITTING = "judge"  # of how far to believe them
+DECIDING = "decisions"  # of what maps are made of them
 EVERY = "pages"  # all experiments, for all pages of one state; those on a folder where one is given
 
 
@@ -141,6 +142,13 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
             FITTING,
             on_folder=True,
         ),
+        "decisions": _entry(
+            "what the rules of the graph are worth, with registrations that a folder DIR keeps",
+            "decisions.run",
+            _STRUCTURE_OPTIONS[1:],
+            DECIDING,
+            on_folder=True,
+        ),
     }
 )
 
@@ -179,7 +187,8 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
         names = tuple(
             each
             for each, entry in EXPERIMENTS.items()
-            if entry.group not in (EVIDENCE, LOST, FITTING) and (request.folder is not None or not entry.on_folder)
+            if entry.group not in (EVIDENCE, LOST, FITTING, DECIDING)
+            and (request.folder is not None or not entry.on_folder)
         )
     _check_folder(name, names, request.folder)
     options = [option for option in OPTIONS if all(option in EXPERIMENTS[member].options for member in names)]
@@ -209,6 +218,7 @@ def _check_folder(name: str, names: tuple[str, ...], folder: Path | None) -> Non
     needed = any(EXPERIMENTS[member].on_folder for member in names)
     if needed and folder is None:
         holds = {
+            "decisions": "the registrations that earlier runs made, or nothing yet",
             "judge": "what sonarmap reproduce evidence -o DIR wrote",
             "real": "scans whose names end in a number and a gt.log, or several folders of such",
         }[next(member for member in names if EXPERIMENTS[member].on_folder)]

@@ -113,10 +113,11 @@ def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: s
     pose_covariances(result.solution)
     took["fusing"] = max(0.0, execution.timings.stages["map fused"] - (perf_counter() - start))
     took["optimizing"] = took["total"] - took["registering"] - took["signing"] - took["fusing"]
-    return _mapped(result, took, _signatures(registrar, scans))
+    return replace(mapped_of(result), took=took, signatures=_signatures(registrar, scans))
 
 
-def _mapped(result: "SurveyResult", took: Mapping[str, float], signatures: dict[int, np.ndarray]) -> MappedSurvey:
+def mapped_of(result: "SurveyResult") -> MappedSurvey:
+    """What this project's mapper made, without times and signatures."""
     from sonarmap.slam.parts import placed
 
     largest = placed(result.components)[0]
@@ -128,11 +129,10 @@ def _mapped(result: "SurveyResult", took: Mapping[str, float], signatures: dict[
         pairs=tuple(_tried(pair) for pair in result.pairs),
         points=part.optimized.points,
         seen=part.optimized.seen,
-        took=took,
+        took={},
         components=sum(len(component) > 1 for component in result.components),
         chained=part.chained_poses,
         covariances=result.covariances[members],
-        signatures=signatures,
     )
     return replace(mapped, crossings=(before.median, after.median)) if before and after else mapped
 

@@ -27,13 +27,24 @@ def survey_rows(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> 
     Trajectories are aligned over the placed scans that are usable; other scans that a system places are
     ignored here, but its map contains them.
     """
-    usable = [place for place, scan in enumerate(mapped.placed) if scan not in survey.unusable]
-    after = evaluate(mapped.trajectory.take(usable), survey.truth)
-    before = None if mapped.chained is None else evaluate(mapped.chained.take(usable), survey.truth)
-    row: dict[str, Value] = {"row": MAP} | _placed(survey, mapped, len(usable)) | {"voxel_m": voxel}
-    row |= _errors(before, after, voxel) | _calibration(survey, mapped) | _pairs(survey, mapped, voxel)
+    before, after = _evaluated(survey, mapped)
+    row = {"row": MAP} | estimate_cells(survey, mapped, voxel)
     row |= _map(survey, mapped, after, voxel) | _recall(survey, mapped, voxel)
     return (row, *_poses(before, after))
+
+
+def estimate_cells(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
+    """What poses and pairs are worth, as the first cells of `survey_rows`."""
+    before, after = _evaluated(survey, mapped)
+    cells = _placed(survey, mapped, len(after.stamps)) | {"voxel_m": voxel} | _errors(before, after, voxel)
+    return cells | _calibration(survey, mapped) | _pairs(survey, mapped, voxel)
+
+
+def _evaluated(survey: SimulatedSurvey, mapped: MappedSurvey) -> tuple[Evaluation | None, Evaluation]:
+    """Before loops, where that is known, and after."""
+    usable = [place for place, scan in enumerate(mapped.placed) if scan not in survey.unusable]
+    after = evaluate(mapped.trajectory.take(usable), survey.truth)
+    return None if mapped.chained is None else evaluate(mapped.chained.take(usable), survey.truth), after
 
 
 def _placed(survey: SimulatedSurvey, mapped: MappedSurvey, usable: int) -> dict[str, Value]:

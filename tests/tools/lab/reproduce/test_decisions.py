@@ -1,0 +1,60 @@
+"""Surveys that are decided again: from registrations that are kept, rule by rule."""
+
+from pathlib import Path
+
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.candidates.settings import LoopSettings
+from sonarmap.tools.lab.reproduce.decisions import run as decisions
+from sonarmap.tools.lab.reproduce.decisions.run import WHOLE, Decisions
+from sonarmap.tools.lab.reproduce.decisions.section import decisions_section
+from sonarmap.tools.lab.reproduce.decisions.settings import DecisionSettings
+from sonarmap.tools.lab.reproduce.experiments import Request, create
+
+SETTINGS = DecisionSettings(("floodgate",), seeds=1, first_seed=5, scans=5, edge=64)
+
+
+@pytest.mark.slow
+def test_what_was_registered_is_decided_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    experiment = Decisions(tmp_path, SETTINGS, None)
+    assert experiment.jobs() == ["floodgate-5"]
+    (first,) = experiment.run("floodgate-5").rows
+    assert first["registered"] >= first["pairs"] > 4
+    assert (tmp_path / "floodgate-5.sqlite").is_file()
+    without_loops = LoopSettings(per_scan=0)
+    monkeypatch.setattr(decisions, "RULES", {WHOLE: LoopSettings(), "without loops": without_loops})
+    again, chained = Decisions(tmp_path, SETTINGS, None).run("floodgate-5").rows
+    assert again == first | {"registered": 0}
+    assert (chained["rule"], chained["registered"], chained["pairs"]) == ("without loops", 0, 4)
+    assert chained["loop_kept_right"] == 0 < int(again["loop_kept_right"])
+
+
+def test_the_page_shows_rules_then_scenes_then_the_worst_maps_first() -> None:
+    def row(rule: str, scene: str, seed: int, error: float) -> dict[str, str | int | float]:
+        fates = {
+            f"{role}_{fate}": 1 for role in ("sequential", "bridge", "loop") for fate in ("kept_right", "kept_wrong")
+        }
+        refused = {f"{role}_refused_right": 0 for role in ("sequential", "bridge", "loop")}
+        poses = {"scans": 5, "placed": 5, "within_95": 0.75, "nees_mean": 6.0, "ate_after_voxels": error}
+        return {"rule": rule, "scene": scene, "seed": seed} | fates | refused | poses
+
+    scenes = [("wreck", 1, 0.2), ("wreck", 2, 0.4), ("seabed", 1, 3.0)]
+    rows = [row(rule, *scene) for rule in (WHOLE, "a bound") for scene in scenes]
+    section = decisions_section(rows, [], SETTINGS)
+    short, rules, by_scene, worst = section.tables
+    assert short.rows[1][2] == "9 of 18"
+    assert [line[:2] for line in rules.rows] == [
+        (WHOLE, "rich"), (WHOLE, "weak"), ("a bound", "rich"), ("a bound", "weak"),
+    ]  # fmt: skip
+    assert [line[0] for line in by_scene.rows] == ["seabed", "wreck"]
+    assert [line[0] for line in worst.rows] == ["seabed 1", "wreck 2", "wreck 1"]
+    assert dict(zip(rules.headings, rules.rows[0], strict=True))["ATE [voxels]"] == "0.30, 0.40"
+    assert dict(zip(rules.headings, rules.rows[0], strict=True))["in the ellipsoid"] == "75.0 %"
+
+
+def test_it_needs_a_folder_and_scans() -> None:
+    with pytest.raises(InputError, match="2 or more"):
+        DecisionSettings(scans=1)
+    with pytest.raises(ValueError, match="no folder"):
+        create("decisions", Request())
