@@ -146,7 +146,8 @@ class SpectralRegistrar(GridRegistrar):
     def _found(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration:
         """The answer; where its place is not believed, that of the second look if it is the more probable one.
 
-        Where the place is believed and the pose is open there, larger voxels know the pose no better.
+        Where the place is believed and the pose is open there, larger voxels know the pose no better; nor do they where
+        both looks find the same place.
         """
         first = self._answer(HypothesisTest(self.grid, target, source, bounds, self._verifier))
         if first.probability >= self.config.least_probability:
@@ -156,9 +157,10 @@ class SpectralRegistrar(GridRegistrar):
             return first
         if not (first.probability and covers(first.covariance, first.T_target_source, second.T_target_source)):
             return second
-        # the same place, of which the finer grid knows the pose better
-        accepted = second.probability >= self.config.least_probability and first.fixed >= FITTED["acceptance"]["fixed"]
-        return replace(first, probability=second.probability, accepted=accepted, reason=second.reason)
+        believed = second.probability >= self.config.least_probability
+        return replace(
+            first, probability=second.probability, accepted=believed and first.is_fixed, reason=second.reason
+        )
 
     def _looked_at_again(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration | None:
         """The answer on the coarser grid; None if there is none, or if a scan shows too little on it."""

@@ -26,7 +26,14 @@ from sonarmap.tools.methods.registry import DEFAULT_METHOD, Setup, find_method
 
 WHOLE = "all rules"
 # What is tried: other thresholds of the graph
-RULES: Mapping[str, LoopSettings] = MappingProxyType({WHOLE: LoopSettings()})
+RULES: Mapping[str, LoopSettings] = MappingProxyType(
+    {
+        WHOLE: LoopSettings(),
+        "answers agree within 3 sigmas": LoopSettings(bound=3.0),
+        "one round of loops": LoopSettings(rounds=1, most_rounds=1),
+        "without loops": LoopSettings(per_scan=0),
+    }
+)
 
 
 class Decisions(Experiment):
@@ -59,7 +66,7 @@ class Decisions(Experiment):
         self._folder.mkdir(parents=True, exist_ok=True)
         with Journal(self._folder / f"{job}.sqlite") as journal:
             begin = {"scene": scene, "seed": int(seed)}
-            return Outcome(tuple({"rule": rule} | begin | self._row(survey, rule, journal) for rule in RULES))
+            return Outcome(tuple({"rule": rule, **begin, **self._row(survey, rule, journal)} for rule in RULES))
 
     def _row(self, survey: SimulatedSurvey, rule: str, journal: Journal) -> Row:
         setup = Setup(survey_grid(survey.scans, self.settings.edge), self.device)

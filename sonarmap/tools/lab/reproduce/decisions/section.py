@@ -13,7 +13,7 @@ from sonarmap.tools.lab.simulate.kinds.kind import relief_of
 
 def decisions_section(rows: Sequence[Row], _: Sequence[Row], settings: Any) -> Section:
     """Every rule, over rich scenes and over weak relief, and every scene by all rules, the worst first."""
-    reliefs = [row | {"relief": relief_of(str(row["scene"]))} for row in rows]
+    reliefs = [{**row, "relief": relief_of(str(row["scene"]))} for row in rows]
     rules = grouped(reliefs, "rule", "relief")
     whole = where(rows, rule=rows[0]["rule"])
     scenes = sorted(
