@@ -135,7 +135,9 @@ class HypothesisTest(PairFrames):
     def compare(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
         """Measured on the whole grid, best first; all refined alike, as an advantage in that would look like evidence.
 
-        Of those that came out at the same pose the best alone is kept.
+        Of those that came out at the same pose the best alone is kept. Over a bed of little relief, what the sensors
+        saw agrees nearly as well at a place some voxels off. There the surfaces are a little farther apart: hardly more
+        than noise at one point, but at thousands of points.
         """
         refined = self._refine(_hopeful(hypotheses, 1.5 * _HOPELESS), [_CLOSE])
         if refined[0].evidence.firmness <= _FIRM:
@@ -161,6 +163,7 @@ class HypothesisTest(PairFrames):
     def _finish_best(self, known: Hypothesis, spectral: bool, stages: Sequence[Stage]) -> Hypothesis:
         """Its evidence is of the scans as they are; its pose, by planes, is with their ranges set right."""
         best = self._refine([known], stages)[0]
+        # where closeness was compared, it has been laid smoothly before
         if not known.evidence.closeness and principal_axes(best.fit.information, best.fit.pairs)[0][0] < _LOOSE:
             best = self._laid_smoothly([best])[0]
         if not spectral:
@@ -178,11 +181,7 @@ class HypothesisTest(PairFrames):
         return self._measured([replace(best, evidence=self._evidence(seen, [best.fit])[0])])[0]
 
     def _laid_smoothly(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Refined by surfaces that are smoothed further, the smoothest first, and then by the surfaces as they are.
-
-        Over a bed of little relief, what the sensors saw agrees nearly as well at a place some voxels off. There the
-        surfaces are a little farther apart: hardly more than noise at one point, but at thousands of points.
-        """
+        """Refined by surfaces that are smoothed further, the smoothest first, and then by the surfaces as they are."""
         fits = [each.fit for each in hypotheses]
         for target, source in zip(self.target.smoother(), self.source.smoother(), strict=True):
             smooth = replace(self.target, surface=target), replace(self.source, surface=source)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.reproduce.decisions.run import RULES, WHOLE, Decisions
+from sonarmap.tools.lab.reproduce.decisions.run import RULES, USUAL, Decisions
 from sonarmap.tools.lab.reproduce.decisions.section import decisions_section
 from sonarmap.tools.lab.reproduce.decisions.settings import DecisionSettings
 from sonarmap.tools.lab.reproduce.experiments import Request, create
@@ -19,7 +19,7 @@ def test_what_was_registered_is_decided_again(tmp_path: Path) -> None:
     assert experiment.jobs() == ["floodgate-5"]
     rows = {row["rule"]: row for row in experiment.run("floodgate-5").rows}
     assert list(rows) == list(RULES)
-    whole, chained = rows[WHOLE], rows["without loops"]
+    whole, chained = rows[USUAL], rows["without loops"]
     assert int(whole["registered"]) >= int(whole["pairs"]) > 4 == chained["pairs"]
     assert chained["loop_kept_right"] == 0 < int(whole["loop_kept_right"])
     assert (tmp_path / "floodgate-5.sqlite").is_file()
@@ -37,12 +37,12 @@ def test_the_page_shows_rules_then_scenes_then_the_worst_maps_first() -> None:
         return {"rule": rule, "scene": scene, "seed": seed} | fates | refused | poses
 
     scenes = [("wreck", 1, 0.2), ("wreck", 2, 0.4), ("seabed", 1, 3.0)]
-    rows = [row(rule, *scene) for rule in (WHOLE, "a bound") for scene in scenes]
+    rows = [row(rule, *scene) for rule in (USUAL, "a bound") for scene in scenes]
     section = decisions_section(rows, [], SETTINGS)
     short, rules, by_scene, worst = section.tables
     assert short.rows[1][2] == "9 of 18"
     assert [line[:2] for line in rules.rows] == [
-        (WHOLE, "rich"), (WHOLE, "weak"), ("a bound", "rich"), ("a bound", "weak"),
+        (USUAL, "rich"), (USUAL, "weak"), ("a bound", "rich"), ("a bound", "weak"),
     ]  # fmt: skip
     assert [line[0] for line in by_scene.rows] == ["seabed", "wreck"]
     assert [line[0] for line in worst.rows] == ["seabed 1", "wreck 2", "wreck 1"]

@@ -24,11 +24,11 @@ from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, simul
 from sonarmap.tools.methods.fingerprint import method_key
 from sonarmap.tools.methods.registry import DEFAULT_METHOD, Setup, find_method
 
-WHOLE = "all rules"
+USUAL = "as usual"
 # What is tried: other thresholds of the graph
 RULES: Mapping[str, LoopSettings] = MappingProxyType(
     {
-        WHOLE: LoopSettings(),
+        USUAL: LoopSettings(),
         "answers agree within 3 sigmas": LoopSettings(bound=3.0),
         "one round of loops": LoopSettings(rounds=1, most_rounds=1),
         "without loops": LoopSettings(per_scan=0),

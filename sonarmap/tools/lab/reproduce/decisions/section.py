@@ -12,16 +12,16 @@ from sonarmap.tools.lab.simulate.kinds.kind import relief_of
 
 
 def decisions_section(rows: Sequence[Row], _: Sequence[Row], settings: Any) -> Section:
-    """Every rule, over rich scenes and over weak relief, and every scene by all rules, the worst first."""
+    """Every rule, over rich scenes and over weak relief, and every scene as usual, the worst first."""
     reliefs = [{**row, "relief": relief_of(str(row["scene"]))} for row in rows]
     rules = grouped(reliefs, "rule", "relief")
-    whole = where(rows, rule=rows[0]["rule"])
+    usual = where(rows, rule=rows[0]["rule"])
     scenes = sorted(
-        grouped(whole, "scene").items(), key=lambda each: -float(median(column(each[1], "ate_after_voxels")))
+        grouped(usual, "scene").items(), key=lambda each: -float(median(column(each[1], "ate_after_voxels")))
     )
-    surveys = sorted(whole, key=lambda row: -float(row["ate_after_voxels"]))[:_WORST]
+    surveys = sorted(usual, key=lambda row: -float(row["ate_after_voxels"]))[:_WORST]
     tables = (
-        _in_short(whole),
+        _in_short(usual),
         table_of("What each rule is worth", ("rule", "relief"), rules.items(), _COLUMNS),
         table_of("By scene", ("scene",), scenes, _COLUMNS),
         table_of(
@@ -29,7 +29,7 @@ def decisions_section(rows: Sequence[Row], _: Sequence[Row], settings: Any) -> S
         ),
     )
     introduction = (
-        f"{len(whole)} surveys of {settings.scans} scans, simulated with a sensor at rest and mapped by their scans "
+        f"{len(usual)} surveys of {settings.scans} scans, simulated with a sensor at rest and mapped by their scans "
         "alone. A pair is wrong if it is off by more than 3 voxels or 6 degrees. Errors of a map are those of its "
         "largest part, aligned."
     )
