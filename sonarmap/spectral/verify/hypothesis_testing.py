@@ -164,7 +164,7 @@ class HypothesisTest(PairFrames):
         """Its evidence is of the scans as they are; its pose, by planes, is with their ranges set right."""
         best = self._refine([known], stages)[0]
         # where closeness was compared, it has been laid smoothly before
-        if not known.evidence.closeness and principal_axes(best.fit.information, best.fit.pairs)[0][0] < _LOOSE:
+        if not known.evidence.closeness and _loose(best.fit):
             best = self._laid_smoothly([best])[0]
         if not spectral:
             measurement = self.verifier.measure(self.target, self.source, [best])
@@ -181,13 +181,17 @@ class HypothesisTest(PairFrames):
         return self._measured([replace(best, evidence=self._evidence(seen, [best.fit])[0])])[0]
 
     def _laid_smoothly(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Refined by surfaces that are smoothed further, the smoothest first, and then by the surfaces as they are."""
-        fits = [each.fit for each in hypotheses]
+        """Refined by surfaces that are smoothed further, and then by the surfaces as they are."""
+        fits = self._steps_smoothly([each.fit for each in hypotheses])
+        laid = [replace(each, fit=fit) for each, fit in zip(hypotheses, fits, strict=True)]
+        return self._refine(laid, [_FINAL])
+
+    def _steps_smoothly(self, fits: Sequence[Fit]) -> Sequence[Fit]:
+        """Refined by surfaces that are smoothed further, the smoothest first."""
         for target, source in zip(self.target.smoother(), self.source.smoother(), strict=True):
             smooth = replace(self.target, surface=target), replace(self.source, surface=source)
             fits = replace(self, target=smooth[0], source=smooth[1])._steps(_start(fits), [_SMOOTHED]).read()
-        laid = [replace(each, fit=fit) for each, fit in zip(hypotheses, fits, strict=True)]
-        return self._refine(laid, [_FINAL])
+        return fits
 
     def _left_to_scans(self, best: Hypothesis) -> Hypothesis:
         """The hypothesis with the whole step to where the scans alone would have it, where instruments took part.
@@ -198,9 +202,11 @@ class HypothesisTest(PairFrames):
         fit = best.fit
         if fit.prior is None:
             return best
-        alone, scans = fit.by_scans, (self.target.surface, self.source.surface)
-        for stage, stretches in ((_CLOSE, False), (_FINAL, True)):
-            (alone,) = refine(self.verifier.device, *scans, _start([alone], stretches), [stage]).read()
+        free = replace(self, bounds=replace(self.bounds, prior=None))
+        (alone,) = free._steps(_start([fit.by_scans]), [_CLOSE]).read()
+        if _loose(alone):
+            (alone,) = free._steps_smoothly([alone])
+        (alone,) = free._steps(_start([alone], stretches=True), [_FINAL]).read()
         step = np.concatenate([(alone.R * fit.R.inv()).as_rotvec(), alone.shift - fit.shift])
         return replace(best, fit=replace(fit, step=step))
 
@@ -263,6 +269,11 @@ def _start(fits: Sequence[Fit], stretches: bool = False) -> Start:
     """Where fits are refined further."""
     shifts, widths = np.array([fit.shift for fit in fits]), np.array([fit.width for fit in fits])
     return Start(Rotation.concatenate([fit.R for fit in fits]), shifts, widths, stretches)
+
+
+def _loose(fit: Fit) -> bool:
+    """Whether one direction is held so little that noise of normals would shorten its steps."""
+    return bool(principal_axes(fit.information, fit.pairs)[0][0] < _LOOSE)
 
 
 def _hopeful(hypotheses: Sequence[Hypothesis], margin: float) -> list[Hypothesis]:

@@ -128,6 +128,12 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
         "unrelated": _entry(
             "pairs that share nothing", "evaluation.pair_set:create_unrelated", _PAIR_OPTIONS, EVALUATION
         ),
+        "neighbors": _entry(
+            "neighbors along paths, of every scene and sensor",
+            "evaluation.neighbors",
+            ("scene", *_PAIR_OPTIONS),
+            EVALUATION,
+        ),
         "speed": _entry("time to register a pair", "evaluation.speed", _PAIR_OPTIONS, EVALUATION, timed=True),
         "survey": _entry("maps of whole surveys", "survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True),
         "real": _entry("pairs of real scans in a folder DIR", "real.run", _REAL_OPTIONS, REAL, on_folder=True),

@@ -5,17 +5,14 @@ from dataclasses import dataclass
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.settings import check_scenes, check_seeds
-
-SCENES = (
-    "wreck", "manifold", "pool", "ship", "harbor", "bridge", "clutter", "rubble", "floodgate", "seabed", "shallow",
-)  # fmt: skip
+from sonarmap.tools.lab.simulate.kinds.kind import ROUGH_SCENES
 
 
 @dataclass(frozen=True, slots=True)
 class DecisionSettings:
     """What is run."""
 
-    scenes: tuple[str, ...] = SCENES  # keys of SCENE_KINDS
+    scenes: tuple[str, ...] = ROUGH_SCENES  # keys of SCENE_KINDS
     seeds: int = 5  # surveys of each scene, counted from `first_seed`
     first_seed: int = 7202  # >= 0
     scans: int = 24  # of each survey, by the usual sensor

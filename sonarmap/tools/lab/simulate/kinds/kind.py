@@ -73,6 +73,8 @@ RELIEF_OF: MappingProxyType[str, Relief] = MappingProxyType(
     {scene: relief for relief, scenes in _SCENES_OF.items() for scene in scenes}
 )
 
+ROUGH_SCENES = tuple(scene for scene, relief in RELIEF_OF.items() if relief != "flat")
+
 
 def relief_of(scene: str) -> Relief:
     """The relief of a scene of SCENE_KINDS. Raises InputError: a scene that has no row here."""
