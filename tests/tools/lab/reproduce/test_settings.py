@@ -33,7 +33,7 @@ from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT
 from tests.samples.experiments.floodgate_rows import flat_survey, rows_of
 from tests.samples.refusals import refuses
 
-EVALUATION = ("steps", "pairs", "unrelated", "speed")
+EVALUATION = ("steps", "pairs", "unrelated", "neighbors", "speed")
 TWO = ComparedMethods(("spectral", "kiss"))
 
 

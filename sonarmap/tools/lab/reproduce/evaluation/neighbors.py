@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.slam.survey_grid import survey_grid
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
@@ -51,9 +52,12 @@ class Neighbors(ByMethod):
         ]
 
     def run(self, job: str) -> Outcome:
-        """Register the neighbors of a path by one method."""
+        """Register the neighbors of a path by one method; no rows where the sensor sees nothing from it."""
         scene, sensor, noise, method = job.split("/")
-        path, count = self._path(scene, sensor, float(noise)), self.settings.pairs
+        try:
+            path, count = self._path(scene, sensor, float(noise)), self.settings.pairs
+        except InputError:
+            return Outcome(())
         grid, T = survey_grid(path.scans, self.settings.edge), path.truth.T_world_sensor
         built = registrar(method, grid, self.device)
         rows = []

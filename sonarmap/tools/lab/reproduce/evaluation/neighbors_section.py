@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from sonarmap.spectral.judge.covariance import ELLIPSOID
+from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from sonarmap.tools.lab.reproduce.beside import Measure, beside_table
 from sonarmap.tools.lab.reproduce.evaluation.settings import NeighborsSettings
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
@@ -22,7 +22,9 @@ def neighbors_section(rows: Sequence[Row], _seconds: Sequence[Row], settings: Ne
         introduction=_introduction(ours or rows, settings),
         tables=(
             beside_table([measure.line(shared) for measure in _MEASURES] if ours else []),
-            table_of("What each method finds and believes, of the pairs that all register", ("method",), methods, _COLUMNS),
+            table_of(
+                "What each method finds and believes, of the pairs that all register", ("method",), methods, _COLUMNS
+            ),
             *(_by(name, ours) for name in ("scene", "sensor", "noise")),
         ),
     )
@@ -30,7 +32,9 @@ def neighbors_section(rows: Sequence[Row], _seconds: Sequence[Row], settings: Ne
 
 def _by(name: str, rows: Sequence[Row]) -> Table:
     groups = {("all",): list(rows), **grouped(rows, name)} if rows else {}
-    return table_of(f"`{OURS}` by {name}, of all its pairs", (name,), [((str(k[0]),), v) for k, v in groups.items()], _COLUMNS)
+    return table_of(
+        f"`{OURS}` by {name}, of all its pairs", (name,), [((str(k[0]),), v) for k, v in groups.items()], _COLUMNS
+    )
 
 
 def _misled(rows: Sequence[Row]) -> list[Row]:
@@ -61,10 +65,11 @@ def _introduction(rows: Sequence[Row], settings: NeighborsSettings) -> str:
     return (
         f"{len(rows)} pairs of consecutive scans, as a map is made of: {settings.pairs} of each path over "
         f"{len(settings.scenes)} scenes ({', '.join(settings.scenes)}), by {len(settings.sensors)} sensors "
-        f"({', '.join(settings.sensors)}), with {noises} times the usual noise (seed {settings.seed}). Nothing is known "
-        f"but the points. The grid has {settings.edge} voxels along each edge, chosen for a path as `sonarmap map` does. "
-        f"A registration is right within {RIGHT_DEG:g} degrees and {RIGHT_VOXELS:g} voxels. Of those that are believed, "
-        "those are wrong that are off by more along a direction that their covariance calls fixed: two standard "
-        f"deviations no more than that. {settings.compared.words} The methods other than `{OURS}` register the first "
+        f"({', '.join(settings.sensors)}; one that reaches no surface of a scene has no path there), with {noises} "
+        f"times the usual noise (seed {settings.seed}). Nothing is known but the points. The grid has {settings.edge} "
+        "voxels along each edge, their size chosen for a path as `sonarmap map` does. A registration is right within "
+        f"{RIGHT_DEG:g} degrees and {RIGHT_VOXELS:g} voxels. One that is believed is wrong if it is off by more along "
+        "a direction that its covariance calls fixed: where two standard deviations are no more than that. "
+        f"{settings.compared.words} The methods other than `{OURS}` register the first "
         f"{min(settings.peers, settings.pairs)} pairs of each path."
     )
