@@ -205,14 +205,28 @@ class _Search:
             return False
         pairs += self._tried(k, change, near[2:])
         as_it_is = [self._registered(j, k) for j in near]
-        clear = _fit(pairs, np.inf) >= _fit(as_it_is, np.inf) + _CLEARLY
+        jumps = self._jumps(self._places(as_it_is, k, np.inf), k)
+        clear = jumps or _fit(pairs, np.inf) >= _fit(as_it_is, np.inf) + _CLEARLY
         return clear and self._agree(self._places(pairs, k, self._longest))
 
     def _fits_as_it_is(self, pairs: Sequence[RegisteredPair], k: int) -> bool:
-        """Whether these pairs of a scan agree where it lies; if all are on one side of it, those that leave it near."""
+        """Whether these pairs of a scan agree where it lies; those that leave it near, if all are on one side of it or
+        it jumps away from them."""
         at = self._places(pairs, k, np.inf)
-        one_side = len({j > k for j in at}) < 2
-        return self._agree(at) and (not one_side or self._agree(self._places(pairs, k, self._longest)))
+        near = len({j > k for j in at}) < 2 or self._jumps(at, k)
+        return self._agree(at) and (not near or self._agree(self._places(pairs, k, self._longest)))
+
+    def _jumps(self, at: Mapping[int, RigidTransform], k: int) -> bool:
+        """Whether a scan lies far from the neighbors before and behind it, which are near each other: nobody goes there
+        and back, but a mirrored scan of a symmetric place lies on its other side."""
+        far = [j for j, T in at.items() if float(np.linalg.norm(T.translation)) > abs(j - k) * self._longest]
+        return any(
+            (between := self._registered(i, j).registration) is not None
+            and between.accepted
+            and _length(between) <= (j - i) * self._longest
+            for i, j in combinations(sorted(far), 2)
+            if i < k < j
+        )
 
     def _places(self, pairs: Sequence[RegisteredPair], k: int, longest: float) -> dict[int, RigidTransform]:
         """T_other_k by the other scan of each accepted pair, of which `k`, if it was changed, is the source; none

@@ -101,6 +101,19 @@ def test_what_fits_as_it_is_is_not_odd() -> None:
     assert len(result.components) == 1
 
 
+def test_a_scan_that_jumps_away_and_back_fits_nowhere() -> None:
+    """As a mirrored scan of a symmetric place, which lies on its other side for all neighbors."""
+    away = RigidTransform.from_translation([40.0, -25.0, 1.0])
+
+    class Symmetric(Seeing):
+        def register(self, target: Any, source: Any) -> Registration:
+            given = replace(super().register(target, source), accepted=True, probability=0.95)
+            T = [away * TRUTH[scan.index] if scan.by.min() < 0 else TRUTH[scan.index] for scan in (target, source)]
+            return replace(given, T_target_source=T[0].inv() * T[1])
+
+    assert [(odd.scan, odd.kind) for odd in mapped(with_odd({6: Change("y")}), Symmetric()).odd] == [(6, "mirrored")]
+
+
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("spread", [0.0, 0.001, 0.004])
 def test_ordinary_surveys_have_none(spread: float) -> None:
