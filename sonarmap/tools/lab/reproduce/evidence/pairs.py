@@ -26,8 +26,9 @@ EXPECTED, ELSEWHERE = "expected", "expected elsewhere"
 _TURNS: tuple[Turn, ...] = ("view", "yaw", "any")
 # Standard deviations of expected poses, in turns [voxels; rad]
 _WINDOWS = ((1.0, 0.05), (4.0, 0.1), (12.0, 0.3))
-# Of a survey: how many scans, how much of the usual noise in turns, and how many scans apart its pairs are
-_SCANS, _NOISES = 16, (1.0, 1.5)
+# Of a survey: how many scans, by which sensor (None: the scene's) and with how much of the usual noise in turns, and
+# how many scans apart its pairs are
+_SCANS, _SENSORS, _NOISES = 16, (None, "sonar3d15", "paper"), (1.0, 1.5, 2.0)
 _FAR = (2, 4, 8)
 _RESTING = 4  # pairs of a sensor that hardly moves between its scans
 # What is done to one of two scans, in turns: a sign of y, and the factors of a wrong speed of sound
@@ -114,8 +115,9 @@ def _survey(number: int, seed: int, edge: int, rng: np.random.Generator) -> Iter
     """Scans along a path: consecutive ones, farther ones, and one of these about where it is expected."""
     scene = tuple(SCENE_KINDS)[number % len(SCENE_KINDS)]
     lap = number // len(SCENE_KINDS)
-    settings = plan(scene, ("lawnmower", "survey")[lap % 2], None, seed + number)
-    noise = replace(settings.noise, sigma2=settings.noise.sigma2 * _NOISES[lap // 2 % 2] ** 2)
+    sensor, level = _SENSORS[number % 3], _NOISES[number // 3 % 3]
+    settings = plan(scene, ("lawnmower", "survey")[lap % 2], sensor, seed + number)
+    noise = replace(settings.noise, sigma2=settings.noise.sigma2 * level**2)
     simulated = simulate(replace(settings, count=_SCANS, noise=noise))
     poses, grid = simulated.truth.T_world_sensor, choose_grid(simulated.scans, edge)
 
