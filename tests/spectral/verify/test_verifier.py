@@ -18,7 +18,8 @@ from sonarmap.spectral.translation import Box
 from sonarmap.spectral.verify.bounds import Bounds
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Hypothesis, ranked
-from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
+from sonarmap.spectral.verify.hypothesis_testing import _SMOOTHED, HypothesisTest  # pyright: ignore[reportPrivateUsage]
+from sonarmap.spectral.verify.icp import Stage, Start
 from sonarmap.spectral.verify.verifier import Candidates, Selection, Verifier, consistency
 from tests.samples.scenes.reliefs import above, relief, seen
 
@@ -279,6 +280,19 @@ class TestClosest:
         peak = replace(right.evidence, psr=2 * right.evidence.psr)
         assert replace(wrong, evidence=peak).score > right.score
         assert replace(wrong, evidence=replace(peak, closeness=wrong.evidence.closeness)).score < right.score
+
+    def test_what_smoother_surfaces_drive_off_stays_where_it_was(self, pair_test: HypothesisTest, monkeypatch) -> None:
+        steps = HypothesisTest._steps
+
+        def driven(test: HypothesisTest, start: Start, stages: list[Stage]) -> Any:
+            if list(stages) != [_SMOOTHED]:
+                return steps(test, start, stages)
+            return steps(test, replace(start, shifts=start.shifts + 2 * ASIDE), [Stage((0.05,), 100)])
+
+        monkeypatch.setattr(HypothesisTest, "_steps", driven)
+        right = self.compared(pair_test, monkeypatch, 1.0)[0]
+        assert off(pair_test, right) < 0.5
+        assert right.evidence.closeness > 0.0
 
     def test_the_best_keeps_it_to_the_end(self, pair_test: HypothesisTest, monkeypatch) -> None:
         both = self.compared(pair_test, monkeypatch, 1.0)
