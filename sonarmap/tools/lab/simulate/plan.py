@@ -44,6 +44,11 @@ def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed
     return replace(settings, count=_count(settings), spacing=spacing, noise=noise)
 
 
+def louder(settings: SimulationSettings, factor: float) -> SimulationSettings:
+    """The same with so many times the standard deviation of the ranges' noise."""
+    return replace(settings, noise=replace(settings.noise, sigma2=settings.noise.sigma2 * factor**2))
+
+
 def table1_settings(seed: int, sigma2: float, scene: str = "floodgate") -> SimulationSettings:
     """The simulation that writes the reference scan and S0..S9, eleven scans, with the paper's noise."""
     return SimulationSettings(

@@ -12,7 +12,7 @@ from sonarmap.tools.lab.simulate.paths.routes import LAWNMOWER_PATHS, gate_path,
 from sonarmap.tools.lab.simulate.paths.smooth_path import lane_path, lanes
 from sonarmap.tools.lab.simulate.paths.stations import paper18
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_RIG, lawnmower, loop, survey, table1, table1_transform
-from sonarmap.tools.lab.simulate.plan import TABLE1_SENSOR, plan, table1_pair, table1_settings
+from sonarmap.tools.lab.simulate.plan import TABLE1_SENSOR, louder, plan, table1_pair, table1_settings
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.floodgate import PIERS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
@@ -241,3 +241,10 @@ def test_the_series_and_the_pair_are_the_same_scans():
     assert_array_equal(series.scans[3].points, source.points)
     poses = series.truth.T_world_sensor
     assert_allclose((poses[0].inv() * poses[3]).as_matrix(), T_target_source.as_matrix(), atol=1e-12)
+
+
+def test_a_louder_path_has_more_noise_and_nothing_else() -> None:
+    usual = plan("wreck", seed=3)
+    loud = louder(usual, 2.0)
+    assert loud.noise.sigma2 == 4 * usual.noise.sigma2 > 0
+    assert replace(loud, noise=usual.noise) == usual

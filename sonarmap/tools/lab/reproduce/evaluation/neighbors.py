@@ -19,7 +19,7 @@ from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, OURS, compared_methods, registrar
 from sonarmap.tools.lab.reproduce.settings import as_asked
-from sonarmap.tools.lab.simulate.plan import plan
+from sonarmap.tools.lab.simulate.plan import louder, plan
 from sonarmap.tools.lab.simulate.simulation import Simulation, simulate
 
 
@@ -69,9 +69,8 @@ class Neighbors(ByMethod):
         return Outcome(tuple(rows))
 
     def _simulated(self, scene: str, sensor: str, noise: float) -> Simulation:
-        planned = plan(scene, "lawnmower", sensor, self.settings.seed)
-        louder = replace(planned.noise, sigma2=planned.noise.sigma2 * noise**2)
-        return simulate(replace(planned, count=self.settings.pairs + 1, noise=louder))
+        planned = louder(plan(scene, "lawnmower", sensor, self.settings.seed), noise)
+        return simulate(replace(planned, count=self.settings.pairs + 1))
 
 
 def misleads(registration: Registration, truth: RigidTransform, voxel: float) -> bool:

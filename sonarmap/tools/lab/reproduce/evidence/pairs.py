@@ -17,9 +17,9 @@ from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NAVIGATION, NOT
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.lab.simulate.kinds.kind import relief_of
 from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
-from sonarmap.tools.lab.simulate.plan import plan
+from sonarmap.tools.lab.simulate.plan import louder, plan
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
-from sonarmap.tools.lab.simulate.simulation import observe, simulate
+from sonarmap.tools.lab.simulate.simulation import Simulation, observe, simulate
 
 # What is known beforehand, beside what instruments measure: where the pair is expected, rightly or wrongly
 EXPECTED, ELSEWHERE = "expected", "expected elsewhere"
@@ -115,10 +115,15 @@ def _survey(number: int, seed: int, edge: int, rng: np.random.Generator) -> Iter
     """Scans along a path: consecutive ones, farther ones, and one of these about where it is expected."""
     scene = tuple(SCENE_KINDS)[number % len(SCENE_KINDS)]
     lap = number // len(SCENE_KINDS)
-    sensor, level = _SENSORS[number % 3], _NOISES[number // 3 % 3]
-    settings = plan(scene, ("lawnmower", "survey")[lap % 2], sensor, seed + number)
-    noise = replace(settings.noise, sigma2=settings.noise.sigma2 * level**2)
-    simulated = simulate(replace(settings, count=_SCANS, noise=noise))
+    path, noise = ("lawnmower", "survey")[lap % 2], _NOISES[number // 3 % 3]
+
+    def seen_by(sensor: str | None) -> Simulation:
+        return simulate(replace(louder(plan(scene, path, sensor, seed + number), noise), count=_SCANS))
+
+    try:
+        simulated = seen_by(_SENSORS[number % 3])
+    except InputError:  # it reaches no surface
+        simulated = seen_by(None)
     poses, grid = simulated.truth.T_world_sensor, choose_grid(simulated.scans, edge)
 
     def between(i: int, j: int) -> EvidencePair:
