@@ -57,7 +57,7 @@ class NeighborsSettings:
     noises: tuple[float, ...] = (1.0, 2.0)  # of the usual standard deviation of the ranges
     pairs: int = 19  # of neighbors along a path
     peers: int = 3  # of these that the methods other than ours register, from the first, as they take ten times as long
-    seed: int = 30_110  # of the scenes, paths and noises, >= 0; neither development nor the tests use it
+    seed: int = 30_110  # of the scenes, paths and noises, >= 0; the tests do not use it
     edge: int = 128  # voxels per edge; their size is chosen for each path, as `sonarmap map` does
     compared: ComparedMethods = field(default_factory=ComparedMethods)  # the methods
 
