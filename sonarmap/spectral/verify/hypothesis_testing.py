@@ -17,6 +17,7 @@ from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Evidence, Hy
 from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
 from sonarmap.spectral.verify.observability import weakest
 from sonarmap.spectral.verify.pair_frames import PairFrames
+from sonarmap.spectral.verify.relief import alike_places
 from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Observation, Selection, Verifier
 
 # Reaches of the refinement's steps [voxels] and its points: out of a candidate's error, which a coarse voxel and a
@@ -45,11 +46,10 @@ _HOPELESS = 3.5
 _FIRM = 0.05
 # Surfaces whose residual is smaller than this are as close as any [voxels].
 _CLOSEST = 0.03
-# So far off, along the two directions that planes hold least [voxels], and in so many directions.
-_BESIDE, _DIRECTIONS = (4.0, 8.0, 12.0), 8
-# There few points tell which places are worth more. Where the surfaces then agree less than at the best by more than
-# this, it is no rival; so many rivals at most.
-_SLID, _PROBED, _RIVAL, _RIVALS = Stage((4.0, 3.0, 2.0), 150), 4, 0.7, 2
+# There their heights name so many other places under each of so many rotations, which are at least so far apart [rad];
+# laid upon each other smoothly, so many of these are compared with the others.
+_PLACES, _TURNS, _APART = 4, 3, float(np.deg2rad(3.0))
+_SLID, _RIVALS = Stage((3.0, 2.0, 2.0, 2.0), 1000), 3
 # Refined rotations nearer than this have the same correlation on the whole grid [rad].
 _SAME_ROTATION = float(np.deg2rad(1.0))
 
@@ -88,10 +88,7 @@ class HypothesisTest(PairFrames):
         A rotation that is 2 degrees off has low and broad peaks, and where a scan can slide, along a quay or a pool,
         the true one may be missing among them. As many at most as there are finalists.
         """
-        distinct: list[Hypothesis] = []
-        for finalist in finalists:
-            if all((finalist.fit.R.inv() * kept.fit.R).magnitude() > _SAME_ROTATION for kept in distinct):
-                distinct.append(finalist)
+        distinct = _distinct(finalists, _SAME_ROTATION)
         R = Rotation.concatenate([finalist.fit.R for finalist in distinct])
         rotations = RotationPeaks(R, np.array([finalist.rotation_score for finalist in distinct]))
         boxes = [self.box(finalist.fit.R) for finalist in distinct]
@@ -106,7 +103,7 @@ class HypothesisTest(PairFrames):
         return self.possible(missed)[: len(finalists)]
 
     def find_slid(self, known: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Where the surfaces agree about as well beside the first and best of these, along what its planes hold least.
+        """Where heights are alike beside the first and best of these, along what its planes hold least.
 
         Over a bed of little relief the correlation does not name the true place: where beams lie farther apart than
         voxels, the lines that they draw agree best where nothing has moved, and the ripples do at the next one.
@@ -114,18 +111,26 @@ class HypothesisTest(PairFrames):
         best = known[0]
         if best.evidence.firmness > _FIRM:
             return []
-        along = weakest(best.fit.information)[1][:, :2]
-        angles = np.arange(_DIRECTIONS) * 2 * np.pi / _DIRECTIONS
-        ring = np.column_stack([np.cos(angles), np.sin(angles)]) @ along.T
-        shifts = best.fit.shift + self.verifier.coarser * np.outer(_BESIDE, ring.ravel()).reshape(-1, 3)
-        R = Rotation.concatenate([best.fit.R] * len(shifts))
-        origins = [(best.rotation_score, 0.0)] * len(shifts)
-        left = self._round(Start(R, shifts, np.full(len(shifts), best.fit.width)), origins, [_SLID], _SLID.points)
-        left = self.possible(left)[:_PROBED]
-        refined = self._refine(left, [_QUICK]) if left else []
-        least = best.evidence.agreement - _RIVAL
-        rivals = [new for new in self.possible(refined) if new.evidence.agreement >= least]
-        return [new for new in rivals if not any(alike(new.fit, old.fit) for old in known)][:_RIVALS]
+        bed = self._smoother(0)
+        ours, theirs = (surface.points[surface.inner] for surface in (bed.target.surface, bed.source.surface))
+        turns: list[Rotation] = []
+        shifts: list[np.ndarray] = []
+        for fit in [each.fit for each in _distinct(known, _APART)[:_TURNS]]:
+            plane = weakest(fit.information)[1][:, :2]
+            places, _ = alike_places(ours, fit.R.apply(theirs) + fit.shift, plane, _PLACES)
+            turns += [fit.R] * len(places)
+            shifts += [*(fit.shift + places)]
+        if not shifts:
+            return []
+        start = Start(Rotation.concatenate(turns), np.array(shifts), np.full(len(shifts), best.fit.width))
+        new: list[Fit] = []
+        for fit in sorted(bed._steps(start, [_SLID]).read(), key=lambda fit: fit.residual):
+            if not any(alike(fit, other) for other in [*(each.fit for each in known), *new]):
+                new.append(fit)
+        if not new:
+            return []
+        rivals = self._observed(_start(new), [(best.rotation_score, 0.0)] * len(new), [_QUICK])
+        return self.possible(rivals)[:_RIVALS]
 
     def conclude(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
         """The hypotheses compared, and the best refined to the end as `finish` does; one alone is not compared."""
@@ -189,9 +194,8 @@ class HypothesisTest(PairFrames):
         little, they may hold nothing once rims take no part.
         """
         fits: Sequence[Fit] = [each.fit for each in hypotheses]
-        for target, source in zip(self.target.smoother(), self.source.smoother(), strict=True):
-            smooth = replace(self.target, surface=target), replace(self.source, surface=source)
-            fits = replace(self, target=smooth[0], source=smooth[1])._steps(_start(fits), [_SMOOTHED]).read()
+        for level in range(len(self.target.smoother())):
+            fits = self._smoother(level)._steps(_start(fits), [_SMOOTHED]).read()
         laid = self._observed(_start(fits), _origins(hypotheses), [_FINAL])
         kept: list[Hypothesis] = []
         driven: list[Hypothesis] = []
@@ -201,6 +205,11 @@ class HypothesisTest(PairFrames):
             else:
                 driven.append(old)
         return ranked([*kept, *(self._refine(driven, [_FINAL]) if driven else [])])
+
+    def _smoother(self, level: int) -> "HypothesisTest":
+        """The same of the scans' surfaces smoothed further, 0 the smoothest."""
+        target, source = (replace(scan, surface=scan.smoother()[level]) for scan in (self.target, self.source))
+        return replace(self, target=target, source=source)
 
     def _left_to_scans(self, best: Hypothesis) -> Hypothesis:
         """The hypothesis with the whole step to where the scans alone would have it, where instruments took part.
@@ -292,6 +301,15 @@ def _start(fits: Sequence[Fit], stretches: bool = False) -> Start:
 def _origins(hypotheses: Sequence[Hypothesis]) -> list[tuple[float, float]]:
     """Which peaks hypotheses come from."""
     return [(each.rotation_score, each.candidate_psr) for each in hypotheses]
+
+
+def _distinct(hypotheses: Sequence[Hypothesis], apart: float) -> list[Hypothesis]:
+    """The first of each that are turned alike, to within an angle [rad]."""
+    distinct: list[Hypothesis] = []
+    for each in hypotheses:
+        if all((each.fit.R.inv() * kept.fit.R).magnitude() > apart for kept in distinct):
+            distinct.append(each)
+    return distinct
 
 
 def _loose(fit: Fit) -> bool:
