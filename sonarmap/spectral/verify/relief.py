@@ -36,7 +36,7 @@ def alike_places(
         return np.zeros((0, 3)), np.zeros(0)
     axes = np.column_stack([plane, np.cross(plane[:, 0], plane[:, 1])])
     ours, theirs = _Heights(target @ axes), _Heights(source @ axes)
-    shape = tuple(fft.next_fast_len(sum(edges), real=True) for edges in zip(ours.shape, theirs.shape, strict=True))
+    shape = _next_fast(ours.shape[0] + theirs.shape[0]), _next_fast(ours.shape[1] + theirs.shape[1])
     a, b = ours.spectra(shape), [np.conj(spectrum) for spectrum in theirs.spectra(shape)]
 
     def together(i: int, j: int) -> np.ndarray:
@@ -52,9 +52,14 @@ def alike_places(
     peaks = peaks[np.argsort(-alike[tuple(peaks.T)], kind="stable")][:count]
     at = tuple(peaks.T)
     # a correlation is cyclic: where the source starts before the target, the shift is below 0
-    steps = np.where(peaks >= ours.shape, peaks - shape, peaks)
+    steps = np.where(peaks >= np.array(ours.shape), peaks - np.array(shape), peaks)
     shifts = _CELL * (steps + ours.first - theirs.first)
     return np.column_stack([shifts, (mean - other)[at] + ours.usual - theirs.usual]) @ axes.T, alike[at]
+
+
+def _next_fast(length: int) -> int:
+    """A length, not below this, whose transform is fast."""
+    return int(fft.next_fast_len(length, real=True) or length)
 
 
 class _Heights:
@@ -67,7 +72,7 @@ class _Heights:
         bed = np.abs(off) <= max(_OUTLYING * float(np.median(np.abs(off))), _NEAR)
         cell = np.floor(points[bed, :2] / _CELL).astype(np.int64)
         self.first = cell.min(axis=0)
-        self.shape = tuple((cell.max(axis=0) - self.first + 1).tolist())
+        self.shape: tuple[int, ...] = tuple((cell.max(axis=0) - self.first + 1).tolist())
         index, size = np.ravel_multi_index(tuple((cell - self.first).T), self.shape), int(np.prod(self.shape))
         filled = np.bincount(index, minlength=size)
         self._heights = np.bincount(index, off[bed], size) / np.maximum(filled, 1)
