@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.expected import ExpectedPose
@@ -51,22 +52,41 @@ def test_a_step_that_shares_far_less_than_the_others_is_named(overlap: float, by
         assert sentences[0].startswith("scan4 and scan5 share 45%, where consecutive scans usually share 85%. A sharp")
 
 
-@pytest.mark.parametrize("confirmed", [False, True])
-def test_a_step_that_is_only_likely_is_named_where_no_pair_beside_it_says_so(confirmed: bool) -> None:
+@pytest.mark.quick_cases(3)
+@pytest.mark.parametrize(
+    ("probability", "evidence", "across", "said"),
+    [
+        (0.93, "", "refused", True),
+        (0.93, "likely", "none", True),
+        (0.93, "", "kept", False),
+        (0.93, "", "none", False),
+        (0.97, "", "refused", False),
+        (0.93, "likely", "kept", False),
+        (0.93, "assumed", "refused", False),
+    ],
+)
+def test_a_step_that_is_not_sure_is_named_where_no_pair_beside_it_says_so(
+    probability: float, evidence: str, across: str, said: bool
+) -> None:
     """As where two dives over beds of little relief meet in one folder."""
     result = survey(0.9, False)
-    pairs = [pair for pair in result.pairs if confirmed or pair.role == "sequential"]
-    (n,) = (n for n, pair in enumerate(pairs) if pair.scans == (4, 5))
-    edge = pairs[n].edge
-    assert edge is not None
-    likely = replace(edge.registration, evidence=(("likely", 0.64),))
-    pairs[n] = replace(pairs[n], edge=replace(edge, registration=likely))
-    if confirmed:
-        assert any(pair.i <= 4 and pair.j >= 5 and pair.scans != (4, 5) and pair.kept for pair in pairs)
-    sentences = [fault for fault in faults(replace(result, pairs=tuple(pairs)), NAMES) if "likely only" in fault]
-    assert len(sentences) == (not confirmed)
-    if not confirmed:
-        assert sentences[0].startswith("1 of 9 steps between consecutive scans, as between scan4 and scan5, are likely")
+
+    def changed(pair: Pair) -> list[Pair]:
+        if pair.scans == (4, 5):
+            assert pair.edge is not None
+            named = ((evidence, 0.64),) if evidence else ()
+            registration = replace(pair.edge.registration, probability=probability, evidence=named)
+            return [replace(pair, edge=replace(pair.edge, registration=registration))]
+        if pair.i > 4 or pair.j < 5 or across == "kept":
+            return [pair]
+        return [replace(pair, edge=None)] if across == "refused" else []
+
+    pairs = tuple(new for pair in result.pairs for new in changed(pair))
+    assert sum(pair.i <= 4 and pair.j >= 5 for pair in pairs) >= (1 if across == "none" else 4)
+    sentences = [fault for fault in faults(replace(result, pairs=pairs), NAMES) if "are not sure" in fault]
+    assert len(sentences) == said
+    if said:
+        assert sentences[0].startswith("1 of 9 steps between consecutive scans, as between scan4 and scan5, are not")
 
 
 def test_a_transform_by_hand_comes_back_as_it_was_given(tmp_path: Path) -> None:
