@@ -10,6 +10,7 @@ from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.chains import chain_parts
 from sonarmap.slam.decide.consistency import Comparison, compare
 from sonarmap.slam.decide.hand import hand_edges
+from sonarmap.slam.decide.lone import without_lone_steps
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges, twin_odds
 from sonarmap.slam.decide.robust import robust_optimize
@@ -67,8 +68,10 @@ def decide(
     Accepted registrations of consecutive scans are chained. All other answers, alternatives and refused ones among
     them, have to agree with the chain or with one another; those that join parts of the chain come first. What is left
     is optimized robustly, so that an answer that the others contradict, one of the chain too, is left out. What a
-    person accepted or added is an edge in any case, what a person rejected is none. The voxel is the survey's [m].
+    person accepted or added is an edge in any case, what a person rejected is none. A step that is not sure, and that
+    no pair across confirms, is a gap, where no dead reckoning tells of it. The voxel is the survey's [m].
     """
+    pairs = without_lone_steps(pairs, {*measurements.ties, *((edge.i, edge.j) for edge in measurements.steps)})
     distrusted: set[tuple[int, int]] = set()
     while True:
         decision, contradicted = _decide(pairs, measurements, settings.floor(voxel), settings.bound, distrusted)

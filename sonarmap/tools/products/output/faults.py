@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from statistics import median
 from typing import Any
 
+from sonarmap.slam.decide.lone import lone_steps
 from sonarmap.slam.graph.edge import components
 from sonarmap.slam.graph.gauge import MEASURED
 from sonarmap.slam.odd.odd_scan import OddScan
@@ -17,9 +18,6 @@ UNMOVED = 0.001  # poses moved by less than this were not moved [voxels]
 LISTED = 10  # names of scans in a sentence
 _FEWEST_STEPS = 4  # that tell what is usual
 _FAR_OFF, _LITTLE = 6.0, 3 / 4  # median absolute deviations below the median, and a share of it: a step to look at
-# A step stands alone that is less probable than this, and that none of so many other pairs confirms: of 3,539 steps of
-# 245 surveys ten right ones do, and four of the five that joined two dives over beds.
-_SURE, _TRIED = 0.95, 3
 FAR = 4.0  # sigmas beyond which a point that holds the map is warned of
 _PAIRS = 5  # in a sentence
 _OPEN = {
@@ -180,7 +178,8 @@ def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
             "motion, as the scans hardly show them: the map may be bent or torn there. If the vehicle was moved "
             "meanwhile, give the scans before and after in folders of their own"
         )
-    alone = [step for step in steps if step not in assumed and _stands_alone(step, result.pairs)]
+    lone = lone_steps(result.pairs)
+    alone = [s for s in steps if s not in assumed and (s.scans in lone or _is_only_likely(s, result.pairs))]
     if alone:
         first = alone[0]
         yield (
@@ -207,14 +206,13 @@ def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
         )
 
 
-def _stands_alone(step: Pair, pairs: Sequence[Pair]) -> bool:
-    """Whether a step is not sure, as it is believed as one of consecutive scans only, or as other pairs across it were
-    tried, and none of these says so freely."""
-    if step.edge is None or step.edge.registration.probability >= _SURE:
+def _is_only_likely(step: Pair, pairs: Sequence[Pair]) -> bool:
+    """Whether a step is believed as one of consecutive scans, and no pair of scans on either side says so freely."""
+    edge = step.edge
+    if edge is None or not edge.registration.is_only_likely:
         return False
-    across = [p for p in pairs if p.i <= step.i and step.j <= p.j and p.scans != step.scans and p.registration]
-    confirmed = any(pair.kept and pair.accepted and pair.expected is None for pair in across)
-    return not confirmed and (step.edge.registration.is_only_likely or len(across) >= _TRIED)
+    beside = (pair for pair in pairs if pair.kept and pair.accepted and pair.expected is None)
+    return not any(pair.i <= step.i and step.j <= pair.j and pair.scans != step.scans for pair in beside)
 
 
 def _of_fixes(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:

@@ -76,10 +76,12 @@ def test_a_step_that_is_not_sure_is_named_where_no_pair_beside_it_says_so(
             assert pair.edge is not None
             named = ((evidence, 0.64),) if evidence else ()
             registration = replace(pair.edge.registration, probability=probability, evidence=named)
-            return [replace(pair, edge=replace(pair.edge, registration=registration))]
+            return [replace(pair, registration=registration, edge=replace(pair.edge, registration=registration))]
         if pair.i > 4 or pair.j < 5 or across == "kept":
             return [pair]
-        return [replace(pair, edge=None)] if across == "refused" else []
+        assert pair.registration is not None
+        refused = replace(pair, registration=replace(pair.registration, accepted=False), edge=None)
+        return [refused] if across == "refused" else []
 
     pairs = tuple(new for pair in result.pairs for new in changed(pair))
     assert sum(pair.i <= 4 and pair.j >= 5 for pair in pairs) >= (1 if across == "none" else 4)

@@ -1,0 +1,106 @@
+"""Steps that no other pair confirms: gaps where they are few and not sure, unless a person says otherwise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.slam.candidates.settings import LoopSettings
+from sonarmap.slam.decide.decision import Decision, decide
+from sonarmap.slam.decide.lone import lone_steps, without_lone_steps
+from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.slam.pair import RegisteredPair
+from sonarmap.slam.tie import Tie
+from sonarmap.spectral.expected import ExpectedPose
+from tests.samples.surveys import measurements_of, registration, ring_poses
+
+COUNT = 10
+TRUTH = ring_poses(COUNT)
+COVARIANCE = np.diag([1e-4] * 3 + [1e-2] * 3)
+EXPECTED = ExpectedPose.of(RigidTransform.identity(), np.ones(6))
+
+
+def pair(i: int, j: int, probability: float, accepted: bool = True, expected: bool = False) -> RegisteredPair:
+    said = registration(TRUTH[i].inv() * TRUTH[j], COVARIANCE)
+    said = replace(said, probability=probability, accepted=accepted, reason="as it is")
+    role = "sequential" if j == i + 1 else "loop"
+    return RegisteredPair(i, j, role, expected=EXPECTED if expected else None, registration=said)
+
+
+def survey(
+    *unsure: int, probability: float = 0.9, confirmed: tuple[tuple[int, int], ...] = (), farthest: int = 3
+) -> list[RegisteredPair]:
+    """Steps of which some are unsure, and loops: those across one of these are found where they were expected."""
+    steps = [pair(k, k + 1, probability if k in unsure else 0.99) for k in range(COUNT - 1)]
+    loops = [(i, j) for i in range(COUNT) for j in range(i + 2, min(i + farthest + 1, COUNT))]
+
+    def across(i: int, j: int) -> bool:
+        return any(i <= k < j for k in unsure) and (i, j) not in confirmed
+
+    return [*steps, *(pair(i, j, 0.9, accepted=not across(i, j), expected=across(i, j)) for i, j in loops)]
+
+
+def decided(pairs: list[RegisteredPair], *ties: Tie) -> Decision:
+    measurements = replace(measurements_of(COUNT), ties={tie.scans: tie for tie in ties})
+    return decide(pairs, measurements, 0.1, LoopSettings())
+
+
+@pytest.mark.parametrize(
+    ("pairs", "lone"),
+    [
+        (survey(4), {(4, 5)}),
+        (survey(4, 6), {(4, 5), (6, 7)}),
+        (survey(4, confirmed=((3, 5),)), set()),
+        (survey(4, confirmed=((4, 7),)), set()),
+        (survey(4, confirmed=((1, 4), (5, 8))), {(4, 5)}),  # on one side of it each
+        (survey(4, probability=0.96), set()),
+        (survey(4, farthest=2), set()),  # two pairs are too few
+        (survey(0, 8), set()),  # a dive of one scan is none
+        ([p for p in survey(4) if p.i > 3 or p.j < 5], set()),  # crossed from one side alone
+        ([replace(p, registration=None) if p.expected else p for p in survey(4)], set()),
+        ([pair(4, 5, 0.9, accepted=False) if p.scans == (4, 5) else p for p in survey(4)], set()),
+        ([], set()),
+    ],
+)
+def test_a_lone_step_is_one_that_pairs_were_tried_across_in_vain(
+    pairs: list[RegisteredPair], lone: set[tuple[int, int]]
+) -> None:
+    assert lone_steps(pairs) == lone
+
+
+def test_a_lone_step_is_a_gap_and_what_was_expected_across_it_does_not_bridge_it() -> None:
+    """Even where all of that was accepted; what was found freely on either side stays."""
+    pairs = [
+        replace(p, registration=replace(p.registration, accepted=True)) if p.registration and p.expected else p
+        for p in survey(4)
+    ]
+    assert lone_steps(pairs) == {(4, 5)}
+    result = decided(pairs)
+    assert result.solution.graph.components == (tuple(range(5)), tuple(range(5, COUNT)))
+    for got in result.pairs:
+        assert got.kept == (not got.i <= 4 < got.j)
+    (step,) = (p for p in result.pairs if p.scans == (4, 5))
+    assert "right with a probability of 90.0%, and no pair across confirms it by itself; as it is" in step.reason
+
+
+def test_a_lone_step_stays_where_dead_reckoning_tells_of_it_too() -> None:
+    """Then its window came from elsewhere."""
+    odometry = Odometry(np.arange(COUNT), TRUTH, np.arange(float(COUNT)))
+    measurements = replace(measurements_of(COUNT), odometry=odometry)
+    assert decide(survey(4), measurements, 0.1, LoopSettings()).pairs[4].kept
+
+
+def test_a_lone_step_stays_where_a_third_of_all_are_or_a_person_vouches_for_it() -> None:
+    many = survey(1, 3, 5, 7)
+    assert len(lone_steps(many)) == 4
+    assert without_lone_steps(many, ()) is many
+    assert len(decided(many).solution.graph.components) == 1
+    assert len(decided(survey(1, 4, 7)).solution.graph.components) == 4
+    assert len(decided(survey(4), Tie(4, 5, "accept")).solution.graph.components) == 1
+
+
+def test_a_loop_over_the_whole_survey_confirms_a_step_if_it_was_found_freely() -> None:
+    far = pair(0, COUNT - 1, 0.9)
+    assert lone_steps([*survey(4), far]) == set()
+    assert lone_steps([*survey(4), replace(far, expected=EXPECTED)]) == {(4, 5)}
