@@ -9,18 +9,17 @@ import numpy as np
 from sonarmap.slam.pair import RegisteredPair
 
 # A step that is less probable is not sure; pairs across it are of scans no farther apart in time; and none of so many
-# confirms it. Of 3,876 steps of 268 surveys seven right ones were so, in folders of two dives over beds, and six of the
-# nine by which two dives were joined, other than twins.
+# confirms it. Of 4,528 steps of 286 surveys eight right ones were so, in folders of two dives over beds, and nine by
+# which two dives were joined.
 _SURE, _NEAR, _TRIED = 0.95, 5, 3
 # Where more of the steps are so, scans that do not follow each other share too little to say anything.
 _FEW = 1 / 3
 
 
 def lone_steps(pairs: Sequence[RegisteredPair]) -> set[tuple[int, int]]:
-    """The scans of steps that are accepted and not sure, and that none of the pairs tried across confirms by itself.
+    """The scans of steps that are accepted and not sure, while no pair across is, wherever it was looked for.
 
-    What was found where the estimate expected it confirms nothing: that the step is right is what it was told. The
-    first and the last step are none, nor others that pairs cross from one side alone: no two dives meet there.
+    The first and the last step are none, nor others that pairs cross from one side alone: no two dives meet there.
     """
     count = 1 + max((pair.j for pair in pairs), default=0)
     # what begins or ends at each step; summed up, how many pairs are tried across it, how many of these from scans
@@ -33,7 +32,7 @@ def lone_steps(pairs: Sequence[RegisteredPair]) -> set[tuple[int, int]]:
             _add(tried, pair.i, pair.j)
             _add(before, pair.i + 1, pair.j)
             _add(behind, pair.i, pair.j - 1)
-        if pair.accepted and pair.expected is None:
+        if pair.accepted:
             _add(found, pair.i, pair.j)
     tried, before, behind, found = (np.cumsum(each) for each in (tried, before, behind, found))
     alone = (tried >= _TRIED) & (before > 0) & (behind > 0) & (found == 0)
@@ -46,9 +45,10 @@ def lone_steps(pairs: Sequence[RegisteredPair]) -> set[tuple[int, int]]:
 
 
 def without_lone_steps(pairs: Sequence[RegisteredPair], told: Collection[tuple[int, int]]) -> Sequence[RegisteredPair]:
-    """The pairs, lone steps not accepted, nor what was found across them where the estimate expected it.
+    """The pairs, lone steps not accepted, and without what was found across them where the estimate expected it.
 
-    Unless many are so, or a person or dead reckoning has told something of the pair: then the scans are in `told`.
+    That the step is right is what such a pair was told. Not where many are so, nor where a person or dead reckoning has
+    told something of the pair: then the scans are in `told`.
     """
     lone = lone_steps(pairs).difference(told)
     if not lone or len(lone) > max(1.0, _FEW * sum(pair.role == "sequential" for pair in pairs)):
@@ -61,7 +61,7 @@ def without_lone_steps(pairs: Sequence[RegisteredPair], told: Collection[tuple[i
         if pair.registration is None or not crosses or by_itself:
             return pair
         said = f"right with a probability of {pair.registration.probability:.1%}"
-        reason = f"{said}, and no pair across confirms it by itself; {pair.registration.reason}"
+        reason = f"{said}, and no pair across is accepted; {pair.registration.reason}"
         return replace(
             pair,
             registration=replace(pair.registration, accepted=False, probability=0.0, alternatives=(), reason=reason),

@@ -31,7 +31,7 @@ def pair(i: int, j: int, probability: float, accepted: bool = True, expected: bo
 def survey(
     *unsure: int, probability: float = 0.9, confirmed: tuple[tuple[int, int], ...] = (), farthest: int = 3
 ) -> list[RegisteredPair]:
-    """Steps of which some are unsure, and loops: those across one of these are found where they were expected."""
+    """Steps of which some are unsure, and loops: those across one of these are found where expected, not accepted."""
     steps = [pair(k, k + 1, probability if k in unsure else 0.99) for k in range(COUNT - 1)]
     loops = [(i, j) for i in range(COUNT) for j in range(i + 2, min(i + farthest + 1, COUNT))]
 
@@ -70,22 +70,18 @@ def test_a_lone_step_is_one_that_pairs_were_tried_across_in_vain(
 
 
 def test_a_lone_step_is_a_gap_and_what_was_expected_across_it_does_not_bridge_it() -> None:
-    """Even where all of that was accepted; what was found freely on either side stays."""
-    pairs = [
-        replace(p, registration=replace(p.registration, accepted=True)) if p.registration and p.expected else p
-        for p in survey(4)
-    ]
-    assert lone_steps(pairs) == {(4, 5)}
+    """Though all of that agrees."""
+    pairs = survey(4)
     result = decided(pairs)
     assert result.solution.graph.components == (tuple(range(5)), tuple(range(5, COUNT)))
     for got in result.pairs:
         assert got.kept == (not got.i <= 4 < got.j)
     (step,) = (p for p in result.pairs if p.scans == (4, 5))
-    assert "right with a probability of 90.0%, and no pair across confirms it by itself; as it is" in step.reason
+    assert "right with a probability of 90.0%, and no pair across is accepted; as it is" in step.reason
 
 
 def test_a_lone_step_stays_where_dead_reckoning_tells_of_it_too() -> None:
-    """Then its window came from elsewhere."""
+    """Then what was expected did not come from the step."""
     odometry = Odometry(np.arange(COUNT), TRUTH, np.arange(float(COUNT)))
     measurements = replace(measurements_of(COUNT), odometry=odometry)
     assert decide(survey(4), measurements, 0.1, LoopSettings()).pairs[4].kept
@@ -100,7 +96,6 @@ def test_a_lone_step_stays_where_a_third_of_all_are_or_a_person_vouches_for_it()
     assert len(decided(survey(4), Tie(4, 5, "accept")).solution.graph.components) == 1
 
 
-def test_a_loop_over_the_whole_survey_confirms_a_step_if_it_was_found_freely() -> None:
-    far = pair(0, COUNT - 1, 0.9)
-    assert lone_steps([*survey(4), far]) == set()
-    assert lone_steps([*survey(4), replace(far, expected=EXPECTED)]) == {(4, 5)}
+@pytest.mark.parametrize("expected", [False, True])
+def test_a_loop_over_the_whole_survey_confirms_a_step_wherever_it_was_looked_for(expected: bool) -> None:
+    assert lone_steps([*survey(4), pair(0, COUNT - 1, 0.9, expected=expected)]) == set()
