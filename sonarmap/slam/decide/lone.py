@@ -16,10 +16,11 @@ _SURE, _NEAR, _TRIED = 0.95, 5, 3
 _FEW = 1 / 3
 
 
-def lone_steps(pairs: Sequence[RegisteredPair]) -> set[tuple[int, int]]:
-    """The scans of steps that are accepted and not sure, while no pair across is, wherever it was looked for.
+def lone_steps(pairs: Sequence[RegisteredPair], free: bool = False) -> set[tuple[int, int]]:
+    """The scans of steps that are accepted and not sure, while no pair across is accepted, wherever it was looked for.
 
-    The first and the last step are none, nor others that pairs cross from one side alone: no two dives meet there.
+    If `free`, only what was found without the estimate counts as accepted. The first and the last step are none, nor
+    others that pairs cross from one side alone: no two dives meet there.
     """
     count = 1 + max((pair.j for pair in pairs), default=0)
     # what begins or ends at each step; summed up, how many pairs are tried across it, how many of these from scans
@@ -32,7 +33,7 @@ def lone_steps(pairs: Sequence[RegisteredPair]) -> set[tuple[int, int]]:
             _add(tried, pair.i, pair.j)
             _add(before, pair.i + 1, pair.j)
             _add(behind, pair.i, pair.j - 1)
-        if pair.accepted:
+        if pair.accepted and not (free and pair.expected is not None):
             _add(found, pair.i, pair.j)
     tried, before, behind, found = (np.cumsum(each) for each in (tried, before, behind, found))
     alone = (tried >= _TRIED) & (before > 0) & (behind > 0) & (found == 0)

@@ -98,4 +98,7 @@ def test_a_lone_step_stays_where_a_third_of_all_are_or_a_person_vouches_for_it()
 
 @pytest.mark.parametrize("expected", [False, True])
 def test_a_loop_over_the_whole_survey_confirms_a_step_wherever_it_was_looked_for(expected: bool) -> None:
-    assert lone_steps([*survey(4), pair(0, COUNT - 1, 0.9, expected=expected)]) == set()
+    """What was expected does not, where it is asked what was found freely."""
+    pairs = [*survey(4), pair(0, COUNT - 1, 0.9, expected=expected)]
+    assert lone_steps(pairs) == set()
+    assert lone_steps(pairs, free=True) == ({(4, 5)} if expected else set())

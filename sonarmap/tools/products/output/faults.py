@@ -178,7 +178,7 @@ def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
             "motion, as the scans hardly show them: the map may be bent or torn there. If the vehicle was moved "
             "meanwhile, give the scans before and after in folders of their own"
         )
-    lone = lone_steps(result.pairs)
+    lone = lone_steps(result.pairs, free=True)
     alone = [s for s in steps if s not in assumed and (s.scans in lone or _is_only_likely(s, result.pairs))]
     if alone:
         first = alone[0]
