@@ -200,7 +200,7 @@ class SpectralRegistrar(GridRegistrar):
         # 3. the best of these by what the scans saw, refined, and others that the whole grid names
         finalists = test.refine_candidates(candidates, self.config.shortlist)[: self.config.finalists]
         hypotheses = finalists + test.find_missed(finalists)
-        hypotheses += test.find_slid(hypotheses)
+        hypotheses += test.find_alike(hypotheses)
         # 4. all compared on the whole grid, the best refined to the end, and how sharply the scans agree there
         hypotheses = test.conclude(hypotheses, spectral=self.config.refinement == "spectral")
         seen = self._verifier.observe_directions(test.target, test.source, hypotheses[0].fit).read()

@@ -15,9 +15,8 @@ from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.fit import Fit, principal_axes
 from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Evidence, Hypothesis, alike, ranked
 from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
-from sonarmap.spectral.verify.observability import weakest
 from sonarmap.spectral.verify.pair_frames import PairFrames
-from sonarmap.spectral.verify.relief import alike_places
+from sonarmap.spectral.verify.relief import alike_places, is_level
 from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Observation, Selection, Verifier
 
 # Reaches of the refinement's steps [voxels] and its points: out of a candidate's error, which a coarse voxel and a
@@ -46,10 +45,10 @@ _HOPELESS = 3.5
 _FIRM = 0.05
 # Surfaces whose residual is smaller than this are as close as any [voxels].
 _CLOSEST = 0.03
-# There their heights name so many other places under each of so many rotations, which are at least so far apart [rad];
-# laid upon each other smoothly, so many of these are compared with the others.
-_PLACES, _TURNS, _APART = 4, 3, float(np.deg2rad(3.0))
-_SLID, _RIVALS = Stage((3.0, 2.0, 2.0, 2.0), 1000), 3
+# There, and over beds, heights name so many places; laid upon each other smoothly, so many of these are compared with
+# the others.
+_PLACES, _RIVALS = 12, 4
+_SLID = Stage((4.0, 3.0, 2.0, 2.0, 2.0), 1000)
 # Refined rotations nearer than this have the same correlation on the whole grid [rad].
 _SAME_ROTATION = float(np.deg2rad(1.0))
 
@@ -102,35 +101,23 @@ class HypothesisTest(PairFrames):
         missed = [new for new in hypotheses if not any(alike(new.fit, finalist.fit) for finalist in finalists)]
         return self.possible(missed)[: len(finalists)]
 
-    def find_slid(self, known: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Where heights are alike beside the first and best of these, along what its planes hold least.
+    def find_alike(self, known: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Other places at which the heights of beds of little relief are alike, whichever way the source is turned.
 
-        Over a bed of little relief the correlation does not name the true place: where beams lie farther apart than
-        voxels, the lines that they draw agree best where nothing has moved, and the ripples do at the next one.
+        Over a bed the correlation does not name the true place: where beams lie farther apart than voxels, the lines
+        that they draw agree best where nothing has moved, and the ripples do at the next one.
         """
-        best = known[0]
-        if best.evidence.firmness > _FIRM:
+        surfaces, best = (self.target.surface, self.source.surface), known[0]
+        if best.evidence.firmness > _FIRM and not all(is_level(surface) for surface in surfaces):
             return []
-        bed = self._smoother(0)
-        ours, theirs = (surface.points[surface.inner] for surface in (bed.target.surface, bed.source.surface))
-        turns: list[Rotation] = []
-        shifts: list[np.ndarray] = []
-        for fit in [each.fit for each in _distinct(known, _APART)[:_TURNS]]:
-            plane = weakest(fit.information)[1][:, :2]
-            places, _ = alike_places(ours, fit.R.apply(theirs) + fit.shift, plane, _PLACES)
-            turns += [fit.R] * len(places)
-            shifts += [*(fit.shift + places)]
-        if not shifts:
+        places = alike_places(*surfaces, self.bounds.allow_rotations, _PLACES)
+        if not len(places.alike):
             return []
-        start = Start(Rotation.concatenate(turns), np.array(shifts), np.full(len(shifts), best.fit.width))
-        new: list[Fit] = []
-        for fit in sorted(bed._steps(start, [_SLID]).read(), key=lambda fit: fit.residual):
-            if not any(alike(fit, other) for other in [*(each.fit for each in known), *new]):
-                new.append(fit)
-        if not new:
-            return []
-        rivals = self._observed(_start(new), [(best.rotation_score, 0.0)] * len(new), [_QUICK])
-        return self.possible(rivals)[:_RIVALS]
+        start = Start(places.R, places.shifts, np.full(len(places.alike), best.fit.width))
+        fits = self._smoother(0)._steps(start, [_SLID]).read()
+        rivals = self._round(_start(fits), [(best.rotation_score, 0.0)] * len(fits), [_QUICK], SURFACE_POINTS)
+        new = [rival for rival in rivals if not any(alike(rival.fit, other.fit) for other in known)]
+        return self.possible(new)[:_RIVALS]
 
     def conclude(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
         """The hypotheses compared, and the best refined to the end as `finish` does; one alone is not compared."""

@@ -1,85 +1,174 @@
-"""Where two surfaces of little relief lie on each other: their heights over one plane, compared at every shift.
+"""Where two beds of little relief lie on each other: their heights, compared at every turn and shift over the bed.
 
-Where beams lie farther apart than voxels, the lines that they draw on a bed correlate best where nothing has moved. In
-heights no such line is left: they are compared in the cells that both scans show, by the masked normalized
-cross-correlation of Padfield (2012, DOI 10.1109/TIP.2011.2181402).
+Where beams lie farther apart than voxels, the lines that they draw on a bed correlate best where nothing has moved, and
+the spectra of a bed hardly tell how it is turned. In heights no such line is left. What their planes leave of the pose
+is one turn and two shifts: all of these are tried, by the masked normalized cross-correlation of Padfield (2012, DOI
+10.1109/TIP.2011.2181402).
 """
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import fft
 from scipy.ndimage import maximum_filter
+from scipy.spatial.transform import Rotation
+
+from sonarmap.spectral.prepare.surface import Surface
 
 _CELL = 4.0  # edge of a cell, about as far as beams lie apart [voxels]
+_TURNS = 45  # that are tried, 8 degrees apart
+# A surface is a bed if the mean square of its normals along one direction is at least this.
+_LEVEL = 0.8
 # A point farther from the usual height than so many times what points usually are, and than so much, is none of the bed
 # [voxels].
 _OUTLYING, _NEAR = 6.0, 2.0
 # Fewer cells in common than this share of what the smaller surface shows say nothing, nor do heights less alike.
-_SHARED, _ALIKE = 0.25, 0.3
+_SHARED, _ALIKE = 0.25, 0.2
+# Places of neighboring turns that are no farther apart than this along either axis are the same [cells].
+_SAME = 3
+
+
+@dataclass(frozen=True, slots=True)
+class AlikePlaces:
+    """Poses of a source: k rotations, and (k, 3) shifts [voxels]; and (k,) how alike heights are there, best first."""
+
+    R: Rotation
+    shifts: np.ndarray
+    alike: np.ndarray
+
+
+def is_level(surface: Surface) -> bool:
+    """Whether a surface is a bed: it holds a turn about its normal, and shifts along it, weakly."""
+    return _usual_normal(surface)[1] >= _LEVEL
 
 
 def alike_places(
-    target: np.ndarray, source: np.ndarray, plane: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """The shifts of the source after which heights over a plane are most alike.
+    target: Surface, source: Surface, allowed: Callable[[Rotation], np.ndarray], count: int
+) -> AlikePlaces:
+    """The poses of the source, at most `count`, at which the heights of both beds over their planes are most alike.
+
+    How alike is Fisher's transform of the correlation, times the root of the number of cells in common: the same
+    correlation says more of many cells.
 
     Args:
-        target: (n, 3) points.
-        source: (m, 3) points, in the same axes and unit [voxels].
-        plane: (3, 2) the plane's directions, orthonormal, in columns.
-        count: of shifts, at most.
-
-    Returns:
-        (k, 3) shifts, along the plane to a cell, and so that the heights in common are equally high [voxels]; and (k,)
-        how alike the heights are there, 0..1, highest first. None where a scan has no points.
+        target, source: each in its own axes [voxels].
+        allowed: which (n,) bool of n rotations are possible.
     """
-    if not (len(target) and len(source)):
-        return np.zeros((0, 3)), np.zeros(0)
-    axes = np.column_stack([plane, np.cross(plane[:, 0], plane[:, 1])])
-    ours, theirs = _Heights(target @ axes), _Heights(source @ axes)
-    shape = _next_fast(ours.shape[0] + theirs.shape[0]), _next_fast(ours.shape[1] + theirs.shape[1])
-    a, b = ours.spectra(shape), [np.conj(spectrum) for spectrum in theirs.spectra(shape)]
+    ours, theirs = _Bed.of(target), _Bed.of(source)
+    if not (target.rays.any() and source.rays.any()) and ours.axes[:, 2] @ theirs.axes[:, 2] < 0:
+        theirs = theirs.turned_over()
+    turns = Rotation.from_rotvec(np.linspace(0, 2 * np.pi, _TURNS, endpoint=False)[:, None] * [0.0, 0.0, 1.0])
+    R = Rotation.from_matrix(ours.axes) * turns * Rotation.from_matrix(theirs.axes).inv()
+    reach = np.full(2, np.linalg.norm(theirs.places[:, :2], axis=1).max())
+    heights = Heights.of(ours.places, ours.places[:, :2].min(axis=0), ours.places[:, :2].max(axis=0))
+    found: list[np.ndarray] = []
+    for turn in np.flatnonzero(allowed(R)).tolist():
+        places = heights.alike(Heights.of(turns[turn].apply(theirs.places), -reach, reach))[:count]
+        found.append(np.insert(places, 0, turn, axis=1))
+    rows = np.concatenate(found) if found else np.zeros((0, 5))
+    rows = _distinct(rows[np.argsort(-rows[:, 4], kind="stable")], count)
+    R = R[rows[:, 0].astype(np.int64)]  # pyright: ignore[reportArgumentType]
+    along = rows[:, 1:4] * [_CELL, _CELL, 1.0] @ ours.axes.T
+    return AlikePlaces(R, ours.middle + along - R.apply(theirs.middle), rows[:, 4])
 
-    def together(i: int, j: int) -> np.ndarray:
-        """By shift, the sum over the cells in common of powers of our heights times powers of theirs."""
-        return np.asarray(fft.irfft2(a[i] * b[j], shape))
 
-    cells = np.maximum(together(0, 0), 1e-9)
-    mean, other = together(1, 0) / cells, together(0, 1) / cells
-    squares = (together(2, 0) / cells - mean**2) * (together(0, 2) / cells - other**2)
-    alike = (together(1, 1) / cells - mean * other) / np.sqrt(np.maximum(squares, 1e-9))
-    alike[cells < _SHARED * min(ours.count, theirs.count)] = -1.0
-    peaks = np.argwhere((maximum_filter(alike, 3, mode="wrap") == alike) & (alike > _ALIKE))
-    peaks = peaks[np.argsort(-alike[tuple(peaks.T)], kind="stable")][:count]
-    at = tuple(peaks.T)
-    # a correlation is cyclic: where the source starts before the target, the shift is below 0
-    steps = np.where(peaks >= np.array(ours.shape), peaks - np.array(shape), peaks)
-    shifts = _CELL * (steps + ours.first - theirs.first)
-    return np.column_stack([shifts, (mean - other)[at] + ours.usual - theirs.usual]) @ axes.T, alike[at]
+def _usual_normal(surface: Surface) -> tuple[np.ndarray, float]:
+    """The direction, toward the sensor where known, along which the mean square of the normals is largest; and that."""
+    normals = surface.normals.astype(np.float64)
+    squares, axes = np.linalg.eigh(normals.T @ normals / len(normals))
+    away = surface.rays.sum(axis=0) @ axes[:, 2] > 0
+    return (-axes[:, 2] if away else axes[:, 2]), float(squares[2])
+
+
+def _distinct(rows: np.ndarray, count: int) -> np.ndarray:
+    """Of places, turn and shift in their first columns, best first, those beside no better one, `count` at most."""
+    chosen: list[int] = []
+    for k, row in enumerate(rows):
+        apart = np.abs(rows[chosen, :3] - row[:3])
+        turned = np.minimum(apart[:, 0], _TURNS - apart[:, 0])
+        if not ((turned <= 1) & (apart[:, 1:] <= _SAME).all(axis=1)).any():
+            chosen.append(k)
+        if len(chosen) == count:
+            break
+    return rows[chosen]
+
+
+@dataclass(frozen=True, slots=True)
+class _Bed:
+    """Points of a bed over the plane that fits them."""
+
+    axes: np.ndarray  # (3, 3) in columns, right-handed: two along the plane, and its normal
+    middle: np.ndarray  # (3,) on the plane [voxels]
+    places: np.ndarray  # (n, 3) from the middle, along the axes: the third is the height [voxels]
+
+    @classmethod
+    def of(cls, surface: Surface) -> "_Bed":
+        up, points = _usual_normal(surface)[0], surface.points.astype(np.float64)
+        off = points @ up - np.median(points @ up)
+        bed = points[np.abs(off) <= max(_OUTLYING * float(np.median(np.abs(off))), _NEAR)]
+        middle = bed.mean(axis=0)
+        normal, _, along = np.linalg.eigh((bed - middle).T @ (bed - middle))[1].T
+        normal = normal if normal @ up >= 0 else -normal
+        axes = np.column_stack([along, np.cross(normal, along), normal])
+        return cls(axes, middle, (bed - middle) @ axes)
+
+    def turned_over(self) -> "_Bed":
+        """The same points, their plane's normal on the other side."""
+        over = np.array([1.0, -1.0, -1.0])
+        return _Bed(self.axes * over, self.middle, self.places * over)
+
+
+@dataclass(frozen=True, slots=True)
+class Heights:
+    """The mean height of points in each cell of a plane."""
+
+    first: np.ndarray  # (2,) int, number of the first cell along both axes
+    shown: np.ndarray  # (a, b) 1.0 where there are points, else 0.0
+    heights: np.ndarray  # (a, b) [voxels]
+
+    @classmethod
+    def of(cls, places: np.ndarray, least: np.ndarray, most: np.ndarray) -> "Heights":
+        """Of points (n, 3), the third coordinate their height, whose others lie between two bounds (2,)."""
+        first, last = _cells(least), _cells(most)
+        cell, shape = _cells(places[:, :2]) - first, tuple((last - first + 1).tolist())
+        index = np.ravel_multi_index(tuple(cell.T), shape, mode="clip")  # a bound may be rounded
+        filled = np.bincount(index, minlength=int(np.prod(shape)))
+        heights = np.bincount(index, places[:, 2], len(filled)) / np.maximum(filled, 1)
+        return cls(first, (filled > 0).astype(np.float64).reshape(shape), heights.reshape(shape))
+
+    def alike(self, source: "Heights") -> np.ndarray:
+        """(k, 4), best first: shifts of the source [cells], how much higher it then has to be, and how alike it is."""
+        shape = tuple(_next_fast(a + b) for a, b in zip(self.shown.shape, source.shown.shape, strict=True))
+        a, b = self._spectra(shape), [np.conj(spectrum) for spectrum in source._spectra(shape)]
+
+        def together(i: int, j: int) -> np.ndarray:
+            """By shift, the sum over the cells in common of powers of our heights times powers of theirs."""
+            return np.asarray(fft.irfft2(a[i] * b[j], shape))
+
+        cells = np.maximum(together(0, 0), 1e-9)
+        mean, other = together(1, 0) / cells, together(0, 1) / cells
+        squares = (together(2, 0) / cells - mean**2) * (together(0, 2) / cells - other**2)
+        alike = (together(1, 1) / cells - mean * other) / np.sqrt(np.maximum(squares, 1e-9))
+        alike[(cells < _SHARED * min(self.shown.sum(), source.shown.sum())) | (alike < _ALIKE)] = 0.0
+        alike = np.arctanh(np.minimum(alike, 0.999)) * np.sqrt(cells)
+        peaks = np.argwhere((maximum_filter(alike, 3, mode="wrap") == alike) & (alike > 0))
+        peaks = peaks[np.argsort(-alike[tuple(peaks.T)], kind="stable")]
+        at = tuple(peaks.T)
+        # a correlation is cyclic: where the source starts before the target, the shift is below 0
+        steps = np.where(peaks >= np.array(self.shown.shape), peaks - np.array(shape), peaks)
+        return np.column_stack([steps + self.first - source.first, (mean - other)[at], alike[at]])
+
+    def _spectra(self, shape: tuple[int, ...]) -> list[np.ndarray]:
+        """Of which cells are shown, of their heights and of these squared."""
+        return [np.asarray(fft.rfft2(plane, shape)) for plane in (self.shown, self.heights, self.heights**2)]
+
+
+def _cells(places: np.ndarray) -> np.ndarray:
+    """Numbers of the cells that hold places."""
+    return np.floor(places / _CELL).astype(np.int64)
 
 
 def _next_fast(length: int) -> int:
     """A length, not below this, whose transform is fast."""
     return int(fft.next_fast_len(length, real=True) or length)
-
-
-class _Heights:
-    """The mean height of a surface in each cell of a plane."""
-
-    def __init__(self, points: np.ndarray) -> None:
-        """Of points (n, 3) whose third coordinate is the height."""
-        self.usual = float(np.median(points[:, 2]))
-        off = points[:, 2] - self.usual
-        bed = np.abs(off) <= max(_OUTLYING * float(np.median(np.abs(off))), _NEAR)
-        cell = np.floor(points[bed, :2] / _CELL).astype(np.int64)
-        self.first = cell.min(axis=0)
-        self.shape: tuple[int, ...] = tuple((cell.max(axis=0) - self.first + 1).tolist())
-        index, size = np.ravel_multi_index(tuple((cell - self.first).T), self.shape), int(np.prod(self.shape))
-        filled = np.bincount(index, minlength=size)
-        self._heights = np.bincount(index, off[bed], size) / np.maximum(filled, 1)
-        self._shown = (filled > 0).astype(np.float64)
-        self.count = int(self._shown.sum())
-
-    def spectra(self, shape: tuple[int, ...]) -> list[np.ndarray]:
-        """Of which cells are shown, of their heights and of these squared."""
-        planes = (self._shown, self._heights, self._heights**2)
-        return [np.asarray(fft.rfft2(plane.reshape(self.shape), shape)) for plane in planes]

@@ -164,14 +164,24 @@ def test_a_chain_that_is_less_sure_than_it_says_does_not_leave_out_the_loops() -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("groups", [0, 100])
-def test_ten_thousand_poses_take_less_than_a_minute(groups: int, tmp_path: Path) -> None:
+def test_of_ten_thousand_poses_wrong_loops_are_rejected_in_the_time_of_some_optimizations(
+    groups: int, tmp_path: Path
+) -> None:
+    """Nine times as long as the right edges alone take: seconds say more about a machine than about the code."""
+
+    def optimized(*options: str) -> tuple[float, str]:
+        begun = time.process_time()
+        result = sonarmap("optimize", tmp_path / "in.g2o", "-o", tmp_path / "out.g2o", *options, "--json")
+        return time.process_time() - begun, result.stdout
+
     T, graph = lawnmower(10_000, 2.5, 7)
     wrong = (*scattered(graph, T, 500, 1), *(aliased(graph, T, groups, 2) if groups else ()))
+    write_g2o(tmp_path / "in.g2o", graph)
+    plain, _ = optimized()
     write_g2o(tmp_path / "in.g2o", PoseGraph(graph.trajectory, (*graph.edges, *wrong)))
-    begun = time.process_time()
-    result = sonarmap("optimize", tmp_path / "in.g2o", "-o", tmp_path / "out.g2o", "--robust", "--json")
-    assert time.process_time() - begun < 60
-    rejected = [one for one in json.loads(result.stdout)["loops"] if one["verdict"] == "rejected"]
+    seconds, told = optimized("--robust")
+    assert seconds < 14 * plain
+    rejected = [one for one in json.loads(told)["loops"] if one["verdict"] == "rejected"]
     assert len(wrong) <= len(rejected) < len(wrong) + 0.01 * len(graph.edges)
     kept = {(one.i, one.j) for one in read_g2o(tmp_path / "out.g2o").edges}
     assert kept.isdisjoint({(one.i, one.j) for one in wrong} - {(one.i, one.j) for one in graph.edges})

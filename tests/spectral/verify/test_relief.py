@@ -1,14 +1,15 @@
-"""Heights over a plane, compared at every shift: beside sums by hand, in turned axes, and where beams draw lines."""
+"""Heights over beds at every turn and shift: beside sums by hand, in turned axes, and where beams draw lines."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sonarmap.spectral.verify.relief import alike_places
+from sonarmap.spectral.prepare.surface import Surface
+from sonarmap.spectral.verify.relief import Heights, alike_places, is_level
+from tests.spectral.surfaces import surface_of
 
 CELL = 4.0
-TURN = Rotation.from_euler("ZYX", [0.7, -0.4, 0.3])
-LEVEL = np.eye(3)[:, :2]
+TILT = Rotation.from_euler("ZYX", [0.7, -0.3, 0.2])
 
 
 def bed(places: np.ndarray) -> np.ndarray:
@@ -22,22 +23,51 @@ def seen(rng: np.random.Generator, about: tuple[float, float], count: int = 3000
     return bed(np.add(about, rng.uniform(-30, 30, (count, 2))))
 
 
-@pytest.mark.parametrize("moved", [(8.0, -4.0, 1.5), (-20.0, 12.0, 0.0), (0.0, 24.0, -3.0)])
-def test_the_true_shift_is_named_first_in_any_axes(moved: tuple[float, float, float]) -> None:
+def above(points: np.ndarray, axes: Rotation, seen_from: tuple[float, float, float] | None = (0, 0, 40)) -> Surface:
+    """The surface of points in turned axes, seen from a place in their own."""
+    return surface_of(axes.apply(points), [] if seen_from is None else [axes.apply(seen_from)])
+
+
+def any_rotation(R: Rotation) -> np.ndarray:
+    return np.ones(len(R), bool)
+
+
+@pytest.mark.parametrize("seen_from", [(0, 0, 40), None])
+@pytest.mark.parametrize(("yaw", "moved"), [(0.0, (8, -4, 1.5)), (1.7, (-20, 12, 0)), (4.4, (0, 24, -3))])
+def test_the_true_turn_and_shift_are_named_first_in_any_axes(
+    yaw: float, moved: tuple[float, float, float], seen_from: tuple[float, float, float] | None
+) -> None:
     """A twentieth of the points are strays, which no height of the bed is told by."""
     rng = np.random.default_rng(3)
-    target, source = seen(rng, (0, 0)), seen(rng, (10, -6)) - moved
+    R = TILT * Rotation.from_euler("z", yaw)
+    target, source = seen(rng, (0, 0)), seen(rng, (10, -6))
     for points in (target, source):
-        points[::20, 2] += rng.uniform(-60, 60, len(points[::20]))
-    places, alike = alike_places(TURN.apply(target), TURN.apply(source), TURN.as_matrix()[:, :2], 4)
-    np.testing.assert_allclose(TURN.inv().apply(places[0])[:2], moved[:2], atol=CELL)
-    assert TURN.inv().apply(places[0])[2] == pytest.approx(moved[2], abs=0.3)
-    assert alike[0] > 0.9
-    assert (np.diff(alike) <= 0).all()
-    assert len(places) <= 4
+        points[::20, 2] += rng.uniform(20, 60, len(points[::20]))
+    # the source is seen after a turn about the vertical and a shift
+    theirs = Rotation.from_euler("z", -yaw).apply(source - moved)
+    named = alike_places(above(target, TILT), above(theirs, TILT, seen_from), any_rotation, 5)
+    assert len(named.shifts) <= 5
+    assert (np.diff(named.alike) <= 0).all()
+    assert (named.R[0] * (R * TILT.inv()).inv()).magnitude() < np.deg2rad(6)
+    middle = theirs.mean(axis=0)  # where an error of the turn moves least
+    off = named.R[0].apply(TILT.apply(middle)) + named.shifts[0] - TILT.apply(source.mean(axis=0))
+    np.testing.assert_allclose(TILT.inv().apply(off), 0, atol=1.25 * CELL)
+    assert TILT.inv().apply(off)[2] == pytest.approx(0, abs=0.7)
 
 
-def test_how_alike_heights_are_is_the_correlation_of_the_cells_in_common() -> None:
+def test_only_rotations_that_are_allowed_are_named() -> None:
+    rng = np.random.default_rng(6)
+    ours, theirs = above(seen(rng, (0, 0)), TILT), above(seen(rng, (5, 5)), TILT)
+    far = alike_places(ours, theirs, lambda R: R.magnitude() > 1.0, 4)
+    assert len(far.shifts)
+    assert (far.R.magnitude() > 1.0).all()
+    none = alike_places(ours, theirs, lambda R: np.zeros(len(R), bool), 4)
+    assert none.shifts.shape == (0, 3)
+    assert none.alike.shape == (0,)
+    assert len(none.R) == 0
+
+
+def test_how_alike_heights_are_is_told_by_the_cells_in_common() -> None:
     """Summed by hand, to 1e-6, over all cells that both show at the shift."""
     rng = np.random.default_rng(4)
     target, source = seen(rng, (0, 0), 300), seen(rng, (6, 9), 250) - (8, -12, 0)
@@ -46,28 +76,41 @@ def test_how_alike_heights_are_is_the_correlation_of_the_cells_in_common() -> No
         keys = [tuple(key) for key in np.floor(points[:, :2] / CELL).astype(int).tolist()]
         return {key: float(np.mean([z for k, z in zip(keys, points[:, 2], strict=True) if k == key])) for key in keys}
 
-    places, alike = alike_places(target, source, LEVEL, 3)
+    def heights(points: np.ndarray) -> Heights:
+        return Heights.of(points, points[:, :2].min(axis=0), points[:, :2].max(axis=0))
+
+    places = heights(target).alike(heights(source))
     ours, theirs = cells(target), cells(source)
-    for place, value in zip(places, alike, strict=True):
-        x, y = np.rint(place[:2] / CELL).astype(int).tolist()
+    assert len(places) > 3
+    for x, y, higher, value in places[:3].tolist():
         both = [(ours[i + x, j + y], z) for (i, j), z in theirs.items() if (i + x, j + y) in ours]
-        assert value == pytest.approx(np.corrcoef(np.array(both).T)[0, 1], abs=1e-6)
-        assert place[2] == pytest.approx(np.mean([a - b for a, b in both]), abs=1e-6)
+        correlation = np.corrcoef(np.array(both).T)[0, 1]
+        assert value == pytest.approx(np.arctanh(correlation) * np.sqrt(len(both)), rel=1e-6)
+        assert higher == pytest.approx(np.mean([a - b for a, b in both]), abs=1e-6)
 
 
 def test_lines_that_beams_draw_do_not_hold_a_scan_where_it_has_not_moved() -> None:
     """Both scans show lines 5 voxels apart, at the same places of the sensor, which has moved by 13 voxels."""
-    along, across = np.meshgrid(np.arange(-30, 30, 0.5), np.arange(-30, 30, 5.0))
+    along, across = np.meshgrid(np.arange(-30.0, 30.0), np.arange(-30.0, 30.0, 5.0))
     lines = np.column_stack([along.ravel(), across.ravel()])
     moved = np.array([5.0, 12.0, 0.0])
-    places, _ = alike_places(bed(lines), bed(lines + moved[:2]) - moved, LEVEL, 1)
-    np.testing.assert_allclose(places[0], moved, atol=CELL)
+    still = Rotation.identity()
+    named = alike_places(
+        above(bed(lines), still), above(bed(lines + moved[:2]) - moved, still), lambda R: R.magnitude() < 0.1, 1
+    )
+    np.testing.assert_allclose(named.shifts[0], moved, atol=CELL)
 
 
-def test_a_flat_bed_and_no_points_name_nothing() -> None:
+def test_a_flat_bed_and_few_points_name_nothing() -> None:
     rng = np.random.default_rng(5)
-    flat = np.column_stack([rng.uniform(-30, 30, (500, 2)), np.zeros(500)])
-    for target, source in ((flat, flat), (flat, flat[:0]), (flat[:0], flat)):
-        places, alike = alike_places(target, source, LEVEL, 4)
-        assert places.shape == (0, 3)
-        assert alike.shape == (0,)
+    flat = above(np.column_stack([rng.uniform(-30, 30, (500, 2)), np.zeros(500)]), TILT)
+    few = above(np.array([[0.0, 0, 0], [3, 0, 0], [0, 5, 0]]), TILT)
+    for target, source in ((flat, flat), (flat, few), (few, flat), (few, few)):
+        assert len(alike_places(target, source, any_rotation, 4).shifts) == 0
+
+
+def test_a_bed_is_level_in_any_axes_and_a_corner_is_not() -> None:
+    points = seen(np.random.default_rng(7), (0, 0))
+    assert is_level(above(points, TILT))
+    wall = np.column_stack([points[:, 2], points[:, :2]])
+    assert not is_level(above(np.vstack([points, wall]), TILT))
