@@ -114,8 +114,9 @@ class HypothesisTest(PairFrames):
         if not len(places.alike):
             return []
         start = Start(places.R, places.shifts, np.full(len(places.alike), best.fit.width))
-        fits = self._smoother(0)._steps(start, [_SLID]).read()
-        rivals = self._round(_start(fits), [(best.rotation_score, 0.0)] * len(fits), [_QUICK], SURFACE_POINTS)
+        free = self._unless_bounded()
+        fits = free._smoother(0)._steps(start, [_SLID]).read()
+        rivals = free._round(_start(fits), [(best.rotation_score, 0.0)] * len(fits), [_QUICK], SURFACE_POINTS)
         new = [rival for rival in rivals if not any(alike(rival.fit, other.fit) for other in known)]
         return self.possible(new)[:_RIVALS]
 
@@ -131,14 +132,17 @@ class HypothesisTest(PairFrames):
 
         Of those that came out at the same pose the best alone is kept. Over a bed of little relief, what the sensors
         saw agrees nearly as well at a place some voxels off. There the surfaces are a little farther apart: hardly more
-        than noise at one point, but at thousands of points.
+        than noise at one point, but at thousands of points. All are where the scans alone would have them: attitudes
+        and depths move them from there by their own errors, and part the surfaces of the true one as well.
         """
-        refined = self._refine(_hopeful(hypotheses, 1.5 * _HOPELESS), [_CLOSE])
+        free = self._unless_bounded()
+        refined = self._possible(free._refine(_hopeful(hypotheses, 1.5 * _HOPELESS), [_CLOSE]))
         if refined[0].evidence.firmness <= _FIRM:
-            refined = [
+            close = [
                 replace(each, evidence=replace(each.evidence, closeness=-log(max(each.fit.residual, _CLOSEST))))
-                for each in self._laid_smoothly(refined)
+                for each in free._laid_smoothly(refined)
             ]
+            refined = self._possible(close)
         hopeful = _hopeful(refined, _HOPELESS)
         # one alone is measured where it ends
         return hopeful if len(hopeful) == 1 else self._measured(hopeful)
@@ -193,6 +197,14 @@ class HypothesisTest(PairFrames):
                 driven.append(old)
         return ranked([*kept, *(self._refine(driven, [_FINAL]) if driven else [])])
 
+    def _without_instruments(self) -> "HypothesisTest":
+        """The same by the scans alone."""
+        return replace(self, bounds=replace(self.bounds, prior=None))
+
+    def _unless_bounded(self) -> "HypothesisTest":
+        """The same by the scans alone, unless instruments bound the place: on a flat bed nothing else holds it."""
+        return self if self.box(Rotation.identity()) else self._without_instruments()
+
     def _smoother(self, level: int) -> "HypothesisTest":
         """The same of the scans' surfaces smoothed further, 0 the smoothest."""
         target, source = (replace(scan, surface=scan.smoother()[level]) for scan in (self.target, self.source))
@@ -207,7 +219,7 @@ class HypothesisTest(PairFrames):
         fit = best.fit
         if fit.prior is None:
             return best
-        free = replace(self, bounds=replace(self.bounds, prior=None))
+        free = self._without_instruments()
         (alone,) = free._steps(_start([fit.by_scans]), [_CLOSE]).read()
         if _loose(alone):
             alone = free._laid_smoothly([replace(best, fit=alone)])[0].fit
