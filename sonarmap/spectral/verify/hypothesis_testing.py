@@ -108,13 +108,14 @@ class HypothesisTest(PairFrames):
         that they draw agree best where nothing has moved, and the ripples do at the next one.
         """
         surfaces, best = (self.target.surface, self.source.surface), known[0]
-        if best.evidence.firmness > _FIRM and not all(is_level(surface) for surface in surfaces):
+        weak = best.evidence.firmness <= _FIRM
+        if not (weak or all(is_level(surface) for surface in surfaces)):
             return []
         places = alike_places(*surfaces, self.bounds.allow_rotations, _PLACES)
         if not len(places.alike):
             return []
         start = Start(places.R, places.shifts, np.full(len(places.alike), best.fit.width))
-        free = self._unless_bounded()
+        free = self._unless_bounded() if weak else self
         fits = free._smoother(0)._steps(start, [_SLID]).read()
         rivals = free._round(_start(fits), [(best.rotation_score, 0.0)] * len(fits), [_QUICK], SURFACE_POINTS)
         new = [rival for rival in rivals if not any(alike(rival.fit, other.fit) for other in known)]
@@ -132,15 +133,14 @@ class HypothesisTest(PairFrames):
 
         Of those that came out at the same pose the best alone is kept. Over a bed of little relief, what the sensors
         saw agrees nearly as well at a place some voxels off. There the surfaces are a little farther apart: hardly more
-        than noise at one point, but at thousands of points. All are where the scans alone would have them: attitudes
-        and depths move them from there by their own errors, and part the surfaces of the true one as well.
+        than noise at one point, but at thousands of points. There all are where the scans alone would have them:
+        attitudes and depths move them by their own errors, and part the surfaces of the true one as well.
         """
-        free = self._unless_bounded()
-        refined = self._possible(free._refine(_hopeful(hypotheses, 1.5 * _HOPELESS), [_CLOSE]))
+        refined = self._refine(_hopeful(hypotheses, 1.5 * _HOPELESS), [_CLOSE])
         if refined[0].evidence.firmness <= _FIRM:
             close = [
                 replace(each, evidence=replace(each.evidence, closeness=-log(max(each.fit.residual, _CLOSEST))))
-                for each in free._laid_smoothly(refined)
+                for each in self._unless_bounded()._laid_smoothly(refined)
             ]
             refined = self._possible(close)
         hopeful = _hopeful(refined, _HOPELESS)
