@@ -6,7 +6,7 @@ is one turn and two shifts: all of these are tried, by the masked normalized cro
 10.1109/TIP.2011.2181402).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,11 +62,10 @@ def alike_places(
     R = Rotation.from_matrix(ours.axes) * turns * Rotation.from_matrix(theirs.axes).inv()
     reach = np.full(2, np.linalg.norm(theirs.places[:, :2], axis=1).max())
     heights = Heights.of(ours.places, ours.places[:, :2].min(axis=0), ours.places[:, :2].max(axis=0))
-    found: list[np.ndarray] = []
-    for turn in np.flatnonzero(allowed(R)).tolist():
-        places = heights.alike(Heights.of(turns[turn].apply(theirs.places), -reach, reach))[:count]
-        found.append(np.insert(places, 0, turn, axis=1))
-    rows = np.concatenate(found) if found else np.zeros((0, 5))
+    tried = np.flatnonzero(allowed(R)).tolist()
+    turned = (Heights.of(turns[turn].apply(theirs.places), -reach, reach) for turn in tried)
+    found = zip(tried, heights.alike(turned), strict=True)
+    rows = np.concatenate([np.zeros((0, 5)), *(np.insert(places[:count], 0, turn, axis=1) for turn, places in found)])
     rows = _distinct(rows[np.argsort(-rows[:, 4], kind="stable")], count)
     R = R[rows[:, 0].astype(np.int64)]  # pyright: ignore[reportArgumentType]
     along = rows[:, 1:4] * [_CELL, _CELL, 1.0] @ ours.axes.T
@@ -137,10 +136,20 @@ class Heights:
         heights = np.bincount(index, places[:, 2], len(filled)) / np.maximum(filled, 1)
         return cls(first, (filled > 0).astype(np.float64).reshape(shape), heights.reshape(shape))
 
-    def alike(self, source: "Heights") -> np.ndarray:
-        """(k, 4), best first: shifts of the source [cells], how much higher it then has to be, and how alike it is."""
-        shape = tuple(_next_fast(a + b) for a, b in zip(self.shown.shape, source.shown.shape, strict=True))
-        a, b = self._spectra(shape), [np.conj(spectrum) for spectrum in source._spectra(shape)]
+    def alike(self, sources: Iterable["Heights"]) -> Iterator[np.ndarray]:
+        """Of each source, all of one shape, (k, 4), best first: shifts [cells], how much higher it then has to be, and
+        how alike it is."""
+        shape: tuple[int, ...] = ()
+        ours: list[np.ndarray] = []
+        for source in sources:
+            if not ours:
+                shape = tuple(_next_fast(a + b) for a, b in zip(self.shown.shape, source.shown.shape, strict=True))
+                ours = self._spectra(shape)
+            yield self._alike(source, ours, shape)
+
+    def _alike(self, source: "Heights", a: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+        """Of one source; `a` are our spectra of that shape."""
+        b = [np.conj(spectrum) for spectrum in source._spectra(shape)]
 
         def together(i: int, j: int) -> np.ndarray:
             """By shift, the sum over the cells in common of powers of our heights times powers of theirs."""

@@ -79,7 +79,7 @@ def test_how_alike_heights_are_is_told_by_the_cells_in_common() -> None:
     def heights(points: np.ndarray) -> Heights:
         return Heights.of(points, points[:, :2].min(axis=0), points[:, :2].max(axis=0))
 
-    places = heights(target).alike(heights(source))
+    (places,) = heights(target).alike([heights(source)])
     ours, theirs = cells(target), cells(source)
     assert len(places) > 3
     for x, y, higher, value in places[:3].tolist():
