@@ -126,15 +126,16 @@ class Mapper:
         _require_scans(len(scans), ties, control)
         number = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
         by_hand = {tie.scans: tie for tie in ties}
-        measurements = replace(Measurements.of(scans, number, odometry), control=tuple(control), ties=by_hand)
-        runner = PairRunner(self.execution, measurements.scans, 2, progress)
+        measurements = Measurements(tuple(scans), number, odometry, tuple(control), by_hand)
+        scans_alone = measurements.unplaced
+        runner = PairRunner(self.execution, scans_alone, 2, progress)
         try:
             keys, known = choose_keys(runner, number, self.voxel, self.settings.keys)
             odd: tuple[OddScan, ...] = ()
             if len(keys) == len(scans):
                 known = register_steps(runner, measurements.surveys, known)
                 vouched = {k for tie in ties for k in tie.scans} | {point.scan for point in control}
-                odd = find_odd(runner, measurements.scans, number.tolist(), known, self.voxel, vouched)
+                odd = find_odd(runner, scans_alone, number.tolist(), known, self.voxel, vouched)
                 keys = [k for k in keys if k not in {each.scan for each in odd}]
             if len(keys) == len(scans):
                 decision = self._decided(runner, measurements, known)
@@ -219,7 +220,8 @@ class Mapper:
             pairs=decision.pairs,
             gaps=tuple((pair.i, pair.j) for pair in decision.pairs if pair.role == "sequential" and not pair.kept),
             voxel=self.voxel,
-            wrong_fixes=decision.wrong_fixes,
+            wrong_fixes=decision.fixes.wrong,
+            understated=decision.fixes.understated,
             displaced=decision.displaced,
         )
 

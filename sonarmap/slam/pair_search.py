@@ -9,9 +9,10 @@ from scipy.cluster.hierarchy import DisjointSet
 
 from sonarmap.slam.candidates.candidates import find_candidates, find_lookalikes
 from sonarmap.slam.candidates.settings import LoopSettings
-from sonarmap.slam.decide.decision import Decision
+from sonarmap.slam.decide.decision import Decision, decide
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.execute.runner import PairRunner
+from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.map.cell import outline
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.measured_motion import AnyMotion, MeasuredMotion
@@ -68,6 +69,7 @@ class PairSearch:
         self._voxel, self._settings, self._limits = voxel, loops, limits
         self._floor = loops.floor(voxel)
         self._motion: AnyMotion | None = None
+        self._placed: Solution | None = None  # by steps and fixes; None without fixes
         self._outlines: list[np.ndarray] = []
 
     def steps(self, known: Sequence[RegisteredPair] = ()) -> list[RegisteredPair]:
@@ -77,6 +79,8 @@ class PairSearch:
         odometry = self._measurements.odometry
         motion = Motion.learn(pairs, self._measurements.stamps, survey, self._floor, self._limits)
         self._motion = motion if odometry is None else MeasuredMotion(odometry, motion, self._floor)
+        if any(prior.knows_position for prior in self._measurements.priors.values()):
+            self._placed = decide(pairs, self._measurements.by_instruments, self._voxel, self._settings).solution
         pairs = self._looked_at_again(pairs)
         if self._motion is not None:
             self._motion = self._motion.following(pairs)
@@ -116,13 +120,7 @@ class PairSearch:
             pairs = [without_leaps(p, self._motion) if survey[p.i] == survey[p.j] else p for p in pairs]
         if not hasattr(self._registrar, "register_expected"):
             return pairs
-        solution = decision.solution
-        part = {k: number for number, members in enumerate(solution.graph.components) for k in members}
-        doubtful = [pair for pair in pairs if part[pair.i] == part[pair.j] and pair.registration and not pair.accepted]
-        expected = expected_by(solution, doubtful, self._floor)
-        looks = [replace(pair, expected=where) for pair, where in zip(doubtful, expected, strict=True)]
-        again = {pair.scans: pair for pair in self._runner.register(looks)}
-        return [with_both(pair, again[pair.scans]) if pair.scans in again else pair for pair in pairs]
+        return self._about_estimate(pairs, decision.solution)
 
     def tied(self, tried: Sequence[RegisteredPair]) -> list[RegisteredPair]:
         """The pairs and those that a person added; what the person measured in place of a registration.
@@ -142,14 +140,32 @@ class PairSearch:
         ]
 
     def _looked_at_again(self, pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
-        """The pairs, those that are doubtful registered again about where the motion expects them."""
+        """The pairs, those that are doubtful registered again about where fixes, or else the motion, expect them."""
         motion = self._motion
-        if motion is None or not hasattr(self._registrar, "register_expected"):
+        if not hasattr(self._registrar, "register_expected"):
             return list(pairs)
-        doubtful = [pair for pair in pairs if is_doubtful(pair, motion)]
+        pairs = self._about_estimate(pairs, self._placed) if self._placed is not None else list(pairs)
+        if motion is None:
+            return pairs
+        doubtful = [pair for pair in pairs if pair.expected is None and is_doubtful(pair, motion)]
         looks = [replace(pair, expected=motion.expected(*pair.scans)) for pair in doubtful]
         again = {pair.scans: pair for pair in self._runner.register(looks)}
         return [with_both(pair, again[pair.scans], motion) if pair.scans in again else pair for pair in pairs]
+
+    def _about_estimate(self, pairs: Sequence[RegisteredPair], solution: Solution) -> list[RegisteredPair]:
+        """The pairs, those that are not believed, or that the estimate has left out, registered again about it."""
+        part = {k: number for number, members in enumerate(solution.graph.components) for k in members}
+        kept = {(edge.i, edge.j) for edge in solution.graph.edges}
+        sure = [pair.accepted and (pair.role != "sequential" or pair.scans in kept) for pair in pairs]
+        doubtful = [
+            pair
+            for pair, believed in zip(pairs, sure, strict=True)
+            if not believed and pair.registration and part[pair.i] == part[pair.j]
+        ]
+        expected = expected_by(solution, doubtful, self._floor)
+        looks = [replace(pair, expected=where) for pair, where in zip(doubtful, expected, strict=True)]
+        again = {pair.scans: pair for pair in self._runner.register(looks)}
+        return [with_both(pair, again[pair.scans]) if pair.scans in again else pair for pair in pairs]
 
     def _with_motion(self, pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
         """The pairs with what the learned motion says of them; dead reckoning is in the graph itself."""

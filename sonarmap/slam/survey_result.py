@@ -1,11 +1,12 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """What comes of mapping a survey: poses, how sure they are, maps, and every pair that was tried."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from sonarmap.slam.decide.wrong_measurements import WrongFix
+from sonarmap.slam.decide.wrong_measurements import NOTHING, WrongFix
 from sonarmap.slam.graph.control import MeasuredControl
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
@@ -29,6 +30,8 @@ class SurveyResult:
         surveys: the number of each scan's survey.
         keys: the key scans of a dense stream, ascending; None where every scan was registered.
         wrong_fixes: what instruments measured and all others contradict; it was left out.
+        understated: by kind of `slam.decide.wrong_measurements`, how many times larger than stated the errors of all
+            measurements are; from NOTHING times on they were left out.
         covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose, or the world.
         solution: the optimized graph, with its chi-squared and residuals.
         parts: the maps of every component.
@@ -52,6 +55,7 @@ class SurveyResult:
     gaps: tuple[tuple[int, int], ...]
     voxel: float
     wrong_fixes: tuple[WrongFix, ...] = ()
+    understated: Mapping[str, float] = field(default_factory=dict[str, float])
     keys: tuple[int, ...] | None = None
     ties: tuple[Tie, ...] = ()
     displaced: tuple[tuple[int, int], ...] = ()
@@ -67,6 +71,11 @@ class SurveyResult:
             apart = (before[0].inv() * before).translation - (after[0].inv() * after).translation
             most = max(most, float(np.linalg.norm(apart, axis=1).max()))
         return most
+
+    @property
+    def contradicted(self) -> tuple[str, ...]:
+        """The kinds of measurements that were left out as a whole."""
+        return tuple(kind for kind, times in self.understated.items() if times >= NOTHING)
 
     @property
     def by_navigation(self) -> tuple[int, ...]:

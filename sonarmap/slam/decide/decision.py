@@ -1,7 +1,7 @@
 """From everything that was registered to one estimate: which answers become edges, and why the others do not."""
 
 from collections.abc import Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges, twin_odds
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.decide.verdict import with_verdicts
-from sonarmap.slam.decide.wrong_measurements import WrongControl, WrongFix, without_wrong_control, without_wrong_fixes
+from sonarmap.slam.decide.wrong_measurements import JudgedFixes, WrongControl, judge_fixes, without_wrong_control
 from sonarmap.slam.graph.control import ControlPoint, MeasuredControl
 from sonarmap.slam.graph.edge import Edge, components, spanning_tree
 from sonarmap.slam.graph.place import place_by_control, place_in_world
@@ -42,7 +42,7 @@ class Decision:
     chained: Trajectory  # N poses from the trusted edges alone, without a loop
     solution: Solution  # the optimized graph of the edges that were kept
     pairs: tuple[Pair, ...]  # every pair with its verdict, in the order in which they were given
-    wrong_fixes: tuple[WrongFix, ...] = ()  # what instruments measured and all others contradict; it was left out
+    fixes: JudgedFixes = field(default_factory=lambda: JudgedFixes({}))  # what instruments measured, as it took part
     wrong_control: tuple[WrongControl, ...] = ()  # control points that all others contradict; they were left out
     # scans of pairs that are kept without ties and control points, and refused for these
     displaced: tuple[tuple[int, int], ...] = ()
@@ -96,8 +96,8 @@ def _decide(
     chained = place_in_world(chain(sure, measurements.stamps), parts, priors)
     chained = place_by_control(chained, parts, measurements.control, priors)
     fixes = _widened(PoseGraph(chained, tuple(sure)), _GRAPH_FLOOR * floor)
-    priors, wrong_fixes = without_wrong_fixes(fixes, priors)
-    measured = tuple(sorted(priors.items()))
+    judged = judge_fixes(fixes, priors)
+    measured = tuple(sorted(judged.priors.items()))
     holding = tuple(point for point in measurements.control if point.holds)
     control, wrong_control = without_wrong_control(replace(fixes, priors=measured, control=holding))
     graph = PoseGraph(chained, edges, priors=measured, control=control)
@@ -112,8 +112,8 @@ def _decide(
     solution = replace(solution, chi_squared_before=kept_graph.at(chained.T_world_sensor).chi_squared)
     kept = {(edge.i, edge.j) for edge in solution.graph.edges if edge.is_of_pair}
     decided = with_verdicts(pairs, measurements.ties, possible.supported, possible.taken, solution)
-    wrong = (*measurements.wrong_fixes, *wrong_fixes), (*wrong_control, *more_wrong)
-    return Decision(chained, solution, tuple(decided), *wrong), possible.chain_scans - kept
+    decision = Decision(chained, solution, tuple(decided), judged, (*wrong_control, *more_wrong))
+    return decision, possible.chain_scans - kept
 
 
 def _settled(graph: PoseGraph) -> Solution:

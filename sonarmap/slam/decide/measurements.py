@@ -6,12 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sonarmap.slam.decide.wrong_measurements import WrongFix, without_wrong_fixes
+from sonarmap.slam.decide.wrong_measurements import without_kinds
 from sonarmap.slam.graph.control import ControlPoint
-from sonarmap.slam.graph.edge import Edge, components
-from sonarmap.slam.graph.place import place_in_world
-from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.scan import PosePrior, Scan
@@ -19,30 +16,22 @@ from sonarmap.spectral.scan import PosePrior, Scan
 
 @dataclass(frozen=True, slots=True)
 class Measurements:
-    """Scans, instruments without fixes that they themselves contradict, and what a person adds."""
+    """Scans, what instruments measured, right or not, and what a person adds."""
 
-    scans: tuple[Scan, ...]  # N, with the priors that are left; what is wrong must not bound a registration
+    scans: tuple[Scan, ...]  # N, with their priors
     surveys: np.ndarray  # (N,) the number of each scan's survey
     odometry: Odometry | None = None  # dead reckoning; None without
-    wrong_fixes: tuple[WrongFix, ...] = ()  # what dead reckoning and the other fixes contradict
     control: tuple[ControlPoint, ...] = ()  # points of scans with known coordinates; those to check with are not used
     # what a person said of pairs, by their scans
     ties: Mapping[tuple[int, int], Tie] = field(default_factory=dict[tuple[int, int], Tie])
 
-    @classmethod
-    def of(cls, scans: Sequence[Scan], surveys: np.ndarray, odometry: Odometry | None) -> "Measurements":
-        """Of scans with their priors, and their dead reckoning, which shows wrong fixes before a scan is registered."""
-        given = cls(tuple(scans), surveys, odometry)
-        if odometry is None:
-            return given
-        steps = given.steps
-        placed = place_in_world(chain(steps, given.stamps), components(len(scans), steps), given.priors)
-        left, wrong = without_wrong_fixes(PoseGraph(placed, tuple(steps)), given.priors)
-        cleaned = tuple(replace(scan, prior=left.get(k)) for k, scan in enumerate(scans))
-        return replace(given, scans=cleaned, wrong_fixes=wrong)
+    @property
+    def unplaced(self) -> tuple[Scan, ...]:
+        """The scans as they are registered: a place that bounds a search could not be contradicted by it."""
+        return tuple(replace(scan, prior=scan.prior and without_kinds(scan.prior, {"position"})) for scan in self.scans)
 
     def take(self, chosen: Sequence[int]) -> "Measurements":
-        """Of these scans, ascending, which are then numbered 0, 1, ...; what is wrong has been left out.
+        """Of these scans, ascending, which are then numbered 0, 1, ...
 
         Raises:
             InputError: a tie of another scan.

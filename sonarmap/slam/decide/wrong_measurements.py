@@ -4,13 +4,13 @@ They are found by reweighted least squares with heavy tails (Student's t): a mea
 until the others say where the pose is. One that nothing else bears on is never wrong.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.spatial.transform import RigidTransform, Rotation
-from scipy.special import chdtri
+from scipy.special import chdtri, gammaincinv
 
 from sonarmap.slam.graph.control import ControlPoint, jacobian
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
@@ -19,12 +19,17 @@ from sonarmap.spectral.scan import PosePrior
 
 # What an instrument tells, and its numbers among a prior's sigmas.
 KINDS = {"attitude": slice(0, 2), "heading": slice(2, 3), "position": slice(3, 5), "depth": slice(5, 6)}
+_SIZES = np.array([numbers.stop - numbers.start for numbers in KINDS.values()])
+_MIDDLE = 2 * gammaincinv(_SIZES / 2, 0.5)  # the median of chi-squared of so many numbers
 # Degrees of freedom of the errors' tails, how often measurements are weighed anew, and a change that is none.
-_TAILS, _REWEIGHTED, _SETTLED = 2.0, 8, 1e-2
+_TAILS, _REWEIGHTED, _SETTLED = 2.0, 12, 1e-2
 # A measurement is wrong where one of so many right ones is as far off.
 _RARE = 1e-5
-# Where more than this share of the measurements of a kind seem wrong, it is not they that are.
-_MOST = 0.3
+# Where more than this share of the measurements of a kind, or of the points, seem wrong, it is not they that are.
+_MOST, _MOST_POINTS = 0.4, 0.3
+# Standard deviations of a kind are understated where the errors of half of so many or more are as large as those of so
+# many times as large ones; from so many times on nothing is measured: axes are exchanged, or times are off.
+_FEWEST, _UNDERSTATED, NOTHING = 8, 2.0, 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,17 +49,25 @@ class WrongControl:
     sigmas: float  # how far it is from what all others say, in its own standard deviations and the map's together
 
 
-def without_wrong_fixes(
-    graph: PoseGraph, priors: Mapping[int, PosePrior]
-) -> tuple[dict[int, PosePrior], tuple[WrongFix, ...]]:
-    """The priors without those that the edges and the other priors contradict, and which these are.
+@dataclass(frozen=True, slots=True)
+class JudgedFixes:
+    """What instruments measured, as far as everything else bears it out."""
+
+    priors: dict[int, PosePrior]  # by pose, without what is wrong, and as sure as it shows itself to be
+    wrong: tuple[WrongFix, ...] = ()
+    # by kind, by how much larger its errors are than stated; from `NOTHING` on the kind is left out
+    understated: Mapping[str, float] = field(default_factory=dict[str, float])
+
+
+def judge_fixes(graph: PoseGraph, priors: Mapping[int, PosePrior]) -> JudgedFixes:
+    """The priors without those that the edges and the other priors contradict, and as sure as these leave them.
 
     Args:
         graph: edges between the poses, these about where they are in the world; its own priors do not count.
         priors: what instruments measured, by pose.
     """
     if not priors:
-        return {}, ()
+        return JudgedFixes({})
     fixes = _Fixes.of(priors)
 
     def weighed(graph: PoseGraph, weights: np.ndarray) -> PoseGraph:
@@ -63,14 +76,24 @@ def without_wrong_fixes(
     def weights_at(graph: PoseGraph) -> np.ndarray:
         return np.where(fixes.known, fixes.weights_at(graph.trajectory.T_world_sensor), 1.0)
 
-    # edges may be wrong as well as fixes
-    solution, weights = _reweighted(graph, np.ones(fixes.known.shape), weighed, weights_at, edges_too=True)
+    # a fix far off would tear its scan from the edges, did it count in full first; those may be wrong as well
+    start = weights_at(graph)
+    start /= np.where(fixes.known, start, 0.0).max(axis=0, initial=1e-12)
+    solution, weights = _reweighted(graph, np.minimum(start, 1.0), weighed, weights_at, edges_too=True)
+    factors = fixes.understated(solution.trajectory.T_world_sensor)
+    fixes = fixes.scaled(factors)
     wrong = _wrong_fixes(solution, fixes, weights)
-    if not wrong or _too_many(wrong, fixes):
-        return dict(priors), ()
+    if _too_many(wrong, fixes):
+        return JudgedFixes(dict(priors))
+    understated = {kind: factor for kind, factor in zip(KINDS, factors.tolist(), strict=True) if factor > 1}
+    useless = {kind for kind, factor in understated.items() if factor >= NOTHING}
+    wrong = tuple(fix for fix in wrong if fix.kind not in useless)
     left_out = {(fix.scan, fix.kind) for fix in wrong}
-    cleaned = {k: _without(prior, {kind for kind in KINDS if (k, kind) in left_out}) for k, prior in priors.items()}
-    return {k: prior for k, prior in cleaned.items() if prior is not None}, wrong
+    cleaned = {
+        k: without_kinds(prior, useless | {kind for kind in KINDS if (k, kind) in left_out})
+        for k, prior in zip(fixes.poses.tolist(), fixes.priors, strict=True)
+    }
+    return JudgedFixes({k: prior for k, prior in cleaned.items() if prior is not None}, wrong, understated)
 
 
 def without_wrong_control(graph: PoseGraph) -> tuple[tuple[ControlPoint, ...], tuple[WrongControl, ...]]:
@@ -92,7 +115,7 @@ def without_wrong_control(graph: PoseGraph) -> tuple[tuple[ControlPoint, ...], t
     # a point far off counts little from the beginning: at full weight it would bend a chain for good
     solution, weights = _reweighted(graph, weights_at(graph), weighed, weights_at)
     wrong = _wrong_control(solution, graph.control, weights)
-    if len(wrong) > _MOST * len(graph.control):
+    if len(wrong) > _MOST_POINTS * len(graph.control):
         return graph.control, ()
     left_out = {id(each.point) for each in wrong}
     return tuple(point for point in graph.control if id(point) not in left_out), wrong
@@ -176,12 +199,39 @@ class _Fixes:
             sigmas[:, numbers] /= np.sqrt(weights[:, kind, None])
         return [replace(prior, sigmas=own) for prior, own in zip(self.priors, sigmas, strict=True)]
 
+    def scaled(self, factors: np.ndarray) -> "_Fixes":
+        """With (K,) times larger standard deviations."""
+        if (factors == 1).all():
+            return self
+        sigmas = self.sigmas.copy()
+        for numbers, factor in zip(KINDS.values(), factors.tolist(), strict=True):
+            sigmas[:, numbers] *= factor
+        priors = tuple(replace(prior, sigmas=own.copy()) for prior, own in zip(self.priors, sigmas, strict=True))
+        return replace(self, priors=priors, sigmas=sigmas)
+
     def weights_at(self, T_world_sensor: RigidTransform) -> np.ndarray:
-        """(n, K) weights by how far the poses are from what was measured."""
+        """(n, K) weights by how far the poses are from what was measured, beside what most of the kind are."""
+        usual = np.maximum(1.0, self._usual(sums := self._squared(T_world_sensor)))
+        return np.minimum(1.0, (_TAILS + _SIZES) / (_TAILS + sums / usual)) / usual
+
+    def understated(self, T_world_sensor: RigidTransform) -> np.ndarray:
+        """(K,) by how much larger the errors of each kind are than stated, 1 where they are about as stated."""
+        factors = np.sqrt(self._usual(self._squared(T_world_sensor)))
+        return np.where(factors >= _UNDERSTATED, factors, 1.0)
+
+    def _squared(self, T_world_sensor: RigidTransform) -> np.ndarray:
+        """(n, K) chi-squared of what was measured."""
         squared = (self.residuals(T_world_sensor) / self.sigmas) ** 2
-        sums = np.column_stack([squared[:, numbers].sum(axis=1) for numbers in KINDS.values()])
-        sizes = np.array([numbers.stop - numbers.start for numbers in KINDS.values()])
-        return np.minimum(1.0, (_TAILS + sizes) / (_TAILS + sums))
+        return np.column_stack([squared[:, numbers].sum(axis=1) for numbers in KINDS.values()])
+
+    def _usual(self, squared: np.ndarray) -> np.ndarray:
+        """(K,) the variance that half of each kind show, over the stated; 1 of too few."""
+        enough = self.known.sum(axis=0) >= _FEWEST
+        middle = [
+            np.median(own[known]) if many else 0.0
+            for own, known, many in zip(squared.T, self.known.T, enough, strict=True)
+        ]
+        return np.where(enough, np.array(middle) / _MIDDLE, 1.0)
 
     def residuals(self, T_world_sensor: RigidTransform) -> np.ndarray:
         """(n, 6) how far poses are from what was measured, in the world's axes [rad, m]."""
@@ -215,8 +265,10 @@ def _too_many(wrong: Sequence[WrongFix], fixes: _Fixes) -> bool:
     )
 
 
-def _without(prior: PosePrior, kinds: set[str]) -> PosePrior | None:
-    """The prior without these kinds; None where nothing is left."""
+def without_kinds(prior: PosePrior, kinds: Collection[str]) -> PosePrior | None:
+    """A prior without some kinds of KINDS; None where nothing is left."""
+    if not kinds:
+        return prior
     sigmas = prior.sigmas.copy()
     for kind in kinds:
         sigmas[KINDS[kind]] = np.inf

@@ -57,8 +57,9 @@ def _placement(known: Mapping[int, PosePrior], T_part: Mapping[int, RigidTransfo
         [prior.T_world_sensor.translation - R.apply(T_part[k].translation) for k, prior in known.items()]
     )
     measured = np.array([np.isfinite(prior.sigmas[3:]) for prior in known.values()])
-    count = np.maximum(measured.sum(axis=0), 1)
-    return RigidTransform.from_components((offsets * measured).sum(axis=0) / count, R)
+    # the middle one: a few that are far off move nothing
+    middle = [np.median(own[told]) if told.any() else 0.0 for own, told in zip(offsets.T, measured.T, strict=True)]
+    return RigidTransform.from_components(np.array(middle), R)
 
 
 def _tilt(known: Mapping[int, PosePrior], T_part: Mapping[int, RigidTransform]) -> Rotation:
@@ -85,9 +86,10 @@ def _heading(known: Mapping[int, PosePrior], T_part: Mapping[int, RigidTransform
     placed = [k for k, prior in known.items() if prior.knows_position]
     if len(placed) < 2:
         return 0.0
-    there = np.array([known[k].T_world_sensor.translation[:2] for k in placed]) @ [1, 1j]
-    here = np.array([R.apply(T_part[k].translation)[:2] for k in placed]) @ [1, 1j]
-    return float(np.angle(((there - there.mean()) * (here - here.mean()).conj()).sum()))
+    level = np.array([1.0, 1.0, 0.0])
+    there = np.stack([known[k].T_world_sensor.translation * level for k in placed])
+    here = np.stack([R.apply(T_part[k].translation) * level for k in placed])
+    return float(twist(robust_fit(here, there, upright=True).rotation))
 
 
 def place_by_control(

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.decision import Decision
 from sonarmap.slam.decide.measurements import Measurements
-from sonarmap.slam.decide.wrong_measurements import WrongControl, without_wrong_control, without_wrong_fixes
+from sonarmap.slam.decide.wrong_measurements import JudgedFixes, WrongControl, judge_fixes, without_wrong_control
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.place import place_by_control, place_in_world
@@ -53,9 +53,10 @@ def with_between(
     if set(measurements.priors) - set(keys):
         # fixes of scans between may be all that ties the map to the world
         whole = replace(whole, trajectory=place_in_world(whole.trajectory, whole.components, measurements.priors))
-        left, wrong = without_wrong_fixes(whole, measurements.priors)
+        judged = judge_fixes(whole, measurements.priors)
     else:
-        left, wrong = {keys[pose]: prior for pose, prior in graph.priors}, ()
+        judged = JudgedFixes({keys[k]: prior for k, prior in graph.priors}, understated=decision.fixes.understated)
+    left = judged.priors
     measured = tuple(sorted(left.items()))
     control, wrong_control = _control(decision, keys, measurements)
     if control:
@@ -71,12 +72,12 @@ def with_between(
         degrees_of_freedom=decision.solution.degrees_of_freedom,
     )
     pairs = tuple(pair.renumbered(dict(enumerate(keys))) for pair in decision.pairs)
-    fixes = {(fix.scan, fix.kind): fix for fix in (*measurements.wrong_fixes, *wrong)}
-    fixes |= {(keys[fix.scan], fix.kind): replace(fix, scan=keys[fix.scan]) for fix in decision.wrong_fixes}
+    fixes = {(fix.scan, fix.kind): fix for fix in judged.wrong}
+    fixes |= {(keys[fix.scan], fix.kind): replace(fix, scan=keys[fix.scan]) for fix in decision.fixes.wrong}
     chained = expanded(decision.chained.T_world_sensor)
-    wrong_fixes = tuple(fixes[key] for key in sorted(fixes))
+    judged = replace(judged, wrong=tuple(fixes[key] for key in sorted(fixes)))
     displaced = tuple((keys[i], keys[j]) for i, j in decision.displaced)
-    return Decision(chained, solution, pairs, wrong_fixes, wrong_control, displaced)
+    return Decision(chained, solution, pairs, judged, wrong_control, displaced)
 
 
 def _control(

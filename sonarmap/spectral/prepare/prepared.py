@@ -82,9 +82,10 @@ class Preparer:
         # the device works on it while the host looks at the points
         self._spectra.transform(points, [spectrum], magnitude, self._farthest)
         surface = _one_per_voxel(voxels, cells)
-        # of a plane whose place is measured, height and tilt can still be made finer
-        placed = scan.prior is not None and scan.prior.is_complete
-        self._require_structure(scan.name, surface, plane_allowed=placed)
+        # of a plane whose rotation is measured, height and tilt can still be made finer beside a place
+        prior = scan.prior
+        held = prior is not None and prior.knows_attitude and prior.knows_heading and prior.knows_depth
+        self._require_structure(scan.name, surface, plane_allowed=held)
         cells_of_surface = sort_into_cells(self.device, surface)
         return Prepared(scan.name, center, points, surface, cells_of_surface, spectrum), magnitude
 
@@ -108,7 +109,7 @@ class Preparer:
             raise InputError(
                 f"{name}: all its points lie in one plane (they deviate {spread * self.grid.voxel:.2g} m from it, "
                 f"on a {size}): a shift along it cannot be seen. Give a scan with more structure, a smaller `voxel`, "
-                "in which a low relief shows, or a prior with attitude, heading, depth and position."
+                "in which a low relief shows, or a prior with attitude, heading and depth."
             )
 
 

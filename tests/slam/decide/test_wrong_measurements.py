@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.decide.contradiction import chi_squared, contradicted_edges
 from sonarmap.slam.decide.measurements import Measurements
-from sonarmap.slam.decide.wrong_measurements import without_wrong_fixes
+from sonarmap.slam.decide.wrong_measurements import NOTHING, judge_fixes
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -48,8 +48,8 @@ def moved(prior: PosePrior, way: tuple[float, float, float] = (0, 0, 0), heading
 
 def found(seed: int, priors: dict[int, PosePrior]) -> tuple[dict[int, PosePrior], list[tuple[int, str]]]:
     start = Trajectory(np.arange(float(COUNT)), TRUTH * RigidTransform.from_exp_coords([0.01, 0, 0.02, 0.3, 0.2, 0]))
-    left, wrong = without_wrong_fixes(PoseGraph(start, edges(seed)), priors)
-    return left, [(fix.scan, fix.kind) for fix in wrong]
+    judged = judge_fixes(PoseGraph(start, edges(seed)), priors)
+    return judged.priors, [(fix.scan, fix.kind) for fix in judged.wrong]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -87,22 +87,52 @@ def test_sparse_fixes_are_held_against_the_edges_and_where_nothing_else_bears_or
     assert found(3, priors)[1] == []
 
 
-def test_dead_reckoning_shows_them_before_a_scan_is_registered() -> None:
-    """Else a wrong position would keep right registrations out of the bounds."""
+@pytest.mark.parametrize("seed", range(3))
+def test_a_run_of_a_third_of_the_fixes_is_found(seed: int) -> None:
+    priors = fixes(seed, known=slice(2, 5))
+    for k in range(25, 45):
+        priors[k] = moved(priors[k], (18.0, -16.0, 0.0))
+    left, wrong = found(seed, priors)
+    assert wrong == [(k, "position") for k in range(25, 45)]
+    assert left[30].knows_heading
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_errors_larger_than_stated_are_measured(seed: int) -> None:
+    priors = {k: replace(prior, sigmas=prior.sigmas / [1, 1, 1, 5, 5, 1]) for k, prior in fixes(seed).items()}
+    priors[9] = moved(priors[9], (30.0, 0.0, 0.0))
+    judged = judge_fixes(PoseGraph(Trajectory(np.arange(float(COUNT)), TRUTH), edges(seed)), priors)
+    assert list(judged.understated) == ["position"]
+    assert judged.understated["position"] == pytest.approx(5, rel=0.25)
+    np.testing.assert_allclose(
+        judged.priors[5].sigmas / priors[5].sigmas, [1, 1, 1, *[judged.understated["position"]] * 2, 1]
+    )
+    assert [(fix.scan, fix.kind) for fix in judged.wrong] == [(9, "position")]
+
+
+def test_places_that_nothing_bears_out_are_left_out() -> None:
+    priors = {}
+    for k, prior in fixes(6).items():
+        T = prior.T_world_sensor
+        priors[k] = replace(prior, T_world_sensor=RigidTransform.from_components(T.translation[[1, 0, 2]], T.rotation))
+    judged = judge_fixes(PoseGraph(Trajectory(np.arange(float(COUNT)), TRUTH), edges(6)), priors)
+    assert list(judged.understated) == ["position"]
+    assert judged.understated["position"] >= NOTHING
+    assert judged.wrong == ()
+    assert not any(prior.knows_position for prior in judged.priors.values())
+    assert all(prior.knows_heading and prior.knows_depth for prior in judged.priors.values())
+
+
+def test_a_place_does_not_bound_what_could_contradict_it() -> None:
     priors = fixes(5, known=slice(3, 6))
-    priors[20] = moved(priors[20], (20.0, 0.0, 0.0))
     points = np.zeros((1, 3), np.float32)
     scans = [Scan(points, stamp=float(k), prior=priors[k], name=f"scan{k}") for k in range(COUNT)]
-    odometry = Odometry(np.arange(COUNT), TRUTH, np.arange(float(COUNT)))
-    given = Measurements.of(scans, np.zeros(COUNT, int), odometry)
-    assert [(fix.scan, fix.kind) for fix in given.wrong_fixes] == [(20, "position")]
-    assert given.scans[20].prior is not None
-    assert not given.scans[20].prior.knows_position
-    kept = given.scans[19].prior
+    given = Measurements(tuple(scans), np.zeros(COUNT, int), Odometry(np.arange(COUNT), TRUTH, np.arange(float(COUNT))))
+    kept = given.unplaced[20].prior
     assert kept is not None
-    np.testing.assert_array_equal(kept.sigmas, priors[19].sigmas)
+    np.testing.assert_array_equal(kept.sigmas, [np.inf] * 5 + [SIGMAS[5]])
+    assert given.scans == tuple(scans)
     assert len(given.steps) == COUNT - 1
-    assert Measurements.of(scans, np.zeros(COUNT, int), None).scans == tuple(scans)
 
 
 RING = 30

@@ -4,17 +4,18 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.execution import ExecutionOptions, open_execution
+from sonarmap.tools.command.failures import print_failure
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile, scans_with_priors
 from sonarmap.tools.command.navigation_check import contradiction_of
-from sonarmap.tools.command.options.option import RUNNING, given, switch
+from sonarmap.tools.command.options.option import NAVIGATION, RUNNING, given, switch
 from sonarmap.tools.command.options.output import EarthPlace, MapOutput, export_with_progress
 from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
@@ -22,7 +23,7 @@ from sonarmap.tools.command.options.scan import InputsArgument, PointReading
 from sonarmap.tools.command.options.survey import SurveyOptions, TiesAndControl
 from sonarmap.tools.command.progress import growing_progress, stage
 from sonarmap.tools.command.stops import when_stopped
-from sonarmap.tools.command.terminal import say, warn
+from sonarmap.tools.command.terminal import say
 from sonarmap.tools.command.words.survey import (
     Mapped,
     print_mapped,
@@ -46,6 +47,15 @@ if TYPE_CHECKING:
 
 INCOMPLETE = 3
 
+CheckOption = Annotated[
+    bool,
+    switch(
+        NAVIGATION,
+        "--check-priors/--no-check-priors",
+        "Make no map where scans contradict the priors and show why, as by exchanged columns.",
+        rare=True,
+    ),
+]
 VerboseOption = Annotated[bool, switch(RUNNING, "--verbose -v", "Print the table of pairs and all warnings too.")]
 
 
@@ -99,6 +109,7 @@ def command(
     earth: EarthPlace,
     execution: ExecutionOptions,
     imu: ImuOption = True,
+    check_priors: CheckOption = True,
     as_json: JsonOption = False,
     verbose: VerboseOption = False,
     quiet: QuietOption = False,
@@ -113,8 +124,8 @@ def command(
 
     Where the registration of a pair fails, mapping goes on. Scans that nothing joins to the rest become a part of their
     own: map_2.ply, trajectory_2.tum and so on. The exit code is 3 if there is more than one part, if a scan could
-    not be read and was skipped, or if a pair ended by an error of the method instead of what its scans show. The files
-    of an earlier run in OUT are replaced only when everything is done.
+    not be read and was skipped, if a pair ended by an error of the method instead of what its scans show, or if scans
+    contradict the priors as a whole. The files of an earlier run in OUT are replaced only when everything is done.
 
     Every finished pair is stored in OUT/journal.sqlite: the same command continues a run that was stopped, and if scans
     were added it registers only the new pairs. times.json says how long the run took.
@@ -132,13 +143,21 @@ def command(
     exports = output.export_settings(earth.crs, georeference, read.scans)
     reckoned = odometry.read(read.scans, navigation)
     configured = configure_method(read.scans, method, survey=True)
-    if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, telling.silent):
-        warn(f"{contradiction}; correct {priors.priors}, or say how it is meant (docs/navigation.md)")
+    found = contradiction_of(read.scans, read.surveys, configured.registrar, telling.silent) if check_priors else None
+    if found is not None:
+        _refuse(f"{found}. In {priors.priors}: {found.remedy} (docs/navigation.md). No map was made", as_json)
     described = given(priors) | given(odometry) | given(reading) | given(points) | given(person)
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapper}
     survey_input = SurveyInput(read, reckoned, ties, control, georeference, configured, settings)
     if not _map_and_tell(survey_input, execution, output, exports, telling):
         raise typer.Exit(INCOMPLETE)
+
+
+def _refuse(reason: str, as_json: bool) -> NoReturn:
+    """End without a map, as navigation would spoil it."""
+    say(f"{reason}; --no-check-priors makes one all the same.", "error: ", "bold red")
+    print_failure(reason, INCOMPLETE, as_json)
+    raise typer.Exit(INCOMPLETE)
 
 
 def _map_and_tell(

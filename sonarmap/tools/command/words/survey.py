@@ -39,9 +39,10 @@ class Mapped:
 
     @property
     def whole(self) -> bool:
-        """Whether every scan is in one map, and no pair ended by an error of the method."""
+        """Whether every scan is in one map, no pair ended by an error of the method, and no instrument was left out."""
         defects = any(pair.is_defect for pair in self.result.pairs)
-        return not self.unread and not defects and len(self.result.components) == 1
+        trusted = not self.result.contradicted
+        return trusted and not self.unread and not defects and len(self.result.components) == 1
 
 
 def print_mapped(mapped: Mapped, seconds: float, verbose: bool) -> None:

@@ -34,6 +34,7 @@ _CHAINS = (
     f"{_BRIDGED}, as two places of one build would be too, such as two tanks (then give the scans before and after in "
     "folders of their own)"
 )
+_MEASURED = {"attitude": "roll and pitch", "heading": "headings", "position": "positions", "depth": "depths"}
 _EACH = 3  # gaps or fixes that get a sentence each; more share one
 
 
@@ -215,7 +216,25 @@ def _is_only_likely(step: Pair, pairs: Sequence[Pair]) -> bool:
     return not any(pair.i <= step.i and step.j <= pair.j and pair.scans != step.scans for pair in beside)
 
 
+def understated_rows(result: SurveyResult) -> list[dict[str, Any]]:
+    """The instruments that err more than was said of them: their kind, how many times as much, and that in words."""
+    return [
+        {"kind": kind, "times": times, "reason": _understated(_MEASURED[kind], times, kind in result.contradicted)}
+        for kind, times in result.understated.items()
+    ]
+
+
+def _understated(what: str, times: float, left_out: bool) -> str:
+    if left_out:
+        return (
+            f"{what} contradict everything else: they err {times:.0f} times as much as their standard deviations say, "
+            "and were left out; look for exchanged axes, another zone or unit, and times that are off"
+        )
+    return f"{what} err {times:.1f} times as much as their standard deviations say, and count as so much less sure"
+
+
 def _of_fixes(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
+    yield from (row["reason"] for row in understated_rows(result))
     fixes = [
         f"the {fix.kind} of {names[fix.scan]} is {fix.sigmas:.1f} standard deviations from what everything else says"
         for fix in result.wrong_fixes

@@ -17,7 +17,7 @@ from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.files.readers.csv_table import PAIRS
-from sonarmap.tools.products.output.faults import faults, odd_rows
+from sonarmap.tools.products.output.faults import faults, odd_rows, understated_rows
 from sonarmap.tools.products.output.hand import control_fit, control_rows, tie_rows
 from sonarmap.tools.products.output.pairs_file import fields_of
 from sonarmap.tools.products.output.run import SurveyRun
@@ -51,6 +51,7 @@ def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
         "by_navigation": result.by_navigation,
         "warnings": faults(result, names),
         "wrong_fixes": [{"name": names[fix.scan], **asdict(fix)} for fix in result.wrong_fixes],
+        "understated": understated_rows(result),
         "ties": tie_rows(result, names),
         "control_points": control_rows(result, names),
         "control": control_fit(result, names),

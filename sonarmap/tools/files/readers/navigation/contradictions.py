@@ -26,6 +26,10 @@ _AGREE, _CONTRADICT = 0.8, 0.75  # shares of the pairs that have to agree, and a
 _LEAST_SIGMAS = 8.0
 _TIE = 20.0  # of chi-squared: two hypotheses so close are both named
 _MOST_NAMED = 3
+_ROWS = 10  # rows of scans this far before or behind are tried
+# Headings are turned by whole degrees up to this, and no less than this.
+_MOST_TURNED, _LEAST_TURNED = 45, 3
+_FOOT = 0.3048  # [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +62,12 @@ class Contradiction:
         instead = ", or ".join(self.instead)
         return f"the scans contradict the navigation by {self.sigmas:.0f} sigmas; they agree with {instead}"
 
+    @property
+    def remedy(self) -> str:
+        """What to do about each, in words."""
+        found = (next((todo for words, todo in _REMEDIES.items() if words in name), "") for name in self.instead)
+        return ", or ".join(dict.fromkeys(todo for todo in found if todo))
+
 
 Values = np.ndarray  # (n, 6) in the order of COLUMNS
 _Change = Callable[[Values], Values]
@@ -85,6 +95,10 @@ def _headed(degrees: float, sign: float = 1.0) -> _Change:
     return lambda values: np.column_stack([values[:, :2], degrees + sign * values[:, 2], values[:, 3:]])
 
 
+def _scaled(by: float, *columns: int) -> _Change:
+    return lambda values: values * np.where(np.isin(np.arange(6), columns), by, 1.0)
+
+
 _NAVIGATION: Mapping[str, _Change] = {
     "heading_deg with its sign turned": _signed(2),
     "heading_deg as a yaw, counterclockwise from East": _headed(90.0, -1.0),
@@ -96,10 +110,32 @@ _NAVIGATION: Mapping[str, _Change] = {
     "roll_deg and pitch_deg with their signs turned": _signed(0, 1),
     "roll_deg and pitch_deg exchanged": _exchanged(0, 1),
     "East and North exchanged": _exchanged(3, 4),
+    "East with its sign turned": _signed(3),
+    "North with its sign turned": _signed(4),
+    "East and North with their signs turned": _signed(3, 4),
     "depth_m with its sign turned": _signed(5),
     "angles in radians": lambda values: values * np.array([180 / np.pi] * 3 + [1.0] * 3),
+    "places in feet": _scaled(_FOOT, 3, 4),
+    "places and depths in feet": _scaled(_FOOT, 3, 4, 5),
+    "depths in feet": _scaled(_FOOT, 5),
     "the rows of the scans before": _shifted(-1),
     "the rows of the scans after": _shifted(1),
+    **{f"the rows {by} scans before": _shifted(-by) for by in range(2, _ROWS + 1)},
+    **{f"the rows {by} scans after": _shifted(by) for by in range(2, _ROWS + 1)},
+}
+
+# By words of a hypothesis, what is done about it; the first that fits counts.
+_REMEDIES = {
+    "as a yaw": "give --nav-frame enu and name the column yaw",
+    "heading_deg turned": "give the turn by --mount 0,0,DEGREES, or --heading-reference, --magnetic-declination",
+    "exchanged": "exchange the columns' names, by --nav-columns",
+    "sign": "give --nav-frame, or turn the sign in the file",
+    "radians": "name the columns roll_rad, pitch_rad, heading_rad, by --nav-columns",
+    "feet": "name the unit in the column's heading, as Depth (ft), or convert places to meters",
+    "the rows": "give the clock's offset by --nav-offset SECONDS",
+    "scans mirrored": "give --frame",
+    "scans upside down": "give --frame",
+    "scans a thousand": "give --units",
 }
 
 
@@ -125,6 +161,10 @@ def contradiction(priors: Sequence[PosePrior | None], registered: Registered) ->
     for name, change in _NAVIGATION.items():
         if not np.array_equal(changed := change(values), values, equal_nan=True):
             costs[name] = pair_costs(changed, sigmas, registered)  # deviations stay with their columns and rows
+    turns = [*range(-_MOST_TURNED, 1 - _LEAST_TURNED), *range(_LEAST_TURNED, _MOST_TURNED + 1)]
+    turned = {by: pair_costs(_headed(by)(values), sigmas, registered) for by in turns}
+    by = min(turned, key=lambda by: turned[by][:, 0].sum())
+    costs[f"heading_deg turned by {by} degrees"] = turned[by]
     for name, (axes, scale) in _SCANS.items():
         costs[name] = pair_costs(values, sigmas, registered.changed(axes, scale))
     return _verdict(given, costs)
