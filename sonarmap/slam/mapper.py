@@ -1,7 +1,7 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """The mapper: scans in, one consistent map out, on one screen."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from sonarmap.slam.decide.hand import displaced, with_contradictions
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.execute.runner import Execution, PairRunner, Progress
 from sonarmap.slam.execute.worker import prepared_limit
+from sonarmap.slam.free_pairs import errors_shown, register_freely
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.pose_covariance import pose_covariances
 from sonarmap.slam.map.component_maps import MIN_SEEN, ComponentMaps, component_maps
@@ -101,6 +102,7 @@ class Mapper:
         odometry: Odometry | None = None,
         ties: Sequence[Tie] = (),
         control: Sequence[ControlPoint] = (),
+        vet: Callable[[Sequence[RegisteredPair]], None] | None = None,
     ) -> SurveyResult:
         """Map a survey, or several of one place.
 
@@ -116,6 +118,8 @@ class Mapper:
             ties: what a person says of pairs, at most one of each. Pairs are searched for as without ties, so that only
                 those that a person added are registered beside.
             control: points of scans with known coordinates, which are used when no more pairs are searched for.
+            vet: called with some pairs that are registered without the scans' priors before these bound any; it may
+                raise, which ends the run.
 
         Raises:
             InputError: fewer than two scans, not one pair that could be tried, or ties or control points of scans that
@@ -127,15 +131,21 @@ class Mapper:
         number = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
         by_hand = {tie.scans: tie for tie in ties}
         measurements = Measurements(tuple(scans), number, odometry, tuple(control), by_hand)
-        scans_alone = measurements.unplaced
-        runner = PairRunner(self.execution, scans_alone, 2, progress)
+        searched = measurements.searched()
+        runner = PairRunner(self.execution, searched, 2, progress)
         try:
+            free = register_freely(runner, scans, number)
+            if vet is not None:
+                vet(free)
+            if understated := errors_shown(free, measurements.priors):
+                searched = measurements.searched(understated)
+                runner = PairRunner(self.execution, searched, 2, progress)
             keys, known = choose_keys(runner, number, self.voxel, self.settings.keys)
             odd: tuple[OddScan, ...] = ()
             if len(keys) == len(scans):
                 known = register_steps(runner, measurements.surveys, known)
                 vouched = {k for tie in ties for k in tie.scans} | {point.scan for point in control}
-                odd = find_odd(runner, scans_alone, number.tolist(), known, self.voxel, vouched)
+                odd = find_odd(runner, searched, number.tolist(), known, self.voxel, vouched)
                 keys = [k for k in keys if k not in {each.scan for each in odd}]
             if len(keys) == len(scans):
                 decision = self._decided(runner, measurements, known)
@@ -171,9 +181,11 @@ class Mapper:
 
         The search knows neither ties nor control points, so that it registers the same pairs whatever these say.
         """
-        settings, alone = self.settings.loops, measurements.by_instruments
+        settings = self.settings.loops
         search = PairSearch(runner, measurements, self.registrar, self.voxel, settings, self.settings.limits)
         pairs = search.steps(known)
+        measurements = search.measurements
+        alone = measurements.by_instruments
         pairs += search.bridges(pairs, self.settings.bridge)
         require_any_registered(pairs)
         decision = self._decide(runner, alone, pairs)
@@ -221,7 +233,8 @@ class Mapper:
             gaps=tuple((pair.i, pair.j) for pair in decision.pairs if pair.role == "sequential" and not pair.kept),
             voxel=self.voxel,
             wrong_fixes=decision.fixes.wrong,
-            understated=decision.fixes.understated,
+            understated=decision.understated,
+            systematic=decision.fixes.systematic,
             displaced=decision.displaced,
         )
 

@@ -65,7 +65,8 @@ class PairSearch:
         loops: LoopSettings,
         limits: MotionLimits,
     ) -> None:
-        self._runner, self._measurements, self._registrar = runner, measurements, registrar
+        self._runner, self._registrar = runner, registrar
+        self.measurements = measurements  # with the drift that steps show
         self._voxel, self._settings, self._limits = voxel, loops, limits
         self._floor = loops.floor(voxel)
         self._motion: AnyMotion | None = None
@@ -74,13 +75,15 @@ class PairSearch:
 
     def steps(self, known: Sequence[RegisteredPair] = ()) -> list[RegisteredPair]:
         """Consecutive scans of each survey, from which the motion is learned; `known` have been registered already."""
-        survey = self._measurements.surveys
+        survey = self.measurements.surveys
         pairs = register_steps(self._runner, survey, known)
-        odometry = self._measurements.odometry
-        motion = Motion.learn(pairs, self._measurements.stamps, survey, self._floor, self._limits)
+        if (odometry := self.measurements.odometry) is not None:
+            odometry = odometry.as_registered(pairs)
+            self.measurements = replace(self.measurements, odometry=odometry)
+        motion = Motion.learn(pairs, self.measurements.stamps, survey, self._floor, self._limits)
         self._motion = motion if odometry is None else MeasuredMotion(odometry, motion, self._floor)
-        if any(prior.knows_position for prior in self._measurements.priors.values()):
-            self._placed = decide(pairs, self._measurements.by_instruments, self._voxel, self._settings).solution
+        if any(prior.knows_position for prior in self.measurements.priors.values()):
+            self._placed = decide(pairs, self.measurements.by_instruments, self._voxel, self._settings).solution
         pairs = self._looked_at_again(pairs)
         if self._motion is not None:
             self._motion = self._motion.following(pairs)
@@ -89,7 +92,7 @@ class PairSearch:
     def bridges(self, steps: Sequence[RegisteredPair], widest: int) -> list[RegisteredPair]:
         """Pairs over what gaps separate, the closest scans first, at most `widest` apart, and no farther ones once a
         gap is bridged."""
-        surveys = self._measurements.surveys
+        surveys = self.measurements.surveys
         joined = DisjointSet(range(len(surveys)))
         for pair in steps:
             if pair.accepted:
@@ -112,11 +115,11 @@ class PairSearch:
         """
         candidates = self._candidates(decision, {pair.scans for pair in tried}, unsure)
         self._runner.end_stage("candidates sought")
-        if not candidates or (unsure and len(candidates) < _WORTH_A_ROUND * len(self._measurements.scans)):
+        if not candidates or (unsure and len(candidates) < _WORTH_A_ROUND * len(self.measurements.scans)):
             return []
         pairs = self._runner.register(candidates)
         if self._motion is not None:
-            survey = self._measurements.surveys.tolist()
+            survey = self.measurements.surveys.tolist()
             pairs = [without_leaps(p, self._motion) if survey[p.i] == survey[p.j] else p for p in pairs]
         if not hasattr(self._registrar, "register_expected"):
             return pairs
@@ -128,7 +131,7 @@ class PairSearch:
         Nothing else is registered: what a person says of pairs changes what is believed, not what is searched for.
         """
         known = {pair.scans for pair in tried}
-        ties = self._measurements.ties
+        ties = self.measurements.ties
         new = [tie for tie in ties.values() if tie.verdict == "add" and tie.scans not in known]
         asked = [Candidate(*tie.scans, "loop") for tie in new if tie.given is None]
         given = [RegisteredPair(*tie.scans, "loop") for tie in new if tie.given is not None]
@@ -180,7 +183,7 @@ class PairSearch:
         """Pairs to try next, in the order of the scans: neighbors in that order share prepared scans."""
         if not self._outlines:
             self._outlines = [
-                outline(scan, self._settings.cell_voxels * self._voxel) for scan in self._measurements.scans
+                outline(scan, self._settings.cell_voxels * self._voxel) for scan in self.measurements.scans
             ]
         solution = decision.solution
         candidates = find_candidates(self._outlines, solution, self._voxel, self._settings, tried, unsure)

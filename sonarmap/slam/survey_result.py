@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sonarmap.slam.decide.wrong_measurements import NOTHING, WrongFix
+from sonarmap.slam.decide.systematic import Systematic
+from sonarmap.slam.decide.wrong_measurements import KINDS, NOTHING, WrongFix, agreement
 from sonarmap.slam.graph.control import MeasuredControl
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
@@ -30,8 +31,9 @@ class SurveyResult:
         surveys: the number of each scan's survey.
         keys: the key scans of a dense stream, ascending; None where every scan was registered.
         wrong_fixes: what instruments measured and all others contradict; it was left out.
-        understated: by kind of `slam.decide.wrong_measurements`, how many times larger than stated the errors of all
-            measurements are; from NOTHING times on they were left out.
+        understated: by kind of `slam.decide.wrong_measurements`, or "odometry", how many times larger than stated the
+            errors of all measurements are; from NOTHING times on those of a kind were left out.
+        systematic: what all fixes were off by, without which they took part; None for nothing.
         covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose, or the world.
         solution: the optimized graph, with its chi-squared and residuals.
         parts: the maps of every component.
@@ -56,6 +58,7 @@ class SurveyResult:
     voxel: float
     wrong_fixes: tuple[WrongFix, ...] = ()
     understated: Mapping[str, float] = field(default_factory=dict[str, float])
+    systematic: Systematic | None = None
     keys: tuple[int, ...] | None = None
     ties: tuple[Tie, ...] = ()
     displaced: tuple[tuple[int, int], ...] = ()
@@ -73,9 +76,20 @@ class SurveyResult:
         return most
 
     @property
+    def agreement(self) -> dict[str, tuple[int, int, float]]:
+        """By kind, how many of what instruments measured are used, of how many, and their median distance from the
+        poses [sigmas]."""
+        return agreement(dict(self.solution.graph.priors), self.wrong_fixes, self.trajectory.T_world_sensor)
+
+    @property
+    def unclear(self) -> bool:
+        """Whether what all fixes are off by can be explained in two ways, which place the map differently."""
+        return self.systematic is not None and self.systematic.alternative is not None
+
+    @property
     def contradicted(self) -> tuple[str, ...]:
         """The kinds of measurements that were left out as a whole."""
-        return tuple(kind for kind, times in self.understated.items() if times >= NOTHING)
+        return tuple(kind for kind, times in self.understated.items() if kind in KINDS and times >= NOTHING)
 
     @property
     def by_navigation(self) -> tuple[int, ...]:

@@ -44,8 +44,14 @@ class Decision:
     pairs: tuple[Pair, ...]  # every pair with its verdict, in the order in which they were given
     fixes: JudgedFixes = field(default_factory=lambda: JudgedFixes({}))  # what instruments measured, as it took part
     wrong_control: tuple[WrongControl, ...] = ()  # control points that all others contradict; they were left out
+    drifts: float = 1.0  # how many times more than stated dead reckoning drifts
     # scans of pairs that are kept without ties and control points, and refused for these
     displaced: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def understated(self) -> dict[str, float]:
+        """By kind of measurement, how many times larger than stated its errors are; those alone where they are."""
+        return dict(self.fixes.understated) | ({"odometry": self.drifts} if self.drifts > 1 else {})
 
     def points(self, control: Sequence[ControlPoint]) -> tuple[MeasuredControl, ...]:
         """Where the poses have control points, those to check with among them."""
@@ -112,7 +118,8 @@ def _decide(
     solution = replace(solution, chi_squared_before=kept_graph.at(chained.T_world_sensor).chi_squared)
     kept = {(edge.i, edge.j) for edge in solution.graph.edges if edge.is_of_pair}
     decided = with_verdicts(pairs, measurements.ties, possible.supported, possible.taken, solution)
-    decision = Decision(chained, solution, tuple(decided), judged, (*wrong_control, *more_wrong))
+    drifts = 1.0 if measurements.odometry is None else measurements.odometry.understated
+    decision = Decision(chained, solution, tuple(decided), judged, (*wrong_control, *more_wrong), drifts)
     return decision, possible.chain_scans - kept
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sonarmap.slam.decide.wrong_measurements import without_kinds
+from sonarmap.slam.decide.wrong_measurements import KINDS, without_kinds
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.motion.odometry import Odometry
@@ -25,10 +25,19 @@ class Measurements:
     # what a person said of pairs, by their scans
     ties: Mapping[tuple[int, int], Tie] = field(default_factory=dict[tuple[int, int], Tie])
 
-    @property
-    def unplaced(self) -> tuple[Scan, ...]:
-        """The scans as they are registered: a place that bounds a search could not be contradicted by it."""
-        return tuple(replace(scan, prior=scan.prior and without_kinds(scan.prior, {"position"})) for scan in self.scans)
+    def searched(self, understated: Mapping[str, float] | None = None) -> tuple[Scan, ...]:
+        """The scans as they are registered: a place that bounds a search could not be contradicted by it, and what is
+        less sure than it says would bound it too narrowly; by kind, how many times less sure."""
+
+        def bounding(prior: PosePrior | None) -> PosePrior | None:
+            if prior is None or (without := without_kinds(prior, {"position"})) is None:
+                return None
+            sigmas = without.sigmas.copy()
+            for kind, times in (understated or {}).items():
+                sigmas[KINDS[kind]] *= times
+            return replace(without, sigmas=sigmas)
+
+        return tuple(replace(scan, prior=bounding(scan.prior)) for scan in self.scans)
 
     def take(self, chosen: Sequence[int]) -> "Measurements":
         """Of these scans, ascending, which are then numbered 0, 1, ...

@@ -12,6 +12,7 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import chdtri, gammaincinv
 
+from sonarmap.slam.decide.systematic import KINDS_OF_ERROR, Systematic, fit_error
 from sonarmap.slam.graph.control import ControlPoint, jacobian
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.spectral.measured import measured_rotation, twist
@@ -30,6 +31,9 @@ _MOST, _MOST_POINTS = 0.4, 0.3
 # Standard deviations of a kind are understated where the errors of half of so many or more are as large as those of so
 # many times as large ones; from so many times on nothing is measured: axes are exchanged, or times are off.
 _FEWEST, _UNDERSTATED, NOTHING = 8, 2.0, 10.0
+# An error that all fixes share is believed where chi-squared falls by so much, and so much more than by another; it is
+# found in so many steps, or when one is so small a share of it.
+_EXPLAINS, _CLEARLY, _STEPS, _STILL = 40.0, 15.0, 8, 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +61,7 @@ class JudgedFixes:
     wrong: tuple[WrongFix, ...] = ()
     # by kind, by how much larger its errors are than stated; from `NOTHING` on the kind is left out
     understated: Mapping[str, float] = field(default_factory=dict[str, float])
+    systematic: Systematic | None = None  # what all were off by; the priors are without it
 
 
 def judge_fixes(graph: PoseGraph, priors: Mapping[int, PosePrior]) -> JudgedFixes:
@@ -69,17 +74,8 @@ def judge_fixes(graph: PoseGraph, priors: Mapping[int, PosePrior]) -> JudgedFixe
     if not priors:
         return JudgedFixes({})
     fixes = _Fixes.of(priors)
-
-    def weighed(graph: PoseGraph, weights: np.ndarray) -> PoseGraph:
-        return replace(graph, priors=tuple(zip(fixes.poses.tolist(), fixes.weighed(weights), strict=True)))
-
-    def weights_at(graph: PoseGraph) -> np.ndarray:
-        return np.where(fixes.known, fixes.weights_at(graph.trajectory.T_world_sensor), 1.0)
-
-    # a fix far off would tear its scan from the edges, did it count in full first; those may be wrong as well
-    start = weights_at(graph)
-    start /= np.where(fixes.known, start, 0.0).max(axis=0, initial=1e-12)
-    solution, weights = _reweighted(graph, np.minimum(start, 1.0), weighed, weights_at, edges_too=True)
+    solution, weights = _solved(graph, fixes)
+    fixes, solution, weights, error = _explained(graph, fixes, solution, weights)
     factors = fixes.understated(solution.trajectory.T_world_sensor)
     fixes = fixes.scaled(factors)
     wrong = _wrong_fixes(solution, fixes, weights)
@@ -93,7 +89,68 @@ def judge_fixes(graph: PoseGraph, priors: Mapping[int, PosePrior]) -> JudgedFixe
         k: without_kinds(prior, useless | {kind for kind in KINDS if (k, kind) in left_out})
         for k, prior in zip(fixes.poses.tolist(), fixes.priors, strict=True)
     }
-    return JudgedFixes({k: prior for k, prior in cleaned.items() if prior is not None}, wrong, understated)
+    return JudgedFixes({k: prior for k, prior in cleaned.items() if prior is not None}, wrong, understated, error)
+
+
+def agreement(
+    priors: Mapping[int, PosePrior], wrong: Sequence[WrongFix], T_world_sensor: RigidTransform
+) -> dict[str, tuple[int, int, float]]:
+    """By kind, how many measurements are used, of how many, and their distance from the poses in the median [sigmas].
+
+    Args:
+        priors: those that are used, by pose.
+        wrong: those that are left out.
+        T_world_sensor: the poses.
+    """
+    if not priors:
+        return {}
+    fixes = _Fixes.of(priors)
+    sigmas = np.sqrt(fixes._squared(T_world_sensor) / _SIZES)
+    told: dict[str, tuple[int, int, float]] = {}
+    for kind, own, known in zip(KINDS, sigmas.T, fixes.known.T, strict=True):
+        if known.any():
+            used, left_out = int(known.sum()), sum(fix.kind == kind for fix in wrong)
+            told[kind] = used, used + left_out, float(np.median(own[known]))
+    return told
+
+
+def _explained(
+    graph: PoseGraph, fixes: "_Fixes", solution: Solution, weights: np.ndarray
+) -> tuple["_Fixes", Solution, np.ndarray, Systematic | None]:
+    """The fixes without an error that all share, where one explains clearly more, their optimum, weights, and it."""
+    tried: list[tuple[float, _Fixes, Solution, np.ndarray, Systematic]] = []
+    if any(fixes.fit_error(solution, free)[0] >= _EXPLAINS for free in KINDS_OF_ERROR):
+        for free in KINDS_OF_ERROR:
+            error, own, at, own_weights = Systematic(), fixes, solution, weights
+            # the estimate had been bent to the fixes as they were: it gives way little by little
+            for _ in range(_STEPS):
+                error = error.plus(step := own.fit_error(at, free)[1])
+                own = fixes.corrected(error, at.trajectory.T_world_sensor.rotation)
+                at, own_weights = _solved(graph, own)
+                if step.size < _STILL * error.size:
+                    break
+            tried.append((own.cost(at), own, at, own_weights, error))
+        tried = sorted((each for each in tried if each[-1].is_likely), key=lambda each: each[0])
+    if not tried or fixes.cost(solution) - tried[0][0] < _EXPLAINS:
+        return fixes, solution, weights, None
+    cost, own, at, own_weights, error = tried[0]
+    unclear = next((other for costs, *_, other in tried[1:] if costs < cost + _CLEARLY), None)
+    return own, at, own_weights, replace(error, alternative=unclear)
+
+
+def _solved(graph: PoseGraph, fixes: "_Fixes") -> tuple[Solution, np.ndarray]:
+    """The optimum of edges and fixes, and the fixes' weights there."""
+
+    def weighed(graph: PoseGraph, weights: np.ndarray) -> PoseGraph:
+        return replace(graph, priors=tuple(zip(fixes.poses.tolist(), fixes.weighed(weights), strict=True)))
+
+    def weights_at(graph: PoseGraph) -> np.ndarray:
+        return np.where(fixes.known, fixes.weights_at(graph.trajectory.T_world_sensor), 1.0)
+
+    # a fix far off would tear its scan from the edges, did it count in full first; those may be wrong as well
+    start = weights_at(graph)
+    start /= np.where(fixes.known, start, 0.0).max(axis=0, initial=1e-12)
+    return _reweighted(graph, np.minimum(start, 1.0), weighed, weights_at, edges_too=True)
 
 
 def without_wrong_control(graph: PoseGraph) -> tuple[tuple[ControlPoint, ...], tuple[WrongControl, ...]]:
@@ -208,6 +265,30 @@ class _Fixes:
             sigmas[:, numbers] *= factor
         priors = tuple(replace(prior, sigmas=own.copy()) for prior, own in zip(self.priors, sigmas, strict=True))
         return replace(self, priors=priors, sigmas=sigmas)
+
+    def fit_error(self, solution: Solution, free: tuple[int, ...]) -> tuple[float, Systematic]:
+        """What all may be off by, and by how much it lowers chi-squared: as `systematic.fit_error`."""
+        T, (_, headed, placed, _) = solution.trajectory.T_world_sensor, self.known.T
+        if placed.sum() < _FEWEST or (2 in free and headed.sum() < _FEWEST):
+            return 0.0, Systematic()
+        T_own = RigidTransform.from_matrix(T.as_matrix()[self.poses])
+        return fit_error(T_own, self.residuals(T), self.sigmas, (headed, placed), free)
+
+    def cost(self, solution: Solution) -> float:
+        """Of the edges and these, robust: what is far off counts as the logarithm."""
+        fixes = self._squared(solution.trajectory.T_world_sensor)[self.known]
+        return float(np.log1p(np.concatenate([fixes, solution.graph.residuals() ** 2]) / _TAILS).sum() * _TAILS)
+
+    def corrected(self, error: Systematic, R_world_sensor: Rotation) -> "_Fixes":
+        """Without what all are off by; the rotations are those of all poses."""
+        measured = RigidTransform.concatenate([prior.T_world_sensor for prior in self.priors])
+        T = error.corrected(measured, Rotation.from_quat(R_world_sensor.as_quat()[self.poses]))
+        return _Fixes.of(
+            {
+                k: replace(p, T_world_sensor=T[n])
+                for n, (k, p) in enumerate(zip(self.poses.tolist(), self.priors, strict=True))
+            }
+        )
 
     def weights_at(self, T_world_sensor: RigidTransform) -> np.ndarray:
         """(n, K) weights by how far the poses are from what was measured, beside what most of the kind are."""

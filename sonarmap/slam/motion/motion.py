@@ -151,8 +151,9 @@ class Motion:
     def expected(self, i: int, j: int) -> ExpectedPose:
         """T_i_j: its mean is that of a steady motion, its spread grows with the time between, up to the limits."""
         span = float(self.times[j] - self.times[i])
-        T = _steady(self.rates[i:j].mean(axis=0), span)
-        spread = np.sqrt(_GRANTED * self.variances[i:j].mean(axis=0)) * span
+        shares = np.diff(self.times[i : j + 1]) / span
+        T = _steady(shares @ self.rates[i:j], span)
+        spread = np.sqrt(_GRANTED * (shares @ self.variances[i:j])) * span
         most = np.repeat([self.limits.turn(span), self.limits.way(span, j - i)], 3) / _LIMIT_SIGMAS
         sigmas = np.hypot(np.minimum(spread, most), self.floor)
         return ExpectedPose.of(T, sigmas)

@@ -2,14 +2,17 @@
 """Dead reckoning: where the vehicle believes it went, with an error that grows with the way and the time."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
+from scipy.special import gammaincinv
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.tangent import lengths, propagated
+from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registration
 
@@ -17,6 +20,10 @@ from sonarmap.spectral.result import Registration
 _FINEST_TURN, _FINEST_WAY = float(np.radians(0.1)), 0.005
 # From so many standard deviations on a registration contradicts it.
 _CONTRADICTION = 5.0
+# Its drift is compared over so many steps in a row, and from so many such stretches on; it is understated where half of
+# them show so many times as much or more, of at most so many.
+_STEPS, _FEWEST, _UNDERSTATED, _MOST = 8, 8, 1.5, 100.0
+_MIDDLE = float(np.sqrt(2 * gammaincinv(3 / 2, 0.5)))  # the median of three numbers' length [sigmas]
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +36,7 @@ class Odometry:
         times: (n,) [s], of these scans.
         drift: standard deviation of the way, as a share of it.
         turn_drift: standard deviation of the rotation [rad/s].
+        understated: how many times more than was stated both are, as registrations show.
 
     Raises:
         InputError: shapes that do not fit, or a drift below 0.
@@ -39,6 +47,7 @@ class Odometry:
     times: np.ndarray
     drift: float = 0.01
     turn_drift: float = float(np.radians(10.0) / 3600)
+    understated: float = 1.0
 
     def __post_init__(self) -> None:
         if self.T_odom_sensor.single or not len(self.scans) == len(self.T_odom_sensor) == len(self.times):
@@ -54,7 +63,38 @@ class Odometry:
         """Of these scans alone, ascending, which are then numbered 0, 1, ..."""
         rows = np.flatnonzero(np.isin(self.scans, chosen))
         scans = np.searchsorted(np.asarray(chosen), self.scans[rows])
-        return Odometry(scans, self.T_odom_sensor[rows], self.times[rows], self.drift, self.turn_drift)
+        return replace(self, scans=scans, T_odom_sensor=self.T_odom_sensor[rows], times=self.times[rows])
+
+    def scaled(self, factor: float) -> "Odometry":
+        """With so many times as much drift."""
+        drifts = {"drift": factor * self.drift, "turn_drift": factor * self.turn_drift}
+        return replace(self, **drifts, understated=factor * self.understated)
+
+    def as_registered(self, steps: Sequence[RegisteredPair]) -> "Odometry":
+        """With the drift that registrations of consecutive scans show, where it is clearly more than was stated.
+
+        Half of the stretches of a few accepted steps have to be within what dead reckoning and registrations together
+        leave half of them, of the rotation and of the translation alike.
+        """
+        sure = {step.i: step for step in steps if step.accepted and self.tells(*step.scans)}
+        apart, by_scans, by_drift = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
+        for k in sure:
+            if all(k + n in sure for n in range(_STEPS)):
+                T, covariance = _joined([sure[k + n] for n in range(_STEPS)])
+                measured, sigmas = self._between(*np.searchsorted(self.scans, [k, k + _STEPS]).tolist())
+                to_source: np.ndarray = np.kron(np.eye(2), T.rotation.as_matrix().T)
+                apart.append((T.inv() * measured).as_exp_coords())
+                by_scans.append(covariance)
+                by_drift.append((to_source * sigmas**2) @ to_source.T)
+        if len(apart) < _FEWEST:
+            return self
+        xi, of_scans, of_drift = np.stack(apart), np.stack(by_scans), np.stack(by_drift)
+        for factor in np.geomspace(1.0, _MOST, 93).tolist():  # each is 5 % more than the one before
+            covariance = of_scans + factor**2 * of_drift
+            parts = [lengths(xi[:, part], covariance[:, part, part]) for part in (slice(0, 3), slice(3, 6))]
+            if np.median(parts, axis=1).max() <= _MIDDLE:
+                return self.scaled(factor) if factor >= _UNDERSTATED else self
+        return self.scaled(_MOST)
 
     def expected(self, i: int, j: int, floor: np.ndarray) -> ExpectedPose:
         """T_i_j and how sure it is: its error is the same all the way, so that it grows with it.
@@ -103,3 +143,13 @@ class Odometry:
         # a turn that grows evenly moves the end by half of it times the way
         sigmas = np.repeat([turn, self.drift * way + turn * way / 2], 3)
         return self.T_odom_sensor[a].inv() * self.T_odom_sensor[b], np.maximum(sigmas, 1e-6)
+
+
+def _joined(steps: Sequence[RegisteredPair]) -> tuple[RigidTransform, np.ndarray]:
+    """From the first step's target to the last one's source, and the covariance in the body tangent there."""
+    reached, covariance = RigidTransform.identity(), np.zeros((6, 6))
+    for step in steps:
+        assert step.registration is not None
+        T_step = step.registration.T_target_source
+        reached, covariance = reached * T_step, propagated(T_step.inv(), covariance) + step.registration.covariance
+    return reached, covariance

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.decision import Decision
 from sonarmap.slam.decide.measurements import Measurements
-from sonarmap.slam.decide.wrong_measurements import JudgedFixes, WrongControl, judge_fixes, without_wrong_control
+from sonarmap.slam.decide.wrong_measurements import WrongControl, judge_fixes, without_wrong_control
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.place import place_by_control, place_in_world
@@ -55,7 +55,7 @@ def with_between(
         whole = replace(whole, trajectory=place_in_world(whole.trajectory, whole.components, measurements.priors))
         judged = judge_fixes(whole, measurements.priors)
     else:
-        judged = JudgedFixes({keys[k]: prior for k, prior in graph.priors}, understated=decision.fixes.understated)
+        judged = replace(decision.fixes, priors={keys[k]: prior for k, prior in graph.priors})
     left = judged.priors
     measured = tuple(sorted(left.items()))
     control, wrong_control = _control(decision, keys, measurements)
@@ -77,7 +77,7 @@ def with_between(
     chained = expanded(decision.chained.T_world_sensor)
     judged = replace(judged, wrong=tuple(fixes[key] for key in sorted(fixes)))
     displaced = tuple((keys[i], keys[j]) for i, j in decision.displaced)
-    return Decision(chained, solution, pairs, judged, wrong_control, displaced)
+    return Decision(chained, solution, pairs, judged, wrong_control, decision.drifts, displaced)
 
 
 def _control(
@@ -101,7 +101,7 @@ def _steps(
     odd: Collection[int],
 ) -> list[Edge]:
     """For every scan that is no key scan, how it lies to the key scan before it."""
-    surveys, odometry = measurements.surveys, measurements.odometry
+    surveys, odometry = measurements.surveys, measurements.odometry and measurements.odometry.scaled(decision.drifts)
     times = scan_times(measurements.stamps, surveys)
     T_keys = decision.solution.trajectory.T_world_sensor
     parts = {pose: part for part, members in enumerate(decision.solution.graph.components) for pose in members}

@@ -1,69 +1,42 @@
-"""Whether scans contradict the navigation, from some pairs that are registered without it.
+"""Whether scans contradict the navigation, from some pairs that are registered without it."""
 
-A map's own registrations cannot say: they are searched for where the navigation has them.
-"""
-
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from sonarmap.kernels.errors import SonarmapError
-from sonarmap.tools.command.progress import growing_progress
 
 if TYPE_CHECKING:
-    from sonarmap.spectral.result import Registrar
+    from sonarmap.slam.pair import RegisteredPair
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.readers.navigation.contradictions import Contradiction
 
-_EVENLY, _TURNING = 8, 8  # pairs: spread over the survey, and those between which it turns most
+
+class ContradictedError(SonarmapError):
+    """Navigation that would spoil a map."""
 
 
-def contradiction_of(
-    scans: "Sequence[Scan]", surveys: Sequence[int], registrar: "Registrar", quiet: bool
-) -> "Contradiction | None":
-    """What is wrong with the scans' priors, if the scans, each of its survey, say so; None also where there are few
-    priors."""
+def refusing(scans: "Sequence[Scan]", file: object) -> "Callable[[Sequence[RegisteredPair]], None]":
+    """What a mapper calls with the pairs that it registered without the scans' priors; it raises ContradictedError
+    where these contradict the priors, of a file, and show why."""
+
+    def vet(free: "Sequence[RegisteredPair]") -> None:
+        if (found := contradiction_of(scans, free)) is not None:
+            raise ContradictedError(f"{found}. In {file}: {found.remedy} (docs/navigation.md)")
+
+    return vet
+
+
+def contradiction_of(scans: "Sequence[Scan]", free: "Sequence[RegisteredPair]") -> "Contradiction | None":
+    """What is wrong with the scans' priors, if pairs registered without them say so; None also where these are few."""
     import numpy as np
     from scipy.spatial.transform import RigidTransform
 
     from sonarmap.tools.files.readers.navigation.contradictions import LEAST_PAIRS, Registered, contradiction
 
-    pairs = _chosen(scans, surveys)
-    if len(pairs) < LEAST_PAIRS:
-        return None
-    sure, transforms, covariances = [], [], []
-    with growing_progress("checking navigation", quiet) as step:
-        for number, (i, j) in enumerate(pairs):
-            step(number, len(pairs), f"{scans[i].name} - {scans[j].name}")
-            try:
-                target, source = (registrar.prepare(replace(scans[k], prior=None)) for k in (i, j))
-                registration = registrar.register(target, source)
-            except SonarmapError:
-                continue  # the map tells why, if it is as bad there
-            if registration.accepted:
-                sure.append((i, j))
-                transforms.append(registration.T_target_source)
-                covariances.append(registration.covariance)
-        step(len(pairs), len(pairs), "")
+    sure = [(*pair.scans, pair.registration) for pair in free if pair.registration is not None]
     if len(sure) < LEAST_PAIRS:
         return None
-    i, j = np.array(sure).T
-    registered = Registered(i, j, RigidTransform.concatenate(transforms), np.array(covariances))
+    i, j, registrations = zip(*sure, strict=True)
+    transforms = RigidTransform.concatenate([each.T_target_source for each in registrations])
+    registered = Registered(np.array(i), np.array(j), transforms, np.array([each.covariance for each in registrations]))
     return contradiction([scan.prior for scan in scans], registered)
-
-
-def _chosen(scans: "Sequence[Scan]", surveys: Sequence[int]) -> list[tuple[int, int]]:
-    """Consecutive scans of a survey that both have priors: some evenly spread, and those that are turned most."""
-    import numpy as np
-
-    turns: list[float] = []
-    pairs: list[tuple[int, int]] = []
-    for k in range(len(scans) - 1):
-        first, second = scans[k].prior, scans[k + 1].prior
-        if first is None or second is None or surveys[k] != surveys[k + 1]:
-            continue
-        pairs.append((k, k + 1))
-        turns.append(float((first.T_world_sensor.rotation.inv() * second.T_world_sensor.rotation).magnitude()))
-    most = np.argsort(turns)[::-1][:_TURNING].tolist()
-    evenly = np.linspace(0, len(pairs) - 1, _EVENLY).round().astype(int).tolist() if pairs else []
-    return [pairs[k] for k in sorted({*most, *evenly})]

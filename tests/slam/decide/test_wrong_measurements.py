@@ -128,9 +128,10 @@ def test_a_place_does_not_bound_what_could_contradict_it() -> None:
     points = np.zeros((1, 3), np.float32)
     scans = [Scan(points, stamp=float(k), prior=priors[k], name=f"scan{k}") for k in range(COUNT)]
     given = Measurements(tuple(scans), np.zeros(COUNT, int), Odometry(np.arange(COUNT), TRUTH, np.arange(float(COUNT))))
-    kept = given.unplaced[20].prior
-    assert kept is not None
-    np.testing.assert_array_equal(kept.sigmas, [np.inf] * 5 + [SIGMAS[5]])
+    for understated, times in ({}, 1), ({"depth": 3.0, "attitude": 2.0}, 3):
+        kept = given.searched(understated)[20].prior
+        assert kept is not None
+        np.testing.assert_allclose(kept.sigmas, [np.inf] * 5 + [times * SIGMAS[5]])
     assert given.scans == tuple(scans)
     assert len(given.steps) == COUNT - 1
 

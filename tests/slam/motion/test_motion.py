@@ -88,6 +88,20 @@ def test_stamps_tell_how_far_a_step_leads() -> None:
     np.testing.assert_allclose(over_a_gap.translation, 7.5 * motion.usual[3:], atol=1e-5)
 
 
+def test_rest_and_transit_are_told_apart() -> None:
+    """A second under way and 100 s at rest lead as far as the second did, and bridges over either say so."""
+    spans = np.array([1.0, 100.0] * 10)
+    stamps = 1e9 + np.concatenate([[0.0], np.cumsum(spans)])
+    under_way, at_rest = moved(np.array([0, 0, 0, 1.0, 0, 0])), RigidTransform.identity()
+    motion = learned([step_pair(k, at_rest if k % 2 else under_way, COVARIANCE) for k in range(20)], stamps)
+    for i, j, way in ((0, 2, 1.0), (1, 3, 1.0), (1, 2, 0.0), (2, 3, 1.0)):
+        expected = motion.expected(i, j)
+        assert abs(expected.translation[0] - way) < 2 * expected.sigmas[3], (i, j)
+    rates = np.array([[0, 0, 0, 1.0, 0, 0], np.zeros(6)])
+    known = replace(motion, rates=np.tile(rates, (10, 1)), variances=np.full((20, 6), 1e-8))
+    np.testing.assert_allclose(known.expected(0, 2).translation, [1, 0, 0], atol=1e-6)
+
+
 def test_stamps_that_stand_still_and_few_steps_tell_nothing() -> None:
     np.testing.assert_array_equal(learned(steps(20), np.full(21, 5.0)).usual, learned(steps(20)).usual)
     assert Motion.learn(steps(3), np.arange(4.0), np.zeros(4, int), FLOOR) is None
@@ -204,6 +218,31 @@ def test_where_it_tells_nothing_the_learned_motion_does_and_without_anything_is_
     assert unlearned.is_beyond(3, 4, far)
     assert unlearned.way(14, 15) is None
     assert unlearned.following(pairs) is unlearned
+
+
+@pytest.mark.parametrize(("stated", "shown"), [(1.0, 1.0), (5.0, 5.0), (0.2, 1.0)])
+def test_the_drift_that_registrations_show_counts(stated: float, shown: float) -> None:
+    """`stated`: how many times too small the drift was said to be."""
+    count, rng = 60, np.random.default_rng(12)
+    truth, times = ring_poses(count), 100.0 + 2.0 * np.arange(count)
+    pairs, reckoned = [], [truth[0]]
+    for k in range(count - 1):
+        T = truth[k].inv() * truth[k + 1]
+        error = rng.standard_normal(6) * np.repeat([0.002, 0.02], 3)
+        pairs.append(step_pair(k, T * RigidTransform.from_exp_coords(error), np.diag(np.repeat([0.002, 0.02], 3) ** 2)))
+        way = float(np.linalg.norm(T.translation))
+        drifting = np.repeat([0.002 * 2.0, 0.03 * way], 3) * [1, -1, 1, 1, 1, -1]
+        reckoned.append(reckoned[-1] * T * RigidTransform.from_exp_coords(drifting))
+    poses = RigidTransform.concatenate(reckoned)
+    odometry = Odometry(np.arange(count), poses, times, drift=0.03 / stated, turn_drift=0.002 / stated)
+    told = odometry.as_registered(pairs)
+    assert told.understated == pytest.approx(shown, rel=0.4)
+    assert told.drift == pytest.approx(told.understated * odometry.drift)
+    assert odometry.as_registered(pairs[:12]) is odometry  # too few say nothing
+    end = truth[0].inv() * truth[count - 1]
+    if stated == 5:  # a loop that the stated drift would have refused
+        assert odometry.contradicts(0, count - 1, end, FINE)
+    assert not told.contradicts(0, count - 1, end, FINE)
 
 
 def test_bad_odometry_is_refused() -> None:

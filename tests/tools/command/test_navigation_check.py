@@ -1,41 +1,22 @@
 """Whether `map` sees that scans contradict the navigation, or by how much its clock is off (`--nav-offset auto`)."""
 
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
 from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.result import Registration
+from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.navigation import NavigationReading, PriorsFile, scans_with_priors
-from sonarmap.tools.command.navigation_check import contradiction_of
+from sonarmap.tools.command.navigation_check import ContradictedError, contradiction_of, refusing
 from sonarmap.tools.files.readers.instruments import poses_of
 from sonarmap.tools.files.readers.scans import read_scans
 from tests.samples.recordings import START, imu_batch, recording, written
+from tests.samples.surveys import step_pair
 from tests.tools.files.readers.navigation.test_contradictions import TIGHT, measured, path, priors, signed
-
-
-class Truthful:
-    """Registers scans by the truth, and fails where it is asked to."""
-
-    def __init__(self, truth: np.ndarray, failing: frozenset[int] = frozenset()) -> None:
-        self.poses, self.failing, self.asked = poses_of(truth), failing, 0
-
-    def prepare(self, scan: Scan) -> int:
-        assert scan.prior is None
-        number = int(scan.stamp)
-        if number in self.failing:
-            raise InputError("too little structure")
-        return number
-
-    def register(self, target: int, source: int) -> Registration:
-        self.asked += 1
-        T: RigidTransform = self.poses[target].inv() * self.poses[source]
-        return Registration(T, TIGHT, psr=9.0, overlap=0.8, accepted=True, seconds=0.0, reason="")
 
 
 def scans_with(values: np.ndarray) -> list[Scan]:
@@ -43,25 +24,24 @@ def scans_with(values: np.ndarray) -> list[Scan]:
     return [Scan(points, stamp=k, prior=prior, name=f"s{k}") for k, prior in enumerate(priors(values))]
 
 
-def test_a_mistake_is_named_from_few_pairs() -> None:
+def free_pairs(truth: np.ndarray, numbers: Sequence[int]) -> list[RegisteredPair]:
+    """Consecutive scans as the truth has them."""
+    poses = poses_of(truth)
+    return [step_pair(k, poses[k].inv() * poses[k + 1], TIGHT) for k in numbers]
+
+
+def test_a_mistake_is_named_and_refused() -> None:
     rng = np.random.default_rng(1)
     truth = path(rng, 60)
-    registrar = Truthful(truth, frozenset({3, 20}))
-    values = measured(truth, rng)
-    verdict = contradiction_of(scans_with(signed(2)(values)), [0] * 60, registrar, quiet=True)  # type: ignore[arg-type]
+    values, free = measured(truth, rng), free_pairs(truth, range(0, 45, 3))
+    verdict = contradiction_of(scans_with(signed(2)(values)), free)
     assert verdict is not None
     assert verdict.instead == ("heading_deg with its sign turned",)
-    assert registrar.asked <= 16
-    assert contradiction_of(scans_with(values), [0] * 60, registrar, quiet=True) is None  # type: ignore[arg-type]
-
-
-def test_few_scans_and_those_without_priors_or_of_other_surveys_are_not_asked() -> None:
-    truth = path(np.random.default_rng(3), 20)
-    registrar, scans = Truthful(truth), scans_with(signed(2)(truth))
-    bare = [replace(scan, prior=None) for scan in scans]
-    for given, surveys in ((scans[:2], [0] * 2), (scans[:5], [0] * 5), (bare, [0] * 20), (scans, list(range(20)))):
-        assert contradiction_of(given, surveys, registrar, quiet=True) is None  # type: ignore[arg-type]
-    assert registrar.asked == 0
+    with pytest.raises(ContradictedError, match=r"they agree with heading_deg .*In log\.csv: give --nav-frame"):
+        refusing(scans_with(signed(2)(values)), "log.csv")(free)
+    assert contradiction_of(scans_with(values), free) is None
+    refusing(scans_with(values), "log.csv")(free)
+    assert contradiction_of(scans_with(signed(2)(values)), free[:5]) is None
 
 
 OFFSET, SECONDS, HZ = 37.0, 120.0, 50

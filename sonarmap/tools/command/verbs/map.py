@@ -1,10 +1,10 @@
 """`sonarmap map`: scans in, a map out."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,7 +14,7 @@ from sonarmap.tools.command.execution import ExecutionOptions, open_execution
 from sonarmap.tools.command.failures import print_failure
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile, scans_with_priors
-from sonarmap.tools.command.navigation_check import contradiction_of
+from sonarmap.tools.command.navigation_check import ContradictedError, refusing
 from sonarmap.tools.command.options.option import NAVIGATION, RUNNING, given, switch
 from sonarmap.tools.command.options.output import EarthPlace, MapOutput, export_with_progress
 from sonarmap.tools.command.options.registration import MethodOptions
@@ -38,6 +38,7 @@ from sonarmap.tools.files.writers.folder_lock import locked
 if TYPE_CHECKING:
     from sonarmap.slam.graph.control import ControlPoint
     from sonarmap.slam.motion.odometry import Odometry
+    from sonarmap.slam.pair import RegisteredPair
     from sonarmap.slam.tie import Tie
     from sonarmap.tools.files.geo.georeference import Georeference
     from sonarmap.tools.files.readers.corrections import Corrections
@@ -70,6 +71,7 @@ class SurveyInput:
     georeference: "Georeference | None"  # of the map, as far as it is known
     method: ConfiguredMethod
     settings: Mapping[str, Any]  # of the summary
+    vet: "Callable[[Sequence[RegisteredPair]], None] | None"  # may refuse the navigation
 
     @property
     def files(self) -> list[Path]:
@@ -143,21 +145,18 @@ def command(
     exports = output.export_settings(earth.crs, georeference, read.scans)
     reckoned = odometry.read(read.scans, navigation)
     configured = configure_method(read.scans, method, survey=True)
-    found = contradiction_of(read.scans, read.surveys, configured.registrar, telling.silent) if check_priors else None
-    if found is not None:
-        _refuse(f"{found}. In {priors.priors}: {found.remedy} (docs/navigation.md). No map was made", as_json)
     described = given(priors) | given(odometry) | given(reading) | given(points) | given(person)
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapper}
-    survey_input = SurveyInput(read, reckoned, ties, control, georeference, configured, settings)
-    if not _map_and_tell(survey_input, execution, output, exports, telling):
+    vet = refusing(read.scans, priors.priors or "what recordings measured") if check_priors else None
+    survey_input = SurveyInput(read, reckoned, ties, control, georeference, configured, settings, vet)
+    try:
+        whole = _map_and_tell(survey_input, execution, output, exports, telling)
+    except ContradictedError as error:
+        say(f"{error}. No map was made; --no-check-priors makes one all the same.", "error: ", "bold red")
+        print_failure(str(error), INCOMPLETE, as_json)
+        raise typer.Exit(INCOMPLETE) from None
+    if not whole:
         raise typer.Exit(INCOMPLETE)
-
-
-def _refuse(reason: str, as_json: bool) -> NoReturn:
-    """End without a map, as navigation would spoil it."""
-    say(f"{reason}; --no-check-priors makes one all the same.", "error: ", "bold red")
-    print_failure(reason, INCOMPLETE, as_json)
-    raise typer.Exit(INCOMPLETE)
 
 
 def _map_and_tell(
@@ -228,7 +227,9 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
         mapper = Mapper(method.registrar, method.grid.voxel, settings["mapper"], execution)
         with growing_progress("mapping", quiet) as step:
             step(0, len(read.scans), "preparing the first scans")
-            result = mapper.run(read.scans, step, read.surveys, survey.odometry, survey.ties, survey.control)
+            result = mapper.run(
+                read.scans, step, read.surveys, survey.odometry, survey.ties, survey.control, survey.vet
+            )
         times = survey_times(execution.timings, options.place)
         names = [scan.name for scan in read.scans]
         run = SurveyRun(names, settings, method.device, read.unread, inputs, survey.georeference, times)

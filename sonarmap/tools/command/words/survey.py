@@ -39,9 +39,9 @@ class Mapped:
 
     @property
     def whole(self) -> bool:
-        """Whether every scan is in one map, no pair ended by an error of the method, and no instrument was left out."""
+        """Whether every scan is in one map, no pair ended by an error of the method, and instruments fit them."""
         defects = any(pair.is_defect for pair in self.result.pairs)
-        trusted = not self.result.contradicted
+        trusted = not (self.result.contradicted or self.result.unclear)
         return trusted and not self.unread and not defects and len(self.result.components) == 1
 
 
@@ -135,9 +135,22 @@ def _outcome(mapped: Mapped) -> list[tuple[str, str]]:
         ("scans", f"{len(mapped.names) - outside} of {given} placed in {where}"),
         ("loops", _loops(result)),
         *_crossings(result),
+        *_agreement(result),
         ("track", f"{way_length(result):,.1f} m"),
         ("map", f"{points} points, voxels of {result.maps[parts[0]].voxel:.3g} m{doubtful}"),
     ]
+
+
+def _agreement(result: "SurveyResult") -> list[tuple[str, str]]:
+    """How navigation and scans agree."""
+    from sonarmap.tools.products.output.faults import INSTRUMENTS
+
+    said = [
+        f"{used} of {given} {INSTRUMENTS[kind]} used ({sigmas:.1f} sigmas)"
+        for kind, (used, given, sigmas) in result.agreement.items()
+    ]
+    left_out = [f"no {INSTRUMENTS[kind]} used" for kind in result.contradicted]
+    return [("measured", ", ".join([*said, *left_out]))] if said or left_out else []
 
 
 def _loops(result: "SurveyResult") -> str:

@@ -17,6 +17,8 @@ from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA
 PRIORS = "priors.csv"  # as `sonarmap simulate` calls the file beside its scans
 # In the order of PosePrior's sigmas
 COLUMNS = ("roll_deg", "pitch_deg", "heading_deg", "x_m", "y_m", "depth_m")
+# What gives them where a file has none, in words.
+PRIOR_SIGMAS = "--prior-sigmas A,H,D,P (attitude, heading [deg], depth, position [m]), as in --prior-sigmas 0.5,3,0.1,3"
 SIGMA_COLUMNS = tuple("_sigma_".join(column.rsplit("_", 1)) for column in COLUMNS)
 
 # Of what is measured, and of every standard deviation

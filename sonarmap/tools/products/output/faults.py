@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from statistics import median
 from typing import Any
 
 from sonarmap.slam.decide.lone import lone_steps
+from sonarmap.slam.decide.systematic import Systematic
 from sonarmap.slam.graph.edge import components
 from sonarmap.slam.graph.gauge import MEASURED
 from sonarmap.slam.odd.odd_scan import OddScan
@@ -34,7 +36,13 @@ _CHAINS = (
     f"{_BRIDGED}, as two places of one build would be too, such as two tanks (then give the scans before and after in "
     "folders of their own)"
 )
-_MEASURED = {"attitude": "roll and pitch", "heading": "headings", "position": "positions", "depth": "depths"}
+INSTRUMENTS = {
+    "attitude": "roll and pitch",
+    "heading": "headings",
+    "position": "positions",
+    "depth": "depths",
+    "odometry": "steps of dead reckoning",
+}
 _EACH = 3  # gaps or fixes that get a sentence each; more share one
 
 
@@ -219,9 +227,25 @@ def _is_only_likely(step: Pair, pairs: Sequence[Pair]) -> bool:
 def understated_rows(result: SurveyResult) -> list[dict[str, Any]]:
     """The instruments that err more than was said of them: their kind, how many times as much, and that in words."""
     return [
-        {"kind": kind, "times": times, "reason": _understated(_MEASURED[kind], times, kind in result.contradicted)}
+        {"kind": kind, "times": times, "reason": _understated(INSTRUMENTS[kind], times, kind in result.contradicted)}
         for kind, times in result.understated.items()
     ]
+
+
+def systematic_words(error: Systematic) -> str:
+    """What all fixes were off by, in words."""
+    if (other := error.alternative) is not None:
+        first, second = (systematic_words(replace(each, alternative=None)) for each in (error, other))
+        return f"{first}; or, which the track does not tell from it, {second}"
+    if error.turn:
+        return (
+            f"headings fit if {math.degrees(error.turn):+.1f} degrees are taken from them, and were used so: a "
+            "declination, a grid's North or a turned mount (--magnetic-declination, --heading-reference, --mount)"
+        )
+    return (
+        f"positions fit {error.forward:+.1f} m forward and {error.left:+.1f} m to port of where they are, and were "
+        "used so: a lever arm (--mount), or at a steady speed the time that a clock is off (--nav-offset)"
+    )
 
 
 def _understated(what: str, times: float, left_out: bool) -> str:
@@ -235,6 +259,8 @@ def _understated(what: str, times: float, left_out: bool) -> str:
 
 def _of_fixes(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     yield from (row["reason"] for row in understated_rows(result))
+    if result.systematic is not None:
+        yield systematic_words(result.systematic)
     fixes = [
         f"the {fix.kind} of {names[fix.scan]} is {fix.sigmas:.1f} standard deviations from what everything else says"
         for fix in result.wrong_fixes

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS
+from sonarmap.tools.files.readers.instruments import COLUMNS, PRIOR_SIGMAS, SIGMA_COLUMNS
 from sonarmap.tools.files.readers.navigation.headings import KEYS, OWN, QUANTITIES, Column, column_of
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 
@@ -212,7 +212,7 @@ def _check_measured(of: Mapping[str, Column], sigmas: Mapping[str, float] | None
             raise InputError(f"there is a column {sigma} but no {column}; delete it, or add {column}")
         if measured and sigma not in of and column not in sigmas:
             which = column if measured[0] == column else f"{column} ({measured[0]!r})"
-            raise InputError(f"{which} has no standard deviation; add a column {sigma}, or give --prior-sigmas")
+            raise InputError(f"{which} has no standard deviation; add a column {sigma}, or give {PRIOR_SIGMAS}")
 
 
 # What each of COLUMNS may be made of

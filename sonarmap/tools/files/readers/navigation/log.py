@@ -91,7 +91,7 @@ def _interpolated(
 def _attached(
     stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """For each scan the first measurement of those to which it is the nearest scan, at most `reach` [s] away, as
+    """For each scan the nearest of the measurements to which it is the nearest scan, at most `reach` [s] away, as
     `_interpolated` gives them."""
     known, deviations = (np.full((len(stamps), values.shape[1]), unknown) for unknown in (np.nan, np.inf))
     order = np.argsort(stamps, kind="stable")
@@ -100,7 +100,8 @@ def _attached(
     is_before = np.abs(stamps[order[before]] - times) <= np.abs(stamps[order[after]] - times)
     nearest = order[np.where(is_before, before, after)]
     away = np.abs(stamps[nearest] - times)
-    for row in np.flatnonzero(away <= reach)[::-1].tolist():  # the first wins
+    within = np.flatnonzero(away <= reach)[::-1]
+    for row in within[np.argsort(-away[within], kind="stable")].tolist():  # the nearest wins, of two the first
         known[nearest[row]] = values[row]
         deviations[nearest[row]] = np.hypot(sigmas[row], _SPEED * away[row])
     return known, deviations

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.instruments import COLUMNS, values_of
+from sonarmap.tools.files.readers.instruments import COLUMNS, PRIOR_SIGMAS, values_of
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
 from sonarmap.tools.files.readers.navigation.nmea import SENTENCE, read_nmea
 from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings
@@ -34,7 +34,7 @@ def read_navigation(
         return read_table(path, settings, sigmas, scans, notes)
     measured = [COLUMNS[k] for k in np.flatnonzero(np.isfinite(log.values).any(axis=0)).tolist()]
     if sigmas is not None and not set(measured).issubset(sigmas):
-        raise InputError(f"{path} has no standard deviations; give --prior-sigmas")
+        raise InputError(f"{path} has no standard deviations; give {PRIOR_SIGMAS}")
     return log
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.csv_table import CsvRow, read_csv_table
-from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST_OF, SIGMA_COLUMNS, check_measured
+from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST_OF, PRIOR_SIGMAS, SIGMA_COLUMNS, check_measured
 from sonarmap.tools.files.readers.limits import LARGEST
 from sonarmap.tools.files.readers.navigation.cells import MISSING, degrees, numbers, refuse
 from sonarmap.tools.files.readers.navigation.clocks.times import TimeCells, times_of
@@ -160,7 +160,7 @@ def _check_rows(table: _Table, values: np.ndarray, deviations: np.ndarray, sigma
         if bare.any():
             raise InputError(
                 f"{table.where(int(np.argmax(bare)))}: {name} has no standard deviation; fill in {SIGMA_COLUMNS[k]}, "
-                "or give --prior-sigmas; fix that line"
+                f"or give {PRIOR_SIGMAS}; fix that line"
             )
     for first, second in PAIRS:
         both = [COLUMNS.index(first), COLUMNS.index(second)]

@@ -69,7 +69,8 @@ def _concerns(summary: Mapping[str, Any], names: Sequence[str]) -> Iterator[str]
         if listing:
             yield f"{counted(len(listing), what)} {words}: {listed(listing)}."
     # which earlier maps do not have either
-    yield from (f"{row['reason'][0].upper()}{row['reason'][1:]}." for row in summary.get("understated", []))
+    rows = [*summary.get("understated", []), *([summary["systematic"]] if summary.get("systematic") else [])]
+    yield from (f"{row['reason'][0].upper()}{row['reason'][1:]}." for row in rows)
     for fix in summary["wrong_fixes"]:
         away = f"{fix['sigmas']:.1f} standard deviations from what everything else says"
         yield f"The {fix['kind']} of {fix['name']} is {away}; it is left out."

@@ -1,0 +1,87 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""Some pairs of a survey registered without priors, and what they show of the instruments that will bound others."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+from scipy.special import gammaincinv
+
+from sonarmap.slam.execute.runner import PairRunner
+from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.spectral.measured import measured_rotation
+from sonarmap.spectral.prior_pair import PriorPair
+from sonarmap.spectral.scan import PosePrior, Scan
+
+_EVENLY, _TURNING = 8, 8  # pairs: spread over the survey, and those between which it turns most
+LEAST_PAIRS = 6  # that tell something
+# By kind, the numbers of a prior that tell it, and which of six differences of a pair it is then: the last of these.
+_KINDS = {"attitude": ([0, 1], [0, 1]), "heading": ([0, 1, 2], [2]), "depth": ([0, 1, 5], [5])}
+_UNDERSTATED = 2.0
+
+
+def register_freely(runner: PairRunner, scans: Sequence[Scan], surveys: np.ndarray) -> list[RegisteredPair]:
+    """Some consecutive scans of a survey that both have priors, evenly spread and where these turn most, registered
+    without any; none where there are few. `surveys` are (N,), each scan's number of its survey."""
+    pairs = _chosen(scans, surveys)
+    if len(pairs) < LEAST_PAIRS:
+        return []
+    ends = sorted({k for scans_of in pairs for k in scans_of})
+    number = {k: len(scans) + n for n, k in enumerate(ends)}
+    free = runner.beside([replace(scans[k], prior=None) for k in ends], ends)
+    registered = free.register([Candidate(number[i], number[j], "sequential") for i, j in pairs])
+    back = {number[k]: k for k in ends}
+    return [pair.renumbered(back) for pair in registered if pair.accepted]
+
+
+def _chosen(scans: Sequence[Scan], surveys: np.ndarray) -> list[tuple[int, int]]:
+    turns: list[float] = []
+    pairs: list[tuple[int, int]] = []
+    for k in range(len(scans) - 1):
+        first, second = scans[k].prior, scans[k + 1].prior
+        if first is None or second is None or surveys[k] != surveys[k + 1]:
+            continue
+        pairs.append((k, k + 1))
+        turns.append(float((first.T_world_sensor.rotation.inv() * second.T_world_sensor.rotation).magnitude()))
+    most: list[int] = np.argsort(turns)[::-1][:_TURNING].tolist()
+    evenly: list[int] = np.linspace(0, len(pairs) - 1, _EVENLY).round().astype(int).tolist() if pairs else []
+    return [pairs[k] for k in sorted({*most, *evenly})]
+
+
+def errors_shown(pairs: Sequence[RegisteredPair], priors: Mapping[int, PosePrior]) -> dict[str, float]:
+    """By kind, how many times larger than stated the errors of attitudes, headings and depths are, where clearly so.
+
+    Half of the pairs differ from what was measured by more than half of right ones do.
+    """
+    shown: dict[str, float] = {}
+    for kind, (measured, numbers) in _KINDS.items():
+        squared = [far for pair in pairs if (far := _far(pair, priors, measured, numbers)) is not None]
+        usual = 2 * gammaincinv(len(numbers) / 2, 0.5)
+        factor = float(np.sqrt(np.median(squared) / usual)) if len(squared) >= LEAST_PAIRS else 1.0
+        if factor >= _UNDERSTATED:
+            shown[kind] = factor
+    return shown
+
+
+def _far(
+    pair: RegisteredPair, priors: Mapping[int, PosePrior], measured: list[int], numbers: list[int]
+) -> float | None:
+    """Chi-squared of the last of a registration's numbers beside what was measured of both scans; None without."""
+    registration = pair.registration
+    if registration is None or not all(np.isfinite(priors[k].sigmas[measured]).all() for k in pair.scans):
+        return None
+    both = PriorPair(*(_alone(priors[k], measured) for k in pair.scans))
+    T = RigidTransform.concatenate([registration.T_target_source])
+    last = slice(-len(numbers), None)
+    residual, covariance = both.residuals(T)[0, last], both.residual_covariance(T)[0, last, last]
+    R: np.ndarray = (measured_rotation(both.target) * registration.T_target_source.rotation).as_matrix()
+    in_world: np.ndarray = np.kron(np.eye(2), R)
+    covariance = covariance + (in_world @ registration.covariance @ in_world.T)[np.ix_(numbers, numbers)]
+    return float(residual @ np.linalg.solve(covariance, residual))
+
+
+def _alone(prior: PosePrior, measured: list[int]) -> PosePrior:
+    sigmas = np.full(6, np.inf)
+    sigmas[measured] = prior.sigmas[measured]
+    return replace(prior, sigmas=sigmas)
