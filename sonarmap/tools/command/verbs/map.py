@@ -138,6 +138,7 @@ def command(
     method = checked_method(method, context)
     mapper = survey.mapper_settings()
     navigation = reading.settings(priors.priors, odometry.odometry, origin=earth.georeference())
+    navigation = replace(navigation, fastest=mapper.limits.speed)
     read = _read_scans(inputs, priors.priors, points.corrections(), output.out, telling.silent)
     read, georeference = _navigate(read, priors, navigation, imu and method.uses_priors, earth.origin_heading)
     ties = person.read_ties(read.scans)

@@ -20,6 +20,7 @@ from sonarmap.tools.files.readers.navigation.earth import by_the_maps_north, gri
 from sonarmap.tools.files.readers.navigation.log import NavigationLog, at_scans
 from sonarmap.tools.files.readers.navigation.match import SAME_STAMP, find_scan
 from sonarmap.tools.files.readers.navigation.read import read_navigation
+from sonarmap.tools.files.readers.navigation.rows import fault_notes, usable_rows
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
 
 
@@ -57,6 +58,8 @@ def navigate(
     sigmas = np.where(np.isnan(log.sigmas), defaults, log.sigmas)
     log = replace(log, sigmas=sigmas, times=log.times + offset)
     if log.key == "stamp" and _is_series(stamps, log):
+        log, faults = usable_rows(log, settings.fastest)
+        notes += [f"{path}: {note}" for note in fault_notes(faults)]
         priors = _from_series(path, log, stamps, notes)
     else:
         priors = _from_rows(scans, path, log, allow_unknown)

@@ -1,6 +1,7 @@
 """How a file of navigation is to be understood, as far as the file itself does not say: the sonar's mount too."""
 
 import csv
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -95,6 +96,7 @@ class NavigationSettings:
     mount: Mount | None = None  # of the sonar on the vehicle
     # {column of `tools.files.readers.instruments.COLUMNS`: standard deviation}, of priors where the file has none
     sigmas: Mapping[str, float] = field(default_factory=lambda: _NO_SIGMAS)
+    fastest: float = math.inf  # that the vehicle goes [m/s]; rows that ask for more are left out
 
     def __post_init__(self) -> None:
         _require_one_of("--time-scale", self.time_scale, TIME_SCALES)

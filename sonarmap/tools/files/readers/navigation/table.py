@@ -22,6 +22,7 @@ from sonarmap.tools.files.user_file import naming
 _ON_EARTH = {"lat_deg": 90.0, "lon_deg": 180.0}
 _DIGITS = 6  # decimals from which on a small range of meters looks like degrees
 _DEGREES_RANGE = 0.05  # [deg]: 5 km of latitude
+_ABOVE = 0.5  # [m]: depths in the median so far above the water have the wrong sign
 _GRID = 20_000.0  # [m] beyond which eastings and northings are a grid's
 
 
@@ -59,6 +60,7 @@ def read_table(
     values, georeference = _values(table, settings, notes)
     deviations = _sigmas(table, settings)
     _check_rows(table, values, deviations, sigmas)
+    _refuse_above_water(table, values[:, 5])
     keys = cells[columns.key]
     for row, key in enumerate(keys):
         if not key:
@@ -150,6 +152,17 @@ def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
     if _is_north_first(table, settings):
         sigmas[:, [3, 4]] = sigmas[:, [4, 3]]
     return sigmas
+
+
+def _refuse_above_water(table: _Table, depths: np.ndarray) -> None:
+    """Refuse a log's depths that are upside down."""
+    known = depths[np.isfinite(depths)]
+    if not table.columns.is_own and "depth_m" in table.columns.of and len(known) and np.median(known) < -_ABOVE:
+        heading = table.columns.heading("depth_m")
+        raise InputError(
+            f"{table.path}: {heading} is {np.median(known):.1f} m in the median, above the water; wanted depths, "
+            f"positive down. If these are heights, give --nav-columns height_m={heading}; else turn the sign"
+        )
 
 
 def _check_rows(table: _Table, values: np.ndarray, deviations: np.ndarray, sigmas: Mapping[str, float] | None) -> None:

@@ -1,0 +1,120 @@
+"""Rows of a log that cannot be, by the log alone: places that nobody gets to and back from, values that stand still
+while the vehicle moves, times out of order. They are left out, and told by their lines."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sonarmap.tools.files.readers.navigation.log import NavigationLog
+
+# What is measured at a time, the columns, and how its steps are read: a place, an angle [deg] or a number.
+KINDS = {"position": np.array([3, 4]), "depth": np.array([5]), "heading": np.array([2])}
+_FEWEST = 12  # rows of a kind that tell what is usual
+# Nothing changes faster than so many times what nearly all steps do (this share of them).
+_FASTER, _NEARLY_ALL = 4.0, 0.95
+# Rows between two such leaps are wrong if they are fewer than this share of all.
+_FEW = 0.1
+# A value that repeats itself so often, for so long [s], and so many times longer than repeated values usually do,
+# stands still; the vehicle moves meanwhile, by so many times what its steps usually are.
+_REPEATED, _STILL, _LONGER, _MOVED = 5, 5.0, 4.0, 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class RowFault:
+    """A row, or what it measured of a kind, that was left out."""
+
+    line: int  # in the file
+    kind: str  # of KINDS, or "time"
+    reason: str  # in words
+
+
+def usable_rows(log: NavigationLog, fastest: float = np.inf) -> tuple[NavigationLog, list[RowFault]]:
+    """The log without what cannot be, and that, in the order of its lines; a log whose rows have names is left alone.
+
+    Args:
+        log: rows at times of their own.
+        fastest: that the vehicle goes [m/s].
+    """
+    if log.key != "stamp" or len(log.times) < _FEWEST:
+        return log, []
+    values, faults = log.values.copy(), list[RowFault]()
+    for row in _out_of_order(log.times):
+        faults.append(RowFault(int(log.lines[row]), "time", "its time is out of order"))
+        values[row] = np.nan
+    for kind, columns in KINDS.items():
+        rows = np.flatnonzero(np.isfinite(values[:, columns]).all(axis=1))
+        rows = rows[np.argsort(log.times[rows], kind="stable")]
+        rows = rows[np.append(True, np.diff(log.times[rows]) > 0)] if len(rows) else rows
+        if len(rows) < _FEWEST:
+            continue
+        series = values[np.ix_(rows, columns)]
+        if kind == "heading":
+            series = np.degrees(np.unwrap(np.radians(series), axis=0))
+        noise = float(np.nan_to_num(np.nanmedian(log.sigmas[np.ix_(rows, columns)]))) if kind == "position" else 0.0
+        most = (fastest, noise) if kind == "position" else (np.inf, 0.0)
+        for n, reason in (*_leaps(log.times[rows], series, *most), *_standing(log.times[rows], series)):
+            faults.append(RowFault(int(log.lines[rows[n]]), kind, reason))
+            values[rows[n], columns] = np.nan
+    return replace(log, values=values), sorted(faults, key=lambda fault: fault.line)
+
+
+def fault_notes(faults: Sequence[RowFault], listed: int = 5) -> list[str]:
+    """The rows in a sentence for each kind and reason."""
+    lines: dict[tuple[str, str], list[int]] = {}
+    for fault in faults:
+        lines.setdefault((fault.kind, fault.reason), []).append(fault.line)
+    notes = list[str]()
+    for (kind, reason), those in lines.items():
+        more = f" and {len(those) - listed} more" if len(those) > listed else ""
+        where = f"line{'s' if len(those) > 1 else ''} {', '.join(map(str, those[:listed]))}{more}"
+        what = "rows are" if kind == "time" else f"{kind}s are" if len(those) > 1 else f"{kind} is"
+        notes.append(f"{len(those)} {what} left out ({where}): {reason}")
+    return notes
+
+
+def _out_of_order(times: np.ndarray) -> list[int]:
+    """Rows whose time is not between those of the rows around, which are in order."""
+    before, own, behind = times[:-2], times[1:-1], times[2:]
+    return (1 + np.flatnonzero((before <= behind) & ((own < before) | (own > behind)))).tolist()
+
+
+def _leaps(times: np.ndarray, series: np.ndarray, fastest: float, noise: float) -> list[tuple[int, str]]:
+    """Rows to which, and back from which, nothing gets so fast."""
+    spans = np.diff(times)
+    steps = np.linalg.norm(np.diff(series, axis=0), axis=1)
+    usual = float(np.quantile(steps / spans, _NEARLY_ALL))
+    # what noise alone makes of a step
+    most = np.minimum(_FASTER * usual, fastest + 4 * np.sqrt(2) * noise / spans)
+    cuts = np.flatnonzero(steps > most * spans)
+    if not len(cuts) or usual <= 0:
+        return []
+    pieces = np.split(np.arange(len(times)), cuts + 1)
+    long = max(2.0, _FEW * len(times))
+    kept = [n for n, piece in enumerate(pieces) if len(piece) >= long]
+    found = list[int]()
+    for n, piece in enumerate(pieces):
+        before = max((k for k in kept if k < n), default=None)
+        behind = min((k for k in kept if k > n), default=None)
+        if n in kept or before is None or behind is None:
+            continue
+        a, b = int(pieces[before][-1]), int(pieces[behind][0])
+        if np.linalg.norm(series[b] - series[a]) <= most.min() * (times[b] - times[a]):
+            found += piece.tolist()
+    return [(k, "far from the rows around, farther than the vehicle gets in the time between") for k in found]
+
+
+def _standing(times: np.ndarray, series: np.ndarray) -> list[tuple[int, str]]:
+    """Rows that repeat an earlier value for long, where the next one is far from it."""
+    starts = np.flatnonzero(np.append(True, (np.diff(series, axis=0) != 0).any(axis=1)))
+    lengths = np.diff(np.append(starts, len(times)))
+    steps = np.linalg.norm(np.diff(series[starts], axis=0), axis=1)
+    if len(starts) < _FEWEST:
+        return []
+    usual, moved = np.median(lengths), np.median(steps)
+    found = list[int]()
+    for start, length, step in zip(starts[:-1].tolist(), lengths[:-1].tolist(), steps.tolist(), strict=True):
+        lasts = times[start + length - 1] - times[start]
+        if length >= max(_REPEATED, _LONGER * usual) and lasts >= _STILL and step > _MOVED * moved:
+            found += range(start + 1, start + length)
+    return [(k, "the same as the rows before, while the vehicle moved on") for k in found]

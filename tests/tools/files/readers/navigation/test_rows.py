@@ -1,0 +1,98 @@
+"""Rows that cannot be are named by their lines, and right ones are left alone."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.tools.files.readers.navigation.log import NavigationLog
+from sonarmap.tools.files.readers.navigation.rows import fault_notes, usable_rows
+from tests.tools.files.readers.navigation.logs import START, read, require_words, scans_at
+
+
+def log(count: int = 120, seed: int = 2, every: float = 1.0) -> NavigationLog:
+    """A vehicle at 1.5 m/s along lanes of 30 s, with noise."""
+    rng = np.random.default_rng(seed)
+    times = START + every * np.arange(count)
+    lane = ((times - START) // 30).astype(int)
+    along = 1.5 * np.where(lane % 2, 30 - (times - START) % 30, (times - START) % 30)
+    aside = (times - START) / 3
+    values = np.column_stack([rng.normal(0, 2, (count, 2)), np.where(lane % 2, 270.0, 90.0), along, aside])
+    values = np.column_stack([values, 12 + 0.5 * np.sin(times / 20)])
+    values[:, 2:] += rng.normal(0, [3.0, 0.5, 0.5, 0.05], (count, 4))
+    values[:, 2] %= 360
+    lines = np.arange(2, count + 2)
+    return NavigationLog("stamp", lines, ("",) * count, times, values, np.tile([0.5] * 6, (count, 1)))
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("every", [0.2, 1.0, 5.0])
+def test_right_rows_are_left_alone(seed: int, every: float) -> None:
+    given = log(120, seed, every)
+    usable, faults = usable_rows(given)
+    assert faults == []
+    np.testing.assert_array_equal(usable.values, given.values)
+
+
+def test_places_depths_and_headings_that_nobody_gets_to() -> None:
+    given = log()
+    values = given.values.copy()
+    values[20, 3:5] += [300.0, -40.0]
+    values[50:53, 3:5] += [80.0, 0.0]
+    values[70, 5] = 0.0
+    values[90, 3:5] = np.nan
+    usable, faults = usable_rows(replace(given, values=values))
+    assert [(fault.line, fault.kind) for fault in faults] == [
+        (22, "position"), (52, "position"), (53, "position"), (54, "position"), (72, "depth")
+    ]  # fmt: skip
+    assert np.isnan(usable.values[[20, 50, 51, 52], 3]).all()
+    assert np.isfinite(usable.values[20, 5])
+    assert np.isnan(usable.values[70, 5])
+    assert fault_notes(faults)[0].startswith(
+        "4 positions are left out (lines 22, 52, 53, 54): far from the rows around"
+    )
+    assert fault_notes(faults)[1].startswith("1 depth is left out (line 72): far from")
+
+
+def test_a_speed_that_is_known_says_more() -> None:
+    given = log()
+    values = given.values.copy()
+    values[40, 3:5] += [9.0, 0.0]
+    assert usable_rows(replace(given, values=values))[1] == []
+    assert [fault.line for fault in usable_rows(replace(given, values=values), fastest=2.0)[1]] == [42]
+
+
+def test_values_that_stand_still_and_times_out_of_order() -> None:
+    given = log()
+    values, times = given.values.copy(), given.times.copy()
+    values[60:84, 3:5] = values[60, 3:5]
+    times[10] += 3600.0
+    usable, faults = usable_rows(replace(given, values=values, times=times))
+    assert (faults[0].line, faults[0].kind) == (12, "time")
+    assert [fault.line for fault in faults[1:]] == list(range(63, 86))
+    assert {fault.reason for fault in faults[1:]} == {"the same as the rows before, while the vehicle moved on"}
+    assert np.isnan(usable.values[10]).all()
+    # a receiver slower than the log repeats every value
+    slow = given.values.copy()
+    slow[:, 3:5] = np.repeat(slow[::6, 3:5], 6, axis=0)[: len(slow)]
+    assert usable_rows(replace(given, values=slow))[1] == []
+
+
+def test_short_logs_and_rows_with_names_are_not_asked() -> None:
+    given = log(11)
+    assert usable_rows(given) == (given, [])
+    named = replace(log(), key="name")
+    assert usable_rows(named) == (named, [])
+
+
+def test_a_wrong_row_spoils_no_scan(tmp_path: Path) -> None:
+    rows = [f"{START + k:.1f},{1.5 * k + (400 if k == 7 else 0):.2f},{0.1 * (k % 3):.2f},2.5" for k in range(40)]
+    text = "\n".join(["time,x,y,depth", *rows, ""])
+    values, _, notes = read(tmp_path / "log.csv", text, scans=scans_at(START + 7, START + 20))
+    assert values[0, 3] == pytest.approx(10.5)
+    assert any("1 position is left out (line 9)" in note for note in notes)
+    upside_down = text.replace(",2.5", ",-2.5")
+    require_words(
+        tmp_path / "log.csv", ["-2.5 m", "above the water", "height_m=depth"], read, tmp_path / "log.csv", upside_down
+    )
