@@ -3,17 +3,21 @@
 import json
 import math
 import shlex
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.options.option import OUTPUT, given, switch
+from sonarmap.tools.command.navigation import NavigationReading
+from sonarmap.tools.command.options.option import OUTPUT, given, switch, value_option
 from sonarmap.tools.command.options.registration import DEFAULT_EDGE, GridOption
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.options.scan import InputsArgument, PointReading
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import print_rows, printable, say, warn
+from sonarmap.tools.command.words.log import clock_json, log_json, next_command, print_log
 
 if TYPE_CHECKING:
     from sonarmap.tools.command.overview import Overview
@@ -25,19 +29,33 @@ INCOMPLETE = 3
 def command(
     inputs: InputsArgument,
     points: PointReading,
+    reading: NavigationReading,
     names: Annotated[bool, switch(OUTPUT, "--names", "List all scans' names alone, as priors need them.")] = False,
     grid: GridOption = None,
+    plot: Annotated[Path | None, value_option(OUTPUT, "FILE", "Draw a log as PNG.", "--plot")] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Show what scan files hold: how many scans, of what extent, when and how often they were taken, what is lost or
     damaged, and which voxels suit them.
 
-    Nothing is written, and a scan at a time is in memory. The exit code is 3 if a file or scan cannot be read, 2 if
-    none can.
+    A scan at a time is in memory. The exit code is 3 if a file or scan cannot be read, 2 if none can.
+
+    If the first INPUT is a log of navigation (CSV, NMEA 0183, TUM), it shows what is in that, and which rows cannot be
+    and are left out, by their lines; with scans behind it also what it says at their times. The exit code is 3 if that
+    is nothing.
     """
     from sonarmap.tools.command.overview import overview_of
+    from sonarmap.tools.files.readers.navigation.overview import is_log
 
+    if is_log(path := Path(inputs[0])):
+        if not _inspect_log(path, inputs[1:], points, reading, plot, as_json, quiet):
+            raise typer.Exit(INCOMPLETE)
+        return
+    for flag, value in (*given(reading).items(), *([("plot", plot)] if plot else [])):
+        raise InputError(
+            f"--{flag.replace('_', '-')} {value}: it is for a log of navigation; give one as the first INPUT"
+        )
     with growing_progress("reading", quiet or as_json) as step:
         overview = overview_of(inputs, points.corrections(), grid or DEFAULT_EDGE, step)
     said = ({} if grid is None else {"grid": grid}) | given(points)
@@ -59,11 +77,48 @@ def command(
         raise typer.Exit(INCOMPLETE)
 
 
+def _inspect_log(
+    path: Path,
+    scans: list[str],
+    points: PointReading,
+    reading: NavigationReading,
+    plot: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> bool:
+    """Show a log; whether it says something of all scans, or there are none."""
+    import numpy as np
+
+    from sonarmap.tools.files.readers.navigation.overview import log_overview
+
+    settings = reading.settings(path)
+    stamps = np.zeros(0)
+    if scans:
+        from sonarmap.tools.files.readers.scans import read_survey
+
+        with growing_progress("reading", quiet or as_json) as step:
+            stamps = np.array([scan.stamp for scan in read_survey(scans, [], step, points.corrections()).scans])
+    found = log_overview(path, settings, stamps)
+    options = [f"--{name.replace('_', '-')} {shlex.quote(_plain(value))}" for name, value in given(reading).items()]
+    following = next_command(str(path), scans, options)
+    if plot is not None:
+        from sonarmap.tools.products.report.log_picture import draw_log
+
+        draw_log(found, plot)
+    if as_json:
+        typer.echo(json.dumps(log_json(found, following), allow_nan=False))
+    else:
+        print_log(found, following)
+        for note in found.notes:
+            say(note)
+    if found.apart:
+        warn(f"{path}: no row is at the time of a scan, or near it: {found.apart}")
+    return not found.apart
+
+
 def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any]:
     """All of it as JSON; null for what is not known."""
     import numpy as np
-
-    from sonarmap.tools.files.readers.clock import utc
 
     clock, grid = overview.clock, overview.grid
     return {
@@ -76,18 +131,7 @@ def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any
         "points": dict(zip(("least", "median", "most"), overview.points, strict=True)),
         "extent_m": np.median(overview.extents, axis=0).tolist(),
         "farthest_m": overview.farthest,
-        "clock": clock
-        and {
-            "start": clock.start,
-            "end": clock.end,
-            "start_utc": utc(clock.start),
-            "end_utc": utc(clock.end),
-            "rate_hz": clock.rate,
-            "gaps": clock.gaps,
-            "longest_step_s": clock.longest,
-            "not_ascending": clock.backward,
-            "stands_still": clock.stands_still,
-        },
+        "clock": clock and clock_json(clock),
         "changed": overview.changed,
         "strengths": overview.with_strength,
         "viewpoints": overview.with_viewpoints,

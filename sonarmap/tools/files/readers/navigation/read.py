@@ -25,7 +25,7 @@ def read_navigation(
 ) -> NavigationLog:
     """The rows of a file, which is told by its content. `sigmas`: {column of COLUMNS: standard deviation} where the
     file has none; None where none is needed."""
-    beginning = _beginning(path)
+    beginning = beginning_of(path)
     if SENTENCE.search(beginning):
         log = read_nmea(path, settings, scans, notes)
     elif path.suffix.lower() == ".tum" or _is_tum(beginning):
@@ -38,7 +38,8 @@ def read_navigation(
     return log
 
 
-def _beginning(path: Path) -> str:
+def beginning_of(path: Path) -> str:
+    """The first characters of a file, which tell its kind. Raises InputError: it cannot be read."""
     require_file(path)
     with reading(path), path.open("rb") as file:
         content = file.read(_LOOKED_AT)

@@ -51,7 +51,8 @@ def usable_rows(log: NavigationLog, fastest: float = np.inf) -> tuple[Navigation
         series = values[np.ix_(rows, columns)]
         if kind == "heading":
             series = np.degrees(np.unwrap(np.radians(series), axis=0))
-        noise = float(np.nan_to_num(np.nanmedian(log.sigmas[np.ix_(rows, columns)]))) if kind == "position" else 0.0
+        stated = log.sigmas[np.ix_(rows, columns)]
+        noise = float(np.median(stated)) if kind == "position" and np.isfinite(stated).all() else 0.0
         most = (fastest, noise) if kind == "position" else (np.inf, 0.0)
         for n, reason in (*_leaps(log.times[rows], series, *most), *_standing(log.times[rows], series)):
             faults.append(RowFault(int(log.lines[rows[n]]), kind, reason))
@@ -90,16 +91,18 @@ def _leaps(times: np.ndarray, series: np.ndarray, fastest: float, noise: float) 
     if not len(cuts) or usual <= 0:
         return []
     pieces = np.split(np.arange(len(times)), cuts + 1)
-    long = max(2.0, _FEW * len(times))
-    kept = [n for n, piece in enumerate(pieces) if len(piece) >= long]
-    found = list[int]()
+    long = [len(piece) >= max(2.0, _FEW * len(times)) for piece in pieces]
+
+    def reaches(a: int, b: int) -> bool:
+        return float(np.linalg.norm(series[b] - series[a])) <= most.min() * (times[b] - times[a])
+
+    found, before = list[int](), -1  # before: the last row that is right; -1 while none is known
     for n, piece in enumerate(pieces):
-        before = max((k for k in kept if k < n), default=None)
-        behind = min((k for k in kept if k > n), default=None)
-        if n in kept or before is None or behind is None:
-            continue
-        a, b = int(pieces[before][-1]), int(pieces[behind][0])
-        if np.linalg.norm(series[b] - series[a]) <= most.min() * (times[b] - times[a]):
+        behind = next((int(pieces[k][0]) for k in range(n + 1, len(pieces)) if long[k]), -1)
+        first, last = int(piece[0]), int(piece[-1])
+        if long[n] or (before >= 0 and behind >= 0 and reaches(before, first) and reaches(last, behind)):
+            before = last
+        elif before >= 0 and behind >= 0 and reaches(before, behind):
             found += piece.tolist()
     return [(k, "far from the rows around, farther than the vehicle gets in the time between") for k in found]
 

@@ -42,15 +42,16 @@ def test_places_depths_and_headings_that_nobody_gets_to() -> None:
     values[50:53, 3:5] += [80.0, 0.0]
     values[70, 5] = 0.0
     values[90, 3:5] = np.nan
+    values[100, 3:5] += [-90.0, 0.0]  # what lies between two that are wrong is right
     usable, faults = usable_rows(replace(given, values=values))
     assert [(fault.line, fault.kind) for fault in faults] == [
-        (22, "position"), (52, "position"), (53, "position"), (54, "position"), (72, "depth")
+        (22, "position"), (52, "position"), (53, "position"), (54, "position"), (72, "depth"), (102, "position")
     ]  # fmt: skip
     assert np.isnan(usable.values[[20, 50, 51, 52], 3]).all()
     assert np.isfinite(usable.values[20, 5])
     assert np.isnan(usable.values[70, 5])
     assert fault_notes(faults)[0].startswith(
-        "4 positions are left out (lines 22, 52, 53, 54): far from the rows around"
+        "5 positions are left out (lines 22, 52, 53, 54, 102): far from the rows around"
     )
     assert fault_notes(faults)[1].startswith("1 depth is left out (line 72): far from")
 
