@@ -8,6 +8,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.instruments import COLUMNS, PRIOR_SIGMAS, SIGMA_COLUMNS
 from sonarmap.tools.files.readers.navigation.headings import KEYS, OWN, QUANTITIES, Column, column_of
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
+from sonarmap.tools.files.readers.navigation.usual import Instrument, usual_note, usual_of
 
 PAIRS = (("roll_deg", "pitch_deg"), ("x_m", "y_m"))
 PLACES = (("lat_deg", "lon_deg"), ("easting_m", "northing_m"), ("x_m", "y_m"))
@@ -22,6 +23,7 @@ class Columns:
     of: Mapping[str, Column]  # {quantity: its column}
     is_own: bool  # whether it is a file of this program's own kind, in which nothing may be unknown
     notes: tuple[str, ...]  # what is not used, in words
+    usual: Mapping[str, float]  # {column of COLUMNS: standard deviation} where the instrument alone tells it
 
     @property
     def key(self) -> str:
@@ -59,7 +61,10 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     left = [heading for k, heading in enumerate(header) if heading and k not in used]
     if left and not (is_own and left == ["stamp"]):  # `sonarmap template` writes it beside the name, which counts
         notes.append(f"not used: the columns {', '.join(repr(heading) for heading in left)}")
-    return Columns(of, is_own, tuple(notes))
+    usual = {} if is_own or sigmas is None else _usual(of, sigmas)
+    if usual:
+        notes.append(usual_note(usual))
+    return Columns(of, is_own, tuple(notes), {column: sigma for column, (_, sigma) in usual.items()})
 
 
 def _mapped(header: Sequence[str], wanted: Mapping[str, str]) -> dict[str, Column]:
@@ -206,13 +211,24 @@ def _check_measured(of: Mapping[str, Column], sigmas: Mapping[str, float] | None
             raise InputError(f"{first} and {second} can only be used together; give both or neither")
     if sigmas is None:
         return
+    usual = _usual(of, sigmas)
     for column, sigma, names in zip(COLUMNS, SIGMA_COLUMNS, SOURCES, strict=True):
         measured = [of[name].heading for name in names if name in of]
         if sigma in of and not measured and is_own:
             raise InputError(f"there is a column {sigma} but no {column}; delete it, or add {column}")
-        if measured and sigma not in of and column not in sigmas:
+        if measured and sigma not in of and column not in sigmas and column not in usual:
             which = column if measured[0] == column else f"{column} ({measured[0]!r})"
             raise InputError(f"{which} has no standard deviation; add a column {sigma}, or give {PRIOR_SIGMAS}")
+
+
+def _usual(of: Mapping[str, Column], sigmas: Mapping[str, float]) -> dict[str, tuple[Instrument, float]]:
+    """By columns of COLUMNS without a standard deviation whose headings name an instrument, what that errs by."""
+    found: dict[str, tuple[Instrument, float]] = {}
+    for column, sigma, names in zip(COLUMNS, SIGMA_COLUMNS, SOURCES, strict=True):
+        words = [word for name in names if name in of for word in of[name].words]
+        if sigma not in of and column not in sigmas and (named := usual_of(column, words)) is not None:
+            found[column] = named
+    return found
 
 
 # What each of COLUMNS may be made of

@@ -7,6 +7,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS
+from sonarmap.tools.files.readers.navigation.usual import WORDS
 
 KEYS = ("name", "stamp")
 OWN = (*KEYS, *COLUMNS, *SIGMA_COLUMNS)  # the headings of this program's own files
@@ -69,6 +70,7 @@ class Column:
     factor: float = 1.0  # from its unit to that of the quantity's name (degrees, meters, seconds)
     word: str = ""  # how the log calls it, in small letters without anything but letters and digits
     unit: str = ""  # as written, in small letters; "" where none is
+    words: tuple[str, ...] = ()  # of the heading, in small letters
 
     @property
     def is_own(self) -> bool:
@@ -84,7 +86,9 @@ def column_of(index: int, heading: str, quantity: str | None = None) -> Column |
     stem, unit = _split(heading)
     words = _WORDS.findall(stem.lower())
     word = "".join(each for each in words if each not in _SIGMA_WORDS)
-    known = quantity or _QUANTITY_OF.get(word) or _QUANTITY_OF.get(re.sub("(deg|degrees|rad|radians)$", "", word))
+    bare = "".join(each for each in words if each not in _SIGMA_WORDS and each not in WORDS)  # as in USBL Easting
+    names = (each for name in (word, bare) for each in (name, re.sub("(deg|degrees|rad|radians)$", "", name)))
+    known = quantity or next((_QUANTITY_OF[name] for name in names if name in _QUANTITY_OF), None)
     if known is None:
         return None
     if known == "heading_deg" and quantity is None and unit in _MAGNETIC:
@@ -95,7 +99,7 @@ def column_of(index: int, heading: str, quantity: str | None = None) -> Column |
         if known not in SIGMA_OF:
             return None
         known = SIGMA_COLUMNS[SIGMA_OF[known]]
-    return Column(index, heading, known, _factor(heading, known, unit), word, unit)
+    return Column(index, heading, known, _factor(heading, known, unit), word, unit, tuple(words))
 
 
 def zone_of(unit: str) -> float | None:

@@ -3,6 +3,7 @@
 import codecs
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from sonarmap.tools.files.readers.navigation.log import NavigationLog
 from sonarmap.tools.files.readers.navigation.nmea import SENTENCE, read_nmea
 from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings
 from sonarmap.tools.files.readers.navigation.table import read_table
+from sonarmap.tools.files.readers.navigation.usual import usual_note, usual_of
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.user_file import reading, require_file
 
@@ -27,15 +29,32 @@ def read_navigation(
     file has none; None where none is needed."""
     beginning = beginning_of(path)
     if SENTENCE.search(beginning):
-        log = read_nmea(path, settings, scans, notes)
+        log = _with_usual(read_nmea(path, settings, scans, notes), path, sigmas, notes)
     elif path.suffix.lower() == ".tum" or _is_tum(beginning):
         log = _of_tum(path, settings)
     else:
         return read_table(path, settings, sigmas, scans, notes)
-    measured = [COLUMNS[k] for k in np.flatnonzero(np.isfinite(log.values).any(axis=0)).tolist()]
+    unsure = np.isfinite(log.values) & np.isnan(log.sigmas)
+    measured = [COLUMNS[k] for k in np.flatnonzero(unsure.any(axis=0)).tolist()]
     if sigmas is not None and not set(measured).issubset(sigmas):
         raise InputError(f"{path} has no standard deviations; give {PRIOR_SIGMAS}")
     return log
+
+
+def _with_usual(log: NavigationLog, path: Path, sigmas: Mapping[str, float] | None, notes: list[str]) -> NavigationLog:
+    """NMEA as receivers and gyrocompasses send it."""
+    named = {"x_m": "gnss", "y_m": "gnss", "heading_deg": "gyro"}
+    usual = {
+        column: found
+        for k, column in enumerate(COLUMNS)
+        if np.isfinite(log.values[:, k]).any() and column not in (sigmas or {})
+        if (found := usual_of(column, [named.get(column, "")])) is not None
+    }
+    if sigmas is None or not usual:
+        return log
+    notes.append(f"{path}: {usual_note(usual)}")
+    told = np.array([usual[column][1] if column in usual else np.nan for column in COLUMNS])
+    return replace(log, sigmas=np.where(np.isfinite(log.values), told, np.nan))
 
 
 def beginning_of(path: Path) -> str:

@@ -143,6 +143,7 @@ def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
     sigmas = np.full((len(table.rows), len(COLUMNS)), np.nan)
     for k, name in enumerate(SIGMA_COLUMNS):
         if name not in table.columns.of:
+            sigmas[:, k] = table.columns.usual.get(COLUMNS[k], np.nan)
             continue
         values, bad = numbers(table.cells[name], table.columns.is_own)
         sigmas[:, k] = _usable(table, name, values, bad, "a finite number, or an empty cell")

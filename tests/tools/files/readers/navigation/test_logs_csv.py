@@ -1,12 +1,14 @@
 """CSV logs: headings, units, what is not measured, what is ambiguous; texts of any length take a time in proportion."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from difflib import SequenceMatcher
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sonarmap.tools.files.readers.instruments import sigmas_of
 from sonarmap.tools.files.readers.navigation.cells import degrees
 from sonarmap.tools.files.readers.navigation.clocks.times import time_of_day
 from sonarmap.tools.files.readers.navigation.headings import column_of, zone_of
@@ -249,3 +251,28 @@ def test_tables_of_many_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     words = "'heding_deg' is nearly called heading_deg"
     refuses(words, read_navigation, tmp_path / "log.csv", AS_IT_SAYS, None, np.zeros(1), [])
     assert len(compared) < 20
+
+
+def test_instruments_that_a_log_names_need_no_standard_deviations(tmp_path: Path) -> None:
+    rows = [f"{START + k},{1.5 * k},{0.2 * k},{k % 7},1,2,9.5" for k in range(12)]
+    heading = "time,USBL East,USBL North,Gyro Heading,MRU Roll,MRU Pitch,Pressure Depth"
+    path = tmp_path / "rov.csv"
+    path.write_text("\n".join([heading, *rows, ""]))
+    notes: list[str] = []
+    scan = navigate(SCANS, path, notes=notes).scans[1]
+    assert scan.prior is not None
+    np.testing.assert_allclose(sigmas_of(scan.prior), [0.5, 0.5, 1.0, 3.0, 3.0, 0.1])
+    (note,) = [note for note in notes if "standard deviations" in note]
+    for words in (
+        "roll 0.5 degrees (motion sensor)",
+        "heading 1 degrees (gyrocompass)",
+        "x 3 m (USBL)",
+        "0.1 m (pressure)",
+    ):
+        assert words in note
+    assert note.endswith("; --prior-sigmas gives others")
+    stated = navigate(SCANS, path, replace(AS_IT_SAYS, sigmas=SIGMAS)).scans[1]
+    assert stated.prior is not None
+    np.testing.assert_allclose(sigmas_of(stated.prior), [0.5] * 6)
+    path.write_text("\n".join([heading.replace("USBL ", ""), *rows, ""]))
+    refuses(r"x_m \('East'\) has no standard deviation; .*--prior-sigmas A,H,D,P", navigate, SCANS, path)

@@ -129,3 +129,12 @@ def test_a_trajectory_is_navigation(path: Path) -> None:
     np.testing.assert_allclose(second.T_world_sensor.translation, [6.5, 13, -3.25], atol=1e-6)
     np.testing.assert_allclose(first.sigmas, [*np.radians([0.5, 0.5, 3]), 2, 2, 0.1])
     refuses("no standard deviations; give --prior-sigmas", navigate, scans, path)
+
+
+def test_receivers_and_gyrocompasses_err_as_usual(tmp_path: Path) -> None:
+    path, notes = tmp_path / "ship.nmea", list[str]()
+    path.write_text(dive())
+    prior = navigate(scans_at(START + 3), path, notes=notes).scans[0].prior
+    assert prior is not None
+    np.testing.assert_allclose(prior.sigmas, [np.inf, np.inf, np.radians(1.0), 3.0, 3.0, np.inf])
+    assert any("heading 1 degrees (gyrocompass), x 3 m (GNSS), y 3 m (GNSS); --prior-sigmas" in note for note in notes)
