@@ -253,6 +253,12 @@ def _print_calibration(calibration: "PoseCalibration") -> None:
         f"{100 * calibration.position_within_95:.1f} % of the true positions lie in the 95 % ellipsoid; mean NEES "
         f"{calibration.nees.mean():.2f} (ideal 6), of the positions {calibration.position_nees.mean():.2f} (ideal 3)."
     )
+    if calibration.origins_differ:
+        east, north, up = calibration.offset.tolist()
+        print_result(
+            f"That says nothing if the two count from different origins, as it seems: all of the truth lies {east:+.2f} m "
+            f"East, {north:+.2f} m North and {up:+.2f} m up of the estimate. Give both in one frame."
+        )
 
 
 def _shown_stamp(seconds: float) -> str:

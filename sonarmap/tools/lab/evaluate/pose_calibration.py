@@ -12,6 +12,8 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.measured import twist
 
 LEVEL = 0.95  # of the ellipsoids
+# Where so few positions are in their ellipsoids, and a shift of all is so many times what is left, frames differ.
+_FEW, _APART = 0.2, 5.0
 FIXED = 1e-3  # an anchor's largest sigma [rad, m]: a graph's gauge is far below it, any measured prior above
 
 
@@ -25,6 +27,15 @@ class PoseCalibration:
     anchor: Literal["first", "world", "partly"]
     nees: np.ndarray  # (N,) squared Mahalanobis distance of the truth, 6 on average where the covariance is right
     position_nees: np.ndarray  # (N,) the same of the position alone, 3 on average
+    # (3,) how far the truth lies from the estimate as a whole [m], and (N,) what is left of each position's error then
+    offset: np.ndarray
+    rest: np.ndarray
+
+    @property
+    def origins_differ(self) -> bool:
+        """Whether nearly all of the error is one shift, so that the two are rather not in one frame."""
+        shift, left = float(np.linalg.norm(self.offset)), float(np.sqrt((self.rest**2).mean()))
+        return self.anchor != "first" and self.position_within_95 < _FEW and shift > _APART * left
 
     @property
     def within_95(self) -> float:
@@ -45,6 +56,8 @@ class PoseCalibration:
             "position_within_95": self.position_within_95,
             "nees_mean": float(self.nees.mean()),
             "position_nees_mean": float(self.position_nees.mean()),
+            "offset_m": self.offset.tolist(),
+            "origins_differ": self.origins_differ,
         }
 
 
@@ -81,6 +94,8 @@ def calibrate_poses(
         anchor="first" if fixed else "partly" if unmeasured else "world",
         nees=_squared(xi, covariances),
         position_nees=_squared(xi[:, 3:], covariances[:, 3:, 3:]),
+        offset=(offset := (apart := truth.translation - T_world_sensor.translation).mean(axis=0)),
+        rest=np.linalg.norm(apart - offset, axis=1),
     )
 
 

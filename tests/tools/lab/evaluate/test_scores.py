@@ -165,6 +165,17 @@ def test_poses_with_an_uncertain_first_one_are_not_aligned() -> None:
     assert calibrated(MOVE * found, truth, covariances).nees.mean() > 100 * result.nees.mean()
 
 
+def test_other_origins_are_told_from_other_errors() -> None:
+    found, truth, covariances = drawn(anchor=0.05)
+    moved = calibrated(RigidTransform.from_translation([0.0, -400.0, 7.0]) * found, truth, covariances)
+    assert moved.origins_differ
+    assert_allclose(moved.offset, [0.0, 400.0, -7.0], atol=0.1)
+    assert moved.to_json()["origins_differ"]
+    assert not calibrated(found, truth, covariances).origins_differ
+    assert not calibrated(MOVE * found, truth, covariances).origins_differ  # turned, too
+    assert not calibrated(*drawn()).origins_differ
+
+
 def test_an_anchor_alone_says_nothing() -> None:
     found, truth, covariances = drawn()
     assert calibrate_poses(found[:1], truth[:1], covariances[:1]) is None
