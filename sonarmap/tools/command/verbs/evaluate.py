@@ -256,8 +256,8 @@ def _print_calibration(calibration: "PoseCalibration") -> None:
     if calibration.origins_differ:
         east, north, up = calibration.offset.tolist()
         print_result(
-            f"That says nothing if the two count from different origins, as it seems: all of the truth lies {east:+.2f} m "
-            f"East, {north:+.2f} m North and {up:+.2f} m up of the estimate. Give both in one frame."
+            f"That says nothing if the two count from different origins, as it seems: all of the truth lies "
+            f"{east:+.2f} m East, {north:+.2f} m North and {up:+.2f} m up of the estimate. Give both in one frame."
         )
 
 
