@@ -15,6 +15,7 @@ from scipy.special import chdtri, gammaincinv
 from sonarmap.slam.decide.systematic import KINDS_OF_ERROR, Systematic, fit_error
 from sonarmap.slam.graph.control import ControlPoint, jacobian
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
+from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.measured import measured_rotation, twist
 from sonarmap.spectral.scan import PosePrior
 
@@ -31,9 +32,9 @@ _MOST, _MOST_POINTS = 0.4, 0.3
 # Standard deviations of a kind are understated where the errors of half of so many or more are as large as those of so
 # many times as large ones; from so many times on nothing is measured: axes are exchanged, or times are off.
 _FEWEST, _UNDERSTATED, NOTHING = 8, 2.0, 10.0
-# An error that all fixes share is believed where chi-squared falls by so much, and so much more than by another; it is
-# found in so many steps, or when one is so small a share of it.
-_EXPLAINS, _CLEARLY, _STEPS, _STILL = 40.0, 15.0, 8, 0.05
+# An error that all fixes share is looked for where a first look lets chi-squared fall by so much, and believed where it
+# falls by so much in the end, and so much more than by another; in so many steps, or until one is so small a share.
+_LOOKED_AT, _EXPLAINS, _CLEARLY, _STEPS, _STILL = 5.0, 40.0, 15.0, 8, 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,20 +118,27 @@ def agreement(
 def _explained(
     graph: PoseGraph, fixes: "_Fixes", solution: Solution, weights: np.ndarray
 ) -> tuple["_Fixes", Solution, np.ndarray, Systematic | None]:
-    """The fixes without an error that all share, where one explains clearly more, their optimum, weights, and it."""
+    """The fixes without an error that all share, where one explains clearly more, their optimum, weights, and it.
+
+    It is looked for beside the optimum, and beside the edges alone: one of these would rather give way than all fixes.
+    """
     tried: list[tuple[float, _Fixes, Solution, np.ndarray, Systematic]] = []
-    if any(fixes.fit_error(solution, free)[0] >= _EXPLAINS for free in KINDS_OF_ERROR):
-        for free in KINDS_OF_ERROR:
-            error, own, at, own_weights = Systematic(), fixes, solution, weights
-            # the estimate had been bent to the fixes as they were: it gives way little by little
-            for _ in range(_STEPS):
-                error = error.plus(step := own.fit_error(at, free)[1])
-                own = fixes.corrected(error, at.trajectory.T_world_sensor.rotation)
-                at, own_weights = _solved(graph, own)
-                if step.size < _STILL * error.size:
-                    break
-            tried.append((own.cost(at), own, at, own_weights, error))
-        tried = sorted((each for each in tried if each[-1].is_likely), key=lambda each: each[0])
+    for free in KINDS_OF_ERROR:
+        starts = [fixes.fit_error(at, free) for at in (solution.trajectory, graph.trajectory)]
+        fall, error = max(starts, key=lambda start: start[0])
+        if fall < _LOOKED_AT:
+            continue
+        own, at, own_weights = fixes, solution, weights
+        # the estimate had been bent to the fixes as they were: it gives way little by little
+        for _ in range(_STEPS):
+            own = fixes.corrected(error, at.trajectory.T_world_sensor.rotation)
+            at, own_weights = _solved(graph, own)
+            step = own.fit_error(at.trajectory, free)[1]
+            if step.size < _STILL * error.size:
+                break
+            error = error.plus(step)
+        tried.append((own.cost(at), own, at, own_weights, error))
+    tried = sorted((each for each in tried if each[-1].is_likely), key=lambda each: each[0])
     if not tried or fixes.cost(solution) - tried[0][0] < _EXPLAINS:
         return fixes, solution, weights, None
     cost, own, at, own_weights, error = tried[0]
@@ -266,18 +274,20 @@ class _Fixes:
         priors = tuple(replace(prior, sigmas=own.copy()) for prior, own in zip(self.priors, sigmas, strict=True))
         return replace(self, priors=priors, sigmas=sigmas)
 
-    def fit_error(self, solution: Solution, free: tuple[int, ...]) -> tuple[float, Systematic]:
-        """What all may be off by, and by how much it lowers chi-squared: as `systematic.fit_error`."""
-        T, (_, headed, placed, _) = solution.trajectory.T_world_sensor, self.known.T
+    def fit_error(self, at: Trajectory, free: tuple[int, ...]) -> tuple[float, Systematic]:
+        """By how much chi-squared falls with what all may be off by, and that: as `systematic.fit_error`."""
+        T, (_, headed, placed, _) = at.T_world_sensor, self.known.T
         if placed.sum() < _FEWEST or (2 in free and headed.sum() < _FEWEST):
             return 0.0, Systematic()
         T_own = RigidTransform.from_matrix(T.as_matrix()[self.poses])
         return fit_error(T_own, self.residuals(T), self.sigmas, (headed, placed), free)
 
     def cost(self, solution: Solution) -> float:
-        """Of the edges and these, robust: what is far off counts as the logarithm."""
-        fixes = self._squared(solution.trajectory.T_world_sensor)[self.known]
-        return float(np.log1p(np.concatenate([fixes, solution.graph.residuals() ** 2]) / _TAILS).sum() * _TAILS)
+        """Of the edges and these: twice the negative logarithm of the likelihood of their tails."""
+        squared = self._squared(solution.trajectory.T_world_sensor)
+        of_fixes = ((_TAILS + _SIZES) * np.log1p(squared / _TAILS))[self.known].sum()
+        of_edges = ((_TAILS + 6) * np.log1p(solution.graph.residuals() ** 2 / _TAILS)).sum()
+        return float(of_fixes + of_edges)
 
     def corrected(self, error: Systematic, R_world_sensor: Rotation) -> "_Fixes":
         """Without what all are off by; the rotations are those of all poses."""

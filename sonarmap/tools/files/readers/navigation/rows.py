@@ -3,6 +3,7 @@ while the vehicle moves, times out of order. They are left out, and told by thei
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -54,9 +55,13 @@ def usable_rows(log: NavigationLog, fastest: float = np.inf) -> tuple[Navigation
         stated = log.sigmas[np.ix_(rows, columns)]
         noise = float(np.median(stated)) if kind == "position" and np.isfinite(stated).all() else 0.0
         most = (fastest, noise) if kind == "position" else (np.inf, 0.0)
-        for n, reason in (*_leaps(log.times[rows], series, *most), *_standing(log.times[rows], series)):
-            faults.append(RowFault(int(log.lines[rows[n]]), kind, reason))
-            values[rows[n], columns] = np.nan
+        # a value that stood still leaps when it goes on: first without those
+        for found in (_standing, partial(_leaps, fastest=most[0], noise=most[1])):
+            left = np.isfinite(values[np.ix_(rows, columns)]).all(axis=1)
+            for n, reason in found(log.times[rows[left]], series[left]):
+                row = int(rows[left][n])
+                faults.append(RowFault(int(log.lines[row]), kind, reason))
+                values[row, columns] = np.nan
     return replace(log, values=values), sorted(faults, key=lambda fault: fault.line)
 
 
