@@ -35,6 +35,8 @@ _FEWEST, _UNDERSTATED, NOTHING = 8, 2.0, 10.0
 # An error that all fixes share is looked for where a first look lets chi-squared fall by so much, and believed where it
 # falls by so much in the end, and so much more than by another; in so many steps, or until one is so small a share.
 _LOOKED_AT, _EXPLAINS, _CLEARLY, _STEPS, _STILL = 5.0, 40.0, 15.0, 8, 0.05
+# Edges alone, over more poses than these, drift farther than any lever arm.
+_NO_DRIFT = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,8 +126,8 @@ def _explained(
     """
     tried: list[tuple[float, _Fixes, Solution, np.ndarray, Systematic]] = []
     for free in KINDS_OF_ERROR:
-        starts = [fixes.fit_error(at, free) for at in (solution.trajectory, graph.trajectory)]
-        fall, error = max(starts, key=lambda start: start[0])
+        looks = (solution, graph) if len(graph.trajectory) <= _NO_DRIFT else (solution,)
+        fall, error = max((fixes.fit_error(at.trajectory, free) for at in looks), key=lambda look: look[0])
         if fall < _LOOKED_AT:
             continue
         own, at, own_weights = fixes, solution, weights

@@ -190,3 +190,44 @@ def test_a_far_one_comes_first() -> None:
     solution = graph.optimize()
     graph = graph.at(solution.trajectory.T_world_sensor)
     assert contradicted_edges(graph, solution, np.ones(RING - 1, bool), 1.0, 1.0).tolist() == []
+
+
+LANES = 40
+
+
+def lanes() -> RigidTransform:
+    """A lane to the East, a turn, and a lane back, 3 m from pose to pose."""
+    k = np.arange(LANES)
+    half, turned = LANES // 2, k >= LANES // 2
+    places = np.column_stack(
+        [3.0 * np.where(turned, LANES - 1 - k, k), np.where(turned, 12.0, 0.0), np.full(LANES, -5.0)]
+    )
+    yaws = np.where(turned, np.pi, 0.0) + np.where(k == half, -0.6, 0.0)
+    return RigidTransform.from_components(places, Rotation.from_euler("Z", yaws[:, None]))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("error", ["arm", "turn", "none"])
+def test_what_all_fixes_share_is_found_and_taken_off(error: str, seed: int) -> None:
+    """A lever arm of the wrong sign, or headings by another North, on lanes there and back, which tell them apart."""
+    truth, rng = lanes(), np.random.default_rng([seed, 7])
+    edges = tuple(chain_edges(truth, COVARIANCE, drawn(np.random.default_rng(seed), COVARIANCE, LANES)[:-1]))
+    priors = {}
+    for k in range(LANES):
+        noise = SIGMAS * rng.standard_normal(6)
+        back = truth[k].rotation.apply([-6.0, 2.0, 0.0]) if error == "arm" else np.zeros(3)
+        turn = Rotation.from_euler("Z", -12.0 if error == "turn" else 0.0, degrees=True)
+        R = turn * Rotation.from_rotvec(noise[:3]) * truth[k].rotation
+        priors[k] = PosePrior(RigidTransform.from_components(truth[k].translation + back + noise[3:], R), SIGMAS.copy())
+    judged = judge_fixes(PoseGraph(Trajectory(np.arange(float(LANES)), truth), edges), priors)
+    found = judged.systematic
+    if error == "none":
+        assert found is None
+        return
+    assert found is not None
+    assert found.alternative is None
+    expected = (6.0, -2.0, 0.0) if error == "arm" else (0.0, 0.0, np.radians(12.0))
+    np.testing.assert_allclose([found.forward, found.left, found.turn], expected, atol=0.8 if error == "arm" else 0.05)
+    assert judged.wrong == ()
+    apart = np.array([judged.priors[k].T_world_sensor.translation - truth[k].translation for k in range(LANES)])
+    assert np.abs(np.median(apart, axis=0)).max() < 0.8
