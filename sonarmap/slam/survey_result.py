@@ -32,7 +32,7 @@ class SurveyResult:
         keys: the key scans of a dense stream, ascending; None where every scan was registered.
         wrong_fixes: what instruments measured and all others contradict; it was left out.
         understated: by kind of `slam.decide.wrong_measurements`, or "odometry", how many times larger than stated the
-            errors of all measurements are; from NOTHING times on those of a kind were left out.
+            errors of all measurements are (a ratio); from NOTHING times on those of a kind were left out.
         systematic: what all fixes were off by, without which they took part; None for nothing.
         covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose, or the world.
         solution: the optimized graph, with its chi-squared and residuals.

@@ -13,7 +13,7 @@ from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
-from tests.samples.relative_priors import ALL, ATTITUDE, DEPTH, knowing, unexact
+from tests.samples.relative_priors import ALL, ATTITUDE, DEPTH, POSITION, knowing, unexact
 from tests.samples.scenes.reliefs import HERE, T_TRUE, THERE, relief, seen
 from tests.samples.scenes.structures import assert_near, difference
 
@@ -150,12 +150,20 @@ class TestFlatBed:
         assert (sigma[3:5] > 10.0).all()
         assert (sigma[:2] < RELATIVE[:2]).all()
 
-    @pytest.mark.parametrize("missing", [*ALL, None], ids=["attitude", "heading", "position", "depth", "all"])
+    @pytest.mark.parametrize("missing", [*(kind for kind in ALL if kind is not POSITION), None])
     def test_without_one_of_the_instruments_it_is_refused(self, registrar, missing):
         known = knowing(*(kind for kind in ALL if kind != missing), sigmas=SIGMAS)
         prior = None if missing is None else PosePrior(HERE, known)
         with pytest.raises(InputError, match=r"all its points lie in one plane .* a prior with attitude, heading"):
             registrar.prepare(Scan(seen(bed(1), HERE), prior=prior))
+
+    def test_without_a_place_it_is_prepared_for_where_one_is_expected_and_not_believed(self, registrar, flat):
+        unplaced = SIGMAS.copy()
+        unplaced[3:5] = np.inf
+        placed = [replace(scan, prior=PosePrior(scan.prior.T_world_sensor, unplaced)) for scan in flat]
+        registration = registrar.register(*placed)
+        assert not registration.accepted
+        assert np.linalg.eigvalsh(registration.covariance)[-1] > 5.0**2
 
     def test_without_the_others_prior_it_is_not_believed(self, registrar, flat):
         target, source = flat
