@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 # Residuals beyond so many sigmas count ever less.
 _FAR = 2.0
 # No lever arm is longer [m], no heading off by more [rad].
-_LONGEST, _MOST_TURNED = 25.0, 1.0
+_LONGEST, _MOST_TURNED = 15.0, 1.0
 # Which of (forward, left, turn) are free.
 KINDS_OF_ERROR = ((0, 1), (2,))
 

@@ -139,8 +139,10 @@ def _explained(
             if step.size < _STILL * error.size:
                 break
             error = error.plus(step)
-        tried.append((own.cost(at), own, at, own_weights, error))
-    tried = sorted((each for each in tried if each[-1].is_likely), key=lambda each: each[0])
+        # where edges are wrong, as over a flat bed, some arm explains a part
+        if error.is_likely and (own.understated(at.trajectory.T_world_sensor) == 1).all():
+            tried.append((own.cost(at), own, at, own_weights, error))
+    tried.sort(key=lambda each: each[0])
     if not tried or fixes.cost(solution) - tried[0][0] < _EXPLAINS:
         return fixes, solution, weights, None
     cost, own, at, own_weights, error = tried[0]
