@@ -120,6 +120,8 @@ def _standing(times: np.ndarray, series: np.ndarray) -> list[tuple[int, str]]:
     if len(starts) < _FEWEST:
         return []
     usual, moved = np.median(lengths), np.median(steps)
+    if series.shape[1] == 1 and moved <= 2 * steps.min():
+        return []  # whole degrees or decimeters: they stay the same while a vehicle holds its heading or depth
     found = list[int]()
     for start, length, step in zip(starts[:-1].tolist(), lengths[:-1].tolist(), steps.tolist(), strict=True):
         lasts = times[start + length - 1] - times[start]

@@ -80,6 +80,15 @@ def test_values_that_stand_still_and_times_out_of_order() -> None:
     assert usable_rows(replace(given, values=slow))[1] == []
 
 
+def test_a_heading_in_whole_degrees_may_be_held() -> None:
+    given = log()
+    values = given.values.copy()
+    values[:, 2] = np.round(
+        np.concatenate([np.repeat([90.0, 91.0, 90.0, 92.0], 10), np.full(40, 91.0), 106 + np.arange(40) % 3])
+    )
+    assert usable_rows(replace(given, values=values))[1] == []
+
+
 def test_short_logs_and_rows_with_names_are_not_asked() -> None:
     given = log(11)
     assert usable_rows(given) == (given, [])
