@@ -131,15 +131,8 @@ class Mapper:
         number = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
         by_hand = {tie.scans: tie for tie in ties}
         measurements = Measurements(tuple(scans), number, odometry, tuple(control), by_hand)
-        searched = measurements.searched()
-        runner = PairRunner(self.execution, searched, 2, progress)
         try:
-            free = register_freely(runner, scans, number)
-            if vet is not None:
-                vet(free)
-            if understated := errors_shown(free, measurements.priors):
-                searched = measurements.searched(understated)
-                runner = PairRunner(self.execution, searched, 2, progress)
+            runner, searched = self._searching(measurements, progress, vet)
             keys, known = choose_keys(runner, number, self.voxel, self.settings.keys)
             odd: tuple[OddScan, ...] = ()
             if len(keys) == len(scans):
@@ -152,11 +145,28 @@ class Mapper:
             else:
                 decision = self._decided_by_keys(runner, measurements, keys, known, odd)
         finally:
-            runner.release()
+            self.execution.worker.release()
         runner.step_done("poses optimized")
         result = replace(self._fuse(scans, number, decision), ties=tuple(ties), control=decision.points(control))
         runner.step_done("map fused")
         return replace(result, odd=odd, keys=None if len(keys) + len(odd) == len(scans) else tuple(keys))
+
+    def _searching(
+        self,
+        measurements: Measurements,
+        progress: Progress | None,
+        vet: Callable[[Sequence[RegisteredPair]], None] | None,
+    ) -> tuple[PairRunner, tuple[Scan, ...]]:
+        """Who registers the scans, and these, bounded no more than some pairs that are registered freely allow."""
+        searched = measurements.searched()
+        runner = PairRunner(self.execution, searched, 2, progress)
+        free = register_freely(runner, measurements.scans, measurements.surveys)
+        if vet is not None:
+            vet(free)
+        if understated := errors_shown(free, measurements.priors):
+            searched = measurements.searched(understated)
+            runner = PairRunner(self.execution, searched, 2, progress)
+        return runner, searched
 
     def _decided_by_keys(
         self,

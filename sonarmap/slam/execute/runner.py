@@ -129,10 +129,6 @@ class PairRunner:
         """Count the time since the last stage ended to this stage."""
         self._execution.timings.end_stage(stage)
 
-    def release(self) -> None:
-        """Free the prepared scans."""
-        self._execution.worker.release()
-
     def register(self, candidates: Sequence[Candidate]) -> list[RegisteredPair]:
         """Register scan j to scan i for every candidate, in their order.
 
