@@ -26,6 +26,7 @@ from sonarmap.slam.motion.reconsider import (
     without_leaps,
 )
 from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registrar
 
 # All is decided anew after a round: of a large survey that is not worth a few loops that are left [of a scan].
@@ -151,9 +152,7 @@ class PairSearch:
         if motion is None:
             return pairs
         doubtful = [pair for pair in pairs if pair.expected is None and is_doubtful(pair, motion)]
-        looks = [replace(pair, expected=motion.expected(*pair.scans)) for pair in doubtful]
-        again = {pair.scans: pair for pair in self._runner.register(looks)}
-        return [with_both(pair, again[pair.scans], motion) if pair.scans in again else pair for pair in pairs]
+        return self._again(pairs, doubtful, [motion.expected(*pair.scans) for pair in doubtful], motion)
 
     def _about_estimate(self, pairs: Sequence[RegisteredPair], solution: Solution) -> list[RegisteredPair]:
         """The pairs, those that are not believed, or that the estimate has left out, registered again about it."""
@@ -165,10 +164,19 @@ class PairSearch:
             for pair, believed in zip(pairs, sure, strict=True)
             if not believed and pair.registration and part[pair.i] == part[pair.j]
         ]
-        expected = expected_by(solution, doubtful, self._floor)
+        return self._again(pairs, doubtful, expected_by(solution, doubtful, self._floor))
+
+    def _again(
+        self,
+        pairs: Sequence[RegisteredPair],
+        doubtful: Sequence[RegisteredPair],
+        expected: Sequence[ExpectedPose],
+        motion: AnyMotion | None = None,
+    ) -> list[RegisteredPair]:
+        """The pairs, doubtful ones with what is found about where they are expected, by a motion if one is given."""
         looks = [replace(pair, expected=where) for pair, where in zip(doubtful, expected, strict=True)]
         again = {pair.scans: pair for pair in self._runner.register(looks)}
-        return [with_both(pair, again[pair.scans]) if pair.scans in again else pair for pair in pairs]
+        return [with_both(pair, again[pair.scans], motion) if pair.scans in again else pair for pair in pairs]
 
     def _with_motion(self, pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
         """The pairs with what the learned motion says of them; dead reckoning is in the graph itself."""

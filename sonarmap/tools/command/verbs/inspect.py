@@ -17,11 +17,11 @@ from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.options.scan import InputsArgument, PointReading
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import print_rows, printable, say, warn
-from sonarmap.tools.command.words.log import clock_json, log_json, next_command, print_log
+from sonarmap.tools.command.words.clock import clock_json, rate_words, span_words
+from sonarmap.tools.command.words.log import log_json, next_command, print_log
 
 if TYPE_CHECKING:
     from sonarmap.tools.command.overview import Overview
-    from sonarmap.tools.files.readers.clock import Clock
 
 INCOMPLETE = 3
 
@@ -178,21 +178,9 @@ def _times(overview: "Overview") -> dict[str, str]:
     clock = overview.clock
     if clock is None:
         return {"time": "not recorded: the scans are numbered"}
-    lasts = f"{clock.end - clock.start:,.1f} s"
-    changed = f"the last file was changed at {utc(overview.changed)} UTC"
-    if clock.is_set:
-        time = f"{utc(clock.start)} to {utc(clock.end)} UTC, {lasts}; {changed}"
-    else:
-        time = f"{clock.start:.10g} to {clock.end:.10g} s, {lasts}; not UTC"
-    return {"time": time} if clock.steps == 0 else {"time": time, "rate": _rate(clock)}
-
-
-def _rate(clock: "Clock") -> str:
-    if clock.rate is None:
-        return "not known: the stamps stand still, or do not ascend"
-    gaps = "no gaps" if not clock.gaps else f"gaps: {clock.gaps:,}, the longest {clock.longest:.3g} s"
-    back = f"; {clock.backward:,} stamps are not later than the one before" if clock.backward else ""
-    return f"{clock.rate:.3g} scans per second, {gaps}{back}"
+    changed = f"; the last file was changed at {utc(overview.changed)} UTC" if clock.is_set else ""
+    time = f"{span_words(clock)}{changed}"
+    return {"time": time} if clock.steps == 0 else {"time": time, "rate": rate_words(clock, "scans")}
 
 
 def _share(count: int, scans: int) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from sonarmap.tools.command.terminal import print_rows, printable
+from sonarmap.tools.command.words.clock import clock_json, rate_words, span_words
 
 if TYPE_CHECKING:
     from sonarmap.tools.files.readers.clock import Clock
@@ -15,23 +16,6 @@ if TYPE_CHECKING:
 
 _UNITS = {"deg": "degrees", "m": "m"}
 _LISTED = 10  # lines that are told each; --json has all
-
-
-def clock_json(clock: "Clock") -> dict[str, Any]:
-    """A clock as JSON has it."""
-    from sonarmap.tools.files.readers.clock import utc
-
-    return {
-        "start": clock.start,
-        "end": clock.end,
-        "start_utc": utc(clock.start),
-        "end_utc": utc(clock.end),
-        "rate_hz": clock.rate,
-        "gaps": clock.gaps,
-        "longest_step_s": clock.longest,
-        "not_ascending": clock.backward,
-        "stands_still": clock.stands_still,
-    }
 
 
 def log_json(found: "LogOverview", following: str) -> dict[str, Any]:
@@ -84,17 +68,9 @@ def print_log(found: "LogOverview", following: str) -> None:
 
 
 def _times(clock: "Clock | None") -> dict[str, str]:
-    from sonarmap.tools.files.readers.clock import utc
-
     if clock is None:
         return {"time": "none: its rows have the names of scans"}
-    span = (
-        f"{utc(clock.start)} to {utc(clock.end)} UTC" if clock.is_set else f"{clock.start:.10g} to {clock.end:.10g} s"
-    )
-    rate = "not known" if clock.rate is None else f"{clock.rate:.3g} rows per second"
-    gaps = f"gaps: {clock.gaps:,}, the longest {clock.longest:.3g} s" if clock.gaps else "no gaps"
-    back = f"; {clock.backward:,} rows are not later than the one before" if clock.backward else ""
-    return {"time": f"{span}, {clock.end - clock.start:,.1f} s", "rate": f"{rate}, {gaps}{back}"}
+    return {"time": span_words(clock), "rate": rate_words(clock, "rows")}
 
 
 def next_command(log: str, scans: Sequence[str], options: Sequence[str]) -> str:

@@ -73,8 +73,12 @@ Values = np.ndarray  # (n, 6) in the order of COLUMNS
 _Change = Callable[[Values], Values]
 
 
+def _scaled(by: float, *columns: int) -> _Change:
+    return lambda values: values * np.where(np.isin(np.arange(6), columns), by, 1.0)
+
+
 def _signed(*columns: int) -> _Change:
-    return lambda values: values * np.where(np.isin(np.arange(6), columns), -1.0, 1.0)
+    return _scaled(-1.0, *columns)
 
 
 def _exchanged(first: int, second: int) -> _Change:
@@ -95,10 +99,6 @@ def _headed(degrees: float, sign: float = 1.0) -> _Change:
     return lambda values: np.column_stack([values[:, :2], degrees + sign * values[:, 2], values[:, 3:]])
 
 
-def _scaled(by: float, *columns: int) -> _Change:
-    return lambda values: values * np.where(np.isin(np.arange(6), columns), by, 1.0)
-
-
 _NAVIGATION: Mapping[str, _Change] = {
     "heading_deg with its sign turned": _signed(2),
     "heading_deg as a yaw, counterclockwise from East": _headed(90.0, -1.0),
@@ -114,7 +114,7 @@ _NAVIGATION: Mapping[str, _Change] = {
     "North with its sign turned": _signed(4),
     "East and North with their signs turned": _signed(3, 4),
     "depth_m with its sign turned": _signed(5),
-    "angles in radians": lambda values: values * np.array([180 / np.pi] * 3 + [1.0] * 3),
+    "angles in radians": _scaled(180 / np.pi, 0, 1, 2),
     "places in feet": _scaled(_FOOT, 3, 4),
     "places and depths in feet": _scaled(_FOOT, 3, 4, 5),
     "depths in feet": _scaled(_FOOT, 5),
