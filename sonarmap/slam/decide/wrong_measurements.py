@@ -33,8 +33,11 @@ _MOST, _MOST_POINTS = 0.4, 0.3
 # many times as large ones; from so many times on nothing is measured: axes are exchanged, or times are off.
 _FEWEST, _UNDERSTATED, NOTHING = 8, 2.0, 10.0
 # An error that all fixes share is looked for where a first look lets chi-squared fall by so much, and believed where it
-# falls by so much in the end, and so much more than by another; in so many steps, or until one is so small a share.
-_LOOKED_AT, _EXPLAINS, _CLEARLY, _STEPS, _STILL = 5.0, 40.0, 15.0, 8, 0.05
+# falls by so much in the end, and so much more than by another that leaves the poses elsewhere, by so many of the
+# positions' sigmas in the mean.
+_LOOKED_AT, _EXPLAINS, _CLEARLY, _ELSEWHERE = 5.0, 12.0, 15.0, 1.0
+# It is found in so many steps, each so many times as long as fitted, or until one is so small a share of it.
+_STEPS, _LONGER, _STILL = 8, 20.0, 0.05
 # Edges alone, over more poses than these, drift farther than any lever arm.
 _NO_DRIFT = 2000
 
@@ -46,6 +49,7 @@ class WrongFix:
     scan: int  # its index
     kind: str  # of KINDS
     sigmas: float  # how far it is from what all others say, in standard deviations of one number that is as rare
+    place: tuple[float, ...] | None = None  # where a position said that the sensor was, East and North [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,18 +131,21 @@ def _explained(
     tried: list[tuple[float, _Fixes, Solution, np.ndarray, Systematic]] = []
     for free in KINDS_OF_ERROR:
         looks = (solution, graph) if len(graph.trajectory) <= _NO_DRIFT else (solution,)
-        fall, error = max((fixes.fit_error(at.trajectory, free) for at in looks), key=lambda look: look[0])
+        fall, numbers = max((fixes.fit_error(at.trajectory, free) for at in looks), key=lambda look: look[0])
         if fall < _LOOKED_AT:
             continue
-        own, at, own_weights = fixes, solution, weights
-        # the estimate had been bent to the fixes as they were: it gives way little by little
+        own, at, own_weights, before, longer = fixes, solution, weights, np.zeros(len(numbers)), 1.0
         for _ in range(_STEPS):
-            own = fixes.corrected(error, at.trajectory.T_world_sensor.rotation)
+            own = fixes.corrected(Systematic(*numbers.tolist()), at.trajectory)
             at, own_weights = _solved(graph, own)
             step = own.fit_error(at.trajectory, free)[1]
-            if step.size < _STILL * error.size:
+            # the estimate is bent to the fixes and gives way little by little: the next step is as long as they end at
+            left = float(step @ before) / max(float(before @ before), 1e-12)
+            longer = min(longer / max(1 - left, 1 / _LONGER), _LONGER)
+            if np.abs(longer * step).max() < _STILL * np.abs(numbers).max():
                 break
-            error = error.plus(step)
+            numbers, before = numbers + longer * step, step
+        error = Systematic(*numbers.tolist())
         # where edges are wrong, as over a flat bed, some arm explains a part
         if error.is_likely and (own.understated(at.trajectory.T_world_sensor) == 1).all():
             tried.append((own.cost(at), own, at, own_weights, error))
@@ -146,7 +153,8 @@ def _explained(
     if not tried or fixes.cost(solution) - tried[0][0] < _EXPLAINS:
         return fixes, solution, weights, None
     cost, own, at, own_weights, error = tried[0]
-    unclear = next((other for costs, *_, other in tried[1:] if costs < cost + _CLEARLY), None)
+    alike = (other for other in tried[1:] if other[0] < cost + _CLEARLY)
+    unclear = next((other for _, _, there, _, other in alike if fixes.apart(at, there) > _ELSEWHERE), None)
     return own, at, own_weights, replace(error, alternative=unclear)
 
 
@@ -278,13 +286,18 @@ class _Fixes:
         priors = tuple(replace(prior, sigmas=own.copy()) for prior, own in zip(self.priors, sigmas, strict=True))
         return replace(self, priors=priors, sigmas=sigmas)
 
-    def fit_error(self, at: Trajectory, free: tuple[int, ...]) -> tuple[float, Systematic]:
-        """By how much chi-squared falls with what all may be off by, and that: as `systematic.fit_error`."""
-        T, (_, headed, placed, _) = at.T_world_sensor, self.known.T
+    def fit_error(self, at: Trajectory, free: tuple[int, ...]) -> tuple[float, np.ndarray]:
+        """By how much chi-squared falls with what all may be off by, and its numbers: as `systematic.fit_error`."""
+        _, headed, placed, _ = self.known.T
         if placed.sum() < _FEWEST or (2 in free and headed.sum() < _FEWEST):
-            return 0.0, Systematic()
-        T_own = RigidTransform.from_matrix(T.as_matrix()[self.poses])
-        return fit_error(T_own, self.residuals(T), self.sigmas, (headed, placed), free)
+            return 0.0, Systematic().numbers
+        return fit_error(at, self.poses, self.residuals(at.T_world_sensor), self.sigmas, (headed, placed), free)
+
+    def apart(self, one: Solution, other: Solution) -> float:
+        """How far the measured poses of two optima are apart in the mean [sigmas of the positions]."""
+        places = (each.trajectory.T_world_sensor.translation[self.poses, :2] for each in (one, other))
+        far = np.linalg.norm(np.subtract(*places), axis=1) / self.sigmas[:, 3:5].mean(axis=1)
+        return float(far.mean())
 
     def cost(self, solution: Solution) -> float:
         """Of the edges and these: twice the negative logarithm of the likelihood of their tails."""
@@ -293,10 +306,9 @@ class _Fixes:
         of_edges = ((_TAILS + 6) * np.log1p(solution.graph.residuals() ** 2 / _TAILS)).sum()
         return float(of_fixes + of_edges)
 
-    def corrected(self, error: Systematic, R_world_sensor: Rotation) -> "_Fixes":
-        """Without what all are off by; the rotations are those of all poses."""
-        measured = RigidTransform.concatenate([prior.T_world_sensor for prior in self.priors])
-        T = error.corrected(measured, Rotation.from_quat(R_world_sensor.as_quat()[self.poses]))
+    def corrected(self, error: Systematic, at: Trajectory) -> "_Fixes":
+        """Without what all are off by, beside an estimate of all poses."""
+        T = error.corrected(RigidTransform.concatenate([p.T_world_sensor for p in self.priors]), at, self.poses)
         return _Fixes.of(
             {
                 k: replace(p, T_world_sensor=T[n])
@@ -349,7 +361,8 @@ def _wrong_fixes(solution: Solution, fixes: _Fixes, weights: np.ndarray) -> tupl
         in_world = block_diag(R, R)[numbers]  # by the pose's body tangent
         together = in_world @ covariances[k] @ in_world.T + np.diag(fixes.sigmas[n, numbers] ** 2)
         if (sigmas := _sigmas_if_wrong(residuals[n, numbers], together)) is not None:
-            wrong.append(WrongFix(k, names[kind], sigmas))
+            place = tuple(fixes.places[n, :2].tolist()) if names[kind] == "position" else None
+            wrong.append(WrongFix(k, names[kind], sigmas, place))
     return tuple(sorted(wrong, key=lambda fix: (fix.scan, fix.kind)))
 
 

@@ -16,7 +16,7 @@ from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.spectral.scan import PosePrior, Scan
-from tests.samples.surveys import chain_edges, chained_graph, drawn, edge, random_covariance, ring_poses
+from tests.samples.surveys import chain_edges, chained_graph, drawn, edge, measured_edge, random_covariance, ring_poses
 
 COUNT = 60
 TRUTH = RigidTransform.from_components([300.0, -80.0, -20.0], Rotation.from_euler("Z", 0.7)) * ring_poses(COUNT, 30.0)
@@ -207,18 +207,33 @@ def lanes() -> RigidTransform:
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("error", ["arm", "turn", "none"])
+@pytest.mark.parametrize("error", ["arm", "turn", "late", "drift", "none"])
 def test_what_all_fixes_share_is_found_and_taken_off(error: str, seed: int) -> None:
-    """A lever arm of the wrong sign, or headings by another North, on lanes there and back, which tell them apart."""
+    """A lever arm of the wrong sign, headings by another North, a clock that is late, places that drift, on lanes there
+    and back with a loop between them, which tell these apart."""
     truth, rng = lanes(), np.random.default_rng([seed, 7])
-    edges = tuple(chain_edges(truth, COVARIANCE, drawn(np.random.default_rng(seed), COVARIANCE, LANES)[:-1]))
+    errors = drawn(np.random.default_rng(seed), COVARIANCE, LANES)
+    loops = np.random.default_rng([seed, 8])
+    across = [measured_edge(loops, truth, k, LANES - 1 - k, COVARIANCE) for k in range(0, LANES // 2, 5)]
+    edges = (*chain_edges(truth, COVARIANCE, errors[:-1]), *across)
+    expected = {
+        "arm": [6.0, -2.0, 0, 0, 0, 0],
+        "turn": [0, 0, np.radians(12.0), 0, 0, 0],
+        "late": [0, 0, 0, 1.5, 0, 0],
+        "drift": [0, 0, 0, 0, -0.08, 0.05],
+    }
+    velocities = np.gradient(truth.translation, axis=0)
     priors = {}
     for k in range(LANES):
         noise = SIGMAS * rng.standard_normal(6)
-        back = truth[k].rotation.apply([-6.0, 2.0, 0.0]) if error == "arm" else np.zeros(3)
+        off = {
+            "arm": truth[k].rotation.apply([-6.0, 2.0, 0.0]),
+            "late": -1.5 * velocities[k],
+            "drift": (k - LANES / 2) * np.array([0.08, -0.05, 0.0]),
+        }.get(error, np.zeros(3))
         turn = Rotation.from_euler("Z", -12.0 if error == "turn" else 0.0, degrees=True)
         R = turn * Rotation.from_rotvec(noise[:3]) * truth[k].rotation
-        priors[k] = PosePrior(RigidTransform.from_components(truth[k].translation + back + noise[3:], R), SIGMAS.copy())
+        priors[k] = PosePrior(RigidTransform.from_components(truth[k].translation + off + noise[3:], R), SIGMAS.copy())
     judged = judge_fixes(PoseGraph(Trajectory(np.arange(float(LANES)), truth), edges), priors)
     found = judged.systematic
     if error == "none":
@@ -226,8 +241,10 @@ def test_what_all_fixes_share_is_found_and_taken_off(error: str, seed: int) -> N
         return
     assert found is not None
     assert found.alternative is None
-    expected = (6.0, -2.0, 0.0) if error == "arm" else (0.0, 0.0, np.radians(12.0))
-    np.testing.assert_allclose([found.forward, found.left, found.turn], expected, atol=0.8 if error == "arm" else 0.05)
+    tolerances = {"arm": [0.8, 0.8], "turn": [0.05], "late": [0.25], "drift": [0.04, 0.04]}[error]
+    free = np.flatnonzero(expected[error])
+    assert np.flatnonzero(found.numbers).tolist() == free.tolist()
+    assert (np.abs(found.numbers - expected[error])[free] <= tolerances).all()
     assert judged.wrong == ()
     apart = np.array([judged.priors[k].T_world_sensor.translation - truth[k].translation for k in range(LANES)])
     assert np.abs(np.median(apart, axis=0)).max() < 0.8

@@ -242,6 +242,15 @@ def systematic_words(error: Systematic) -> str:
             f"headings fit if {math.degrees(error.turn):+.1f} degrees are taken from them, and were used so: a "
             "declination, a grid's North or a turned mount (--magnetic-declination, --heading-reference, --mount)"
         )
+    if error.late:
+        when = "earlier" if error.late > 0 else "later"
+        return (
+            f"positions fit if their times are taken to be {abs(error.late):.2g} s {when}, and were used so: the clocks "
+            "of log and sonar differ (--nav-offset)"
+        )
+    if error.drift_east or error.drift_north:
+        per_minute = 60 * math.hypot(error.drift_east, error.drift_north)
+        return f"positions drift by {per_minute:.2g} m a minute beside the scans, and were used without that"
     return (
         f"positions fit {error.forward:+.1f} m forward and {error.left:+.1f} m to port of where they are, and were "
         "used so: a lever arm (--mount), or at a steady speed the time that a clock is off (--nav-offset)"
