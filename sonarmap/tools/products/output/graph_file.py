@@ -62,7 +62,7 @@ def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
             {"name": point.name, "pose": point.scan, **fields_of(point, "point", "known", "sigmas")}
             for point in graph.control
         ],
-        "wrong_fixes": [{"pose": fix.scan, "kind": fix.kind, "sigmas": fix.sigmas} for fix in result.wrong_fixes],
+        "wrong_fixes": [{"pose": fix.scan} | fields_of(fix, "kind", "sigmas", "place") for fix in result.wrong_fixes],
         "anchors": graph.anchors,
         "crossings": [_crossing_row(crossing) for part in result.parts for crossing in part.crossings.crossings],
     }

@@ -18,12 +18,15 @@ from sonarmap.tools.files.readers.navigation.clocks.times import DAY, dated, tim
 from sonarmap.tools.files.readers.navigation.earth import local_places
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
+from sonarmap.tools.files.readers.navigation.usual import usual_of
 from sonarmap.tools.files.user_file import naming, reading
 
 SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3})((?:,[^,*$\r\n]*)*)\*([0-9A-Fa-f]{2})")
 _STARTS = re.compile(r"\$[A-Z]{5},")
 _COUNTER = re.compile(r"(\d{2,3})(\d\d(?:\.\d*)?)")  # degrees and minutes
 _USED = ("GGA", "RMC", "HDT", "THS", "ZDA")
+# What a fix of GGA is by its quality, as `usual` calls it; of other qualities GNSS.
+_QUALITIES = {"2": "dgnss", "4": "rtk", "5": "rtkfloat"}
 
 
 @dataclass(slots=True)
@@ -31,7 +34,8 @@ class _Sentences:
     """What was read so far: of each kind the lines, and what they say."""
 
     timed: list[tuple[int, float, float]] = field(default_factory=list)  # line, second of the day, Unix day or NaN
-    places: dict[str, list[tuple[int, float, float]]] = field(default_factory=lambda: {"GGA": [], "RMC": []})
+    # line, latitude, longitude [deg], and what it is as `usual` calls it
+    places: dict[str, list[tuple[int, float, float, str]]] = field(default_factory=lambda: {"GGA": [], "RMC": []})
     headings: list[tuple[int, float]] = field(default_factory=list)
     left: Counter[str] = field(default_factory=Counter)
     damaged: int = 0
@@ -88,7 +92,7 @@ def _take(number: int, kind: str, fields: list[str], read: _Sentences) -> None:
     of_day = time_of_day(fields[0])
     if of_day is None:
         raise ValueError
-    day, place = np.nan, None
+    day, place, kind_of_fix = np.nan, None, "gnss"
     if kind == "ZDA" and all(fields[1:4]):
         day = _day(int(fields[3]), int(fields[2]), int(fields[1]))
     if kind == "RMC" and fields[8]:
@@ -97,12 +101,14 @@ def _take(number: int, kind: str, fields: list[str], read: _Sentences) -> None:
         day = _day(year + (2000 if year < 80 else 1900), int(date[2:4]), int(date[:2]))
     if kind != "ZDA":
         is_fixed, k = (fields[5] not in ("", "0"), 1) if kind == "GGA" else (fields[1] == "A", 2)
+        if kind == "GGA":
+            kind_of_fix = _QUALITIES.get(fields[5], "gnss")
         if is_fixed:
             place = (_angle(fields[k], fields[k + 1], "NS"), _angle(fields[k + 2], fields[k + 3], "EW"))
         read.unfixed += not is_fixed
     read.timed.append((number, of_day, day))
     if place is not None:
-        read.places[kind].append((number, *place))
+        read.places[kind].append((number, *place, kind_of_fix))
 
 
 def _day(year: int, month: int, day: int) -> float:
@@ -142,8 +148,16 @@ def _log(
     values = np.full((len(places) + len(read.headings), 6), np.nan)
     stamps = np.empty(len(values))
     lines = np.array([row[0] for row in (*places, *read.headings)], np.int64)
-    for k, (line, latitude, longitude) in enumerate(places):
+    sigmas = np.full_like(values, np.nan)
+    usual = {kind: usual_of("x_m", [kind]) for *_, kind in places} if "x_m" not in (settings.sigmas or {}) else {}
+    for k, (line, latitude, longitude, kind) in enumerate(places):
         values[k, 3:5], stamps[k] = (longitude, latitude), at[line]
+        if (found := usual.get(kind)) is not None:
+            sigmas[k, 3:5] = found[1]
+    if usual:
+        counts = Counter(kind for *_, kind in places)
+        said = [f"{counts[kind]} of {found[0].name} ({found[1]:g} m)" for kind, found in usual.items() if found]
+        notes.append(f"{path}: fixes by what the receiver says of them: {', '.join(said)}; --prior-sigmas gives others")
     if read.headings:
         values[len(places) :, 2] = [heading for _, heading in read.headings]
         # a heading has no time of its own: it is placed between the sentences that have one, by its line
@@ -157,8 +171,7 @@ def _log(
             values, georeference = local_places(values, True, settings, notes)
     order = np.argsort(lines, kind="stable")
     keys = tuple(f"{stamp:.3f}" for stamp in stamps[order].tolist())
-    sigmas = np.full_like(values, np.nan)
-    return NavigationLog("stamp", lines[order], keys, stamps[order], values[order], sigmas, georeference)
+    return NavigationLog("stamp", lines[order], keys, stamps[order], values[order], sigmas[order], georeference)
 
 
 def _dates(timed: np.ndarray, path: Path, scans: np.ndarray, notes: list[str]) -> np.ndarray:

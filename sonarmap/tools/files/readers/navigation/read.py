@@ -42,19 +42,14 @@ def read_navigation(
 
 
 def _with_usual(log: NavigationLog, path: Path, sigmas: Mapping[str, float] | None, notes: list[str]) -> NavigationLog:
-    """NMEA as receivers and gyrocompasses send it."""
-    named = {"x_m": "gnss", "y_m": "gnss", "heading_deg": "gyro"}
-    usual = {
-        column: found
-        for k, column in enumerate(COLUMNS)
-        if np.isfinite(log.values[:, k]).any() and column not in (sigmas or {})
-        if (found := usual_of(column, [named.get(column, "")])) is not None
-    }
-    if sigmas is None or not usual:
+    """NMEA with headings as gyrocompasses send them."""
+    headings, found = log.values[:, 2], usual_of("heading_deg", ["gyro"])
+    if sigmas is None or "heading_deg" in sigmas or found is None or not np.isfinite(headings).any():
         return log
-    notes.append(f"{path}: {usual_note(usual)}")
-    told = np.array([usual[column][1] if column in usual else np.nan for column in COLUMNS])
-    return replace(log, sigmas=np.where(np.isfinite(log.values), told, np.nan))
+    notes.append(f"{path}: {usual_note({'heading_deg': found})}")
+    told = log.sigmas.copy()
+    told[np.isfinite(headings), 2] = found[1]
+    return replace(log, sigmas=told)
 
 
 def beginning_of(path: Path) -> str:

@@ -30,7 +30,9 @@ def _place(meters: float) -> dict[str, float]:
 # The first that a heading names counts.
 INSTRUMENTS = (
     Instrument("RTK", frozenset(("rtk", "ppk")), _place(0.05)),
-    Instrument("GNSS", frozenset(("gnss", "gps", "dgps", "dgnss")), _place(3.0)),
+    Instrument("floating RTK", frozenset(("rtkfloat",)), _place(0.5)),
+    Instrument("DGNSS", frozenset(("dgps", "dgnss", "sbas", "egnos", "waas")), _place(1.5)),
+    Instrument("GNSS", frozenset(("gnss", "gps")), _place(3.0)),
     Instrument("USBL", frozenset(("usbl", "ssbl", "hipap")), _place(3.0)),
     Instrument("LBL", frozenset(("lbl",)), _place(0.5)),
     Instrument("gyrocompass", frozenset(("gyro", "gyrocompass", "fog", "hdt")), {"heading_deg": 1.0}),

@@ -54,6 +54,7 @@ def content_of(folder: MapFolder) -> Content:
             "units": ["deg"] * 3 + ["m"] * 3,
             "rows": evidence.navigation_rows(graph),
         },
+        "wrong_fixes": evidence.wrong_places(graph),
         "ties": evidence.tie_rows(summary, folder.names),
         "control_points": evidence.control_rows(summary, folder.parts, folder.names),
         "key": evidence.map_key(summary, folder.names),

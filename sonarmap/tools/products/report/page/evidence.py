@@ -109,6 +109,12 @@ def navigation_rows(graph: Mapping[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
+def wrong_places(graph: Mapping[str, Any]) -> dict[int, list[float]]:
+    """By scan, where a position that was left out said that it was, East and North [m]; none in graphs of before."""
+    fixes = graph.get("wrong_fixes", ())
+    return {int(fix["pose"]): [float(number) for number in fix["place"]] for fix in fixes if fix.get("place")}
+
+
 def tie_rows(summary: Mapping[str, Any], names: Sequence[str]) -> list[dict[str, Any]]:
     """The ties that the map was made with, their scans by name, and their transforms where they have one."""
     return [

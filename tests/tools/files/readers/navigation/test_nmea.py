@@ -132,9 +132,25 @@ def test_a_trajectory_is_navigation(path: Path) -> None:
 
 
 def test_receivers_and_gyrocompasses_err_as_usual(tmp_path: Path) -> None:
-    path, notes = tmp_path / "ship.nmea", list[str]()
-    path.write_text(dive())
-    prior = navigate(scans_at(START + 3), path, notes=notes).scans[0].prior
-    assert prior is not None
-    np.testing.assert_allclose(prior.sigmas, [np.inf, np.inf, np.radians(1.0), 3.0, 3.0, np.inf])
-    assert any("heading 1 degrees (gyrocompass), x 3 m (GNSS), y 3 m (GNSS); --prior-sigmas" in note for note in notes)
+    """The receiver says of each fix what it is, unless the user says how much they err."""
+    path = tmp_path / "ship.nmea"
+    lines = dive(count=7).splitlines()
+    for quality, start in ((",E,1,", 3), (",E,2,", 5)):  # RTK from 0 to 2 s, none from 3, differential from 5
+        for line in range(8 * start, 8 * start + 16):
+            body = lines[line].removeprefix("$").rsplit("*", 1)[0].replace(",E,4,", quality)
+            lines[line] = sentence(body)
+    path.write_text("\r\n".join(lines))
+
+    def priors(notes: list[str], settings: NavigationSettings) -> np.ndarray:
+        scans = navigate(scans_at(START + 1, START + 3.5, START + 5.5), path, settings, notes=notes).scans
+        return np.stack([scan.prior.sigmas for scan in scans if scan.prior is not None])
+
+    notes = list[str]()
+    sigmas = priors(notes, NavigationSettings())
+    np.testing.assert_allclose(sigmas[:, 3:5], [[0.05] * 2, [3.0] * 2, [1.5] * 2])
+    np.testing.assert_allclose(sigmas[:, 2], np.radians(1.0))
+    assert not np.isfinite(sigmas[:, [0, 1, 5]]).any()
+    assert any("3 of RTK (0.05 m), 2 of GNSS (3 m), 2 of DGNSS (1.5 m); --prior-sigmas" in note for note in notes)
+    assert any("heading 1 degrees (gyrocompass); --prior-sigmas" in note for note in notes)
+    given = priors([], NavigationSettings(sigmas={"x_m": 0.7, "y_m": 0.7, "heading_deg": 2.0}))
+    np.testing.assert_allclose(given[:, 2:5], [[np.radians(2.0), 0.7, 0.7]] * 3)

@@ -2,7 +2,7 @@
 
 const LAYERS = {
   points: "points", doubtful: "false echoes, left out", track: "track of the sensor", before: "track before the loops", ellipsoids: "ellipsoids",
-  kept: "kept", refused: "refused", decided: "ties by hand", control: "control points",
+  kept: "kept", refused: "refused", decided: "ties by hand", control: "control points", wrong: "positions left out",
 };
 
 /** Fill the form for the part that is shown; `change` shows another part, by its number. */
@@ -48,7 +48,7 @@ function layerBoxes(view, unpackDoubtful) {
   const { part } = view;
   const counts = { kept: 0, refused: 0 };
   for (const pair of view.pairs) counts[pair.kept ? "kept" : "refused"]++;
-  const there = { doubtful: part.doubtful, before: part.track.before, kept: counts.kept, refused: counts.refused };
+  const there = { doubtful: part.doubtful, before: part.track.before, kept: counts.kept, refused: counts.refused, wrong: view.wrong.length };
   const change = async (name, on) => {
     view.shown[name] = on;
     if (name === "doubtful" && on && !view.doubtful) view.showDoubtful(await unpackDoubtful());

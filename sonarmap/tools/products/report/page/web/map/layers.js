@@ -10,6 +10,7 @@ const LINES = {
   rejected: { color: [0.85, 0.4, 0.7], width: 3.5, dash: 6 },
   control: { color: [0.84, 0.37, 0], width: 2.5, hidden: 0.75 },
   residuals: { color: [0.9, 0.1, 0.1], width: 2.5, hidden: 0.75 },
+  wrong: { color: [0.9, 0.1, 0.1], width: 1.5, dash: 3, hidden: 0.75 },
   chosen: { color: [1, 0.85, 0.1], width: 6, hidden: 0.75 },
   measured: { color: [1, 1, 1], width: 2.5, hidden: 0.75 },
 };
@@ -71,6 +72,11 @@ function controlOf(part, content) {
       const place = fromSensor(part.track, index.get(row.scan), row.point);
       return { name: row.name, place, known: minus(place, row.residual), row };
     });
+}
+
+/** From each scan whose position was left out to where that said it was, at the scan's height. */
+function wrongPieces(track, places) {
+  return track.scans.flatMap((scan, k) => (places[scan] ? [[track.places[k], [...places[scan], track.places[k][2]]]] : []));
 }
 
 /** A cross at each known place, of arms [m]. */

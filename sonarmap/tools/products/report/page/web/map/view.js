@@ -13,7 +13,7 @@ class View {
     Object.assign(this, { stage, content, decisions, tell });
     this.canvas = stage.querySelector("canvas");
     this.scene = new Scene(this.canvas);
-    this.shown = { points: true, doubtful: false, track: true, before: false, ellipsoids: true, kept: true, refused: true, decided: true, control: true };
+    this.shown = { points: true, doubtful: false, track: true, before: false, ellipsoids: true, kept: true, refused: true, decided: true, control: true, wrong: true };
     this.scale = 1;
     this.measuring = false;
     this.tying = null; // the scan that the next pose is tied to
@@ -37,6 +37,7 @@ class View {
     this.camera.reset(); // as the picture is high and wide now
     this.pairs = pairsOf(part, this.content.pairs);
     this.control = controlOf(part, this.content);
+    this.wrong = wrongPieces(part.track, this.content.wrong_fixes);
     this.factor = fittingFactor(part.track, this.camera.reach);
     this.exaggeration = fittingExaggeration(this.control, this.camera.reach);
     this.colorings = coloringsOf(part, points, this.content);
@@ -81,6 +82,7 @@ class View {
       lines(name, shown.decided, () => this.ties.filter((tie) => (tie.verdict === "reject") === (name === "rejected")).map((tie) => tie.ends));
     lines("control", shown.control, () => crosses(control.map(({ known }) => known), ARM * this.camera.reach));
     lines("residuals", shown.control && this.exaggeration, () => residualPieces(control, this.exaggeration));
+    lines("wrong", shown.wrong, () => [...this.wrong, ...crosses(this.wrong.map(([, place]) => place), ARM * this.camera.reach)]);
     this.showMeasured();
     this.request();
   }
