@@ -245,8 +245,8 @@ def systematic_words(error: Systematic) -> str:
     if error.late:
         when = "earlier" if error.late > 0 else "later"
         return (
-            f"positions fit if their times are taken to be {abs(error.late):.2g} s {when}, and were used so: the clocks "
-            "of log and sonar differ (--nav-offset)"
+            f"positions fit if their times are taken to be {abs(error.late):.2g} s {when}, and were used so: the "
+            "clocks of log and sonar differ (--nav-offset)"
         )
     if error.drift_east or error.drift_north:
         per_minute = 60 * math.hypot(error.drift_east, error.drift_north)
