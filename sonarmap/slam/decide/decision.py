@@ -111,7 +111,9 @@ def _decide(
     granted = _GRAPH_FLOOR * (1 + beyond_chain / _HALVING_EDGES) ** -0.5 * floor
     robust = robust_optimize(_widened(graph, granted), chain_worth=_CHAIN_WORTH)
     kept_graph = weighed(graph.keep(robust.accepted).at(robust.solution.trajectory.T_world_sensor))
-    # now that loops tell where the poses are, smaller mistakes show
+    # now that loops tell where the poses are, smaller mistakes show, and errors that all fixes share
+    judged = judge_fixes(kept_graph, priors)
+    kept_graph = replace(kept_graph, priors=tuple(sorted(judged.priors.items())))
     control, more_wrong = without_wrong_control(kept_graph)
     kept_graph = replace(kept_graph, control=control)
     solution = _settled(kept_graph)
