@@ -184,7 +184,7 @@ class Mapper:
         if odd:  # what was measured of them places no points that do not fit
             scans = [replace(scan, prior=None) if k in outside else scan for k, scan in enumerate(measurements.scans)]
             measurements = replace(measurements, scans=tuple(scans))
-        return with_between(decision, keys, measurements, self.settings.loops.floor(self.voxel) / 4, outside)
+        return with_between(decision, keys, measurements, self.settings.loops.floor(self.voxel) / 4, runner, outside)
 
     def _decided(self, runner: PairRunner, measurements: Measurements, known: Sequence[RegisteredPair]) -> Decision:
         """About all that can be registered of some scans; `known` pairs have been.
@@ -246,6 +246,7 @@ class Mapper:
             understated=decision.understated,
             systematic=decision.fixes.systematic,
             displaced=decision.displaced,
+            interpolated=decision.interpolated,
         )
 
 

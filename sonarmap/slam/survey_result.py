@@ -30,6 +30,7 @@ class SurveyResult:
         components: the sets of scans that share a frame, by kept edges or by instruments that place them in the world.
         surveys: the number of each scan's survey.
         keys: the key scans of a dense stream, ascending; None where every scan was registered.
+        interpolated: scans between key scans that no registration holds: they are where motion has them.
         wrong_fixes: what instruments measured and all others contradict; it was left out.
         understated: by kind of `slam.decide.wrong_measurements`, or "odometry", how many times larger than stated the
             errors of all measurements are (a ratio); from NOTHING times on those of a kind were left out.
@@ -60,6 +61,7 @@ class SurveyResult:
     understated: Mapping[str, float] = field(default_factory=dict[str, float])
     systematic: Systematic | None = None
     keys: tuple[int, ...] | None = None
+    interpolated: tuple[int, ...] = ()
     ties: tuple[Tie, ...] = ()
     displaced: tuple[tuple[int, int], ...] = ()
     control: tuple[MeasuredControl, ...] = ()

@@ -47,6 +47,7 @@ class Decision:
     drifts: float = 1.0  # how many times more than stated dead reckoning drifts
     # scans of pairs that are kept without ties and control points, and refused for these
     displaced: tuple[tuple[int, int], ...] = ()
+    interpolated: tuple[int, ...] = ()  # scans of a stream that no registration holds
 
     @property
     def understated(self) -> dict[str, float]:
@@ -107,7 +108,7 @@ def _decide(
     holding = tuple(point for point in measurements.control if point.holds)
     control, wrong_control = without_wrong_control(replace(fixes, priors=measured, control=holding))
     graph = PoseGraph(chained, edges, priors=measured, control=control)
-    beyond_chain = len(edges) - len(odometry) - (count - len(parts))
+    beyond_chain = max(0, len(edges) - len(odometry) - (count - len(parts)))  # fewer where dead reckoning joins scans
     granted = _GRAPH_FLOOR * (1 + beyond_chain / _HALVING_EDGES) ** -0.5 * floor
     robust = robust_optimize(_widened(graph, granted), chain_worth=_CHAIN_WORTH)
     kept_graph = weighed(graph.keep(robust.accepted).at(robust.solution.trajectory.T_world_sensor))

@@ -1,6 +1,6 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""The scans between key scans: placed by the motion from one key scan to the next, which strays from a steady one as
-the key scans themselves show it."""
+"""The scans between key scans: registered to these, or placed by the motion from one key scan to the next, which strays
+from a steady one as the key scans themselves show it."""
 
 from bisect import bisect_right
 from collections.abc import Collection, Mapping, Sequence
@@ -12,12 +12,14 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.decide.decision import Decision
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.decide.wrong_measurements import WrongControl, judge_fixes, without_wrong_control
+from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.place import place_by_control, place_in_world
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.motion import scan_times
+from sonarmap.slam.stream.refine import Between, refine
 from sonarmap.spectral.result import Registration
 
 
@@ -26,30 +28,34 @@ def with_between(
     keys: Sequence[int],
     measurements: Measurements,
     floor: np.ndarray,
+    runner: PairRunner,
     odd: Collection[int] = (),
 ) -> Decision:
     """What was decided about key scans, for all scans.
 
-    A scan between two key scans is where dead reckoning has it from the first, or where a steady motion from one to the
-    other passes at its time. It takes part in the graph by that, and by what instruments measured of it.
+    A scan between two key scans is registered to one of them, or both. Where no registration can be believed, it is
+    where dead reckoning has it from the first, or where a steady motion from one to the other passes at its time. It
+    takes part in the graph by that, and by what instruments measured of it.
 
     Args:
         decision: about the key scans, numbered 0, 1, ...; `keys` are their indices among all scans, ascending.
         floor: (6,) standard deviations of a place that is interpolated [rad, m].
+        runner: of all scans.
         odd: scans without a place, which are left alone.
     """
     count, graph = len(measurements.scans), decision.solution.graph
-    steps = _steps(keys, decision, measurements, floor, odd)
+    between = _between(keys, decision, measurements, floor, odd)
+    edges, interpolated = refine(runner, between, floor)
     at_keys = {k: number for number, k in enumerate(keys)}
 
     def expanded(T_keys: RigidTransform) -> Trajectory:
         poses = dict.fromkeys(odd, RigidTransform.identity()) | {k: T_keys[n] for k, n in at_keys.items()}
-        for edge in steps:
-            poses[edge.j] = poses[edge.i] * edge.registration.T_target_source
+        for each in between:
+            poses[each.scan] = poses[each.step.i] * each.step.registration.T_target_source
         return Trajectory(measurements.stamps, RigidTransform.concatenate([poses[k] for k in range(count)]))
 
     kept = [replace(edge, i=keys[edge.i], j=keys[edge.j]) for edge in graph.edges]
-    whole = PoseGraph(expanded(graph.trajectory.T_world_sensor), (*kept, *steps))
+    whole = PoseGraph(expanded(graph.trajectory.T_world_sensor), (*kept, *edges))
     if set(measurements.priors) - set(keys):
         # fixes of scans between may be all that ties the map to the world
         whole = replace(whole, trajectory=place_in_world(whole.trajectory, whole.components, measurements.priors))
@@ -77,7 +83,7 @@ def with_between(
     chained = expanded(decision.chained.T_world_sensor)
     judged = replace(judged, wrong=tuple(fixes[key] for key in sorted(fixes)))
     displaced = tuple((keys[i], keys[j]) for i, j in decision.displaced)
-    return Decision(chained, solution, pairs, judged, wrong_control, decision.drifts, displaced)
+    return Decision(chained, solution, pairs, judged, wrong_control, decision.drifts, displaced, tuple(interpolated))
 
 
 def _control(
@@ -93,23 +99,23 @@ def _control(
     return tuple(kept), tuple(WrongControl(point, same[point.name, point.scan]) for point in wrong)
 
 
-def _steps(
+def _between(
     keys: Sequence[int],
     decision: Decision,
     measurements: Measurements,
     floor: np.ndarray,
     odd: Collection[int],
-) -> list[Edge]:
-    """For every scan that is no key scan, how it lies to the key scan before it."""
+) -> list[Between]:
+    """For every scan that is no key scan, how it may lie to the key scans beside it."""
     surveys, odometry = measurements.surveys, measurements.odometry and measurements.odometry.scaled(decision.drifts)
     times = scan_times(measurements.stamps, surveys)
-    T_keys = decision.solution.trajectory.T_world_sensor
+    T_poses = decision.solution.trajectory.T_world_sensor
     parts = {pose: part for part, members in enumerate(decision.solution.graph.components) for pose in members}
     registered = {pair.scans: pair.registration for pair in decision.pairs if pair.registration is not None}
     runs = np.array([[parts[a], surveys[k]] for a, k in enumerate(keys)])
     run = np.cumsum(np.concatenate([[0], np.any(np.diff(runs, axis=0) != 0, axis=1)]))
-    unsteady = Unsteadiness.of(T_keys, times[list(keys)], run)
-    known, steps = set(keys), list[Edge]()
+    unsteady = Unsteadiness.of(T_poses, times[list(keys)], run)
+    known, between = set(keys), list[Between]()
     for k in range(len(times)):
         if k in known or k in odd:
             continue
@@ -120,12 +126,13 @@ def _steps(
             T_i_k, sigmas = expected.T_target_source, expected.sigmas
         else:
             before, behind = float(times[k] - times[i]), float(times[keys[b]] - times[k])
-            way = _way(T_keys, a, b, parts, registered)
+            way = _way(T_poses, a, b, parts, registered)
             T_i_k = RigidTransform.from_exp_coords(before / (before + behind) * way)
             sigmas = np.sqrt(floor**2 + unsteady.variance(before, behind))
         step = Registration(T_i_k, np.diag(sigmas**2), np.nan, np.nan, True, 0.0, "between two key scans")
-        steps.append(Edge(i, k, step, "odometry"))
-    return steps
+        T_keys = T_poses[a].inv() * T_poses[b] if b < len(keys) and parts[a] == parts[b] else None
+        between.append(Between(k, Edge(i, k, step, "odometry"), keys[min(b, len(keys) - 1)], T_keys))
+    return between
 
 
 def _way(

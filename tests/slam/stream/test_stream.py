@@ -1,4 +1,4 @@
-"""Dense streams: few key scans, every scan in the map, and how a vehicle is off a steady motion."""
+"""Dense streams: few key scans, every scan registered to one, and how a vehicle is off a steady motion."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -60,16 +60,51 @@ def test_few_scans_are_registered_and_all_are_placed() -> None:
     assert result.keys[0] == 0
     assert result.keys[-1] == COUNT - 1
     assert len(result.keys) < COUNT / 5
-    assert len(registrar.pairs) < COUNT / 2
+    assert len(registrar.pairs) < COUNT + 2 * len(result.keys)  # each scan once, key scans with loops
+    assert result.interpolated == ()
     assert result.components == (tuple(range(COUNT)),)
     assert largest_error(result) < 0.3
     assert result.by_navigation == ()
     assert {scan for pair in result.pairs for scan in pair.scans} <= set(result.keys)
     assert result.covariances.shape == (COUNT, 6, 6)
-    # a scan between is less sure than its key scans
-    a, b = max(zip(result.keys[5:], result.keys[6:], strict=False), key=lambda pair: pair[1] - pair[0])
+
+
+def off_its_neighbors(result: SurveyResult, k: int) -> float:
+    """How far a scan is from where it is to the scan before it [m]."""
+    T = result.trajectory.T_world_sensor
+    return float(np.linalg.norm((T[k - 1].inv() * T[k]).translation - (STREAM[k - 1].inv() * STREAM[k]).translation))
+
+
+def test_scans_between_that_no_registration_holds_are_told() -> None:
+    """One is refused beside both key scans, of another every registration is wrong; a third leaps, and is seen to."""
+    refused, wrong, leaping = 40, 70, 100
+    leap = RigidTransform.from_components([0.0, 0.7, 0.0], Rotation.from_euler("z", 0.2))
+    rng = np.random.default_rng(8)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        given = reach(i, j, given)
+        if refused in (i, j):
+            return replace(given, accepted=False, probability=0.2)
+        if wrong in (i, j):
+            T = RigidTransform.from_translation(rng.uniform(0.5, 1.0, 3)) * given.T_target_source
+            return replace(given, T_target_source=T)
+        if leaping in (i, j):
+            T = given.T_target_source * leap if j == leaping else leap.inv() * given.T_target_source
+            return replace(given, T_target_source=T)
+        return given
+
+    result, registrar = mapped(spoil=spoil)
+    assert result.keys is not None
+    assert not {refused, wrong, leaping} & set(result.keys)
+    assert result.interpolated == (refused, wrong)
+    assert all(sum(k in pair for pair in registrar.pairs) == 2 for k in result.interpolated)
+    assert max(off_its_neighbors(result, k) for k in (refused, wrong)) < 0.1
+    T = result.trajectory.T_world_sensor
+    apart = (STREAM[leaping - 1].inv() * STREAM[leaping] * leap).inv() * T[leaping - 1].inv() * T[leaping]
+    assert np.linalg.norm(apart.translation) < 0.1
+    # what was registered is surer
     traces = np.trace(result.covariances[:, 3:, 3:], axis1=1, axis2=2)
-    assert traces[(a + b) // 2] > traces[a]
+    assert traces[refused] > traces[refused - 1]
 
 
 @pytest.mark.slow
@@ -164,20 +199,43 @@ def test_a_wrong_fix_that_dead_reckoning_shows_is_told() -> None:
 
 
 @pytest.mark.slow
-def test_dead_reckoning_places_what_a_steady_motion_does_not() -> None:
-    """The vehicle shakes from scan to scan; its log knows."""
+def test_a_shaken_sensor_is_followed_by_registrations_or_else_by_dead_reckoning() -> None:
+    """The vehicle shakes from scan to scan."""
     shake = 0.05 * np.sin(2.5 * np.arange(COUNT))
     shaken = STREAM * RigidTransform.from_translation(np.outer(shake, [0, 0, 1.0]))
-    registrar = KnowingRegistrar(shaken, COVARIANCE, reach)
     odometry = Odometry(np.arange(COUNT), shaken, 100.0 + np.arange(COUNT))
     settings = MapperSettings(LoopSettings(per_scan=0))
-    errors = []
-    for told in (None, odometry):
-        result = Mapper(registrar, VOXEL, settings).run(SCANS, odometry=told)
+
+    def error(
+        told: Odometry | None, spoil: Callable[[int, int, Registration], Registration] = reach
+    ) -> tuple[float, set[int]]:
+        result = Mapper(KnowingRegistrar(shaken, COVARIANCE, spoil), VOXEL, settings).run(SCANS, odometry=told)
         T = result.trajectory.T_world_sensor
         off = (T[:-1].inv() * T[1:]).translation - (shaken[:-1].inv() * shaken[1:]).translation
-        errors.append(float(np.sqrt((off**2).sum(axis=1).mean())))
-    assert errors[1] < 0.5 * errors[0]
+        return float(np.sqrt((off**2).sum(axis=1).mean())), set(result.keys or ())
+
+    followed, keys = error(None)
+
+    def keys_alone(i: int, j: int, given: Registration) -> Registration:
+        """As if scans between could not be registered, which makes no other key scans."""
+        is_probe = j == i + 1 and j - 1 not in keys
+        return reach(i, j, given) if is_probe or {i, j} <= keys else replace(given, accepted=False, probability=0.0)
+
+    steady, same = error(None, keys_alone)
+    assert same == keys
+    assert followed < 0.6 * steady
+    assert error(odometry, keys_alone)[0] < 0.6 * steady
+
+
+def test_dead_reckoning_alone_joins_scans_of_which_few_can_be_registered() -> None:
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        return given if i < 3 else replace(given, accepted=False, probability=0.0)
+
+    odometry = Odometry(np.arange(COUNT), STREAM, 100.0 + np.arange(COUNT))
+    settings = MapperSettings(LoopSettings(per_scan=0))
+    result = Mapper(KnowingRegistrar(STREAM, COVARIANCE, spoil), VOXEL, settings).run(SCANS, odometry=odometry)
+    assert result.components == (tuple(range(COUNT)),)
+    assert largest_error(result) < 0.3
 
 
 SHAKE = np.array([0.03, 0.01, 0.02, 0.02, 0.05, 0.01])

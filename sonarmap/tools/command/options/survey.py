@@ -41,7 +41,7 @@ class SurveyOptions:
     )
     key_step: float | None = _limit(
         "M",
-        "Distance of key scans \\[m]. Only these are registered, the others are placed between them.",
+        "Distance of key scans \\[m]. Loops are sought among these; the others are registered to the nearest of them.",
         shown="a dense stream: as suits it",
     )
     max_speed: float | None = _limit(

@@ -133,12 +133,23 @@ def _outcome(mapped: Mapped) -> list[tuple[str, str]]:
     doubtful = f" ({doubted:,} doubtful ones: map_all.ply)" if doubted else ""
     return [
         ("scans", f"{len(mapped.names) - outside} of {given} placed in {where}"),
+        *_stream(result),
         ("loops", _loops(result)),
         *_crossings(result),
         *_agreement(result),
         ("track", f"{way_length(result):,.1f} m"),
         ("map", f"{points} points, voxels of {result.maps[parts[0]].voxel:.3g} m{doubtful}"),
     ]
+
+
+def _stream(result: "SurveyResult") -> list[tuple[str, str]]:
+    """Of a dense stream, how its scans were placed."""
+    if result.keys is None:
+        return []
+    left = len(result.interpolated)
+    between = len(result.trajectory) - len(result.keys) - len(result.odd)
+    told = f", {left} placed by motion alone" if left else ""
+    return [("stream", f"{len(result.keys)} key scans; {between - left} between them registered to these{told}")]
 
 
 def _agreement(result: "SurveyResult") -> list[tuple[str, str]]:

@@ -59,6 +59,7 @@ def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
         *_of_parts(result, names, unusable),
         *_of_gaps(result, names, unusable),
         *_of_steps(result, names),
+        *_of_stream(result, names),
         *_of_ties(result, names),
         *_of_control(result, names),
         *_of_fixes(result, names),
@@ -100,6 +101,13 @@ def _oddness(odd: OddScan) -> str:
         ),
     }[odd.kind]
     return f"{seems}: with {change} it fits its neighbors, and not as it is. It was left out of the map; {what_to_do}"
+
+
+def _of_stream(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
+    if left := [names[k] for k in result.interpolated]:
+        listed = ", ".join(left[:LISTED]) + (f" and {len(left) - LISTED} more" if len(left) > LISTED else "")
+        what = "scan lies" if len(left) == 1 else "scans lie"
+        yield f"{len(left)} {what} where the motion between key scans has them, as no registration does: {listed}"
 
 
 def _unusable(result: SurveyResult, names: Sequence[str]) -> dict[int, str]:
