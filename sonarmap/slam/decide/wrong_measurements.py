@@ -129,8 +129,10 @@ def _explained(
     It is looked for beside the optimum, and beside the edges alone: one of these would rather give way than all fixes.
     """
     tried: list[tuple[float, _Fixes, Solution, np.ndarray, Systematic]] = []
+    looks = [solution]
+    if len(graph.trajectory) <= _NO_DRIFT:
+        looks.append(replace(graph, priors=(), control=()).optimize())
     for free in KINDS_OF_ERROR:
-        looks = (solution, graph) if len(graph.trajectory) <= _NO_DRIFT else (solution,)
         fall, numbers = max((fixes.fit_error(at.trajectory, free) for at in looks), key=lambda look: look[0])
         if fall < _LOOKED_AT:
             continue
