@@ -9,7 +9,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 COMMON = "common"  # the section of what means the same for several verbs
 _METAVARS = {"M", "DEG", "M/S", "DEG/S"}  # that are units
-_UNITS = {"m", "m^2", "m/s", "deg", "deg/s", "deg/h", "s", "%"}
+_UNITS = {"m", "m^2", "m/s", "deg", "deg/s", "deg/h", "s", "Hz", "%"}
 _BRACKETS = re.compile(r"\\?\[([^\[\]\\]+)\]")
 _KINDS = {  # as TOML calls them, and in words
     bool: ("boolean", "true or false"),

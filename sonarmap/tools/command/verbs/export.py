@@ -30,6 +30,12 @@ class ExportedFiles:
         callback=checked(is_positive, "{} m; give a length above 0, or leave it out for the map's voxel"),
         shown="the map's voxel",
     )
+    rate: float | None = _output(
+        "HZ",
+        "Poses a second in files of poses \\[Hz].",
+        callback=checked(is_positive, "{} Hz; give a rate above 0, or leave it out for the scans'"),
+        rare=True,
+    )
 
 
 def command(
@@ -53,7 +59,7 @@ def command(
         folder = read_map_folder(source)
         folder = replace(folder, georeference=earth.georeference(folder.georeference))
         exported = export_with_progress(
-            folder, to, ExportSettings(tuple(files.format), earth.crs, files.cell), quiet or as_json
+            folder, to, ExportSettings(tuple(files.format), earth.crs, files.cell, files.rate), quiet or as_json
         )
     if as_json:
         typer.echo(json.dumps([str(path) for path in exported.files]))

@@ -79,6 +79,18 @@ class MapFolder:
         lone = part is self.parts[0] and not any(each.placed for each in self.parts)
         return self.georeference is not None and (part.placed or lone)
 
+    def surveys(self, part: MapPart) -> list[int]:
+        """To which survey each scan of the part belongs; all to the first where the summary does not say.
+
+        Raises InputError: it says so of some scans alone."""
+        rows = self.summary.get("scans")
+        if not rows:
+            return [0] * len(part.scans)
+        try:
+            return [int(rows[scan]["survey"]) for scan in part.scans]
+        except (LookupError, TypeError, ValueError) as error:
+            raise InputError(f"{self.path / SUMMARY} does not say of which survey its scans are; map again") from error
+
 
 def read_map_folder(path: Path) -> MapFolder:
     """The map in a folder. Raises InputError: no folder that `sonarmap map` wrote, or files of it that are missing or

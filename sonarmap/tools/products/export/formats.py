@@ -29,6 +29,7 @@ class ExportFormat:
     # which its numbers are: projected, latitude and longitude, or the map's own
     coordinates: Literal["projected", "geographic", "map"] = "projected"
     of_all_parts: bool = False  # whether one file is about all parts of a map
+    of_poses: bool = False  # whether it holds poses and nothing of scans, so that they may be at a rate of their own
     beside: tuple[str, ...] = ()  # the names of further files that the writer may write
     stamps: tuple[float, float] = (-math.inf, math.inf)  # from where on and up to where the scans' stamps must lie [s]
 
@@ -62,13 +63,17 @@ FORMATS = {
     "kml": ExportFormat("map{}.kml", "kml:write_kml", "the track, KML 2.2", "geographic"),
     "kmz": ExportFormat("map{}.kmz", "kml:write_kmz", "the track and the map as a picture, KMZ", "geographic"),
     "csv": ExportFormat(
-        "poses{}.csv", "tables:write_poses_csv", "the scans' positions, attitudes and covariances, CSV"
+        "poses{}.csv",
+        "tables:write_poses_csv",
+        "the scans' positions, attitudes and covariances, CSV",
+        of_poses=True,
     ),
     "eiva-position": ExportFormat(
         "eiva_position{}.txt",
         "tables:write_eiva_position",
         "the scans' positions for EIVA NaviEdit",
         "geographic",
+        of_poses=True,
         stamps=TIMES,  # NaviEdit merges by them
     ),
     "eiva-attitude": ExportFormat(
@@ -76,6 +81,7 @@ FORMATS = {
         "tables:write_eiva_attitude",
         "the scans' attitudes for EIVA NaviEdit",
         "geographic",
+        of_poses=True,
         stamps=TIMES,
     ),
     "geojson": ExportFormat(
@@ -92,8 +98,12 @@ FORMATS = {
     "pcd": ExportFormat(
         "map{}.pcd", "tables:write_cloud", "the map's points, PCD 0.7 in float32 beside an origin", "map"
     ),
-    "tum": ExportFormat("trajectory{}.tum", "tables:write_poses", "the poses with their times, TUM", "map"),
-    "kitti": ExportFormat("trajectory{}.kitti", "tables:write_poses", "the poses as 3x4 matrices, KITTI", "map"),
+    "tum": ExportFormat(
+        "trajectory{}.tum", "tables:write_poses", "the poses with their times, TUM", "map", of_poses=True
+    ),
+    "kitti": ExportFormat(
+        "trajectory{}.kitti", "tables:write_poses", "the poses as 3x4 matrices, KITTI", "map", of_poses=True
+    ),
     "g2o": ExportFormat(
         "graph{}.csv",
         "tables:write_graph",

@@ -10,11 +10,9 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import EAST, Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
-from sonarmap.tools.files.map_folder.names import SUMMARY
 from sonarmap.tools.files.time_scales import are_times, utc_texts
 
 # A standard deviation that says nothing of the angle: a sensor that looks straight down has neither roll nor heading
@@ -95,15 +93,8 @@ class Georeferenced:
 
     @cached_property
     def surveys(self) -> list[int]:
-        """To which survey each scan belongs; all to the first where the summary does not say."""
-        rows = self.folder.summary.get("scans")
-        if not rows:
-            return [0] * len(self.part.scans)
-        try:
-            return [int(rows[scan]["survey"]) for scan in self.part.scans]
-        except (LookupError, TypeError, ValueError) as error:
-            where = self.folder.path / SUMMARY
-            raise InputError(f"{where} does not say of which survey its scans are; map again") from error
+        """As `MapFolder.surveys`."""
+        return self.folder.surveys(self.part)
 
     @property
     def lines(self) -> list[np.ndarray]:

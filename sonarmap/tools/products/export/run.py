@@ -4,7 +4,7 @@
 import re
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +12,14 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.files.map_folder.folder import MapFolder
+from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
 from sonarmap.tools.files.map_folder.names import OF_ALL, SUMMARY, earlier_files, side_car
 from sonarmap.tools.files.writers.atomic import all_or_none, require_writable
 from sonarmap.tools.files.writers.folder_lock import locked
 from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.sampled import sampled
 from sonarmap.tools.products.export.side_car import side_car_content
 
 
@@ -29,6 +30,7 @@ class ExportSettings:
     formats: tuple[str, ...]  # names of FORMATS
     crs: str | None = None  # of projected coordinates, such as EPSG:25832; None for the UTM zone of the map's origin
     cell: float | None = None  # edge of a cell of grids and pictures [m]; None for the map's voxel
+    rate: float | None = None  # of the poses in formats that hold nothing else [Hz]; None for the scans'
 
     @property
     def needing_place(self) -> tuple[str, ...]:
@@ -49,6 +51,9 @@ def check_settings(settings: ExportSettings, georeference: Georeference | None, 
     """Refuse, before a map is computed, what cannot be exported of scans with these stamps [s] at this place, if any.
 
     Raises InputError: formats that need a place without one, or other stamps, or a CRS that cannot be used there."""
+    if settings.rate is not None and not any(FORMATS[name].of_poses for name in settings.formats):
+        fitting = ", ".join(name for name, form in FORMATS.items() if form.of_poses)
+        raise InputError(f"--rate has no effect without a format of poses ({fitting}); name one, or leave it out")
     for name in settings.formats:
         low, high, (first, end) = min(stamps), max(stamps), FORMATS[name].stamps
         if not first <= low <= high < end:
@@ -92,12 +97,13 @@ def export_map(
     stamps = [stamp for part in folder.parts for stamp in part.trajectory.stamps.tolist()]
     check_settings(settings, folder.georeference, stamps)
     _refuse_second_heading(folder)
-    earths = {
-        part.suffix: Georeferenced(folder, part, here, Projection.of(here, settings.crs), settings.cell)
-        if (here := folder.georeference) and folder.on_earth(part)
-        else None
-        for part in folder.parts
-    }
+
+    def on_earth(part: MapPart) -> Georeferenced | None:
+        if (here := folder.georeference) is None or not folder.on_earth(part):
+            return None
+        return Georeferenced(folder, part, here, Projection.of(here, settings.crs), settings.cell)
+
+    earths = {part.suffix: on_earth(part) for part in folder.parts}
     jobs = [
         (name, part, to / FORMATS[name].file.format(part.suffix))
         for name in settings.formats
@@ -113,7 +119,12 @@ def export_map(
             if step is not None:
                 step(done, len(jobs), path.name)
             before, earth = len(written), earths[part.suffix]
-            details = FORMATS[name].write(path, folder, part, earth)
+            if settings.rate is not None and FORMATS[name].of_poses:
+                poses = sampled(part, np.array(folder.surveys(part)), settings.rate)
+                details = dict(FORMATS[name].write(path, folder, poses, earth and replace(earth, part=poses)))
+                details |= {"rate_hz": settings.rate, "poses": len(poses.scans)}
+            else:
+                details = FORMATS[name].write(path, folder, part, earth)
             for temporary, each in tuple(written[before:]):
                 _require_ours(each)
                 content = side_car_content(temporary, each.name, name, folder, part, earth) | {"details": details}

@@ -1,5 +1,6 @@
 """A finished map exported: side-cars, what is refused, what is left out, and that nothing is half there."""
 
+import csv
 import hashlib
 import json
 import re
@@ -43,6 +44,38 @@ def placed(folder: Path, here: Georeference = HERE) -> MapFolder:
 
 def side_car(path: Path) -> dict:
     return json.loads(path.with_name(f"{path.name}.json").read_text())
+
+
+def test_poses_at_a_rate_pass_through_the_scans(one: Path, tmp_path: Path) -> None:
+    """Eight scans in 17.5 s: of 4 poses a second every tenth is a scan's."""
+    exported = export_map(read_map_folder(one), tmp_path, ExportSettings(("csv", "tum", "laz"), rate=4.0))
+    part = read_map_folder(one).parts[0]
+    poses = np.loadtxt(tmp_path / "trajectory.tum")
+    spans = np.diff(part.trajectory.stamps)
+    assert np.allclose(spans, 2.5)
+    np.testing.assert_allclose(np.diff(poses[:, 0]), 0.25, atol=1e-6)
+    at_scans = poses[::10, 1:4]
+    np.testing.assert_allclose(at_scans, part.trajectory.T_world_sensor.translation, atol=1e-6)
+    with (tmp_path / "poses.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(poses) == 10 * (len(spans)) + 1
+    assert [int(row["scan"]) for row in rows[:12]] == 10 * [0] + 2 * [1]
+    sigmas = np.array([float(row["east_sigma_m"]) for row in rows])
+    assert sigmas[15] ** 2 > (sigmas[10] ** 2 + sigmas[20] ** 2) / 2  # less sure between than the scans beside it
+    said = side_car(tmp_path / "poses.csv")
+    assert (said["scans"], said["details"]["rate_hz"], said["details"]["poses"]) == (len(part.scans), 4.0, len(rows))
+    assert "rate_hz" not in side_car(tmp_path / "map.laz")["details"]
+    assert tmp_path / "map.laz" in exported.files
+
+
+def test_a_rate_needs_a_format_of_poses_and_bounds_their_number(one: Path, tmp_path: Path) -> None:
+    for settings, words in (
+        (ExportSettings(("laz",), rate=4.0), "csv, eiva-position, eiva-attitude, tum, kitti"),
+        (ExportSettings(("tum",), rate=1e7), "more than 10,000,000 poses"),
+    ):
+        with pytest.raises(InputError, match=words):
+            export_map(read_map_folder(one), tmp_path / "none", settings)
+        assert not (tmp_path / "none").exists() or not list((tmp_path / "none").iterdir())
 
 
 def test_every_file_has_a_side_car_that_says_what_it_is(one: Path, tmp_path: Path) -> None:
