@@ -26,6 +26,8 @@ _AGREE, _CONTRADICT = 0.8, 0.75  # shares of the pairs that have to agree, and a
 _LEAST_SIGMAS = 8.0
 _TIE = 20.0  # of chi-squared: two hypotheses so close are both named
 _MOST_NAMED = 3
+# Beside any hypothesis some fixes may be wrong: of at most this share of the scans, each at this price of chi-squared.
+_MOST_WRONG, _WRONG = 0.25, 10.0
 _ROWS = 10  # rows of scans this far before or behind are tried
 # Headings are turned by whole degrees up to this, and no less than this.
 _MOST_TURNED, _LEAST_TURNED = 45, 3
@@ -167,16 +169,31 @@ def contradiction(priors: Sequence[PosePrior | None], registered: Registered) ->
     costs[f"heading_deg turned by {by} degrees"] = turned[by]
     for name, (axes, scale) in _SCANS.items():
         costs[name] = pair_costs(values, sigmas, registered.changed(axes, scale))
-    return _verdict(given, costs)
+    return _verdict(given, costs, registered)
 
 
-def _verdict(given: np.ndarray, costs: Mapping[str, np.ndarray]) -> Contradiction | None:
+def _without_wrong(costs: np.ndarray, i: np.ndarray, j: np.ndarray) -> float:
+    """Chi-squared (n, 2) of pairs i, j (n,) if a few scans, those that explain most of it, have wrong fixes."""
+    left, price, scans = costs[:, 0].copy(), 0.0, np.union1d(i, j)
+    of_scan = (scans[:, None] == i) | (scans[:, None] == j)
+    for _ in range(int(_MOST_WRONG * len(scans))):
+        worth = of_scan @ left
+        worst = int(np.argmax(worth))
+        if worth[worst] <= _WRONG:
+            break
+        price += _WRONG
+        left[of_scan[worst]] = 0.0
+    return price + float(left.sum())
+
+
+def _verdict(given: np.ndarray, costs: Mapping[str, np.ndarray], registered: Registered) -> Contradiction | None:
     """The hypotheses that agree, of (n, 2) chi-squared and degrees of freedom of the pairs under each."""
     falls: dict[str, float] = {}
     for name, cost in costs.items():
         both = (cost[:, 1] > 0) & (given[:, 1] > 0)  # rows shifted by one leave a pair at the end
         if both.sum() >= LEAST_PAIRS and _agreeing(cost[both]) >= _AGREE:
-            falls[name] = float((given[both, 0] - cost[both, 0]).sum())
+            totals = (_without_wrong(each[both], registered.i[both], registered.j[both]) for each in (given, cost))
+            falls[name] = float(np.subtract(*totals))
     best = max(falls.values(), default=0.0)
     named = tuple(name for name in sorted(falls, key=lambda name: -falls[name]) if falls[name] > best - _TIE)
     if best < _LEAST_SIGMAS**2 or len(named) > _MOST_NAMED:
