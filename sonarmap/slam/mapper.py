@@ -20,6 +20,7 @@ from sonarmap.slam.map.component_maps import MIN_SEEN, ComponentMaps, component_
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.slam.motion.straighten import Straightened, sharper, straightened, ways
 from sonarmap.slam.odd.odd_scan import OddScan
 from sonarmap.slam.odd.search import find_odd
 from sonarmap.slam.pair import RegisteredPair, require_any_registered
@@ -65,6 +66,10 @@ class MapperSettings:
             raise InputError(f"the map's voxel is {self.map_voxel} m; wanted a positive length")
         if self.min_seen < 1:
             raise InputError(f"`min_seen={self.min_seen}`: wanted at least 1, which leaves no point out")
+
+
+# Scans are straightened and registered again so often at most, and where points move by this share of a voxel or more.
+_ROUNDS, _STRAIGHT = 2, 0.1
 
 
 class Mapper:
@@ -131,6 +136,40 @@ class Mapper:
         number = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
         by_hand = {tie.scans: tie for tie in ties}
         measurements = Measurements(tuple(scans), number, odometry, tuple(control), by_hand)
+        return self._straightened(measurements, self._mapped(measurements, progress, vet), progress)
+
+    def _straightened(
+        self, measurements: Measurements, result: SurveyResult, progress: Progress | None
+    ) -> SurveyResult:
+        """The map of the scans without what the sensor's motion did to them, if they fit together better so; else the
+        one that is given."""
+        straight = Straightened.none(measurements.scans)
+        for _ in range(_ROUNDS if any(scan.times is not None for scan in measurements.scans) else 0):
+            runs = ways(result.components, result.surveys, result.trajectory.stamps)
+            before, straight = (
+                straight,
+                straightened(
+                    measurements.scans, result.trajectory, runs, self.voxel / 2, bent=result.straightened is None
+                ),
+            )
+            if straight.farthest_from(before) < _STRAIGHT * self.voxel:
+                break
+            again = self._mapped(replace(measurements, scans=straight.scans), progress)
+            fewer = max(map(len, again.components)) < max(map(len, result.components))
+            if fewer or sharper(again.pairs, result.pairs) <= 0:
+                break
+            result = replace(again, straightened=tuple(straight.moved.tolist()))
+        return result
+
+    def _mapped(
+        self,
+        measurements: Measurements,
+        progress: Progress | None,
+        vet: Callable[[Sequence[RegisteredPair]], None] | None = None,
+    ) -> SurveyResult:
+        """The map of the scans as they are."""
+        scans, number, control = measurements.scans, measurements.surveys, measurements.control
+        ties = tuple(measurements.ties.values())
         try:
             runner, searched = self._searching(measurements, progress, vet)
             keys, known = choose_keys(runner, number, self.voxel, self.settings.keys)
@@ -147,7 +186,7 @@ class Mapper:
         finally:
             self.execution.worker.release()
         runner.step_done("poses optimized")
-        result = replace(self._fuse(scans, number, decision), ties=tuple(ties), control=decision.points(control))
+        result = replace(self._fuse(scans, number, decision), ties=ties, control=decision.points(control))
         runner.step_done("map fused")
         return replace(result, odd=odd, keys=None if len(keys) + len(odd) == len(scans) else tuple(keys))
 

@@ -31,6 +31,8 @@ class SurveyResult:
         surveys: the number of each scan's survey.
         keys: the key scans of a dense stream, ascending; None where every scan was registered.
         interpolated: scans between key scans that no registration holds: they are where motion has them.
+        straightened: by how much [m] all but a few points of each scan were moved, as the sensor had moved meanwhile;
+            None where no scan was.
         wrong_fixes: what instruments measured and all others contradict; it was left out.
         understated: by kind of `slam.decide.wrong_measurements`, or "odometry", how many times larger than stated the
             errors of all measurements are (a ratio); from NOTHING times on those of a kind were left out.
@@ -62,6 +64,7 @@ class SurveyResult:
     systematic: Systematic | None = None
     keys: tuple[int, ...] | None = None
     interpolated: tuple[int, ...] = ()
+    straightened: tuple[float, ...] | None = None
     ties: tuple[Tie, ...] = ()
     displaced: tuple[tuple[int, int], ...] = ()
     control: tuple[MeasuredControl, ...] = ()

@@ -112,10 +112,12 @@ class Scan:
         viewpoints: (N, 3) float32 [m], where the sensor was when it saw each point, in the same frame as the points,
             all finite. None: it stood at the frame's origin for all of them, or, for a patch put together from several
             views, it is not known; which of the two, the points tell.
+        times: (N,) float32 [s] after the stamp, when each point was seen, all finite, of points in the sensor's own
+            frame at these times. None: all were seen at the stamp, or have been brought to where the sensor was then.
 
     Raises:
-        InputError: points, strength or viewpoints of another shape or dtype, masked ones, no points, or points or
-            viewpoints that are not finite.
+        InputError: points, strength, viewpoints or times of another shape or dtype, masked ones, no points, or points,
+            viewpoints or times that are not finite.
     """
 
     points: np.ndarray
@@ -124,10 +126,11 @@ class Scan:
     prior: PosePrior | None = None
     name: str = "scan"
     viewpoints: np.ndarray | None = None
+    times: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        points = self.points
-        for name in ("points", "strength", "viewpoints"):
+        points, times = self.points, self.times
+        for name in ("points", "strength", "viewpoints", "times"):
             array = getattr(self, name)
             refuse_mask(array, self.name)
             if not isinstance(array, np.ndarray) and (array is not None or name == "points"):
@@ -147,6 +150,13 @@ class Scan:
             )
         if self.viewpoints is not None:
             self._check_viewpoints(self.viewpoints)
+        if times is not None and (times.shape != points.shape[:1] or times.dtype != np.float32):
+            raise InputError(
+                f"{self.name}: `times` are {times.dtype} of shape {times.shape}; wanted float32 of shape "
+                f"({len(points)},), seconds after the stamp, one per point"
+            )
+        if times is not None and not np.isfinite(times).all():
+            raise InputError(f"{self.name}: some `times` are NaN or infinite; give every point one, or leave them out")
 
     def _check_viewpoints(self, viewpoints: np.ndarray) -> None:
         if viewpoints.shape != self.points.shape or viewpoints.dtype != np.float32:

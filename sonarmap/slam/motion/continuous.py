@@ -63,15 +63,19 @@ class ContinuousTrajectory:
     def at(self, stamps: np.ndarray) -> tuple[Trajectory, np.ndarray]:
         """The poses at (m,) stamps [s], and their covariances, (m, 6, 6), as those of the knots.
 
+        Before the first pose and behind the last the motion is steady, as long as from the one next to it at most.
+
         Raises:
-            InputError: a stamp before the first pose or after the last.
+            InputError: a stamp farther before the first pose or after the last.
         """
-        known = self.knots.stamps
-        if len(stamps) and not (known[0] <= stamps.min() and stamps.max() <= known[-1]):
+        known, asked = self.knots.stamps, stamps
+        if len(stamps) and not (2 * known[0] - known[1] <= stamps.min() and stamps.max() <= 2 * known[-1] - known[-2]):
             raise InputError(
                 f"poses are asked for from {stamps.min():g} to {stamps.max():g} s, and known from {known[0]:g} to "
                 f"{known[-1]:g} s"
             )
+        stamps = np.clip(asked, known[0], known[-1])
+        beyond = asked - stamps
         k = np.clip(np.searchsorted(known, stamps, side="right") - 1, 0, len(known) - 2)
         span = known[k + 1] - known[k]
         share = (stamps - known[k]) / span
@@ -85,8 +89,12 @@ class ContinuousTrajectory:
         )
         both = (1 - share)[:, None, None] * first + share[:, None, None] * second
         between = np.zeros_like(both)
-        between[:, range(6), range(6)] = self._variance(k, span, share)[:, None] * self.power
-        return Trajectory(stamps.astype(np.float64), poses), both + between
+        of_velocity = self.of_velocity[0][np.where(beyond < 0, k, k + 1)]
+        variance = self._variance(k, span, share) + beyond**2 * of_velocity + np.abs(beyond) ** 3 / 3
+        between[:, range(6), range(6)] = variance[:, None] * self.power
+        steady = RigidTransform.from_exp_coords(beyond[:, None] * self.spline(stamps, 1))
+        covariances = propagated(steady.inv(), both) + between
+        return Trajectory(asked.astype(np.float64), poses * steady), covariances
 
     def _variance(self, k: np.ndarray, span: np.ndarray, share: np.ndarray) -> np.ndarray:
         """(m,) variance of y at these shares of the spans behind knots k, for a density of 1 [s^3]."""

@@ -96,7 +96,7 @@ def test_a_steady_screw_is_exact_and_sure() -> None:
     twist = np.array([0.02, -0.01, 0.1, 0.7, -0.2, 0.05])
     stamps = np.array([0.0, 1.0, 2.5, 3.0, 5.0])
     continuous = exact(Trajectory(stamps, RigidTransform.from_exp_coords(stamps[:, None] * twist)))
-    asked = np.linspace(0.0, 5.0, 31)
+    asked = np.linspace(-0.9, 6.5, 31)  # and beyond its ends
     poses, covariances = continuous.at(asked)
     expected = RigidTransform.from_exp_coords(asked[:, None] * twist)
     np.testing.assert_allclose(poses.T_world_sensor.as_matrix(), expected.as_matrix(), atol=1e-9)
@@ -130,4 +130,18 @@ def test_what_cannot_be_told_is_refused() -> None:
     with pytest.raises(InputError, match="two or more"):
         exact(Trajectory(np.array([1.0]), T[:1]))
     with pytest.raises(InputError, match="known from 0 to 2 s"):
-        exact(Trajectory(np.array([0.0, 1.0, 2.0]), T)).at(np.array([0.5, 2.1]))
+        exact(Trajectory(np.array([0.0, 1.0, 2.0]), T)).at(np.array([0.5, 3.1]))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_beyond_the_ends_it_is_less_and_less_sure(seed: int) -> None:
+    nees, sure = [], []
+    for draw in range(60):
+        truth = driven(12, 100 * seed + draw)
+        known = range(2 * FINE, 9 * FINE + 1, FINE)
+        asked = [2 * FINE - 6, 9 * FINE + 3, 9 * FINE + 6]
+        poses, covariances = exact(truth.take(known)).at(truth.stamps[asked])
+        nees += squared(poses.T_world_sensor, covariances, truth.T_world_sensor[asked]).tolist()
+        sure.append(np.trace(covariances, axis1=1, axis2=2))
+    assert 4 < np.mean(nees) < 12  # eight poses tell little of how the velocity wanders
+    assert (np.mean(sure, axis=0)[2] > np.mean(sure, axis=0)[1]).all()

@@ -74,6 +74,12 @@ class SimulatedScans:
         rare=True,
         shown="1",
     )
+    sweep: float | None = _scene(
+        "P",
+        "Share of the time from one scan to the next in which the columns are taken in turn, 0..1; needs --ghosts 0.",
+        rare=True,
+        shown="0: all at once",
+    )
     like: Path | None = _scene(
         "FILE",
         "Simulate the scans of a description.json again; noise, threshold, dive and number can be changed.",
@@ -186,7 +192,13 @@ def command(
             f"--spacing has no effect with --trajectory {settings.trajectory}, only with {' or '.join(SPACED)}; "
             "leave it out"
         )
-    several = {"count": scans.scans, "spacing": scans.spacing, "dive": scans.dive, "unusable": lost.unusable}
+    several = {
+        "count": scans.scans,
+        "spacing": scans.spacing,
+        "dive": scans.dive,
+        "unusable": lost.unusable,
+        "sweep": scans.sweep,
+    }
     sensor = settings.sensor if lost.threshold is None else replace(settings.sensor, threshold=lost.threshold)
     changed = {"noise": replace(settings.noise, **given(noise)), "sensor": sensor}
     settings = replace(settings, **changed, **given(several))

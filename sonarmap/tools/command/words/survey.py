@@ -134,6 +134,7 @@ def _outcome(mapped: Mapped) -> list[tuple[str, str]]:
     return [
         ("scans", f"{len(mapped.names) - outside} of {given} placed in {where}"),
         *_stream(result),
+        *_straightened(result),
         ("loops", _loops(result)),
         *_crossings(result),
         *_agreement(result),
@@ -150,6 +151,16 @@ def _stream(result: "SurveyResult") -> list[tuple[str, str]]:
     between = len(result.trajectory) - len(result.keys) - len(result.odd)
     told = f", {left} placed by motion alone" if left else ""
     return [("stream", f"{len(result.keys)} key scans; {between - left} between them registered to these{told}")]
+
+
+def _straightened(result: "SurveyResult") -> list[tuple[str, str]]:
+    """Of scans that were taken while the sensor moved, how far their points were moved."""
+    from statistics import median
+
+    if result.straightened is None:
+        return []
+    moved = [far for far in result.straightened if far]
+    return [("bent", f"{len(moved)} scans straightened: points moved by {median(moved):.2g} m (95 % of them, median)")]
 
 
 def _agreement(result: "SurveyResult") -> list[tuple[str, str]]:

@@ -16,7 +16,7 @@ from sonarmap.tools.files.readers.selection import Selection, select_files
 
 Progress = Callable[[int, int, str], None]
 
-_ARRAYS = ("points", "strength", "viewpoints")  # of a scan
+_ARRAYS = ("points", "strength", "viewpoints", "times")  # of a scan
 _TEXTS = (".txt", ".csv")  # of points, or of anything else
 _SHOWN = 100  # scans of a file after which progress is shown again
 

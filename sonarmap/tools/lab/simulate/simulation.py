@@ -1,16 +1,17 @@
 """A simulation from its settings: a scene, a path, a sensor and noise; scans and the truth come out."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.motion.continuous import ContinuousTrajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.memory import available_memory, in_gib
 from sonarmap.tools.lab.simulate.paths.stations import paper18
@@ -29,7 +30,7 @@ from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
 from sonarmap.tools.lab.simulate.sensing.navigation import entropy_of
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
-from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, Sensor, cast
+from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, Sensor, cast, cast_beams
 from sonarmap.tools.lab.simulate.sensing.unusable import Fault, choose_unusable
 
 # Measured: what a beam takes while its echo is computed, and what is kept of an echo and of a scan [bytes].
@@ -77,6 +78,9 @@ class SimulationSettings:
     dive: int = 1  # 1, or another pass over the same scene, see tools/lab/simulate/paths/trajectories.py
     # share of the scans that show nothing of the scene, see tools/lab/simulate/sensing/unusable.py
     unusable: float = 0.0
+    # share of the time from one scan to the next in which the sensor takes its columns in turn, while it moves on; 0:
+    # all at once
+    sweep: float = 0.0
 
     def __post_init__(self) -> None:
         scene_kind(self.scene)
@@ -84,6 +88,12 @@ class SimulationSettings:
             raise InputError(f"no trajectory is called {self.trajectory!r}; there are {', '.join(TRAJECTORIES)}")
         if self.seed < 0:
             raise InputError(f"the seed is {self.seed}; wanted a number >= 0")
+        if not 0 <= self.sweep <= 1:
+            raise InputError(f"the sweep is {self.sweep}; wanted a share of the time between two scans, 0 to 1")
+        if self.sweep and (self.trajectory == "table1" or self.noise.ghosts):
+            raise InputError(
+                "scans of a sensor that moves can be neither of trajectory table1 nor with ghosts (`ghosts=0`)"
+            )
         check_dive(self.dive, self.trajectory)
         check_size(self.count, self.sensor.columns, self.sensor.rows)
         choose_unusable(self.unusable, self.count, self.seed, self.dive)
@@ -104,6 +114,10 @@ def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lam
     """All scans of a simulation; `progress` hears the number of scans done, after each. Raises InputError: more scans
     than the trajectory has, a pose that sees nothing."""
     truth = TRAJECTORIES[settings.trajectory](settings)
+    way = None
+    if settings.sweep:  # while the last scan is taken the sensor goes on as it would to another one
+        longer = TRAJECTORIES[settings.trajectory](replace(settings, count=settings.count + 1))
+        way = ContinuousTrajectory.through(longer, np.zeros((len(longer), 6, 6)))
     unusable = choose_unusable(settings.unusable, len(truth), settings.seed, settings.dive)
     scans = []
     for number in range(len(truth)):
@@ -111,19 +125,43 @@ def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lam
         if number in unusable.faults:
             scans.append(unusable.scan(settings.sensor, number, float(number), name))
         else:
-            scans.append(observe(settings, truth.T_world_sensor[number], number, name))
+            scans.append(observe(settings, truth.T_world_sensor[number], number, name, way))
         progress(number + 1)
     return Simulation(settings, tuple(scans), truth, unusable.faults)
 
 
-def observe(settings: SimulationSettings, T_world_sensor: RigidTransform, number: int, name: str) -> Scan:
-    """The scan `number` of a simulation, from one pose; the seed, the dive and the number decide its noise."""
+def observe(
+    settings: SimulationSettings,
+    T_world_sensor: RigidTransform,
+    number: int,
+    name: str,
+    way: ContinuousTrajectory | None = None,
+) -> Scan:
+    """The scan `number` of a simulation, from one pose, or on a way past it; the seed, the dive and the number decide
+    its noise."""
     key = entropy_of(number, dive=settings.dive)
     rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
     scene, sensor, noise = build_scene(settings.scene, settings.seed), settings.sensor, settings.noise
+    if way is not None:
+        return _on_the_way(settings, way, number, rng, name)
     echoes = cast(scene, sensor, T_world_sensor)
     ghosts = reflect(scene, sensor, T_world_sensor) if noise.ghosts > 0 else None
     return scan_of(disturb(echoes, sensor, noise, rng, ghosts), sensor, stamp=float(number), name=name)
+
+
+def _on_the_way(
+    settings: SimulationSettings, way: ContinuousTrajectory, number: int, rng: np.random.Generator, name: str
+) -> Scan:
+    """A scan whose columns are taken in turn, its points as the sensor has them at the time of each."""
+    sensor = settings.sensor
+    after = settings.sweep * np.arange(sensor.columns) / sensor.columns
+    T = way.at(number + after)[0].T_world_sensor
+    column = np.tile(np.arange(sensor.columns), sensor.rows)
+    directions = Rotation.from_quat(T.rotation.as_quat()[column]).apply(sensor.directions().reshape(-1, 3))
+    scene = build_scene(settings.scene, settings.seed)
+    echoes = disturb(cast_beams(scene, sensor, T.translation[column], directions), sensor, settings.noise, rng)
+    scan = scan_of(echoes, sensor, stamp=float(number), name=name)
+    return replace(scan, times=after[column][np.isfinite(echoes.ranges).ravel()].astype(np.float32))
 
 
 def settings_from_json(content: Any) -> SimulationSettings:

@@ -49,6 +49,7 @@ def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
         "odd_scans": odd_rows(result, names),
         "key_scans": result.keys,
         "interpolated": result.interpolated,
+        "straightened": result.straightened,
         "by_navigation": result.by_navigation,
         "warnings": faults(result, names),
         "wrong_fixes": [{"name": names[fix.scan], **asdict(fix)} for fix in result.wrong_fixes],

@@ -16,6 +16,7 @@ _LISTED = 300  # characters of names that a message lists
 
 # Sensors see hundreds of meters; beyond this it is a map coordinate, and float32 loses its centimeters.
 COORDINATE_LIMIT = 1e5
+_LONGEST_SCAN = 3600.0  # [s]
 POINT_BYTES = 3 * 8  # of a point while it is checked
 
 
@@ -68,8 +69,10 @@ def cloud_of_columns(columns: Mapping[str, np.ndarray], notes: Sequence[str] = (
 
 
 def columns_of(scan: Scan) -> dict[str, np.ndarray]:
-    """{name: (N,)} for `write_points`: intensity and vp_x, vp_y, vp_z, as far as the scan has them."""
+    """{name: (N,)} for `write_points`: intensity, time and vp_x, vp_y, vp_z, as far as the scan has them."""
     columns = {} if scan.strength is None else {"intensity": scan.strength}
+    if scan.times is not None:
+        columns["time"] = scan.times
     if scan.viewpoints is not None:
         columns |= dict(zip(VIEWPOINT_NAMES, scan.viewpoints.T, strict=True))
     return columns
@@ -100,7 +103,23 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str
         if corrected:
             notes.append(f"set {corrected:,} of {len(strength):,} strengths that are negative or not finite to 0")
     viewpoints = None if cloud.viewpoints is None else _usable_viewpoints(cloud.viewpoints[finite])
-    return Scan(points.astype(np.float32), strength, stamp, cloud.prior, name, viewpoints), notes
+    times = _times_after(cloud, np.asarray(finite))
+    return Scan(points.astype(np.float32), strength, stamp, cloud.prior, name, viewpoints, times), notes
+
+
+def _times_after(cloud: Cloud, chosen: np.ndarray) -> np.ndarray | None:
+    """(N,) float32 [s] after the cloud's stamp, or after its first point, of the chosen points; None where none are
+    known, they tell nothing, or the points have been brought together from where the sensor was at these times."""
+    viewpoints = cloud.viewpoints
+    if cloud.times is None or (viewpoints is not None and np.ptp(viewpoints, axis=0).any()):
+        return None
+    times = cloud.times[chosen].astype(np.float64)
+    if not np.isfinite(times).all() or np.ptp(times) == 0:
+        return None
+    start = 0.0 if cloud.stamp is None else cloud.stamp
+    if np.abs(times - start).max() > _LONGEST_SCAN:  # of another clock
+        start = times.min()
+    return (times - start).astype(np.float32)
 
 
 def refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:

@@ -192,8 +192,8 @@ def _verdict(given: np.ndarray, costs: Mapping[str, np.ndarray], registered: Reg
     for name, cost in costs.items():
         both = (cost[:, 1] > 0) & (given[:, 1] > 0)  # rows shifted by one leave a pair at the end
         if both.sum() >= LEAST_PAIRS and _agreeing(cost[both]) >= _AGREE:
-            totals = (_without_wrong(each[both], registered.i[both], registered.j[both]) for each in (given, cost))
-            falls[name] = float(np.subtract(*totals))
+            i, j = registered.i[both], registered.j[both]
+            falls[name] = _without_wrong(given[both], i, j) - _without_wrong(cost[both], i, j)
     best = max(falls.values(), default=0.0)
     named = tuple(name for name in sorted(falls, key=lambda name: -falls[name]) if falls[name] > best - _TIE)
     if best < _LEAST_SIGMAS**2 or len(named) > _MOST_NAMED:

@@ -1,0 +1,38 @@
+"""Scans of a sensor that takes its columns in turn while it moves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.motion.continuous import ContinuousTrajectory
+from sonarmap.tools.lab.simulate.plan import plan
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.sensing.noise import Noise
+from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES, simulate
+
+
+def test_columns_are_taken_in_turn_on_the_way() -> None:
+    """Each point lies where a beam from the sensor's place at its time meets the scene; the first column's at once."""
+    settings = replace(plan("harbor", seed=4), count=3, noise=Noise(), sweep=0.6)
+    scans = simulate(settings).scans
+    longer = TRAJECTORIES["survey"](replace(settings, count=4))
+    way = ContinuousTrajectory.through(longer, np.zeros((4, 6, 6)))
+    scene = build_scene("harbor", 4)
+    for number, scan in enumerate(scans):
+        assert scan.times is not None
+        assert 0.0 <= scan.times.min() <= scan.times.max() < 0.6
+        chosen = np.linspace(0, len(scan.points) - 1, 40).astype(int)
+        T = way.at(number + np.sort(scan.times[chosen].astype(np.float64)))[0].T_world_sensor
+        points = scan.points[chosen[np.argsort(scan.times[chosen])]].astype(np.float64)
+        ranges = np.linalg.norm(points, axis=1)
+        found, _ = scene.intersect(T.translation, T.rotation.apply(points / ranges[:, None]))
+        np.testing.assert_allclose(ranges, found, atol=0.05)  # in steps of 2.5 cm
+    still = simulate(replace(settings, sweep=0.0)).scans[1].points
+    slow = simulate(replace(settings, sweep=1e-6)).scans[1].points
+    np.testing.assert_allclose(slow, still, atol=0.03)
+    with pytest.raises(InputError, match="0 to 1"):
+        replace(settings, sweep=1.5)
+    with pytest.raises(InputError, match="ghosts"):
+        replace(settings, noise=replace(settings.noise, ghosts=0.1))
