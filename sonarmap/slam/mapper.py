@@ -47,6 +47,7 @@ class MapperSettings:
         map_voxel: edge of the fused map's voxels [m]; None is the survey's voxel.
         min_seen: points that fewer scans saw are left out of the map where others contradict them, see
             `slam.map.component_maps`; 1 leaves out none.
+        straighten: whether scans whose points have times are straightened, if they fit together better so.
     """
 
     loops: LoopSettings = field(default_factory=LoopSettings)
@@ -56,6 +57,7 @@ class MapperSettings:
     prepared: int | None = None
     map_voxel: float | None = None
     min_seen: int = MIN_SEEN
+    straighten: bool = True
 
     def __post_init__(self) -> None:
         if self.bridge < 1:
@@ -144,7 +146,8 @@ class Mapper:
         """The map of the scans without what the sensor's motion did to them, if they fit together better so; else the
         one that is given."""
         straight = Straightened.none(measurements.scans)
-        for _ in range(_ROUNDS if any(scan.times is not None for scan in measurements.scans) else 0):
+        is_bent = self.settings.straighten and any(scan.times is not None for scan in measurements.scans)
+        for _ in range(_ROUNDS if is_bent else 0):
             runs = ways(result.components, result.surveys, result.trajectory.stamps)
             before, straight = (
                 straight,

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sonarmap.tools.command.options.option import EARTH, LOOPS, MOST, OUTPUT, option, refuse_without
+from sonarmap.tools.command.options.option import EARTH, LOOPS, MOST, OUTPUT, flag, option, refuse_without
 from sonarmap.tools.command.options.registration import checked, is_positive
 from sonarmap.tools.command.terminal import say
 
@@ -62,6 +62,10 @@ class SurveyOptions:
         max=MOST,
     )
 
+    straighten: bool = flag(
+        LOOPS, "--straighten/--no-straighten", "Straighten scans whose points have times.", True, rare=True
+    )
+
     def mapper_settings(self) -> "MapperSettings":
         """The same as the mapper takes it; None leaves the default."""
         from sonarmap.slam.candidates.settings import LoopSettings
@@ -80,6 +84,7 @@ class SurveyOptions:
             limits,
             KeySettings(self.key_step),
             min_seen=MIN_SEEN if self.min_seen is None else self.min_seen,
+            straighten=self.straighten,
         )
 
 
