@@ -36,6 +36,8 @@ _FEWEST, _UNDERSTATED, NOTHING = 8, 2.0, 10.0
 # falls by so much in the end, and so much more than by another that leaves the poses elsewhere, by so many of the
 # positions' sigmas in the mean.
 _LOOKED_AT, _EXPLAINS, _CLEARLY, _ELSEWHERE = 5.0, 12.0, 15.0, 1.0
+# What fits with it then; depths and attitudes have nothing to do with it.
+_EXPLAINED = [list(KINDS).index(kind) for kind in ("heading", "position")]
 # It is found in so many steps, each so many times as long as fitted, or until one is so small a share of it.
 _STEPS, _LONGER, _STILL = 8, 20.0, 0.05
 # Edges alone, over more poses than these, drift farther than any lever arm.
@@ -149,7 +151,7 @@ def _explained(
             numbers, before = numbers + longer * step, step
         error = Systematic(*numbers.tolist())
         # where edges are wrong, as over a flat bed, some arm explains a part
-        if error.is_likely and (own.understated(at.trajectory.T_world_sensor) == 1).all():
+        if error.is_likely and (own.understated(at.trajectory.T_world_sensor)[_EXPLAINED] == 1).all():
             tried.append((own.cost(at), own, at, own_weights, error))
     tried.sort(key=lambda each: each[0])
     if not tried or fixes.cost(solution) - tried[0][0] < _EXPLAINS:
