@@ -74,6 +74,23 @@ class MapperSettings:
 _ROUNDS, _STRAIGHT = 2, 0.1
 
 
+@dataclass(slots=True)
+class _Rounds:
+    """The progress of maps that are made one after another, as one."""
+
+    report: Progress
+    before: int = 0  # steps that were done when this map began
+    done: int = 0
+
+    def __call__(self, done: int, planned: int, text: str) -> None:
+        self.done = self.before + done
+        self.report(self.done, self.before + planned, text)
+
+    def begin_again(self) -> None:
+        """Another map begins."""
+        self.before = self.done
+
+
 class Mapper:
     """Registers a survey's scans and fuses them into a map.
 
@@ -114,7 +131,7 @@ class Mapper:
         """Map a survey, or several of one place.
 
         A pair that fails leaves a gap and the chain goes on behind it: a component of its own, unless other pairs
-        join both sides.
+        join both sides. Scans whose points have times are straightened by the map, and mapped again.
 
         Args:
             scans: at least two, in the order in which they were taken, survey after survey.
@@ -138,25 +155,24 @@ class Mapper:
         number = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
         by_hand = {tie.scans: tie for tie in ties}
         measurements = Measurements(tuple(scans), number, odometry, tuple(control), by_hand)
-        return self._straightened(measurements, self._mapped(measurements, progress, vet), progress)
+        rounds = None if progress is None else _Rounds(progress)
+        return self._straightened(measurements, self._mapped(measurements, rounds, vet), rounds)
 
     def _straightened(
-        self, measurements: Measurements, result: SurveyResult, progress: Progress | None
+        self, measurements: Measurements, result: SurveyResult, progress: "_Rounds | None"
     ) -> SurveyResult:
         """The map of the scans without what the sensor's motion did to them, if they fit together better so; else the
         one that is given."""
         straight = Straightened.none(measurements.scans)
-        is_bent = self.settings.straighten and any(scan.times is not None for scan in measurements.scans)
-        for _ in range(_ROUNDS if is_bent else 0):
+        have_times = any(scan.times is not None for scan in measurements.scans)
+        for _ in range(_ROUNDS if self.settings.straighten and have_times else 0):
             runs = ways(result.components, result.surveys, result.trajectory.stamps)
-            before, straight = (
-                straight,
-                straightened(
-                    measurements.scans, result.trajectory, runs, self.voxel / 2, bent=result.straightened is None
-                ),
-            )
+            taken, bent, before = measurements.scans, result.straightened is None, straight
+            straight = straightened(taken, result.trajectory, runs, self.voxel / 2, bent)
             if straight.farthest_from(before) < _STRAIGHT * self.voxel:
                 break
+            if progress is not None:
+                progress.begin_again()
             again = self._mapped(replace(measurements, scans=straight.scans), progress)
             fewer = max(map(len, again.components)) < max(map(len, result.components))
             if fewer or sharper(again.pairs, result.pairs) <= 0:

@@ -10,9 +10,13 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.continuous import ContinuousTrajectory
 from sonarmap.slam.pair import Pair
+from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import Scan
 
 _FEWEST = 4  # scans in a row that tell how the sensor moved
+# A scan takes no longer than to the next one, but for this share; else stamps and times are of different clocks.
+_LONGER = 1.2
+_IN_MEMORY = 1 << 28  # bytes of straightened points; the others are on disk
 _MOST = 0.95  # of a scan's points this share moves by less than what is said of it
 
 
@@ -47,9 +51,11 @@ def straightened(
         runs: scans that are one way, in the order of their stamps, which ascend.
         seen_from: points of a scan in which the sensor moves farther than this [m] say where it was.
     """
-    straight, moved = list(scans), np.zeros(len(scans))
+    straight, moved, store = list(scans), np.zeros(len(scans)), PointStore(_IN_MEMORY)
     for run in runs:
-        if len(run) < _FEWEST:
+        spans = [float(np.ptp(times)) for k in run if (times := scans[k].times) is not None]
+        steps = np.diff(trajectory.stamps[list(run)])
+        if len(run) < _FEWEST or not spans or np.median(spans) > _LONGER * np.median(steps):
             continue
         knots = trajectory.take(run)
         if bent:
@@ -67,7 +73,9 @@ def straightened(
             if asked[0] < first or asked[-1] > last:
                 continue
             T = way.at(asked)[0].T_world_sensor
-            straight[k], moved[k] = _straight(scans[k], T[int(which[0])].inv() * T, which[1:], seen_from)
+            scan, moved[k] = _straight(scans[k], T[int(which[0])].inv() * T, which[1:], seen_from)
+            viewpoints = None if scan.viewpoints is None else store.keep(scan.viewpoints)
+            straight[k] = replace(scan, points=store.keep(scan.points), viewpoints=viewpoints)
     return Straightened(tuple(straight), moved)
 
 

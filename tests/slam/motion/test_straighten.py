@@ -71,10 +71,14 @@ def test_scans_without_a_way_stay() -> None:
     scans = [seen(stamp, rng, RigidTransform.identity())[0] for stamp in stamps.tolist()]
     late = replace(scans[-1], times=TIMES + np.float32(1.5))  # beyond what the last step tells
     trajectory = Trajectory(stamps, pose(stamps))
-    straight = straightened([*scans[:-1], late], trajectory, [[0, 1, 2], list(range(3, COUNT))], seen_from=0.5)
+    runs = [[0, 1, 2], list(range(3, COUNT))]
+    straight = straightened([*scans[:-1], late], trajectory, runs, seen_from=0.5)
     assert all(ours is given for ours, given in zip(straight.scans[:3], scans[:3], strict=True))  # too few
     assert straight.scans[-1] is late
     assert (straight.moved > 0).tolist() == 3 * [False] + 8 * [True] + [False]
+    counted = Trajectory(0.5 * stamps, pose(stamps))  # numbers of scans, that are no seconds
+    restamped = [replace(scan, stamp=0.5 * scan.stamp) for scan in scans]
+    assert not straightened(restamped, counted, runs, seen_from=0.5).moved.any()
 
 
 def test_ways_end_with_parts_surveys_and_clocks() -> None:

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.clouds.cloud import scan_of_cloud
 from sonarmap.tools.files.readers.corrections import AS_RECORDED, Corrections
 from sonarmap.tools.files.readers.file import FORMATS, NamedCloud, clouds_of
-from sonarmap.tools.files.readers.point_store import PointStore
 from sonarmap.tools.files.readers.scan_sizes import repeated_in_words, strange_sizes
 from sonarmap.tools.files.readers.selection import Selection, select_files
 

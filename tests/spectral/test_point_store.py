@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.tools.files.readers import point_store, scans
-from sonarmap.tools.files.readers.point_store import PointStore
+from sonarmap.spectral import point_store
+from sonarmap.spectral.point_store import PointStore
+from sonarmap.tools.files.readers import scans
 from sonarmap.tools.files.readers.scans import read_survey
 from sonarmap.tools.files.writers.points import write_points
 from tests.samples.refusals import refuses
