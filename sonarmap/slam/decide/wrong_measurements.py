@@ -38,6 +38,7 @@ _FEWEST, _UNDERSTATED, NOTHING = 8, 2.0, 10.0
 _LOOKED_AT, _EXPLAINS, _CLEARLY, _ELSEWHERE = 5.0, 12.0, 15.0, 3.0
 # What fits with it then; depths and attitudes have nothing to do with it.
 _EXPLAINED = [list(KINDS).index(kind) for kind in ("heading", "position")]
+_MOST_LEFT, _RARELY = 0.2, 1e-4  # share of these that may still be farther off than one of 10,000 right ones
 # It is found in so many steps, each so many times as long as fitted, or until one is so small a share of it.
 _STEPS, _LONGER, _STILL = 8, 20.0, 0.05
 # Edges alone, over more poses than these, drift farther than any lever arm.
@@ -150,8 +151,10 @@ def _explained(
                 break
             numbers, before = numbers + longer * step, step
         error = Systematic(*numbers.tolist())
-        # where edges are wrong, as over a flat bed, some arm explains a part
-        if error.is_likely and (own.understated(at.trajectory.T_world_sensor)[_EXPLAINED] == 1).all():
+        # where edges are wrong, as over a flat bed, or some fixes are, some arm explains a part; one that is there puts
+        # no strain on edges
+        strained = _strained(at) > _strained(solution)
+        if error.is_likely and not strained and own.fit(at.trajectory.T_world_sensor, _EXPLAINED):
             tried.append((own.cost(at), own, at, own_weights, error))
     tried.sort(key=lambda each: each[0])
     if not tried or fixes.cost(solution) - tried[0][0] < _EXPLAINS:
@@ -160,6 +163,11 @@ def _explained(
     alike = (other for other in tried[1:] if other[0] < cost + _CLEARLY)
     unclear = next((other for _, _, there, _, other in alike if fixes.apart(at, there) > _ELSEWHERE), None)
     return own, at, own_weights, replace(error, alternative=unclear)
+
+
+def _strained(solution: Solution) -> int:
+    """How many edges are farther off than one of 10,000 right ones."""
+    return int((solution.graph.residuals() ** 2 > chdtri(6, _RARELY)).sum())
 
 
 def _solved(graph: PoseGraph, fixes: "_Fixes") -> tuple[Solution, np.ndarray]:
@@ -329,6 +337,12 @@ class _Fixes:
         """(K,) by how much larger the errors of each kind are than stated, 1 where they are about as stated."""
         factors = np.sqrt(self._usual(self._squared(T_world_sensor)))
         return np.where(factors >= _UNDERSTATED, factors, 1.0)
+
+    def fit(self, T_world_sensor: RigidTransform, kinds: Sequence[int]) -> bool:
+        """Whether most measurements of these kinds are about as far from the poses as was stated, and few farther."""
+        far = (self._squared(T_world_sensor) > chdtri(_SIZES, _RARELY)) & self.known
+        few = far.sum(axis=0) <= _MOST_LEFT * self.known.sum(axis=0)
+        return bool(((self.understated(T_world_sensor) == 1) & few)[list(kinds)].all())
 
     def _squared(self, T_world_sensor: RigidTransform) -> np.ndarray:
         """(n, K) chi-squared of what was measured."""
