@@ -248,3 +248,20 @@ def test_what_all_fixes_share_is_found_and_taken_off(error: str, seed: int) -> N
     assert judged.wrong == ()
     apart = np.array([judged.priors[k].T_world_sensor.translation - truth[k].translation for k in range(LANES)])
     assert np.abs(np.median(apart, axis=0)).max() < 0.8
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_run_of_wrong_fixes_is_no_shared_error(seed: int) -> None:
+    """On lanes without loops, where two broken steps and a lever arm would let all fixes fit."""
+    truth, rng = lanes(), np.random.default_rng([seed, 9])
+    edges = tuple(chain_edges(truth, COVARIANCE, drawn(np.random.default_rng(seed), COVARIANCE, LANES)[:-1]))
+    wrong, way = range(10, 20), rng.uniform(0, 2 * np.pi)
+    priors = {}
+    for k in range(LANES):
+        noise = SIGMAS * rng.standard_normal(6)
+        off = 24.0 * np.array([np.cos(way), np.sin(way), 0.0]) * (k in wrong)
+        R = Rotation.from_rotvec(noise[:3]) * truth[k].rotation
+        priors[k] = PosePrior(RigidTransform.from_components(truth[k].translation + off + noise[3:], R), SIGMAS.copy())
+    judged = judge_fixes(PoseGraph(Trajectory(np.arange(float(LANES)), truth), edges), priors)
+    assert judged.systematic is None
+    assert [(fix.scan, fix.kind) for fix in judged.wrong] == [(k, "position") for k in wrong]
