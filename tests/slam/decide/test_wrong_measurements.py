@@ -250,18 +250,19 @@ def test_what_all_fixes_share_is_found_and_taken_off(error: str, seed: int) -> N
     assert np.abs(np.median(apart, axis=0)).max() < 0.8
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(6))
 def test_a_run_of_wrong_fixes_is_no_shared_error(seed: int) -> None:
-    """On lanes without loops, where two broken steps and a lever arm would let all fixes fit."""
+    """On lanes without loops, whose steps are unsure: with two of them broken and a lever arm all fixes would fit."""
     truth, rng = lanes(), np.random.default_rng([seed, 9])
-    edges = tuple(chain_edges(truth, COVARIANCE, drawn(np.random.default_rng(seed), COVARIANCE, LANES)[:-1]))
-    wrong, way = range(10, 20), rng.uniform(0, 2 * np.pi)
+    unsure, sigmas = 50 * COVARIANCE, SIGMAS * [1, 1, 1, 0.5, 0.5, 1]
+    edges = tuple(chain_edges(truth, unsure, drawn(np.random.default_rng(seed), unsure, LANES)[:-1]))
+    wrong, way = range(8, 21), rng.uniform(0, 2 * np.pi)
     priors = {}
     for k in range(LANES):
-        noise = SIGMAS * rng.standard_normal(6)
+        noise = sigmas * rng.standard_normal(6)
         off = 24.0 * np.array([np.cos(way), np.sin(way), 0.0]) * (k in wrong)
         R = Rotation.from_rotvec(noise[:3]) * truth[k].rotation
-        priors[k] = PosePrior(RigidTransform.from_components(truth[k].translation + off + noise[3:], R), SIGMAS.copy())
+        priors[k] = PosePrior(RigidTransform.from_components(truth[k].translation + off + noise[3:], R), sigmas.copy())
     judged = judge_fixes(PoseGraph(Trajectory(np.arange(float(LANES)), truth), edges), priors)
     assert judged.systematic is None
-    assert [(fix.scan, fix.kind) for fix in judged.wrong] == [(k, "position") for k in wrong]
+    assert [fix.scan for fix in judged.wrong if fix.kind == "position"] == list(wrong)
