@@ -15,7 +15,8 @@ from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges, twin_odds
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.decide.verdict import with_verdicts
-from sonarmap.slam.decide.wrong_measurements import JudgedFixes, WrongControl, judge_fixes, without_wrong_control
+from sonarmap.slam.decide.wrong_control import WrongControl, without_wrong_control
+from sonarmap.slam.decide.wrong_measurements import JudgedFixes, judge_fixes
 from sonarmap.slam.graph.control import ControlPoint, MeasuredControl
 from sonarmap.slam.graph.edge import Edge, components, spanning_tree
 from sonarmap.slam.graph.place import place_by_control, place_in_world

@@ -1,4 +1,4 @@
-"""Measurements that all others contradict: an acoustic outlier, a compass that jumped, a control point picked wrongly.
+"""Measurements that all others contradict: an acoustic outlier, a compass that jumped.
 
 They are found by reweighted least squares with heavy tails (Student's t): a measurement far off pulls less and less,
 until the others say where the pose is. One that nothing else bears on is never wrong.
@@ -13,7 +13,6 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import chdtri, gammaincinv
 
 from sonarmap.slam.decide.systematic import KINDS_OF_ERROR, Systematic, fit_error
-from sonarmap.slam.graph.control import ControlPoint, jacobian
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.measured import measured_rotation, twist
@@ -24,11 +23,11 @@ KINDS = {"attitude": slice(0, 2), "heading": slice(2, 3), "position": slice(3, 5
 _SIZES = np.array([numbers.stop - numbers.start for numbers in KINDS.values()])
 _MIDDLE = 2 * gammaincinv(_SIZES / 2, 0.5)  # the median of chi-squared of so many numbers
 # Degrees of freedom of the errors' tails, how often measurements are weighed anew, and a change that is none.
-_TAILS, _REWEIGHTED, _SETTLED = 2.0, 12, 1e-2
+TAILS, _REWEIGHTED, _SETTLED = 2.0, 12, 1e-2
 # A measurement is wrong where one of so many right ones is as far off.
 _RARE = 1e-5
-# Where more than this share of the measurements of a kind, or of the points, seem wrong, it is not they that are.
-_MOST, _MOST_POINTS = 0.4, 0.3
+# Where more than this share of the measurements of a kind seem wrong, it is not they that are.
+_MOST = 0.4
 # Standard deviations of a kind are understated where the errors of half of so many or more are as large as those of so
 # many times as large ones; from so many times on nothing is measured: axes are exchanged, or times are off.
 _FEWEST, _UNDERSTATED, NOTHING = 8, 2.0, 10.0
@@ -53,14 +52,6 @@ class WrongFix:
     kind: str  # of KINDS
     sigmas: float  # how far it is from what all others say, in standard deviations of one number that is as rare
     place: tuple[float, ...] | None = None  # where a position said that the sensor was, East and North [m]
-
-
-@dataclass(frozen=True, slots=True)
-class WrongControl:
-    """A control point that was left out."""
-
-    point: ControlPoint  # as it was given
-    sigmas: float  # how far it is from what all others say, in its own standard deviations and the map's together
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,35 +173,10 @@ def _solved(graph: PoseGraph, fixes: "_Fixes") -> tuple[Solution, np.ndarray]:
     # a fix far off would tear its scan from the edges, did it count in full first; those may be wrong as well
     start = weights_at(graph)
     start /= np.where(fixes.known, start, 0.0).max(axis=0, initial=1e-12)
-    return _reweighted(graph, np.minimum(start, 1.0), weighed, weights_at, edges_too=True)
+    return reweighted(graph, np.minimum(start, 1.0), weighed, weights_at, edges_too=True)
 
 
-def without_wrong_control(graph: PoseGraph) -> tuple[tuple[ControlPoint, ...], tuple[WrongControl, ...]]:
-    """The control points of a graph, its poses about where they are in the world, without those that its edges, priors
-    and other points contradict; and which."""
-    if not graph.control:
-        return (), ()
-
-    def weighed(graph: PoseGraph, weights: np.ndarray) -> PoseGraph:
-        sigmas = zip(graph.control, weights.tolist(), strict=True)
-        return replace(
-            graph, control=tuple(replace(point, sigmas=point.sigmas / np.sqrt(weight)) for point, weight in sigmas)
-        )
-
-    def weights_at(at: PoseGraph) -> np.ndarray:
-        squared = np.array([(_apart(at, point) / point.sigmas) ** 2 for point in graph.control]).sum(axis=1)
-        return np.minimum(1.0, (_TAILS + 3) / (_TAILS + squared))
-
-    # a point far off counts little from the beginning: at full weight it would bend a chain for good
-    solution, weights = _reweighted(graph, weights_at(graph), weighed, weights_at)
-    wrong = _wrong_control(solution, graph.control, weights)
-    if len(wrong) > _MOST_POINTS * len(graph.control):
-        return graph.control, ()
-    left_out = {id(each.point) for each in wrong}
-    return tuple(point for point in graph.control if id(point) not in left_out), wrong
-
-
-def _reweighted(
+def reweighted(
     graph: PoseGraph,
     weights: np.ndarray,
     weighed: Callable[[PoseGraph, np.ndarray], PoseGraph],
@@ -224,7 +190,7 @@ def _reweighted(
         solution = weighed(graph, weights).optimize(scale_factors=1 / of_edges)
         graph = graph.at(solution.trajectory.T_world_sensor)
         if edges_too:
-            of_edges = np.minimum(1.0, (_TAILS + 6) / (_TAILS + solution.residuals**2 / of_edges))
+            of_edges = np.minimum(1.0, (TAILS + 6) / (TAILS + solution.residuals**2 / of_edges))
         before, weights = weights, weights_at(graph)
         if np.abs(weights - before).max() < _SETTLED:
             break
@@ -232,28 +198,10 @@ def _reweighted(
     return solution, weights
 
 
-def _sigmas_if_wrong(apart: np.ndarray, covariance: np.ndarray) -> float | None:
+def sigmas_if_wrong(apart: np.ndarray, covariance: np.ndarray) -> float | None:
     """How far a measurement is from the estimate [sigmas], where that is farther than both are unsure."""
     squared = float(apart @ np.linalg.solve(covariance, apart))
     return float(np.sqrt(squared)) if squared > chdtri(len(apart), _RARE) else None
-
-
-def _apart(graph: PoseGraph, point: ControlPoint) -> np.ndarray:
-    """(3,) from where a control point is known to be to where the poses have it [m]."""
-    return graph.trajectory.T_world_sensor[point.scan].apply(point.point) - point.known
-
-
-def _wrong_control(
-    solution: Solution, control: Sequence[ControlPoint], weights: np.ndarray
-) -> tuple[WrongControl, ...]:
-    suspects = [point for point, weight in zip(control, weights.tolist(), strict=True) if weight < 1]
-    covariances, wrong = solution.covariances() if suspects else np.empty(0), list[WrongControl]()
-    for point in suspects:
-        J = jacobian(solution.trajectory.T_world_sensor[point.scan], point.point)
-        both = J @ covariances[point.scan] @ J.T + np.diag(point.sigmas**2)
-        if (sigmas := _sigmas_if_wrong(_apart(solution.graph, point), both)) is not None:
-            wrong.append(WrongControl(point, sigmas))
-    return tuple(wrong)
 
 
 @dataclass(frozen=True, slots=True)
@@ -314,8 +262,8 @@ class _Fixes:
     def cost(self, solution: Solution) -> float:
         """Of the edges and these: twice the negative logarithm of the likelihood of their tails."""
         squared = self._squared(solution.trajectory.T_world_sensor)
-        of_fixes = ((_TAILS + _SIZES) * np.log1p(squared / _TAILS))[self.known].sum()
-        of_edges = ((_TAILS + 6) * np.log1p(solution.graph.residuals() ** 2 / _TAILS)).sum()
+        of_fixes = ((TAILS + _SIZES) * np.log1p(squared / TAILS))[self.known].sum()
+        of_edges = ((TAILS + 6) * np.log1p(solution.graph.residuals() ** 2 / TAILS)).sum()
         return float(of_fixes + of_edges)
 
     def corrected(self, error: Systematic, at: Trajectory) -> "_Fixes":
@@ -331,7 +279,7 @@ class _Fixes:
     def weights_at(self, T_world_sensor: RigidTransform) -> np.ndarray:
         """(n, K) weights by how far the poses are from what was measured, beside what most of the kind are."""
         usual = np.maximum(1.0, self._usual(sums := self._squared(T_world_sensor)))
-        return np.minimum(1.0, (_TAILS + _SIZES) / (_TAILS + sums / usual)) / usual
+        return np.minimum(1.0, (TAILS + _SIZES) / (TAILS + sums / usual)) / usual
 
     def understated(self, T_world_sensor: RigidTransform) -> np.ndarray:
         """(K,) by how much larger the errors of each kind are than stated, 1 where they are about as stated."""
@@ -378,7 +326,7 @@ def _wrong_fixes(solution: Solution, fixes: _Fixes, weights: np.ndarray) -> tupl
         R = T[k].rotation.as_matrix()
         in_world = block_diag(R, R)[numbers]  # by the pose's body tangent
         together = in_world @ covariances[k] @ in_world.T + np.diag(fixes.sigmas[n, numbers] ** 2)
-        if (sigmas := _sigmas_if_wrong(residuals[n, numbers], together)) is not None:
+        if (sigmas := sigmas_if_wrong(residuals[n, numbers], together)) is not None:
             place = tuple(fixes.places[n, :2].tolist()) if names[kind] == "position" else None
             wrong.append(WrongFix(k, names[kind], sigmas, place))
     return tuple(sorted(wrong, key=lambda fix: (fix.scan, fix.kind)))

@@ -11,7 +11,8 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.decide.decision import Decision
 from sonarmap.slam.decide.measurements import Measurements
-from sonarmap.slam.decide.wrong_measurements import WrongControl, judge_fixes, without_wrong_control
+from sonarmap.slam.decide.wrong_control import WrongControl, without_wrong_control
+from sonarmap.slam.decide.wrong_measurements import judge_fixes
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.decide.wrong_measurements import without_wrong_control
+from sonarmap.slam.decide.wrong_control import without_wrong_control
 from sonarmap.slam.graph.control import ControlPoint, jacobian
 from sonarmap.slam.graph.gtsam_poses import to_values
 from sonarmap.slam.graph.place import place_by_control, place_in_world, robust_fit
