@@ -34,7 +34,7 @@ _FEWEST, _UNDERSTATED, NOTHING = 8, 2.0, 10.0
 # An error that all fixes share is looked for where a first look lets chi-squared fall by so much, and believed where it
 # falls by so much in the end, and so much more than by another that leaves the poses elsewhere, by so many of the
 # positions' sigmas in the mean.
-_LOOKED_AT, _EXPLAINS, _CLEARLY, _ELSEWHERE = 5.0, 12.0, 15.0, 3.0
+_LOOKED_AT, _EXPLAINS, _CLEARLY, _ELSEWHERE = 5.0, 15.0, 15.0, 3.0
 # What fits with it then; depths and attitudes have nothing to do with it.
 _EXPLAINED = [list(KINDS).index(kind) for kind in ("heading", "position")]
 _MOST_LEFT, _RARELY = 0.2, 1e-4  # share of these that may still be farther off than one of 10,000 right ones
