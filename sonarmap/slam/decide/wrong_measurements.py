@@ -35,9 +35,10 @@ _FEWEST, _UNDERSTATED, NOTHING = 8, 2.0, 10.0
 # falls by so much in the end, and so much more than by another that leaves the poses elsewhere, by so many of the
 # positions' sigmas in the mean.
 _LOOKED_AT, _EXPLAINS, _CLEARLY, _ELSEWHERE = 5.0, 15.0, 15.0, 3.0
-# What fits with it then; depths and attitudes have nothing to do with it.
+# What fits with it then, as depths and attitudes have nothing to do with it; and the share of these that may still be
+# farther off than one of so many right ones.
 _EXPLAINED = [list(KINDS).index(kind) for kind in ("heading", "position")]
-_MOST_LEFT, _RARELY = 0.2, 1e-4  # share of these that may still be farther off than one of 10,000 right ones
+_MOST_LEFT, _RARELY = 0.2, 1e-4
 # It is found in so many steps, each so many times as long as fitted, or until one is so small a share of it.
 _STEPS, _LONGER, _STILL = 8, 20.0, 0.05
 # Edges alone, over more poses than these, drift farther than any lever arm.

@@ -46,10 +46,10 @@ def straightened(
     Args:
         scans: N, as they were taken.
         trajectory: their N poses.
-        bent: whether these are the poses of scans as they were taken: one that is bent lies best where the sensor was
-            in the middle of it.
         runs: scans that are one way, in the order of their stamps, which ascend.
         seen_from: points of a scan in which the sensor moves farther than this [m] say where it was.
+        bent: whether these are the poses of scans as they were taken: one that is bent lies best where the sensor was
+            in the middle of it.
     """
     straight, moved, store = list(scans), np.zeros(len(scans)), PointStore(_IN_MEMORY)
     for run in runs:

@@ -131,8 +131,8 @@ def _between(
             T_i_k = RigidTransform.from_exp_coords(before / (before + behind) * way)
             sigmas = np.sqrt(floor**2 + unsteady.variance(before, behind))
         step = Registration(T_i_k, np.diag(sigmas**2), np.nan, np.nan, True, 0.0, "between two key scans")
-        T_keys = T_poses[a].inv() * T_poses[b] if b < len(keys) and parts[a] == parts[b] else None
-        between.append(Between(k, Edge(i, k, step, "odometry"), keys[min(b, len(keys) - 1)], T_keys))
+        T_keys = T_poses[a].inv() * T_poses[b] if parts[a] == parts[b] else None
+        between.append(Between(k, Edge(i, k, step, "odometry"), keys[b], T_keys))
     return between
 
 
