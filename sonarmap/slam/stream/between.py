@@ -20,7 +20,7 @@ from sonarmap.slam.graph.place import place_by_control, place_in_world
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.motion import scan_times
-from sonarmap.slam.stream.refine import Between, refine
+from sonarmap.slam.stream.refine import Between, refine, without_leaps
 from sonarmap.spectral.result import Registration
 
 
@@ -46,7 +46,12 @@ def with_between(
     """
     count, graph = len(measurements.scans), decision.solution.graph
     between = _between(keys, decision, measurements, floor, odd)
-    edges, interpolated = refine(runner, between, floor)
+    parts = {keys[k]: n for n, members in enumerate(graph.components) for k in members}
+    runs = _runs(parts, between, measurements.surveys)
+    at = {k: decision.solution.trajectory.T_world_sensor[n] for n, k in enumerate(keys)}
+    times = scan_times(measurements.stamps, measurements.surveys)
+    refined = without_leaps(runner, between, refine(runner, between, floor), at, times, runs, floor)
+    edges = [edge for own in refined.edges.values() for edge in own]
     at_keys = {k: number for number, k in enumerate(keys)}
 
     def expanded(T_keys: RigidTransform) -> Trajectory:
@@ -84,7 +89,18 @@ def with_between(
     chained = expanded(decision.chained.T_world_sensor)
     judged = replace(judged, wrong=tuple(fixes[key] for key in sorted(fixes)))
     displaced = tuple((keys[i], keys[j]) for i, j in decision.displaced)
-    return Decision(chained, solution, pairs, judged, wrong_control, decision.drifts, displaced, tuple(interpolated))
+    return Decision(chained, solution, pairs, judged, wrong_control, decision.drifts, displaced, tuple(refined.left))
+
+
+def _runs(parts: Mapping[int, int], between: Sequence[Between], surveys: np.ndarray) -> np.ndarray:
+    """(N,) numbers that are equal for scans that follow one another in one part and survey; -1 for those without."""
+    part = np.full(len(surveys), -1)
+    part[list(parts)] = list(parts.values())
+    for each in between:
+        if each.T_keys is not None:
+            part[each.scan] = parts[each.step.i]
+    changes = np.append(False, (np.diff(part) != 0) | (np.diff(surveys) != 0))
+    return np.where(part < 0, -1, np.cumsum(changes))
 
 
 def _control(

@@ -3,7 +3,7 @@
 enough: like any pair, by the scans alone, and not about where a steady motion has them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -13,6 +13,7 @@ from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.tangent import lengths, propagated
 from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.slam.stream.leaps import find_leaps
 
 # Two that say where a scan is agree where one of so many right ones is farther apart.
 _AGREE = float(np.sqrt(chdtri(6, 1e-3)))
@@ -33,7 +34,22 @@ class Between:
         return sides if self.scan - self.step.i <= self.after - self.scan else (sides[1], sides[0])
 
 
-def refine(runner: PairRunner, scans: Sequence[Between], floor: np.ndarray) -> tuple[list[Edge], list[int]]:
+@dataclass(frozen=True, slots=True)
+class Refined:
+    """How scans lie to key scans.
+
+    Attributes:
+        edges: by scan, from registrations that can be believed; of a scan that none holds what motion says.
+        left: the scans that no registration holds.
+        registered: what was registered, by the scans of a pair.
+    """
+
+    edges: dict[int, list[Edge]]
+    left: list[int]
+    registered: dict[tuple[int, int], RegisteredPair]
+
+
+def refine(runner: PairRunner, scans: Sequence[Between], floor: np.ndarray) -> Refined:
     """How the scans lie to key scans: by registrations that can be believed, else as the steps have them.
 
     A registration that is accepted is believed where it agrees with the step, or with that to the other key scan.
@@ -41,22 +57,59 @@ def refine(runner: PairRunner, scans: Sequence[Between], floor: np.ndarray) -> t
     Args:
         runner: of all scans.
         floor: (6,) standard deviations that every two are granted between them [rad, m].
-
-    Returns:
-        Edges, and the scans that no registration holds.
     """
     first = {pair.scans: pair for pair in runner.register([each.candidates()[0] for each in scans])}
     agreed = {each.scan: _agreeing(each, first, floor) for each in scans}
     more = [each.candidates()[1] for each in scans if not agreed[each.scan]]
     both = first | {pair.scans: pair for pair in runner.register(more)}
-    edges: list[Edge] = []
-    left: list[int] = []
+    edges: dict[int, list[Edge]] = {}
     for each in scans:
-        found = agreed[each.scan] or _agreeing(each, both, floor)
-        edges += found or [each.step]
-        if not found:
-            left.append(each.scan)
-    return edges, left
+        edges[each.scan] = agreed[each.scan] or _agreeing(each, both, floor) or [each.step]
+    return Refined(edges, [each.scan for each in scans if edges[each.scan][0] is each.step], both)
+
+
+def without_leaps(
+    runner: PairRunner,
+    scans: Sequence[Between],
+    refined: Refined,
+    keys: Mapping[int, RigidTransform],
+    times: np.ndarray,
+    runs: np.ndarray,
+    floor: np.ndarray,
+) -> Refined:
+    """The same without registrations by which a scan leaps out of its neighbors' way: by that to the other key scan, if
+    it lies on the way then, else where the way has it.
+
+    Args:
+        runner: of all N scans.
+        scans: those between key scans.
+        keys: poses of the key scans.
+        times: (N,) [s].
+        runs: (N,) equal for scans that follow one another in one map; below 0 of scans without a place.
+        floor: as of `refine`.
+    """
+    poses = dict(keys)
+    for each in scans:
+        edge = refined.edges[each.scan][0]
+        T_i_j = edge.registration.T_target_source
+        poses[each.scan] = poses[edge.i] * T_i_j if edge.j == each.scan else poses[edge.j] * T_i_j.inv()
+    chosen = np.array([k for k in sorted(poses) if runs[k] >= 0])
+    if not len(chosen):
+        return refined
+    T_chosen = RigidTransform.concatenate([poses[k] for k in chosen.tolist()])
+    leaps = find_leaps(T_chosen, times[chosen], runs[chosen], np.isin(chosen, list(keys)), floor)
+    by_scan, edges = {each.scan: each for each in scans}, dict(refined.edges)
+    leaping = [by_scan[k] for k in chosen[leaps.scans].tolist()]
+    asked = [c for each in leaping for c in each.candidates() if c.scans not in refined.registered]
+    registered = refined.registered | {pair.scans: pair for pair in runner.register(asked)}
+    left = set(refined.left)
+    for each, T_way, sigmas in zip(leaping, leaps.T, leaps.sigmas, strict=True):
+        T_key = poses[each.step.i]
+        way = replace(each.step.registration, T_target_source=T_key.inv() * T_way, covariance=np.diag(sigmas**2))
+        on_way = replace(each, step=replace(each.step, registration=way))
+        edges[each.scan] = _agreeing(on_way, registered, floor) or [on_way.step]
+        left |= {each.scan} if edges[each.scan][0] is on_way.step else set()
+    return Refined(edges, sorted(left), registered)
 
 
 def _agreeing(between: Between, registered: Mapping[tuple[int, int], RegisteredPair], floor: np.ndarray) -> list[Edge]:
