@@ -147,7 +147,7 @@ def _explained(
         # no strain on edges
         strained = _strained(at) > _strained(solution)
         if error.is_likely and not strained and own.fit(at.trajectory.T_world_sensor, _EXPLAINED):
-            tried.append((own.cost(at), own, at, own_weights, error))
+            tried.append((own.cost(at) + error.unlikeliness, own, at, own_weights, error))
     tried.sort(key=lambda each: each[0])
     if not tried or fixes.cost(solution) - tried[0][0] < _EXPLAINS:
         return fixes, solution, weights, None
