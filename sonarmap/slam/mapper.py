@@ -191,12 +191,12 @@ class Mapper:
         ties = tuple(measurements.ties.values())
         try:
             runner, searched = self._searching(measurements, progress, vet)
-            keys, known = choose_keys(runner, number, self.voxel, self.settings.keys)
+            keys, known = choose_keys(runner, measurements.runs, self.voxel, self.settings.keys)
             odd: tuple[OddScan, ...] = ()
             if len(keys) == len(scans):
-                known = register_steps(runner, measurements.surveys, known)
+                known = register_steps(runner, measurements.runs, known)
                 vouched = {k for tie in ties for k in tie.scans} | {point.scan for point in control}
-                odd = find_odd(runner, searched, number.tolist(), known, self.voxel, vouched)
+                odd = find_odd(runner, searched, measurements.runs.tolist(), known, self.voxel, vouched)
                 keys = [k for k in keys if k not in {each.scan for each in odd}]
             if len(keys) == len(scans):
                 decision = self._decided(runner, measurements, known)
@@ -218,7 +218,7 @@ class Mapper:
         """Who registers the scans, and these, bounded no more than some pairs that are registered freely allow."""
         searched = measurements.searched()
         runner = PairRunner(self.execution, searched, 2, progress)
-        free = register_freely(runner, measurements.scans, measurements.surveys)
+        free = register_freely(runner, measurements.scans, measurements.runs)
         if vet is not None:
             vet(free)
         if understated := errors_shown(free, measurements.priors):

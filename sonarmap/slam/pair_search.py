@@ -33,10 +33,10 @@ from sonarmap.spectral.result import Registrar
 _WORTH_A_ROUND = 0.01
 
 
-def register_steps(runner: PairRunner, survey: np.ndarray, known: Sequence[RegisteredPair]) -> list[RegisteredPair]:
-    """Consecutive scans of each survey, of which (N,) numbers are given, by the scans alone; `known` have been."""
+def register_steps(runner: PairRunner, runs: np.ndarray, known: Sequence[RegisteredPair]) -> list[RegisteredPair]:
+    """Consecutive scans of each run, of which (N,) numbers are given, by the scans alone; `known` have been."""
     by_scans = {pair.scans: pair for pair in known}
-    steps = [Candidate(k, k + 1, "sequential") for k in range(len(survey) - 1) if survey[k] == survey[k + 1]]
+    steps = [Candidate(k, k + 1, "sequential") for k in range(len(runs) - 1) if runs[k] == runs[k + 1]]
     by_scans |= {pair.scans: pair for pair in runner.register([step for step in steps if step.scans not in by_scans])}
     return [by_scans[step.scans] for step in steps]
 
@@ -77,7 +77,7 @@ class PairSearch:
     def steps(self, known: Sequence[RegisteredPair] = ()) -> list[RegisteredPair]:
         """Consecutive scans of each survey, from which the motion is learned; `known` have been registered already."""
         survey = self.measurements.surveys
-        pairs = register_steps(self._runner, survey, known)
+        pairs = register_steps(self._runner, self.measurements.runs, known)
         if (odometry := self.measurements.odometry) is not None:
             odometry = odometry.as_registered(pairs)
             self.measurements = replace(self.measurements, odometry=odometry)

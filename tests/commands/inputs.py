@@ -17,7 +17,9 @@ from tests.samples.bags.messages import CLOUD, ODOMETRY, cloud, odometry
 from tests.samples.bags.writers import write_ros1
 from tests.samples.command_line import sonarmap
 from tests.samples.dives import Dive
+from tests.samples.lines import gsf_of
 from tests.samples.recordings import written
+from tests.slam.pings.simulated_lines import simulated
 
 START = datetime(2026, 7, 1, 9, 30, tzinfo=UTC)
 STEP = 10.0  # [s] between the scans
@@ -195,6 +197,17 @@ def graph(inputs: Inputs, path: Path) -> None:
 
 
 GATE, HARBOR = "simulate --scene floodgate --scans 8 --seed 1", "simulate --scene harbor --scans 4 --dive"
+
+
+def one_line(number: int) -> Callable[[Inputs, Path], None]:
+    """A line of an echo sounder, which overlaps with the next."""
+
+    def make(inputs: Inputs, path: Path) -> None:
+        gsf_of(path, simulated(5, rms=0.6, pings=120, beams=96).recorded[number])
+
+    return make
+
+
 INPUTS: dict[str, Callable[[Inputs, Path], None]] = {
     "scans": made_by(GATE),
     # the same scans with what instruments measured of them
@@ -217,6 +230,8 @@ INPUTS: dict[str, Callable[[Inputs, Path], None]] = {
     "B.ply": one_scan(1),
     "target.npy": one_scan(0),
     "source.npy": one_scan(1),
+    "line1.gsf": one_line(0),
+    "line2.gsf": one_line(1),
     "in.g2o": graph,
     "ties.csv": ties,
     "control.csv": control,

@@ -66,6 +66,15 @@ class Measurements:
         return [] if self.odometry is None else self.odometry.edges(self.surveys)
 
     @property
+    def runs(self) -> np.ndarray:
+        """(N,) within which consecutive scans are registered: the surveys, or each scan by itself where dead reckoning
+        alone tells the steps."""
+        if self.odometry is None or not self.odometry.alone:
+            return self.surveys
+        apart = ~np.isin(np.arange(len(self.surveys)), self.odometry.scans[1:])
+        return np.cumsum(~apart | np.append(True, np.diff(self.surveys) != 0)) - 1
+
+    @property
     def stamps(self) -> np.ndarray:
         """(N,) [s]."""
         return np.array([scan.stamp for scan in self.scans], dtype=np.float64)

@@ -37,6 +37,7 @@ class Odometry:
         drift: standard deviation of the way, as a share of it.
         turn_drift: standard deviation of the rotation [rad/s].
         understated: how many times more than was stated both are, as registrations show.
+        alone: whether consecutive scans share too little to be registered, so that it alone tells their steps.
 
     Raises:
         InputError: shapes that do not fit, or a drift below 0.
@@ -48,6 +49,7 @@ class Odometry:
     drift: float = 0.01
     turn_drift: float = float(np.radians(10.0) / 3600)
     understated: float = 1.0
+    alone: bool = False
 
     def __post_init__(self) -> None:
         if self.T_odom_sensor.single or not len(self.scans) == len(self.T_odom_sensor) == len(self.times):

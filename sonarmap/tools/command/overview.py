@@ -14,6 +14,7 @@ from sonarmap.tools.files.readers.clock import Clock, clock_of
 from sonarmap.tools.files.readers.corrections import AS_RECORDED, Corrections
 from sonarmap.tools.files.readers.file import FORMATS
 from sonarmap.tools.files.readers.instruments import values_of
+from sonarmap.tools.files.readers.pings.overview import LineOverview, line_overview
 from sonarmap.tools.files.readers.scans import Progress, ScanEntry, files_of, read_entries, stamps_of
 from sonarmap.tools.files.readers.selection import select_files
 
@@ -39,6 +40,7 @@ class Overview:
     speeds: list[float] = field(default_factory=list[float])  # of sound, as recorded [m/s]
     clock: Clock | None = None  # of the scans' stamps; None where not all of them have a time
     notes: list[str] = field(default_factory=list[str])  # what the user should know, in words
+    lines: list[LineOverview] = field(default_factory=list[LineOverview])  # of pings, of which scans are patches
 
     def add(self, entry: ScanEntry) -> None:
         """Count in a scan; nothing of it is kept."""
@@ -107,8 +109,10 @@ def overview_of(
     selection = select_files(paths, FORMATS)
     overview, file_notes = Overview(files_of(selection), edge), list[str]()
     own, are_clouds, are_scans = list[float | None](), list[bool](), list[bool]()
+    of_lines: list[Path] = []
     for entry in read_entries(selection, file_notes, progress, corrections):
         overview.add(entry)
+        of_lines += [entry.path] * (entry.patch is not None)
         own.append(entry.stamp)
         are_clouds.append(entry.is_cloud)
         are_scans.append(entry.scan is not None)
@@ -120,4 +124,5 @@ def overview_of(
     if (more := len(overview.notes) - _MOST_NOTES) > 0:
         overview.notes[_MOST_NOTES:] = [f"and {more:,} more notes of single scans"]
     overview.notes[:0] = [*file_notes, *stamp_notes]
+    overview.lines += [line_overview(path) for path in dict.fromkeys(of_lines)]
     return overview

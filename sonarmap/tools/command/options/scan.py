@@ -50,13 +50,21 @@ class PointReading:
         autocompletion=completes(listed_in(_CORRECTIONS, "UNITS")),
     )
 
+    patch: float | None = _input(
+        "M",
+        "Of lines of pings: length of the patches into which they are cut \\[m].",
+        shown="half the swath's width",
+        rare=True,
+    )
+
     def corrections(self) -> "Corrections":
         """What is done to the points of files when they are read.
 
-        Raises InputError: numbers that are no speed of sound in water or no factor, or unknown names.
+        Raises InputError: numbers that are no speed of sound in water, no factor or no length, or unknown names.
         """
         from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
+        from sonarmap.tools.files.readers.pings.patches import LineReading
 
         scale = 1.0 if self.range_scale is None else self.range_scale
         frame = PointFrame("flu" if self.frame is None else self.frame, "m" if self.units is None else self.units)
-        return Corrections(self.sound_speed, scale, frame)
+        return Corrections(self.sound_speed, scale, frame, LineReading(self.patch))

@@ -3,6 +3,7 @@
 import json
 import math
 import shlex
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from sonarmap.tools.command.overview import Overview
 
 INCOMPLETE = 3
+_MOST_LINES = 6  # of pings, on a screen
 
 
 def command(
@@ -138,6 +140,7 @@ def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any
         "sound_speed_mps": (min(overview.speeds), max(overview.speeds)) if overview.speeds else None,
         "attitudes": len(overview.attitudes),
         "roll_pitch_deg": overview.attitude if overview.attitudes else None,
+        "lines": [asdict(line) for line in overview.lines],
         "grid": grid and {"edge": grid.edge, "voxel": grid.voxel},
         "notes": overview.notes,
         "unread": overview.unread,
@@ -160,6 +163,7 @@ def _print(overview: "Overview", following: str) -> None:
         "points": f"{median:,.0f} per scan in the median, {least:,} to {most:,}",
         "extent": f"{x:.3g} x {y:.3g} x {z:.3g} m in the median; the farthest point is at {overview.farthest:.3g} m",
         **_times(overview),
+        **_lines(overview),
         "strengths": _share(overview.with_strength, scans),
         "sound speed": _sound_speed(overview),
         "attitude": _attitude(overview),
@@ -181,6 +185,23 @@ def _times(overview: "Overview") -> dict[str, str]:
     changed = f"; the last file was changed at {utc(overview.changed)} UTC" if clock.is_set else ""
     time = f"{span_words(clock)}{changed}"
     return {"time": time} if clock.steps == 0 else {"time": time, "rate": rate_words(clock, "scans")}
+
+
+def _lines(overview: "Overview") -> dict[str, str]:
+    """Of lines of pings, a few rows each of the first."""
+    rows: dict[str, str] = {}
+    for number, line in enumerate(overview.lines[:_MOST_LINES], 1):
+        roll, pitch, heading = (f"{mean:.1f} ± {swing:.1f}" for mean, swing in (line.roll, line.pitch, line.heading))
+        rejected = f", {100 * line.rejected / max(line.beams, 1):.1f} % rejected"
+        by = f" by {line.echo_sounder}" if line.echo_sounder else ""
+        rows[f"line {number}"] = (
+            f"{line.file}: {line.pings:,} pings, {line.beams:,} soundings{by}{rejected}; {line.length:,.1f} m in "
+            f"{line.seconds:,.0f} s ({line.speed:.1f} m/s); depth {line.depth[0]:,.1f} to {line.depth[2]:,.1f} m, "
+            f"swath {line.swath:,.1f} m; roll {roll}, pitch {pitch}, heading {heading} degrees"
+        )
+    if (more := len(overview.lines) - _MOST_LINES) > 0:
+        rows["more"] = f"{more} more lines; --json has all"
+    return rows
 
 
 def _share(count: int, scans: int) -> str:

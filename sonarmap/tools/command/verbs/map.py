@@ -12,6 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.execution import ExecutionOptions, open_execution
 from sonarmap.tools.command.failures import print_failure
+from sonarmap.tools.command.lines import give_back, navigated_lines, way_within_lines, without_biases
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile, scans_with_priors
 from sonarmap.tools.command.navigation_check import ContradictedError, refusing
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from sonarmap.tools.files.geo.georeference import Georeference
     from sonarmap.tools.files.readers.corrections import Corrections
     from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
+    from sonarmap.tools.files.readers.pings.patches import LineReading
     from sonarmap.tools.files.readers.scans import ReadScans
     from sonarmap.tools.products.export.run import ExportSettings
 
@@ -54,6 +56,15 @@ CheckOption = Annotated[
         NAVIGATION,
         "--check-priors/--no-check-priors",
         "Make no map where scans contradict the priors and show why, as by exchanged columns.",
+        rare=True,
+    ),
+]
+PatchTestOption = Annotated[
+    bool,
+    switch(
+        NAVIGATION,
+        "--patch-test/--no-patch-test",
+        "Take latency, roll, pitch and heading biases, as overlapping lines of pings show them, out of these.",
         rare=True,
     ),
 ]
@@ -72,6 +83,7 @@ class SurveyInput:
     method: ConfiguredMethod
     settings: Mapping[str, Any]  # of the summary
     vet: "Callable[[Sequence[RegisteredPair]], None] | None"  # may refuse the navigation
+    lines: "LineReading"  # how lines of pings became scans
 
     @property
     def files(self) -> list[Path]:
@@ -112,6 +124,7 @@ def command(
     execution: ExecutionOptions,
     imu: ImuOption = True,
     check_priors: CheckOption = True,
+    patch_test: PatchTestOption = False,
     as_json: JsonOption = False,
     verbose: VerboseOption = False,
     quiet: QuietOption = False,
@@ -139,17 +152,22 @@ def command(
     mapper = survey.mapper_settings()
     navigation = reading.settings(priors.priors, odometry.odometry, origin=earth.georeference())
     navigation = replace(navigation, fastest=mapper.limits.speed)
-    read = _read_scans(inputs, priors.priors, points.corrections(), output.out, telling.silent)
+    corrections = points.corrections()
+    if patch_test:
+        corrections = without_biases(inputs, corrections, telling.silent)
+    read = _read_scans(inputs, priors.priors, corrections, output.out, telling.silent)
     read, georeference = _navigate(read, priors, navigation, imu and method.uses_priors, earth.origin_heading)
     ties = person.read_ties(read.scans)
     control, georeference = person.read_control(read.scans, georeference)
     exports = output.export_settings(earth.crs, georeference, read.scans)
-    reckoned = odometry.read(read.scans, navigation)
+    reckoned = odometry.read(read.scans, navigation) or way_within_lines(read)
     configured = configure_method(read.scans, method, survey=True)
     described = given(priors) | given(odometry) | given(reading) | given(points) | given(person)
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapper}
     vet = refusing(read.scans, priors.priors or "what recordings measured") if check_priors else None
-    survey_input = SurveyInput(read, reckoned, ties, control, georeference, configured, settings, vet)
+    survey_input = SurveyInput(
+        read, reckoned, ties, control, georeference, configured, settings, vet, corrections.lines
+    )
     try:
         whole = _map_and_tell(survey_input, execution, output, exports, telling)
     except ContradictedError as error:
@@ -168,6 +186,8 @@ def _map_and_tell(
     with locked(output.out, writing=True):  # until its last file is written
         mapped = _map(survey, execution, output, telling.silent)
         try:
+            if survey.read.patches and survey.georeference is not None:
+                give_back(mapped, survey.read.patches, survey.georeference, survey.lines, exports.crs, telling.silent)
             _write_report_and_exports(mapped, output.report, exports, telling.silent)
         finally:  # the map is there, whatever its report and export came to
             if not telling.as_json:
@@ -205,7 +225,10 @@ def _navigate(
 
     Raises InputError: they have headings, and --origin-heading is another one.
     """
-    navigated = scans_with_priors(read.scans, priors, navigation, use_imu, bool(read.unread), read.files)
+    if read.patches and use_imu:
+        navigated = navigated_lines(read, priors, navigation)
+    else:
+        navigated = scans_with_priors(read.scans, priors, navigation, use_imu, bool(read.unread), read.files)
     if heading is not None and any(scan.prior is not None and scan.prior.knows_heading for scan in navigated.scans):
         raise InputError("--origin-heading: the priors have headings, which say where the map points; leave it out")
     return replace(read, scans=navigated.scans), navigated.georeference

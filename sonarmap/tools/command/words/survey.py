@@ -36,6 +36,8 @@ class Mapped:
     unread: int  # how many more scans could not be read
     on_earth: bool = False  # whether it is known where the map lies on the Earth
     made_of_it: list[str] = field(default_factory=list[str])  # files written after the map: its report, and exports
+    # what came of lines of pings, in words
+    of_lines: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])
 
     @property
     def whole(self) -> bool:
@@ -138,6 +140,7 @@ def _outcome(mapped: Mapped) -> list[tuple[str, str]]:
         ("loops", _loops(result)),
         *_crossings(result),
         *_agreement(result),
+        *mapped.of_lines,
         ("track", f"{way_length(result):,.1f} m"),
         ("map", f"{points} points, voxels of {result.maps[parts[0]].voxel:.3g} m{doubtful}"),
     ]

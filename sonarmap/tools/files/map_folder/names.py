@@ -16,6 +16,7 @@ OF_ALL = (GRAPH, FULL_GRAPH, PAIRS, SUMMARY)  # the files of all components
 TIMES, JOURNAL = "times.json", "journal.sqlite"
 PICTURE = ".png"
 REPORT = "report.html"  # written after the others, from them
+OF_LINES = NAVIGATION, SOUNDINGS, LINES = "navigation.csv", "soundings.laz", "lines.json"  # of a map of lines of pings
 _MAP_SUFFIXES, _TRAJECTORY_SUFFIXES = ("|".join(map(re.escape, known)) for known in (WRITERS, TRAJECTORY_WRITERS))
 _MAP = re.compile(rf"map(_all)?(_\d+)?(_survey_\d+)?({_MAP_SUFFIXES})")
 _OF_PART = re.compile(_MAP.pattern + rf"|(map|loops|profile)(_\d+)?\.png|trajectory(_\d+)?({_TRAJECTORY_SUFFIXES})")
@@ -47,7 +48,7 @@ def earlier_files(folder: Path) -> set[str]:
     try:
         names = set(read_json(folder / SUMMARY, "the summary.json of an earlier map")["files"])
         exported = {name for name in names if Path(name).name == name and side_car(name) in names}
-        own = {name for name in names if _OF_PART.fullmatch(name) or name == REPORT}
+        own = {name for name in names if _OF_PART.fullmatch(name) or name in (REPORT, *OF_LINES)}
         return own | exported | {side_car(name) for name in exported}
     except (ValueError, LookupError, TypeError):  # missing, or not ours: nothing is removed
         return set()

@@ -7,6 +7,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
+from sonarmap.tools.files.readers.pings.patches import AS_LINES, LineReading
 
 SOUND_SPEEDS = (1000.0, 2000.0)  # [m/s]; in water 1400 to 1600
 # Axes of the points as a file has them -> rows of R_flu_file: forward, left and up in the file's axes.
@@ -61,6 +62,7 @@ class Corrections:
     sound_speed: float | None = None
     scale: float = 1.0  # a factor on the ranges besides, of any format
     frame: PointFrame = AS_WE_HAVE_THEM  # along which axes and in which unit files have their points
+    lines: LineReading = AS_LINES  # how lines of pings become scans
 
     def __post_init__(self) -> None:
         low, high = SOUND_SPEEDS

@@ -19,6 +19,8 @@ from sonarmap.tools.files.readers.clouds.pcd import read_pcd
 from sonarmap.tools.files.readers.clouds.ply import read_ply
 from sonarmap.tools.files.readers.clouds.rows import require_believable
 from sonarmap.tools.files.readers.clouds.text import read_text
+from sonarmap.tools.files.readers.pings.line_file import FORMATS as LINES
+from sonarmap.tools.files.readers.pings.patches import AS_LINES, LineReading, line_clouds
 from sonarmap.tools.files.readers.poses.trajectory import places_at, read_tum
 from sonarmap.tools.files.readers.selection import SelectedFile
 from sonarmap.tools.files.user_file import naming, unreadable
@@ -43,6 +45,7 @@ class Format:
     has_sound_speed: bool = False  # whether clouds say with which speed of sound their ranges were computed
     has_axes: bool = False  # whether the format says along which axes and in which unit its points are
     has_topics: bool = False
+    is_line: bool = False  # of pings, which `pings.patches` cuts into clouds that their own navigation places
 
 
 def _stream_sonar(path: Path, _: str | None, notes: list[str]) -> Iterator[Cloud]:
@@ -72,6 +75,7 @@ FORMATS = {
     ".bag": _recording("a ROS 1 bag", rb"#ROSBAG V"),
     ".mcap": _recording("an MCAP file", rb"\x89MCAP0\r\n"),
     ".db3": _recording("an SQLite database, as ROS 2 bags have", rb"SQLite format 3\x00"),
+    **{suffix: Format(each.kind, each.start, is_line=True, has_axes=True) for suffix, each in LINES.items()},
     ".xyz": _TEXT,
     ".txt": _TEXT,
     ".csv": _TEXT,
@@ -88,17 +92,17 @@ class NamedCloud:
     cloud: Cloud
 
 
-def clouds_of(selected: SelectedFile, notes: list[str]) -> Iterator[NamedCloud]:
+def clouds_of(selected: SelectedFile, notes: list[str], lines: LineReading = AS_LINES) -> Iterator[NamedCloud]:
     """The clouds of one file that hold points, one by one; notes about the file are added to the list. A trajectory
     NAME.tum beside NAME.ply, or whatever its suffix, says where the sensor was at each point's time."""
     with naming(selected.path):
         try:
-            yield from _named(selected, _clouds_in(selected, notes), notes)
+            yield from _named(selected, _clouds_in(selected, notes, lines), notes)
         except MemoryError as error:
             raise InputError("too large for this machine's memory; thin its points out first") from error
 
 
-def _clouds_in(selected: SelectedFile, notes: list[str]) -> Iterator[Cloud]:
+def _clouds_in(selected: SelectedFile, notes: list[str], lines: LineReading) -> Iterator[Cloud]:
     """Every cloud of a file, those without points too."""
     path = selected.path
     if (known := _BAG_FOLDER if path.is_dir() else FORMATS.get(path.suffix.lower())) is None:
@@ -107,7 +111,9 @@ def _clouds_in(selected: SelectedFile, notes: list[str]) -> Iterator[Cloud]:
         _check_start(path)
     if selected.topic is not None and not known.has_topics:
         raise InputError(f"::{selected.topic} names a topic, and {known.kind} has none; leave it out")
-    if known.stream is not None:
+    if known.is_line:
+        clouds = line_clouds(path, notes, lines)
+    elif known.stream is not None:
         clouds = known.stream(path, selected.topic, notes)
     else:
         assert known.read is not None, "a format is read at once or streamed"

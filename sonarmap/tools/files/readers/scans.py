@@ -1,14 +1,14 @@
 """Point cloud files to scans."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.clouds.cloud import scan_of_cloud
+from sonarmap.tools.files.readers.clouds.cloud import PingPatch, scan_of_cloud
 from sonarmap.tools.files.readers.corrections import AS_RECORDED, Corrections
 from sonarmap.tools.files.readers.file import FORMATS, NamedCloud, clouds_of
 from sonarmap.tools.files.readers.scan_sizes import repeated_in_words, strange_sizes
@@ -41,6 +41,8 @@ class ReadScans:
     # of each scan, 0, 1, ...: a folder is one survey; if each scan has a folder of its own, all of them are one
     surveys: tuple[int, ...] = ()
     repeated: tuple[str, ...] = ()  # what was given twice, in words
+    # of the scans that are patches of lines of pings; each line is a survey
+    patches: Mapping[int, PingPatch] = field(default_factory=dict[int, PingPatch])
 
 
 def read_scans(paths: Sequence[str | Path], corrections: Corrections = AS_RECORDED) -> ReadScans:
@@ -112,6 +114,7 @@ class ScanEntry:
     notes: tuple[str, ...] = ()  # about its points
     reason: str = ""  # why there is none
     sound_speed: float | None = None  # with which its ranges were recorded [m/s], or None
+    patch: PingPatch | None = None  # which pings it is made of, or None
 
 
 def read_entries(
@@ -128,7 +131,7 @@ def read_entries(
     for number, selected in enumerate(selection.files):
         named_by_path = stems[selected.path.stem] > 1
         try:
-            for count, cloud in enumerate(clouds_of(selected, notes), start=1):
+            for count, cloud in enumerate(clouds_of(selected, notes, corrections.lines), start=1):
                 yield _entry(replace(cloud, name=cloud.where) if named_by_path else cloud, corrections)
                 if progress is not None and count % _SHOWN == 0:
                     progress(number, len(selection.files), f"{selected.path.name}: {count:,} scans")
@@ -167,7 +170,7 @@ def _entry(named: NamedCloud, corrections: Corrections) -> ScanEntry:
         scan, notes = scan_of_cloud(corrections.corrected(cloud), name, 0.0)
     except InputError as error:
         return ScanEntry(path, where, name, None, cloud.stamp, is_cloud=True, reason=f"{where}: {error}")
-    return ScanEntry(path, where, name, scan, cloud.stamp, True, tuple(notes), sound_speed=cloud.sound_speed)
+    return ScanEntry(path, where, name, scan, cloud.stamp, True, tuple(notes), "", cloud.sound_speed, cloud.patch)
 
 
 def _kept(entry: ScanEntry, store: PointStore) -> ScanEntry:
@@ -196,12 +199,15 @@ def _all_of(
     labels: dict[str, list[str]] = {}
     folders: dict[Path, int] = {}
     surveys: list[int] = []
+    patches: dict[int, PingPatch] = {}
     for entry, stamp in zip(entries, stamps, strict=True):
         if entry.scan is None:
             unread.append(Unread(entry.where, entry.reason, len(scans)))
             continue
         scans.append(replace(entry.scan, stamp=stamp))
-        folder = entry.path if entry.path.is_dir() else entry.path.parent
+        if entry.patch is not None:
+            patches[len(scans) - 1] = entry.patch
+        folder = entry.path if entry.patch is not None or entry.path.is_dir() else entry.path.parent
         surveys.append(folders.setdefault(folder, len(folders)))
         in_file = entry.path.name + entry.where.removeprefix(str(entry.path))
         for note in entry.notes:
@@ -209,7 +215,7 @@ def _all_of(
     if len(folders) == len(scans):
         surveys = [0] * len(scans)
     about_scans = [f"{of[0]}{f' and {len(of) - 1:,} more' * (len(of) > 1)}: {note}" for note, of in labels.items()]
-    return ReadScans(tuple(scans), (*notes, *about_scans), files, tuple(unread), tuple(surveys))
+    return ReadScans(tuple(scans), (*notes, *about_scans), files, tuple(unread), tuple(surveys), (), patches)
 
 
 def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[list[float], list[str]]:

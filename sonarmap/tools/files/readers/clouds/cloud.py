@@ -2,8 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior, Scan
@@ -21,6 +23,19 @@ POINT_BYTES = 3 * 8  # of a point while it is checked
 
 
 @dataclass(frozen=True, slots=True)
+class PingPatch:
+    """Which pings a scan is made of, and where their line's navigation has it."""
+
+    path: Path  # of the line
+    first: int  # first, last: its pings are first to last - 1
+    last: int
+    count: int  # patches of the line
+    depth: float  # of the soundings below the transducer, in the median [m]
+    geodetic: tuple[float, float, float]  # latitude, longitude [deg], height [m] of the scan's frame
+    R_north_patch: Rotation  # in East, North, Up of this place
+
+
+@dataclass(frozen=True, slots=True)
 class Cloud:
     """One cloud as its file holds it, not yet checked."""
 
@@ -33,6 +48,7 @@ class Cloud:
     times: np.ndarray | None = None  # (N,), when each point was seen [s], or None
     prior: PosePrior | None = None  # what the sensor's own instruments say about its pose, or None
     sound_speed: float | None = None  # with which the sensor computed its ranges [m/s], or None
+    patch: PingPatch | None = None  # which pings of a line it is made of, or None
 
 
 def column_roles(names: Sequence[str]) -> dict[str, int]:

@@ -1,0 +1,198 @@
+"""Biases and the lines' navigation errors at once, by least squares over the differences of overlapping lines."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.sparse import coo_array, csr_array
+
+from sonarmap.slam.pings.biases import NAMES, Biases, corrected, velocities
+from sonarmap.slam.pings.line import PingLine
+from sonarmap.slam.pings.navigation_errors import Knots, NavigationErrors
+from sonarmap.slam.pings.patches import Overlaps, Patches
+
+BIASES = len(NAMES)
+# Errors of the motion sensor that are unknowns, too, with standard deviations: how far its axes are turned about the
+# vertical [rad], and where it sits from the transducer, forward and to port [m]. As the vehicle swings they raise and
+# lower soundings as heading and pitch do, by millimeters, which would seem to show these on a flat bed.
+MOTION = np.array([np.radians(5.0), 1.0, 1.0])
+_FIXED = BIASES + len(MOTION)
+# Cells are so many times as wide in the first rounds, so that errors of meters are small beside the bed's forms.
+_WIDENED = (3.0, 3.0, 2.0)
+# Rounds with the cells themselves, at most; and the largest change of a bias that ends them, in standard deviations.
+_ROUNDS, _STILL = 10, 0.1
+# Residuals are Student-t with so many degrees of freedom; where a cell has no scatter, heights have this much [m].
+_FREEDOM, _FINEST = 5.0, 0.002
+# Slopes of fewer than the first number of their noise move no heights, those of more than the second do so in full: on
+# thousands of cells noise would look like relief, on which the biases show. In wide cells all do.
+_SURE = (6.0, 8.0)
+# Residuals may be correlated within blocks of so many cells by as many.
+_BLOCK = 12
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """What the residuals are, at some solution.
+
+    Attributes:
+        overlaps: of the lines as the solution corrects them.
+        rows: (Q, U) what a unit of each unknown changes a patch's height by, less the cell's mean of that.
+        residuals: (Q,) the cell's mean height less the patch's [m].
+        weights: (Q,) of the residuals [m^-2].
+        bread: (Q,) second derivatives of the residuals' loss [m^-2].
+        assumed: (U, U) information assumed before [1 / units of the unknowns squared].
+    """
+
+    overlaps: Overlaps
+    rows: csr_array
+    residuals: np.ndarray
+    weights: np.ndarray
+    bread: np.ndarray
+    assumed: np.ndarray
+
+    def step(self, solution: np.ndarray) -> np.ndarray:
+        """(U,) what to add to the solution."""
+        weighted = self.rows.T * self.weights
+        return np.linalg.solve(
+            (weighted @ self.rows).toarray() + self.assumed, weighted @ self.residuals - self.assumed @ solution
+        )
+
+    def covariance(self) -> np.ndarray:
+        """(4, 4) of the biases.
+
+        That of the least squares, with standard deviations raised to those that the residuals show where they are
+        correlated within blocks (the sandwich of H. White, DOI 10.2307/1912526, by clusters).
+        """
+        information = ((self.rows.T * self.bread) @ self.rows).toarray() + self.assumed
+        inverse = np.linalg.inv(information)
+        numbers = np.floor(self.overlaps.centers / (_BLOCK * self.overlaps.cell)).astype(np.int64)
+        blocks = np.unique(numbers, axis=0, return_inverse=True)[1].reshape(-1)[self.overlaps.cells]
+        scores = self.rows * (self.weights * self.residuals)[:, None]
+        count = int(blocks.max()) + 1
+        members = coo_array((np.ones(len(blocks)), (blocks, np.arange(len(blocks)))), shape=(count, len(blocks)))
+        summed = (members.tocsr() @ scores).toarray()
+        wide = inverse @ (count / max(count - 1, 1) * summed.T @ summed + self.assumed) @ inverse
+        own = inverse[:BIASES, :BIASES]
+        raised = np.sqrt(np.maximum(np.diag(wide)[:BIASES] / np.diag(own), 1))
+        return raised[:, None] * own * raised
+
+
+def fit(
+    lines: Sequence[PingLine], cell: float, navigation: NavigationErrors, mounting: Biases
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """(4,) biases, their covariance (4, 4), and of each line (P, 3) what to add to its places [m]."""
+    knots = Knots.of(lines, _FIXED)
+    assumed = block_diag(
+        np.diag(mounting.array**-2), np.diag(MOTION**-2), *(own.information(navigation) for own in knots)
+    )
+    solution = np.zeros(knots[-1].end)
+    near = list(_overlapping(lines, _WIDENED[0] * cell))
+    for widened in (*_WIDENED, *[1.0] * _ROUNDS):
+        system = _system(near, knots, solution, widened * cell, assumed, widened == 1)
+        change = system.step(solution)
+        change[:BIASES] = np.clip(change[:BIASES], -mounting.array, mounting.array)  # the bed is not a plane
+        solution = solution + change
+        covariance = system.covariance()
+        if widened == 1 and (np.abs(change[:BIASES]) < _STILL * np.sqrt(np.diag(covariance))).all():
+            break
+    errors = [own.errors(line.stamps, solution) for line, own in zip(lines, knots, strict=True)]
+    return solution[:BIASES], covariance, errors
+
+
+def _overlapping(lines: Sequence[PingLine], cell: float) -> Iterator[PingLine]:
+    """The lines with the soundings alone that lie where several have some."""
+    patches = [Patches.of(line.world_points(), cell, np.zeros((len(line.points), 0))) for line in lines]
+    keys, counts = np.unique(np.concatenate([own.keys for own in patches]), return_counts=True)
+    for line in lines:
+        numbers = np.floor(line.world_points()[:, :2] / cell).astype(np.int64)
+        chosen = np.isin((numbers[:, 0] << 32) + numbers[:, 1], keys[counts > 1])
+        yield replace(line, pings=line.pings[chosen], points=line.points[chosen])
+
+
+def _system(
+    lines: Sequence[PingLine],
+    knots: Sequence[Knots],
+    solution: np.ndarray,
+    cell: float,
+    assumed: np.ndarray,
+    gated: bool,
+) -> System:
+    patches: list[Patches] = []
+    for line, own, swings in zip(lines, knots, _swings(lines), strict=True):
+        right = corrected(line, Biases.of(solution[:BIASES]))
+        right = replace(right, places=right.places + own.errors(line.stamps, solution))
+        patches.append(Patches.of(right.world_points(), cell, _moves(right, swings)))
+    overlaps = Overlaps.of(patches, cell)
+    raised = overlaps.columns[:, 3 * BIASES : -1] @ solution[BIASES:_FIXED]
+    overlaps = replace(overlaps, heights=overlaps.heights + raised)
+    variances = overlaps.variances + _FINEST**2
+    share = 1 / variances / _per_cell(1 / variances, overlaps)
+    first = overlaps.heights - _per_cell(overlaps.heights / variances, overlaps) * (share * variances)
+    scaled = first / np.sqrt(variances * np.maximum(1 - share, 1e-6))
+    scale = max(1.4826 * float(np.median(np.abs(scaled))), 1e-6) if len(scaled) else 1.0
+    square = (scaled / scale) ** 2 / _FREEDOM
+    loss = (1 + 1 / _FREEDOM) / (1 + square) / variances / scale**2
+    rows = _rows(overlaps, knots, len(solution), gated)
+    total = _per_cell(loss, overlaps)
+    residuals = _per_cell(loss * overlaps.heights, overlaps) / total - overlaps.heights
+    bread = loss * np.maximum(1 - square, 0) / (1 + square)
+    return System(overlaps, _centered(rows, overlaps, loss), residuals, loss, bread, assumed)
+
+
+def _swings(lines: Sequence[PingLine]) -> list[np.ndarray]:
+    """Of each line (P, 2) roll and pitch about the mean of all [rad]."""
+    mean = np.concatenate([line.attitudes[:, :2] for line in lines]).mean(axis=0)
+    return [line.attitudes[:, :2] - mean for line in lines]
+
+
+def _moves(line: PingLine, swings: np.ndarray) -> np.ndarray:
+    """(N, 16) what a unit of each bias moves soundings by in the world, East, North, Up of one after the other [m], of
+    each error of the motion sensor what it raises them by [m], and their stamps [s]."""
+    R_level_vehicle, R_world_level = line.R_level_vehicle, line.T_world_level.rotation
+    R = (R_world_level * R_level_vehicle).as_matrix()[line.pings]
+    rays = line.points - line.sensors[line.pings]
+    x, y, z = np.einsum("nji,nj->in", R_level_vehicle.as_matrix()[line.pings], rays)
+    forward, port, up = R[:, :, 0], R[:, :, 1], R[:, :, 2]
+    roll = y[:, None] * up - z[:, None] * port
+    pitch = x[:, None] * up - z[:, None] * forward
+    heading = y[:, None] * forward - x[:, None] * port
+    # products of two swings are left out: they are fractions of a millimeter, and nothing else is so exact
+    inclined = line.attitudes[line.pings, 1]
+    pitch[:, 2], heading[:, 2] = -rays[:, 2] * inclined, y * inclined
+    rolled, pitched = swings[line.pings].T
+    motion = (y * pitched, pitched, rolled)
+    return np.column_stack([velocities(line)[line.pings], roll, pitch, heading, *motion, line.stamps[line.pings]])
+
+
+def _rows(overlaps: Overlaps, knots: Sequence[Knots], unknowns: int, gated: bool) -> csr_array:
+    """(Q, U) what a unit of each unknown changes the patches' heights at their cells' centers by."""
+    steep = np.linalg.norm(overlaps.slopes, axis=1) / np.maximum(overlaps.slope_noise, 1e-9)
+    sure = np.clip((steep - _SURE[0]) / (_SURE[1] - _SURE[0]), 0, 1) if gated else np.ones(len(steep))
+    up = np.column_stack([-(overlaps.slopes * sure[:, None]), np.ones(len(steep))])[overlaps.cells]
+    count = len(up)
+    moves = overlaps.columns[:, : 3 * BIASES].reshape(count, BIASES, 3)
+    values = [np.column_stack([np.einsum("qbi,qi->qb", moves, up), overlaps.columns[:, 3 * BIASES : -1]]).ravel()]
+    at, of = [np.tile(np.arange(_FIXED), count)], [np.repeat(np.arange(count), _FIXED)]
+    for number, own in enumerate(knots):
+        chosen = np.flatnonzero(overlaps.lines == number)
+        unknown, share = own.at(overlaps.columns[chosen, -1])
+        at.append((unknown[:, :, None] + np.arange(3)).ravel())
+        values.append((share[:, :, None] * up[chosen, None, :]).ravel())
+        of.append(np.repeat(chosen, 6))
+    entries = (np.concatenate(values), (np.concatenate(of), np.concatenate(at)))
+    return coo_array(entries, shape=(count, unknowns)).tocsr()
+
+
+def _per_cell(values: np.ndarray, overlaps: Overlaps) -> np.ndarray:
+    """(Q,) the sum over the patches of the same cell."""
+    return np.bincount(overlaps.cells, weights=values, minlength=len(overlaps.centers))[overlaps.cells]
+
+
+def _centered(rows: csr_array, overlaps: Overlaps, weights: np.ndarray) -> csr_array:
+    """The rows less the weighted mean of those of the same cell."""
+    count, cells = len(weights), overlaps.cells
+    shape = (len(overlaps.centers), count)
+    means = coo_array((weights / _per_cell(weights, overlaps), (cells, np.arange(count))), shape=shape).tocsr()
+    spread = coo_array((np.ones(count), (np.arange(count), cells)), shape=shape[::-1]).tocsr()
+    return csr_array(rows - spread @ (means @ rows))

@@ -1,0 +1,128 @@
+"""How well lines agree where they cross or overlap."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sonarmap.slam.pings.line import PingLine
+from sonarmap.slam.pings.patches import Overlaps, Patches, checked_cell
+
+_BIN = float(np.radians(10.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Differences:
+    """Of heights, in cells.
+
+    Attributes:
+        count: how many.
+        mean: [m]; NaN where there are none, as are the others.
+        spread: standard deviation [m].
+        p95: 95 % of the absolute differences are below [m].
+    """
+
+    count: int
+    mean: float
+    spread: float
+    p95: float
+
+    @classmethod
+    def of(cls, differences: np.ndarray) -> "Differences":
+        """Of (D,) differences [m]."""
+        if not len(differences):
+            return cls(0, np.nan, np.nan, np.nan)
+        p95 = float(np.percentile(np.abs(differences), 95))
+        return cls(len(differences), float(differences.mean()), float(differences.std()), p95)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain numbers, None for NaN."""
+        numbers = {"mean_m": self.mean, "std_m": self.spread, "p95_m": self.p95}
+        return {"count": self.count} | {name: value if np.isfinite(value) else None for name, value in numbers.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Crossings:
+    """Differences of two lines' heights (Up) in the cells where both have soundings.
+
+    They are the first line's less the second's: positive where the first line has the bed higher, that is shallower.
+
+    Both heights are those at the cell's center, by the slope that the two lines have in common there.
+
+    Attributes:
+        cell: edge of the cells [m].
+        cells: how many cells have soundings of two lines or more.
+        all: of every two lines in every cell.
+        by_lines: names of the first and the second line, and the differences of these two.
+        by_angle: least and largest angle [rad] of beams from straight down to either side, and what a line's heights
+            with such beams are higher than the mean of the other lines'.
+        places: (D, 2) East and North of cells [m], one row per difference.
+        lines: (D, 2) int64, numbers of the first and the second line.
+        differences: (D,) [m].
+    """
+
+    cell: float
+    cells: int
+    all: Differences
+    by_lines: tuple[tuple[str, str, Differences], ...]
+    by_angle: tuple[tuple[float, float, Differences], ...]
+    places: np.ndarray
+    lines: np.ndarray
+    differences: np.ndarray
+
+    def to_json(self) -> dict[str, Any]:
+        """What a report needs, in plain numbers: without the cells themselves, and with angles in degrees."""
+        return {
+            "sign": "height of the first line less that of the second; positive: the first is shallower",
+            "cell_m": self.cell,
+            "cells": self.cells,
+            "all": self.all.to_json(),
+            "by_lines": [{"first": a, "second": b} | some.to_json() for a, b, some in self.by_lines],
+            "by_angle": [
+                {"from_deg": round(np.degrees(a)), "to_deg": round(np.degrees(b))} | some.to_json()
+                for a, b, some in self.by_angle
+            ],
+        }
+
+
+def crossings(lines: Sequence[PingLine], cell: float | None = None) -> Crossings:
+    """How well lines agree where they cross or overlap.
+
+    Args:
+        lines: of one survey; one alone has no crossings with others, and differences of itself are not looked for.
+        cell: edge of the cells [m]; None chooses one that holds a good handful of soundings of a line.
+
+    Raises:
+        InputError: an edge that is not above 0, or none and no distances to choose one by.
+    """
+    cell = checked_cell(cell, lines)
+    angles = (np.abs(line.beam_angles())[:, None] for line in lines)
+    patches = [Patches.of(line.world_points(), cell, own) for line, own in zip(lines, angles, strict=True)]
+    overlaps = Overlaps.of(patches, cell)
+    first, second = overlaps.pairs()
+    differences = overlaps.heights[first] - overlaps.heights[second]
+    pairs = np.column_stack([overlaps.lines[first], overlaps.lines[second]])
+    by_lines = tuple(
+        (lines[i].name, lines[j].name, Differences.of(differences[(pairs == (i, j)).all(axis=1)]))
+        for i, j in np.unique(pairs, axis=0)
+    )
+    return Crossings(
+        cell=cell,
+        cells=len(overlaps.centers),
+        all=Differences.of(differences),
+        by_lines=by_lines,
+        by_angle=_by_angle(overlaps),
+        places=overlaps.centers[overlaps.cells[first]],
+        lines=pairs,
+        differences=differences,
+    )
+
+
+def _by_angle(overlaps: Overlaps) -> tuple[tuple[float, float, Differences], ...]:
+    """Every patch against the mean of the others in its cell, in bins of its mean |angle|; empty bins are left out."""
+    count = np.bincount(overlaps.cells)[overlaps.cells]
+    total = np.bincount(overlaps.cells, weights=overlaps.heights)[overlaps.cells]
+    higher = overlaps.heights - (total - overlaps.heights) / (count - 1)
+    bins = (overlaps.columns[:, 0] / _BIN).astype(int)
+    return tuple((k * _BIN, (k + 1) * _BIN, Differences.of(higher[bins == k])) for k in np.unique(bins).tolist())

@@ -1,0 +1,98 @@
+"""How wrong the navigation of a line may be, and how it varies along the line: knots with straight lines between."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.pings.line import PingLine
+
+# Seconds between knots, and of how many intervals a line has at most.
+_INTERVAL, _MOST = 10.0, 24
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationErrors:
+    """Standard deviations of what the navigation of a line is wrong by.
+
+    Attributes:
+        horizontal: of East and of North at the beginning of a line [m].
+        vertical: of Up at the beginning of a line [m].
+        horizontal_drift: of how much East and North change in a minute [m]; in four minutes it is twice as much.
+        vertical_drift: of how much Up changes in a minute [m].
+
+    Raises:
+        InputError: one that is not above 0.
+    """
+
+    horizontal: float = 1.0
+    vertical: float = 0.2
+    horizontal_drift: float = 0.3
+    vertical_drift: float = 0.03
+
+    def __post_init__(self) -> None:
+        if not all(0 < sigma < np.inf for sigma in (*self.constant, *self.drift)):
+            raise InputError(f"{self}: wanted standard deviations above 0 m; 0.001 is as good as none")
+
+    @property
+    def constant(self) -> np.ndarray:
+        """(3,) East, North, Up [m]."""
+        return np.array([self.horizontal, self.horizontal, self.vertical])
+
+    @property
+    def drift(self) -> np.ndarray:
+        """(3,) East, North, Up [m in a minute]."""
+        return np.array([self.horizontal_drift, self.horizontal_drift, self.vertical_drift])
+
+
+@dataclass(frozen=True, slots=True)
+class Knots:
+    """At which times a line's errors are unknowns, K times.
+
+    Attributes:
+        first: number of its first unknown among all; three per knot, East, North, Up.
+        stamps: (K,) [s], ascending.
+    """
+
+    first: int
+    stamps: np.ndarray
+
+    @classmethod
+    def of(cls, lines: Sequence[PingLine], first: int) -> "list[Knots]":
+        """Of each line, the first unknown of the first one given."""
+        knots: list[Knots] = []
+        for line in lines:
+            begin, end = float(line.stamps[0]), float(line.stamps[-1])
+            count = int(np.clip(np.ceil((end - begin) / _INTERVAL), 1, _MOST)) + 1
+            knots.append(cls(first, np.linspace(begin, max(end, begin + 1.0), count)))
+            first = knots[-1].end
+        return knots
+
+    @property
+    def end(self) -> int:
+        """Number behind its last unknown."""
+        return self.first + 3 * len(self.stamps)
+
+    def at(self, stamps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """For (m,) stamps [s]: the unknowns of East at the knots before and behind, (m, 2) int64, and their shares."""
+        k = np.clip(np.searchsorted(self.stamps, stamps, side="right") - 1, 0, len(self.stamps) - 2)
+        share = (stamps - self.stamps[k]) / (self.stamps[k + 1] - self.stamps[k])
+        unknowns = self.first + 3 * np.column_stack([k, k + 1])
+        return unknowns, np.column_stack([1 - share, share])
+
+    def errors(self, stamps: np.ndarray, solution: np.ndarray) -> np.ndarray:
+        """(m, 3) East, North, Up to add to places [m] at (m,) stamps [s]."""
+        knots = solution[self.first : self.end].reshape(-1, 3)
+        return np.column_stack([np.interp(stamps, self.stamps, axis) for axis in knots.T])
+
+    def information(self, assumed: NavigationErrors) -> np.ndarray:
+        """(3 K, 3 K) of its unknowns [m^-2]: a constant, from which the errors wander off as a random walk does."""
+        count = len(self.stamps)
+        steps = np.diff(np.eye(count), axis=0)
+        information = np.zeros((3 * count, 3 * count))
+        for axis, (constant, drift) in enumerate(zip(assumed.constant, assumed.drift, strict=True)):
+            own = steps.T @ np.diag(60.0 / (np.diff(self.stamps) * drift**2)) @ steps
+            own[0, 0] += 1 / constant**2
+            information[axis::3, axis::3] = own
+        return information

@@ -1,0 +1,122 @@
+"""Lines of pings as scans: each file is cut into patches, which their line's navigation places."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.slam.pings.biases import Biases, corrected
+from sonarmap.slam.pings.cut import cut
+from sonarmap.spectral.scan import PosePrior, Scan
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.readers.clouds.cloud import Cloud, PingPatch
+from sonarmap.tools.files.readers.instruments import COLUMNS
+from sonarmap.tools.files.readers.navigation.earth import by_the_maps_north
+from sonarmap.tools.files.readers.pings.line_file import read_line
+
+# Of a motion sensor, a gyrocompass, DGNSS, and a water level that is known to decimeters, as COLUMNS have them.
+_SIGMAS: Mapping[str, float] = dict(zip(COLUMNS, (0.3, 0.3, 1.0, 1.5, 1.5, 0.2), strict=True))
+_OF_DEPTH = 0.003  # errors of sound speed are a share of the depth
+# The way within a line, as its navigation has it: share of the way, and rotation [rad/s].
+_DRIFT, _TURN_DRIFT = 0.01, float(np.radians(10.0) / 3600)
+
+
+NO_BIASES = Biases()
+
+
+@dataclass(frozen=True, slots=True)
+class LineReading:
+    """How lines become scans.
+
+    Attributes:
+        patch: length of a patch along the track [m]; None for half the swath's width.
+        biases: of the line's instruments, which are taken out.
+    """
+
+    patch: float | None = None
+    biases: Biases = NO_BIASES
+
+    def __post_init__(self) -> None:
+        if self.patch is not None and not 0 < self.patch < np.inf:
+            raise InputError(f"a patch of {self.patch:g} m: wanted a length above 0")
+
+
+AS_LINES = LineReading()
+
+
+def line_clouds(path: Path, notes: list[str], reading: LineReading) -> Iterator[Cloud]:
+    """The patches of a line's file, each level about the transducer in its middle. Raises InputError: it cannot be
+    read."""
+    recorded = read_line(path, notes)
+    origin = recorded.origin()
+    patches = cut(corrected(recorded.placed(origin), reading.biases), reading.patch)
+    geodetic = origin.geodetic(np.stack([patch.T_world_piece.translation for patch in patches]))
+    for patch, place in zip(patches, geodetic.tolist(), strict=True):
+        north = PingPatch(
+            path,
+            patch.first,
+            patch.last,
+            len(patches),
+            float(np.median(patch.viewpoints[:, 2] - patch.points[:, 2])),
+            tuple(place),
+            patch.T_world_piece.rotation,
+        )
+        yield Cloud(
+            patch.points, stamp=patch.stamp, viewpoints=patch.viewpoints, patch=north, sound_speed=recorded.sound_speed
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedPatches:
+    """Scans with what their lines' navigation says of them, those of other files as they were, and the georeference of
+    the world in which they are."""
+
+    scans: tuple[Scan, ...]
+    georeference: Georeference
+
+
+def placed(
+    scans: Sequence[Scan],
+    patches: Mapping[int, PingPatch],
+    origin: Georeference | None = None,
+    sigmas: Mapping[str, float] | None = None,
+) -> PlacedPatches:
+    """Scans of lines in the world of an origin, or of the first patch.
+
+    A line's navigation errs alike along it, so that all of its patches together place it no better than one fix does:
+    each is so much less sure.
+
+    Args:
+        patches: by scan, at least one.
+        sigmas: standard deviations [deg, m] by column of COLUMNS; None for those of usual instruments.
+
+    Raises:
+        InputError: lines more than 200 km from the origin.
+    """
+    numbers, known = list(patches), list(patches.values())
+    here = origin or Georeference(round(known[0].geodetic[0], 5), round(known[0].geodetic[1], 5))
+    places = here.local(np.array([patch.geodetic for patch in known]))
+    priors: list[PosePrior | None] = []
+    for patch, place in zip(known, places, strict=True):
+        deviations = np.array([(sigmas or _SIGMAS)[column] for column in COLUMNS])
+        deviations[:3] = np.radians(deviations[:3])
+        if sigmas is None:
+            deviations[5] = np.hypot(deviations[5], _OF_DEPTH * patch.depth)
+        deviations[3:] *= np.sqrt(patch.count)
+        T = RigidTransform.from_components(place, patch.R_north_patch)
+        priors.append(PosePrior(T, deviations))
+    turned = dict(zip(numbers, by_the_maps_north(priors, here, None), strict=True))
+    of_all = tuple(replace(scan, prior=turned[k]) if k in turned else scan for k, scan in enumerate(scans))
+    return PlacedPatches(of_all, here)
+
+
+def way_within(scans: Sequence[Scan], priors: Mapping[int, PosePrior]) -> Odometry:
+    """The way from patch to patch, as the lines' navigation has it, of scans with priors. Patches share no pings, so
+    that nothing but it tells how they lie to each other along a line."""
+    T = RigidTransform.concatenate([prior.T_world_sensor for prior in priors.values()])
+    stamps = np.array([scans[k].stamp for k in priors])
+    return Odometry(np.array(list(priors)), T, stamps, _DRIFT, _TURN_DRIFT, alone=True)

@@ -1,0 +1,131 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""navigation.csv, soundings.laz and lines.json: the files of a map that was made of lines of pings."""
+
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sonarmap.slam.pings.crossings import Crossings
+from sonarmap.slam.pings.patch_test import PatchTest
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.map_folder.names import LINES, NAVIGATION, OF_LINES, SOUNDINGS, SUMMARY
+from sonarmap.tools.files.readers.json_file import read_json
+from sonarmap.tools.files.time_scales import are_times, gps_of_utc, utc_texts
+from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
+from sonarmap.tools.files.writers.json_text import write_json
+from sonarmap.tools.files.writers.table import write_table
+from sonarmap.tools.products.lines.moved_lines import MovedLine
+
+COLUMNS = (
+    *("line", "ping", "utc", "unix_s", "lat_deg", "lon_deg", "easting_m", "northing_m", "height_m"),
+    *("roll_deg", "pitch_deg", "heading_deg", "moved_east_m", "moved_north_m", "moved_up_m"),
+    *("east_sigma_m", "north_sigma_m", "up_sigma_m", "rot_east_sigma_deg", "rot_north_sigma_deg", "rot_up_sigma_deg"),
+    "crs",
+)
+_DECIMALS = (10, 10, 4, 4, 4, 5, 5, 5, 4, 4, 4, 4, 4, 4, 5, 5, 5)
+_SCALE = 0.001  # [m]
+_STANDARD_GPS = 1e9  # adjusted standard GPS time is GPS time less this [s]
+
+
+def write_lines(
+    folder: Path, lines: Sequence[MovedLine], georeference: Georeference, crs: str | None, said: dict[str, Any]
+) -> None:
+    """Write what the map says of its lines; `said` is what lines.json says beside each line's numbers. Raises
+    InputError: a CRS that cannot be used there, or a file that cannot be written."""
+    projection = Projection.of(georeference, crs)
+    rows = [
+        {
+            "file": line.path.name,
+            "pings": len(line.after.stamps),
+            "soundings": len(line.after.pings),
+            "seconds": float(np.ptp(line.after.stamps)),
+            "length_m": float(np.linalg.norm(np.diff(line.after.places, axis=0), axis=1).sum()),
+            "moved_m": {
+                "median": float(np.median(np.linalg.norm(line.shifts, axis=1))),
+                "most": float(np.linalg.norm(line.shifts, axis=1).max()),
+                "mean_east_north_up": line.shifts.mean(axis=0).tolist(),
+            },
+        }
+        for line in lines
+    ]
+    summary = read_json(folder / SUMMARY, "the map's summary.json")
+    listed = dict.fromkeys([*summary["files"], *OF_LINES])
+    with all_or_none():
+        write_table(folder / NAVIGATION, COLUMNS, _rows(lines, georeference, projection))
+        _write_soundings(folder / SOUNDINGS, lines, georeference, projection)
+        write_json(folder / LINES, {"lines": rows, "crs": projection.name} | said)
+        write_json(folder / SUMMARY, summary | {"files": list(listed)})
+
+
+def said_of(before: Crossings, after: Crossings, test: PatchTest | None) -> dict[str, Any]:
+    """How well lines agree where they overlap, and what the patch test says; null where they overlap too little."""
+    return {
+        "crossings": {"before": before.to_json(), "after": after.to_json()} if before.cells else None,
+        "patch_test": None if test is None else test.to_json(),
+    }
+
+
+def _rows(lines: Sequence[MovedLine], georeference: Georeference, projection: Projection) -> list[list[object]]:
+    """One row per ping, under COLUMNS."""
+    rows: list[list[object]] = []
+    for line in lines:
+        after = line.after
+        geodetic = georeference.geodetic(after.places)
+        numbers = np.column_stack(
+            [
+                *(geodetic[:, :2], projection.project(geodetic)),
+                *(np.degrees(after.attitudes), line.shifts, line.sigmas[:, 3:], np.degrees(line.sigmas[:, :3])),
+            ]
+        )
+        texts = [[f"{x:z.{n}f}" for x in column] for n, column in zip(_DECIMALS, numbers.T.tolist(), strict=True)]
+        unix = [repr(stamp) for stamp in after.stamps.tolist()]
+        for k, row in enumerate(zip(utc_texts(after.stamps), unix, *texts, strict=True)):
+            rows.append([after.name, k, *row, projection.name])
+    return rows
+
+
+def _write_soundings(
+    path: Path, lines: Sequence[MovedLine], georeference: Georeference, projection: Projection
+) -> None:
+    """LAZ 1.4, point format 6, line by line: easting, northing, height; the number of the line from 1 as the point's
+    source; and of each sounding its ping and beam angle."""
+    import laspy
+
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    header.scales = np.full(3, _SCALE)
+    here = georeference.geodetic(lines[0].after.places[:1])
+    header.offsets = np.floor(projection.project(here)[0])
+    header.system_identifier = "OTHER"
+    header.generating_software = f"sonarmap {version('sonarmap')}"
+    header.add_extra_dims(
+        [
+            laspy.ExtraBytesParams("ping", "u4", "ping of the line, from 0"),
+            laspy.ExtraBytesParams("beam_angle", "f4", "from down, + starboard [deg]"),
+        ]
+    )
+    header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(projection.old_wkt))
+    header.global_encoding.wkt = True
+    timed = all(are_times(line.after.stamps) for line in lines)
+    if timed:
+        header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
+    with (
+        atomic_path(path) as temporary,
+        temporary.open("wb") as file,
+        laspy.open(file, mode="w", header=header, do_compress=True, closefd=False) as writer,
+    ):
+        for number, line in enumerate(lines, 1):
+            after = line.after
+            points = laspy.ScaleAwarePointRecord.zeros(len(after.pings), header=header)
+            points.x, points.y, points.z = projection.project(georeference.geodetic(after.world_points())).T
+            stamps = after.stamps[after.pings]
+            points.gps_time = gps_of_utc(stamps) - _STANDARD_GPS if timed else stamps
+            points.return_number[:] = 1
+            points.number_of_returns[:] = 1
+            points.point_source_id[:] = min(number, 65_535)
+            points.ping = after.pings
+            points.beam_angle = np.degrees(after.beam_angles())
+            writer.write_points(points)

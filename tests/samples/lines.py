@@ -1,0 +1,25 @@
+"""Simulated lines of an echo sounder as files."""
+
+from pathlib import Path
+
+import numpy as np
+
+from sonarmap.slam.pings.line import PingLine
+from sonarmap.tools.files.geo.georeference import Georeference
+from tests.tools.files.readers.pings.samples import START, Sample, write_gsf
+
+HERE = Georeference(58.1234, -11.6543)
+
+
+def gsf_of(path: Path, line: PingLine) -> Path:
+    """The file of a line with as many soundings in each ping, about HERE."""
+    shape = (len(line.stamps), -1, 3)
+    sample = Sample(
+        stamps=START + line.stamps - 1e6,
+        fixes=HERE.geodetic(line.places)[:, :2],
+        attitudes=np.degrees(line.attitudes),
+        heave=np.zeros(len(line.stamps)),
+        points=((line.points + [0, 0, 1] * line.places[line.pings]) * [1, -1, -1]).reshape(shape),
+        rejected=np.zeros((len(line.stamps), len(line.points) // len(line.stamps)), bool),
+    )
+    return write_gsf(path, sample)

@@ -1,0 +1,122 @@
+"""`sonarmap map` and `inspect` of lines of an echo sounder: files in, corrected navigation and soundings out."""
+
+import json
+import re
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+
+from sonarmap.tools.files.geo.projection import Projection
+from tests.samples.clutter_scans import done, printed, refused, said, sonarmap, table_of
+from tests.samples.lines import HERE, gsf_of
+from tests.slam.pings.simulated_lines import WRONG, Biases, Survey, simulated
+
+PINGS, LANES = 250, 3
+FILES = {"navigation.csv", "soundings.laz", "lines.json"}
+
+
+def survey_of(folder: Path, survey: Survey) -> list[Path]:
+    """Its first lanes as GSF files, as they were recorded."""
+    return [gsf_of(folder / f"{k}.gsf", line) for k, line in enumerate(survey.recorded[:LANES])]
+
+
+@pytest.fixture(scope="module")
+def survey() -> Survey:
+    return simulated(3, Biases(), rms=0.6, pings=PINGS, beams=128, constant=(1.0, 0.05))
+
+
+@pytest.fixture(scope="module")
+def mapped(survey: Survey, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with lines, and in out/ their map."""
+    folder = tmp_path_factory.mktemp("lines")
+    files = survey_of(folder, survey)
+    where = f"{HERE.latitude},{HERE.longitude}"
+    result = done(sonarmap("map", *files, "-o", folder / "out", "--origin", where))
+    said(result, "patches of lines, placed by the lines' navigation", "patches of lines")
+    return folder
+
+
+def test_corrected_navigation_is_nearer_to_the_truth(mapped: Path, survey: Survey) -> None:
+    rows = table_of(mapped / "out" / "navigation.csv")
+    assert [row["line"] for row in rows] == [f"{k}" for k in range(LANES) for _ in range(PINGS)]
+    geodetic = np.array([[float(row[name]) for name in ("lat_deg", "lon_deg", "height_m")] for row in rows])
+    found, true, before = (
+        HERE.local(geodetic)[:, :2],
+        *(np.concatenate([line.places for line in lines[:LANES]])[:, :2] for lines in (survey.true, survey.recorded)),
+    )
+    # what all lines are off by together nothing can tell
+    errors = [np.linalg.norm((own - true) - (own - true).mean(axis=0), axis=1) for own in (found, before)]
+    assert np.sqrt((errors[0] ** 2).mean()) < 0.4 * np.sqrt((errors[1] ** 2).mean())
+    moved = np.array([[float(row[f"moved_{axis}_m"]) for axis in ("east", "north")] for row in rows])
+    np.testing.assert_allclose(found - moved, before, atol=0.01)  # a GSF file has 1e-7 degrees
+    headings = np.array([float(row["heading_deg"]) for row in rows])
+    recorded = np.degrees(np.concatenate([line.attitudes[:, 2] for line in survey.recorded[:LANES]]))
+    assert np.abs((headings - recorded + 180) % 360 - 180).max() < 1.0
+
+
+def test_soundings_lie_where_the_navigation_says(mapped: Path, survey: Survey) -> None:
+    las = laspy.read(mapped / "out" / "soundings.laz")
+    assert len(las.points) == sum(len(line.pings) for line in survey.recorded[:LANES])
+    assert np.unique(np.asarray(las.point_source_id)).tolist() == [1, 2, 3]
+    places = Projection.of(HERE).unproject(np.asarray(las.xyz))
+    there = HERE.local(places)
+    true = np.concatenate([line.world_points() for line in survey.true[:LANES]])
+    off = there - true
+    assert np.sqrt(((off - off.mean(axis=0)) ** 2).mean(axis=0))[2] < 0.1
+    across = np.concatenate([line.points[:, 1] for line in survey.recorded[:LANES]])
+    far = np.abs(across) > 5
+    assert (np.sign(np.asarray(las["beam_angle"])[far]) == -np.sign(across[far])).all()  # positive to starboard
+
+
+def test_lines_agree_better_where_they_overlap(mapped: Path) -> None:
+    said_of = json.loads((mapped / "out" / "lines.json").read_text())
+    before, after = (said_of["crossings"][when]["all"]["p95_m"] for when in ("before", "after"))
+    assert after < 0.5 * before
+    assert [line["file"] for line in said_of["lines"]] == ["0.gsf", "1.gsf", "2.gsf"]
+    assert set(said_of["patch_test"]["biases"]) == {"latency_s", "roll_deg", "pitch_deg", "heading_deg"}
+
+
+def test_files_of_lines_are_listed_and_go_with_the_next_map(mapped: Path, tmp_path: Path) -> None:
+    summary = json.loads((mapped / "out" / "summary.json").read_text())
+    assert set(summary["files"]) >= FILES
+    assert summary["georeference"]["latitude"] == HERE.latitude
+
+
+def test_a_single_line_is_placed_by_its_navigation(survey: Survey, tmp_path: Path) -> None:
+    (file, *_) = survey_of(tmp_path, survey)
+    summary = printed(sonarmap("map", file, "-o", tmp_path / "out", "--json"))
+    assert summary["components"] == 1 or len(summary["components"]) == 1
+    assert json.loads((tmp_path / "out" / "lines.json").read_text())["crossings"] is None
+
+
+def test_biases_are_taken_out_on_request(tmp_path: Path) -> None:
+    files = survey_of(tmp_path, simulated(4, WRONG, rms=0.6, pings=PINGS, beams=128))
+    result = done(sonarmap("map", *files, "-o", tmp_path / "out", "--patch-test"))
+    (roll,) = re.findall(r"patch test: .*roll ([+-][\d.]+)", " ".join(result.stderr.split()))
+    assert float(roll) == pytest.approx(0.5, abs=0.05)
+    recorded, found = (
+        json.loads((tmp_path / "out" / "lines.json").read_text())[name] for name in ("patch_test", "crossings")
+    )
+    assert recorded["biases"]["roll_deg"] == pytest.approx(0.5, abs=0.05)  # of the lines as they were recorded
+    assert found["after"]["all"]["p95_m"] < 0.5 * found["before"]["all"]["p95_m"]
+
+
+def test_options_that_lines_cannot_have_are_refused(mapped: Path, tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("stamp,x_m,y_m\n0,0,0\n1,1,1\n")
+    file = mapped / "0.gsf"
+    refused(sonarmap("map", file, "-o", tmp_path, "--priors", log), "bring their own navigation", "leave it out")
+    refused(sonarmap("map", file, "-o", tmp_path, "--patch-test"), "two lines", "1 given")
+    refused(sonarmap("map", file, "-o", tmp_path, "--patch", "-3"), "above 0")
+    refused(sonarmap("map", file, "-o", tmp_path, "--frame", "frd"), "says its own")
+
+
+def test_inspect_shows_lines(mapped: Path) -> None:
+    text = " ".join(done(sonarmap("inspect", mapped / "0.gsf")).stdout.split())
+    assert "250 pings, 32,000 soundings" in text
+    assert "0.0 % rejected" in text
+    (line,) = printed(sonarmap("inspect", mapped / "1.gsf", "--json"))["lines"]
+    assert line["pings"] == PINGS
+    assert line["length"] == pytest.approx(2.4 * PINGS / 5, rel=0.1)
