@@ -17,8 +17,8 @@ from sonarmap.slam.graph.trajectory import Trajectory
 _FAR = 2.0
 # No lever arm is longer [m], no heading off by more [rad], no clock [s], and no place drifts faster [m/s].
 _MOST = np.array([15.0, 15.0, 1.0, 5.0, 0.1, 0.1])
-# Of vehicles' lever arms, as a standard deviation [m]; of nothing else is it known what is usual. Over a flat bed, where
-# registrations are off, they explained 8.6 m.
+# Of vehicles' lever arms, as a standard deviation [m]; of nothing else is it known what is usual. Over a flat bed,
+# where registrations are off, an arm of 8.6 m explained them.
 _USUAL_ARM = 3.0
 # Which numbers of an error are free together: lever arm, turn, clock, drift.
 KINDS_OF_ERROR = ((0, 1), (2,), (3,), (4, 5))

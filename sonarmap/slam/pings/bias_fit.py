@@ -22,6 +22,8 @@ _FIXED = BIASES + len(MOTION)
 _WIDENED = (3.0, 3.0, 2.0)
 # Rounds with the cells themselves, at most; and the largest change of a bias that ends them, in standard deviations.
 _ROUNDS, _STILL = 10, 0.1
+# No bias is more than so many times its standard deviation as assumed before.
+_FARTHEST = 2.0
 # Residuals are Student-t with so many degrees of freedom; where a cell has no scatter, heights have this much [m].
 _FREEDOM, _FINEST = 5.0, 0.002
 # Slopes of fewer than the first number of their noise move no heights, those of more than the second do so in full: on
@@ -69,9 +71,9 @@ class System:
         numbers = np.floor(self.overlaps.centers / (_BLOCK * self.overlaps.cell)).astype(np.int64)
         blocks = np.unique(numbers, axis=0, return_inverse=True)[1].reshape(-1)[self.overlaps.cells]
         scores = self.rows * (self.weights * self.residuals)[:, None]
-        count = int(blocks.max()) + 1
+        count = int(blocks.max(initial=0)) + 1
         members = coo_array((np.ones(len(blocks)), (blocks, np.arange(len(blocks)))), shape=(count, len(blocks)))
-        summed = (members.tocsr() @ scores).toarray()
+        summed = csr_array(members.tocsr() @ scores).toarray()
         wide = inverse @ (count / max(count - 1, 1) * summed.T @ summed + self.assumed) @ inverse
         own = inverse[:BIASES, :BIASES]
         raised = np.sqrt(np.maximum(np.diag(wide)[:BIASES] / np.diag(own), 1))
@@ -83,16 +85,17 @@ def fit(
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
     """(4,) biases, their covariance (4, 4), and of each line (P, 3) what to add to its places [m]."""
     knots = Knots.of(lines, _FIXED)
-    assumed = block_diag(
-        np.diag(mounting.array**-2), np.diag(MOTION**-2), *(own.information(navigation) for own in knots)
-    )
-    solution = np.zeros(knots[-1].end)
+    fixed = np.diag(np.concatenate([mounting.array, MOTION]) ** -2)
+    assumed = np.asarray(block_diag(fixed, *(own.information(navigation) for own in knots)))
+    solution, covariance = np.zeros(knots[-1].end), np.diag(mounting.array**2)
     near = list(_overlapping(lines, _WIDENED[0] * cell))
     for widened in (*_WIDENED, *[1.0] * _ROUNDS):
         system = _system(near, knots, solution, widened * cell, assumed, widened == 1)
         change = system.step(solution)
-        change[:BIASES] = np.clip(change[:BIASES], -mounting.array, mounting.array)  # the bed is not a plane
+        # what hardly shows may seem to be far away, where the bed's slopes are others
+        change[:BIASES] = np.clip(change[:BIASES], -mounting.array, mounting.array)
         solution = solution + change
+        solution[:BIASES] = np.clip(solution[:BIASES], -_FARTHEST * mounting.array, _FARTHEST * mounting.array)
         covariance = system.covariance()
         if widened == 1 and (np.abs(change[:BIASES]) < _STILL * np.sqrt(np.diag(covariance))).all():
             break

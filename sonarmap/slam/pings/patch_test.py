@@ -92,7 +92,7 @@ def estimate_biases(
         lines: two or more, best some in opposite directions and one across.
         cell: edge of the cells [m]; None chooses one that holds a good handful of soundings of a line.
         navigation: standard deviations of navigation errors; None takes the defaults.
-        mounting: standard deviations of the biases [s, rad], as assumed before.
+        mounting: standard deviations of the biases [s, rad], as assumed before; none is looked for beyond twice these.
 
     Raises:
         InputError: fewer lines or too little overlap, or numbers that are not above 0.

@@ -10,6 +10,7 @@ from scipy.spatial.transform import RigidTransform
 # to 400 scans none does, of 3,000 in a pool 25, of which 11 were off by more than 3 voxels, of 16 in all.
 _LEAP = 6.0
 _TO_SIGMA = 1.4826  # from a median of absolute numbers
+_FASTER = 3.0  # times as fast as usual a vehicle may be
 _MOST_ROUNDS = 50  # of leaving out those that stray most from their neighbors
 
 
@@ -21,11 +22,14 @@ class Leaps:
         scans: (n,) int, ascending.
         T: where the way between their neighbors has them, n poses.
         sigmas: (n, 6) standard deviations of that [rad, m].
+        back: (n,) bool, whether the scan behind is where the vehicle would be without the leap: nothing goes so far and
+            back from one scan to the next.
     """
 
     scans: np.ndarray
     T: RigidTransform
     sigmas: np.ndarray
+    back: np.ndarray
 
 
 def find_leaps(T: RigidTransform, times: np.ndarray, runs: np.ndarray, fixed: np.ndarray, floor: np.ndarray) -> Leaps:
@@ -40,7 +44,7 @@ def find_leaps(T: RigidTransform, times: np.ndarray, runs: np.ndarray, fixed: np
     """
     left: np.ndarray = np.arange(len(times))
     if len(left) < 3:
-        return Leaps(left[:0], T[left[:0]], np.zeros((0, 6)))
+        return Leaps(left[:0], T[left[:0]], np.zeros((0, 6)), np.zeros(0, bool))
     strayed = _strayed(T, times, left)
     inside = runs[left[:-2]] == runs[left[2:]]
     usual = np.maximum(_TO_SIGMA * np.median(np.abs(strayed[inside]), axis=0), floor) if inside.any() else floor
@@ -58,7 +62,17 @@ def find_leaps(T: RigidTransform, times: np.ndarray, runs: np.ndarray, fixed: np
     behind = np.searchsorted(left, gone)
     before, after = left[behind - 1], left[behind]
     longer = np.maximum((times[after] - times[before]) / (2 * step), 1.0)
-    return Leaps(gone, _between(T, times, before, gone, after), longer[:, None] * usual)
+    ways, spans = _ways(T, before, after), times[after] - times[before]
+    same = np.flatnonzero(np.diff(runs) == 0)
+    speeds = np.median(_ways(T, same, same + 1) / np.maximum(np.diff(times)[same, None], 1e-9), axis=0)
+    most = _FASTER * speeds * spans[:, None] + _LEAP * np.linalg.norm(usual.reshape(2, 3), axis=1)
+    return Leaps(gone, _between(T, times, before, gone, after), longer[:, None] * usual, (ways <= most).all(axis=1))
+
+
+def _ways(T: RigidTransform, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+    """(n, 2) how far poses are apart [rad, m]."""
+    apart = T[i].inv() * T[j]
+    return np.column_stack([apart.rotation.magnitude(), np.linalg.norm(apart.translation, axis=1)])
 
 
 def _strayed(T: RigidTransform, times: np.ndarray, left: np.ndarray) -> np.ndarray:

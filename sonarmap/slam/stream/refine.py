@@ -103,19 +103,38 @@ def without_leaps(
     asked = [c for each in leaping for c in each.candidates() if c.scans not in refined.registered]
     registered = refined.registered | {pair.scans: pair for pair in runner.register(asked)}
     left = set(refined.left)
-    for each, T_way, sigmas in zip(leaping, leaps.T, leaps.sigmas, strict=True):
+    for each, T_way, sigmas, back in zip(leaping, leaps.T, leaps.sigmas, leaps.back, strict=True):
         T_key = poses[each.step.i]
         way = replace(each.step.registration, T_target_source=T_key.inv() * T_way, covariance=np.diag(sigmas**2))
         on_way = replace(each, step=replace(each.step, registration=way))
-        edges[each.scan] = _agreeing(on_way, registered, floor) or [on_way.step]
+        # in places that look alike two wrong ones can agree with one another
+        believed = _on_way(on_way, registered, floor) if back else _agreeing(on_way, registered, floor)
+        edges[each.scan] = believed or [on_way.step]
         left |= {each.scan} if edges[each.scan][0] is on_way.step else set()
     return Refined(edges, sorted(left), registered)
 
 
 def _agreeing(between: Between, registered: Mapping[tuple[int, int], RegisteredPair], floor: np.ndarray) -> list[Edge]:
     """The registrations of a scan that can be believed, none or one or both."""
-    told = [(between.step.registration.T_target_source, between.step.registration.covariance)]
+    edges, places = _places(between, registered)
+    if len(edges) == 2 and _agree(places[0], places[1], floor):
+        return edges
+    return _on_way(between, registered, floor)[:1]
+
+
+def _on_way(between: Between, registered: Mapping[tuple[int, int], RegisteredPair], floor: np.ndarray) -> list[Edge]:
+    """The registrations of a scan that agree with its step."""
+    step = between.step.registration.T_target_source, between.step.registration.covariance
+    return [edge for edge, place in zip(*_places(between, registered), strict=True) if _agree(step, place, floor)]
+
+
+def _places(
+    between: Between, registered: Mapping[tuple[int, int], RegisteredPair]
+) -> tuple[list[Edge], list[tuple[RigidTransform, np.ndarray]]]:
+    """The registrations of a scan that are accepted, and where they have it in the frame of the key scan before it,
+    with covariances, body tangent."""
     edges: list[Edge] = []
+    places: list[tuple[RigidTransform, np.ndarray]] = []
     for candidate in between.candidates():
         pair = registered.get(candidate.scans)
         if pair is None or pair.registration is None or not pair.accepted:
@@ -125,11 +144,9 @@ def _agreeing(between: Between, registered: Mapping[tuple[int, int], RegisteredP
             if between.T_keys is None:
                 continue
             place = between.T_keys * place[0].inv(), propagated(*place)
-        told.append(place)
+        places.append(place)
         edges.append(Edge(*pair.scans, pair.registration, "sequential"))
-    if len(edges) == 2 and _agree(told[1], told[2], floor):
-        return edges
-    return [edge for edge, place in zip(edges, told[1:], strict=True) if _agree(told[0], place, floor)][:1]
+    return edges, places
 
 
 def _agree(one: tuple[RigidTransform, np.ndarray], other: tuple[RigidTransform, np.ndarray], floor: np.ndarray) -> bool:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.pings.biases import Biases
 from sonarmap.slam.pings.crossings import crossings
 from sonarmap.slam.pings.line import PingLine
 from tests.slam.pings.simulated_lines import WRONG, simulated
@@ -21,7 +20,8 @@ def plane(name: str, seed: int, higher: float = 0.0, east: float = 0.0) -> PingL
     pings = np.repeat(np.arange(100), 60)
     x, y = rng.uniform(-0.05, 0.05, 6000), -rng.uniform(0, 10, 6000)
     z = 0.5 * (east - y) - 0.3 * (places[pings, 1] + x) - 10 + higher
-    return PingLine(name, stamps, places, *np.zeros((2, 100, 3)), pings, np.column_stack([x, y, z]))
+    level = np.zeros((100, 3))
+    return PingLine(name, stamps, places, level, level, pings, np.column_stack([x, y, z]))
 
 
 class TestCrossings:
@@ -39,7 +39,7 @@ class TestCrossings:
         assert means == pytest.approx({("a", "b"): -0.1, ("a", "c"): -0.4, ("b", "c"): -0.3})
 
     def test_true_lines_agree_within_their_noise_and_wrong_ones_do_not(self) -> None:
-        survey = simulated(5, pings=250, beams=96)
+        survey = simulated(5, pings=160, beams=64)
         true, recorded = crossings(survey.true), crossings(survey.recorded)
         assert true.all.p95 < 0.02 < 0.15 < recorded.all.p95
         assert abs(true.all.mean) < 0.001

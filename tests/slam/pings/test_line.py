@@ -122,7 +122,7 @@ class TestCorrected:
     def test_latency_moves_places_ahead_and_nothing_else(self) -> None:
         stamps = np.array([0.0, 1.0, 2.0, 4.0])
         places = np.column_stack([3 * stamps, -2 * stamps, 0.1 * stamps])
-        line = PingLine("a", stamps, places, *np.zeros((2, 4, 3)), np.array([0, 3]), -np.ones((2, 3)))
+        line = PingLine("a", stamps, places, np.zeros((4, 3)), np.zeros((4, 3)), np.array([0, 3]), -np.ones((2, 3)))
         moved = corrected(line, Biases(latency=0.5))
         np.testing.assert_allclose(moved.places, places + np.array([1.5, -1.0, 0.05]), atol=1e-12)
         np.testing.assert_allclose(places_at(line, -0.5), places - np.array([1.5, -1.0, 0.05]), atol=1e-12)

@@ -12,10 +12,12 @@ from sonarmap.slam.pings.patch_test import Biases, PatchTest, corrected, estimat
 from tests.slam.pings.simulated_lines import WRONG, simulated
 
 
-def surveyed(seed: int, truth: Biases = WRONG, *, lost: bool = False, rms: float = 0.5) -> list[PingLine]:
+def surveyed(
+    seed: int, truth: Biases = WRONG, *, lost: bool = False, rms: float = 0.5, pings: int = 240, beams: int = 80
+) -> list[PingLine]:
     """Short lines as recorded, with navigation errors of a meter where the vehicle is `lost`."""
     constant, drift = ((1.0, 0.1), (0.15, 0.015)) if lost else ((0.0, 0.0), (0.0, 0.0))
-    return simulated(seed, truth, rms, pings=300, beams=128, constant=constant, drift=drift).recorded
+    return simulated(seed, truth, rms, pings=pings, beams=beams, constant=constant, drift=drift).recorded
 
 
 def sigmas(seen: PatchTest, truth: Biases) -> np.ndarray:
@@ -61,7 +63,9 @@ class TestEstimate:
 @pytest.mark.parametrize("truth", [WRONG, Biases()], ids=["wrong", "right"])
 def test_errors_are_as_large_as_stated(truth: Biases) -> None:
     """Over 20 surveys with navigation errors."""
-    errors = np.array([sigmas(estimate_biases(surveyed(k, truth, lost=True)), truth) for k in range(20)])
+    errors = np.array(
+        [sigmas(estimate_biases(surveyed(k, truth, lost=True, pings=300, beams=128)), truth) for k in range(20)]
+    )
     assert 0.7 < np.sqrt((errors**2).mean()) < 1.5
     assert (np.abs(errors) < 2).mean() > 0.88
     assert np.abs(errors).max() < 4

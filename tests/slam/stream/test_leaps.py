@@ -38,6 +38,15 @@ def test_scans_that_leap_are_found_and_placed_on_the_way() -> None:
     assert off.max() < 0.15
     assert (off < 4 * np.linalg.norm(found.sigmas[:, 3:], axis=1)).all()
     assert (found.sigmas[1] >= found.sigmas[0]).all()  # its neighbors on the way are farther apart
+    assert found.back.all()
+
+
+def test_who_leaps_and_stays_there_is_not_back() -> None:
+    times, T = way()
+    stays = leapt(T, {k: [3.0, 0, 0] for k in range(30, 60)})
+    found = find_leaps(stays, times, *_free(60), FLOOR)
+    assert {29, 30} & set(found.scans.tolist())
+    assert not found.back.any()
 
 
 def test_between_two_runs_there_is_no_way_and_what_is_fixed_stays() -> None:

@@ -76,7 +76,7 @@ def off_its_neighbors(result: SurveyResult, k: int) -> float:
 
 
 def test_scans_between_that_no_registration_holds_are_told() -> None:
-    """One is refused beside both key scans, of another every registration is wrong; a third leaps, and is seen to."""
+    """One is refused beside both key scans, of another every registration is wrong; a third would leap, and back."""
     refused, wrong, leaping = 40, 70, 100
     leap = RigidTransform.from_components([0.0, 0.7, 0.0], Rotation.from_euler("z", 0.2))
     rng = np.random.default_rng(8)
@@ -96,12 +96,9 @@ def test_scans_between_that_no_registration_holds_are_told() -> None:
     result, registrar = mapped(spoil=spoil)
     assert result.keys is not None
     assert not {refused, wrong, leaping} & set(result.keys)
-    assert result.interpolated == (refused, wrong)
+    assert result.interpolated == (refused, wrong, leaping)
     assert all(sum(k in pair for pair in registrar.pairs) == 2 for k in result.interpolated)
-    assert max(off_its_neighbors(result, k) for k in (refused, wrong)) < 0.1
-    T = result.trajectory.T_world_sensor
-    apart = (STREAM[leaping - 1].inv() * STREAM[leaping] * leap).inv() * T[leaping - 1].inv() * T[leaping]
-    assert np.linalg.norm(apart.translation) < 0.1
+    assert max(off_its_neighbors(result, k) for k in result.interpolated) < 0.1
     # what was registered is surer
     traces = np.trace(result.covariances[:, 3:, 3:], axis1=1, axis2=2)
     assert traces[refused] > traces[refused - 1]
