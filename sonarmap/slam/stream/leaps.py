@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 # to 400 scans none does, of 3,000 in a pool 25, of which 11 were off by more than 3 voxels, of 16 in all.
 _LEAP = 6.0
 _TO_SIGMA = 1.4826  # from a median of absolute numbers
-_FASTER = 3.0  # times as fast as usual a vehicle may be
+_FASTER = 2.0  # times as fast as usual a vehicle goes there
 _MOST_ROUNDS = 50  # of leaving out those that stray most from their neighbors
 
 
