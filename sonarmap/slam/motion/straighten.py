@@ -111,11 +111,8 @@ def ways(components: Sequence[Sequence[int]], surveys: Sequence[int], stamps: np
 
 
 def sharper(pairs: Sequence[Pair], before: Sequence[Pair]) -> float:
-    """How much sharper consecutive scans match than before: the logarithm of the ratio of their peaks, in the median of
-    those that were accepted both times; 0 where none were."""
-    peaks = [
-        {p.scans: p.registration.psr for p in each if p.role == "sequential" and p.accepted and p.registration}
-        for each in (pairs, before)
-    ]
+    """How much sharper scans match than before: the logarithm of the ratio of their peaks, in the median of the pairs
+    that were accepted both times; 0 where none were. Consecutive scans alone would not say: they are bent alike."""
+    peaks = [{p.scans: p.registration.psr for p in each if p.accepted and p.registration} for each in (pairs, before)]
     both = peaks[0].keys() & peaks[1].keys()
     return float(np.median([np.log(peaks[0][scans] / peaks[1][scans]) for scans in both])) if both else 0.0
