@@ -109,8 +109,9 @@ def without_leaps(
         on_way = replace(each, step=replace(each.step, registration=way))
         # in places that look alike two wrong ones can agree with one another
         believed = _on_way(on_way, registered, floor) if back else _agreeing(on_way, registered, floor)
-        edges[each.scan] = believed or [on_way.step]
-        left |= {each.scan} if edges[each.scan][0] is on_way.step else set()
+        # beside the way: a registration that leaves much open agrees with it and holds the scan elsewhere
+        edges[each.scan] = [*believed, on_way.step] if back or not believed else believed
+        left |= set() if believed else {each.scan}
     return Refined(edges, sorted(left), registered)
 
 

@@ -14,6 +14,7 @@ from typing import Any
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.map_folder.folder import MapFolder
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH, REPORT, SUMMARY
+from sonarmap.tools.files.user_file import naming
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
 from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.products.report.page.content import Content, content_of
@@ -40,7 +41,8 @@ def write_report(folder: MapFolder) -> Path:
         InputError: the map's files are damaged, or the page cannot be written.
     """
     try:
-        page = report_text(content_of(folder))
+        with naming(folder.path):
+            page = report_text(content_of(folder))
     except InputError:
         raise
     except (ValueError, LookupError, TypeError, ArithmeticError, AttributeError) as error:
