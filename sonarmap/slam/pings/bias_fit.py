@@ -8,9 +8,9 @@ from scipy.linalg import block_diag
 from scipy.sparse import coo_array, csr_array
 
 from sonarmap.slam.pings.biases import NAMES, Biases, corrected, velocities
+from sonarmap.slam.pings.cells import Overlaps, Patches
 from sonarmap.slam.pings.line import PingLine
 from sonarmap.slam.pings.navigation_errors import Knots, NavigationErrors
-from sonarmap.slam.pings.patches import Overlaps, Patches
 
 BIASES = len(NAMES)
 # Errors of the motion sensor that are unknowns, too, with standard deviations: how far its axes are turned about the

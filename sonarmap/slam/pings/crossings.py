@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from sonarmap.slam.pings.cells import Overlaps, Patches, checked_cell
 from sonarmap.slam.pings.line import PingLine
-from sonarmap.slam.pings.patches import Overlaps, Patches, checked_cell
 
 _BIN = float(np.radians(10.0))
 

@@ -12,8 +12,8 @@ from sonarmap.tools.command.terminal import say
 
 if TYPE_CHECKING:
     from sonarmap.slam.motion.odometry import Odometry
+    from sonarmap.slam.pings.calibration import PatchTest
     from sonarmap.slam.pings.crossings import Crossings
-    from sonarmap.slam.pings.patch_test import PatchTest
     from sonarmap.tools.command.words.survey import Mapped
     from sonarmap.tools.files.geo.georeference import Georeference
     from sonarmap.tools.files.readers.clouds.cloud import PingPatch
@@ -30,7 +30,7 @@ def without_biases(inputs: Sequence[str], corrections: "Corrections", quiet: boo
 
     Raises InputError: fewer than two lines among them, or none of the biases can be told.
     """
-    from sonarmap.slam.pings.patch_test import estimate_biases
+    from sonarmap.slam.pings.calibration import estimate_biases
     from sonarmap.tools.files.readers.pings.line_file import SUFFIXES, read_line
     from sonarmap.tools.files.readers.selection import select_files
 
@@ -83,8 +83,8 @@ def give_back(
     quiet: bool,
 ) -> None:
     """Write what the map says of its lines: navigation, soundings, how well lines agree, and the patch test."""
+    from sonarmap.slam.pings.calibration import estimate_biases
     from sonarmap.slam.pings.crossings import crossings
-    from sonarmap.slam.pings.patch_test import estimate_biases
     from sonarmap.tools.files.map_folder.names import OF_LINES
     from sonarmap.tools.products.lines.files import said_of, write_lines
     from sonarmap.tools.products.lines.moved_lines import moved_lines

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from sonarmap.slam.pings.calibration import PatchTest
 from sonarmap.slam.pings.crossings import Crossings
-from sonarmap.slam.pings.patch_test import PatchTest
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.names import LINES, NAVIGATION, OF_LINES, SOUNDINGS, SUMMARY

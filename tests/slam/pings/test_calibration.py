@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.pings.calibration import Biases, PatchTest, corrected, estimate_biases
 from sonarmap.slam.pings.crossings import crossings
 from sonarmap.slam.pings.line import PingLine
-from sonarmap.slam.pings.patch_test import Biases, PatchTest, corrected, estimate_biases
 from tests.slam.pings.simulated_lines import WRONG, simulated
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.bias_fit import fit
 from sonarmap.slam.pings.biases import NAMES, Biases, corrected
+from sonarmap.slam.pings.cells import checked_cell
 from sonarmap.slam.pings.crossings import crossings
 from sonarmap.slam.pings.line import PingLine
 from sonarmap.slam.pings.navigation_errors import NavigationErrors
-from sonarmap.slam.pings.patches import checked_cell
 
 __all__ = ["Biases", "NavigationErrors", "PatchTest", "corrected", "estimate_biases"]
 
