@@ -143,7 +143,8 @@ def map_scans(
 
     Args:
         scans: at least two, in the order in which they were taken, each as `register` takes it; or a folder, a file
-            with several scans, or a pattern. `read_scans` reads files whose ranges, axes or unit need a correction.
+            with several scans, or a pattern; lines of pings are placed by their navigation. `read_scans` reads files
+            whose ranges, axes or unit need a correction.
         method: the name of a method, or a `Registrar` of your own (`prepare(scan)`, `register(target, source)`).
         voxel, edge, max_tilt, device, seed: as of `register`. With a method of your own `voxel` is the map's and sets
             the tolerances, and the others are ignored.
@@ -172,7 +173,16 @@ def map_scans(
     require_type("odometry", [odometry], Odometry, None)
     require_type("ties", ties, Tie)
     require_type("control", control, ControlPoint)
-    survey = read_scans(scans) if isinstance(scans, str | os.PathLike) else as_scans(scans)
+    if isinstance(scans, str | os.PathLike):
+        from sonarmap.tools.files.readers.pings.patches import as_survey
+        from sonarmap.tools.files.readers.scans import read_scans as read
+
+        require(path=scans)
+        files = read([os.fspath(scans)])
+        survey, odometry = as_survey(files.scans, files.patches, odometry)
+        surveys = files.surveys if surveys is None and files.patches else surveys
+    else:
+        survey = as_scans(scans)
     numbers = as_surveys(surveys, len(survey))
     grid = survey_grid(survey, edge, voxel)
     if isinstance(method, str):

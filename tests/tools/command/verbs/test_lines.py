@@ -2,12 +2,14 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import laspy
 import numpy as np
 import pytest
 
+import sonarmap as sonarmap_package
 from sonarmap.tools.files.geo.projection import Projection
 from tests.samples.clutter_scans import done, printed, refused, said, sonarmap, table_of
 from tests.samples.lines import HERE, gsf_of
@@ -101,6 +103,16 @@ def test_biases_are_taken_out_on_request(tmp_path: Path) -> None:
     )
     assert recorded["biases"]["roll_deg"] == pytest.approx(0.5, abs=0.05)  # of the lines as they were recorded
     assert found["after"]["all"]["p95_m"] < 0.5 * found["before"]["all"]["p95_m"]
+
+
+def test_python_maps_lines_as_the_command_does(mapped: Path) -> None:
+    (mapped / "some").mkdir()
+    for k in (1, 2):
+        shutil.copy(mapped / f"{k}.gsf", mapped / "some")
+    result = sonarmap_package.map_scans(mapped / "some")
+    assert len(result.components) == 1
+    assert set(result.surveys) == {0, 1}
+    assert all(edge.kind == "loop" for edge in result.edges)  # along a line nothing is registered
 
 
 def test_options_that_lines_cannot_have_are_refused(mapped: Path, tmp_path: Path) -> None:

@@ -114,6 +114,17 @@ def placed(
     return PlacedPatches(of_all, here)
 
 
+def as_survey(
+    scans: Sequence[Scan], patches: Mapping[int, PingPatch], odometry: Odometry | None = None
+) -> tuple[Sequence[Scan], Odometry | None]:
+    """Scans, those of lines placed about the first of these, and the way within lines where no other is given."""
+    if not patches:
+        return scans, odometry
+    there = placed(scans, patches).scans
+    priors = {k: prior for k in patches if (prior := there[k].prior) is not None}
+    return there, odometry or way_within(there, priors)
+
+
 def way_within(scans: Sequence[Scan], priors: Mapping[int, PosePrior]) -> Odometry:
     """The way from patch to patch, as the lines' navigation has it, of scans with priors. Patches share no pings, so
     that nothing but it tells how they lie to each other along a line."""
