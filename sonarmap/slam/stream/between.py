@@ -20,7 +20,7 @@ from sonarmap.slam.graph.place import place_by_control, place_in_world
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.motion import scan_times
-from sonarmap.slam.stream.refine import Between, refine, without_leaps
+from sonarmap.slam.stream.refine import Between, Refined, refine, without_leaps
 from sonarmap.spectral.result import Registration
 
 
@@ -46,11 +46,7 @@ def with_between(
     """
     count, graph = len(measurements.scans), decision.solution.graph
     between = _between(keys, decision, measurements, floor, odd)
-    parts = {keys[k]: n for n, members in enumerate(graph.components) for k in members}
-    runs = _runs(parts, between, measurements.surveys)
-    at = {k: decision.solution.trajectory.T_world_sensor[n] for n, k in enumerate(keys)}
-    times = scan_times(measurements.stamps, measurements.surveys)
-    refined = without_leaps(runner, between, refine(runner, between, floor), at, times, runs, floor)
+    refined = _refined(between, keys, decision, measurements, floor, runner)
     edges = [edge for own in refined.edges.values() for edge in own]
     at_keys = {k: number for number, k in enumerate(keys)}
 
@@ -90,6 +86,23 @@ def with_between(
     judged = replace(judged, wrong=tuple(fixes[key] for key in sorted(fixes)))
     displaced = tuple((keys[i], keys[j]) for i, j in decision.displaced)
     return Decision(chained, solution, pairs, judged, wrong_control, decision.drifts, displaced, tuple(refined.left))
+
+
+def _refined(
+    between: Sequence[Between],
+    keys: Sequence[int],
+    decision: Decision,
+    measurements: Measurements,
+    floor: np.ndarray,
+    runner: PairRunner,
+) -> Refined:
+    """How the scans between lie to key scans, without leaps."""
+    graph = decision.solution.graph
+    parts = {keys[k]: n for n, members in enumerate(graph.components) for k in members}
+    at = {k: decision.solution.trajectory.T_world_sensor[n] for n, k in enumerate(keys)}
+    times = scan_times(measurements.stamps, measurements.surveys)
+    runs = _runs(parts, between, measurements.surveys)
+    return without_leaps(runner, between, refine(runner, between, floor), at, times, runs, floor)
 
 
 def _runs(parts: Mapping[int, int], between: Sequence[Between], surveys: np.ndarray) -> np.ndarray:
