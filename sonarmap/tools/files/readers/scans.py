@@ -156,6 +156,10 @@ def _require_known(files: Sequence[Path], corrections: Corrections) -> None:
                 f"{path}: `frame` and `units` cannot be used, as {known.kind} says its own; leave them out, or read it "
                 "apart from other files"
             )
+        if known.is_line and corrections.scale != 1.0:
+            raise InputError(
+                f"{path}: `range_scale` cannot be used, as {known.kind} has soundings, which are no ranges; leave it out"
+            )
         if corrections.sound_speed is not None and not known.has_sound_speed:
             raise InputError(
                 f"{path}: `sound_speed={corrections.sound_speed:g}` cannot be used, as {known.kind} does not say with "

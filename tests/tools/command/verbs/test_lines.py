@@ -123,6 +123,7 @@ def test_options_that_lines_cannot_have_are_refused(mapped: Path, tmp_path: Path
     refused(sonarmap("map", file, "-o", tmp_path, "--patch-test"), "two lines", "1 given")
     refused(sonarmap("map", file, "-o", tmp_path, "--patch", "-3"), "above 0")
     refused(sonarmap("map", file, "-o", tmp_path, "--frame", "frd"), "says its own")
+    refused(sonarmap("map", file, "-o", tmp_path, "--range-scale", "1.02"), "leave it out")
 
 
 def test_inspect_shows_lines(mapped: Path) -> None:
