@@ -158,7 +158,7 @@ def _require_known(files: Sequence[Path], corrections: Corrections) -> None:
             )
         if known.is_line and corrections.scale != 1.0:
             raise InputError(
-                f"{path}: `range_scale` cannot be used, as {known.kind} has soundings, which are no ranges; leave it out"
+                f"{path}: `range_scale` cannot be used, as {known.kind} has soundings and no ranges; leave it out"
             )
         if corrections.sound_speed is not None and not known.has_sound_speed:
             raise InputError(
@@ -186,8 +186,8 @@ def _kept(entry: ScanEntry, store: PointStore) -> ScanEntry:
 
 
 def _of_one_size(entries: list[ScanEntry]) -> list[ScanEntry]:
-    """The entries, without the scans that are in another unit than most."""
-    usable = {k: scan for k, entry in enumerate(entries) if (scan := entry.scan) is not None}
+    """The entries, without the scans that are in another unit than most; lines of pings say their unit."""
+    usable = {k: scan for k, entry in enumerate(entries) if (scan := entry.scan) is not None and entry.patch is None}
     for number, reason in strange_sizes(list(usable.values())).items():
         k = list(usable)[number]
         entries[k] = replace(entries[k], scan=None, reason=f"{entries[k].where}: {reason}")
