@@ -11,7 +11,6 @@ from sonarmap.tools.command.progress import growing_progress, stage
 from sonarmap.tools.command.terminal import say
 
 if TYPE_CHECKING:
-    from sonarmap.slam.motion.odometry import Odometry
     from sonarmap.slam.pings.calibration import PatchTest
     from sonarmap.slam.pings.crossings import Crossings
     from sonarmap.tools.command.words.survey import Mapped
@@ -64,14 +63,6 @@ def navigated_lines(read: "ReadScans", file: PriorsFile, settings: "NavigationSe
     there = placed(read.scans, read.patches, settings.origin, sigmas)
     say(f"{len(read.patches):,} of {len(read.scans):,} scans are patches of lines, placed by the lines' navigation")
     return Navigated(there.scans, there.georeference)
-
-
-def way_within_lines(read: "ReadScans") -> "Odometry | None":
-    """How far their navigation has the patches of each line apart; None without lines, or without navigation."""
-    from sonarmap.tools.files.readers.pings.patches import way_within
-
-    known = {k: prior for k in read.patches if (prior := read.scans[k].prior) is not None and prior.is_complete}
-    return way_within(read.scans, known) if known else None
 
 
 def give_back(

@@ -12,7 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.execution import ExecutionOptions, open_execution
 from sonarmap.tools.command.failures import print_failure
-from sonarmap.tools.command.lines import give_back, navigated_lines, way_within_lines, without_biases
+from sonarmap.tools.command.lines import give_back, navigated_lines, without_biases
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile, scans_with_priors
 from sonarmap.tools.command.navigation_check import ContradictedError, refusing
@@ -147,6 +147,8 @@ def command(
 
     --export writes the map for other programs too, as `sonarmap export` does, which needs no other run of `map`.
     """
+    from sonarmap.tools.files.readers.pings.patches import way_within
+
     telling = Telling(time.monotonic(), as_json, verbose, quiet)
     method = checked_method(method, context)
     mapper = survey.mapper_settings()
@@ -160,7 +162,7 @@ def command(
     ties = person.read_ties(read.scans)
     control, georeference = person.read_control(read.scans, georeference)
     exports = output.export_settings(earth.crs, georeference, read.scans)
-    reckoned = odometry.read(read.scans, navigation) or way_within_lines(read)
+    reckoned = odometry.read(read.scans, navigation) or way_within(read.scans, read.patches)
     configured = configure_method(read.scans, method, survey=True)
     described = given(priors) | given(odometry) | given(reading) | given(points) | given(person)
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapper}

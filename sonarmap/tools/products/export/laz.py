@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.folder import MapPart
 from sonarmap.tools.files.time_scales import gps_of_utc
 from sonarmap.tools.files.writers.atomic import atomic_path
@@ -31,17 +32,9 @@ def write_laz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
     import laspy
 
     part, projected = earth.part, earth.projected_points
-    header = laspy.LasHeader(version="1.4", point_format=6)
-    header.scales = np.full(3, _SCALE)
-    header.offsets = np.floor(projected.min(axis=0)) if len(projected) else np.zeros(3)
-    header.system_identifier = "OTHER"
-    header.generating_software = f"sonarmap {version('sonarmap')}"
     dimensions = {name: _DIMENSIONS[name] for name in _DIMENSIONS if name != "survey" or part.columns["survey"].any()}
-    header.add_extra_dims([laspy.ExtraBytesParams(name, kind, words) for name, (kind, words) in dimensions.items()])
-    header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(earth.projection.old_wkt))
-    header.global_encoding.wkt = True
-    if earth.timed:
-        header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
+    least = projected.min(axis=0) if len(projected) else np.zeros(3)
+    header = las_header(earth.projection, least, dimensions, earth.timed)
     las = laspy.LasData(header)
     las.points = laspy.ScaleAwarePointRecord.zeros(len(projected), header=header)
     las.x, las.y, las.z = projected.T
@@ -64,13 +57,42 @@ def write_laz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
     }
 
 
+def las_header(
+    projection: Projection, least: np.ndarray, dimensions: Mapping[str, tuple[str, str]], timed: bool
+) -> Any:
+    """The header of a LAS 1.4 file of point format 6, to the millimeter, with its CRS as WKT 1.
+
+    Args:
+        least: (3,) easting, northing, height [m] near the points, from which they are counted.
+        dimensions: beside those of every LAS file: type, and what it is in at most 31 letters.
+        timed: whether points have times, as `gps_times` has them.
+    """
+    import laspy
+
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    header.scales, header.offsets = np.full(3, _SCALE), np.floor(least)
+    header.system_identifier = "OTHER"
+    header.generating_software = f"sonarmap {version('sonarmap')}"
+    header.add_extra_dims([laspy.ExtraBytesParams(name, kind, words) for name, (kind, words) in dimensions.items()])
+    header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(projection.old_wkt))
+    header.global_encoding.wkt = True
+    if timed:
+        header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
+    return header
+
+
+def gps_times(stamps: np.ndarray, timed: bool) -> np.ndarray:
+    """(N,) adjusted standard GPS time [s] of stamps [s, UTC]; the stamps where they are no times."""
+    return gps_of_utc(stamps) - _STANDARD_GPS if timed else stamps
+
+
 def _fill(las: Any, part: MapPart, timed: bool) -> None:
     """The dimensions that every LAS file has."""
     las.return_number[:] = 1
     las.number_of_returns[:] = 1
     las.point_source_id = part.columns["scan"].astype(np.int64) % 65_536
     stamps = part.point_stamps
-    las.gps_time = gps_of_utc(stamps) - _STANDARD_GPS if timed else stamps
+    las.gps_time = gps_times(stamps, timed)
     scale = _intensity_scale(part)
     if scale is not None:
         strengths = np.nan_to_num(part.columns["intensity"].astype(np.float64))

@@ -2,7 +2,6 @@
 """navigation.csv, soundings.laz and lines.json: the files of a map that was made of lines of pings."""
 
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +13,11 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.names import LINES, NAVIGATION, OF_LINES, SOUNDINGS, SUMMARY
 from sonarmap.tools.files.readers.json_file import read_json
-from sonarmap.tools.files.time_scales import are_times, gps_of_utc, utc_texts
+from sonarmap.tools.files.time_scales import are_times, utc_texts
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
 from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.files.writers.table import write_table
+from sonarmap.tools.products.export.laz import gps_times, las_header
 from sonarmap.tools.products.lines.moved_lines import MovedLine
 
 COLUMNS = (
@@ -27,8 +27,7 @@ COLUMNS = (
     "crs",
 )
 _DECIMALS = (10, 10, 4, 4, 4, 5, 5, 5, 4, 4, 4, 4, 4, 4, 5, 5, 5)
-_SCALE = 0.001  # [m]
-_STANDARD_GPS = 1e9  # adjusted standard GPS time is GPS time less this [s]
+_DIMENSIONS = {"ping": ("u4", "ping of the line, from 0"), "beam_angle": ("f4", "from down, + starboard [deg]")}
 
 
 def write_lines(
@@ -95,23 +94,9 @@ def _write_soundings(
     source; and of each sounding its ping and beam angle."""
     import laspy
 
-    header = laspy.LasHeader(version="1.4", point_format=6)
-    header.scales = np.full(3, _SCALE)
-    here = georeference.geodetic(lines[0].after.places[:1])
-    header.offsets = np.floor(projection.project(here)[0])
-    header.system_identifier = "OTHER"
-    header.generating_software = f"sonarmap {version('sonarmap')}"
-    header.add_extra_dims(
-        [
-            laspy.ExtraBytesParams("ping", "u4", "ping of the line, from 0"),
-            laspy.ExtraBytesParams("beam_angle", "f4", "from down, + starboard [deg]"),
-        ]
-    )
-    header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(projection.old_wkt))
-    header.global_encoding.wkt = True
     timed = all(are_times(line.after.stamps) for line in lines)
-    if timed:
-        header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
+    here = georeference.geodetic(lines[0].after.places[:1])
+    header = las_header(projection, projection.project(here)[0], _DIMENSIONS, timed)
     with (
         atomic_path(path) as temporary,
         temporary.open("wb") as file,
@@ -121,8 +106,7 @@ def _write_soundings(
             after = line.after
             points = laspy.ScaleAwarePointRecord.zeros(len(after.pings), header=header)
             points.x, points.y, points.z = projection.project(georeference.geodetic(after.world_points())).T
-            stamps = after.stamps[after.pings]
-            points.gps_time = gps_of_utc(stamps) - _STANDARD_GPS if timed else stamps
+            points.gps_time = gps_times(after.stamps[after.pings], timed)
             points.return_number[:] = 1
             points.number_of_returns[:] = 1
             points.point_source_id[:] = min(number, 65_535)

@@ -62,9 +62,8 @@ def moved_lines(
     for path, scans in of_files.items():
         recorded = read_line(path, []).placed(georeference)
         before = corrected(recorded, reading.biases)
-        middles = np.searchsorted(before.stamps, result.trajectory.stamps[scans])
         there = MovedPatches(
-            np.minimum(middles, len(before.stamps) - 1),
+            np.array([patches[k].middle for k in scans]),
             result.trajectory.T_world_sensor[scans],
             result.covariances[scans],
         )

@@ -24,11 +24,10 @@ POINT_BYTES = 3 * 8  # of a point while it is checked
 
 @dataclass(frozen=True, slots=True)
 class PingPatch:
-    """Which pings a scan is made of, and where their line's navigation has it."""
+    """Of which line a scan is a patch, and where the line's navigation has it."""
 
     path: Path  # of the line
-    first: int  # first, last: its pings are first to last - 1
-    last: int
+    middle: int  # the ping in whose frame, about the transducer, the scan is
     count: int  # patches of the line
     depth: float  # of the soundings below the transducer, in the median [m]
     geodetic: tuple[float, float, float]  # latitude, longitude [deg], height [m] of the scan's frame

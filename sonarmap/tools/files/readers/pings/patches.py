@@ -1,6 +1,6 @@
 """Lines of pings as scans: each file is cut into patches, which their line's navigation places."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, PingPatch
 from sonarmap.tools.files.readers.instruments import COLUMNS
-from sonarmap.tools.files.readers.navigation.earth import by_the_maps_north
+from sonarmap.tools.files.readers.navigation.earth import by_the_maps_north, rounded_origin
 from sonarmap.tools.files.readers.pings.line_file import read_line
 
 # Of a motion sensor, a gyrocompass, DGNSS, and a water level that is known to decimeters, as COLUMNS have them.
@@ -58,8 +58,7 @@ def line_clouds(path: Path, notes: list[str], reading: LineReading) -> Iterator[
     for patch, place in zip(patches, geodetic.tolist(), strict=True):
         north = PingPatch(
             path,
-            patch.first,
-            patch.last,
+            patch.middle,
             len(patches),
             float(np.median(patch.viewpoints[:, 2] - patch.points[:, 2])),
             tuple(place),
@@ -98,8 +97,9 @@ def placed(
         InputError: lines more than 200 km from the origin.
     """
     numbers, known = list(patches), list(patches.values())
-    here = origin or Georeference(round(known[0].geodetic[0], 5), round(known[0].geodetic[1], 5))
-    places = here.local(np.array([patch.geodetic for patch in known]))
+    geodetic = np.array([patch.geodetic for patch in known])
+    here = origin or rounded_origin(geodetic, "patch", [])
+    places = here.local(geodetic)
     priors: list[PosePrior | None] = []
     for patch, place in zip(known, places, strict=True):
         deviations = np.array([(sigmas or _SIGMAS)[column] for column in COLUMNS])
@@ -121,13 +121,15 @@ def as_survey(
     if not patches:
         return scans, odometry
     there = placed(scans, patches).scans
-    priors = {k: prior for k in patches if (prior := there[k].prior) is not None}
-    return there, odometry or way_within(there, priors)
+    return there, odometry or way_within(there, patches)
 
 
-def way_within(scans: Sequence[Scan], priors: Mapping[int, PosePrior]) -> Odometry:
-    """The way from patch to patch, as the lines' navigation has it, of scans with priors. Patches share no pings, so
-    that nothing but it tells how they lie to each other along a line."""
+def way_within(scans: Sequence[Scan], patches: Collection[int]) -> Odometry | None:
+    """The way from patch to patch, as the lines' navigation has it; None where none of these scans is placed by it.
+    Patches share no pings, so that nothing but it tells how they lie to each other along a line."""
+    priors = {k: prior for k in patches if (prior := scans[k].prior) is not None and prior.is_complete}
+    if not priors:
+        return None
     T = RigidTransform.concatenate([prior.T_world_sensor for prior in priors.values()])
     stamps = np.array([scans[k].stamp for k in priors])
     return Odometry(np.array(list(priors)), T, stamps, _DRIFT, _TURN_DRIFT, alone=True)
