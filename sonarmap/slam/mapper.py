@@ -158,6 +158,15 @@ class Mapper:
         rounds = None if progress is None else _Rounds(progress)
         return self._straightened(measurements, self._mapped(measurements, rounds, vet), rounds)
 
+    def decided(self, scans: Sequence[Scan], known: Sequence[RegisteredPair]) -> Decision:
+        """About scans of one survey, at least two, as a map that grows needs it; `known` pairs have been registered.
+
+        Raises:
+            InputError: not one pair that could be tried.
+        """
+        measurements = Measurements(tuple(scans), np.zeros(len(scans), np.intp))
+        return self._decided(PairRunner(self.execution, scans, 0, None), measurements, known)
+
     def _straightened(
         self, measurements: Measurements, result: SurveyResult, progress: "_Rounds | None"
     ) -> SurveyResult:

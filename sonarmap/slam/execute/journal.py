@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from threading import RLock
 
 from sonarmap.kernels.errors import InputError
 
@@ -44,7 +45,8 @@ class Journal:
     """An SQLite database of results, each under a key of its own.
 
     What `add` was given is on disk when it returns: a process that is killed at any moment, or a machine that loses its
-    power, loses only what was not added yet. One process at a time can use the file. An entry that is not what was
+    power, loses only what was not added yet. One process at a time can use the file, with any of its
+    threads. An entry that is not what was
     added, as the disk or someone changed it, is as good as none: its work is done again.
 
     Args:
@@ -61,8 +63,9 @@ class Journal:
     def __init__(self, path: Path, fresh: bool = False) -> None:
         self.path = path
         self.damaged = 0
+        self._lock = RLock()  # threads of this process take turns
         with self._explained_errors():
-            self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
+            self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None, check_same_thread=False)
         self._database.text_factory = _text
         try:
             with self._explained_errors():
@@ -172,7 +175,8 @@ class Journal:
     def _explained_errors(self) -> Iterator[None]:
         """SQLite's errors as InputErrors that say what to do."""
         try:
-            yield
+            with self._lock:
+                yield
         except InputError:
             raise
         except (sqlite3.Error, MemoryError, UnicodeDecodeError) as error:  # what a damaged page may end with

@@ -108,7 +108,7 @@ def _gallop(
         at += stride
         keys.append(scans[at])
         if pair.accepted and pair.registration is not None:
-            share = max(_share(pair.registration, voxel, settings), 1e-3)
+            share = max(key_share(pair.registration, voxel, settings), 1e-3)
             stride = usual = min(max(1, int(stride * min(2.0, _AIM / share))), _LONGEST)
         else:
             stride = min(2 * stride, usual) if pair.placed else 1
@@ -123,7 +123,7 @@ def _even_strides(scans: Sequence[int], at: int, stride: int, count: int) -> lis
     return [Candidate(scans[k], scans[min(k + stride, last)], "sequential") for k in starts]
 
 
-def _share(registration: Registration, voxel: float, settings: KeySettings) -> float:
+def key_share(registration: Registration, voxel: float, settings: KeySettings) -> float:
     """How far two key scans are apart, as a share of how far they may be."""
     T = registration.T_target_source
     way, turn = float(np.linalg.norm(T.translation)), float(T.rotation.magnitude())

@@ -21,6 +21,7 @@ from sonarmap.tools.command.terminal import show_messages
 VERBS = [
     "register",
     "map",
+    "live",
     "record",
     "inspect",
     "template",

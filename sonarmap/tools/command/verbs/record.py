@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from ipaddress import AddressValueError, IPv4Address
 from pathlib import Path
-from threading import Event
+from threading import Event, Timer
 from typing import TYPE_CHECKING
 
 import typer
@@ -77,6 +77,16 @@ class Listening:
         shown="until Ctrl-C",
     )
 
+    @property
+    def seconds(self) -> float | None:
+        """How long; None for no end but the one that is asked for."""
+        return None if self.duration is None else _seconds(self.duration)
+
+    def as_options(self) -> list[str]:
+        """The same as a command line gives it, but for how long."""
+        given = {name: getattr(self, name) for name in ("multicast", "unicast", "interface", "sonar")}
+        return [word for name, value in given.items() if value is not None for word in (f"--{name}", value)]
+
 
 @dataclass(frozen=True, slots=True)
 class RecordedFile:
@@ -100,9 +110,8 @@ def command(file: RecordedFile, listening: Listening, as_json: JsonOption = Fals
     from sonarmap.tools.command.record.words import end_lines
 
     source = source_of(listening.multicast, listening.unicast, listening.interface)
-    duration = None if listening.duration is None else _seconds(listening.duration)
-    settings = RecordSettings(source, file.out, duration, listening.sonar, file.overwrite)
-    with _ending() as stop, _shown(quiet or as_json) as follow:
+    settings = RecordSettings(source, file.out, listening.seconds, listening.sonar, file.overwrite)
+    with ending() as stop, _shown(quiet or as_json) as follow:
         status = record(settings, follow, stop)
     if as_json:
         typer.echo(json.dumps(in_json(status)))
@@ -116,9 +125,14 @@ def command(file: RecordedFile, listening: Listening, as_json: JsonOption = Fals
 
 
 @contextmanager
-def _ending() -> Iterator[Event]:
-    """An event that Ctrl-C, SIGTERM and a closed terminal set; what nohup or the shell ignores stays ignored."""
+def ending(after: float | None = None) -> Iterator[Event]:
+    """An event that Ctrl-C, SIGTERM and a closed terminal set, or that comes `after` so long [s]; what nohup or the
+    shell ignores stays ignored."""
     stop = Event()
+    timer = Timer(after or 0.0, stop.set)
+    if after is not None:
+        timer.daemon = True
+        timer.start()
     before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     heard = [each for each, previous in before.items() if previous != signal.SIG_IGN]
     for each in heard:
@@ -126,6 +140,7 @@ def _ending() -> Iterator[Event]:
     try:
         yield stop
     finally:
+        timer.cancel()
         for each in heard:
             signal.signal(each, before[each])
 

@@ -2,7 +2,7 @@
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -47,32 +47,41 @@ class Damage:
         self.first = self.first or f"packet {number} at byte {start:,} {reason}"
 
 
-def packets_in(path: Path, damage: Damage) -> Iterator[Packet]:
+def no_more() -> bool:
+    """Of a file that does not grow."""
+    return False
+
+
+def packets_in(path: Path, damage: Damage, more: Callable[[], bool] = no_more, start: int = 0) -> Iterator[Packet]:
     """Every packet with a right checksum, of a file of which a few MB are in memory at a time; after `damage`, to which
-    bytes that are no packet are added, reading goes on at the next one."""
+    bytes that are no packet are added, reading goes on at the next one. `more` is called at the file's end, and says
+    whether to try again: of a file that grows it waits. `start`: the byte at which reading begins."""
     with unreadable(), path.open("rb", buffering=0) as file:
-        yield from _packets(_Window(file), damage)
+        file.seek(start)
+        yield from _packets(_Window(file, more, start), damage, start)
 
 
 class _Window:
     """Bytes of a file, for someone who only goes forward."""
 
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self._held, self._start = b"", 0
+    def __init__(self, file: BinaryIO, more: Callable[[], bool], start: int) -> None:
+        self._file, self._more = file, more
+        self._held, self._start = b"", start
 
     def bytes_at(self, start: int, count: int) -> bytes:
         """So many bytes; fewer at the end of the file."""
         while start + count > self._start + len(self._held):
-            more = self._file.read(_CHUNK)
-            if not more:
+            read = self._file.read(_CHUNK)
+            if not read and self._more():
+                continue
+            if not read:
                 break
-            self._held, self._start = self._held[start - self._start :] + more, start
+            self._held, self._start = self._held[start - self._start :] + read, start
         return self._held[start - self._start : start - self._start + count]
 
 
-def _packets(window: _Window, damage: Damage) -> Iterator[Packet]:
-    start = number = 0
+def _packets(window: _Window, damage: Damage, start: int) -> Iterator[Packet]:
+    number = 0
     while window.bytes_at(start, 1):
         number += 1
         content = _packet_at(window, start)

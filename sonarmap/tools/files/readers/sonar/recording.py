@@ -4,7 +4,7 @@ What was lost, damaged or out of order on the way is counted.
 """
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,8 +17,8 @@ from sonarmap.tools.files.readers.clock import clock_faults, clock_of
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.sonar.imu import ImuWindow, batch_key, samples_of
 from sonarmap.tools.files.readers.sonar.messages import STRENGTH, frame_of, message_of, range_image_type
-from sonarmap.tools.files.readers.sonar.packets import Damage, packets_in
-from sonarmap.tools.files.readers.sonar.shots import REACH, Remembered, Shot, ShotNumbers, ShotQueue
+from sonarmap.tools.files.readers.sonar.packets import Damage, no_more, packets_in
+from sonarmap.tools.files.readers.sonar.shots import REACH, WAITING, Remembered, Shot, ShotNumbers, ShotQueue
 
 _SAME_SPEED = 0.05  # [m/s]
 _JUMP = 1.0  # seconds by which the clock and the numbers of the shots disagree
@@ -33,6 +33,7 @@ class Recording:
     bare: int = 0  # how many of them have no strength image
     doubled_batches: int = 0  # of the IMU
     damage: Damage = field(default_factory=Damage)  # packets that could not be read
+    read_until: int = 0  # the byte behind the last packet
     queue: ShotQueue = field(default_factory=ShotQueue)  # counts what is doubled, missing or late among the images
     batches: ShotNumbers = field(default_factory=ShotNumbers)  # counts the same of the IMU's batches
     imu: ImuWindow = field(default_factory=ImuWindow)  # the latest of its samples
@@ -42,19 +43,22 @@ class Recording:
     _stamps: array = field(default_factory=lambda: array("d"))
     _places: array = field(default_factory=lambda: array("q"))
 
-    def read(self, path: Path) -> Iterator[Shot]:
-        """Every shot in its order."""
+    def read(
+        self, path: Path, waiting: int = WAITING, more: Callable[[], bool] = no_more, start: int = 0
+    ) -> Iterator[Shot]:
+        """Every shot in its order, each when so many have come after it, as late ones may; `more` and `start` are as of
+        `packets_in`."""
         kinds = (range_image_type(), rip.BitmapImageGreyscale8, rip.ImuBatch)
-        for packet in packets_in(path, self.damage):
+        for packet in packets_in(path, self.damage, more, start):
             try:
-                self.packets += 1
+                self.packets, self.read_until = self.packets + 1, packet.start + len(packet.content)
                 message = message_of(packet.content, *kinds)
                 if message is not None:
                     self._take(message)
             except InputError as error:
                 self.damage.add(packet.number, packet.start, len(packet.content), str(error))
-            yield from map(self._counted, self.queue.shots())
-        yield from map(self._counted, self.queue.shots(waiting=0))
+            yield from map(self._counted, self.queue.shots(waiting))
+        yield from map(self._counted, self.queue.rest())
 
     def _take(self, message: Message) -> None:
         if isinstance(message, range_image_type()):
@@ -70,6 +74,11 @@ class Recording:
                 self.imu.add(samples)
             else:
                 self.doubled_batches += 1
+
+    def cloud(self, shot: Shot) -> Cloud:
+        """A shot's points, with its attitude as the IMU has it by what was read so far."""
+        frame, prior = shot.frame, self.imu.prior_at(shot.frame.stamp)
+        return Cloud(frame.points, shot.strength, frame.stamp, prior=prior, sound_speed=frame.sound_speed)
 
     def _counted(self, shot: Shot) -> Shot:
         self.shots += 1
@@ -150,8 +159,7 @@ def stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
     be read, or holds no good range image."""
     recording = Recording()
     for shot in recording.read(path):
-        frame, prior = shot.frame, recording.imu.prior_at(shot.frame.stamp)
-        yield Cloud(frame.points, shot.strength, frame.stamp, prior=prior, sound_speed=frame.sound_speed)
+        yield recording.cloud(shot)
     if not recording.shots:
         first = recording.damage.first
         raise InputError(

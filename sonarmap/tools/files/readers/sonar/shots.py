@@ -15,7 +15,7 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.tools.files.readers.sonar.messages import Frame, stamp_of, strength_of
 
 REACH = 16  # shots that a packet may come too late
-_WAITING = REACH + 1  # shots that wait: with fewer, a shot that comes late leaves before its strength image
+WAITING = REACH + 1  # shots that wait: with fewer, a shot that comes late leaves before its strength image
 _EARLY = 2 * REACH  # strength images that wait for their range image
 
 _RANGE = 1 << 32  # sequence_id is a uint32, and begins at 0 again
@@ -136,17 +136,20 @@ class ShotQueue:
             del self._early[next(iter(self._early))]
             self.alone += 1
 
-    def shots(self, waiting: int = _WAITING) -> Iterator[Shot]:
-        """Shots in their order until so many wait: 0 when the recording has ended."""
+    def shots(self, waiting: int) -> Iterator[Shot]:
+        """Shots in their order until so many wait."""
         while len(self._order) > waiting:
             _, arrival = heapq.heappop(self._order)
             shot = self._shots.pop(arrival)
             if self._latest.get(shot.frame.number) == arrival:
                 del self._latest[shot.frame.number]
             yield shot
-        if not waiting:
-            self.alone += len(self._early)
-            self._early.clear()
+
+    def rest(self) -> Iterator[Shot]:
+        """Those that wait, when the recording has ended."""
+        yield from self.shots(0)
+        self.alone += len(self._early)
+        self._early.clear()
 
     def _join(self, arrival: int, image: rip.BitmapImageGreyscale8) -> None:
         shot = self._shots[arrival]

@@ -11,11 +11,16 @@ const lengthOf = (a) => Math.hypot(...a);
 class Camera {
   /** Look from the south and above; between the corners `middle` [m] is most of the map, so that strays do not make it small. */
   constructor(extent, middle) {
+    this.cover(extent, middle);
+    this.width = this.height = 1; // of the picture [pixels of the page]
+    this.reset();
+  }
+
+  /** What there is to see, without a movement of the camera. */
+  cover(extent, middle) {
     this.center = sum(...middle).map((value) => value / 2);
     this.reach = Math.max(lengthOf(minus(...middle)) / 2, 0.1); // of most of the map about its center [m]
     this.extent = Math.max(this.reach, ...extent.map((corner) => lengthOf(minus(corner, this.center)))) + lengthOf(minus(...extent));
-    this.width = this.height = 1; // of the picture [pixels of the page]
-    this.reset();
   }
 
   reset() {

@@ -43,11 +43,12 @@ function followPointer(view) {
   }, { passive: false });
 }
 
-function followKeys(view) {
+/** Keys that turn, move and zoom; `more` are the view's own, {key: function}. */
+function followKeys(view, more) {
   const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
   const keys = {
     "+": () => view.camera.zoom(1.2), "=": () => view.camera.zoom(1.2), "-": () => view.camera.zoom(1 / 1.2), Home: () => view.camera.reset(),
-    t: () => view.camera.fromAbove(), m: () => view.measure(!view.measuring), Escape: () => view.leave(),
+    t: () => view.camera.fromAbove(), ...more,
   };
   view.canvas.addEventListener("keydown", (event) => {
     const { camera } = view;

@@ -4,7 +4,7 @@ const BAR = 140; // the longest [pixels]
 const MOST_LABELS = 60; // of control points
 const [LETTER, LINE] = [7, 19]; // about a letter's width, and a line's height [pixels]
 
-/** Put labels, compass and scale where they belong in this frame. */
+/** Label what the report shows, in this frame. */
 function placeLabels(view) {
   const { track } = view.part;
   const last = track.places.length - 1;
@@ -13,6 +13,11 @@ function placeLabels(view) {
   if (view.shown.control) labels.push(...controlLabels(view));
   view.measured.forEach((place, k) => labels.push([place, "AB"[k]]));
   if (view.mark && !view.measuring) labels.push([view.mark, "◉"]);
+  putLabels(view, labels);
+}
+
+/** Put labels, [[place, text], ...], compass and scale where they belong in this frame. */
+function putLabels(view, labels) {
   const box = view.stage.querySelector("#labels");
   while (box.children.length < labels.length) box.append(make("span"));
   while (box.children.length > labels.length) box.lastChild.remove();

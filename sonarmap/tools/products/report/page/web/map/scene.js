@@ -109,8 +109,12 @@ class Scene {
     gl.clearColor(...look.ground, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const matrix = camera.matrix();
-    for (const name of look.clouds) if (this.clouds.get(name)?.points.count) this.drawPoints(this.clouds.get(name), camera, matrix, look, ratio);
+    this.drawClouds(camera, matrix, look, ratio);
     for (const lines of this.lines.values()) if (lines.count) this.drawLines(lines, camera, matrix, ratio);
+  }
+
+  drawClouds(camera, matrix, look, ratio) {
+    for (const name of look.clouds) if (this.clouds.get(name)?.points.count) this.drawPoints(this.clouds.get(name), camera, matrix, look, ratio);
   }
 
   /** Edge of a point's square at a distance of 1 m [pixels]. */

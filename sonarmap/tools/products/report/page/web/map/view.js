@@ -24,7 +24,7 @@ class View {
     this.step = THIRD;
     new ResizeObserver(() => this.resize()).observe(stage);
     followPointer(this);
-    followKeys(this);
+    followKeys(this, { m: () => this.measure(!this.measuring), Escape: () => this.leave() });
   }
 
   /** Show a part of the map, whose points are unpacked. */

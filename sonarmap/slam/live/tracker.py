@@ -1,0 +1,161 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""Scans placed as they come: each by its registration to the last key scan, or, where that fails, as the first of a
+part of its own."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.slam.motion.limits import NO_LIMITS, MotionLimits
+from sonarmap.slam.motion.motion import Motion
+from sonarmap.slam.motion.reconsider import believing_steps, is_doubtful, with_both, with_motion, without_leaps
+from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.slam.stream.keys import KeySettings, key_share
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
+
+Register = Callable[[Scan, Scan, Candidate], RegisteredPair]
+
+LOST = 3  # scans in a row that fit nothing, after which the vehicle is lost
+_WINDOW = 12  # key scans from which the motion is learned
+_DUE = 0.8  # of how far key scans may be apart, the share at which a scan becomes one
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """Where a scan lies."""
+
+    key: int  # the number of the key scan in whose frame it is
+    T_key_sensor: RigidTransform
+    covariance: np.ndarray  # (6, 6) of the registration, rotation first [rad, m], body tangent; 0 of a key scan
+
+
+@dataclass(slots=True)
+class Tracker:
+    """Places scans one by one.
+
+    Attributes:
+        register: registers a source to a target; the candidate says which numbers the pair gets, and what is expected.
+        looks_again: whether it can use what is expected.
+        voxel: edge of the survey's voxels [m].
+        floor: (6,) standard deviations that a motion's expectations are granted [rad, m].
+        limits: what the vehicle cannot exceed.
+        settings: how far apart key scans are.
+        keys: the key scans so far.
+        starts: the numbers of those with which a part begins, ascending.
+        steps: from every other key scan's number to its registration to the one before.
+        missed: scans in a row that fit nothing.
+        anew: whether the next scan begins a part, as nothing is known of where the last key scan lies to it.
+    """
+
+    register: Register
+    looks_again: bool
+    voxel: float
+    floor: np.ndarray
+    limits: MotionLimits = NO_LIMITS
+    settings: KeySettings = field(default_factory=KeySettings)
+    keys: list[Scan] = field(default_factory=list[Scan])
+    starts: list[int] = field(default_factory=list[int])
+    steps: dict[int, RegisteredPair] = field(default_factory=dict[int, RegisteredPair])
+    missed: int = 0
+    anew: bool = False
+    # the scan before, if it lies in the last key scan's frame and is none itself, and one that fitted nothing
+    _before: tuple[Scan, RegisteredPair] | None = None
+    _waiting: Scan | None = None
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the last scans fit nothing that was seen before."""
+        return self.missed >= LOST
+
+    def add(self, scan: Scan, last_chance: bool = True) -> Placed | None:
+        """Place the next scan; None where it fits nothing.
+
+        Not the `last_chance`: a scan nearer to the last one placed will be tried instead, and nothing is changed then.
+        """
+        if not self.keys or self.anew:
+            return self._begin_part(scan)
+        if (placed := self._by_last_key(scan)) is not None:
+            return placed
+        if not last_chance:
+            return None
+        self.missed += 1
+        if (waiting := self._waiting) is not None:
+            number = len(self.keys)
+            pair = self.register(waiting, scan, Candidate(number, number + 1, "sequential"))
+            if pair.accepted:
+                self._begin_part(waiting)
+                return self._place(scan, pair)
+        self._waiting = scan
+        return None
+
+    def restore(self, scan: Scan, step: Registration | None) -> None:
+        """Take a key scan of an earlier run; `step` is its registration to the one before, None where it began a
+        part."""
+        number = len(self.keys)
+        if step is None:
+            self._begin_part(scan)
+        else:
+            self._add_key(scan, RegisteredPair(number - 1, number, "sequential", registration=step))
+
+    def _by_last_key(self, scan: Scan) -> Placed | None:
+        """Where it lies by the last key scan, or else by the scan before, which becomes one then."""
+        pair = self._step(self.keys, self.steps, scan)
+        if not pair.accepted and self._before is not None:
+            before, of_before = self._before
+            number = len(self.keys)
+            pair = self._step([*self.keys, before], {**self.steps, number: of_before}, scan)
+            if pair.accepted:
+                self._add_key(before, of_before)
+        return self._place(scan, pair) if pair.accepted else None
+
+    def _place(self, scan: Scan, pair: RegisteredPair) -> Placed:
+        registration = pair.registration
+        assert registration is not None
+        self.missed, self._waiting = 0, None
+        if key_share(registration, self.voxel, self.settings) >= _DUE:
+            self._add_key(scan, pair)
+            return Placed(pair.j, RigidTransform.identity(), np.zeros((6, 6)))
+        self._before = scan, pair
+        return Placed(pair.i, registration.T_target_source, registration.covariance)
+
+    def _add_key(self, scan: Scan, step: RegisteredPair) -> None:
+        self.steps[len(self.keys)] = replace(step, i=len(self.keys) - 1, j=len(self.keys))
+        self.keys.append(scan)
+        self._before = None
+
+    def _begin_part(self, scan: Scan) -> Placed:
+        self.starts.append(len(self.keys))
+        self.keys.append(scan)
+        self._before, self._waiting, self.anew = None, None, False
+        return Placed(len(self.keys) - 1, RigidTransform.identity(), np.zeros((6, 6)))
+
+    def _step(self, keys: Sequence[Scan], steps: dict[int, RegisteredPair], scan: Scan) -> RegisteredPair:
+        """The scan registered to the last of some key scans, by the scans, and where these leave a doubt by the usual
+        motion too."""
+        last = len(keys) - 1
+        step = Candidate(last, last + 1, "sequential")
+        pair = self.register(keys[last], scan, step)
+        motion = self._motion(keys, steps, scan)
+        if motion is None or pair.registration is None:
+            return pair
+        number = {k: k - last - 2 + len(motion.times) for k in step.scans}
+        back = {n: k for k, n in number.items()}
+        pair = pair.renumbered(number)
+        if self.looks_again and is_doubtful(pair, motion):
+            again = self.register(keys[last], scan, replace(step, expected=motion.expected(*pair.scans)))
+            pair = with_both(pair, again.renumbered(number), motion)
+        pair = believing_steps(with_motion([without_leaps(pair, motion)], motion), None)[0]
+        if pair.accepted and pair.registration and motion.contradicts(*pair.scans, pair.registration.T_target_source):
+            pair = replace(pair, registration=replace(pair.registration, accepted=False))
+        return pair.renumbered(back)
+
+    def _motion(self, keys: Sequence[Scan], steps: dict[int, RegisteredPair], scan: Scan) -> Motion | None:
+        """What the vehicle usually does, by the last key scans."""
+        first = max(0, len(keys) - _WINDOW)
+        known = [steps[k] for k in range(first + 1, len(keys)) if k in steps]
+        pairs = [pair.renumbered({k: k - first for k in pair.scans}) for pair in known]
+        stamps = np.array([each.stamp for each in (*keys[first:], scan)], dtype=np.float64)
+        return Motion.learn(pairs, stamps, np.zeros(len(stamps), np.intp), self.floor, self.limits)

@@ -1,0 +1,1 @@
+"""`sonarmap live`: recording, mapping and showing, each in a process of its own."""

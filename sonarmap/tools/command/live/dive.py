@@ -1,0 +1,113 @@
+# pyright: strict
+"""A dive from its first scan to its last: who records, who maps, and what is shown of it."""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from threading import Event
+from typing import Any
+
+from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.tools.command.live.mapping import MappingSettings, run_mapping
+from sonarmap.tools.command.live.recording import RecordingProcess
+from sonarmap.tools.products.live.server import LivePage
+
+_TICK = 0.2  # seconds after which an end that was asked for is noticed, at the latest
+_MOST_BEGUN, _WITHIN = 5, 60.0  # so often the mapping is begun again within so long [s]
+_MOST_ALERTS = 5
+_PATIENCE = 5.0  # until a process has ended [s]
+
+
+@dataclass(slots=True)
+class Dive:
+    """What goes on.
+
+    Attributes:
+        settings: of the mapping.
+        recording: who records; None of an input that somebody else writes.
+        page: where it is shown.
+        tell: called with what to say on the terminal: the status, the sentence, and what is new and wrong.
+    """
+
+    settings: MappingSettings
+    recording: RecordingProcess | None
+    page: LivePage
+    tell: Callable[[str, str, list[str]], None]
+    _alerts: list[str] = field(default_factory=list[str])
+    _new: list[str] = field(default_factory=list[str])
+    _begun: list[float] = field(default_factory=list[float])
+
+    def follow(self, stop: Event) -> None:
+        """Until the input has ended, or `stop` is set.
+
+        Raises:
+            InputError, DeviceError: nothing can be mapped; what is recorded is whole.
+        """
+        try:
+            while not stop.is_set() and self._map_until(stop):
+                self._alert("the mapping was killed, and goes on from the last key scan")
+        finally:
+            if self.recording is not None:
+                self.recording.end()
+
+    def _map_until(self, stop: Event) -> bool:
+        """Map in a process of its own; whether this was killed, and can be begun again."""
+        context = get_context("spawn")
+        pipe, other = context.Pipe()
+        process = context.Process(target=run_mapping, args=(self.settings, other), daemon=True)
+        process.start()
+        other.close()
+        self._begun = [begun for begun in self._begun if time.monotonic() - begun < _WITHIN] + [time.monotonic()]
+        try:
+            while not stop.is_set():
+                self._look_at_recording()
+                if not pipe.poll(_TICK):
+                    continue
+                if self._took(pipe):
+                    return False
+        except (EOFError, ConnectionResetError):
+            if len(self._begun) > _MOST_BEGUN:
+                raise InputError(
+                    f"the process that maps ended {_MOST_BEGUN} times within a minute, as where memory is short; "
+                    "'sonarmap doctor' says what fits"
+                ) from None
+            return True
+        finally:
+            pipe.close()
+            process.join(_PATIENCE)
+            process.terminate()
+        return False
+
+    def _took(self, pipe: Connection) -> bool:
+        """Take a message; whether it is the last one."""
+        message: Any = pipe.recv()
+        if message is None:
+            return True
+        if isinstance(message, InputError | DeviceError):
+            raise message
+        if isinstance(message, str) and message.startswith('{"kind":"state"'):
+            state = json.loads(message)
+            state["alerts"] = [*self._alerts, *state["alerts"]][-_MOST_ALERTS:]
+            self.tell(state["status"], state["sentence"], self._new)
+            self._new = []
+            message = json.dumps(state, separators=(",", ":"))
+        self.page.publish(message)
+        return False
+
+    def _look_at_recording(self) -> None:
+        if self.recording is None:
+            return
+        try:
+            for line in self.recording.look():
+                self._alert(line.removeprefix("warning: "))
+        except InputError as error:
+            self._alert(str(error))
+            self.recording = None
+
+    def _alert(self, words: str) -> None:
+        if words and words not in self._alerts:
+            self._alerts = [*self._alerts, words][-_MOST_ALERTS:]
+            self._new.append(words)

@@ -1,0 +1,103 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""Key scans on disk, so that a mapping that was killed goes on where it was."""
+
+import json
+import zipfile
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.slam.execute.pair_text import from_text, to_text
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior, Scan
+from sonarmap.tools.files.readers.incoming import Mark
+from sonarmap.tools.files.writers.atomic import atomic_path, require_writable
+from sonarmap.tools.files.writers.folder_lock import locked
+
+FOLDER = "live"  # within the map's folder
+_INPUTS = "inputs.json"
+
+
+@dataclass(frozen=True, slots=True)
+class KeptKey:
+    """A key scan."""
+
+    scan: Scan
+    step: Registration | None  # to the key scan before; None where a part begins
+    behind: Mark  # how far the input was read then
+    voxel: float  # of the survey [m]
+
+
+def keep_key(out: Path, number: int, key: KeptKey) -> None:
+    """Write a key scan to a map's folder. Raises InputError: it cannot be written."""
+    prior = key.scan.prior
+    said: dict[str, Any] = {
+        "name": key.scan.name,
+        "stamp": key.scan.stamp,
+        "step": None if key.step is None else to_text(key.step),
+        "behind": asdict(key.behind),
+        "voxel": key.voxel,
+        "prior": prior and [prior.T_world_sensor.as_matrix().tolist(), prior.sigmas.tolist()],
+    }
+    with atomic_path(out / FOLDER / _name(number)) as temporary, temporary.open("wb") as file:
+        np.savez(file, points=key.scan.points, said=np.frombuffer(json.dumps(said).encode(), np.uint8))
+
+
+def kept_keys(out: Path) -> Iterator[KeptKey]:
+    """The key scans of a map's folder, up to the first that is not there or damaged."""
+    number = 0
+    while (path := out / FOLDER / _name(number)).is_file():
+        try:
+            with np.load(path, allow_pickle=False) as arrays:
+                said, points = json.loads(arrays["said"].tobytes()), arrays["points"]
+            step = None if said["step"] is None else from_text(said["step"])[0]
+            prior = said["prior"] and PosePrior(
+                RigidTransform.from_matrix(np.array(said["prior"][0])), np.array(said["prior"][1], np.float64)
+            )
+            scan = Scan(points, stamp=said["stamp"], prior=prior, name=said["name"])
+            yield KeptKey(scan, step, Mark(**said["behind"]), said["voxel"])
+        except (OSError, ValueError, LookupError, TypeError, zipfile.BadZipFile):
+            return
+        number += 1
+
+
+def has_keys(out: Path) -> bool:
+    """Whether there is one of the dive itself."""
+    return any(key.behind != Mark() for key in kept_keys(out))
+
+
+def forget_keys(out: Path) -> None:
+    """Remove them all."""
+    for path in (out / FOLDER).glob("key_*.npz"):
+        path.unlink(missing_ok=True)
+
+
+@contextmanager
+def kept_for(out: Path, inputs: Sequence[str]) -> Generator[None]:
+    """Within the block a map's folder is this program's, and holds key scans of these inputs alone.
+
+    Raises InputError: another program maps there, or nothing can be written.
+    """
+    folder = out / FOLDER
+    require_writable(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with locked(folder, writing=True):
+        said = json.dumps([str(Path(name).resolve()) for name in inputs])
+        try:
+            same = (folder / _INPUTS).read_text(encoding="utf-8") == said
+        except (OSError, ValueError):
+            same = False
+        if not same:
+            forget_keys(out)
+            with atomic_path(folder / _INPUTS) as temporary:
+                temporary.write_text(said, encoding="utf-8")
+        yield
+
+
+def _name(number: int) -> str:
+    return f"key_{number:05d}.npz"

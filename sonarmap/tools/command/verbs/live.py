@@ -1,0 +1,179 @@
+"""`sonarmap live`: the map while the vehicle dives."""
+
+import math
+import time
+import webbrowser
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.live import Live
+from rich.text import Text
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.execution import ExecutionOptions
+from sonarmap.tools.command.method import checked_method
+from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile
+from sonarmap.tools.command.options.option import INPUT, OUTPUT, RUNNING, flag, option
+from sonarmap.tools.command.options.output import EarthPlace, MapOutput
+from sonarmap.tools.command.options.registration import MethodOptions
+from sonarmap.tools.command.options.running import JsonOption, QuietOption
+from sonarmap.tools.command.options.scan import PointReading
+from sonarmap.tools.command.options.survey import SurveyOptions, TiesAndControl
+from sonarmap.tools.command.terminal import error_console, printable, say, warn
+from sonarmap.tools.command.verbs import map as map_verb
+from sonarmap.tools.command.verbs.record import SECONDS_BETWEEN_LINES, Listening, ending
+
+NOTHING_CAME = 3
+_running = partial(option, RUNNING)
+
+SourceArgument = Annotated[
+    list[str] | None,
+    typer.Argument(
+        help="A recording (.sonar) or folder of scans that grows; with --replay finished ones, as of `sonarmap map`. "
+        "Without it what a Sonar 3D-15 sends over the network is recorded to OUT/recording, and mapped.",
+        metavar="[SOURCE]",
+        rich_help_panel=INPUT,
+        show_default=False,
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class LiveOptions:
+    """How a dive is shown, and what ends it."""
+
+    replay: float | None = option(
+        INPUT, "F", "Take finished scans F times as fast as they were taken. 0 is as fast as it goes.", min=0.0
+    )
+    onto: Path | None = option(
+        INPUT, "MAP", "Find the place in a finished map, and show both. It is a folder that `sonarmap map` wrote."
+    )
+    browser: bool = flag(RUNNING, "--browser/--no-browser", "Open the page in the browser.", True)
+    port: int = _running("N", "Of the page.", 0, shown="any that is free", min=0, max=65535, rare=True)
+    bind: str = _running(
+        "ADDRESS",
+        "Show the page to other computers, at this address of this one. It has a token in its address then.",
+        "127.0.0.1",
+        rare=True,
+    )
+    finish: bool = flag(OUTPUT, "--finish/--no-finish", "Make the map as `sonarmap map` does when the dive ends.", True)
+
+
+def command(
+    context: typer.Context,
+    output: MapOutput,
+    listening: Listening,
+    live: LiveOptions,
+    method: MethodOptions,
+    points: PointReading,
+    priors: PriorsFile,
+    reading: NavigationReading,
+    survey: SurveyOptions,
+    source: SourceArgument = None,
+    imu: ImuOption = True,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Map while the vehicle dives, and show it in the browser.
+
+    The page shows the map as it grows, where the vehicle is and how surely, what was seen how often, and says when it
+    is lost and where its place was last sure. Each scan is placed when it comes; loops are closed and all poses
+    optimized again meanwhile. Where more scans come than can be placed, some are left for the end.
+
+    Ctrl-C or --duration ends the dive. Then the map is made as `sonarmap map` makes it, with the same files and exit
+    codes; `sonarmap map OUT/recording -o OUT` with more options makes it again. What comes over the network is recorded
+    to OUT/recording by a process of its own. Started again with the same OUT, it goes on where it was.
+    """
+    from sonarmap.tools.command.live.dive import Dive
+    from sonarmap.tools.command.live.kept_keys import forget_keys, has_keys, kept_for
+    from sonarmap.tools.command.live.mapping import MappingSettings
+    from sonarmap.tools.command.live.recording import FOLDER, RecordingProcess
+    from sonarmap.tools.products.live.server import LivePage
+
+    inputs, out = source or [], output.out
+    _require_source(inputs, live.replay)
+    settings = MappingSettings(
+        out,
+        tuple(inputs) or (str(out / FOLDER),),
+        live.replay,
+        points.corrections(),
+        checked_method(method, context),
+        survey.mapper_settings(),
+    )
+    about = (*settings.inputs, *([] if live.onto is None else [str(live.onto)]))
+    with kept_for(out, about), ending(listening.seconds) as stop, LivePage(live.bind, live.port) as page:
+        if live.onto is not None and not has_keys(out):
+            _keep_map(live.onto, out)
+        say(f"the map is shown at {page.address}; Ctrl-C ends the dive")
+        if live.browser:
+            with suppress(webbrowser.Error):
+                webbrowser.open(page.address)
+        with _shown(quiet or as_json) as tell:
+            recording = None if inputs else RecordingProcess(out, listening.as_options())
+            Dive(settings, recording, page, tell).follow(stop)
+    if not has_keys(out):
+        forget_keys(out)
+        warn("no scan came, and there is no map")
+        raise typer.Exit(NOTHING_CAME)
+    if live.finish:
+        map_verb.command(
+            context, list(settings.inputs), output, method, priors, points, OdometryFile(), reading, survey,
+            TiesAndControl(), EarthPlace(), ExecutionOptions(), imu=imu, as_json=as_json, quiet=quiet,
+        )  # fmt: skip
+        forget_keys(out)
+
+
+def _keep_map(onto: Path, out: Path) -> None:
+    """The key scans of a finished map, where the mapping finds them."""
+    from sonarmap.tools.command.live.kept_keys import forget_keys, keep_key
+    from sonarmap.tools.command.live.onto import map_keys
+    from sonarmap.tools.files.map_folder.folder import read_map_folder
+
+    forget_keys(out)
+    for number, key in enumerate(map_keys(read_map_folder(onto))):
+        keep_key(out, number, key)
+
+
+def _require_source(inputs: list[str], replay: float | None) -> None:
+    if replay is not None:
+        if not inputs:
+            raise InputError("--replay needs finished scans to take; name them")
+        return
+    if len(inputs) > 1:
+        raise InputError(
+            f"{len(inputs)} sources given; name one recording or folder that grows, or give --replay for finished ones"
+        )
+    for name in inputs:
+        path = Path(name)
+        if not (path.is_dir() or path.suffix.lower() == ".sonar"):
+            raise InputError(
+                f"{name} is neither a folder nor a recording (.sonar), which may grow; give --replay 1 to take a "
+                "finished file at the pace of its times"
+            )
+        if not path.exists():
+            raise InputError(f"{name} does not exist; name what is being written, or leave it out for the network")
+
+
+@contextmanager
+def _shown(quiet: bool) -> Iterator[Callable[[str, str, list[str]], None]]:
+    """A function that shows how a dive goes."""
+    console, shown_at, shown_status = error_console(), -math.inf, ""
+
+    def tell(status: str, sentence: str, warnings: list[str]) -> None:
+        nonlocal shown_at, shown_status
+        for warning in warnings:
+            warn(warning)
+        if line is not None:
+            line.update(Text(printable(sentence), style="bold red" if status == "lost" else ""), refresh=True)
+        elif not quiet and (status != shown_status or time.monotonic() - shown_at >= SECONDS_BETWEEN_LINES):
+            say(sentence)
+            shown_at, shown_status = time.monotonic(), status
+
+    line = Live(console=console, auto_refresh=False) if console.is_terminal and not quiet else None
+    with line or nullcontext():
+        yield tell

@@ -1,0 +1,194 @@
+# pyright: strict
+"""The page's server: `/` is the page, `/feed` the WebSocket, and everything else is refused. It reads no file."""
+
+import asyncio
+import logging
+import secrets
+import socket
+from concurrent.futures import Future
+from contextlib import suppress
+from http import HTTPStatus
+from ipaddress import ip_address
+from threading import Thread
+from typing import Any, Self
+from urllib.parse import parse_qs, urlsplit
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.products.live.kept import Kept, Reached
+from sonarmap.tools.products.live.page import live_page
+
+MOST_BROWSERS = 8
+LARGEST = 1024  # message from a browser, which has nothing to say [bytes]
+_PATIENCE = 20.0  # for a browser that takes nothing [s]
+_FAREWELL = 2.0  # for browsers to get the end of the dive [s]
+_HEADERS = {
+    "Content-Type": "text/html; charset=utf-8",
+    "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+_quiet = logging.Logger("sonarmap.live", logging.CRITICAL + 1)  # what strangers send is no news
+
+
+class LivePage:
+    """Serves the page while it is open as a context.
+
+    bind: the address to listen at; beyond this machine the page asks for a token, which is in `address`.
+    port: 0 for any that is free.
+    """
+
+    def __init__(self, bind: str = "127.0.0.1", port: int = 0) -> None:
+        self._bind, self._port = "127.0.0.1" if bind == "localhost" else bind, port
+        self._token = None if _is_loopback(bind) else secrets.token_urlsafe(24)
+        self._kept = Kept()
+        self._waiting: dict[asyncio.Task[Any], asyncio.Event] = {}  # set when there is something new for a browser
+        self._woken = self._ending = False
+        self._page, self._policy = live_page()
+
+    @property
+    def address(self) -> str:
+        """What to open in a browser."""
+        host = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(self._bind, self._bind)
+        return f"http://{f'[{host}]' if ':' in host else host}:{self._port}/" + (
+            f"?token={self._token}" if self._token else ""
+        )
+
+    def __enter__(self) -> Self:
+        started: Future[int] = Future()
+        self._thread = Thread(target=self._run, args=(started,), name="live page", daemon=True)
+        self._thread.start()
+        try:
+            self._port = started.result()
+        except (OSError, OverflowError) as error:
+            raise InputError(
+                f"port {self._port} of {self._bind} cannot be used for the page ({error}); another program may use it: "
+                "name another with --port, or leave --port out, and look at --bind"
+            ) from error
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ending = True
+        self._call(self._stop.set)
+        self._thread.join(2 * _PATIENCE)
+
+    def publish(self, message: str | bytes) -> None:
+        """Show a message of `messages.py` in every browser, now and to come; never waits for a browser."""
+        self._kept.add(message)
+        if not self._woken:
+            self._woken = True
+            self._call(self._wake)
+
+    def _call(self, function: Any) -> None:
+        with suppress(RuntimeError):  # the loop has ended
+            self._loop.call_soon_threadsafe(function)
+
+    def _wake(self) -> None:
+        self._woken = False
+        for event in self._waiting.values():
+            event.set()
+
+    def _run(self, started: Future[int]) -> None:
+        try:
+            asyncio.run(self._serve(started))
+        except BaseException as error:  # for whoever waits for the start
+            if started.done():
+                raise
+            started.set_exception(error)
+
+    async def _serve(self, started: Future[int]) -> None:
+        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        options: dict[str, Any] = {"compression": None, "max_size": LARGEST, "max_queue": 1, "server_header": None}
+        options |= {"open_timeout": 5, "close_timeout": 2, "process_request": self._answer, "logger": _quiet}
+        async with serve(self._feed, self._bind, self._port, **options) as server:
+            started.set_result(next(iter(server.sockets)).getsockname()[1])
+            await self._stop.wait()
+            self._wake()
+            if self._waiting:
+                await asyncio.wait(list(self._waiting), timeout=_FAREWELL)
+
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """The page or a refusal; None for a browser that may have the feed."""
+        asked = urlsplit(request.path)
+        hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+        if len(hosts) != 1 or _name_of(hosts[0]) not in self._names(connection):
+            return _refused(HTTPStatus.FORBIDDEN, "This page is at another address.")
+        if self._token is not None:
+            given = parse_qs(asked.query).get("token", [""])[0]
+            if not secrets.compare_digest(given.encode("utf-8", "replace"), self._token.encode()):
+                return _refused(HTTPStatus.FORBIDDEN, "Open the address that sonarmap printed, with its token.")
+        if asked.path == "/":
+            headers = Headers({**_HEADERS, "Content-Security-Policy": self._policy})
+            return _response(HTTPStatus.OK, headers, self._page)
+        if asked.path != "/feed":
+            return _refused(HTTPStatus.NOT_FOUND, "There is only the page itself, at /.")
+        if origins != [f"http://{hosts[0]}"]:
+            return _refused(HTTPStatus.FORBIDDEN, "Only the page itself may ask for its feed.")
+        return None
+
+    def _names(self, connection: ServerConnection) -> set[str]:
+        """By what a browser may call this host: a page of strangers that leads here by DNS has another name."""
+        reached = str(connection.local_address[0]).removeprefix("::ffff:")
+        return {self._bind.lower(), reached, "localhost"} | ({socket.gethostname().lower()} if self._token else set())
+
+    async def _feed(self, connection: ServerConnection) -> None:
+        """Send one browser what it lacks, as fast as it takes it."""
+        task, event = asyncio.current_task(), asyncio.Event()
+        if task is None or len(self._waiting) >= MOST_BROWSERS:
+            return await connection.close(1013, f"{MOST_BROWSERS} browsers show the page already; close one")
+        self._waiting[task] = event
+        listening = asyncio.create_task(_listen(connection, event))
+        reached = Reached()
+        try:
+            while not listening.done():
+                event.clear()
+                messages = self._kept.after(reached)
+                for message in messages:
+                    async with asyncio.timeout(_PATIENCE):
+                        await connection.send(message)
+                if not messages and self._ending:
+                    break
+                if not messages:
+                    await event.wait()
+        except (ConnectionClosed, TimeoutError):
+            connection.transport.abort()
+        finally:
+            del self._waiting[task]
+            listening.cancel()
+
+
+async def _listen(connection: ServerConnection, event: asyncio.Event) -> None:
+    """Close a connection that sends anything: the page has nothing to say. Sets the event when it is closed."""
+    with suppress(ConnectionClosed):
+        await connection.recv()
+        await connection.close(1008, "nothing is expected")
+    event.set()
+
+
+def _is_loopback(bind: str) -> bool:
+    with suppress(ValueError):
+        return bind == "localhost" or ip_address(bind).is_loopback
+    return False
+
+
+def _name_of(host: str) -> str:
+    with suppress(ValueError):
+        return (urlsplit(f"//{host}").hostname or "").lower()
+    return ""
+
+
+def _refused(status: HTTPStatus, why: str) -> Response:
+    return _response(status, Headers({"Content-Type": "text/plain", "X-Content-Type-Options": "nosniff"}), f"{why}\n")
+
+
+def _response(status: HTTPStatus, headers: Headers, text: str) -> Response:
+    body = text.encode("utf-8")
+    headers["Content-Length"] = str(len(body))
+    headers["Connection"] = "close"
+    return Response(status, status.phrase, headers, body)

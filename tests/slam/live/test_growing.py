@@ -1,0 +1,188 @@
+"""Scans placed as they come, by a registrar that knows the truth: the map that grows is that of the poses."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from threading import Thread
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.slam.live.growing import GrowingMap
+from sonarmap.slam.live.tracker import LOST
+from sonarmap.slam.mapper import Mapper
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior, Scan
+from tests.samples.surveys import KnowingRegistrar, position_error, random_covariance, ring_poses, scans_of
+
+VOXEL = 0.5
+COVARIANCE = random_covariance(np.random.default_rng(0), 0.004, 0.03)
+REACH = 6.0  # of `scans_of` [m]
+Spoil = Callable[[int, int, Registration], Registration]
+
+
+def far_refused(truth: RigidTransform) -> Spoil:
+    """As the scans would have it: what is too far apart shares too little."""
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        shared = 1 - float(np.linalg.norm(truth[i].translation - truth[j].translation)) / REACH
+        if shared < 0:
+            return replace(given, overlap=0.0, accepted=False, probability=0.0, reason="too far")
+        return replace(given, overlap=shared)
+
+    return spoil
+
+
+def growing(truth: RigidTransform, spoil: Spoil | None = None, scale: float = 1.0) -> GrowingMap:
+    registrar = KnowingRegistrar(truth, scale * COVARIANCE, spoil or far_refused(truth))
+    return GrowingMap(Mapper(registrar, VOXEL))
+
+
+def decided(grown: GrowingMap) -> None:
+    """All, by another thread, as while scans come."""
+    thread = Thread(target=grown.decide)
+    grown.idle.set()
+    thread.start()
+    thread.join()
+    assert grown.take_over()
+    assert not grown.take_over()
+
+
+def poses_of(grown: GrowingMap, scans: list[Scan]) -> RigidTransform:
+    """Of all scans, placed one by one."""
+    placed = [grown.add(scan) for scan in scans]
+    return RigidTransform.concatenate([grown.pose(each).T_part_sensor for each in placed if each is not None])
+
+
+def test_every_scan_is_placed_where_it_was_taken() -> None:
+    truth = ring_poses(60, turns=0.6)
+    scans = scans_of(truth)
+    grown = growing(truth, scale=0.01)
+    found = poses_of(grown, scans)
+    assert len(found) == 60
+    assert position_error(found, truth) < 0.1
+    assert grown.parts == {0: len(grown.tracker.keys)}
+    assert len(grown.tracker.keys) < 40  # a scan that is near the last key scan is none
+
+
+def test_loops_that_are_closed_move_key_scans_and_what_lies_by_them() -> None:
+    truth = ring_poses(80, turns=1.2)
+    scans = scans_of(truth)
+    grown = growing(truth, scale=6)
+    placed = [grown.add(scan) for scan in scans]
+
+    def error() -> float:
+        poses = [grown.pose(each).T_part_sensor for each in placed if each is not None]
+        return position_error(RigidTransform.concatenate(poses), truth)
+
+    before = error()
+    decided(grown)
+    assert grown.loops
+    assert error() < 0.8 * before
+    later = grown.add(replace(scans[-1], stamp=scans[-1].stamp + 1))  # and goes on from there
+    assert later is not None
+    assert np.linalg.norm(grown.pose(later).T_part_sensor.translation - truth[-1].translation) < before
+
+
+def test_a_vehicle_that_leaps_is_in_a_part_of_its_own_until_a_known_place_is_seen_again() -> None:
+    ring = ring_poses(40, radius=8.0)
+    away = RigidTransform.from_translation([0.0, 0.0, 40.0])  # nothing of the ring is seen from there
+    truth = RigidTransform.concatenate([ring[:14], away * ring[14:16], ring[16:]])
+    grown = growing(truth)
+    scans = scans_of(ring)
+    for scan in scans[:14]:
+        grown.add(scan)
+    assert grown.parts.keys() == {0}
+    assert grown.add(scans[14]) is None
+    assert grown.add(scans[15]) is not None  # it is placed by the scan before
+    apart = grown.tracker.starts[1]
+    assert grown.poses[-1].part == apart
+    for scan in scans[16:20]:
+        grown.add(scan)
+    assert len(grown.parts) == 3  # what comes after is not known to be the first part yet
+    decided(grown)
+    assert grown.poses[-1].part == 0
+    assert grown.poses[apart].part == apart  # what nothing joins stays apart
+    last = grown.poses[-1].T_part_sensor.translation
+    assert np.linalg.norm(last - truth[19].translation) < 2.0
+
+
+def test_scans_that_fit_nothing_are_said_to_after_three() -> None:
+    truth = ring_poses(30, turns=0.5)
+    blind = range(12, 15)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        refused = i in blind or j in blind
+        return replace(given, accepted=False, probability=0.0) if refused else far_refused(truth)(i, j, given)
+
+    grown = growing(truth, spoil)
+    scans, said = scans_of(truth), list[bool]()
+    for scan in scans:
+        grown.add(scan)
+        said.append(grown.tracker.is_lost)
+    assert said.index(True) == blind.start + LOST - 1
+    assert not any(said[blind.stop :])  # the last key scan is in sight still
+    assert grown.parts.keys() == {0}
+
+
+def test_a_scan_that_is_not_the_last_chance_changes_nothing() -> None:
+    truth = ring_poses(40, turns=1.0)
+    scans = scans_of(truth)
+    grown = growing(truth)
+    for scan in scans[:5]:
+        grown.add(scan)
+    keys = list(grown.tracker.keys)
+    assert grown.add(scans[25], last_chance=False) is None
+    assert grown.tracker.keys == keys
+    assert grown.tracker.missed == 0
+    assert grown.add(scans[5]) is not None
+
+
+def test_a_mapping_that_is_begun_again_has_the_same_poses() -> None:
+    truth = ring_poses(40, turns=0.7)
+    scans = scans_of(truth)
+    grown = growing(truth)
+    poses_of(grown, scans)
+    again = growing(truth)
+    for number, scan in enumerate(grown.tracker.keys):
+        step = grown.tracker.steps.get(number)
+        again.restore(scan, None if step is None else step.registration)
+    for one, another in zip(grown.poses, again.poses, strict=True):
+        np.testing.assert_allclose(one.T_part_sensor.as_matrix(), another.T_part_sensor.as_matrix(), atol=1e-12)
+        np.testing.assert_allclose(one.covariance, another.covariance, atol=1e-12)
+    assert again.tracker.starts == grown.tracker.starts
+
+
+def test_a_part_is_level_where_the_first_scan_knows_its_attitude() -> None:
+    truth = ring_poses(20, turns=0.4)
+    tilted = Rotation.from_euler("ZYX", [0.0, 0.2, -0.1])
+    sigmas = np.array([0.01, 0.01, np.inf, np.inf, np.inf, np.inf])
+    prior = PosePrior(RigidTransform.from_rotation(tilted), sigmas)
+    first, *others = scans_of(truth)
+    grown = growing(truth, scale=0.01)
+    found = poses_of(grown, [replace(first, prior=prior), *others])
+    assert grown.knows_up(0)
+    expected = RigidTransform.from_rotation(tilted) * truth
+    assert position_error(found, expected) < 0.1
+
+
+def test_ellipsoids_grow_with_the_way_from_the_last_key_scan() -> None:
+    truth = ring_poses(30, turns=0.5)
+    grown = growing(truth)
+    sigmas: list[float] = []
+    for scan in scans_of(truth):
+        placed = grown.add(scan)
+        assert placed is not None
+        sigmas.append(float(np.trace(grown.pose(placed).covariance[3:, 3:])))
+    assert sigmas[0] == 0.0
+    assert sigmas[-1] > 2 * sigmas[5]
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_too_few_key_scans_decide_nothing(count: int) -> None:
+    truth = ring_poses(4)
+    grown = growing(truth)
+    for scan in scans_of(truth)[:count]:
+        grown.add(scan)
+    grown.decide()
+    assert not grown.take_over()

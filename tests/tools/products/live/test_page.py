@@ -1,0 +1,172 @@
+"""The page in a real Chromium: what it shows of a dive, and what it says where something is wrong."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+from sonarmap.tools.products.live import messages
+from sonarmap.tools.products.live.messages import LastSure, State, Vehicle
+from sonarmap.tools.products.live.server import LivePage
+from tests.tools.products.live.known_dive import KnownDive
+from tests.tools.products.report.page.browser import SOFTWARE, WITHOUT_WEBGL, Opened, wait_until
+
+POSE = (0, 0, 0, 0, 0, 0, 1)
+
+
+@contextmanager
+def opened(
+    live: LivePage, width: int = 1280, flags: tuple[str, ...] = SOFTWARE, silent: bool = True
+) -> Iterator[Opened]:
+    """The page, which has said nothing when it is left unless it is not `silent`, and asked for nothing but itself."""
+    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if path is None:
+        pytest.skip("no Chromium is installed: apt-get install chromium")
+    sync_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install playwright")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", *flags])
+        page = browser.new_page(viewport={"width": width, "height": 844})
+        shown = Opened(page)
+        page.on("console", lambda message: shown.said.append(message.text))
+        page.on("pageerror", lambda error: shown.said.append(str(error)))
+        page.on("request", lambda request: shown.asked.append(request.url))
+        page.goto(live.address)
+        wait_until(page, "window.sonarmap && sonarmap.wire.open")
+        yield shown
+        assert shown.said == [] or not silent
+        assert {urlsplit(asked).netloc for asked in shown.asked} <= {urlsplit(live.address).netloc, ""}
+        browser.close()
+
+
+def publish(live: LivePage, dive: KnownDive, keys: int) -> None:
+    for message in dive.until(keys):
+        live.publish(message)
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_a_dive_is_shown_and_an_alarm_when_lost(width: int) -> None:
+    dive = KnownDive(keys=20, per_scan=300)
+    with LivePage() as live, opened(live, width) as shown:
+        page = shown.page
+        assert "Waiting for the first scan." in page.inner_text("#state")
+        publish(live, dive, 20)
+        wait_until(
+            page, "sonarmap.dive.clouds.size === 20 && document.querySelector('#said').textContent.includes('20 key')"
+        )
+        assert "6,000 points of 20 key scans" in page.inner_text("#said")
+        assert page.inner_text("#status") == "placed"
+        assert "59 of 60" in page.inner_text("#facts")
+        assert "once" in page.inner_text("#coverage")
+        assert page.is_hidden("#alarm")
+        live.publish(dive.state(0.9, 19, lost=61.0))
+        wait_until(page, "!document.querySelector('#alarm').hidden")
+        assert "Go back to the last sure place" in page.inner_text("#alarm")
+        assert "LOST for 1 min" in page.inner_text("#status")
+        assert page.title().startswith("LOST")
+        wait_until(page, "sonarmap.view.scene.lines.get('sure')?.count === 3")
+        page.click("#alarm button")
+        assert page.get_attribute("#follow", "aria-pressed") == "false"
+        live.publish(dive.state(0.9, 19))
+        wait_until(page, "document.querySelector('#alarm').hidden")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_poses_move_clouds_and_nothing_is_sent_again() -> None:
+    with LivePage() as live, opened(live) as shown:
+        page = shown.page
+        spot = np.random.default_rng(0).normal(0, 0.2, (500, 3)) + np.array([3, 0, 0])
+        live.publish(messages.cloud_message(0, spot))
+        live.publish(messages.track_message([0, 0], [[0, 0, 0], [1, 0, 0]]))
+        for y in (5.0, -5.0):
+            live.publish(messages.poses_message(0, [0], [(0, y, 0, 0, 0, np.sqrt(0.5), np.sqrt(0.5))]))
+            # the sensor's x axis lies along y
+            wait_until(
+                page, f"Math.abs(sonarmap.view.camera.center[1] - {y + 3}) < 0.3 && sonarmap.dive.samples(0).length"
+            )
+            assert abs(page.evaluate("sonarmap.dive.samples(0)[0][1]") - y - 3) < 1
+            pieces = page.evaluate("sonarmap.dive.trackPieces(0, 10)[0].flat()")
+            np.testing.assert_allclose(pieces, [0, y, 0, 0, y + 1, 0], atol=1e-3)
+            colored = """async () => {
+                const { view } = sonarmap, { gl } = view.scene;
+                view.camera.reset(); view.draw(performance.now());
+                const pixels = new Uint8Array(4 * gl.canvas.width * gl.canvas.height);
+                gl.readPixels(0, 0, gl.canvas.width, gl.canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+                return pixels.filter((value, k) => k % 4 === 1 && value > 120).length;
+            }"""
+            assert page.evaluate(colored) > 50
+        assert page.evaluate("sonarmap.wire.messages") < 10
+
+
+def test_the_camera_follows_until_it_is_moved_and_again_when_asked() -> None:
+    with LivePage() as live, opened(live) as shown:
+        page = shown.page
+
+        def drive(x: float, part: int = 0) -> None:
+            vehicle = Vehicle(0, (x, 0, 0, 0, 0, 0, 1), np.eye(3) * 0.01)
+            live.publish(messages.state_message(State("placed", f"at {x}", vehicle=vehicle, part=part, parts=2)))
+            wait_until(page, f"document.querySelector('#sentence').textContent === 'at {x}' && !sonarmap.view.waiting")
+
+        live.publish(messages.poses_message(0, [0, 1], [POSE, POSE]))
+        live.publish(messages.cloud_message(0, np.eye(3)))
+        live.publish(messages.cloud_message(1, np.eye(3)))
+        drive(1.0)
+        drive(7.0)
+        wait_until(page, "sonarmap.view.camera.target[0] === 7")
+        page.focus("#canvas")
+        page.keyboard.press("ArrowLeft")
+        assert page.get_attribute("#follow", "aria-pressed") == "false"
+        drive(9.0)
+        assert page.evaluate("sonarmap.view.camera.target[0]") == 7
+        page.keyboard.press("f")
+        wait_until(page, "sonarmap.view.camera.target[0] === 9")
+        wait_until(page, "!document.querySelector('#parts').hidden")
+        page.select_option("#parts select", "1")
+        wait_until(page, "document.querySelector('#said').textContent.includes('of part 1')")
+        page.select_option("#parts select", "")
+        wait_until(page, "document.querySelector('#said').textContent.includes('of part 0')")
+        page.click("#theme")
+
+
+def test_texts_are_never_markup() -> None:
+    evil = "<img src=x onerror=alert(1)>"
+    with LivePage() as live, opened(live) as shown:
+        live.publish(messages.state_message(State("placed", evil, alerts=[evil])))
+        wait_until(shown.page, "document.querySelector('#concerns li')")
+        assert shown.page.inner_text("#sentence") == shown.page.inner_text("#concerns li") == evil
+        assert shown.page.locator("img").count() == 0
+
+
+def test_it_says_that_the_server_is_gone_and_comes_back_with_it() -> None:
+    with LivePage() as live:
+        port = urlsplit(live.address).port or 0
+        browser = opened(live, silent=False)
+        shown = browser.__enter__()
+        publish(live, KnownDive(keys=5, per_scan=50), 5)
+        wait_until(shown.page, "sonarmap.dive.clouds.size === 5")
+    try:
+        wait_until(shown.page, "document.querySelector('#link').textContent.includes('no connection')")
+        assert shown.page.evaluate("document.body.classList.contains('stale')")
+        with LivePage(port=port) as again:
+            again.publish(messages.state_message(State("waiting", "again")))
+            wait_until(shown.page, "document.querySelector('#sentence').textContent === 'again'")
+            assert shown.page.is_hidden("#link")
+            assert shown.page.evaluate("sonarmap.dive.clouds.size + sonarmap.view.scene.clouds.size") == 0
+    finally:
+        browser.__exit__(None, None, None)
+
+
+def test_without_webgl_state_and_plan_are_still_there() -> None:
+    counts = np.ones((9, 9), int)
+    counts[3:6, 3:6] = 0
+    with LivePage() as live, opened(live, flags=WITHOUT_WEBGL, silent=False) as shown:
+        live.publish(messages.coverage_message(counts, 1.0, (0, 0), 0))
+        live.publish(messages.state_message(State("lost", "?", lost_since=2, last_sure=LastSure(0, (1, 2, 3)))))
+        wait_until(
+            shown.page, "!document.querySelector('#alarm').hidden && !document.querySelector('#coverage').hidden"
+        )
+        assert "cannot be shown" in shown.page.inner_text("#stage")
+        assert "x 1.0, y 2.0, z 3.0" in shown.page.inner_text("#alarm")
+        assert "holes, never seen: 9" in shown.page.inner_text("#coverage")

@@ -1,0 +1,189 @@
+"""The server on the network: who gets the page, who is refused, and that nothing falls."""
+
+import json
+import os
+import re
+import socket
+import time
+from base64 import b64encode
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from hashlib import sha256
+from http.client import HTTPConnection
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.products.live import messages, server
+from sonarmap.tools.products.live.messages import State
+from sonarmap.tools.products.live.server import LivePage
+
+STATE = messages.state_message(State("placed", "here"))
+
+
+@pytest.fixture
+def live() -> Iterator[LivePage]:
+    with LivePage() as page:
+        page.publish(STATE)
+        yield page
+
+
+def answer(live: LivePage, path: str = "/", **headers: str) -> tuple[int, dict[str, str], str]:
+    address = urlsplit(live.address)
+    connection = HTTPConnection("127.0.0.1", address.port or 0, timeout=10)
+    connection.request("GET", path, headers={"Host": address.netloc} | headers)
+    response = connection.getresponse()
+    return response.status, dict(response.getheaders()), response.read().decode()
+
+
+@contextmanager
+def feed(
+    live: LivePage, origin: str | None = None, query: str | None = None, max_queue: int = 16
+) -> Iterator[ClientConnection]:
+    address = urlsplit(live.address)
+    where = f"ws://127.0.0.1:{address.port}/feed?{address.query if query is None else query}"
+    own = Origin(origin or f"http://127.0.0.1:{address.port}")
+    with connect(where, origin=own, compression=None, max_queue=max_queue) as connection:
+        yield connection
+
+
+def drained(connection: ClientConnection) -> None:
+    """Read until the server ends it."""
+    while True:
+        connection.recv(5)
+
+
+def still_serves(live: LivePage) -> bool:
+    with feed(live) as connection:
+        return json.loads(connection.recv(5))["sentence"] == "here"
+
+
+def test_the_page_has_a_strict_policy(live: LivePage) -> None:
+    status, headers, text = answer(live)
+    assert status == 200
+    policy = headers["Content-Security-Policy"]
+    assert policy.startswith("default-src 'none'; connect-src 'self'; ")
+    assert "unsafe" not in policy
+    for tag, name in (("style", "style-src"), ('script type="module"', "script-src")):
+        (inside,) = re.findall(rf"<{tag}>(.*?)</{tag.split()[0]}>", text, re.DOTALL)
+        assert f"{name} 'sha256-{b64encode(sha256(inside.encode()).digest()).decode()}'" in policy
+    assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function", text)
+    assert set(re.findall(r"(?:https?|wss?)://[^\s\"'`)]+", text)) == {"http://www.w3.org/2000/svg"}
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "[", "192.0.2.1"])
+@pytest.mark.parametrize("path", ["/", "/feed"])
+def test_another_host_is_refused(live: LivePage, host: str, path: str) -> None:
+    assert answer(live, path, Host=host)[0] == 403
+
+
+@pytest.mark.parametrize(
+    "path", ["/summary.json", "/../../etc/passwd", "/%2e%2e/etc/passwd", "//etc/passwd", "/feed/x"]
+)
+def test_there_is_no_file(live: LivePage, path: str) -> None:
+    assert answer(live, path)[0] == 404
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1", "http://127.0.0.1"])
+def test_another_origin_is_refused(live: LivePage, origin: str) -> None:
+    with pytest.raises(InvalidStatus, match="403"), feed(live, origin):
+        pass
+    assert answer(live, "/feed")[0] == 403  # none at all
+    assert still_serves(live)
+
+
+def test_beyond_this_machine_a_token_is_asked_for() -> None:
+    with LivePage("0.0.0.0") as live:
+        token = urlsplit(live.address).query
+        live.publish(STATE)
+        assert re.fullmatch(r"token=[\w-]{32}", token)
+        assert answer(live, f"/?{token}", Host="127.0.0.1")[0] == 200
+        for wrong in ("/", "/?token=", f"/?{token}x", f"/?{token[:-1]}", "/?token=%ff%00"):
+            assert answer(live, wrong, Host="127.0.0.1")[0] == 403
+        assert answer(live, f"/?{token}", Host="evil.example")[0] == 403
+        assert still_serves(live)
+        with pytest.raises(InvalidStatus, match="403"), feed(live, query="token=wrong"):
+            pass
+
+
+def test_garbage_is_refused_and_nothing_falls(live: LivePage, capfd: pytest.CaptureFixture[str]) -> None:
+    garbage = os.urandom(1_000_000)
+    for sent, why in ((garbage, "."), ("hello", "1008")):
+        with feed(live) as connection:
+            with suppress(ConnectionClosed):
+                connection.send(sent)
+            with pytest.raises(ConnectionClosed, match=why):
+                drained(connection)
+    with feed(live) as connection, suppress(OSError):  # no frames at all
+        connection.socket.sendall(garbage)
+    for begin in (b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX: "):
+        with socket.create_connection(("127.0.0.1", urlsplit(live.address).port or 0)) as raw, suppress(OSError):
+            raw.sendall(begin + garbage)
+            while raw.recv(65536):
+                pass
+    assert still_serves(live)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_browser_that_reads_nothing_holds_nobody_up(live: LivePage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "_PATIENCE", 0.5)
+    with feed(live, max_queue=1) as slow, feed(live) as quick:
+        quick.recv(5)
+        begin = time.monotonic()
+        for key in range(100):
+            live.publish(messages.poses_message(key, [0], [(0, 0, 0, 0, 0, 0, 1)]))
+            live.publish(messages.cloud_message(key, np.random.default_rng(key).random((10_000, 3))))
+        assert time.monotonic() - begin < 5
+        clouds = 0
+        while clouds < 100:
+            message = quick.recv(10)
+            clouds += isinstance(message, bytes) and message[0] == messages.CLOUD
+        time.sleep(1.5)
+        with pytest.raises(ConnectionClosed):
+            drained(slow)
+    assert still_serves(live)
+
+
+def test_the_number_of_browsers_is_bounded(live: LivePage) -> None:
+    with ExitStack() as browsers:
+        for _ in range(server.MOST_BROWSERS):
+            browsers.enter_context(feed(live)).recv(5)
+        with feed(live) as more, pytest.raises(ConnectionClosed, match="close one"):
+            more.recv(5)
+    time.sleep(0.2)
+    assert still_serves(live)
+
+
+def test_browsers_get_the_end_of_the_dive() -> None:
+    with ExitStack() as browsers:
+        with LivePage() as live:
+            connection = browsers.enter_context(feed(live))
+            live.publish(messages.cloud_message(0, np.zeros((10_000, 3))))
+            live.publish(messages.state_message(State("ended", "over")))
+        last = [message for message in connection if isinstance(message, str)][-1]
+    assert json.loads(last)["status"] == "ended"
+
+
+def test_a_port_in_use_says_what_to_do(live: LivePage) -> None:
+    port = urlsplit(live.address).port or 0
+    with pytest.raises(InputError, match="--port"), LivePage(port=port):
+        pass
+    with pytest.raises(InputError, match="--bind"), LivePage("192.0.2.1"):
+        pass
+
+
+def test_it_listens_at_ipv6_too() -> None:
+    try:
+        socket.create_server(("::1", 0), family=socket.AF_INET6).close()
+    except OSError:
+        pytest.skip("this machine has no IPv6")
+    with LivePage("::1") as live:
+        assert re.fullmatch(r"http://\[::1\]:\d+/", live.address)
+        connection = HTTPConnection("::1", urlsplit(live.address).port or 0, timeout=10)
+        connection.request("GET", "/")
+        assert connection.getresponse().status == 200
