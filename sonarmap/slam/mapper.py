@@ -2,6 +2,7 @@
 """The mapper: scans in, one consistent map out, on one screen."""
 
 from collections.abc import Callable, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.motion.straighten import Straightened, sharper, straightened, ways
+from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.slam.odd.odd_scan import OddScan
 from sonarmap.slam.odd.search import find_odd
 from sonarmap.slam.pair import RegisteredPair, require_any_registered
@@ -127,6 +129,7 @@ class Mapper:
         ties: Sequence[Tie] = (),
         control: Sequence[ControlPoint] = (),
         vet: Callable[[Sequence[RegisteredPair]], None] | None = None,
+        turn_rates: TurnRates | None = None,
     ) -> SurveyResult:
         """Map a survey, or several of one place.
 
@@ -144,6 +147,7 @@ class Mapper:
             control: points of scans with known coordinates, which are used when no more pairs are searched for.
             vet: called with some pairs that are registered without the scans' priors before these bound any; it may
                 raise, which ends the run.
+            turn_rates: of the sensor, by the clock of the stamps; they help to straighten scans.
 
         Raises:
             InputError: fewer than two scans, not one pair that could be tried, or ties or control points of scans that
@@ -156,19 +160,24 @@ class Mapper:
         by_hand = {tie.scans: tie for tie in ties}
         measurements = Measurements(tuple(scans), number, odometry, tuple(control), by_hand)
         rounds = None if progress is None else _Rounds(progress)
-        return self._straightened(measurements, self._mapped(measurements, rounds, vet), rounds)
+        return self._straightened(measurements, self._mapped(measurements, rounds, vet), rounds, turn_rates)
 
-    def decided(self, scans: Sequence[Scan], known: Sequence[RegisteredPair]) -> Decision:
-        """About scans of one survey, at least two, as a map that grows needs it; `known` pairs have been registered.
+    def decided(self, scans: Sequence[Scan], known: Sequence[RegisteredPair], settled: int = 0) -> Decision:
+        """About scans of one survey, at least two, as a map that grows needs it; `known` pairs have been registered,
+        and of the first scans, so many as are `settled`, no loops are sought among them.
 
         Raises:
             InputError: not one pair that could be tried.
         """
         measurements = Measurements(tuple(scans), np.zeros(len(scans), np.intp))
-        return self._decided(PairRunner(self.execution, scans, 0, None), measurements, known)
+        return self._decided(PairRunner(self.execution, scans, 0, None), measurements, known, settled)
 
     def _straightened(
-        self, measurements: Measurements, result: SurveyResult, progress: "_Rounds | None"
+        self,
+        measurements: Measurements,
+        result: SurveyResult,
+        progress: "_Rounds | None",
+        turn_rates: TurnRates | None,
     ) -> SurveyResult:
         """The map of the scans without what the sensor's motion did to them, if they fit together better so; else the
         one that is given."""
@@ -177,12 +186,14 @@ class Mapper:
         for _ in range(_ROUNDS if self.settings.straighten and have_times else 0):
             runs = ways(result.components, result.surveys, result.trajectory.stamps)
             taken, bent, before = measurements.scans, result.straightened is None, straight
-            straight = straightened(taken, result.trajectory, runs, self.voxel / 2, bent)
+            straight = straightened(taken, result.trajectory, runs, self.voxel / 2, bent, turn_rates)
             if straight.farthest_from(before) < _STRAIGHT * self.voxel:
                 break
             if progress is not None:
                 progress.begin_again()
-            again = self._mapped(replace(measurements, scans=straight.scans), progress)
+            # a scan that fitted as it was taken is not odd, but not straight yet
+            fitted = set(range(len(taken))) - {each.scan for each in result.odd}
+            again = self._mapped(replace(measurements, scans=straight.scans), progress, fitted=fitted)
             fewer = max(map(len, again.components)) < max(map(len, result.components))
             if fewer or sharper(again.pairs, result.pairs) <= 0:
                 break
@@ -194,8 +205,9 @@ class Mapper:
         measurements: Measurements,
         progress: Progress | None,
         vet: Callable[[Sequence[RegisteredPair]], None] | None = None,
+        fitted: AbstractSet[int] = frozenset(),
     ) -> SurveyResult:
-        """The map of the scans as they are."""
+        """The map of the scans as they are; those that `fitted` before are not looked at for what is odd."""
         scans, number, control = measurements.scans, measurements.surveys, measurements.control
         ties = tuple(measurements.ties.values())
         try:
@@ -204,7 +216,7 @@ class Mapper:
             odd: tuple[OddScan, ...] = ()
             if len(keys) == len(scans):
                 known = register_steps(runner, measurements.runs, known)
-                vouched = {k for tie in ties for k in tie.scans} | {point.scan for point in control}
+                vouched = {k for tie in ties for k in tie.scans} | {point.scan for point in control} | fitted
                 odd = find_odd(runner, searched, measurements.runs.tolist(), known, self.voxel, vouched)
                 keys = [k for k in keys if k not in {each.scan for each in odd}]
             if len(keys) == len(scans):
@@ -253,13 +265,15 @@ class Mapper:
             measurements = replace(measurements, scans=tuple(scans))
         return with_between(decision, keys, measurements, self.settings.loops.floor(self.voxel) / 4, runner, outside)
 
-    def _decided(self, runner: PairRunner, measurements: Measurements, known: Sequence[RegisteredPair]) -> Decision:
+    def _decided(
+        self, runner: PairRunner, measurements: Measurements, known: Sequence[RegisteredPair], settled: int = 0
+    ) -> Decision:
         """About all that can be registered of some scans; `known` pairs have been.
 
         The search knows neither ties nor control points, so that it registers the same pairs whatever these say.
         """
         settings = self.settings.loops
-        search = PairSearch(runner, measurements, self.registrar, self.voxel, settings, self.settings.limits)
+        search = PairSearch(runner, measurements, self.registrar, self.voxel, settings, self.settings.limits, settled)
         pairs = search.steps(known)
         measurements = search.measurements
         alone = measurements.by_instruments

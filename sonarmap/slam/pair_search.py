@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
@@ -55,6 +56,7 @@ class PairSearch:
         voxel: edge of the survey's voxels [m].
         loops: which extra pairs are tried.
         limits: what the vehicle's motion cannot exceed.
+        settled: of so many scans, the first ones, it is known how they lie to each other: no loops among them.
     """
 
     def __init__(
@@ -65,7 +67,9 @@ class PairSearch:
         voxel: float,
         loops: LoopSettings,
         limits: MotionLimits,
+        settled: int = 0,
     ) -> None:
+        self._settled = set(combinations(range(settled), 2))
         self._runner, self._registrar = runner, registrar
         self.measurements = measurements  # with the drift that steps show
         self._voxel, self._settings, self._limits = voxel, loops, limits
@@ -114,7 +118,7 @@ class PairSearch:
 
         `unsure`: only of scans whose lie to each other the estimate has no better than registrations do.
         """
-        candidates = self._candidates(decision, {pair.scans for pair in tried}, unsure)
+        candidates = self._candidates(decision, self._settled.union(pair.scans for pair in tried), unsure)
         self._runner.end_stage("candidates sought")
         if not candidates or (unsure and len(candidates) < _WORTH_A_ROUND * len(self.measurements.scans)):
             return []

@@ -173,13 +173,16 @@ def map_scans(
     require_type("odometry", [odometry], Odometry, None)
     require_type("ties", ties, Tie)
     require_type("control", control, ControlPoint)
+    turn_rates = None
     if isinstance(scans, str | os.PathLike):
         from sonarmap.tools.files.readers.pings.patches import as_survey
         from sonarmap.tools.files.readers.scans import read_scans as read
+        from sonarmap.tools.files.readers.turn_rates import turn_rates_of
 
         require(path=scans)
         files = read([os.fspath(scans)])
         survey, odometry = as_survey(files.scans, files.patches, odometry)
+        turn_rates = turn_rates_of(files.files, survey)
         surveys = files.surveys if surveys is None and files.patches else surveys
     else:
         survey = as_scans(scans)
@@ -187,7 +190,9 @@ def map_scans(
     grid = survey_grid(survey, edge, voxel)
     if isinstance(method, str):
         method = find_method(method).make(_setup(method, grid, max_tilt, device, seed))
-    return Mapper(method, grid.voxel, settings).run(survey, progress, numbers, odometry, ties, control)
+    return Mapper(method, grid.voxel, settings).run(
+        survey, progress, numbers, odometry, ties, control, turn_rates=turn_rates
+    )
 
 
 def optimize(

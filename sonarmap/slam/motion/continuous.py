@@ -4,9 +4,12 @@ other (white noise on acceleration; Barfoot, Tong and Särkkä 2014, DOI 10.1560
 
 Between scans a pose is T_k Exp(y(t) - y_k), where y sums up the steps log(T_k^-1 T_k+1) in the sensor's own axes. Under
 such a process the mean of y through the scans is the natural cubic spline, and its variance is known in closed form.
+
+Turn rates of a gyroscope take their part before: all this is then of a frame that they would have kept from turning,
+and what they leave over, drift of the gyroscope and errors of the scans, is smooth.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -15,6 +18,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.motion.turn_rates import Turned, TurnRates
 
 _FEWEST = 3  # poses from which more than a steady motion is learned
 
@@ -30,6 +34,7 @@ class ContinuousTrajectory:
         power: (6,) how much the velocity wanders: the spectral density of the acceleration [rad^2/s^3, m^2/s^3].
         of_velocity: (n,) and (n - 1,), variances of the knots' velocities and covariances of two in a row, for a
             density of 1 [s^-1].
+        turned: how the sensor has turned by measured rates, which the knots are without; None where they are none.
     """
 
     knots: Trajectory
@@ -37,10 +42,16 @@ class ContinuousTrajectory:
     spline: CubicSpline
     power: np.ndarray
     of_velocity: tuple[np.ndarray, np.ndarray]
+    turned: Turned | None = None
 
     @classmethod
-    def through(cls, knots: Trajectory, covariances: np.ndarray) -> "ContinuousTrajectory":
+    def through(
+        cls, knots: Trajectory, covariances: np.ndarray, rates: TurnRates | None = None
+    ) -> "ContinuousTrajectory":
         """Through two poses or more; the density is the likeliest one.
+
+        Turn rates shape the rotation between the poses where they are known all along, and where these turn more
+        smoothly without them than with them: else they are of another sensor, clock or frame.
 
         Raises:
             InputError: fewer poses, or stamps that do not ascend.
@@ -58,7 +69,14 @@ class ContinuousTrajectory:
         spans = np.diff(stamps)
         energy = spans @ (bent[:-1] ** 2 + bent[:-1] * bent[1:] + bent[1:] ** 2) / 3
         power = energy / max(len(stamps) - 2, 1) if len(stamps) >= _FEWEST else np.zeros(6)
-        return cls(knots, covariances, spline, power, _velocity_variances(spans))
+        plain = cls(knots, covariances, spline, power, _velocity_variances(spans))
+        if rates is None or len(stamps) < _FEWEST or not rates.cover(stamps):
+            return plain
+        turned = rates.turned(stamps, T.rotation)
+        R = RigidTransform.from_rotation(turned.at(stamps))
+        still = cls.through(Trajectory(stamps, T * R.inv()), propagated(R, covariances))
+        smoother = still.power[:3].sum() < plain.power[:3].sum()
+        return replace(still, turned=turned) if smoother else plain
 
     def at(self, stamps: np.ndarray) -> tuple[Trajectory, np.ndarray]:
         """The poses at (m,) stamps [s], and their covariances, (m, 6, 6), as those of the knots.
@@ -92,9 +110,16 @@ class ContinuousTrajectory:
         of_velocity = self.of_velocity[0][np.where(beyond < 0, k, k + 1)]
         variance = self._variance(k, span, share) + beyond**2 * of_velocity + np.abs(beyond) ** 3 / 3
         between[:, range(6), range(6)] = variance[:, None] * self.power
+        if self.turned is not None:  # a random walk that the next pose ends
+            walked = np.abs(beyond) + share * (1 - share) * span
+            between[:, range(3), range(3)] += self.turned.wander * walked[:, None]
         steady = RigidTransform.from_exp_coords(beyond[:, None] * self.spline(stamps, 1))
         covariances = propagated(steady.inv(), both) + between
-        return Trajectory(asked.astype(np.float64), poses * steady), covariances
+        poses = poses * steady
+        if self.turned is not None:
+            R = RigidTransform.from_rotation(self.turned.at(asked))
+            poses, covariances = poses * R, propagated(R.inv(), covariances)
+        return Trajectory(asked.astype(np.float64), poses), covariances
 
     def _variance(self, k: np.ndarray, span: np.ndarray, share: np.ndarray) -> np.ndarray:
         """(m,) variance of y at these shares of the spans behind knots k, for a density of 1 [s^3]."""

@@ -9,6 +9,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.continuous import ContinuousTrajectory
+from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.slam.pair import Pair
 from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import Scan
@@ -39,7 +40,12 @@ class Straightened:
 
 
 def straightened(
-    scans: Sequence[Scan], trajectory: Trajectory, runs: Sequence[Sequence[int]], seen_from: float, bent: bool = False
+    scans: Sequence[Scan],
+    trajectory: Trajectory,
+    runs: Sequence[Sequence[int]],
+    seen_from: float,
+    bent: bool = False,
+    turn_rates: TurnRates | None = None,
 ) -> Straightened:
     """The scans whose points have times, each point where the sensor's frame at the stamp has it.
 
@@ -50,6 +56,7 @@ def straightened(
         seen_from: points of a scan in which the sensor moves farther than this [m] say where it was.
         bent: whether these are the poses of scans as they were taken: one that is bent lies best where the sensor was
             in the middle of it.
+        turn_rates: of the sensor, or None.
     """
     straight, moved, store = list(scans), np.zeros(len(scans)), PointStore(_IN_MEMORY)
     for run in runs:
@@ -63,7 +70,7 @@ def straightened(
             knots = Trajectory(knots.stamps + middles, knots.T_world_sensor)
             if not (np.diff(knots.stamps) > 0).all():
                 continue
-        way = ContinuousTrajectory.through(knots, np.zeros((len(run), 6, 6)))
+        way = ContinuousTrajectory.through(knots, np.zeros((len(run), 6, 6)), turn_rates)
         first, last = 2 * knots.stamps[0] - knots.stamps[1], 2 * knots.stamps[-1] - knots.stamps[-2]
         for k in run:
             if (times := scans[k].times) is None:
@@ -73,7 +80,11 @@ def straightened(
             if asked[0] < first or asked[-1] > last:
                 continue
             T = way.at(asked)[0].T_world_sensor
-            scan, moved[k] = _straight(scans[k], T[int(which[0])].inv() * T, which[1:], seen_from)
+            T_stamp_time = T[int(which[0])].inv() * T
+            if way.turned is not None:  # within a scan it errs less than what the scans' own poses leave over
+                R = way.turned.at(asked)
+                T_stamp_time = RigidTransform.from_components(T_stamp_time.translation, R[int(which[0])].inv() * R)
+            scan, moved[k] = _straight(scans[k], T_stamp_time, which[1:], seen_from)
             viewpoints = None if scan.viewpoints is None else store.keep(scan.viewpoints)
             straight[k] = replace(scan, points=store.keep(scan.points), viewpoints=viewpoints)
     return Straightened(tuple(straight), moved)

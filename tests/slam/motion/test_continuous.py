@@ -7,6 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.continuous import ContinuousTrajectory
+from sonarmap.slam.motion.turn_rates import TurnRates
 
 POWER = np.array([2e-4, 1e-4, 4e-4, 1e-2, 2e-2, 5e-3])
 FINE = 20  # steps of the truth from knot to knot
@@ -120,6 +121,100 @@ def test_the_variance_is_that_of_the_process() -> None:
     continuous = exact(Trajectory(knots, still))
     _, covariances = continuous.at(asked)
     np.testing.assert_allclose(covariances[:, 3, 3] / continuous.power[3], expected, rtol=5e-3)  # the twin loses digits
+
+
+def wiggling(seconds: int) -> tuple[Trajectory, np.ndarray]:
+    """At 100 Hz: a straight way of a sensor whose attitude wiggles faster than once a second; and its turn rates."""
+    stamps = 50.0 + np.arange(100 * seconds + 1) / 100
+    s = stamps[:, None] - 50.0
+    rates = np.array([0.0, 0.0, 0.1]) + np.array([0.05, 0.03, 0.12]) * np.sin(
+        2 * np.pi * s / np.array([0.83, 0.61, 0.71]) + np.array([1.0, 0.0, 0.4])
+    )
+    R = [Rotation.from_euler("ZYX", [0.7, -0.2, 0.1])]
+    for rate in (rates[1:] + rates[:-1]) / 200:
+        R.append(R[-1] * Rotation.from_rotvec(rate))
+    places = s * np.array([0.8, 0.1, -0.05]) + np.sin(s / np.array([3.0, 4.0, 5.0]))
+    return Trajectory(stamps, RigidTransform.from_components(places, Rotation.concatenate(R))), rates
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_turn_rates_tell_of_wiggles_between_the_scans(seed: int) -> None:
+    """With a constant bias, noise, and scans that err: rotations are as good as the scans', and as sure as they are."""
+    truth, rates = wiggling(30)
+    rng = np.random.default_rng(seed)
+    sigmas = np.array([0.001, 0.002, 0.003, 0.01, 0.02, 0.015])
+    off = RigidTransform.from_exp_coords(sigmas * rng.standard_normal((31, 6)))
+    knots = truth.take(range(0, len(truth), 100))
+    knots = Trajectory(knots.stamps, knots.T_world_sensor * off)
+    measured = rates + np.array([0.02, -0.01, 0.03]) + 0.002 * rng.standard_normal(rates.shape)
+    covariances = np.tile(np.diag(sigmas**2), (31, 1, 1))
+    between = [k for k in range(100, len(truth) - 100) if 10 <= k % 100 <= 90]
+    errors, nees = [], []
+    for given in (None, TurnRates(truth.stamps, measured)):
+        poses, known = ContinuousTrajectory.through(knots, covariances, given).at(truth.stamps[between])
+        apart = (poses.T_world_sensor.inv() * truth.T_world_sensor[between]).rotation.magnitude()
+        errors.append(float(np.sqrt((apart**2).mean())))
+        nees.append(float(squared(poses.T_world_sensor, known, truth.T_world_sensor[between]).mean()))
+    assert errors[1] < errors[0] / 3
+    assert errors[1] < 1.2 * float(np.linalg.norm(sigmas[:3]))
+    assert 3.5 < nees[1] < 8 < nees[0]
+
+
+def test_of_exact_scans_nothing_but_the_rates_own_noise_is_left() -> None:
+    truth, rates = wiggling(20)
+    knots = truth.take(range(0, len(truth), 100))
+    rng = np.random.default_rng(4)
+    between = [k for k in range(len(truth)) if 10 <= k % 100 <= 90]
+    for noise, most in ((0.0, 1e-6), (0.004, 4e-4)):
+        measured = TurnRates(truth.stamps, rates + 0.05 + noise * rng.standard_normal(rates.shape))
+        poses, known = ContinuousTrajectory.through(knots, np.tile(EXACT, (21, 1, 1)), measured).at(
+            truth.stamps[between]
+        )
+        error = (poses.T_world_sensor.inv() * truth.T_world_sensor[between]).rotation.as_rotvec()
+        assert np.sqrt((error**2).sum(axis=1).mean()) < most
+    of_turn = np.linalg.solve(known[:, :3, :3], error[:, :, None])[:, :, 0]
+    assert 1.5 < np.einsum("na,na->n", error, of_turn).mean() < 5
+
+
+def test_rates_of_another_sensor_or_time_change_nothing() -> None:
+    truth, rates = wiggling(12)
+    knots = truth.take(range(0, len(truth), 100))
+    plain, stamps = exact(knots), truth.stamps
+    covariances = np.tile(EXACT, (13, 1, 1))
+    strange = [
+        TurnRates(stamps, 3.0 * np.sin(5.3 * stamps[:, None] + np.array([0.0, 1.0, 2.0]))),
+        TurnRates(stamps + 5.0, rates),  # not known at the start
+        TurnRates(np.delete(stamps, slice(300, 380)), np.delete(rates, slice(300, 380), axis=0)),  # a gap
+    ]
+    for given in strange:
+        through = ContinuousTrajectory.through(knots, covariances, given)
+        assert through.turned is None
+        ours, theirs = through.at(stamps), plain.at(stamps)
+        np.testing.assert_array_equal(ours[0].T_world_sensor.as_matrix(), theirs[0].T_world_sensor.as_matrix())
+        np.testing.assert_array_equal(ours[1], theirs[1])
+    with pytest.raises(InputError, match="ascending"):
+        TurnRates(stamps[::-1], rates)
+    with pytest.raises(InputError, match="all finite"):
+        TurnRates(stamps, rates * np.nan)
+
+
+def test_with_rates_it_passes_through_the_scans_turns_with_the_world_and_goes_on_beyond() -> None:
+    truth, rates = wiggling(12)
+    knots, moved = truth.take(range(100, len(truth) - 100, 100)), RigidTransform.from_exp_coords([0.4, -1, 2, 9, -2, 7])
+    covariances = np.tile(EXACT, (len(knots), 1, 1))
+    through, there = (
+        ContinuousTrajectory.through(Trajectory(knots.stamps, T * knots.T_world_sensor), covariances, given)
+        for given in (TurnRates(truth.stamps, rates),)
+        for T in (RigidTransform.identity(), moved)
+    )
+    poses, known = through.at(knots.stamps)
+    np.testing.assert_allclose(poses.T_world_sensor.as_matrix(), knots.T_world_sensor.as_matrix(), atol=1e-9)
+    np.testing.assert_allclose(known, covariances, atol=1e-10)
+    poses, _ = through.at(truth.stamps)
+    same, _ = there.at(truth.stamps)
+    np.testing.assert_allclose(same.T_world_sensor.as_matrix(), (moved * poses.T_world_sensor).as_matrix(), atol=1e-7)
+    apart = (poses.T_world_sensor.inv() * truth.T_world_sensor).rotation.magnitude()
+    assert apart.max() < 1e-3  # a second before the first scan and behind the last, too
 
 
 def test_what_cannot_be_told_is_refused() -> None:

@@ -39,6 +39,7 @@ from sonarmap.tools.files.writers.folder_lock import locked
 if TYPE_CHECKING:
     from sonarmap.slam.graph.control import ControlPoint
     from sonarmap.slam.motion.odometry import Odometry
+    from sonarmap.slam.motion.turn_rates import TurnRates
     from sonarmap.slam.pair import RegisteredPair
     from sonarmap.slam.tie import Tie
     from sonarmap.tools.files.geo.georeference import Georeference
@@ -84,6 +85,7 @@ class SurveyInput:
     settings: Mapping[str, Any]  # of the summary
     vet: "Callable[[Sequence[RegisteredPair]], None] | None"  # may refuse the navigation
     lines: "LineReading"  # how lines of pings became scans
+    turn_rates: "TurnRates | None"  # of the recordings' own IMU
 
     @property
     def files(self) -> list[Path]:
@@ -148,6 +150,7 @@ def command(
     --export writes the map for other programs too, as `sonarmap export` does, which needs no other run of `map`.
     """
     from sonarmap.tools.files.readers.pings.patches import way_within
+    from sonarmap.tools.files.readers.turn_rates import turn_rates_of
 
     telling = Telling(time.monotonic(), as_json, verbose, quiet)
     method = checked_method(method, context)
@@ -166,9 +169,10 @@ def command(
     configured = configure_method(read.scans, method, survey=True)
     described = given(priors) | given(odometry) | given(reading) | given(points) | given(person)
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapper}
+    rates = turn_rates_of(read.files, read.scans) if imu and mapper.straighten else None
     vet = refusing(read.scans, priors.priors or "what recordings measured") if check_priors else None
     survey_input = SurveyInput(
-        read, reckoned, ties, control, georeference, configured, settings, vet, corrections.lines
+        read, reckoned, ties, control, georeference, configured, settings, vet, corrections.lines, rates
     )
     try:
         whole = _map_and_tell(survey_input, execution, output, exports, telling)
@@ -254,7 +258,14 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
         with growing_progress("mapping", quiet) as step:
             step(0, len(read.scans), "preparing the first scans")
             result = mapper.run(
-                read.scans, step, read.surveys, survey.odometry, survey.ties, survey.control, survey.vet
+                read.scans,
+                step,
+                read.surveys,
+                survey.odometry,
+                survey.ties,
+                survey.control,
+                survey.vet,
+                survey.turn_rates,
             )
         times = survey_times(execution.timings, options.place)
         names = [scan.name for scan in read.scans]

@@ -1,5 +1,6 @@
 """`sonarmap simulate`: scans of a known scene, with their true poses."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -79,6 +80,12 @@ class SimulatedScans:
         "Share of the time from one scan to the next in which the columns are taken in turn, 0..1; needs --ghosts 0.",
         rare=True,
         shown="0: all at once",
+    )
+    turn: float | None = _scene(
+        "DEG",
+        "The sensor also turns to and fro, by so many degrees from one scan to the next at the fastest.",
+        rare=True,
+        shown="0",
     )
     like: Path | None = _scene(
         "FILE",
@@ -198,6 +205,7 @@ def command(
         "dive": scans.dive,
         "unusable": lost.unusable,
         "sweep": scans.sweep,
+        "turn": None if scans.turn is None else math.radians(scans.turn),
     }
     sensor = settings.sensor if lost.threshold is None else replace(settings.sensor, threshold=lost.threshold)
     changed = {"noise": replace(settings.noise, **given(noise)), "sensor": sensor}

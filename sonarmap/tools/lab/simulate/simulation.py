@@ -16,11 +16,13 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.memory import available_memory, in_gib
 from sonarmap.tools.lab.simulate.paths.stations import paper18
 from sonarmap.tools.lab.simulate.paths.trajectories import (
+    DIVING,
     SPACING,
     TABLE1_COUNT,
     TABLE1_MOST,
     check_dive,
     lawnmower,
+    looking_round,
     loop,
     survey,
     table1,
@@ -81,6 +83,7 @@ class SimulationSettings:
     # share of the time from one scan to the next in which the sensor takes its columns in turn, while it moves on; 0:
     # all at once
     sweep: float = 0.0
+    turn: float = 0.0  # by which the sensor turns to and fro from one scan to the next, at the fastest [rad]
 
     def __post_init__(self) -> None:
         scene_kind(self.scene)
@@ -94,6 +97,10 @@ class SimulationSettings:
             raise InputError(
                 "scans of a sensor that moves can be neither of trajectory table1 nor with ghosts (`ghosts=0`)"
             )
+        if not 0 <= self.turn < np.pi:
+            raise InputError(f"the turn is {self.turn} rad from scan to scan; wanted 0 or more, below half a turn")
+        if self.turn and self.trajectory not in DIVING:
+            raise InputError(f"the poses of {self.trajectory} are given; `turn` is for one of {', '.join(DIVING)}")
         check_dive(self.dive, self.trajectory)
         check_size(self.count, self.sensor.columns, self.sensor.rows)
         choose_unusable(self.unusable, self.count, self.seed, self.dive)
@@ -113,10 +120,10 @@ class Simulation:
 def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lambda done: None) -> Simulation:
     """All scans of a simulation; `progress` hears the number of scans done, after each. Raises InputError: more scans
     than the trajectory has, a pose that sees nothing."""
-    truth = TRAJECTORIES[settings.trajectory](settings)
+    truth = trajectory_of(settings)
     way = None
     if settings.sweep:  # while the last scan is taken the sensor goes on as it would to another one
-        longer = TRAJECTORIES[settings.trajectory](replace(settings, count=settings.count + 1))
+        longer = trajectory_of(replace(settings, count=settings.count + 1))
         way = ContinuousTrajectory.through(longer, np.zeros((len(longer), 6, 6)))
     unusable = choose_unusable(settings.unusable, len(truth), settings.seed, settings.dive)
     scans = []
@@ -128,6 +135,12 @@ def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lam
             scans.append(observe(settings, truth.T_world_sensor[number], number, name, way))
         progress(number + 1)
     return Simulation(settings, tuple(scans), truth, unusable.faults)
+
+
+def trajectory_of(settings: SimulationSettings) -> Trajectory:
+    """The poses of a simulation's scans."""
+    trajectory = TRAJECTORIES[settings.trajectory](settings)
+    return looking_round(trajectory, settings.turn) if settings.turn else trajectory
 
 
 def observe(
@@ -160,8 +173,8 @@ def _on_the_way(
     directions = Rotation.from_quat(T.rotation.as_quat()[column]).apply(sensor.directions().reshape(-1, 3))
     scene = build_scene(settings.scene, settings.seed)
     echoes = disturb(cast_beams(scene, sensor, T.translation[column], directions), sensor, settings.noise, rng)
-    scan = scan_of(echoes, sensor, stamp=float(number), name=name)
-    return replace(scan, times=after[column][np.isfinite(echoes.ranges).ravel()].astype(np.float32))
+    times = np.broadcast_to(after, echoes.ranges.shape)
+    return scan_of(echoes, sensor, stamp=float(number), name=name, times=times)
 
 
 def settings_from_json(content: Any) -> SimulationSettings:

@@ -10,7 +10,7 @@ from sonarmap.slam.motion.continuous import ContinuousTrajectory
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
-from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES, simulate
+from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES, simulate, trajectory_of
 
 
 def test_columns_are_taken_in_turn_on_the_way() -> None:
@@ -36,3 +36,20 @@ def test_columns_are_taken_in_turn_on_the_way() -> None:
         replace(settings, sweep=1.5)
     with pytest.raises(InputError, match="ghosts"):
         replace(settings, noise=replace(settings.noise, ghosts=0.1))
+
+
+def test_speed_and_turn_are_what_is_asked_for() -> None:
+    """Scans count seconds: 0.5 m apart is 0.5 m/s; besides the path's own turns the sensor looks to and fro."""
+    plain = replace(plan("pool", seed=4), count=25, spacing=0.5)
+    still, turning = (trajectory_of(replace(plain, turn=turn)) for turn in (0.0, np.radians(30.0)))
+    np.testing.assert_array_equal(turning.T_world_sensor.translation, still.T_world_sensor.translation)
+    steps = np.linalg.norm(np.diff(still.T_world_sensor.translation, axis=0), axis=1)
+    np.testing.assert_allclose(np.median(steps), 0.5, rtol=0.1)
+    swing = (still.T_world_sensor.inv() * turning.T_world_sensor).rotation.as_rotvec()
+    np.testing.assert_allclose(swing[:, :2], 0.0, atol=1e-12)
+    assert 28.0 < np.degrees(np.abs(np.diff(swing[:, 2]))).max() < 30.0
+    assert abs(swing[24, 2]) < 1e-9
+    with pytest.raises(InputError, match="half a turn"):
+        replace(plain, turn=4.0)
+    with pytest.raises(InputError, match="one of survey"):
+        replace(plan("floodgate", "paper18"), turn=0.1)

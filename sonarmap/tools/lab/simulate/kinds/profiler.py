@@ -2,7 +2,8 @@
 
 Beam and steps are about those of small mechanical profilers, whose motors step by 0.9 or 1.8 degrees. A sweep takes
 minutes: the vehicle drifts while the profiles follow one another, and knows of it only in part. Within a profile it is
-taken to stand still. An echo is the strongest of seven rays in the beam.
+taken to stand still. An echo is the strongest of seven rays in the beam. Points of a panned head have times: they are
+where a vehicle that stands still would have them. Those of a vehicle that turns are placed by its dead reckoning.
 """
 
 import math
@@ -21,6 +22,7 @@ STEPS = (math.radians(0.9), math.radians(1.8))  # along a profile
 APART = (1.2, 2.4)  # profiles against each other, in steps along them
 ARCS = ((-180.0, 180.0, 180.0), (-85.0, 40.0, 360.0), (-85.0, 40.0, 270.0))  # elevations, pan [degrees]
 ABOVE = (0.08, 0.2)  # the ground, in shares of the maximum range
+SECONDS = 1.0  # that a profile takes
 THRESHOLD = 0.02  # of an echo against a wall's close by
 CELL = 1 / 500  # length of the pulse, in shares of the maximum range
 
@@ -75,6 +77,7 @@ class Profiler:
             RigidTransform.from_components((*place, height), Rotation.from_euler("ZYX", (heading, *tilt))),
             RigidTransform.from_components(believed + error[:, :3], _about_z(self.pans + error[:, 3])),
             RigidTransform.from_components(believed, _about_z(self.pans)),
+            None if self.turning else SECONDS * (np.arange(count) - count // 2),
         )
 
 

@@ -100,9 +100,13 @@ class Motion:
     turning: np.ndarray  # (3,) rotation vector a second [rad/s], likewise
     seconds: float  # from the first row to the last
 
+    def times(self, rows: int) -> np.ndarray:
+        """(rows,) of every row [s] after the middle, the lowest row's first."""
+        return self.seconds * np.linspace(-0.5, 0.5, rows)
+
     def poses(self, rows: int) -> RigidTransform:
         """T_middle_row of every row, (rows,) poses, the lowest row's first."""
-        time = self.seconds * np.linspace(-0.5, 0.5, rows)[:, None]
+        time = self.times(rows)[:, None]
         return RigidTransform.from_components(time * self.velocity, Rotation.from_rotvec(time * self.turning))
 
 
@@ -120,7 +124,8 @@ def moving_scan(shot: Shot) -> Scan:
 
 
 def scan_in_motion(shot: Shot, motion: Motion) -> Scan:
-    """The scan: every row measured from where the sensor was then, its points placed as if from the middle."""
+    """The scan: every row measured from where the sensor was then, its points placed as if from the middle, at the
+    stamp; their times say when they were seen."""
     world, sensor = shot.observer.world, shot.observer.sensor
     poses = shot.view.T_world_sensor * motion.poses(sensor.rows)
     origins = np.repeat(poses.translation, sensor.columns, axis=0)
@@ -128,7 +133,7 @@ def scan_in_motion(shot: Shot, motion: Motion) -> Scan:
     directions = turned.apply(sensor.directions().reshape(-1, 3))
     echoes = cast_beams(world, sensor, origins, directions)
     ghosts = reflect_beams(world, sensor, origins, directions) if shot.noise.ghosts > 0 else None
-    return _write(shot, echoes, ghosts)
+    return _write(shot, echoes, ghosts, np.tile(motion.times(sensor.rows)[:, None], sensor.columns))
 
 
 # The builders of SCAN_KINDS
@@ -138,7 +143,7 @@ sonar3d15_pair = ViewKind("sonar3d15", real_scan).pair
 moving_pair = ViewKind("moving", moving_scan).pair
 
 
-def _write(shot: Shot, echoes: Echoes, ghosts: Echoes | None) -> Scan:
+def _write(shot: Shot, echoes: Echoes, ghosts: Echoes | None, times: np.ndarray | None = None) -> Scan:
     sensor = shot.observer.sensor
     noisy = disturb(echoes, sensor, shot.noise, shot.rng, ghosts)
-    return scan_of(noisy, sensor, stamp=shot.stamp, name=shot.name)
+    return scan_of(noisy, sensor, stamp=shot.stamp, name=shot.name, times=times)

@@ -39,6 +39,9 @@ class Sweep:
     T_world_frame: RigidTransform  # of the scan's frame
     T_frame_ping: RigidTransform  # (K,) poses: where the sensor truly was at each ping
     T_frame_believed: RigidTransform  # (K,) poses: where the vehicle believed it was; the points are placed by these
+    # (K,) of the pings [s] after the stamp, where the vehicle takes itself to stand still in its own frame; None where
+    # its points have been brought to the frame by what it knows of its way
+    times: np.ndarray | None = None
 
     @property
     def T_world_ping(self) -> RigidTransform:
@@ -48,7 +51,8 @@ class Sweep:
     def thinned(self, step: int) -> "Sweep":
         """Every `step`-th ping, and the last."""
         chosen = np.unique(np.append(np.arange(0, len(self.T_frame_ping), step), len(self.T_frame_ping) - 1))
-        return Sweep(self.T_world_frame, self.T_frame_ping[chosen], self.T_frame_believed[chosen])
+        times = None if self.times is None else self.times[chosen]
+        return Sweep(self.T_world_frame, self.T_frame_ping[chosen], self.T_frame_believed[chosen], times)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,8 +117,8 @@ def true_points(fan: Fan, sweep: Sweep, returns: Returns) -> np.ndarray:
 def write_scan(fan: Fan, sweep: Sweep, returns: Returns, noise: Noise, rng: np.random.Generator, name: str) -> Scan:
     """The scan that the vehicle writes: with noise, in the beams' believed directions, from the believed places.
 
-    Its viewpoints are where the sensor was believed to be when it saw each point. Raises InputError: no beam brings an
-    echo back.
+    Its viewpoints are where the sensor was believed to be when it saw each point, its times those of the pings. Raises
+    InputError: no beam brings an echo back.
     """
     noisy = disturb(Echoes(returns.ranges, returns.strengths), fan.sensor, noise, rng)
     kept = np.isfinite(noisy.ranges)
@@ -128,6 +132,7 @@ def write_scan(fan: Fan, sweep: Sweep, returns: Returns, noise: Noise, rng: np.r
         stamp=1.0 if name == "source" else 0.0,
         name=name,
         viewpoints=believed.translation.astype(np.float32),
+        times=None if sweep.times is None else sweep.times[ping].astype(np.float32),
     )
 
 

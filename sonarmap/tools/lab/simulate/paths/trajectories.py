@@ -68,6 +68,7 @@ LOOP_LEAST = 3  # scans of a loop
 # Waves move the vessel: amplitude of each of the summed sines, for heave [m] and yaw, pitch, roll [degrees]
 WAVE_AMPLITUDE = (0.2, 1.2, 1.0, 1.6)
 WAVE_PERIODS = (3.7, 5.9, 11.3)  # in scans
+LOOKING_ROUND = 12.0  # scans in which a sensor that looks to and fro is back
 
 
 def survey(
@@ -101,6 +102,13 @@ def loop(scene: str, count: int, seed: int, dive: int = 1, reach: float = np.inf
         raise InputError(f"a loop of {count} scans; wanted at least {LOOP_LEAST}, so that it goes round something")
     path = survey_path(scene, seed, reach)
     return _evenly(path, scene, count, seed, path.length / count, dive)
+
+
+def looking_round(trajectory: Trajectory, turn: float) -> Trajectory:
+    """The way of a sensor that besides turns to and fro about its z axis, by `turn` [rad] a scan at the fastest."""
+    swing = turn * LOOKING_ROUND / (2 * np.pi) * np.sin(2 * np.pi / LOOKING_ROUND * trajectory.stamps)
+    R = RigidTransform.from_rotation(Rotation.from_euler("z", swing[:, None]))
+    return Trajectory(trajectory.stamps, trajectory.T_world_sensor * R)
 
 
 def poses_along(path: Path, distance: np.ndarray, scene: str, seed: int, dive: int = 1) -> RigidTransform:

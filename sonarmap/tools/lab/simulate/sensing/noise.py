@@ -84,9 +84,11 @@ def disturb(
     return pick_strongest(noisy, noise.lobe) if noise.lobe > 0 else noisy
 
 
-def scan_of(echoes: Echoes, sensor: Sensor, *, stamp: float = 0.0, name: str = "scan") -> Scan:
-    """The scan of measured echoes: points in the sensor frame, without the empty beams. Raises InputError: no beam
-    brings an echo back."""
+def scan_of(
+    echoes: Echoes, sensor: Sensor, *, stamp: float = 0.0, name: str = "scan", times: np.ndarray | None = None
+) -> Scan:
+    """The scan of measured echoes: points in the sensor frame, without the empty beams; `times` are those of the beams,
+    (rows, columns) [s] after the stamp, None: all at the stamp. Raises InputError: no beam brings an echo back."""
     kept = np.isfinite(echoes.ranges)
     if not kept.any():
         raise InputError(
@@ -95,7 +97,11 @@ def scan_of(echoes: Echoes, sensor: Sensor, *, stamp: float = 0.0, name: str = "
         )
     points = sensor.directions()[kept] * echoes.ranges[kept][:, None]
     return Scan(
-        points=points.astype(np.float32), strength=echoes.strengths[kept].astype(np.float32), stamp=stamp, name=name
+        points=points.astype(np.float32),
+        strength=echoes.strengths[kept].astype(np.float32),
+        stamp=stamp,
+        name=name,
+        times=None if times is None else times[kept].astype(np.float32),
     )
 
 

@@ -98,6 +98,20 @@ def test_a_sensor_that_turns_sees_the_wall_twisted():
         assert_allclose(back[:, 0], 10.0, atol=1e-4)
 
 
+def test_points_lie_on_the_wall_from_where_the_sensor_was_at_their_times():
+    """Whichever beams are lost."""
+    shot = replace(_wall_shot(), noise=Noise(dropouts=0.4))
+    motion = single_view.Motion(np.array((0.8, 0.3, -0.1)), np.array((0.02, -0.03, 0.2)), 0.7)
+    scan = single_view.scan_in_motion(shot, motion)
+    assert scan.times is not None
+    assert_allclose((scan.times[0], scan.times[-1]), (-0.35, 0.35), rtol=1e-6)
+    time = scan.times.astype(np.float64)[:, None]
+    T = RigidTransform.from_components(time * motion.velocity, Rotation.from_rotvec(time * motion.turning))
+    assert_allclose(T.apply(scan.points.astype(np.float64))[:, 0], 10.0, atol=1e-4)
+    assert np.abs(scan.points[:, 0] - 10.0).max() > 0.5
+    assert single_view.distorted_scan(shot, lambda ranges: ranges).times is None
+
+
 def test_motions_stay_below_their_bounds_and_come_near_them():
     motions = [single_view.draw_motion(ECLIPSE, np.random.default_rng(seed)) for seed in range(300)]
     speeds = [np.linalg.norm(motion.velocity) for motion in motions]

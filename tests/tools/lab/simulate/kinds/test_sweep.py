@@ -271,6 +271,32 @@ def test_a_profiler_drifts_while_it_sweeps():
         assert_allclose(np.rad2deg(np.std(turns)), 1.0, rtol=0.3)
 
 
+def test_points_of_a_panned_head_are_the_vehicles_at_their_times():
+    """Where the vehicle truly was at the time of each they come from the scene; one that turns has placed them."""
+    turned = 0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        head = profiler.profiler(Water(OPEN), rng)
+        sweep = head.target(rng)
+        few = sweep.thinned(5)
+        fan = Fan(SENSOR, head.fan.beams[::7], head.fan.beams[::7, None], np.ones(1))
+        shape = len(few.T_frame_ping), len(fan.beams)
+        returns = Returns(rng.uniform(5.0, 40.0, shape), np.ones(shape), np.zeros(shape, int))
+        scan = write_scan(fan, few, returns, QUIET, rng, "target")
+        turned += head.turning
+        assert (scan.times is None) == head.turning
+        if scan.times is None:
+            continue
+        assert few.times is not None
+        assert_allclose(few.times[:2], profiler.SECONDS * (np.array((0, 5)) - len(head.pans) // 2))
+        assert_array_equal(scan.times, np.repeat(few.times, shape[1]).astype(np.float32))
+        T_frame_vehicle = few.T_frame_ping * few.T_frame_believed.inv()
+        ping = np.searchsorted(few.times, scan.times)
+        placed = T_frame_vehicle[ping].apply(scan.points.astype(np.float64))
+        assert_allclose(placed, true_points(fan, few, returns), atol=1e-4)
+    assert 0 < turned < 8
+
+
 def test_profiles_are_dense_along_and_sparse_between():
     for seed in range(20):
         head = profiler.profiler(Water(OPEN), np.random.default_rng(seed))
