@@ -1,16 +1,16 @@
 """Biases and the lines' navigation errors at once, by least squares over the differences of overlapping lines."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.sparse import coo_array, csr_array
 
 from sonarmap.slam.pings.biases import NAMES, Biases, corrected, velocities
-from sonarmap.slam.pings.cells import Overlaps, Patches
+from sonarmap.slam.pings.cells import Overlaps, Patches, keys_of
 from sonarmap.slam.pings.line import PingLine
-from sonarmap.slam.pings.navigation_errors import Knots, NavigationErrors
+from sonarmap.slam.pings.navigation_errors import Knots
 
 BIASES = len(NAMES)
 # Errors of the motion sensor that are unknowns, too, with standard deviations: how far its axes are turned about the
@@ -33,70 +33,19 @@ _SURE = (6.0, 8.0)
 _BLOCK = 12
 
 
-@dataclass(frozen=True, slots=True)
-class System:
-    """What the residuals are, at some solution.
-
-    Attributes:
-        overlaps: of the lines as the solution corrects them.
-        rows: (Q, U) what a unit of each unknown changes a patch's height by, less the cell's mean of that.
-        residuals: (Q,) the cell's mean height less the patch's [m].
-        weights: (Q,) of the residuals [m^-2].
-        bread: (Q,) second derivatives of the residuals' loss [m^-2].
-        assumed: (U, U) information assumed before [1 / units of the unknowns squared].
-    """
-
-    overlaps: Overlaps
-    rows: csr_array
-    residuals: np.ndarray
-    weights: np.ndarray
-    bread: np.ndarray
-    assumed: np.ndarray
-
-    def step(self, solution: np.ndarray) -> np.ndarray:
-        """(U,) what to add to the solution."""
-        weighted = self.rows.T * self.weights
-        return np.linalg.solve(
-            (weighted @ self.rows).toarray() + self.assumed, weighted @ self.residuals - self.assumed @ solution
-        )
-
-    def covariance(self) -> np.ndarray:
-        """(4, 4) of the biases.
-
-        That of the least squares, with standard deviations raised to those that the residuals show where they are
-        correlated within blocks (the sandwich of H. White, DOI 10.2307/1912526, by clusters).
-        """
-        information = ((self.rows.T * self.bread) @ self.rows).toarray() + self.assumed
-        inverse = np.linalg.inv(information)
-        numbers = np.floor(self.overlaps.centers / (_BLOCK * self.overlaps.cell)).astype(np.int64)
-        blocks = np.unique(numbers, axis=0, return_inverse=True)[1].reshape(-1)[self.overlaps.cells]
-        scores = self.rows * (self.weights * self.residuals)[:, None]
-        count = int(blocks.max(initial=0)) + 1
-        members = coo_array((np.ones(len(blocks)), (blocks, np.arange(len(blocks)))), shape=(count, len(blocks)))
-        summed = csr_array(members.tocsr() @ scores).toarray()
-        wide = inverse @ (count / max(count - 1, 1) * summed.T @ summed + self.assumed) @ inverse
-        own = inverse[:BIASES, :BIASES]
-        raised = np.sqrt(np.maximum(np.diag(wide)[:BIASES] / np.diag(own), 1))
-        return raised[:, None] * own * raised
-
-
-def fit(
-    lines: Sequence[PingLine], cell: float, navigation: NavigationErrors, mounting: Biases
-) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+def fit(lines: Sequence[PingLine], cell: float, mounting: Biases) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
     """(4,) biases, their covariance (4, 4), and of each line (P, 3) what to add to its places [m]."""
     knots = Knots.of(lines, _FIXED)
     fixed = np.diag(np.concatenate([mounting.array, MOTION]) ** -2)
-    assumed = np.asarray(block_diag(fixed, *(own.information(navigation) for own in knots)))
+    assumed = np.asarray(block_diag(fixed, *(own.information() for own in knots)))
     solution, covariance = np.zeros(knots[-1].end), np.diag(mounting.array**2)
     near = list(_overlapping(lines, _WIDENED[0] * cell))
     for widened in (*_WIDENED, *[1.0] * _ROUNDS):
-        system = _system(near, knots, solution, widened * cell, assumed, widened == 1)
-        change = system.step(solution)
+        change, covariance = _step(near, knots, solution, widened * cell, assumed, widened == 1)
         # what hardly shows may seem to be far away, where the bed's slopes are others
         change[:BIASES] = np.clip(change[:BIASES], -mounting.array, mounting.array)
         solution = solution + change
         solution[:BIASES] = np.clip(solution[:BIASES], -_FARTHEST * mounting.array, _FARTHEST * mounting.array)
-        covariance = system.covariance()
         if widened == 1 and (np.abs(change[:BIASES]) < _STILL * np.sqrt(np.diag(covariance))).all():
             break
     errors = [own.errors(line.stamps, solution) for line, own in zip(lines, knots, strict=True)]
@@ -105,30 +54,49 @@ def fit(
 
 def _overlapping(lines: Sequence[PingLine], cell: float) -> Iterator[PingLine]:
     """The lines with the soundings alone that lie where several have some."""
-    patches = [Patches.of(line.world_points(), cell, np.zeros((len(line.points), 0))) for line in lines]
-    keys, counts = np.unique(np.concatenate([own.keys for own in patches]), return_counts=True)
-    for line in lines:
-        numbers = np.floor(line.world_points()[:, :2] / cell).astype(np.int64)
-        chosen = np.isin((numbers[:, 0] << 32) + numbers[:, 1], keys[counts > 1])
+    keys = [keys_of(line.world_points(), cell) for line in lines]
+    cells, counts = np.unique(np.concatenate([np.unique(own) for own in keys]), return_counts=True)
+    for line, own in zip(lines, keys, strict=True):
+        chosen = np.isin(own, cells[counts > 1])
         yield replace(line, pings=line.pings[chosen], points=line.points[chosen])
 
 
-def _system(
+def _step(
     lines: Sequence[PingLine],
     knots: Sequence[Knots],
     solution: np.ndarray,
     cell: float,
     assumed: np.ndarray,
     gated: bool,
-) -> System:
+) -> tuple[np.ndarray, np.ndarray]:
+    """(U,) what to add to a solution, and (4, 4) the covariance of its biases; `assumed` (U, U) is the information
+    before [1 / units of the unknowns squared]."""
+    overlaps = _overlaps(lines, knots, solution, cell)
+    residuals, weights, bread = _residuals(overlaps)
+    rows = _centered(_rows(overlaps, knots, len(solution), gated), overlaps, weights)
+    weighted = rows.T * weights
+    information = (weighted @ rows).toarray() + assumed
+    change = np.linalg.solve(information, weighted @ residuals - assumed @ solution)
+    inverse = np.linalg.inv(((rows.T * bread) @ rows).toarray() + assumed)
+    return change, _covariance(inverse, rows * (weights * residuals)[:, None], overlaps, assumed)
+
+
+def _overlaps(lines: Sequence[PingLine], knots: Sequence[Knots], solution: np.ndarray, cell: float) -> Overlaps:
+    """Of the lines as a solution corrects them, with the columns of `_moves`."""
+    mean = np.concatenate([line.attitudes[:, :2] for line in lines]).mean(axis=0)
     patches: list[Patches] = []
-    for line, own, swings in zip(lines, knots, _swings(lines), strict=True):
+    for line, own in zip(lines, knots, strict=True):
         right = corrected(line, Biases.of(solution[:BIASES]))
         right = replace(right, places=right.places + own.errors(line.stamps, solution))
-        patches.append(Patches.of(right.world_points(), cell, _moves(right, swings)))
+        patches.append(Patches.of(right.world_points(), cell, _moves(right, line.attitudes[:, :2] - mean)))
     overlaps = Overlaps.of(patches, cell)
     raised = overlaps.columns[:, 3 * BIASES : -1] @ solution[BIASES:_FIXED]
-    overlaps = replace(overlaps, heights=overlaps.heights + raised)
+    return replace(overlaps, heights=overlaps.heights + raised)
+
+
+def _residuals(overlaps: Overlaps) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(Q,) the cell's mean height less the patch's [m], the weight of this, and the second derivative of its loss
+    [m^-2]."""
     variances = overlaps.variances + _FINEST**2
     share = 1 / variances / _per_cell(1 / variances, overlaps)
     first = overlaps.heights - _per_cell(overlaps.heights / variances, overlaps) * (share * variances)
@@ -136,17 +104,22 @@ def _system(
     scale = max(1.4826 * float(np.median(np.abs(scaled))), 1e-6) if len(scaled) else 1.0
     square = (scaled / scale) ** 2 / _FREEDOM
     loss = (1 + 1 / _FREEDOM) / (1 + square) / variances / scale**2
-    rows = _rows(overlaps, knots, len(solution), gated)
-    total = _per_cell(loss, overlaps)
-    residuals = _per_cell(loss * overlaps.heights, overlaps) / total - overlaps.heights
-    bread = loss * np.maximum(1 - square, 0) / (1 + square)
-    return System(overlaps, _centered(rows, overlaps, loss), residuals, loss, bread, assumed)
+    means = _per_cell(loss * overlaps.heights, overlaps) / _per_cell(loss, overlaps)
+    return means - overlaps.heights, loss, loss * np.maximum(1 - square, 0) / (1 + square)
 
 
-def _swings(lines: Sequence[PingLine]) -> list[np.ndarray]:
-    """Of each line (P, 2) roll and pitch about the mean of all [rad]."""
-    mean = np.concatenate([line.attitudes[:, :2] for line in lines]).mean(axis=0)
-    return [line.attitudes[:, :2] - mean for line in lines]
+def _covariance(inverse: np.ndarray, scores: csr_array, overlaps: Overlaps, assumed: np.ndarray) -> np.ndarray:
+    """(4, 4) of the biases: that of the least squares, with standard deviations raised to those that the (Q, U) scores
+    show where they are correlated within blocks (the sandwich of H. White, DOI 10.2307/1912526, by clusters)."""
+    numbers = np.floor(overlaps.centers / (_BLOCK * overlaps.cell)).astype(np.int64)
+    blocks = np.unique(numbers, axis=0, return_inverse=True)[1].reshape(-1)[overlaps.cells]
+    count = int(blocks.max(initial=0)) + 1
+    members = coo_array((np.ones(len(blocks)), (blocks, np.arange(len(blocks)))), shape=(count, len(blocks)))
+    summed = csr_array(members.tocsr() @ scores).toarray()
+    wide = inverse @ (count / max(count - 1, 1) * summed.T @ summed + assumed) @ inverse
+    own = inverse[:BIASES, :BIASES]
+    raised = np.sqrt(np.maximum(np.diag(wide)[:BIASES] / np.diag(own), 1))
+    return raised[:, None] * own * raised
 
 
 def _moves(line: PingLine, swings: np.ndarray) -> np.ndarray:

@@ -12,9 +12,6 @@ from sonarmap.slam.pings.biases import NAMES, Biases, corrected
 from sonarmap.slam.pings.cells import checked_cell
 from sonarmap.slam.pings.crossings import crossings
 from sonarmap.slam.pings.line import PingLine
-from sonarmap.slam.pings.navigation_errors import NavigationErrors
-
-__all__ = ["Biases", "NavigationErrors", "PatchTest", "corrected", "estimate_biases"]
 
 # Mountings and clocks are this good before any line is seen, as standard deviations.
 USUAL_MOUNTING = Biases(1.0, *np.radians([5.0, 5.0, 5.0]).tolist())
@@ -35,6 +32,7 @@ class PatchTest:
         covariance: (4, 4) of latency, roll, pitch and heading [s, rad].
         bounds: standard deviations [s, rad] below which a bias is observable with this depth, swath and speed.
         observable: names of the biases that are.
+        usable: what to take out of the lines: the observable biases, as they are likeliest if the others are zero.
         navigation: (L, 3) East, North, Up [m] to add to the places of each line, the mean along it.
         cells: how many cells have soundings of two lines or more.
         before: 95 % of the absolute differences of two lines' heights are below, as recorded [m].
@@ -47,16 +45,12 @@ class PatchTest:
     covariance: np.ndarray
     bounds: Biases
     observable: tuple[str, ...]
+    usable: Biases
     navigation: np.ndarray
     cells: int
     before: float
     after: float
     remaining: float
-
-    @property
-    def usable(self) -> Biases:
-        """What to take out of the lines: the observable biases, as they are likeliest if the others are zero."""
-        return _usable(self.biases, self.covariance, self.observable)
 
     def to_json(self) -> dict[str, Any]:
         """What a report needs, in plain numbers, angles in degrees; the covariance in s and rad."""
@@ -78,7 +72,6 @@ class PatchTest:
 def estimate_biases(
     lines: Sequence[PingLine],
     cell: float | None = None,
-    navigation: NavigationErrors | None = None,
     mounting: Biases = USUAL_MOUNTING,
 ) -> PatchTest:
     """The biases by which overlapping lines agree best.
@@ -91,7 +84,6 @@ def estimate_biases(
     Args:
         lines: two or more, best some in opposite directions and one across.
         cell: edge of the cells [m]; None chooses one that holds a good handful of soundings of a line.
-        navigation: standard deviations of navigation errors; None takes the defaults.
         mounting: standard deviations of the biases [s, rad], as assumed before; none is looked for beyond twice these.
 
     Raises:
@@ -108,7 +100,7 @@ def estimate_biases(
             f"{len(lines)} lines overlap in {before.cells} cells of {cell:.2g} m; a patch test needs {_FEWEST} or "
             "more: give lines that overlap, or a larger `cell`"
         )
-    solution, covariance, errors = fit(lines, cell, navigation or NavigationErrors(), mounting)
+    solution, covariance, errors = fit(lines, cell, mounting)
     biases, deviations, bounds = Biases.of(solution), Biases.of(np.sqrt(np.diag(covariance))), _bounds(lines)
     observable = tuple(
         name for name, own, bound in zip(NAMES, deviations.array, bounds.array, strict=True) if own < bound
@@ -122,6 +114,7 @@ def estimate_biases(
         covariance=covariance,
         bounds=bounds,
         observable=observable,
+        usable=usable,
         navigation=np.array([own.mean(axis=0) for own in errors]),
         cells=before.cells,
         before=before.all.p95,
@@ -144,9 +137,8 @@ def _bounds(lines: Sequence[PingLine]) -> Biases:
     rays = [line.points - line.sensors[line.pings] for line in lines if len(line.points)]
     depth = float(np.median(-np.concatenate([ray[:, 2] for ray in rays])))
     outer = float(np.percentile(np.abs(np.concatenate([ray[:, 1] for ray in rays])), 95))
-    spans = [float(line.stamps[-1] - line.stamps[0]) for line in lines]
-    ways = [float(np.linalg.norm(np.diff(line.places[:, :2], axis=0), axis=1).sum()) for line in lines]
-    speed = max(sum(ways) / max(sum(spans), 1e-9), 1e-3)
+    seconds = sum(float(np.ptp(line.stamps)) for line in lines)
+    speed = max(sum(line.length for line in lines) / max(seconds, 1e-9), 1e-3)
     horizontally, vertically = _HORIZONTALLY * depth, _VERTICALLY * depth
     bounds = np.array([horizontally / speed, vertically / outer, horizontally / depth, horizontally / outer])
     return Biases.of(np.clip(bounds, 0, [np.inf, 0.1, 0.1, 0.1]))

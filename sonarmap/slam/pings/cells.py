@@ -37,19 +37,14 @@ class Patches:
     @classmethod
     def of(cls, points: np.ndarray, cell: float, columns: np.ndarray) -> "Patches":
         """Of (N, 3) world points [m] in cells with edges of `cell` [m], and (N, E) columns."""
-        numbers = np.floor(points[:, :2] / cell).astype(np.int64)
-        keys, inverse = np.unique(_keys(numbers), return_inverse=True)
-        local = np.column_stack([points[:, :2] - (numbers + 0.5) * cell, points[:, 2]])
-        counts = np.bincount(inverse, minlength=len(keys)).astype(float)
-
-        def summed(values: np.ndarray) -> np.ndarray:
-            return np.bincount(inverse, weights=values, minlength=len(keys))
-
-        means = _stacked([summed(axis) for axis in local.T], len(keys)) / counts[:, None]
-        x, y, z = (local - means[inverse]).T
-        moments = _stacked([summed(product) for product in (x * x, x * y, y * y, x * z, y * z, z * z)], len(keys))
-        others = _stacked([summed(column) for column in columns.T], len(keys)) / counts[:, None]
-        return cls(keys, counts, means, moments, others)
+        keys, own = np.unique(keys_of(points, cell), return_inverse=True)
+        counts = np.bincount(own, minlength=len(keys)).astype(float)
+        local = np.column_stack([points[:, :2] - (_numbers(keys)[own] + 0.5) * cell, points[:, 2]])
+        means = _summed(local, own, len(keys)) / counts[:, None]
+        x, y, z = (local - means[own]).T
+        products = np.column_stack([x * x, x * y, y * y, x * z, y * z, z * z])
+        others = _summed(columns, own, len(keys)) / counts[:, None]
+        return cls(keys, counts, means, _summed(products, own, len(keys)), others)
 
     def pooled(self) -> tuple[np.ndarray, np.ndarray]:
         """(Q, 6) moments and (Q,) degrees of freedom of a patch together with those around it.
@@ -107,8 +102,7 @@ class Overlaps:
         chosen = np.flatnonzero(enough & np.isin(keys, several[0][several[1] > 1]))
         chosen = chosen[np.lexsort([lines[chosen], keys[chosen]])]
         own_keys, cells = np.unique(keys[chosen], return_inverse=True)
-        summed = [np.bincount(cells, weights=moment, minlength=len(own_keys)) for moment in moments[chosen].T]
-        common = _stacked(summed, len(own_keys))
+        common = _summed(moments[chosen], cells, len(own_keys))
         slopes, own_slopes = _slopes(common), _slopes(moments[chosen])
         scatter = np.maximum(moments[chosen, 5] - (own_slopes * moments[chosen, 3:5]).sum(axis=1), 0)
         scatter /= np.maximum(freedom[chosen], 1)
@@ -123,25 +117,29 @@ class Overlaps:
 
     def pairs(self) -> tuple[np.ndarray, np.ndarray]:
         """Two arrays of patches, those of every two lines in a cell, the line with the lower number first."""
-        first: list[np.ndarray] = []
-        second: list[np.ndarray] = []
+        first, second = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for step in range(1, len(self.cells)):
             same = np.flatnonzero(self.cells[step:] == self.cells[:-step])
             if not len(same):
                 break
             first.append(same)
             second.append(same + step)
-        none = [np.zeros(0, np.int64)]
-        return np.concatenate(first or none), np.concatenate(second or none)
+        return np.concatenate(first), np.concatenate(second)
 
 
-def usual_cell(lines: Sequence[PingLine]) -> float:
-    """The edge [m] of cells that hold a good handful of soundings of a line: by the distance of pings and of soundings
-    in a ping, of which the wider are decisive, as lines overlap at their edges.
+def checked_cell(cell: float | None, lines: Sequence[PingLine]) -> float:
+    """The given edge of cells [m]; or, of None, one that holds a good handful of soundings of a line: by the distance
+    of pings and of soundings in a ping, of which the wider are decisive, as lines overlap at their edges.
 
     Raises:
-        InputError: lines without two soundings at different places.
+        InputError: an edge that is not above 0, no lines, or none with two soundings at different places.
     """
+    if not lines:
+        raise InputError("no lines are given; wanted one or more")
+    if cell is not None:
+        if not 0 < cell < np.inf:
+            raise InputError(f"`cell` is {cell} m; wanted an edge above 0, or none for one by the soundings' distances")
+        return cell
     edges: list[float] = []
     for line in lines:
         along = np.linalg.norm(np.diff(line.places[np.unique(line.pings), :2], axis=0), axis=1)
@@ -155,23 +153,10 @@ def usual_cell(lines: Sequence[PingLine]) -> float:
     return edge
 
 
-def checked_cell(cell: float | None, lines: Sequence[PingLine]) -> float:
-    """The given edge of cells [m], or the usual one.
-
-    Raises:
-        InputError: an edge that is not above 0, or no lines.
-    """
-    if not lines:
-        raise InputError("no lines are given; wanted one or more")
-    if cell is None:
-        return usual_cell(lines)
-    if not 0 < cell < np.inf:
-        raise InputError(f"`cell` is {cell} m; wanted an edge above 0, or none for one by the soundings' distances")
-    return cell
-
-
-def _keys(numbers: np.ndarray) -> np.ndarray:
-    return (numbers[:, 0] << 32) + numbers[:, 1]
+def keys_of(points: np.ndarray, cell: float) -> np.ndarray:
+    """(N,) int64, of the cells with edges of `cell` [m] in which (N, 3) points [m] lie."""
+    east, north = np.floor(points[:, :2] / cell).astype(np.int64).T
+    return (east << 32) + north
 
 
 def _numbers(keys: np.ndarray) -> np.ndarray:
@@ -180,8 +165,10 @@ def _numbers(keys: np.ndarray) -> np.ndarray:
     return np.column_stack([(keys - north) >> 32, north])
 
 
-def _stacked(columns: Sequence[np.ndarray], rows: int) -> np.ndarray:
-    return np.column_stack(columns) if len(columns) else np.zeros((rows, 0))
+def _summed(values: np.ndarray, groups: np.ndarray, count: int) -> np.ndarray:
+    """(count, E) sums of (N, E) rows over each group."""
+    sums = [np.bincount(groups, weights=column, minlength=count) for column in values.T]
+    return np.column_stack(sums) if sums else np.zeros((count, 0))
 
 
 def _wide(moments: np.ndarray) -> np.ndarray:

@@ -57,9 +57,6 @@ class Crossings:
         by_lines: names of the first and the second line, and the differences of these two.
         by_angle: least and largest angle [rad] of beams from straight down to either side, and what a line's heights
             with such beams are higher than the mean of the other lines'.
-        places: (D, 2) East and North of cells [m], one row per difference.
-        lines: (D, 2) int64, numbers of the first and the second line.
-        differences: (D,) [m].
     """
 
     cell: float
@@ -67,9 +64,6 @@ class Crossings:
     all: Differences
     by_lines: tuple[tuple[str, str, Differences], ...]
     by_angle: tuple[tuple[float, float, Differences], ...]
-    places: np.ndarray
-    lines: np.ndarray
-    differences: np.ndarray
 
     def to_json(self) -> dict[str, Any]:
         """What a report needs, in plain numbers: without the cells themselves, and with angles in degrees."""
@@ -107,16 +101,7 @@ def crossings(lines: Sequence[PingLine], cell: float | None = None) -> Crossings
         (lines[i].name, lines[j].name, Differences.of(differences[(pairs == (i, j)).all(axis=1)]))
         for i, j in np.unique(pairs, axis=0)
     )
-    return Crossings(
-        cell=cell,
-        cells=len(overlaps.centers),
-        all=Differences.of(differences),
-        by_lines=by_lines,
-        by_angle=_by_angle(overlaps),
-        places=overlaps.centers[overlaps.cells[first]],
-        lines=pairs,
-        differences=differences,
-    )
+    return Crossings(cell, len(overlaps.centers), Differences.of(differences), by_lines, _by_angle(overlaps))
 
 
 def _by_angle(overlaps: Overlaps) -> tuple[tuple[float, float, Differences], ...]:

@@ -59,12 +59,16 @@ class PingLine:
     @property
     def R_level_vehicle(self) -> Rotation:
         """How the vehicle (x forward, y port, z up) is turned in the pings' frames, P rotations."""
-        roll, pitch, _ = self.attitudes.T
-        return Rotation.from_euler("YX", np.column_stack([-pitch, roll]))
+        return R_level_vehicle_of(self.attitudes)
+
+    @property
+    def length(self) -> float:
+        """Of the track [m], horizontally."""
+        return float(np.linalg.norm(np.diff(self.places[:, :2], axis=0), axis=1).sum())
 
     def world_points(self) -> np.ndarray:
         """(N, 3) the soundings in the world [m]."""
-        return in_frames(self.T_world_level, self.pings, self.points)
+        return self.T_world_level[self.pings].apply(self.points)
 
     def world_sensors(self) -> np.ndarray:
         """(P, 3) where the transducer was in the world [m]."""
@@ -78,18 +82,10 @@ class PingLine:
     def cut(self, first: int, last: int) -> "PingLine":
         """Of the pings first to last - 1 alone."""
         a, b = np.searchsorted(self.pings, [first, last])
-        chosen = slice(first, last)
-        return replace(
-            self,
-            stamps=self.stamps[chosen],
-            places=self.places[chosen],
-            attitudes=self.attitudes[chosen],
-            sensors=self.sensors[chosen],
-            pings=self.pings[a:b] - first,
-            points=self.points[a:b],
-        )
+        per_ping = {name: getattr(self, name)[first:last] for name in ("stamps", "places", "attitudes", "sensors")}
+        return replace(self, **per_ping, pings=self.pings[a:b] - first, points=self.points[a:b])
 
 
-def in_frames(T: RigidTransform, pings: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(N, 3) points of the frames T[pings], brought out of them."""
-    return T[pings].apply(points)
+def R_level_vehicle_of(attitudes: np.ndarray) -> Rotation:
+    """How a vehicle (x forward, y port, z up) is turned in level frames along its (P, 3) roll, pitch, heading [rad]."""
+    return Rotation.from_euler("YX", attitudes[:, 1::-1] * [-1, 1])

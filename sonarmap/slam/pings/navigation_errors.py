@@ -5,45 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import PingLine
 
 # Seconds between knots, and of how many intervals a line has at most.
 _INTERVAL, _MOST = 10.0, 24
-
-
-@dataclass(frozen=True, slots=True)
-class NavigationErrors:
-    """Standard deviations of what the navigation of a line is wrong by.
-
-    Attributes:
-        horizontal: of East and of North at the beginning of a line [m].
-        vertical: of Up at the beginning of a line [m].
-        horizontal_drift: of how much East and North change in a minute [m]; in four minutes it is twice as much.
-        vertical_drift: of how much Up changes in a minute [m].
-
-    Raises:
-        InputError: one that is not above 0.
-    """
-
-    horizontal: float = 1.0
-    vertical: float = 0.2
-    horizontal_drift: float = 0.3
-    vertical_drift: float = 0.03
-
-    def __post_init__(self) -> None:
-        if not all(0 < sigma < np.inf for sigma in (*self.constant, *self.drift)):
-            raise InputError(f"{self}: wanted standard deviations above 0 m; 0.001 is as good as none")
-
-    @property
-    def constant(self) -> np.ndarray:
-        """(3,) East, North, Up [m]."""
-        return np.array([self.horizontal, self.horizontal, self.vertical])
-
-    @property
-    def drift(self) -> np.ndarray:
-        """(3,) East, North, Up [m in a minute]."""
-        return np.array([self.horizontal_drift, self.horizontal_drift, self.vertical_drift])
+# Standard deviations of East, North and Up at the beginning of a line [m], and of how much they change in a minute [m];
+# in four minutes it is twice as much.
+_CONSTANT, _DRIFT = (1.0, 1.0, 0.2), (0.3, 0.3, 0.03)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,12 +54,12 @@ class Knots:
         knots = solution[self.first : self.end].reshape(-1, 3)
         return np.column_stack([np.interp(stamps, self.stamps, axis) for axis in knots.T])
 
-    def information(self, assumed: NavigationErrors) -> np.ndarray:
+    def information(self) -> np.ndarray:
         """(3 K, 3 K) of its unknowns [m^-2]: a constant, from which the errors wander off as a random walk does."""
         count = len(self.stamps)
         steps = np.diff(np.eye(count), axis=0)
         information = np.zeros((3 * count, 3 * count))
-        for axis, (constant, drift) in enumerate(zip(assumed.constant, assumed.drift, strict=True)):
+        for axis, (constant, drift) in enumerate(zip(_CONSTANT, _DRIFT, strict=True)):
             own = steps.T @ np.diag(60.0 / (np.diff(self.stamps) * drift**2)) @ steps
             own[0, 0] += 1 / constant**2
             information[axis::3, axis::3] = own

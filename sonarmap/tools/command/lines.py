@@ -60,9 +60,9 @@ def navigated_lines(read: "ReadScans", file: PriorsFile, settings: "NavigationSe
             f"lines of pings bring their own navigation, and --priors {file.priors} would be another; leave it out"
         )
     sigmas = None if file.prior_sigmas is None else parse_prior_sigmas(file.prior_sigmas)
-    there = placed(read.scans, read.patches, settings.origin, sigmas)
+    navigated = Navigated(*placed(read.scans, read.patches, settings.origin, sigmas))
     say(f"{len(read.patches):,} of {len(read.scans):,} scans are patches of lines, placed by the lines' navigation")
-    return Navigated(there.scans, there.georeference)
+    return navigated
 
 
 def give_back(
@@ -77,7 +77,7 @@ def give_back(
     from sonarmap.slam.pings.calibration import estimate_biases
     from sonarmap.slam.pings.crossings import crossings
     from sonarmap.tools.files.map_folder.names import OF_LINES
-    from sonarmap.tools.products.lines.files import said_of, write_lines
+    from sonarmap.tools.products.lines.files import write_lines
     from sonarmap.tools.products.lines.moved_lines import moved_lines
 
     with stage("lines", quiet):
@@ -88,7 +88,7 @@ def give_back(
         test = None
         with suppress(InputError):  # one line, or lines that hardly overlap
             test = estimate_biases([line.before for line in lines])
-        write_lines(mapped.out, lines, georeference, crs, said_of(before, after, test))
+        write_lines(mapped.out, lines, georeference, crs, (before, after), test)
     mapped.made_of_it.extend(OF_LINES)
     mapped.of_lines.extend(_rows(lines, before, after, test))
 

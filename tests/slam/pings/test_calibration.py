@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.pings.calibration import Biases, PatchTest, corrected, estimate_biases
+from sonarmap.slam.pings.biases import Biases, corrected
+from sonarmap.slam.pings.calibration import PatchTest, estimate_biases
 from sonarmap.slam.pings.crossings import crossings
 from sonarmap.slam.pings.line import PingLine
 from tests.slam.pings.simulated_lines import WRONG, simulated

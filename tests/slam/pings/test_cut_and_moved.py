@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.cut import cut, swath_width
 from sonarmap.slam.pings.line import PingLine
-from sonarmap.slam.pings.moved import MovedPatches, moved
+from sonarmap.slam.pings.moved import moved
 
 
 def a_line(pings: int = 60, beams: int = 41, pause: float = 0.0) -> PingLine:
@@ -63,7 +63,7 @@ def test_a_map_that_agrees_moves_nothing() -> None:
     line = a_line()
     pieces = cut(line, 12.0)
     T = RigidTransform.concatenate([piece.T_world_piece for piece in pieces])
-    same, sigmas = moved(line, MovedPatches(np.array([p.middle for p in pieces]), T, _covariances(len(pieces))))
+    same, sigmas = moved(line, np.array([p.middle for p in pieces]), T, _covariances(len(pieces)))
 
     np.testing.assert_allclose(same.world_points(), line.world_points(), atol=1e-9)
     np.testing.assert_allclose(same.places, line.places, atol=1e-9)
@@ -81,7 +81,7 @@ def test_a_rigid_move_of_all_pieces_is_one_of_the_line() -> None:
     T_new_old = T_new_old * about.inv()
     T = RigidTransform.concatenate([T_new_old * piece.T_world_piece for piece in pieces])
     middles = np.array([piece.middle for piece in pieces])
-    after, _ = moved(line, MovedPatches(middles, T, _covariances(len(pieces))))
+    after, _ = moved(line, middles, T, _covariances(len(pieces)))
 
     at_middles = np.isin(line.pings, middles)  # between them the change, in axes that turn, is not quite one
     np.testing.assert_allclose(
@@ -101,7 +101,7 @@ def test_deviations_are_along_the_worlds_axes() -> None:
     pieces = cut(line, 12.0)
     T = RigidTransform.concatenate([piece.T_world_piece for piece in pieces])
     covariance = np.diag([0.01, 0.02, 0.03, 3.0, 1.0, 0.5]) ** 2  # along the vehicle's x 3 m
-    _, sigmas = moved(line, MovedPatches(np.array([p.middle for p in pieces]), T, np.stack([covariance] * len(pieces))))
+    _, sigmas = moved(line, np.array([p.middle for p in pieces]), T, np.stack([covariance] * len(pieces)))
 
     east = np.hypot(3.0 * np.sin(heading), np.cos(heading))
     north = np.hypot(3.0 * np.cos(heading), np.sin(heading))

@@ -31,40 +31,42 @@ _DIMENSIONS = {"ping": ("u4", "ping of the line, from 0"), "beam_angle": ("f4", 
 
 
 def write_lines(
-    folder: Path, lines: Sequence[MovedLine], georeference: Georeference, crs: str | None, said: dict[str, Any]
+    folder: Path,
+    lines: Sequence[MovedLine],
+    georeference: Georeference,
+    crs: str | None,
+    agreement: tuple[Crossings, Crossings],
+    test: PatchTest | None,
 ) -> None:
-    """Write what the map says of its lines; `said` is what lines.json says beside each line's numbers. Raises
-    InputError: a CRS that cannot be used there, or a file that cannot be written."""
-    projection = Projection.of(georeference, crs)
-    rows = [
-        {
-            "file": line.path.name,
-            "pings": len(line.after.stamps),
-            "soundings": len(line.after.pings),
-            "seconds": float(np.ptp(line.after.stamps)),
-            "length_m": float(np.linalg.norm(np.diff(line.after.places, axis=0), axis=1).sum()),
-            "moved_m": {
-                "median": float(np.median(np.linalg.norm(line.shifts, axis=1))),
-                "most": float(np.linalg.norm(line.shifts, axis=1).max()),
-                "mean_east_north_up": line.shifts.mean(axis=0).tolist(),
-            },
-        }
-        for line in lines
-    ]
+    """Write what the map says of its lines: `agreement`, where they overlap, before and after; the patch test is None
+    where they overlap too little. Raises InputError: a CRS that cannot be used there, or a file that cannot be written.
+    """
+    projection, (before, after) = Projection.of(georeference, crs), agreement
+    content = {
+        "lines": [_summary(line) for line in lines],
+        "crs": projection.name,
+        "crossings": {"before": before.to_json(), "after": after.to_json()} if before.cells else None,
+        "patch_test": None if test is None else test.to_json(),
+    }
     summary = read_json(folder / SUMMARY, "the map's summary.json")
     listed = dict.fromkeys([*summary["files"], *OF_LINES])
     with all_or_none():
         write_table(folder / NAVIGATION, COLUMNS, _rows(lines, georeference, projection))
         _write_soundings(folder / SOUNDINGS, lines, georeference, projection)
-        write_json(folder / LINES, {"lines": rows, "crs": projection.name} | said)
+        write_json(folder / LINES, content)
         write_json(folder / SUMMARY, summary | {"files": list(listed)})
 
 
-def said_of(before: Crossings, after: Crossings, test: PatchTest | None) -> dict[str, Any]:
-    """How well lines agree where they overlap, and what the patch test says; null where they overlap too little."""
+def _summary(line: MovedLine) -> dict[str, Any]:
+    far = np.linalg.norm(line.shifts, axis=1)
+    moved = {"median": np.median(far).item(), "most": far.max().item()}
     return {
-        "crossings": {"before": before.to_json(), "after": after.to_json()} if before.cells else None,
-        "patch_test": None if test is None else test.to_json(),
+        "file": line.path.name,
+        "pings": len(line.after.stamps),
+        "soundings": len(line.after.pings),
+        "seconds": np.ptp(line.after.stamps).item(),
+        "length_m": np.linalg.norm(np.diff(line.after.places, axis=0), axis=1).sum().item(),
+        "moved_m": moved | {"mean_east_north_up": line.shifts.mean(axis=0).tolist()},
     }
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from sonarmap.slam.pings.biases import corrected
 from sonarmap.slam.pings.line import PingLine
-from sonarmap.slam.pings.moved import MovedPatches, moved
+from sonarmap.slam.pings.moved import moved
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.clouds.cloud import PingPatch
@@ -62,10 +62,7 @@ def moved_lines(
     for path, scans in of_files.items():
         recorded = read_line(path, []).placed(georeference)
         before = corrected(recorded, reading.biases)
-        there = MovedPatches(
-            np.array([patches[k].middle for k in scans]),
-            result.trajectory.T_world_sensor[scans],
-            result.covariances[scans],
-        )
-        lines.append(MovedLine(path, recorded, *moved(before, there)))
+        middles = np.array([patches[k].middle for k in scans])
+        after, sigmas = moved(before, middles, result.trajectory.T_world_sensor[scans], result.covariances[scans])
+        lines.append(MovedLine(path, recorded, after, sigmas))
     return lines

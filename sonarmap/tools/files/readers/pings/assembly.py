@@ -1,10 +1,8 @@
-"""Pings that a reader took from a file, one by one, as one line; and values between two times."""
+"""What a reader took from a file, ping by ping, as one line; and values between two times."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
@@ -15,79 +13,74 @@ _LONGEST = 2 * 86400.0  # seconds between a ping of a file and the median one
 _WIDEST = 1.0  # degrees of latitude or longitude between them
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedPing:
-    """One ping, in the frame of `PingLine`; numbers that the file has wrong are sorted out by `assembled`."""
-
-    stamp: float  # [s, UTC]
-    fix: tuple[float, float, float]  # latitude, longitude [deg], and height of the level that depths count from [m]
-    attitude: tuple[float, float, float]  # roll, pitch, heading [rad]
-    sensor: np.ndarray  # (3,) [m]
-    points: np.ndarray  # (n, 3) float64 [m], those that are not rejected
-    beams: int  # soundings in all
-
-
 def assembled(
-    name: str, pings: Sequence[RecordedPing], echo_sounder: str, sound_speeds: Sequence[float], notes: Sequence[str]
+    name: str,
+    echo_sounder: str,
+    *,
+    stamps: np.ndarray,
+    fixes: np.ndarray,
+    attitudes: np.ndarray,
+    sensors: np.ndarray,
+    points: Sequence[np.ndarray],
+    beams: Sequence[int],
+    sound_speeds: Sequence[float],
+    notes: Sequence[str],
 ) -> RecordedLine:
-    """The line of these pings, in the order of their stamps. Raises InputError: no ping has a stamp, a fix and
-    soundings that can be."""
-    kept, faults = _usable(pings) if pings else ([], [])
-    if not kept:
-        why = f"; {'; '.join([*notes, *faults])}" if notes or faults else ""
+    """The line of P pings in the order of their stamps, without what cannot be: numbers may be NaN or wrong.
+
+    Args:
+        stamps, fixes, attitudes, sensors: as `RecordedLine` has them, in any order.
+        points: of each ping (n, 3) float64 [m], those that are not rejected.
+        beams: of each ping, soundings in all.
+        sound_speeds: of any pings [m/s].
+
+    Raises:
+        InputError: no ping has a stamp, a fix and soundings that can be.
+    """
+    order, faults = _usable(np.column_stack([stamps, fixes, attitudes, sensors]))
+    notes = (*notes, *faults)
+    if not len(order):
+        why = f"; {'; '.join(notes)}" if notes else ""
         raise InputError(f"no ping with a time, a position and soundings in it{why}; give a recorded line")
-    points = [ping.points for ping in kept]
-    near = [(np.abs(each) <= _FARTHEST).all(axis=1) for each in points]  # NaN is left out too
-    points = [each[good] for each, good in zip(points, near, strict=True)]
-    counts, beams = [len(each) for each in points], sum(ping.beams for ping in kept)
-    if not sum(counts):
-        raise InputError(f"all {beams:,} soundings of its {len(kept):,} pings are rejected; give a line with soundings")
+    pings = np.repeat(np.arange(len(order)), [len(points[k]) for k in order])
+    soundings, total = np.concatenate([points[k] for k in order]), sum(beams[k] for k in order)
+    near = (np.abs(soundings) <= _FARTHEST).all(axis=1)  # NaN is left out too
+    if not near.any():
+        raise InputError(
+            f"all {total:,} soundings of its {len(order):,} pings are rejected; give a line with soundings"
+        )
     speeds = [speed for speed in sound_speeds if 1300 < speed < 1700]  # any water's; the rest is damage
-    fixes = np.array([ping.fix for ping in kept])
     return RecordedLine(
-        name=name,
-        stamps=np.array([ping.stamp for ping in kept]),
-        latitudes=fixes[:, 0],
-        longitudes=fixes[:, 1],
-        heights=fixes[:, 2],
-        attitudes=np.array([ping.attitude for ping in kept]),
-        sensors=np.array([ping.sensor for ping in kept]),
-        pings=np.repeat(np.arange(len(kept)), counts),
-        points=np.concatenate(points),
-        beams=beams,
-        rejected=beams - sum(counts),
-        echo_sounder=echo_sounder,
+        name,
+        echo_sounder,
+        *(each[order] for each in (stamps, fixes, attitudes, sensors)),
+        pings=pings[near],
+        points=soundings[near],
+        beams=total,
         sound_speed=float(np.median(speeds)) if speeds else None,
-        notes=(*notes, *faults),
+        notes=notes,
     )
 
 
-def _usable(pings: Sequence[RecordedPing]) -> tuple[list[RecordedPing], list[str]]:
-    """Those whose numbers can be, by time, and what is wrong with the others."""
-    table = np.array([[ping.stamp, *ping.fix, *ping.attitude, *ping.sensor] for ping in pings])
+def _usable(table: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """The rows of (P, 10) stamps, fixes, attitudes and sensors that can be, by time, and what is wrong with others."""
     stamps, latitudes, longitudes = table[:, :3].T
-    with np.errstate(invalid="ignore"):
-        known = np.isfinite(table).all(axis=1) & (np.abs(table[:, 3:]) < _FARTHEST).all(axis=1)
-        placed = (np.abs(latitudes) <= 89.8) & (np.abs(longitudes) <= 180) & ((latitudes != 0) | (longitudes != 0))
-        good = known & placed & (stamps > 0) & (stamps < _LATEST)
+    known = np.isfinite(table).all(axis=1) & (np.abs(table[:, 3:]) < _FARTHEST).all(axis=1)
+    placed = (np.abs(latitudes) <= 89.8) & (np.abs(longitudes) <= 180) & ((latitudes != 0) | (longitudes != 0))
+    good = known & placed & (stamps > 0) & (stamps < _LATEST)
     if good.any():
         # longitudes from one of them, as a line may cross the date line
         whole = np.column_stack([stamps, latitudes, (longitudes - longitudes[good][0] + 180) % 360])
         middle = np.median(whole[good], axis=0)
-        away = np.abs(whole - middle)
-        with np.errstate(invalid="ignore"):
-            good &= (away <= [_LONGEST, _WIDEST, _WIDEST / max(np.cos(np.radians(middle[1])), 0.01)]).all(axis=1)
+        widest = [_LONGEST, _WIDEST, _WIDEST / max(np.cos(np.radians(middle[1])), 0.01)]
+        good &= (np.abs(whole - middle) <= widest).all(axis=1)
     order = np.flatnonzero(good)
     order = order[np.argsort(stamps[order], kind="stable")]
-    faults = list(_faults(len(pings) - len(order), int((np.diff(stamps[good]) < 0).sum())))
-    return [pings[k] for k in order], faults
-
-
-def _faults(left_out: int, late: int) -> Iterator[str]:
-    if left_out:
-        yield f"{counted(left_out, 'ping')} left out, without a time, position or attitude that can be"
-    if late:
-        yield f"{counted(late, 'ping')} came late, now in order"
+    left_out, late = len(table) - len(order), int((np.diff(stamps[good]) < 0).sum())
+    faults = [f"{counted(left_out, 'ping')} left out, without a time, position or attitude that can be"] * bool(
+        left_out
+    )
+    return order, faults + [f"{counted(late, 'ping')} came late, now in order"] * bool(late)
 
 
 def between(
@@ -112,10 +105,10 @@ def between(
     return low + ((wanted - a) / (b - a))[:, None] * (high - low), known
 
 
-def matrices_of(attitudes: np.ndarray) -> np.ndarray:
-    """(P, 3, 3) how the vehicle (x forward, y port, z up) is turned in the pings' frames, of attitudes (P, 3) [rad]."""
-    roll, pitch = attitudes[:, 0], attitudes[:, 1]
-    return Rotation.from_euler("YX", np.column_stack([-pitch, roll])).as_matrix()
+def damage(skipped: int, damaged: int, noun: str, first: str) -> list[str]:
+    """What to tell of bytes and pings or datagrams that are left out, and the first fault of these, in words."""
+    left_out = f"{counted(damaged, noun)} and {counted(skipped, 'byte')} left out{'; ' * bool(first)}{first}"
+    return [f"damaged or cut: {left_out}"] if skipped or damaged else []
 
 
 def counted(number: int, noun: str) -> str:

@@ -11,33 +11,35 @@ import signal
 import subprocess
 import sys
 import tempfile
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.pings.line import R_level_vehicle_of
 from sonarmap.tools.files.memory import require_memory
-from sonarmap.tools.files.readers.pings.assembly import RecordedPing, assembled, counted, matrices_of
-from sonarmap.tools.files.readers.pings.gsf_child import HEAD, RECORD
+from sonarmap.tools.files.readers.pings.assembly import assembled, counted
+from sonarmap.tools.files.readers.pings.gsf_child import HEAD
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from sonarmap.tools.files.user_file import unreadable
 
 _CHILD = Path(__file__).with_name("gsf_child.py")
 _PATIENCE = 6.0  # seconds for a file of no size: the start of the process takes 0.1
 _RATE = 1e6  # bytes that are read a second, a tenth of what was measured
-_MOST_BEAMS = 1 << 15  # of a ping, whose count the file has in two bytes
 _GROWTH = 40  # bytes of memory that a byte of the file takes at most: three of a sounding, and its four numbers twice
+_DIVED = 10.0  # meters: a depth corrector beyond is no dynamic draft, but a submersible's depth
 
 
 @dataclass(slots=True)
 class _Answer:
     """What the child printed."""
 
-    heads: list[np.ndarray] = field(default_factory=list)  # (HEAD,) each
+    heads: list[np.ndarray] = field(default_factory=list)  # (len(HEAD),) each
     rows: list[np.ndarray] = field(default_factory=list)  # (n, 4) each: x, y, z, whether it is rejected
-    levers: list[np.ndarray] = field(default_factory=list)  # (4,) each: the transducer forward, starboard, down; draft
-    echo_sounder: str = ""
+    words: dict[str, str] = field(default_factory=dict)  # the last of each
     faults: list[str] = field(default_factory=list)
 
 
@@ -51,6 +53,8 @@ def read_gsf(path: Path) -> RecordedLine:
     notes, count = list[str](), len(answer.heads)
     if not count and (end or answer.faults):
         raise InputError(f"the GSF library cannot read it ({end or answer.faults[0]}); write or copy it again")
+    if not count:
+        raise InputError("it holds no ping with soundings; give a line of a multibeam echo sounder")
     if end:
         notes.append(f"the GSF library {end} after {counted(count, 'ping')}, which are kept: the file is damaged")
     if answer.faults:
@@ -77,83 +81,77 @@ def _asked(path: Path, patience: float) -> tuple[_Answer, str]:
         )
         try:
             code = child.wait(patience)
-            end = "" if code == 0 else _ending(code)
+            end = f"crashed, {signal.strsignal(-code) or f'signal {-code}'}" if code < 0 else f"failed with code {code}"
+            end = end if code else ""
         except subprocess.TimeoutExpired:
             end = f"did not end within {patience:.0f} s"
         finally:
             child.kill()
             child.wait()
         out.seek(0)
-        return _parsed(out.read()), end
+        return _parsed(out), end
 
 
-def _ending(code: int) -> str:
-    if code < 0:
-        return f"crashed, {signal.strsignal(-code) or f'signal {-code}'}"
-    return f"failed with code {code}"
-
-
-def _parsed(printed: bytes) -> _Answer:
-    """What is whole of it: a child that was ended may have printed half a record."""
-    answer, start, lever = _Answer(), 0, np.full(4, np.nan)
-    while start + RECORD.size <= len(printed):
-        kind, count = RECORD.unpack_from(printed, start)
-        start += RECORD.size
-        size = 8 * (HEAD + 4 * count) if kind == b"P" else count
-        if kind not in (b"P", b"J") or start + size > len(printed) or (kind == b"P" and count > _MOST_BEAMS):
-            break
-        if kind == b"P":
-            numbers = np.frombuffer(printed, "<f8", HEAD + 4 * count, start)
-            answer.heads.append(numbers[:HEAD])
-            answer.rows.append(numbers[HEAD:].reshape(count, 4))
-            answer.levers.append(lever)
-        else:
-            words = json.loads(printed[start : start + size])
-            answer.faults += [words["fault"]] if "fault" in words else []
-            answer.echo_sounder = answer.echo_sounder or words.get("echo_sounder", "")
-            lever = _lever(words["parameters"]) if "parameters" in words else lever
-        start += size
+def _parsed(printed: IO[bytes]) -> _Answer:
+    """What is whole of it: a child that was ended may have printed half an array."""
+    answer, head = _Answer(), np.empty(0)
+    with suppress(ValueError):
+        while True:
+            array = np.lib.format.read_array(printed)
+            if array.ndim == 2:
+                answer.heads.append(head)
+                answer.rows.append(array)
+            elif array.ndim == 1:
+                head = array
+            else:
+                words = json.loads(array.item())
+                answer.faults += [words.pop("fault")] if "fault" in words else []
+                answer.words |= {name: word for name, word in words.items() if word}
     return answer
 
 
-def _lever(parameters: dict[str, list[float]]) -> np.ndarray:
-    """(4,) the transducer forward, starboard and down of the vessel's reference point, and its draft [m]; NaN where
-    the file does not say."""
-    offset = parameters.get("APPLIED_TRANSDUCER_OFFSET", [])[:3]
-    draft = parameters.get("APPLIED_DRAFT", [np.nan])[0]
-    return np.array([*(offset if len(offset) == 3 else [np.nan] * 3), draft])
-
-
 def _line(name: str, answer: _Answer, notes: list[str]) -> RecordedLine:
-    if not answer.heads:
-        raise InputError("it holds no ping with soundings; give a line of a multibeam echo sounder")
-    heads = np.array(answer.heads)
-    stamps, latitudes, longitudes, roll, pitch, heading, heave, tide, speeds, nominal = heads[:, :10].T
-    level = np.isnan(roll) | np.isnan(pitch)
+    heads = dict(zip(HEAD, np.array(answer.heads).T, strict=True))
+    level = np.isnan(heads["roll"]) | np.isnan(heads["pitch"])
     if level.any():
         notes.append(f"{counted(int(level.sum()), 'ping')} without roll or pitch, taken as level")
-    if nominal.any():
+    if heads["is_nominal"].any():
         notes.append("depths are those for a speed of sound of 1500 m/s; the file has no others")
-    attitudes = np.column_stack([np.nan_to_num(roll), np.nan_to_num(pitch), heading])
+    # either of them was added to the depths
+    tide = np.where(np.nan_to_num(heads["tide"]) == 0, np.nan_to_num(heads["gps_tide"]), np.nan_to_num(heads["tide"]))
+    if tide.any():
+        datum, above = answer.words.get("datum", "a tidal datum"), np.nan_to_num(heads["separation"])
+        where = f", {np.median(above):.2f} m above the ellipsoid" if above.any() else ""
+        notes.append(f"depths are corrected for the tide: they count from {datum}{where}")
+    attitudes = np.column_stack([np.nan_to_num(heads["roll"]), np.nan_to_num(heads["pitch"]), heads["heading"]])
     attitudes = np.radians(attitudes)
-    sensors = _sensors(attitudes, np.array(answer.levers), heave, tide)
-    pings = [
-        RecordedPing(stamps[k], (latitudes[k], longitudes[k], 0.0), tuple(attitudes[k]), sensors[k],
-                     rows[rows[:, 3] == 0, :3], len(rows))
-        for k, rows in enumerate(answer.rows)
-    ]  # fmt: skip
-    return assembled(name, pings, answer.echo_sounder, speeds.tolist(), notes)
+    return assembled(
+        name,
+        answer.words.get("echo_sounder", ""),
+        stamps=heads["stamp"],
+        fixes=np.column_stack([heads["latitude"], heads["longitude"], np.zeros(len(level))]),
+        attitudes=attitudes,
+        sensors=_sensors(attitudes, heads, tide),
+        points=[rows[rows[:, 3] == 0, :3] for rows in answer.rows],
+        beams=[len(rows) for rows in answer.rows],
+        sound_speeds=heads["sound_speed"].tolist(),
+        notes=notes,
+    )
 
 
-def _sensors(attitudes: np.ndarray, levers: np.ndarray, heave: np.ndarray, tide: np.ndarray) -> np.ndarray:
+def _sensors(attitudes: np.ndarray, heads: dict[str, np.ndarray], tide: np.ndarray) -> np.ndarray:
     """(P, 3) the transducers [m] in the level frames; 0 where the file does not say."""
-    offsets = np.nan_to_num(levers[:, :3]) * [1, -1, -1]
-    draft = np.where(np.isnan(levers[:, 3]), -offsets[:, 2], levers[:, 3])
-    sensors = np.einsum("pij,pj->pi", matrices_of(attitudes), offsets)
+    offsets = np.column_stack([heads["forward"], heads["starboard"], heads["down"]])
+    unknown = np.isnan(offsets).all(axis=1) & np.isnan(heads["draft"])
+    offsets = np.nan_to_num(offsets) * [1, -1, -1]
+    draft = np.where(np.isnan(heads["draft"]), -offsets[:, 2], heads["draft"])
+    sensors = R_level_vehicle_of(attitudes).apply(offsets)
     # Its depth when the vessel lies level is the draft. Heave counts down: Kongsberg's depths of the transducer in a
     # real file fit within 0.1 m so, and are 2 m off the other way round.
-    sensors[:, 2] += -draft - offsets[:, 2] - np.nan_to_num(heave)
-    sensors[np.isnan(levers).all(axis=1)] = 0.0
+    level = -draft - offsets[:, 2] - np.nan_to_num(heads["heave"])
+    dived = np.nan_to_num(heads["depth"]) > _DIVED
+    sensors[:, 2] += np.where(dived, -heads["depth"], level)
+    sensors[unknown & ~dived] = 0.0
     # a corrector was added to depths: their datum lies so much above the water
-    sensors[:, 2] -= np.nan_to_num(tide)
+    sensors[:, 2] -= tide
     return sensors

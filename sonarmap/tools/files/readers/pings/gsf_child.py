@@ -1,22 +1,25 @@
 """The GSF library in a process of its own, which may crash or never end on a damaged file: a program, not a module.
 
-It prints its pings as it reads them, so that those before the damage are not lost: to whoever started it, as records
-of a letter, a count (uint32) and so many bytes (J, JSON) or soundings (P: HEAD, then x forward, y port, z up [m] and
-whether it is rejected, all float64). It imports nothing of sonarmap, to start fast.
+It prints its pings as it reads them, so that those before the damage are not lost: to whoever started it, as arrays in
+NumPy's format. Of a ping (len(HEAD),) numbers, and (n, 4) soundings: x forward, y port, z up [m] and whether it is
+rejected; and, as JSON, what it has to say. It imports nothing of sonarmap, to start fast.
 """
 
 import contextlib
 import ctypes
 import json
 import os
-import struct
 import sys
 from typing import BinaryIO
 
 import numpy as np
 
-HEAD = 16  # numbers of a ping before its soundings, as `_head` has them; unknown ones are NaN
-RECORD = struct.Struct("<cI")
+# Numbers of a ping before its soundings, NaN where unknown: [s, deg, m, m/s]; whether depths are for 1500 m/s; and from
+# the parameters the transducer forward, starboard and down of the vessel's reference point, and its draft.
+HEAD = (
+    *("stamp", "latitude", "longitude", "roll", "pitch", "heading", "heave", "tide", "gps_tide", "depth", "separation"),
+    *("sound_speed", "is_nominal", "forward", "starboard", "down", "draft"),
+)
 _END = -23  # GSF_READ_TO_END_OF_FILE
 _PING, _PARAMETERS = 2, 4  # kinds of records
 _MEMORY = 4 << 30  # addresses that a damaged file may take [bytes]
@@ -24,9 +27,9 @@ _OUTPUT = 64  # bytes that one of the file may become: three of a sounding in th
 _FAULTS = 50  # records in a row that cannot be decoded
 _IGNORE = 1  # GSF_IGNORE_BEAM and GSF_IGNORE_PING, bit 0 of either flags
 _KONGSBERG, _R2SONIC = (133, 134, 135, 149), (151, 152, 153)  # EM710, 302, 122, 2040; 2022, 2024, 2020
-_WANTED = ("APPLIED_TRANSDUCER_OFFSET", "APPLIED_DRAFT")
 # what the format writes where a number is unknown
-_NULLS = {"latitude": 91, "longitude": 181, "heading": 361, "roll": 99, "pitch": 99, "heave": 99, "tide": 99.99}
+_NULLS = {"latitude": 91, "longitude": 181, "heading": 361, "roll": 99, "pitch": 99, "heave": 99, "tide": 99.99,
+          "gps_tide": 99.99, "depth": 99.99, "separation": 9999.99}  # fmt: skip
 
 
 def main(path: str) -> None:
@@ -55,10 +58,10 @@ def _print_pings(path: str, out: BinaryIO) -> None:
     if bindings.gsfOpen(os.fsencode(path), FileMode.GSF_READONLY, ctypes.byref(opened)) < 0:
         _say(out, {"fault": _fault(bindings)})
         return
-    left, faults, said = _OUTPUT * os.path.getsize(path) + (1 << 20), 0, ""  # noqa: PTH202
-    anything = RecordType.GSF_NEXT_RECORD
+    left, faults, said, parameters = _OUTPUT * os.path.getsize(path) + (1 << 20), 0, {}, {}  # noqa: PTH202
     while left > 0 and faults < _FAULTS:
-        if bindings.gsfRead(opened, anything, ctypes.byref(identity), ctypes.byref(record)) < 0:
+        left -= 8
+        if bindings.gsfRead(opened, RecordType.GSF_NEXT_RECORD, ctypes.byref(identity), ctypes.byref(record)) < 0:
             if bindings.gsfIntError() == _END:
                 break
             faults += 1
@@ -66,15 +69,15 @@ def _print_pings(path: str, out: BinaryIO) -> None:
             _say(out, {"fault": _fault(bindings)})
             continue
         faults = 0
-        left -= 8
         if identity.recordID == _PARAMETERS:
-            _say(out, {"parameters": _parameters(record.process_parameters)})
+            parameters = _parameters(record.process_parameters)
         elif identity.recordID == _PING:
             name = (bindings.gsfGetSonarTextName(ctypes.byref(record.mb_ping)) or "").replace("Unknown", "")
-            if name != said:
-                _say(out, {"echo_sounder": name})
-                said = name
-            left -= _print_ping(record.mb_ping, out)
+            words = {"echo_sounder": name, "datum": parameters.get("TIDAL_DATUM", "").replace("UNKNOWN", "")}
+            if words != said:
+                _say(out, words)
+                said = words
+            left -= _print_ping(record.mb_ping, parameters, out)
     else:
         _say(out, {"fault": "records that do not end"})
 
@@ -83,27 +86,27 @@ def _fault(bindings) -> str:
     return (bindings.gsfStringError() or b"").decode("ascii", "replace").removeprefix("GSF Error:").strip()
 
 
-def _say(out: BinaryIO, words: dict) -> None:
-    content = json.dumps(words).encode()
-    out.write(RECORD.pack(b"J", len(content)) + content)
+def _say(out: BinaryIO, words: dict[str, str]) -> None:
+    _print(out, np.array(json.dumps(words)))
+
+
+def _print(out: BinaryIO, array: np.ndarray) -> None:
+    np.lib.format.write_array(out, array)
     out.flush()
 
 
-def _parameters(record) -> dict[str, list[float]]:
-    """Numbers of the processing parameters that are wanted; those that are unknown are left out."""
+def _parameters(record) -> dict[str, str]:
+    """The processing parameters by their names."""
     found = {}
     for k in range(min(max(record.number_parameters, 0), len(record.param))):
-        if not record.param[k]:
-            continue
-        text = ctypes.string_at(record.param[k], max(record.param_size[k], 0)).decode("ascii", "replace")
-        key, _, value = text.strip("\0 ").partition("=")
-        with contextlib.suppress(ValueError):  # UNKNWN
-            if key in _WANTED:
-                found[key] = [float(number) for number in value.split(",")]
+        if record.param[k]:
+            text = ctypes.string_at(record.param[k], max(record.param_size[k], 0)).decode("ascii", "replace")
+            key, _, value = text.strip("\0 ").partition("=")
+            found[key] = value
     return found
 
 
-def _print_ping(ping, out: BinaryIO) -> int:
+def _print_ping(ping, parameters: dict[str, str], out: BinaryIO) -> int:
     """How many bytes it takes; none if it has no soundings."""
     count, depths = ping.number_beams, ping.depth or ping.nominal_depth
     if count <= 0 or not depths or not ping.across_track:
@@ -117,33 +120,34 @@ def _print_ping(ping, out: BinaryIO) -> int:
     if ping.beam_flags:
         rows[:, 3] += np.ctypeslib.as_array(ping.beam_flags, (count,)) & _IGNORE
     rows[:, 3] += ping.ping_flags & _IGNORE
-    content = _head(ping).tobytes() + rows.tobytes()
-    out.write(RECORD.pack(b"P", count) + content)
-    out.flush()
-    return len(content)
+    _print(out, _head(ping, parameters))
+    _print(out, rows)
+    return rows.nbytes
 
 
-def _head(ping) -> np.ndarray:
-    """(HEAD,) float64: stamp [s], latitude, longitude, roll, pitch, heading [deg], heave, tide [m], speed of sound
-    [m/s], whether depths are nominal."""
+def _head(ping, parameters: dict[str, str]) -> np.ndarray:
+    """(17,) float64, under HEAD."""
     # gsfpy has the first two fields of a ping the wrong way round: in the C structure (gsf.h) latitude comes first, so
     # what it calls longitude is the latitude. In the file longitude comes first; a test compares with its bytes.
     latitude, longitude = ping.longitude, ping.latitude
-    values = {
-        "stamp": ping.ping_time.tv_sec + ping.ping_time.tv_nsec * 1e-9,
-        "latitude": latitude,
-        "longitude": longitude,
-        "roll": ping.roll,
-        "pitch": ping.pitch,
-        "heading": ping.heading,
-        "heave": ping.heave,
-        "tide": ping.tide_corrector,
-        "sound_speed": _sound_speed(ping),
-        "is_nominal": float(not ping.depth),
-    }
-    head = np.full(HEAD, np.nan)
-    head[: len(values)] = [np.nan if value == _NULLS.get(key) else value for key, value in values.items()]
-    return head
+    stamp = ping.ping_time.tv_sec + ping.ping_time.tv_nsec * 1e-9
+    nominal = not ping.depth or parameters.get("DEPTH_CALCULATION") == "RELATIVE_TO_1500_MS"
+    values = (
+        *(stamp, latitude, longitude, ping.roll, ping.pitch, ping.heading, ping.heave),
+        *(ping.tide_corrector, ping.gps_tide_corrector, ping.depth_corrector, ping.sep, _sound_speed(ping), nominal),
+        *_numbers(parameters.get("APPLIED_TRANSDUCER_OFFSET", ""), 3),
+        *_numbers(parameters.get("APPLIED_DRAFT", ""), 1),
+    )
+    return np.array([np.nan if x == _NULLS.get(name) else x for name, x in zip(HEAD, values, strict=True)], float)
+
+
+def _numbers(text: str, count: int) -> list[float]:
+    """The first ones of a parameter; NaN where it does not say."""
+    with contextlib.suppress(ValueError):  # UNKNWN
+        numbers = [float(number) for number in text.split(",")[:count]]
+        if len(numbers) == count:
+            return numbers
+    return [np.nan] * count
 
 
 def _sound_speed(ping) -> float:

@@ -30,10 +30,12 @@ def _refuse_kmall(path: Path) -> RecordedLine:
     raise InputError("no library that is kept up reads Kongsberg's .kmall; convert it to GSF, and give that")
 
 
+_ALL = Format("a Kongsberg .all file", rb"(?s)(.{2}.\x00|\x00.{3})\x02[0-9A-Za-z\xe1-\xe5]", read_all)
 FORMATS = {
     ".gsf": Format("a GSF file", rb"(?s).{4}[\x00\x80]\x00\x00\x01(.{4})?GSF-", read_gsf),
     ".xtf": Format("an XTF file", rb"(?s)\x7b[^\s\"'{}\]]", read_xtf),
-    ".all": Format("a Kongsberg .all file", rb"(?s).{2}.\x00\x02[0-9A-Za-z]", read_all),
+    # the second is its water column, the others are MB-System's names of the same datagrams
+    **dict.fromkeys((".all", ".wcd", ".mb56", ".mb57", ".mb58", ".mb59"), _ALL),
     ".kmall": Format("a Kongsberg .kmall file", rb"(?s).{4}#[A-Z]{3}", _refuse_kmall),
 }
 SUFFIXES = tuple(FORMATS)

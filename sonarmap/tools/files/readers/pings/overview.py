@@ -49,10 +49,12 @@ def line_overview(path: Path) -> LineOverview:
     """Of a file. Raises InputError: it cannot be read."""
     recorded = read_line(path, [])
     line = recorded.placed(recorded.origin())
-    low, middle, high = np.percentile(-line.points[:, 2], [5, 50, 95]).tolist() if len(line.points) else [0.0] * 3
+    low, middle, high = np.percentile(-line.points[:, 2], [5, 50, 95]).tolist()
     roll, pitch, heading = line.attitudes.T
     mean = float(np.angle(np.exp(1j * heading).mean()))
     off = np.angle(np.exp(1j * (heading - mean)))
+    swings = [(roll.mean(), roll.std()), (pitch.mean(), pitch.std()), (mean % (2 * np.pi), off.std())]
+    in_degrees = [(a, b) for a, b in np.degrees(swings).tolist()]
     return LineOverview(
         file=path.name,
         echo_sounder=recorded.echo_sounder,
@@ -60,14 +62,10 @@ def line_overview(path: Path) -> LineOverview:
         beams=recorded.beams,
         rejected=recorded.rejected,
         seconds=float(np.ptp(line.stamps)),
-        length=float(np.linalg.norm(np.diff(line.places[:, :2], axis=0), axis=1).sum()),
+        length=line.length,
         depth=(low, middle, high),
-        swath=swath_width(line) if len(line.points) else 0.0,
-        roll=_degrees(roll.mean(), roll.std()),
-        pitch=_degrees(pitch.mean(), pitch.std()),
-        heading=_degrees(mean % (2 * np.pi), off.std()),
+        swath=swath_width(line),
+        roll=in_degrees[0],
+        pitch=in_degrees[1],
+        heading=in_degrees[2],
     )
-
-
-def _degrees(mean: float, deviation: float) -> tuple[float, float]:
-    return float(np.degrees(mean)), float(np.degrees(deviation))

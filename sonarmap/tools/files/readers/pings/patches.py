@@ -1,7 +1,7 @@
 """Lines of pings as scans: each file is cut into patches, which their line's navigation places."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,9 +25,6 @@ _OF_DEPTH = 0.003  # errors of sound speed are a share of the depth
 _DRIFT, _TURN_DRIFT = 0.01, float(np.radians(10.0) / 3600)
 
 
-NO_BIASES = Biases()
-
-
 @dataclass(frozen=True, slots=True)
 class LineReading:
     """How lines become scans.
@@ -38,7 +35,7 @@ class LineReading:
     """
 
     patch: float | None = None
-    biases: Biases = NO_BIASES
+    biases: Biases = field(default_factory=Biases)
 
     def __post_init__(self) -> None:
         if self.patch is not None and not 0 < self.patch < np.inf:
@@ -56,26 +53,10 @@ def line_clouds(path: Path, notes: list[str], reading: LineReading) -> Iterator[
     patches = cut(corrected(recorded.placed(origin), reading.biases), reading.patch)
     geodetic = origin.geodetic(np.stack([patch.T_world_piece.translation for patch in patches]))
     for patch, place in zip(patches, geodetic.tolist(), strict=True):
-        north = PingPatch(
-            path,
-            patch.middle,
-            len(patches),
-            float(np.median(patch.viewpoints[:, 2] - patch.points[:, 2])),
-            tuple(place),
-            patch.T_world_piece.rotation,
-        )
-        yield Cloud(
-            patch.points, stamp=patch.stamp, viewpoints=patch.viewpoints, patch=north, sound_speed=recorded.sound_speed
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class PlacedPatches:
-    """Scans with what their lines' navigation says of them, those of other files as they were, and the georeference of
-    the world in which they are."""
-
-    scans: tuple[Scan, ...]
-    georeference: Georeference
+        points, viewpoints, R = patch.points, patch.viewpoints, patch.T_world_piece.rotation
+        depth = float(np.median(viewpoints[:, 2] - points[:, 2]))
+        placed_by = PingPatch(path, patch.middle, len(patches), depth, tuple(place), R)
+        yield Cloud(points, stamp=patch.stamp, viewpoints=viewpoints, patch=placed_by, sound_speed=recorded.sound_speed)
 
 
 def placed(
@@ -83,8 +64,9 @@ def placed(
     patches: Mapping[int, PingPatch],
     origin: Georeference | None = None,
     sigmas: Mapping[str, float] | None = None,
-) -> PlacedPatches:
-    """Scans of lines in the world of an origin, or of the first patch.
+) -> tuple[tuple[Scan, ...], Georeference]:
+    """Scans of lines in the world of an origin, or of the first patch, others as they were; and this world's
+    georeference.
 
     A line's navigation errs alike along it, so that all of its patches together place it no better than one fix does:
     each is so much less sure.
@@ -110,8 +92,7 @@ def placed(
         T = RigidTransform.from_components(place, patch.R_north_patch)
         priors.append(PosePrior(T, deviations))
     turned = dict(zip(numbers, by_the_maps_north(priors, here, None), strict=True))
-    of_all = tuple(replace(scan, prior=turned[k]) if k in turned else scan for k, scan in enumerate(scans))
-    return PlacedPatches(of_all, here)
+    return tuple(replace(scan, prior=turned[k]) if k in turned else scan for k, scan in enumerate(scans)), here
 
 
 def as_survey(
@@ -120,7 +101,7 @@ def as_survey(
     """Scans, those of lines placed about the first of these, and the way within lines where no other is given."""
     if not patches:
         return scans, odometry
-    there = placed(scans, patches).scans
+    there, _ = placed(scans, patches)
     return there, odometry or way_within(there, patches)
 
 

@@ -14,8 +14,11 @@ from sonarmap.kernels.errors import InputError
 MAGIC = b"BTH0"
 _PACKET = struct.Struct(">4sII")  # name, size, stream
 _SECTION = struct.Struct(">2sH")  # name, size with these four bytes
-_H0 = struct.Struct(">12s12sIIIff")  # model, serial number, seconds, nanoseconds, ping number, period, speed of sound
-_POINTS, _RANGES, _STEPS = 110, 4, 32  # where in H0, R0 and A2, after their names and sizes, these stand
+_H0 = np.dtype(
+    {"names": ["model", "seconds", "nanoseconds", "sound_speed", "count"],
+     "formats": ["S12", ">u4", ">u4", ">f4", ">u2"], "offsets": [0, 24, 28, 40, 110]}
+)  # fmt: skip
+_RANGES, _STEPS = 4, 32  # where in R0 and A2, after their names and sizes, these stand
 _DETECTED, _PASSED = 0b1100, 0b0011  # of the four flags of a point: phase or magnitude; brightness and colinearity
 
 
@@ -45,16 +48,15 @@ def ranges_of(packet: bytes) -> Ranges:
     sections = _sections(packet)
     if not {b"H0", b"R0"} <= sections.keys() or not sections.keys() & {b"A0", b"A2"}:
         raise InputError(f"has sections {b' '.join(sections).decode('ascii', 'replace')}; wanted H0, R0 and A0 or A2")
-    header = _part(sections[b"H0"], 0, _POINTS + 2)
-    model, _, seconds, nanoseconds, _, _, speed = _H0.unpack_from(header)
-    (count,) = struct.unpack_from(">H", header, _POINTS)
+    header = np.frombuffer(_part(sections[b"H0"], 0, _H0.itemsize), _H0)[0]
+    speed, count = float(header["sound_speed"]), int(header["count"])
     if not 1300 < speed < 1700:
         raise InputError(f"says a speed of sound of {speed:g} m/s; wanted that of water")
     times = _integers(sections[b"R0"], _RANGES, count) * _float(sections[b"R0"], 0)  # two-way [s]
     ranges, angles = times * (speed / 2), _angles(sections, count)
     points = np.column_stack([np.zeros(count), -ranges * np.sin(angles), -ranges * np.cos(angles)])
-    name = model.rstrip(b"\0 ").decode("ascii", "replace")
-    return Ranges(seconds + nanoseconds * 1e-9, name, speed, points, _flags(sections.get(b"Q0"), count), ranges > 0)
+    stamp, model = header["seconds"] + header["nanoseconds"] * 1e-9, header["model"].rstrip().decode("ascii", "replace")
+    return Ranges(stamp, model, speed, points, _flags(sections.get(b"Q0"), count), ranges > 0)
 
 
 def rejected(flags: np.ndarray, has_checks: bool) -> np.ndarray:

@@ -17,55 +17,46 @@ class RecordedLine:
 
     Attributes:
         name: what to call it in messages and tables.
+        echo_sounder: what recorded it, as the file says; "" if it does not.
         stamps: (P,) float64 [s, UTC], ascending, P >= 1.
-        latitudes: (P,) float64 [deg], WGS84, of the pings' frames.
-        longitudes: (P,) float64 [deg].
-        heights: (P,) float64 [m], Up, of the level from which the recording counts depths above the vertical
-            reference; 0 where the recording does not say.
+        fixes: (P, 3) float64 latitude, longitude [deg, WGS84] and height [m] of the pings' frames. The height is Up, of
+            the level from which the recording counts depths above the vertical reference; 0 where it does not say.
         attitudes: (P, 3) float64 [rad]: roll, starboard side down; pitch, bow up; heading, clockwise from true North.
         sensors: (P, 3) float64 [m], where the transducer was, in the pings' frames.
         pings: (N,) int64, ascending: the ping of each sounding.
         points: (N, 3) float64 [m], soundings that were not rejected, in the frames of their pings.
         beams: how many soundings the pings have in all, rejected ones counted.
-        rejected: how many of them the recording rejects, or are no soundings.
-        echo_sounder: what recorded it, as the file says; "" if it does not.
         sound_speed: at the transducer [m/s], the median; None if the file does not say.
         notes: what the user should know of the file.
     """
 
     name: str
+    echo_sounder: str
     stamps: np.ndarray
-    latitudes: np.ndarray
-    longitudes: np.ndarray
-    heights: np.ndarray
+    fixes: np.ndarray
     attitudes: np.ndarray
     sensors: np.ndarray
     pings: np.ndarray
     points: np.ndarray
     beams: int
-    rejected: int
-    echo_sounder: str
     sound_speed: float | None
     notes: tuple[str, ...]
 
     @property
-    def geodetic(self) -> np.ndarray:
-        """(P, 3) float64 latitudes, longitudes [deg] and heights [m]."""
-        return np.column_stack([self.latitudes, self.longitudes, self.heights])
+    def rejected(self) -> int:
+        """How many soundings the recording rejects, or are none."""
+        return self.beams - len(self.points)
 
     def origin(self) -> Georeference:
         """An origin for a map of this line: its first fix, rounded."""
-        return rounded_origin(self.geodetic, "fix", [])
+        return rounded_origin(self.fixes, "fix", [])
 
     def placed(self, georeference: Georeference) -> PingLine:
-        """The line in the frame of a map, headings by the North of the map's origin.
-
-        Raises:
-            InputError: a fix more than 200 km from the origin.
-        """
-        places = georeference.local(self.geodetic)
+        """The line in the frame of a map, headings by the North of the map's origin. Raises InputError: a fix more than
+        200 km from the origin."""
+        places = georeference.local(self.fixes)
         # meridians meet at the pole: the North of a place beside the origin is not the origin's
-        ahead = georeference.local(self.geodetic + _AHEAD) - places
+        ahead = georeference.local(self.fixes + _AHEAD) - places
         attitudes = self.attitudes.copy()
         attitudes[:, 2] += np.arctan2(ahead[:, 0], ahead[:, 1])
         return PingLine(self.name, self.stamps, places, attitudes, self.sensors, self.pings, self.points)

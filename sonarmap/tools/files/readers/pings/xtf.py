@@ -1,11 +1,10 @@
-"""XTF, the eXtended Triton Format, with R2Sonic's packets as QINSy writes them (type 65): ranges and angles.
+"""XTF, the eXtended Triton Format, with R2Sonic's packets, as QINSy writes them (type 65): ranges and angles.
 
 A ping is a header of 256 bytes (time, position and attitude of the sensor) and a packet BTH0. Its position and heave
 are those of the transducer, as the format calls them (Sensor...): in a real harbor survey soundings agree to 1.8 cm so,
 and to 3.6 cm when the offsets of the channel, (5.3, 1.2) m, are added. What of the offsets remains are the angles.
 """
 
-import struct
 from collections import Counter
 from collections.abc import Iterator
 from ctypes import sizeof
@@ -17,26 +16,30 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.pings.line import R_level_vehicle_of
 from sonarmap.tools.files.memory import require_memory
-from sonarmap.tools.files.readers.pings.assembly import RecordedPing, assembled, between, counted, matrices_of
-from sonarmap.tools.files.readers.pings.r2sonic import Ranges, ranges_of, rejected, uses_checks
+from sonarmap.tools.files.readers.pings.assembly import assembled, between, damage
+from sonarmap.tools.files.readers.pings.r2sonic import MAGIC, Ranges, ranges_of, rejected, uses_checks
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from sonarmap.tools.files.user_file import read_content
 
-_START = struct.Struct("<HBBHHHI")  # of every packet: magic number, type, channel, channels, -, -, bytes
-_MAGIC = b"\xce\xfa"
-_R2SONIC, _ATTITUDE = 65, 3
+_MAGIC, _START = b"\xce\xfa", 14  # of every packet: how it begins; bytes up to its size, which is their last four
+_R2SONIC, _TRITON, _ATTITUDE = 65, 68, 3  # R2Sonic's as QINSy writes them; as Triton does, where they hold BTH0, too
+_NAVIGATION, _PACKET = 107, 64  # raw positions; bytes of these and of attitudes
 _FILE_HEADER, _PING_HEADER = 1024, 256
 _CHANNELS = 6  # that the first file header describes; each further six take another
 _LARGEST = 1 << 24  # bytes of a packet
 _DEGREES = 3  # NavUnits
 _BATHYMETRY = 3  # type of a channel
-_GAP = 1.0  # seconds between attitudes that are interpolated
+_GAPS = {"position": 10.0, "attitude": 1.0}  # seconds between two that are interpolated
 _GROWTH = 16  # bytes of memory that a byte of the file takes at most: a sounding has four there
 # other packets with soundings, which this reader does not have
-_OTHERS = {2: "raw bathymetry", 26: "Reson SeaBat snippets", 28: "bathymetry by x, y, z and angle", 30: "Reson 7k",
-           56: "QINSy multibeam", 60: "Benthos C3D", 61: "Reson 7125", 62: "Reson 7125 snippets",
-           68: "R2Sonic bathymetry of Triton", 73: "Kongsberg multibeam"}  # fmt: skip
+_OTHERS = {2: "raw bathymetry", 5: "Elac ranges", 9: "SeaView bathymetry", 10: "SeaView depths", 16: "Elac XSE",
+           17: "processed bathymetry (XYZA)", 19: "bathymetry of snippets", 22: "a single beam", 25: "multibeam",
+           26: "QINSy single beam", 27: "QINSy multi-transducer", 28: "QINSy multibeam", 60: "Benthos C3D",
+           61: "Reson 7125", 62: "Reson 7125 snippets", 68: "Triton's R2Sonic bathymetry", 70: "Coda Echoscope",
+           73: "EdgeTech bathymetry", 74: "raw multibeam ranges", 78: "Reson water column",
+           102: "processed bathymetry"}  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -46,6 +49,7 @@ class _Packets:
     headers: list[bytes] = field(default_factory=list)  # of pings, 256 bytes each
     ranges: list[Ranges] = field(default_factory=list)
     attitudes: list[bytes] = field(default_factory=list)
+    positions: list[bytes] = field(default_factory=list)
     kinds: Counter[int] = field(default_factory=Counter)
     skipped: int = 0  # bytes between packets, or of a packet that is cut
     damaged: int = 0  # pings whose packet cannot be read
@@ -78,28 +82,31 @@ def _packets(content: bytes, start: int) -> _Packets:
     """Those that are wanted; after damage from the next packet on."""
     found = _Packets()
     for kind, first, last in _bounds(content, start, found):
-        found.kinds[kind] += 1
-        if kind == _ATTITUDE and last - first >= 64:
-            found.attitudes.append(content[first : first + 64])
-        elif kind == _R2SONIC:
+        body = first + _PING_HEADER
+        if kind in (_ATTITUDE, _NAVIGATION) and last - first >= _PACKET:
+            packets = found.attitudes if kind == _ATTITUDE else found.positions
+            packets.append(content[first : first + _PACKET])
+        elif kind == _R2SONIC or (kind == _TRITON and content.startswith(MAGIC, body)):
             try:
-                found.ranges.append(ranges_of(content[first + _PING_HEADER : last]))
-                found.headers.append(content[first : first + _PING_HEADER])
+                found.ranges.append(ranges_of(content[body:last]))
+                found.headers.append(content[first:body])
             except InputError as error:
                 found.damaged += 1
                 found.first = found.first or f"the packet at byte {first:,} {error}"
+        found.kinds[kind] += 1
     return found
 
 
 def _bounds(content: bytes, start: int, found: _Packets) -> Iterator[tuple[int, int, int]]:
     """Type, first byte and end of each packet."""
     while start < len(content):
-        kind = size = 0
-        if content.startswith(_MAGIC, start) and start + _START.size <= len(content):
-            kind, size = content[start + 2], int.from_bytes(content[start + 10 : start + 14], "little")
-        end = start + size
-        if _START.size <= size <= _LARGEST and (content.startswith(_MAGIC, end) or end == len(content)):
-            yield kind, start, end
+        end = start + int.from_bytes(content[start + 10 : start + _START], "little")
+        if (
+            content.startswith(_MAGIC, start)
+            and _START <= end - start <= _LARGEST
+            and (content.startswith(_MAGIC, end) or end == len(content))
+        ):
+            yield content[start + 2], start, end
         else:
             following = content.find(_MAGIC, start + 2)
             end = following if following >= 0 else len(content)
@@ -114,10 +121,7 @@ def _why_none(packets: _Packets) -> str:
         return f"none of its {packets.damaged:,} pings can be read: {packets.first}; copy it again"
     held = [name for kind, name in _OTHERS.items() if packets.kinds[kind]]
     if held:
-        return (
-            f"it holds {' and '.join(held)}; of XTF only R2Sonic's packets as QINSy writes them (type 65) are read: "
-            "export it as GSF"
-        )
+        return f"it holds {' and '.join(held)}; of XTF only R2Sonic's packets (BTH0) are read: export it as GSF"
     kinds = ", ".join(map(str, sorted(packets.kinds))) or "none"
     return f"it holds no soundings of a multibeam echo sounder (packets of type {kinds}); give a recorded line"
 
@@ -131,17 +135,39 @@ def _line(name: str, header, packets: _Packets, pyxtf) -> RecordedLine:
     sensors = np.zeros((len(heads), 3))
     sensors[:, 2] = heave - heads["SensorDepth"]
     mounted = Rotation.from_euler("ZYX", [-channel.OffsetYaw, -channel.OffsetPitch, channel.OffsetRoll], degrees=True)
-    turns = matrices_of(np.nan_to_num(attitudes)) @ mounted.as_matrix()
+    turns = R_level_vehicle_of(np.nan_to_num(attitudes)).as_matrix() @ mounted.as_matrix()
     flags = [ranges.flags for ranges in packets.ranges if ranges.flags is not None]
     has_checks = any(uses_checks(each) for each in flags)
-    fixes = np.column_stack([heads["SensorYcoordinate"], heads["SensorXcoordinate"], heads["OceanTide"]])
-    pings = []
-    for k, ranges in enumerate(packets.ranges):
+    points = list[np.ndarray]()
+    for ranges, turn, sensor in zip(packets.ranges, turns, sensors, strict=True):
         kept = ranges.has_range if ranges.flags is None else ranges.has_range & ~rejected(ranges.flags, has_checks)
-        points = ranges.points[kept] @ turns[k].T + sensors[k]
-        pings.append(RecordedPing(stamps[k], tuple(fixes[k]), tuple(attitudes[k]), sensors[k], points, len(kept)))
-    speeds = [ranges.sound_speed for ranges in packets.ranges]
-    return assembled(name, pings, f"R2Sonic {packets.ranges[0].model}", speeds, _notes(header, channel, heads, packets))
+        points.append(ranges.points[kept] @ turn.T + sensor)
+    return assembled(
+        name,
+        f"R2Sonic {packets.ranges[0].model}",
+        stamps=stamps,
+        fixes=np.column_stack([_places(stamps, heads, packets.positions, pyxtf), heads["OceanTide"]]),
+        attitudes=attitudes,
+        sensors=sensors,
+        points=points,
+        beams=[len(ranges.has_range) for ranges in packets.ranges],
+        sound_speeds=[ranges.sound_speed for ranges in packets.ranges],
+        notes=_notes(header, channel, heads) + damage(packets.skipped, packets.damaged, "ping", packets.first),
+    )
+
+
+def _places(stamps: np.ndarray, heads: np.ndarray, packed: list[bytes], pyxtf) -> np.ndarray:
+    """(P, 2) latitudes and longitudes [deg] from the headers of pings, which have the transducer's; where these have
+    none, from packets of raw positions at these times: in a real file they are the transducer's, too, within 1 cm."""
+    places = np.column_stack([heads["SensorYcoordinate"], heads["SensorXcoordinate"]]).astype(np.float64)
+    if places.any() or not packed:
+        return places
+    # it counts tenths of milliseconds
+    times, raw = _series(packed, pyxtf.XTFPosRawNavigation, "Microsecond", 1e4, ("RawYcoordinate", "RawXcoordinate"))
+    raw[:, 1] = np.unwrap(raw[:, 1], period=360)
+    places, known = between(stamps, times, raw, _GAPS["position"], 0.1)
+    places[~known] = np.nan
+    return np.column_stack([places[:, 0], (places[:, 1] + 180) % 360 - 180])
 
 
 def _attitudes(stamps: np.ndarray, heads: np.ndarray, packed: list[bytes], pyxtf) -> tuple[np.ndarray, np.ndarray]:
@@ -149,17 +175,25 @@ def _attitudes(stamps: np.ndarray, heads: np.ndarray, packed: list[bytes], pyxtf
     motion sensor, as the headers of pings only have its latest; from those headers where there are none."""
     latest = np.column_stack([heads[key] for key in ("SensorRoll", "SensorPitch", "SensorHeading", "Heave")])
     latest = np.asarray(latest, np.float64)
-    rows = np.frombuffer(b"".join(packed), _layout(pyxtf.XTFAttitudeData))
-    times = np.array([_epoch(row, row["Millisecond"] / 1000) for row in rows])
-    sensed = np.column_stack([rows[key] for key in ("Roll", "Pitch", "Heading", "Heave")]).astype(np.float64)
-    good = np.isfinite(times) & (np.abs(np.nan_to_num(sensed, nan=1e9)) <= 360).all(axis=1)
-    if not sensed[good, 2].any():  # a motion sensor without a compass
-        sensed[good, 2] = np.interp(times[good], stamps, np.degrees(np.unwrap(np.radians(latest[:, 2]))))
-    sensed = sensed[good]
+    names = ("Roll", "Pitch", "Heading", "Heave")
+    times, sensed = _series(packed, pyxtf.XTFAttitudeData, "Millisecond", 1e3, names)
+    if not sensed[:, 2].any():  # a motion sensor without a compass
+        sensed[:, 2] = np.interp(times, stamps, np.degrees(np.unwrap(np.radians(latest[:, 2]))))
     sensed[:, 2] = np.unwrap(sensed[:, 2], period=360)
-    values, known = between(stamps, times[good], sensed, _GAP, 0.1)
+    values, known = between(stamps, times, sensed, _GAPS["attitude"], 0.1)
     values[~known] = latest[~known]
     return np.radians(values[:, :3]), values[:, 3]
+
+
+def _series(
+    packed: list[bytes], structure, fraction: str, ticks: float, names: tuple[str, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) stamps [s, UTC] and (n, k) numbers of packets, those that can be; `fraction` counts so many in a second."""
+    rows = np.frombuffer(b"".join(packed), _layout(structure))
+    times = np.array([_epoch(row, row[fraction] / ticks) for row in rows])
+    values = np.column_stack([rows[name] for name in names]).astype(np.float64)
+    good = np.isfinite(times) & (np.abs(np.nan_to_num(values, nan=1e9)) <= 360).all(axis=1)
+    return times[good], values[good]
 
 
 def _layout(structure) -> np.dtype:
@@ -179,7 +213,7 @@ def _epoch(row: np.void, fraction: float) -> float:
         return float("nan")
 
 
-def _notes(header, channel, heads: np.ndarray, packets: _Packets) -> list[str]:
+def _notes(header, channel, heads: np.ndarray) -> list[str]:
     notes = [] if heads["SensorDepth"].any() else ["depths count from the transducer, whose depth pings do not have"]
     offsets = [channel.OffsetX, channel.OffsetY, channel.OffsetZ]
     if any(offsets):
@@ -191,9 +225,4 @@ def _notes(header, channel, heads: np.ndarray, packets: _Packets) -> list[str]:
     names = [f"{part}Offset{axis}" for part in ("Nav", "MRU") for axis in ("X", "Y", "Z", "Yaw", "Pitch", "Roll")]
     if any(getattr(header, name, 0) for name in names):
         notes.append("offsets of its navigation and motion sensors are not added: pings are corrected for them")
-    if packets.damaged or packets.skipped:
-        notes.append(
-            f"damaged or cut: {counted(packets.damaged, 'ping')} and {counted(packets.skipped, 'byte')} left out; "
-            f"{packets.first}"
-        )
     return notes

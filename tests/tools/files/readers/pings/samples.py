@@ -1,9 +1,10 @@
-"""A line made by hand, no two numbers of it alike, and writers of it: GSF by its library, XTF and .all by struct."""
+"""A line made by hand, no two numbers of it alike, and writers of it: GSF by its library, XTF by struct."""
 # pyright: reportAttributeAccessIssue=false
 # as pyxtf has ctypes where Python has numbers
 
 import ctypes
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -72,12 +73,16 @@ def sample(count: int = 12, beams: int = 9) -> Sample:
 LINE = sample()
 
 
-def write_gsf(path: Path, line: Sample, tide: float = 0.0, ignored: tuple[int, ...] = (), flags: bool = True) -> Path:
-    """By the GSF library. `tide`: the corrector that was added to depths [m]; `ignored`: pings that are marked so."""
+def write_gsf(
+    path: Path, line: Sample, tide: float = 0.0, ignored: tuple[int, ...] = (), flags: bool = True,
+    words: Sequence[bytes] = (), **header: float,
+) -> Path:  # fmt: skip
+    """By the GSF library. `tide`: the corrector that was added to depths [m]; `ignored`: pings that are marked so;
+    `words`: further parameters; `header`: fields of all pings."""
     opened, identity = ctypes.c_int(), c_gsfDataID()
     assert bindings.gsfOpen(str(path).encode(), FileMode.GSF_CREATE, ctypes.byref(opened)) == 0
     record = c_gsfRecords()
-    words = [b"APPLIED_DRAFT=%+06.2f" % DRAFT, b"APPLIED_TRANSDUCER_OFFSET=%+06.2f,%+06.2f,%+06.2f" % OFFSET]
+    words = [*words, b"APPLIED_DRAFT=%+06.2f" % DRAFT, b"APPLIED_TRANSDUCER_OFFSET=%+06.2f,%+06.2f,%+06.2f" % OFFSET]
     parameters = record.process_parameters
     parameters.param_time.tv_sec, parameters.number_parameters = int(START), len(words)
     held = [ctypes.create_string_buffer(word) for word in words]
@@ -87,12 +92,14 @@ def write_gsf(path: Path, line: Sample, tide: float = 0.0, ignored: tuple[int, .
     identity.recordID = RecordType.GSF_RECORD_PROCESSING_PARAMETERS
     assert bindings.gsfWrite(opened, ctypes.byref(identity), ctypes.byref(record)) > 0
     for k in range(len(line.stamps)):
-        _write_ping(opened, line, k, tide, k in ignored, flags)
+        _write_ping(opened, line, k, tide, k in ignored, flags, header)
     assert bindings.gsfClose(opened) == 0
     return path
 
 
-def _write_ping(opened: ctypes.c_int, line: Sample, k: int, tide: float, ignored: bool, flags: bool) -> None:
+def _write_ping(
+    opened: ctypes.c_int, line: Sample, k: int, tide: float, ignored: bool, flags: bool, header: dict[str, float]
+) -> None:
     record, identity = c_gsfRecords(), c_gsfDataID()
     ping, beams = record.mb_ping, line.points.shape[1]
     ping.ping_time.tv_sec, ping.ping_time.tv_nsec = int(line.stamps[k]), round(line.stamps[k] % 1 * 1e9)
@@ -100,6 +107,8 @@ def _write_ping(opened: ctypes.c_int, line: Sample, k: int, tide: float, ignored
     ping.number_beams, ping.ping_flags, ping.tide_corrector = beams, int(ignored), tide
     ping.roll, ping.pitch, ping.heading = line.attitudes[k]
     ping.heave, ping.height, ping.sep = -line.heave[k], 9999.99, 9999.99
+    for name, value in header.items():
+        setattr(ping, name, value)
     held = [np.ascontiguousarray(line.points[k, :, axis]) for axis in (2, 1, 0)]
     held[0] += tide
     for which, (name, values) in enumerate(zip(("depth", "across_track", "along_track"), held, strict=True), 1):
@@ -124,10 +133,10 @@ class Beams:
 
 def xtf(
     line: Sample, beams: list[Beams], *, kind: int = 65, units: int = 3, equal_angles: bool = False,
-    mount: tuple[float, float, float] = (0.0, 0.0, 0.0), lag: float | None = None, tide: float = 0.0,
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0), lag: float | None = None, tide: float = 0.0, raw: bool = False,
 ) -> bytes:  # fmt: skip
     """Of pings with these beams. `mount`: roll, pitch, yaw of the array [deg]. `lag`: the motion is in packets of
-    its own, pings come so much later [s] and have none."""
+    its own, pings come so much later [s] and have none. `raw`: positions are in such packets, too."""
     header = pyxtf.XTFFileHeader()
     header.NavUnits, header.NumberOfBathymetryChannels = units, 1
     channel = header.ChanInfo[0]
@@ -136,10 +145,11 @@ def xtf(
     parts = [bytes(header)]
     for k, each in enumerate(beams):
         parts += [_attitude_packet(line, k)] if lag is not None else []
+        parts += [_position_packet(line, k)] if raw else []
         body = bth0(line.stamps[k] + (lag or 0.0), each, equal_angles)
         head = pyxtf.XTFPingHeader()
         head.MagicNumber, head.HeaderType, head.NumBytesThisRecord = 0xFACE, kind, 256 + len(body)
-        head.SensorYcoordinate, head.SensorXcoordinate = line.fixes[k]
+        head.SensorYcoordinate, head.SensorXcoordinate = (0, 0) if raw else line.fixes[k]
         shown = line.attitudes[k] if lag is None else (0.0, 0.0, 0.0)
         head.SensorRoll, head.SensorPitch, head.SensorHeading = shown
         head.Heave, head.SensorDepth, head.OceanTide = line.heave[k], 1.5, tide
@@ -149,13 +159,23 @@ def xtf(
 
 def _attitude_packet(line: Sample, k: int) -> bytes:
     packet = pyxtf.XTFAttitudeData()
-    packet.MagicNumber, packet.HeaderType, packet.NumBytesThisRecord = 0xFACE, 3, 64
     packet.Roll, packet.Pitch, packet.Heading = line.attitudes[k]
-    packet.Heave = line.heave[k]
-    moment = datetime.fromtimestamp(line.stamps[k], UTC)
+    packet.Heave, packet.Millisecond = line.heave[k], int(line.stamps[k] % 1 * 1e3)
+    return _dated(packet, 3, line.stamps[k])
+
+
+def _position_packet(line: Sample, k: int) -> bytes:
+    packet = pyxtf.XTFPosRawNavigation()
+    packet.RawYcoordinate, packet.RawXcoordinate = line.fixes[k]
+    packet.Microsecond = int(line.stamps[k] % 1 * 1e4)
+    return _dated(packet, 107, line.stamps[k])
+
+
+def _dated(packet: pyxtf.XTFPacketStart, kind: int, stamp: float) -> bytes:
+    packet.MagicNumber, packet.HeaderType, packet.NumBytesThisRecord = 0xFACE, kind, 64
+    moment = datetime.fromtimestamp(stamp, UTC)
     packet.Year, packet.Month, packet.Day = moment.year, moment.month, moment.day
     packet.Hour, packet.Minute, packet.Second = moment.hour, moment.minute, moment.second
-    packet.Millisecond = moment.microsecond // 1000
     return bytes(packet)
 
 
@@ -193,70 +213,3 @@ def fan(pings: int, count: int = 10) -> list[Beams]:
     flags[3:], flags[2], flags[-1] = 0b0111, 0b1001, 0b0011
     angles = np.linspace(-0.7, 0.9, count)
     return [Beams(0.04 + 0.001 * np.arange(count) + 0.0005 * k, angles, flags) for k in range(pings)]
-
-
-def datagram(kind: str, stamp: float, content: bytes, serial: int = 101) -> bytes:
-    """Of a .all file."""
-    moment = datetime.fromtimestamp(round(stamp, 3), UTC)
-    date = moment.year * 10000 + moment.month * 100 + moment.day
-    day = ((moment.hour * 60 + moment.minute) * 60 + moment.second) * 1000 + moment.microsecond // 1000
-    inner = struct.pack("<BHIIHH", ord(kind), 2040, date, day, 5, serial) + content
-    whole = b"\x02" + inner + b"\x03" + struct.pack("<H", sum(inner) & 0xFFFF)
-    return struct.pack("<I", len(whole)) + whole
-
-
-def installation(text: str, second: int = 0) -> bytes:
-    return datagram("I", START, struct.pack("<H", second) + text.encode() + b"\0")
-
-
-def position(stamp: float, latitude: float, longitude: float, system: int = 0x81) -> bytes:
-    content = struct.pack("<iiHHHHBB", round(latitude * 2e7), round(longitude * 1e7), 0, 0, 0, 0, system, 0)
-    return datagram("P", stamp, content + b"\0")
-
-
-def motion(stamp: float, rows: list[tuple[float, float, float]], system: int = 0) -> bytes:
-    """Rows of seconds after the stamp, roll and pitch [deg]."""
-    packed = [struct.pack("<HHhhhH", round(1000 * t), 0, round(100 * r), round(100 * p), 0, 0) for t, r, p in rows]
-    return datagram("A", stamp, struct.pack("<H", len(rows)) + b"".join(packed) + bytes([system]))
-
-
-def swath(line: Sample, k: int, depth: float, serial: int = 101) -> bytes:
-    """XYZ 88 of a ping, whose points are down from the transducer at this depth [m]."""
-    beams = line.points.shape[1]
-    rows = []
-    for n, ((x, y, z), rejected) in enumerate(zip(line.points[k], line.rejected[k], strict=True)):
-        detection, cleaning = (0x80 if rejected and n % 2 else 1), (-3 if rejected and n % 2 == 0 else 0)
-        rows.append(struct.pack("<fffHBbBbh", z - depth, y, x, 10, 20, 0, detection, cleaning, -200))
-    head = struct.pack("<HHfHHfB3x", round(100 * line.attitudes[k, 2]), round(10 * SPEED), depth, beams, beams, 1e4, 0)
-    return datagram("X", line.stamps[k], head + b"".join(rows) + b"\0", serial)
-
-
-LAYOUT = "WLZ=1.50,SMH=101,STC=1,S1X=6.50,S1Y=1.75,S1Z=4.25,P1X=-2.25,P1Y=0.75,P1Z=-9.00,APS=0,"
-DEPTHS = 2.5  # of the transducer [m]
-
-
-def all_file(line: Sample, layout: str = LAYOUT, heads: tuple[int, ...] = (101,), second: int = 0) -> bytes:
-    """A .all file whose positions and attitudes are between its pings, and lie on a straight line."""
-    parts, rate = [installation(layout, second)], np.diff(line.stamps)[0]
-    for k in range(len(line.stamps)):
-        early = -0.4  # of the time between pings
-        fix = line.fixes[k] + early * np.diff(line.fixes, axis=0)[0]
-        roll, pitch, _ = line.attitudes[k] + early * np.diff(line.attitudes, axis=0)[0]
-        stamp = line.stamps[k] + early * rate
-        parts += [position(stamp, *fix), position(stamp, 1.0, 2.0, system=0x02)]
-        parts += [motion(stamp - 0.1, [(0.1, roll, pitch)]), motion(stamp, [(0.0, 77.0, 66.0)], system=0x02)]
-        parts.append(swath(line, k, DEPTHS, heads[k % len(heads)]))
-    return b"".join(parts)
-
-
-SUFFIXES = (".gsf", ".xtf", ".all")
-
-
-def written(folder: Path, suffix: str, line: Sample = LINE) -> Path:
-    """A good file of a format."""
-    path = folder / f"line{suffix}"
-    if suffix == ".gsf":
-        return write_gsf(path, line)
-    content = xtf(line, fan(len(line.stamps))) if suffix == ".xtf" else all_file(line)
-    path.write_bytes(content)
-    return path

@@ -13,26 +13,18 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.pings.line_file import read_line
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from tests.samples.refusals import refuses
+from tests.tools.files.readers.pings.datagrams import DEPTHS, EM, LAYOUT, SUFFIXES, written
 from tests.tools.files.readers.pings.samples import (
-    DEPTHS,
     DRAFT,
-    LAYOUT,
     LINE,
     OFFSET,
     SPEED,
     START,
-    SUFFIXES,
     Beams,
     Sample,
-    all_file,
-    datagram,
     fan,
-    motion,
-    position,
     sample,
-    swath,
     write_gsf,
-    written,
     xtf,
 )
 
@@ -66,8 +58,8 @@ def test_soundings_come_back_in_the_world(tmp_path: Path, suffix: str) -> None:
     np.testing.assert_allclose(line.stamps, LINE.stamps, atol=1e-3)
     np.testing.assert_allclose(line.points, LINE.kept, atol=TOLERANCE)
     np.testing.assert_allclose(np.degrees(line.attitudes), LINE.attitudes, atol=TURN)
-    np.testing.assert_allclose(line.latitudes, LINE.fixes[:, 0], atol=1e-7)
-    np.testing.assert_allclose(line.longitudes, LINE.fixes[:, 1], atol=1e-7)
+    np.testing.assert_allclose(line.fixes[:, 0], LINE.fixes[:, 0], atol=1e-7)
+    np.testing.assert_allclose(line.fixes[:, 1], LINE.fixes[:, 1], atol=1e-7)
     assert (line.beams, line.rejected) == (LINE.rejected.size, LINE.rejected.sum())
     assert line.origin() == Georeference(58.12346, -11.65432)
     for origin in (line.origin(), Georeference(58.2, -11.3)):  # 20 km away, where North turns by 0.3 degrees
@@ -93,7 +85,7 @@ def test_ranges_and_angles_come_back_in_the_world(tmp_path: Path, equal_angles: 
     assert (found.beams, found.rejected) == (120, 24)
     assert (found.sound_speed, found.echo_sounder) == (SPEED, "R2Sonic 2024")
     np.testing.assert_allclose(found.sensors, np.column_stack([0 * line.heave, 0 * line.heave, line.heave - 1.5]))
-    np.testing.assert_array_equal(found.heights, 0.75)
+    np.testing.assert_array_equal(found.fixes[:, 2], 0.75)
     assert not found.placed(found.origin()).beam_angles()[:4].max() > 0  # the first beams are on the port side
 
 
@@ -124,6 +116,12 @@ def test_attitudes_of_an_xtf_are_interpolated(tmp_path: Path, lag: float) -> Non
     np.testing.assert_allclose(np.degrees(found.attitudes[:-1]), expected, atol=1e-4)
 
 
+def test_raw_positions_of_an_xtf_whose_pings_have_none(tmp_path: Path) -> None:
+    found = read(tmp_path / "line.xtf", xtf(LINE, fan(12), lag=0.125, raw=True))
+    expected = LINE.fixes[:-1] + 0.125 / 0.5 * np.diff(LINE.fixes, axis=0)
+    np.testing.assert_allclose(found.fixes[: len(expected), :2], expected, atol=1e-9)
+
+
 def test_gsf_has_longitude_before_latitude_in_the_file(tmp_path: Path) -> None:
     """gsfpy names them the wrong way round: the bytes decide. A ping is its time, longitude, latitude."""
     path = write_gsf(tmp_path / "line.gsf", LINE.first(1))
@@ -132,7 +130,7 @@ def test_gsf_has_longitude_before_latitude_in_the_file(tmp_path: Path) -> None:
     longitude, latitude = struct.unpack_from(">ii", content, place + 8)
     assert (latitude, longitude) == (581234560, -116543210)
     line = read(path)
-    assert (round(line.latitudes[0] * 1e7), round(line.longitudes[0] * 1e7)) == (latitude, longitude)
+    assert (round(line.fixes[0, 0] * 1e7), round(line.fixes[0, 1] * 1e7)) == (latitude, longitude)
 
 
 def test_the_transducer_of_a_gsf(tmp_path: Path) -> None:
@@ -145,7 +143,40 @@ def test_the_transducer_of_a_gsf(tmp_path: Path) -> None:
     # rolled by a quarter, starboard down: what was down is to port, what was to starboard is down
     np.testing.assert_allclose(found.sensors[1], [x, z, (z - DRAFT) - y + 0.5 + 0.75], atol=TOLERANCE)
     np.testing.assert_allclose(found.points[:, 2], line.kept[:, 2] + 0.75, atol=TOLERANCE)
-    np.testing.assert_array_equal(found.heights, 0.0)
+    np.testing.assert_array_equal(found.fixes[:, 2], 0.0)
+
+
+def test_tides_by_gps_and_the_datum_of_a_gsf(tmp_path: Path) -> None:
+    """Either corrector was added to depths; the datum is told."""
+    path, words = tmp_path / "line.gsf", [b"TIDAL_DATUM=MLLW"]
+    by_gauge = read(write_gsf(path, LINE, tide=-0.75))
+    by_gps = read(write_gsf(path, LINE, words=words, gps_tide_corrector=-0.75, sep=-31.5))
+    np.testing.assert_allclose(by_gps.sensors, by_gauge.sensors, atol=1e-9)
+    assert by_gauge.notes == ("depths are corrected for the tide: they count from a tidal datum",)
+    assert by_gps.notes == ("depths are corrected for the tide: they count from MLLW, -31.50 m above the ellipsoid",)
+    nulls = dict.fromkeys(("tide_corrector", "gps_tide_corrector", "depth_corrector"), 99.99)
+    assert read(write_gsf(path, LINE, **nulls)).notes == ()
+
+
+def test_a_submersible_in_a_gsf(tmp_path: Path) -> None:
+    """Its depth is the depth corrector, from which the transducer lies by its lever; dynamic draft is none."""
+    line = sample(2)
+    line.attitudes[:, :2], line.heave[:] = 0, 0
+    found = read(write_gsf(tmp_path / "line.gsf", line, depth_corrector=1200.0))
+    np.testing.assert_allclose(found.sensors[:, 2], -1200.0 - OFFSET[2], atol=TOLERANCE)
+    found = read(write_gsf(tmp_path / "line.gsf", line, depth_corrector=0.25))
+    np.testing.assert_allclose(found.sensors[:, 2], -DRAFT, atol=TOLERANCE)
+
+
+def test_nominal_depths_of_a_gsf(tmp_path: Path) -> None:
+    path = write_gsf(tmp_path / "line.gsf", LINE, words=[b"DEPTH_CALCULATION=RELATIVE_TO_1500_MS"])
+    assert read(path).notes == ("depths are those for a speed of sound of 1500 m/s; the file has no others",)
+
+
+def test_packets_of_triton(tmp_path: Path) -> None:
+    """They are those of QINSy where they hold the same."""
+    there, other = (read(tmp_path / "line.xtf", xtf(LINE, fan(3), kind=kind)) for kind in (68, 65))
+    np.testing.assert_array_equal(there.points, other.points)
 
 
 def test_flags_of_a_gsf(tmp_path: Path) -> None:
@@ -161,10 +192,10 @@ def test_the_transducer_of_a_kongsberg(tmp_path: Path) -> None:
     """From the antenna of the active system to the transducer: 8.75 m forward, 1 m to starboard, 13.25 m down."""
     line = sample(3)
     line.attitudes[:, :2] = 0
-    found = read(tmp_path / "line.all", all_file(line))
+    found = read(tmp_path / "line.all", EM.file(line))
     np.testing.assert_allclose(found.sensors, [[8.75, -1.0, -DEPTHS]] * 3, atol=TOLERANCE)
     line.attitudes[:, 1] = 30  # bow up: down becomes forward
-    found = read(tmp_path / "line.all", all_file(line))
+    found = read(tmp_path / "line.all", EM.file(line))
     x = 8.75 * np.cos(np.pi / 6) + 13.25 * np.sin(np.pi / 6)
     np.testing.assert_allclose(found.sensors[1], [x, -1.0, -DEPTHS], atol=TOLERANCE)
 
@@ -173,7 +204,7 @@ def test_two_heads_make_one_line(tmp_path: Path) -> None:
     layout = LAYOUT.replace("STC=1", "STC=2") + "S2X=1.00,S2Y=-2.00,S2Z=3.00,"
     line = sample(4)
     line.attitudes[:, :2] = 0
-    found = read(tmp_path / "line.all", all_file(line, layout, heads=(101, 202), second=202))
+    found = read(tmp_path / "line.all", EM.file(line, layout, heads=(101, 202), second=202))
     np.testing.assert_allclose(found.points, line.kept, atol=TOLERANCE)
     np.testing.assert_allclose(found.sensors[:, 0], [8.75, 3.25, 8.75, 3.25])
     np.testing.assert_allclose(found.sensors[:, 1], [-1.0, 2.75, -1.0, 2.75])
@@ -182,19 +213,19 @@ def test_two_heads_make_one_line(tmp_path: Path) -> None:
 def test_pings_out_of_order_and_across_the_date_line(tmp_path: Path) -> None:
     line = sample(6)
     line.fixes[:, 1] = [179.99996, 179.99998, 180.0, -179.99998, -179.99996, -179.99994]
-    parts = [swath(line, k, DEPTHS) for k in (1, 0, 3, 2, 5, 4)]
-    parts += [position(line.stamps[k], *line.fixes[k]) for k in range(6)]
+    parts = [EM.swath(line, k, DEPTHS) for k in (1, 0, 3, 2, 5, 4)]
+    parts += [EM.position(line.stamps[k], *line.fixes[k]) for k in range(6)]
     found = read(tmp_path / "line.all", b"".join(parts))
-    np.testing.assert_allclose(np.abs(found.longitudes), np.abs(line.fixes[:, 1]), atol=1e-7)
+    np.testing.assert_allclose(np.abs(found.fixes[:, 1]), np.abs(line.fixes[:, 1]), atol=1e-7)
     np.testing.assert_array_equal(found.points, read(tmp_path / "line.all").points)
     assert found.notes == ("6 pings without roll and pitch, taken as level", "3 pings came late, now in order")
     assert np.ptp(found.placed(found.origin()).places[:, 0]) < 10
 
 
 def test_pings_without_a_position_are_left_out(tmp_path: Path) -> None:
-    parts = [swath(LINE, k, DEPTHS) for k in range(12)]
-    parts += [position(LINE.stamps[k], *LINE.fixes[k]) for k in (0, 1)]
-    parts += [motion(LINE.stamps[0], [(0.5 * k, 1.0, 2.0) for k in range(12)])]
+    parts = [EM.swath(LINE, k, DEPTHS) for k in range(12)]
+    parts += [EM.position(LINE.stamps[k], *LINE.fixes[k]) for k in (0, 1)]
+    parts += [EM.motion(LINE.stamps[0], [(0.5 * k, 1.0, 2.0) for k in range(12)])]
     found = read(tmp_path / "line.all", b"".join(parts))
     assert len(found.stamps) == 6  # two seconds after the last position
     assert found.notes == ("6 pings left out, without a time, position or attitude that can be",)
@@ -202,19 +233,33 @@ def test_pings_without_a_position_are_left_out(tmp_path: Path) -> None:
 
 WRONG: list[tuple[str, Callable[[], bytes], str]] = [
     (".xtf", lambda: b"", r"the file is empty \(0 bytes\)"),
-    (".gsf", lambda: all_file(LINE), r"it holds a Kongsberg \.all file, not a GSF file; rename it to \.all"),
+    (".gsf", lambda: EM.file(LINE), r"it holds a Kongsberg \.all file, not a GSF file; rename it to \.all"),
     (".all", lambda: b"%PDF-1.4 and more" * 9, r"it does not begin as a Kongsberg \.all file does"),
     (".xtf", lambda: xtf(LINE, []), "it holds no soundings of a multibeam echo sounder"),
-    (".xtf", lambda: xtf(LINE, fan(3), kind=61), "it holds Reson 7125; of XTF only R2Sonic's packets as QINSy writes"),
+    (
+        ".xtf",
+        lambda: xtf(LINE, fan(3), kind=61),
+        "it holds Reson 7125; of XTF only R2Sonic's packets .BTH0. are read: export",
+    ),
+    (".xtf", lambda: xtf(LINE, fan(3), kind=17), "it holds processed bathymetry .XYZA.; of XTF .*: export it as GSF"),
+    (".xtf", lambda: xtf(LINE, fan(3), kind=28), "it holds QINSy multibeam; of XTF .*: export it as GSF"),
     (".xtf", lambda: xtf(LINE, fan(3), units=0), r"not in degrees \(NavUnits 0, wanted 3\)"),
     (".xtf", lambda: xtf(LINE, fan(3))[:900], "less than its header"),
-    (".all", lambda: position(START, 1.0, 2.0), "it holds no soundings; wanted XYZ 88"),
-    (".all", lambda: datagram("D", START, bytes(40)), "depth datagrams .* of an older echo sounder"),
-    (".all", lambda: swath(LINE, 0, 1.0), "less than two positions of the active system"),
+    (".all", lambda: EM.position(START, 1.0, 2.0), "it holds no soundings; wanted datagrams X"),
+    (
+        ".wcd",
+        lambda: EM.datagram("k", START, bytes(40)),
+        "it holds a water column, but no soundings; .* the line's .all",
+    ),
+    (".all", lambda: EM.swath(LINE, 0, 1.0), "less than two positions"),
     (".gsf", lambda: b"\0\0\0\x0c\0\0\0\x01GSF-v03.09\0\0", "it holds no ping with soundings"),
     (".gsf", lambda: b"\0\0\0\x0c\0\0\0\x01GSF-x03", "the GSF library cannot read it"),
     (".kmall", lambda: b"\0\1\0\0#IIP" + bytes(90), "no library that is kept up reads Kongsberg's .kmall; convert it"),
-    (".s7k", lambda: b"x", "unknown format '.s7k'; known are .gsf, .xtf, .all, .kmall"),
+    (
+        ".s7k",
+        lambda: b"x",
+        "unknown format '.s7k'; known are .gsf, .xtf, .all, .wcd, .mb56, .mb57, .mb58, .mb59, .kmall",
+    ),
 ]
 
 
@@ -284,7 +329,7 @@ def test_a_gsf_child_that_dies_or_hangs(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(gsf, "_PATIENCE", 1.0)
     child.write_text("import os; os.abort()")
     refuses(r"line.gsf: the GSF library cannot read it \(crashed, Aborted\)", read_line, path, [])
-    child.write_text(real.replace("_print_ping(record.mb_ping, out)\n", "_print_ping(record.mb_ping, out)\n"
-                                  "            while identity.record_number == 0: pass\n"))  # fmt: skip
+    printed = "_print_ping(record.mb_ping, parameters, out)\n"
+    child.write_text(real.replace(printed, printed + "            while identity.record_number == 0: pass\n"))
     line = read(path)
     assert line.notes == ("the GSF library did not end within 1 s after 1 ping, which are kept: the file is damaged",)

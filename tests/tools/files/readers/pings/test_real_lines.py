@@ -51,7 +51,7 @@ def test_a_slope_by_an_em302() -> None:
     assert np.ptp(line.stamps) == pytest.approx(298.5, abs=0.5)
     assert track(line) == pytest.approx(1250, abs=10)
     assert (line.points[:, 2].max(), line.points[:, 2].min()) == pytest.approx((-1166, -2317), abs=1)
-    assert (line.latitudes[0], line.longitudes[0]) == pytest.approx((17.847, -64.597), abs=1e-3)
+    assert (*line.fixes[0, :2],) == pytest.approx((17.847, -64.597), abs=1e-3)
     assert (line.echo_sounder, line.sound_speed) == ("Kongsberg EM302", 1543.0)
     # as the sonar's own part of these pings says: 3.97 and 3.80 m
     assert line.sensors[[0, -1], 2] == pytest.approx([-3.97, -3.80], abs=0.15)

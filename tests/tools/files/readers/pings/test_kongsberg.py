@@ -1,0 +1,176 @@
+"""Kongsberg's datagrams in both byte orders and all forms of soundings; which sensors are believed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.pings.line_file import read_line
+from sonarmap.tools.files.readers.pings.recorded import RecordedLine
+from tests.tools.files.readers.pings.datagrams import DEPTHS, EM, OLD, Recorder
+from tests.tools.files.readers.pings.samples import LINE, SPEED, START, sample
+
+ROUNDED = 0.011  # meters: half of a unit of distance, 2 cm
+
+
+def read(folder: Path, content: bytes, suffix: str = ".all") -> RecordedLine:
+    path = folder / f"line{suffix}"
+    path.write_bytes(content)
+    return read_line(path, [])
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize(
+    ("model", "name"), [(120, "120"), (300, "300"), (1002, "1002"), (3000, "3000"), (3020, "3002")]
+)
+def test_depth_datagrams_come_back(tmp_path: Path, order: str, model: int, name: str) -> None:
+    em = Recorder(model, order)
+    line = read(tmp_path, em.file(LINE, swath=em.depths))
+    np.testing.assert_allclose(line.points, LINE.kept, atol=ROUNDED)
+    np.testing.assert_allclose(np.degrees(line.attitudes), LINE.attitudes, atol=0.02)
+    np.testing.assert_allclose(line.fixes[:, :2], LINE.fixes, atol=1e-7)
+    np.testing.assert_allclose(line.sensors[:, 2], -DEPTHS)
+    assert (line.echo_sounder, line.sound_speed, line.rejected) == (f"Kongsberg EM{name}", SPEED, 0)
+    assert line.notes == ()
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_xyz_88_in_either_order_is_the_same(tmp_path: Path, order: str) -> None:
+    """And with sizes in another order than the numbers, as where files were written by a computer of another kind."""
+    there = Recorder(2040, order, sizes="<>"[order == "<"])
+    np.testing.assert_array_equal(read(tmp_path, there.file(LINE)).points, read(tmp_path, EM.file(LINE)).points)
+
+
+def test_deep_soundings_are_unsigned_and_those_of_shallow_ones_signed(tmp_path: Path) -> None:
+    """In units of 20 cm: 8 km are 40,000 of them. An EM 3000 on a vehicle has soundings above itself."""
+    deep, shallow = sample(), sample()
+    deep.points[..., 2] += 8000
+    shallow.points[..., 2] = np.linspace(-20, 30, shallow.points.shape[1])
+    em = Recorder(120)
+    parts = [em.depths(deep, k, DEPTHS, units=(20, 20)) for k in range(12)]
+    parts += [em.position(deep.stamps[k], *deep.fixes[k]) for k in range(12)]
+    np.testing.assert_allclose(read(tmp_path, b"".join(parts)).points, deep.kept, atol=0.11)
+    found = read(tmp_path, OLD.file(shallow, swath=OLD.depths))
+    np.testing.assert_allclose(found.points, shallow.kept, atol=ROUNDED)
+
+
+@pytest.mark.parametrize("depth", [-0.75, 2.5, 700.25, 1500.5])
+def test_the_depth_of_the_transducer_has_a_multiplier(tmp_path: Path, depth: float) -> None:
+    """Above the water by heave, or 1.5 km down on a vehicle."""
+    line = sample()
+    line.points[..., 2] += depth
+    parts = [OLD.depths(line, k, depth) for k in range(12)] + [
+        OLD.position(t, *p) for t, p in zip(line.stamps, line.fixes, strict=True)
+    ]
+    found = read(tmp_path, b"".join(parts))
+    np.testing.assert_allclose(found.sensors[:, 2], -depth, atol=1e-9)
+    np.testing.assert_allclose(found.points, line.kept, atol=ROUNDED)
+
+
+def test_the_second_head_of_an_em3000d_is_deeper(tmp_path: Path) -> None:
+    line = sample()
+    em = Recorder(3004, ">")
+    parts = [em.depths(line, k, DEPTHS, rate=-150, first=125) for k in range(12)]  # beams 125 to 133
+    found = read(
+        tmp_path, b"".join([*parts, *(em.position(t, *p) for t, p in zip(line.stamps, line.fixes, strict=True))])
+    )
+    second = np.tile(np.arange(9) >= 3, (12, 1))[~line.rejected]
+    np.testing.assert_allclose(found.points[~second], line.kept[~second], atol=ROUNDED)
+    np.testing.assert_allclose(found.points[second], line.kept[second] + [0, 0, 1.5], atol=ROUNDED)
+    assert found.echo_sounder == "Kongsberg EM3000D"
+
+
+@pytest.mark.parametrize("form", ["depths", "swath", "swath with heave"])
+def test_what_mb_system_writes(tmp_path: Path, form: str) -> None:
+    """Places of pings come first, and flags of beams; there is no other position."""
+    em = Recorder(300 if form == "depths" else 710, ">")
+    wrong = sample(3)
+    wrong.fixes[:] = [214.0, 0.0]  # none
+    parts = list[bytes]()
+    for k in range(12):
+        if form == "depths":
+            parts.append(em.processed_depths(LINE, k, DEPTHS))
+        else:
+            parts.append(em.processed_swath(LINE, k, DEPTHS, heave=form.endswith("heave")))
+    found = read(tmp_path, b"".join(parts), ".mb57" if form == "depths" else ".mb59")
+    np.testing.assert_allclose(found.points, LINE.kept, atol=ROUNDED)
+    np.testing.assert_allclose(found.fixes[:, :2], LINE.fixes, atol=1e-7)
+    assert found.rejected == LINE.rejected.sum()
+
+
+def test_a_ping_without_units_is_left_out(tmp_path: Path) -> None:
+    parts = [OLD.depths(LINE, k, DEPTHS, units=(0 if k == 4 else 1, 2)) for k in range(12)]
+    parts += [OLD.position(t, *p) for t, p in zip(LINE.stamps, LINE.fixes, strict=True)]
+    found = read(tmp_path, b"".join(parts))
+    assert len(found.stamps) == 11
+    assert "1 datagram and 0 bytes left out; a datagram D has units of 0 cm" in found.notes[-1]
+
+
+def swaths() -> list[bytes]:
+    return [EM.swath(LINE, k, DEPTHS) for k in range(12)]
+
+
+def positions(system: int = 0x81, off: float = 0.0) -> list[bytes]:
+    fixes = (LINE.fixes + off).tolist()
+    return [EM.position(t, *fix, system=system) for t, fix in zip(LINE.stamps, fixes, strict=True)]
+
+
+def rows(roll: float) -> list[tuple[float, float, float]]:
+    return [(0.5 * k, roll, 1.0) for k in range(12)]
+
+
+def test_positions_where_no_system_is_active(tmp_path: Path) -> None:
+    found = read(tmp_path, b"".join([*swaths(), *positions(0x02), *positions(0x01, off=0.1)[:5]]))
+    np.testing.assert_allclose(found.fixes[:, :2], LINE.fixes, atol=1e-7)
+    assert "no position system is marked as active: that with most positions is taken" in found.notes
+
+
+def test_a_position_that_leaps_or_is_none_changes_nothing(tmp_path: Path) -> None:
+    fixes = positions()
+    fixes[5] = EM.position(LINE.stamps[5], LINE.fixes[5, 0] + 0.01, LINE.fixes[5, 1])  # 1.1 km off and back
+    fixes[8] = EM.position(LINE.stamps[8], 0x7FFFFFFF / 2e7, 0x7FFFFFFF / 1e7)
+    found = read(tmp_path, b"".join([*swaths(), *fixes]))
+    np.testing.assert_allclose(found.fixes[:, :2], LINE.fixes, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("motions", "roll", "noted"),
+    [
+        ([EM.network_motion(START, rows(5.0))], 5.0, False),
+        (
+            [EM.network_motion(START, rows(5.0)), EM.motion(START, rows(3.0), system=2)],
+            5.0,
+            False,
+        ),  # the other is unused
+        ([EM.network_motion(START, rows(5.0), system=0xFF), EM.motion(START, rows(3.0))], 3.0, False),
+        ([EM.motion(START, rows(3.0)), EM.motion(START, rows(7.0), system=0x12)], 3.0, False),
+        ([EM.motion(START, rows(7.0), system=0x12), EM.motion(START, rows(3.0)[:5], system=2)], 7.0, True),
+        ([EM.motion(START, rows(7.0), status=0x909A), EM.network_motion(START, rows(5.0))], 5.0, False),
+    ],
+    ids=["network", "network in use", "network unused", "the one in use", "none in use", "invalid"],
+)
+def test_which_attitudes_are_believed(tmp_path: Path, motions: list[bytes], roll: float, noted: bool) -> None:
+    found = read(tmp_path, b"".join([*swaths(), *positions(), *motions]))
+    np.testing.assert_allclose(np.degrees(found.attitudes[:, 0]), roll, atol=1e-6)
+    assert any("no motion sensor is marked as active" in note for note in found.notes) == noted
+
+
+def test_checksums(tmp_path: Path) -> None:
+    """One that does not fit is damage; where none does, they were not written. Other datagrams' do not count."""
+    other = EM.datagram("R", START, bytes(33), wrong_sum=True)
+    parts = [*positions(), other, *swaths()]
+    assert read(tmp_path, b"".join(parts)).notes == ("12 pings without roll and pitch, taken as level",)
+    swath = EM.swath(LINE, 4, DEPTHS)
+    parts[-8] = swath[:-1] + bytes([swath[-1] ^ 1])
+    found = read(tmp_path, b"".join(parts))
+    assert len(found.stamps) == 11
+    assert "damaged or cut" in found.notes[-1]
+    none = [EM.datagram("X", t, x[20:-3], wrong_sum=True) for t, x in zip(LINE.stamps, swaths(), strict=True)]
+    none += [EM.datagram("P", t, x[20:-3], wrong_sum=True) for t, x in zip(LINE.stamps, positions(), strict=True)]
+    np.testing.assert_allclose(read(tmp_path, b"".join(none)).points, LINE.kept, atol=ROUNDED)
+
+
+def test_ranges_alone_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"line\.all: it holds raw ranges, but no soundings; wanted datagrams X"):
+        read(tmp_path, b"".join([*positions(), EM.datagram("N", START, bytes(300))]))
