@@ -65,6 +65,7 @@ class GrowingMap:
         self.poses: list[Pose] = []
         self.loops: list[tuple[int, int]] = []
         self._found: tuple[list[Pose], list[tuple[int, int]]] | None = None
+        self._settled = 0  # key scans of a finished map
         self.decided, self.seconds, self.voxel = 0, 0.0, mapper.voxel
 
     def add(self, scan: Scan, last_chance: bool = True) -> Placed | None:
@@ -78,9 +79,12 @@ class GrowingMap:
         """Where a placed scan was taken."""
         return _moved(self.poses[placed.key], placed.T_key_sensor, placed.covariance)
 
-    def restore(self, scan: Scan, step: Registration | None) -> None:
-        """Take a key scan of an earlier run, with its step to the one before; None where it began a part."""
+    def restore(self, scan: Scan, step: Registration | None, of_map: bool = False) -> None:
+        """Take a key scan of an earlier run, or `of_map`, a finished one, with its step to the one before; None where
+        it began a part."""
         self.tracker.restore(scan, step)
+        self.tracker.anew = of_map  # nobody knows where the next one lies to it
+        self._settled += of_map
         self.poses.append(self._by_step(len(self.poses), self.poses))
 
     def knows_up(self, part: int) -> bool:
@@ -107,7 +111,7 @@ class GrowingMap:
         known = [step for k in range(1, len(keys)) if k not in starts and (step := self.tracker.steps.get(k))]
         if not known:  # nothing that could be joined
             return
-        decision = self._mapper.decided(keys, known)
+        decision = self._mapper.decided(keys, known, self._settled)
         self._mapper.execution.timings.pairs.clear()
         solution, covariances = decision.solution, pose_covariances(decision.solution)
         part = {k: min(members) for members in solution.graph.components for k in members}

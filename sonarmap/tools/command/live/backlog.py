@@ -25,7 +25,7 @@ class Backlog:
     """
 
     def __init__(self, scans: Iterable[Incoming]) -> None:
-        self.error: Exception | None = None
+        self.error: InputError | None = None
         self.missing = self.came = 0
         self.ended = False
         self._waiting: deque[Incoming] = deque()
@@ -62,8 +62,12 @@ class Backlog:
                     self._waiting.append(each)
                     self.came, self.missing = self.came + 1, each.missing
                     self._changed.notify_all()
-        except (InputError, OSError) as error:
+        except InputError as error:
             self.error = error
+        except OSError as error:
+            self.error = InputError(
+                f"the scans cannot be read any longer: {error}; look at the disk and its connection"
+            )
         finally:
             with self._changed:
                 self.ended = True

@@ -2,6 +2,7 @@
 """Key scans on disk, so that a mapping that was killed goes on where it was."""
 
 import json
+import shutil
 import zipfile
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from sonarmap.slam.execute.pair_text import from_text, to_text
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.readers.incoming import Mark
-from sonarmap.tools.files.writers.atomic import atomic_path, require_writable
+from sonarmap.tools.files.writers.atomic import atomic_path, clear_leftovers, require_writable
 from sonarmap.tools.files.writers.folder_lock import locked
 
 FOLDER = "live"  # within the map's folder
@@ -34,7 +35,7 @@ class KeptKey:
 
 
 def keep_key(out: Path, number: int, key: KeptKey) -> None:
-    """Write a key scan to a map's folder. Raises InputError: it cannot be written."""
+    """Write a key scan to a map's folder, as the last one. Raises InputError: it cannot be written."""
     prior = key.scan.prior
     said: dict[str, Any] = {
         "name": key.scan.name,
@@ -44,6 +45,7 @@ def keep_key(out: Path, number: int, key: KeptKey) -> None:
         "voxel": key.voxel,
         "prior": prior and [prior.T_world_sensor.as_matrix().tolist(), prior.sigmas.tolist()],
     }
+    (out / FOLDER / _name(number + 1)).unlink(missing_ok=True)  # which followed another one, that was damaged
     with atomic_path(out / FOLDER / _name(number)) as temporary, temporary.open("wb") as file:
         np.savez(file, points=key.scan.points, said=np.frombuffer(json.dumps(said).encode(), np.uint8))
 
@@ -61,7 +63,7 @@ def kept_keys(out: Path) -> Iterator[KeptKey]:
             )
             scan = Scan(points, stamp=said["stamp"], prior=prior, name=said["name"])
             yield KeptKey(scan, step, Mark(**said["behind"]), said["voxel"])
-        except (OSError, ValueError, LookupError, TypeError, zipfile.BadZipFile):
+        except (OSError, EOFError, ValueError, LookupError, TypeError, NotImplementedError, zipfile.BadZipFile):
             return
         number += 1
 
@@ -72,9 +74,14 @@ def has_keys(out: Path) -> bool:
 
 
 def forget_keys(out: Path) -> None:
-    """Remove them all."""
+    """Remove them all; their folder, by which programs take turns, stays."""
     for path in (out / FOLDER).glob("key_*.npz"):
         path.unlink(missing_ok=True)
+
+
+def clear(out: Path) -> None:
+    """Remove the folder, when nothing goes on there any more."""
+    shutil.rmtree(out / FOLDER, ignore_errors=True)
 
 
 @contextmanager
@@ -87,6 +94,7 @@ def kept_for(out: Path, inputs: Sequence[str]) -> Generator[None]:
     require_writable(folder)
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder, writing=True):
+        clear_leftovers(folder)
         said = json.dumps([str(Path(name).resolve()) for name in inputs])
         try:
             same = (folder / _INPUTS).read_text(encoding="utf-8") == said

@@ -22,6 +22,7 @@ from sonarmap.slam.live.growing import GrowingMap
 from sonarmap.slam.live.tracker import Placed
 from sonarmap.slam.map.cell import cell_means
 from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.spectral.point_store import PointStore
 from sonarmap.tools.command.live.backlog import Backlog
 from sonarmap.tools.command.live.kept_keys import KeptKey, keep_key, kept_keys
 from sonarmap.tools.command.live.words import Standing, sentence
@@ -36,13 +37,14 @@ from sonarmap.tools.products.live import messages
 _FIRST = 10  # scans that choose the voxel, or those of so many seconds
 _FIRST_SECONDS = 3.0
 _TICK = 1.0  # between states where no scan comes [s]
-_UNSURE = 2.0  # standard deviation of a place that is uncertain [voxels]
+_UNSURE = 8.0  # standard deviation of a place that is uncertain [voxels]: as far as key scans are apart
 _SHOWN, _LAST_SHOWN, _COUNTED = 4000, 2500, 1000  # points: of a key scan, of the last scan, for the coverage
 _CELL = 4.0  # edge of a cell of the coverage [voxels]
 _COVERAGE_EVERY = 2.0  # [s]
 _NEW_KEYS, _NEW_SHARE = 4, 0.1  # key scans after which all is decided anew, and their share of all
 _SPEED_OVER = 2.0  # [s]
 _TRACK = 64  # scans that tell the speed
+_IN_MEMORY = 1 << 27  # bytes of key scans; the others are on disk
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,7 @@ class _Count:
     scans: int = 0
     placed: int = 0
     stamp: float | None = None  # of the last one
-    lost_since: float | None = None  # stamp of the last scan that was placed before; None where it is not lost
+    sure: float | None = None  # of the last scan whose place was sure
 
 
 class _Mapping:
@@ -97,11 +99,14 @@ class _Mapping:
         self._sure: Placed | None = None
         self._heard = time.monotonic()  # when the last scan came
         self._stride = 1
+        self._store = PointStore(_IN_MEMORY)
+        self._behind = Mark()  # how far the input was read for the scan before
 
     def run(self) -> None:
         """As `run_mapping`."""
         kept = list(kept_keys(self._settings.out))
-        self._backlog = Backlog(self._incoming(kept[-1].behind if kept else Mark()))
+        self._behind = kept[-1].behind if kept else Mark()
+        self._backlog = Backlog(self._incoming(self._behind))
         self._pipe.send(messages.reset_message())
         first = [key.scan for key in kept] or [each.scan for each in self._first()]
         if first:
@@ -114,8 +119,7 @@ class _Mapping:
                 mapper = Mapper(method.registrar, method.grid.voxel, self._settings.mapper, execution)
                 self._growing = GrowingMap(mapper)
                 for each in kept:
-                    self._growing.restore(each.scan, each.step)
-                self._growing.tracker.anew = bool(kept) and kept[-1].behind == Mark()  # of a finished map
+                    self._growing.restore(each.scan, each.step, each.behind == Mark())
                 self._map(self._growing)
         if self._backlog.error is not None:
             raise self._backlog.error
@@ -161,8 +165,7 @@ class _Mapping:
         """Place the next scan. Where more wait than can be placed, some are left for the map that is made at the end:
         as few as keep up, and none where the next one alone can be placed."""
         chosen = min(waiting, self._stride) if self._settings.replay != 0 else 1
-        scan = self._backlog[chosen - 1].scan
-        behind = self._backlog[chosen - 1].behind
+        scan, behind = self._backlog[chosen - 1].scan, self._backlog[chosen - 1].behind
         keys = len(growing.poses)
         placed = growing.add(scan, last_chance=chosen == 1)
         if placed is None and chosen > 1:
@@ -172,15 +175,15 @@ class _Mapping:
         late = waiting - chosen
         self._stride = min(2 * chosen, late) if late > 1 else max(1, chosen - 1)
         for number in range(keys, len(growing.poses)):
-            step = growing.tracker.steps.get(number)
-            key = KeptKey(growing.tracker.keys[number], step and step.registration, behind, growing.voxel)
-            keep_key(self._settings.out, number, key)
+            step, key = growing.tracker.steps.get(number), growing.tracker.keys[number]
+            growing.tracker.keys[number] = replace(key, points=self._store.keep(key.points))
+            mark = behind if key is scan else self._behind  # of a scan before
+            keep_key(self._settings.out, number, KeptKey(key, step and step.registration, mark, growing.voxel))
+        self._behind = behind
         count, self._heard = self._count, time.monotonic()
         count.scans, count.stamp = count.scans + chosen, scan.stamp
         self._show_keys(growing)
         if placed is None:
-            if count.lost_since is None and growing.tracker.is_lost:
-                count.lost_since = self._track[-1][0] if self._track else scan.stamp
             return
         count.placed += chosen
         self._vehicle = placed
@@ -264,10 +267,10 @@ class _Mapping:
             status = "lost"
         else:
             status = "uncertain" if sigma > _UNSURE * growing.voxel else "placed"
-            count.lost_since, self._sure = None, placed
+            count.sure, self._sure = count.stamp, placed
         standing = replace(
             standing, loops=len(growing.loops), parts=len(parts), alone=alone, sigma=sigma,
-            lost_for=None if count.lost_since is None else count.stamp - count.lost_since,
+            lost_for=None if count.sure is None else count.stamp - count.sure,
         )  # fmt: skip
         status = "ended" if ended else status
         speed, turn_rate = self._speeds(growing)

@@ -13,7 +13,7 @@ from pathlib import Path
 from sonarmap.kernels.errors import InputError
 
 FOLDER = "recording"  # within the map's folder
-_LOG, _PROCESS = "recorder.log", "recorder.pid"
+_LOG = "recorder.log"
 _MOST_BEGUN, _WITHIN = 5, 60.0  # so often it is begun again within so long [s]
 _PATIENCE = 10.0  # until it has ended [s]
 
@@ -28,8 +28,7 @@ class RecordingProcess:
     """
 
     def __init__(self, out: Path, options: Sequence[str]) -> None:
-        self._folder, self._options = out / FOLDER, list(options)
-        self._folder.mkdir(parents=True, exist_ok=True)
+        self._folder, self._options = (out / FOLDER).resolve(), list(options)
         self._begun: list[float] = []
         self._process: subprocess.Popen[bytes] | None = None
         self._read = 0
@@ -39,53 +38,72 @@ class RecordingProcess:
 
     def look(self) -> Iterator[str]:
         """What it says, a line each; it is begun again where it was killed. Raises InputError: it cannot record."""
-        yield from self._lines()
         code = self._exit_code()
+        yield from self._lines()
         if code is None:
             return
         self._begun = [begun for begun in self._begun if time.monotonic() - begun < _WITHIN]
-        if code in (0, 2) or len(self._begun) >= _MOST_BEGUN:
+        if code in (0, 2, 3):
             raise InputError("the recording has ended; the map goes on with what came until then")
+        if len(self._begun) >= _MOST_BEGUN:
+            yield f"the recording was killed {_MOST_BEGUN} times within a minute, and begins again when that is over"
+            return
         yield "the recording was killed, and begins again in another file; what came meanwhile is lost"
         self._begin()
 
     def end(self) -> None:
-        """End the recording, which gives its file its name."""
-        if self._id is None or self._exit_code() is not None:
-            return
-        with suppress(ProcessLookupError):
-            os.kill(self._id, signal.SIGTERM)  # a shell may have it ignore interrupts
-        until = time.monotonic() + _PATIENCE
-        while self._exit_code() is None and time.monotonic() < until:
-            time.sleep(0.05)
-        (self._folder / _PROCESS).unlink(missing_ok=True)
+        """End the recording, which gives its file its name. Where one was killed before anything came no file stays."""
+        if self._id is not None and self._exit_code() is None:
+            with suppress(ProcessLookupError):
+                os.kill(self._id, signal.SIGTERM)  # a shell may have it ignore interrupts
+            until = time.monotonic() + _PATIENCE
+            while self._exit_code() is None and time.monotonic() < until:
+                time.sleep(0.05)
+        if self._exit_code() is not None:
+            for path in self._folder.glob("*.part*.sonar"):
+                if path.stat().st_size == 0:
+                    path.unlink()
 
     def _begin(self) -> None:
+        """Raises InputError: the system does not allow it."""
         number = 1 + max((int(path.name[:3]) for path in self._folder.glob("[0-9][0-9][0-9].*")), default=0)
         file = self._folder / f"{number:03d}.sonar"
         command = [sys.executable, "-m", "sonarmap", "record", "--json", "-o", str(file), *self._options]
-        with (self._folder / _LOG).open("ab") as log:
-            self._read = log.tell()
-            self._process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, start_new_session=True
-            )
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            with (self._folder / _LOG).open("ab") as log:
+                self._read = log.tell()
+                self._process = subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, start_new_session=True
+                )
+        except OSError as error:
+            raise InputError(
+                f"cannot record to {self._folder}: {error.strerror or error}. Choose another output folder, or make "
+                "room and check its permissions"
+            ) from error
         self._id = self._process.pid
         self._begun.append(time.monotonic())
-        (self._folder / _PROCESS).write_text(str(self._id))
 
     def _left_at_work(self) -> int | None:
-        """The number of the process that an earlier run has left; None where there is none."""
-        with suppress(OSError, ValueError):
-            number = int((self._folder / _PROCESS).read_text())
-            if str(self._folder) in Path(f"/proc/{number}/cmdline").read_bytes().decode(errors="replace"):
-                return number
+        """The number of a process that records to the folder; None where there is none."""
+        for process in Path("/proc").glob("[0-9]*"):
+            if self._records(int(process.name)):
+                return int(process.name)
         return None
+
+    def _records(self, number: int) -> bool:
+        """Whether a process records to the folder."""
+        try:
+            words = Path(f"/proc/{number}/cmdline").read_bytes().decode(errors="replace").split("\0")
+        except OSError:  # it has gone
+            return False
+        return "record" in words and any(word.startswith(f"{self._folder}{os.sep}") for word in words)
 
     def _exit_code(self) -> int | None:
         """None while it is at work; -1 of one that was taken over and has gone."""
         if self._process is not None:
             return self._process.poll()
-        return None if self._left_at_work() else -1
+        return None if self._id is not None and self._records(self._id) else -1
 
     def _lines(self) -> Iterator[str]:
         with suppress(OSError), (self._folder / _LOG).open("rb") as log:

@@ -28,7 +28,7 @@ def sentence(status: str, standing: Standing) -> str:
     """The status as of `tools.products.live.messages.State`, and what is known."""
     first = {
         "waiting": "Waiting for scans",
-        "placed": "Placed" if standing.sigma is None else f"Placed to within {_length(standing.sigma)}",
+        "placed": "Placed" if not standing.sigma else f"Placed to within {_length(standing.sigma)}",
         "uncertain": f"Placed, but only to within {_length(standing.sigma or 0.0)}",
         "lost": _lost(standing),
         "ended": "The dive has ended",
@@ -39,17 +39,18 @@ def sentence(status: str, standing: Standing) -> str:
     if standing.missing:
         rest.append(f"{_counted(standing.missing, 'shot')} missing")
     if standing.late > _LATE:
-        rest.append(f"{standing.behind}{' or more' * (standing.behind >= 256)} scans, {standing.late:.0f} s, behind")
+        behind = "256 or more scans" if standing.behind >= 256 else _counted(standing.behind, "scan")
+        rest.append(f"{behind}, {standing.late:.0f} s, behind")
     if standing.silent > _SILENT and status != "ended":
         rest.append(f"nothing has come for {standing.silent:.0f} s")
     return f"{first}; {', '.join(rest)}." if standing.scans or standing.silent > _SILENT else f"{first}."
 
 
 def _lost(standing: Standing) -> str:
-    since = f"for {standing.lost_for:.0f} s" if standing.lost_for is not None else ""
+    since = f" for {standing.lost_for:.0f} s" if standing.lost_for is not None else ""
     if standing.alone:
-        return f"Lost {since}: what is seen now is a map of its own until a known place is seen again"
-    return f"Lost {since}: nothing that is seen fits the map; go back to the last sure place"
+        return f"Lost{since}: what is seen now is a map of its own until a known place is seen again"
+    return f"Lost{since}: nothing that is seen fits the map; go back to the last sure place"
 
 
 def _length(meters: float) -> str:

@@ -5,7 +5,7 @@ import time
 import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -18,7 +18,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.execution import ExecutionOptions
 from sonarmap.tools.command.method import checked_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile
-from sonarmap.tools.command.options.option import INPUT, OUTPUT, RUNNING, flag, option
+from sonarmap.tools.command.options.option import INPUT, NAVIGATION, OUTPUT, RUNNING, flag, option
 from sonarmap.tools.command.options.output import EarthPlace, MapOutput
 from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
@@ -52,6 +52,12 @@ class LiveOptions:
     )
     onto: Path | None = option(
         INPUT, "MAP", "Find the place in a finished map, and show both. It is a folder that `sonarmap map` wrote."
+    )
+    nmea: str | None = option(
+        NAVIGATION,
+        "PORT|DEVICE",
+        "Keep NMEA sentences that come to a UDP port or a serial device, for the map at the end. They are in "
+        "OUT/navigation.nmea, as of --priors.",
     )
     browser: bool = flag(RUNNING, "--browser/--no-browser", "Open the page in the browser.", True)
     port: int = _running("N", "Of the page.", 0, shown="any that is free", min=0, max=65535, rare=True)
@@ -90,9 +96,11 @@ def command(
     to OUT/recording by a process of its own. Started again with the same OUT, it goes on where it was.
     """
     from sonarmap.tools.command.live.dive import Dive
-    from sonarmap.tools.command.live.kept_keys import forget_keys, has_keys, kept_for
+    from sonarmap.tools.command.live.kept_keys import clear, has_keys, kept_for
     from sonarmap.tools.command.live.mapping import MappingSettings
+    from sonarmap.tools.command.live.navigation_log import kept_navigation
     from sonarmap.tools.command.live.recording import FOLDER, RecordingProcess
+    from sonarmap.tools.files.readers.incoming import final_path
     from sonarmap.tools.products.live.server import LivePage
 
     inputs, out = source or [], output.out
@@ -106,7 +114,14 @@ def command(
         survey.mapper_settings(),
     )
     about = (*settings.inputs, *([] if live.onto is None else [str(live.onto)]))
-    with kept_for(out, about), ending(listening.seconds) as stop, LivePage(live.bind, live.port) as page:
+    if live.nmea is not None and priors.priors is not None:
+        raise InputError("--nmea and --priors both give navigation; leave one out")
+    with (
+        kept_for(out, about),
+        kept_navigation(live.nmea, out),
+        ending(listening.seconds) as stop,
+        LivePage(live.bind, live.port) as page,
+    ):
         if live.onto is not None and not has_keys(out):
             _keep_map(live.onto, out)
         say(f"the map is shown at {page.address}; Ctrl-C ends the dive")
@@ -116,16 +131,46 @@ def command(
         with _shown(quiet or as_json) as tell:
             recording = None if inputs else RecordingProcess(out, listening.as_options())
             Dive(settings, recording, page, tell).follow(stop)
-    if not has_keys(out):
-        forget_keys(out)
+    mapped = [str(final_path(Path(name))) for name in settings.inputs]
+    if not _has_scans(mapped):
+        clear(out)
         warn("no scan came, and there is no map")
         raise typer.Exit(NOTHING_CAME)
     if live.finish:
+        priors = priors if live.nmea is None else _with_kept(priors, out)
         map_verb.command(
-            context, list(settings.inputs), output, method, priors, points, OdometryFile(), reading, survey,
+            context, mapped, output, method, priors, points, OdometryFile(), reading, survey,
             TiesAndControl(), EarthPlace(), ExecutionOptions(), imu=imu, as_json=as_json, quiet=quiet,
         )  # fmt: skip
-        forget_keys(out)
+        clear(out)
+
+
+def _has_scans(inputs: list[str]) -> bool:
+    """Whether there is anything to map."""
+    from sonarmap.tools.files.readers.file import FORMATS
+    from sonarmap.tools.files.readers.selection import select_files
+
+    try:
+        paths = [selected.path for selected in select_files(inputs, FORMATS).files]
+        return any(path.is_dir() or path.stat().st_size for path in paths)
+    except (InputError, OSError):
+        return False
+
+
+def _with_kept(priors: PriorsFile, out: Path) -> PriorsFile:
+    """With the navigation that was kept, if it tells anything."""
+    import numpy as np
+
+    from sonarmap.tools.command.live.navigation_log import NAME
+    from sonarmap.tools.files.readers.navigation.nmea import read_nmea
+    from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
+
+    try:
+        read_nmea(out / NAME, NavigationSettings(), np.array([time.time()]), [])
+    except InputError as error:
+        warn(f"{error}; the map is made without navigation")
+        return priors
+    return replace(priors, priors=out / NAME)
 
 
 def _keep_map(onto: Path, out: Path) -> None:
@@ -150,13 +195,13 @@ def _require_source(inputs: list[str], replay: float | None) -> None:
         )
     for name in inputs:
         path = Path(name)
+        if not path.exists():
+            raise InputError(f"{name} does not exist; name what is being written, or leave it out for the network")
         if not (path.is_dir() or path.suffix.lower() == ".sonar"):
             raise InputError(
                 f"{name} is neither a folder nor a recording (.sonar), which may grow; give --replay 1 to take a "
                 "finished file at the pace of its times"
             )
-        if not path.exists():
-            raise InputError(f"{name} does not exist; name what is being written, or leave it out for the network")
 
 
 @contextmanager

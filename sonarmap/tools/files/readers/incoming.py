@@ -13,7 +13,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.clouds.cloud import scan_of_cloud
 from sonarmap.tools.files.readers.corrections import Corrections
 from sonarmap.tools.files.readers.scans import FORMATS, read_survey
-from sonarmap.tools.files.readers.selection import select_files
+from sonarmap.tools.files.readers.selection import natural_key, select_files
 from sonarmap.tools.files.readers.sonar.recording import Recording
 
 RECORDING = ".sonar"
@@ -46,37 +46,57 @@ def incoming(
     folder follow one another by their names. Unusable scans and, of the folder, unreadable files are left out."""
     if source.suffix.lower() == RECORDING:
         yield from _of_recording(source, corrections, lambda: not ended() and source.exists(), after)
-        return
-    sizes: dict[str, tuple[int, int]] = {}
-    passed = ""
+    else:
+        yield from _of_folder(source, corrections, ended, after)
+
+
+def final_path(path: Path) -> Path:
+    """Where a recording is that may have been given its name at its end."""
+    return path if path.exists() else path.with_name(_final_name(path))
+
+
+def _of_folder(folder: Path, corrections: Corrections, ended: Callable[[], bool], after: Mark) -> Iterator[Incoming]:
+    stamp = float("-inf")  # of the last file's scan: of files without times, scans are counted
+    passed, missing = "", 0  # name of the last file that is done, and what is missing in those that are
+    sizes: dict[str, tuple[int, int] | None] = {}
+    unreadable: tuple[int, int] | None = None  # size of the last file, as of which it could not be read
     while not ended():
-        files = _files(source)
-        names = list(files)
-        if passed in files:
-            names = names[names.index(passed) + 1 :]
-        elif after.file in files:
-            names = names[names.index(after.file) :]
-        if not names:
-            time.sleep(_LOOKS_FOR_FILES)
-            continue
-        name, path = names[0], files[names[0]]
-        if path.suffix.lower() == RECORDING:
-            grows = partial(_is_last, source, name, ended)
-            yield from _of_recording(path, corrections, grows, after if name == after.file else Mark(name))
-        elif sizes.get(name) != (size := _size(path)):
-            sizes[name] = size
-            time.sleep(_LOOKS_FOR_FILES)
-            continue
-        elif name != after.file:
-            yield from _of_file(path, corrections)
-        passed = name
+        files = {name: path for name, path in _files(folder).items() if _follows(name, passed, after.file)}
+        before, sizes = sizes, {name: _size(path) for name, path in files.items()}
+        for name, path in files.items():
+            begin, here = after if name == after.file else Mark(name), 0
+            is_recording, is_last = path.suffix.lower() == RECORDING, name == next(reversed(files))
+            size = sizes[name]
+            if is_recording:
+                scans = _of_recording(path, corrections, partial(_is_last, folder, name, ended), begin)
+            elif size is not None and size == before.get(name) and not (is_last and size == unreadable):
+                scans = _of_file(path, corrections, begin)
+            else:
+                break
+            try:
+                for each in scans:
+                    after, here = each.behind, each.missing
+                    if not is_recording:
+                        stamp = each.scan.stamp if each.scan.stamp > stamp else stamp + 1
+                        each = replace(each, scan=replace(each.scan, stamp=stamp))
+                    yield replace(each, missing=missing + here)
+            except InputError:
+                if is_recording and path.exists():
+                    raise
+                if is_recording or is_last:  # it was renamed, or its writer pauses
+                    unreadable = size
+                    break
+            passed, missing, unreadable = name, missing + here, None
+            if ended():
+                return
+        time.sleep(_LOOKS_FOR_FILES)
 
 
 def replayed(
     inputs: Sequence[str], corrections: Corrections, factor: float, ended: Callable[[], bool], after: Mark = Mark()
 ) -> Iterator[Incoming]:
     """Scans of finished files, so many times faster than they were taken, or all at once for a factor of 0."""
-    scans = read_survey(inputs, corrections=corrections).scans
+    scans = _read(inputs, corrections)
     start, begun = scans[min(after.count, len(scans) - 1)].stamp, time.monotonic()
     for number, scan in enumerate(scans[after.count :], after.count + 1):
         due = begun + (scan.stamp - start) / factor if factor > 0 else begun
@@ -99,27 +119,32 @@ def _of_recording(path: Path, corrections: Corrections, grows: Callable[[], bool
         is_last = not grows()  # what came before it ended is read once more
         return True
 
-    recording, latest = Recording(), float("-inf")
+    recording, latest = Recording(), -1
+    name = Path(_final_name(path)).stem
     for number, shot in enumerate(recording.read(path, 0, more, after.count)):
-        stamp = shot.frame.stamp
+        if shot.place <= latest:  # it came late
+            continue
+        latest = shot.place
         try:
-            scan, _ = scan_of_cloud(corrections.corrected(recording.cloud(shot)), f"{path.stem}#{number}", 0.0)
+            scan, _ = scan_of_cloud(corrections.corrected(recording.cloud(shot)), f"{name}#{number}", 0.0)
         except InputError:  # without an echo
             continue
-        if stamp is not None and stamp <= latest:  # it came late
-            continue
-        latest = float(number) if stamp is None else stamp
-        yield Incoming(
-            replace(scan, stamp=latest), Mark(after.file, recording.read_until), recording.queue.numbers.missing
-        )
+        stamp = float(number) if shot.frame.stamp is None else shot.frame.stamp
+        behind = Mark(after.file, recording.read_until)
+        yield Incoming(replace(scan, stamp=stamp), behind, recording.queue.numbers.missing)
 
 
-def _of_file(path: Path, corrections: Corrections) -> Iterator[Incoming]:
-    try:
-        scans = read_survey([path], corrections=corrections).scans
-    except InputError:
-        return
-    yield from (Incoming(scan, Mark(path.name, number)) for number, scan in enumerate(scans, 1))
+def _of_file(path: Path, corrections: Corrections, after: Mark) -> Iterator[Incoming]:
+    scans = _read([path], corrections)[after.count :]
+    yield from (Incoming(scan, Mark(path.name, number)) for number, scan in enumerate(scans, after.count + 1))
+
+
+def _read(inputs: Sequence[str | Path], corrections: Corrections) -> Sequence[Scan]:
+    """The scans of finished files, of which there is one at least."""
+    read = read_survey(inputs, corrections=corrections)
+    if not read.scans:
+        raise InputError(f"no scan can be read: {read.unread[0].reason}")
+    return read.scans
 
 
 def _files(folder: Path) -> dict[str, Path]:
@@ -128,7 +153,17 @@ def _files(folder: Path) -> dict[str, Path]:
         paths = [selected.path for selected in select_files([folder], FORMATS).files]
     except InputError:  # none yet
         return {}
-    return {_PART.sub("", path.name): path for path in paths}
+    return {_final_name(path): path for path in paths}
+
+
+def _final_name(path: Path) -> str:
+    return _PART.sub("", path.name)
+
+
+def _follows(name: str, passed: str, begin: str) -> bool:
+    """Whether a file comes after the one that was passed, and not before the one with which to begin."""
+    key, last, first = ((natural_key(each), each) for each in (name, passed, begin))
+    return key >= first and (not passed or key > last)
 
 
 def _is_last(folder: Path, name: str, ended: Callable[[], bool]) -> bool:
@@ -136,7 +171,10 @@ def _is_last(folder: Path, name: str, ended: Callable[[], bool]) -> bool:
     return not ended() and next(reversed(_files(folder)), name) == name
 
 
-def _size(path: Path) -> tuple[int, int]:
-    """What changes with a file."""
-    status = path.stat()
+def _size(path: Path) -> tuple[int, int] | None:
+    """What changes with a file; None of one that has gone."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
     return status.st_size, status.st_mtime_ns

@@ -16,7 +16,7 @@ const place = (xyz) => `x ${xyz[0].toFixed(1)}, y ${xyz[1].toFixed(1)}, z ${xyz[
 /** What is known of the dive as [name, value]. */
 function factsOf(state) {
   const { vehicle } = state, spread = vehicle ? Math.sqrt([0, 1, 2].reduce((all, k) => all + vehicle.covariance[k][k], 0)) : null;
-  const measured = [["depth", state.depth, "m"], ["speed", state.speed, "m/s"], ["turn rate", state.turn_rate, "°/s"]];
+  const measured = [["below the start", state.depth, "m"], ["speed", state.speed, "m/s"], ["turn rate", state.turn_rate, "°/s"]];
   return [
     ...measured.map(([name, value, unit]) => [name, value === null || value === undefined ? "–" : `${value.toFixed(1)}\u202f${unit}`]),
     ["placed within (95 %)", spread === null ? "–" : meters(CONFIDENCE * spread)],

@@ -1,0 +1,273 @@
+"""`sonarmap live` as a command: its map is that of `sonarmap map`, whatever is killed meanwhile."""
+
+import json
+import os
+import signal
+import struct
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from multiprocessing import Pipe
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any, cast
+
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.live import dive as module
+from sonarmap.tools.command.live.dive import Dive
+from tests.samples.clutter_scans import done, refused, scan, sonarmap, write
+from tests.samples.command_line import ROOT, SONARMAP
+from tests.samples.dives import Dive as Swim
+from tests.samples.live.sender import LOOPBACK, free_port, send
+
+OPTIONS = ("--grid", "64", "--voxel", "0.35")
+VARYING = {"times.json", "journal.sqlite"}
+KILLED = "the mapping was killed, and goes on from the last key scan"
+
+pytestmark = pytest.mark.timeout(600)
+
+
+def live(out: Path, *arguments: str | Path) -> "subprocess.Popen[str]":
+    command = [*SONARMAP, "live", *map(str, arguments), "-o", str(out), "--no-browser", *OPTIONS]
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, cwd=ROOT, text=True, stdout=pipe, stderr=pipe, start_new_session=True)
+
+
+def ended(process: "subprocess.Popen[str]", code: int = 0) -> str:
+    """What it said on stderr, having ended with this code."""
+    _, said = process.communicate()
+    assert process.returncode == code, said
+    return said
+
+
+def results(out: Path) -> dict[str, bytes]:
+    """What `sonarmap map` writes that is the same whenever it is run."""
+    return {path.name: path.read_bytes() for path in out.iterdir() if path.is_file() and path.name not in VARYING}
+
+
+def until(is_so: Callable[[], object], seconds: float = 120.0) -> None:
+    end = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def mapping_of(process: "subprocess.Popen[str]") -> int | None:
+    """The process that maps for a command."""
+    for child in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split():
+        if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
+            return int(child)
+    return None
+
+
+def key(out: Path, number: int) -> Path:
+    return out / "live" / f"key_{number:05d}.npz"
+
+
+@pytest.fixture(scope="module")
+def clutter(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four small scans, a second apart, and in out/ what `sonarmap map` makes of them."""
+    folder = tmp_path_factory.mktemp("clutter")
+    write(folder, **{f"scan_{k}": scan(k) for k in range(4)})
+    done(sonarmap("map", folder, "-o", folder / "out", *OPTIONS))
+    return folder
+
+
+def test_it_makes_the_map_that_map_makes(clutter: Path, tmp_path: Path) -> None:
+    said = ended(live(tmp_path, clutter, "--replay", "0"))
+    assert results(tmp_path) == results(clutter / "out")
+    assert not (tmp_path / "live").exists()
+    assert "The dive has ended; 4 of 4 scans placed" in said
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="where processes cannot be looked at")
+def test_the_mapping_is_killed_and_goes_on(clutter: Path, tmp_path: Path) -> None:
+    """And meanwhile another one is refused."""
+    process = live(tmp_path, clutter, "--replay", "1")
+    until(key(tmp_path, 1).is_file)
+    before = key(tmp_path, 1).stat().st_mtime_ns
+    number = mapping_of(process)
+    assert number is not None
+    os.kill(number, signal.SIGKILL)
+    refused(sonarmap("live", clutter, "--replay", "0", "-o", tmp_path, "--no-browser", *OPTIONS), "is in use")
+    until(key(tmp_path, 2).is_file)
+    assert key(tmp_path, 1).stat().st_mtime_ns == before
+    assert KILLED in ended(process)
+    assert results(tmp_path) == results(clutter / "out")
+
+
+@pytest.mark.slow
+def test_killed_itself_it_goes_on_where_it_was(clutter: Path, tmp_path: Path) -> None:
+    process = live(tmp_path, clutter, "--replay", "0.5")
+    until(key(tmp_path, 1).is_file)
+    before = key(tmp_path, 1).stat().st_mtime_ns
+    process.kill()
+    process.communicate()
+    process = live(tmp_path, clutter, "--replay", "0.5")
+    until(key(tmp_path, 2).is_file)
+    assert key(tmp_path, 1).stat().st_mtime_ns == before
+    ended(process)
+    assert results(tmp_path) == results(clutter / "out")
+
+
+@pytest.mark.slow
+def test_a_dive_that_ends_before_a_scan_was_placed_has_its_map(clutter: Path, tmp_path: Path) -> None:
+    ended(live(tmp_path, clutter, "--duration", "0.1"))
+    assert results(tmp_path) == results(clutter / "out")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [0.1, 0.5, 1.5])
+def test_ctrl_c_ends_the_dive_without_further_words(clutter: Path, tmp_path: Path, seconds: float) -> None:
+    """Of a terminal it is for all processes, however far each has come."""
+    process = live(tmp_path, clutter, "--no-finish")
+    assert process.stderr is not None
+    assert "Ctrl-C ends the dive" in process.stderr.readline()
+    time.sleep(seconds)
+    os.killpg(process.pid, signal.SIGINT)
+    assert "Traceback" not in ended(process)
+
+
+@pytest.mark.slow
+def test_without_finish_there_is_no_map_and_later_it_goes_on(clutter: Path, tmp_path: Path) -> None:
+    ended(live(tmp_path, clutter, "--replay", "0", "--no-finish"))
+    assert not (tmp_path / "map.ply").exists()
+    assert key(tmp_path, 1).is_file()
+    ended(live(tmp_path, clutter, "--replay", "0"))
+    assert results(tmp_path) == results(clutter / "out")
+
+
+def test_where_nothing_comes_it_says_so(tmp_path: Path) -> None:
+    process = live(tmp_path, "--unicast", f"{LOOPBACK}:{free_port()}", "--duration", "2")
+    assert "no scan came, and there is no map" in ended(process, 3)
+    assert not list(tmp_path.glob("recording/*.sonar"))
+    assert not (tmp_path / "map.ply").exists()
+
+
+@pytest.fixture(scope="module")
+def swim() -> list[bytes]:
+    """Packets of 40 shots through a pool, 8 s at 5 shots/s."""
+    return [packet.content for packet in Swim("pool", 40, rate=5.0, speed=0.4, columns=96, rows=32).packets()]
+
+
+@pytest.mark.slow
+def test_what_comes_over_the_network_is_recorded_and_mapped(swim: list[bytes], tmp_path: Path) -> None:
+    port, out = free_port(), tmp_path / "out"
+    process = live(out, "--unicast", f"{LOOPBACK}:{port}")
+    until((out / "recording" / "001.part.sonar").exists)
+    send(swim, (LOOPBACK, port), 20.0)
+    until((key(out, 1)).is_file)
+    process.send_signal(signal.SIGINT)
+    ended(process)
+    assert (out / "recording" / "001.sonar").read_bytes() == b"".join(swim)
+    done(sonarmap("map", out / "recording", "-o", tmp_path / "map", *OPTIONS))
+    assert results(out) == results(tmp_path / "map")
+
+
+@pytest.mark.slow
+def test_a_recording_of_someone_else_ends_the_dive_when_it_is_given_its_name(swim: list[bytes], tmp_path: Path) -> None:
+    part, out = tmp_path / "dive.part.sonar", tmp_path / "out"
+    part.write_bytes(b"".join(swim))
+    process = live(out, part)
+    until(key(out, 1).is_file)
+    part.rename(tmp_path / "dive.sonar")
+    ended(process)
+    done(sonarmap("map", tmp_path / "dive.sonar", "-o", tmp_path / "map", *OPTIONS))
+    assert results(out) == results(tmp_path / "map")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("nowhere",), "nowhere does not exist; name what is being written"),
+        (("nowhere.sonar",), "nowhere.sonar does not exist"),
+        (("scan.ply",), "scan.ply is neither a folder nor a recording (.sonar), which may grow; give --replay 1"),
+        (("a.sonar", "b.sonar"), "2 sources given"),
+        (("--replay", "0"), "--replay needs finished scans"),
+        (("scan.ply", "--replay", "-1"), "--replay"),
+        (("empty", "--replay", "0"), "holds no scans"),
+        (("--duration", "soon"), "soon"),
+        (("--bind", "192.0.2.7", "--duration", "9"), "192.0.2.7 cannot be used for the page"),
+    ],
+)
+def test_what_cannot_be_mapped_is_refused(
+    arguments: tuple[str, ...], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    for name in ("scan.ply", "a.sonar", "b.sonar"):
+        (tmp_path / name).write_bytes(b"7")
+    refused(sonarmap("live", *arguments, "-o", "out", "--no-browser"), words)
+
+
+def a_dive(tmp_path: Path) -> Dive:
+    """One that shows nothing."""
+    return Dive(cast(Any, tmp_path), None, cast(Any, None), lambda *_: None)
+
+
+def test_a_message_that_was_cut_is_the_end_of_the_mapping(tmp_path: Path) -> None:
+    pipe, other = Pipe()
+    os.write(other.fileno(), struct.pack("!i", 1000) + b"cut")
+    other.close()
+    with pytest.raises(EOFError):
+        a_dive(tmp_path)._took(pipe)
+
+
+class Records:
+    """A recording that goes on."""
+
+    looks = 0
+    ended = False
+
+    def look(self) -> Iterator[str]:
+        self.looks += 1
+        yield "warning: 3 shots missing"
+
+    def end(self) -> None:
+        self.ended = True
+
+
+class Shows:
+    """A page, with what it was given."""
+
+    def __init__(self) -> None:
+        self.states = list[dict[str, Any]]()
+
+    def publish(self, message: str) -> None:
+        self.states.append(json.loads(message))
+
+
+def test_a_recording_goes_on_where_nothing_can_be_mapped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(_: Dive, __: Event) -> bool:
+        raise InputError("there is no memory for 7 scans")
+
+    monkeypatch.setattr(Dive, "_map_until", fails)
+    said, stop, recording, page = list[str](), Event(), Records(), Shows()
+
+    def tell(_: str, __: str, new: list[str]) -> None:
+        said.extend(new)
+
+    dive = Dive(cast(Any, tmp_path), cast(Any, recording), cast(Any, page), tell)
+    following = Thread(target=dive.follow, args=(stop,))
+    following.start()
+    until(lambda: recording.looks > 2)
+    assert not recording.ended
+    stop.set()
+    following.join()
+    assert recording.ended
+    expected = ["nothing more is mapped until the dive ends: there is no memory for 7 scans", "3 shots missing"]
+    assert said == page.states[-1]["alerts"] == expected
+    assert page.states[-1]["sentence"].startswith("The recording goes on")
+
+
+def dies(_: object, __: object) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.slow
+def test_a_mapping_that_is_killed_again_and_again_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_map", dies)
+    with pytest.raises(InputError, match="ended 5 times within a minute"):
+        a_dive(tmp_path).follow(Event())

@@ -1,0 +1,122 @@
+"""Key scans that a mapping which was killed finds again: all of them, bit by bit, or up to the first damaged one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.execute.pair_text import to_text
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior, Scan
+from sonarmap.tools.command.live.kept_keys import KeptKey, forget_keys, has_keys, keep_key, kept_for, kept_keys
+from sonarmap.tools.files.readers.incoming import Mark
+from tests.samples.clutter_scans import scan
+
+
+def key(number: int) -> KeptKey:
+    """With a prior and a step, but for the first one."""
+    T = RigidTransform.from_components([0.1 * number, -2.3, 4.7], Rotation.from_rotvec([0.1, 0.2 * number, -0.3]))
+    sigmas = np.array([0.01, 0.02, np.inf, 0.3, 0.5, np.inf])
+    prior = PosePrior(T, sigmas) if number else None
+    cloud = Scan(scan(number % 4)[: 50 + number], stamp=1.7e9 + number / 7, prior=prior, name=f"001#{3 * number}")
+    return KeptKey(cloud, step(number) if number != 1 else None, Mark("001.sonar", 12345 * number), 0.175)
+
+
+def step(number: int) -> Registration:
+    rng = np.random.default_rng(number)
+    T = RigidTransform.from_components(rng.normal(size=3), Rotation.from_rotvec(rng.normal(size=3) / 9))
+    root = rng.normal(size=(6, 6))
+    return Registration(
+        T, root @ root.T, 21.7, 0.43, True, 0.9, "so", 0.97, (("translation", 21.7),), evidence=(("fixed", 0.9),)
+    )
+
+
+def keep(out: Path, count: int) -> list[KeptKey]:
+    keys = [key(number) for number in range(count)]
+    for number, each in enumerate(keys):
+        keep_key(out, number, each)
+    return keys
+
+
+def test_they_are_the_same_again_bit_by_bit(tmp_path: Path) -> None:
+    given = keep(tmp_path, 3)
+    found = list(kept_keys(tmp_path))
+    assert len(found) == 3
+    for one, other in zip(given, found, strict=True):
+        assert one.scan.points.tobytes() == other.scan.points.tobytes()
+        assert (one.scan.stamp, one.scan.name, one.behind, one.voxel) == (
+            other.scan.stamp, other.scan.name, other.behind, other.voxel,
+        )  # fmt: skip
+        assert (one.step and to_text(one.step)) == (other.step and to_text(other.step))
+        assert (one.scan.prior is None) == (other.scan.prior is None)
+        if one.scan.prior is not None and other.scan.prior is not None:
+            np.testing.assert_array_equal(one.scan.prior.sigmas, other.scan.prior.sigmas)
+            T, U = one.scan.prior.T_world_sensor, other.scan.prior.T_world_sensor
+            np.testing.assert_allclose(T.as_matrix(), U.as_matrix(), rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("damage", ["cut", "empty", "changed", "gone"])
+def test_a_damaged_or_missing_one_ends_the_list(tmp_path: Path, damage: str) -> None:
+    keep(tmp_path, 4)
+    path = sorted((tmp_path / "live").glob("key_*.npz"))[2]
+    whole = path.read_bytes()
+    if damage == "gone":
+        path.unlink()
+    else:
+        changed = whole[:200] + bytes([whole[200] ^ 4]) + whole[201:]
+        path.write_bytes({"cut": whole[:-30], "empty": b"", "changed": changed}[damage])
+    assert [each.scan.name for each in kept_keys(tmp_path)] == ["001#0", "001#3"]
+
+
+def test_after_a_damaged_one_the_list_goes_on_with_new_ones_only(tmp_path: Path) -> None:
+    keep(tmp_path, 5)
+    (tmp_path / "live" / "key_00001.npz").write_bytes(b"7")
+    keep_key(tmp_path, 1, key(7))
+    assert [each.scan.name for each in kept_keys(tmp_path)] == ["001#0", "001#21"]
+
+
+def test_every_damage_ends_the_list_and_nothing_else(tmp_path: Path) -> None:
+    keep(tmp_path, 1)
+    (path,) = (tmp_path / "live").glob("key_*.npz")
+    whole, rng = path.read_bytes(), np.random.default_rng(5)
+    lengths = rng.integers(0, len(whole), 150)
+    for length in lengths:
+        path.write_bytes(whole[:length])
+        assert list(kept_keys(tmp_path)) == []
+    ends = set[int]()
+    for at in rng.integers(0, len(whole), 600):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1 << int(rng.integers(8))]) + whole[at + 1 :])
+        ends.add(len(list(kept_keys(tmp_path))))
+    assert 0 in ends
+
+
+def test_other_inputs_forget_them_and_the_same_keep_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    out = tmp_path / "out"
+    with kept_for(out, ["dive"]):
+        keep(out, 2)
+    leftover = out / "live" / ".sonarmap.0123.npz"
+    leftover.write_bytes(b"of a run that was killed")
+    with kept_for(out, [str(tmp_path / "dive")]):
+        assert len(list(kept_keys(out))) == 2
+    assert not leftover.exists()
+    with kept_for(out, ["dive 2"]):
+        assert not has_keys(out)
+
+
+def test_forgetting_leaves_what_is_no_key(tmp_path: Path) -> None:
+    keep(tmp_path, 2)
+    other = tmp_path / "live" / "notes.npz"
+    other.write_bytes(b"7")
+    forget_keys(tmp_path)
+    assert list((tmp_path / "live").iterdir()) == [other]
+
+
+def test_a_second_user_is_refused_until_the_first_has_ended(tmp_path: Path) -> None:
+    with kept_for(tmp_path, ["a"]), pytest.raises(InputError, match="is in use"), kept_for(tmp_path, ["a"]):
+        pass
+    with kept_for(tmp_path, ["a"]):
+        keep(tmp_path, 1)
+    assert has_keys(tmp_path)

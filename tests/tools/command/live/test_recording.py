@@ -1,0 +1,223 @@
+"""The process that records, as a process: what is sent is in its files, whoever is killed meanwhile."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.live.recording import RecordingProcess
+from sonarmap.tools.files.readers.sonar.recording import Recording
+from tests.samples.command_line import ROOT
+from tests.samples.live.sender import LOOPBACK, free_port, send
+from tests.samples.recordings import recording
+
+PACKETS = [packet.content for packet in recording(20)]
+OWNERS = list["subprocess.Popen[str]"]()  # that are to be ended
+OWNER = """
+import sys, time
+from pathlib import Path
+from sonarmap.tools.command.live.recording import RecordingProcess
+owner = RecordingProcess(Path(sys.argv[1]), sys.argv[2:])
+while True:
+    for line in owner.look():
+        print(line, flush=True)
+    time.sleep(0.1)
+"""
+
+
+def until(is_so: Callable[[], bool]) -> None:
+    end = time.monotonic() + 60
+    while not is_so():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def recorders(out: Path) -> list[int]:
+    """The processes that record to a map's folder."""
+    found = list[int]()
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if f"\0{out}/recording/".encode() in (process / "cmdline").read_bytes():
+                found.append(int(process.name))
+    return found
+
+
+def files(out: Path) -> list[str]:
+    return sorted(path.name for path in (out / "recording").glob("*.sonar"))
+
+
+def size(out: Path, name: str) -> int:
+    path = out / "recording" / name
+    return path.stat().st_size if path.exists() else -1
+
+
+@pytest.fixture
+def to(tmp_path: Path) -> Iterator[tuple[str, int]]:
+    """Where to send; what still records at the end is ended."""
+    yield LOOPBACK, free_port()
+    while OWNERS:
+        OWNERS.pop().kill()
+    for number in recorders(tmp_path):
+        with suppress(ProcessLookupError):
+            os.kill(number, signal.SIGKILL)
+
+
+def options(to: tuple[str, int]) -> list[str]:
+    return ["--unicast", f"{to[0]}:{to[1]}"]
+
+
+def sent(out: Path, name: str, packets: list[bytes], to: tuple[str, int]) -> None:
+    """Send packets to a recorder that listens, until all are in its file."""
+    until(lambda: size(out, name) >= 0)
+    whole = size(out, name) + sum(map(len, packets))
+    send(packets, to)
+    until(lambda: size(out, name) >= whole)
+
+
+def begun(out: Path, to: tuple[str, int]) -> RecordingProcess:
+    """One that listens."""
+    process = RecordingProcess(out, options(to))
+    until(lambda: size(out, "001.part.sonar") >= 0)
+    return process
+
+
+def test_one_that_was_killed_before_anything_came_leaves_no_file(tmp_path: Path, to: tuple[str, int]) -> None:
+    process = begun(tmp_path, to)
+    os.kill(recorders(tmp_path)[0], signal.SIGKILL)
+    until(lambda: bool(list(process.look())))
+    sent(tmp_path, "002.part.sonar", PACKETS[:6], to)
+    assert size(tmp_path, "001.part.sonar") == 0
+    process.end()
+    assert files(tmp_path) == ["002.sonar"]
+
+
+def owned(out: Path, to: tuple[str, int], program: str = OWNER) -> "subprocess.Popen[str]":
+    """A process that has one, and prints what it says."""
+    command = [sys.executable, "-c", program, str(out), *options(to)]
+    OWNERS.append(subprocess.Popen(command, cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE))
+    return OWNERS[-1]
+
+
+def shots_in(path: Path) -> int:
+    return sum(1 for _ in Recording().read(path))
+
+
+def test_what_is_sent_is_in_the_file_which_has_its_name_at_the_end(tmp_path: Path, to: tuple[str, int]) -> None:
+    process = begun(tmp_path, to)
+    sent(tmp_path, "001.part.sonar", PACKETS[:15], to)
+    assert list(process.look()) == []
+    sent(tmp_path, "001.part.sonar", PACKETS[15:], to)
+    process.end()
+    assert files(tmp_path) == ["001.sonar"]
+    assert (tmp_path / "recording" / "001.sonar").read_bytes() == b"".join(PACKETS)
+    assert recorders(tmp_path) == []
+    process.end()  # once more, and nothing is wrong
+
+
+def test_killed_it_begins_again_in_another_file(tmp_path: Path, to: tuple[str, int]) -> None:
+    process = begun(tmp_path, to)
+    sent(tmp_path, "001.part.sonar", PACKETS[:14], to)
+    (number,) = recorders(tmp_path)
+    os.kill(number, signal.SIGKILL)
+    said = list[str]()
+    until(lambda: said.extend(process.look()) or bool(said))
+    assert said == ["the recording was killed, and begins again in another file; what came meanwhile is lost"]
+    sent(tmp_path, "002.part.sonar", PACKETS[16:], to)
+    assert list(process.look()) == []
+    process.end()
+    assert files(tmp_path) == ["001.part.sonar", "002.sonar"]
+    assert [shots_in(tmp_path / "recording" / name) for name in files(tmp_path)] == [7, 12]
+
+
+@pytest.mark.slow
+def test_killed_again_and_again_it_waits_and_then_goes_on(
+    tmp_path: Path, to: tuple[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process, said = begun(tmp_path, to), list[str]()
+    for count in range(1, 6):
+        until(lambda: len(recorders(tmp_path)) == 1)
+        os.kill(recorders(tmp_path)[0], signal.SIGKILL)
+        until(lambda count=count: said.extend(process.look()) or len(said) == count)
+    assert said[-1] == "the recording was killed 5 times within a minute, and begins again when that is over"
+    assert recorders(tmp_path) == []
+    later = time.monotonic() + 60.0
+    monkeypatch.setattr("sonarmap.tools.command.live.recording.time.monotonic", lambda: later)
+    assert "begins again" in "".join(process.look())
+    monkeypatch.undo()
+    until(lambda: len(recorders(tmp_path)) == 1)
+    process.end()
+
+
+@pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="where processes cannot be looked at")
+def test_it_outlives_its_owner_and_the_next_one_takes_it_over(
+    tmp_path: Path, to: tuple[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    owner = owned(tmp_path, to)
+    sent(tmp_path, "001.part.sonar", PACKETS[:6], to)
+    owner.kill()
+    owner.wait()
+    sent(tmp_path, "001.part.sonar", PACKETS[6:10], to)
+    before = recorders(tmp_path)
+    monkeypatch.chdir(tmp_path.parent)
+    process = RecordingProcess(Path(tmp_path.name), options(to))  # the same folder by another path
+    assert recorders(tmp_path) == before
+    assert list(process.look()) == []
+    sent(tmp_path, "001.part.sonar", PACKETS[10:], to)
+    process.end()
+    assert files(tmp_path) == ["001.sonar"]
+    assert (tmp_path / "recording" / "001.sonar").read_bytes() == b"".join(PACKETS)
+    assert recorders(tmp_path) == []
+
+
+@pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="where processes cannot be looked at")
+@pytest.mark.slow
+def test_taken_over_and_killed_it_begins_again(tmp_path: Path, to: tuple[str, int]) -> None:
+    owner = owned(tmp_path, to)
+    sent(tmp_path, "001.part.sonar", PACKETS[:6], to)
+    owner.kill()
+    owner.wait()
+    process = RecordingProcess(tmp_path, options(to))
+    (number,) = recorders(tmp_path)
+    os.kill(number, signal.SIGKILL)
+    until(lambda: bool(list(process.look())))
+    sent(tmp_path, "002.part.sonar", PACKETS[8:12], to)
+    process.end()
+    assert [shots_in(tmp_path / "recording" / name) for name in files(tmp_path)] == [3, 2]
+
+
+def test_it_is_not_begun_again_where_it_cannot_record(tmp_path: Path, to: tuple[str, int]) -> None:
+    """As its file is at the limit of its size, within the twelfth packet."""
+    most = sum(map(len, PACKETS[:11])) + 5
+    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({most}, {most}))"
+    owner = owned(tmp_path, to, f"{limited}\n{OWNER}")
+    until(lambda: size(tmp_path, "001.part.sonar") >= 0)
+    send(PACKETS, to)
+    out, errors = owner.communicate()
+    assert "001.part.sonar cannot grow: File too large" in out
+    assert "InputError: the recording has ended; the map goes on with what came until then" in errors
+    assert (tmp_path / "recording" / "001.part.sonar").read_bytes() == b"".join(PACKETS[:11])
+    assert files(tmp_path) == ["001.part.sonar"]
+
+
+def test_a_port_that_another_program_has_is_said_and_not_tried_again(tmp_path: Path, to: tuple[str, int]) -> None:
+    first = begun(tmp_path, to)
+    other = RecordingProcess(tmp_path / "other", options(to))
+    said = list[str]()
+    with pytest.raises(InputError, match="the recording has ended"):
+        until(lambda: said.extend(other.look()) or False)
+    assert f"cannot listen at {to[0]}:{to[1]}" in " ".join(said)
+    assert files(tmp_path / "other") == []
+    first.end()
+
+
+def test_a_folder_that_cannot_be_is_said(tmp_path: Path, to: tuple[str, int]) -> None:
+    (tmp_path / "recording").write_bytes(b"7")
+    with pytest.raises(InputError, match=r"cannot record to .*recording: File exists"):
+        RecordingProcess(tmp_path, options(to))
