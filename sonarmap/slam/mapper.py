@@ -162,15 +162,21 @@ class Mapper:
         rounds = None if progress is None else _Rounds(progress)
         return self._straightened(measurements, self._mapped(measurements, rounds, vet), rounds, turn_rates)
 
-    def decided(self, scans: Sequence[Scan], known: Sequence[RegisteredPair], settled: int = 0) -> Decision:
+    def decided(
+        self,
+        scans: Sequence[Scan],
+        known: Sequence[RegisteredPair],
+        settled: int = 0,
+        looked: dict[tuple[int, int], RegisteredPair] | None = None,
+    ) -> Decision:
         """About scans of one survey, at least two, as a map that grows needs it; `known` pairs have been registered,
-        and of the first scans, so many as are `settled`, no loops are sought among them.
+        `settled` and `looked` are as of `PairSearch`.
 
         Raises:
             InputError: not one pair that could be tried.
         """
         measurements = Measurements(tuple(scans), np.zeros(len(scans), np.intp))
-        return self._decided(PairRunner(self.execution, scans, 0, None), measurements, known, settled)
+        return self._decided(PairRunner(self.execution, scans, 0, None), measurements, known, settled, looked)
 
     def _straightened(
         self,
@@ -266,14 +272,20 @@ class Mapper:
         return with_between(decision, keys, measurements, self.settings.loops.floor(self.voxel) / 4, runner, outside)
 
     def _decided(
-        self, runner: PairRunner, measurements: Measurements, known: Sequence[RegisteredPair], settled: int = 0
+        self,
+        runner: PairRunner,
+        measurements: Measurements,
+        known: Sequence[RegisteredPair],
+        settled: int = 0,
+        looked: dict[tuple[int, int], RegisteredPair] | None = None,
     ) -> Decision:
         """About all that can be registered of some scans; `known` pairs have been.
 
         The search knows neither ties nor control points, so that it registers the same pairs whatever these say.
         """
         settings = self.settings.loops
-        search = PairSearch(runner, measurements, self.registrar, self.voxel, settings, self.settings.limits, settled)
+        limits = self.settings.limits
+        search = PairSearch(runner, measurements, self.registrar, self.voxel, settings, limits, settled, looked)
         pairs = search.steps(known)
         measurements = search.measurements
         alone = measurements.by_instruments

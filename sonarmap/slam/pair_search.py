@@ -57,6 +57,8 @@ class PairSearch:
         loops: which extra pairs are tried.
         limits: what the vehicle's motion cannot exceed.
         settled: of so many scans, the first ones, it is known how they lie to each other: no loops among them.
+        looked: second looks of earlier searches, by their scans, which are not repeated; this one's are added. None:
+            each look is about where the pair is expected now.
     """
 
     def __init__(
@@ -68,7 +70,9 @@ class PairSearch:
         loops: LoopSettings,
         limits: MotionLimits,
         settled: int = 0,
+        looked: dict[tuple[int, int], RegisteredPair] | None = None,
     ) -> None:
+        self._looked = looked
         self._settled = set(combinations(range(settled), 2))
         self._runner, self._registrar = runner, registrar
         self.measurements = measurements  # with the drift that steps show
@@ -179,8 +183,10 @@ class PairSearch:
     ) -> list[RegisteredPair]:
         """The pairs, doubtful ones with what is found about where they are expected, by a motion if one is given."""
         looks = [replace(pair, expected=where) for pair, where in zip(doubtful, expected, strict=True)]
-        again = {pair.scans: pair for pair in self._runner.register(looks)}
-        return [with_both(pair, again[pair.scans], motion) if pair.scans in again else pair for pair in pairs]
+        again = {} if self._looked is None else self._looked
+        again |= {pair.scans: pair for pair in self._runner.register([p for p in looks if p.scans not in again])}
+        asked = {pair.scans for pair in looks}
+        return [with_both(pair, again[pair.scans], motion) if pair.scans in asked else pair for pair in pairs]
 
     def _with_motion(self, pairs: Sequence[RegisteredPair]) -> list[RegisteredPair]:
         """The pairs with what the learned motion says of them; dead reckoning is in the graph itself."""

@@ -51,7 +51,9 @@ class GrowingMap:
         self.idle, lock, settings = Event(), Lock(), mapper.settings
         tracking = replace(mapper.execution, worker=_Turns(mapper.execution.worker, lock), journal=None)
         deciding = replace(mapper.execution, worker=_Turns(mapper.execution.worker, lock, self.idle), timings=Timings())
-        self._mapper = Mapper(mapper.registrar, mapper.voxel, settings, deciding)
+        # the rounds that follow for what is not sure wait for the map at the end
+        briefly = replace(settings, loops=replace(settings.loops, most_rounds=settings.loops.rounds))
+        self._mapper = Mapper(mapper.registrar, mapper.voxel, briefly, deciding)
 
         def register(target: Scan, source: Scan, candidate: Candidate) -> RegisteredPair:
             number, back = {candidate.i: 0, candidate.j: 1}, {0: candidate.i, 1: candidate.j}
@@ -66,6 +68,8 @@ class GrowingMap:
         self.loops: list[tuple[int, int]] = []
         self._found: tuple[list[Pose], list[tuple[int, int]]] | None = None
         self._settled = 0  # key scans of a finished map
+        # second looks, which are not repeated whenever the estimate changes: the map at the end does
+        self._looked: dict[tuple[int, int], RegisteredPair] = {}
         self.decided, self.seconds, self.voxel = 0, 0.0, mapper.voxel
 
     def add(self, scan: Scan, last_chance: bool = True) -> Placed | None:
@@ -111,7 +115,7 @@ class GrowingMap:
         known = [step for k in range(1, len(keys)) if k not in starts and (step := self.tracker.steps.get(k))]
         if not known:  # nothing that could be joined
             return
-        decision = self._mapper.decided(keys, known, self._settled)
+        decision = self._mapper.decided(keys, known, self._settled, self._looked)
         self._mapper.execution.timings.pairs.clear()
         solution, covariances = decision.solution, pose_covariances(decision.solution)
         part = {k: min(members) for members in solution.graph.components for k in members}

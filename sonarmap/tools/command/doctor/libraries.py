@@ -21,6 +21,7 @@ EXTRAS = {
     "slam-peers": "maps by KISS-SLAM in reproduce",
     "bench": "FFTW in bench",
     "cluster": "map --scheduler",
+    "serial": "live --nmea from a serial device",
     "docs": "the documentation as a site",
     "opencl": "an OpenCL driver for processors without root",
 }

@@ -232,12 +232,15 @@ class _Mapping:
         """How often the plan of the vehicle's part was seen, by key scans."""
         poses, cell = growing.poses, _CELL * growing.voxel
         part = poses[self._vehicle.key if self._vehicle else -1].part
-        seen = [
-            np.unique(np.floor(pose.T_part_sensor.apply(points)[:, :2] / cell).astype(np.int64), axis=0)
-            for pose, points in zip(poses, self._counted, strict=False)
-            if pose.part == part
-        ]
+        seen: list[np.ndarray] = []
+        for pose, points in zip(poses, self._counted, strict=False):
+            if pose.part == part:
+                own = np.floor(pose.T_part_sensor.apply(points)[:, :2] / cell).astype(np.int64)
+                own, often = np.unique(own, axis=0, return_counts=True)
+                seen.append(own[often > 1])  # a single point may be a stray echo
         cells, counts = np.unique(np.concatenate(seen), axis=0, return_counts=True)
+        if not len(cells):
+            return messages.coverage_message(np.zeros((1, 1)), cell, (0.0, 0.0), part)
         low = np.quantile(cells, 0.001, axis=0).astype(np.int64)
         size = np.quantile(cells, 0.999, axis=0).astype(np.int64) - low + 1
         near = ((cells >= low) & (cells < low + size)).all(axis=1)

@@ -48,7 +48,7 @@ class LiveOptions:
     """How a dive is shown, and what ends it."""
 
     replay: float | None = option(
-        INPUT, "F", "Take finished scans F times as fast as they were taken. 0 is as fast as it goes.", min=0.0
+        INPUT, "F", "Take finished scans faster than they were taken, by a factor F. 0 is as fast as it goes.", min=0.0
     )
     onto: Path | None = option(
         INPUT, "MAP", "Find the place in a finished map, and show both. It is a folder that `sonarmap map` wrote."

@@ -200,7 +200,7 @@ class TestInForce:
 
     def test_every_path_is_read_or_only_for_a_named_file(self) -> None:
         """A new option that writes belongs to NAMED_ONLY; one that reads belongs here."""
-        read = {"priors", "odometry", "ties", "control", "like", "map", "surface", "summary", "compare", "from"}
+        read = {"priors", "odometry", "ties", "control", "like", "map", "surface", "summary", "compare", "from", "onto"}
         assert {entry.key for entry in SETTINGS if entry.kind is Path} - NAMED_ONLY == read
         assert {entry.key for entry in SETTINGS} >= NAMED_ONLY
 

@@ -77,9 +77,10 @@ def test_what_means_the_same_is_common() -> None:
     common = {key: [entry.verb for entry in group] for key, group in common_settings(SETTINGS).items()}
     assert set(common["grid"]) >= {"register", "map", "inspect"}
     assert "bench" not in common["grid"]  # which takes several
-    assert common["max-tilt"] == ["register", "map"]
+    assert common["max-tilt"] == ["register", "map", "live"]
     assert {"method", "voxel", "device", "mount", "quiet", "json", "seed", "origin"} <= set(common)
-    assert not {"out", "loops", "trajectory", "method-of-its-own"} & set(common)
+    assert common["out"] == ["map", "live"]
+    assert not {"overwrite", "trajectory", "method-of-its-own"} & set(common)
 
 
 OF_KIND: dict[type, Any] = {bool: True, int: 2, float: 0.25, str: "a", Path: "a.csv"}
@@ -187,12 +188,12 @@ def test_sections(tmp_path: Path) -> None:
         ("grid = 96", "grid stands outside of a section; put it under [common]"),
         ("map = 5", "map is 5; wanted a section, [map]"),
         (
-            "[common]\nmax-speed = 1.0",
-            "[common] max-speed does not mean the same for several verbs; put it under [map]",
+            "[common]\npatch-test = true",
+            "[common] patch-test does not mean the same for several verbs; put it under [map]",
         ),
         (
-            "[common]\nout = 'x'",
-            "[common] out does not mean the same for several verbs; put it under [map] or [record]",
+            "[common]\nfresh = true",
+            "[common] fresh does not mean the same for several verbs; put it under [map] or [reproduce]",
         ),
         ("[map]\ngrid = 96.0", "[map] grid is 96.0; wanted a whole number"),
         ("[map]\ngrid = '96'", "[map] grid is '96'; wanted a whole number"),
