@@ -165,17 +165,18 @@ class Mapper:
     def decided(
         self,
         scans: Sequence[Scan],
+        surveys: np.ndarray,
         known: Sequence[RegisteredPair],
         settled: int = 0,
         looked: dict[tuple[int, int], RegisteredPair] | None = None,
     ) -> Decision:
-        """About scans of one survey, at least two, as a map that grows needs it; `known` pairs have been registered,
-        `settled` and `looked` are as of `PairSearch`.
+        """About scans, at least two, as a map that grows needs it; `surveys` are as of `run`, `known` pairs have been
+        registered, `settled` and `looked` are as of `PairSearch`.
 
         Raises:
             InputError: not one pair that could be tried.
         """
-        measurements = Measurements(tuple(scans), np.zeros(len(scans), np.intp))
+        measurements = Measurements(tuple(scans), surveys)
         return self._decided(PairRunner(self.execution, scans, 0, None), measurements, known, settled, looked)
 
     def _straightened(

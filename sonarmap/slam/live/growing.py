@@ -115,7 +115,9 @@ class GrowingMap:
         known = [step for k in range(1, len(keys)) if k not in starts and (step := self.tracker.steps.get(k))]
         if not known:  # nothing that could be joined
             return
-        decision = self._mapper.decided(keys, known, self._settled, self._looked)
+        # parts are surveys of their own: only places that look alike join them, and no step over what came between
+        surveys = np.cumsum([k in starts for k in range(len(keys))]) - 1
+        decision = self._mapper.decided(keys, surveys, known, self._settled, self._looked)
         self._mapper.execution.timings.pairs.clear()
         solution, covariances = decision.solution, pose_covariances(decision.solution)
         part = {k: min(members) for members in solution.graph.components for k in members}
