@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.graph.pose_graph import PoseGraph
     from sonarmap.slam.mapper import MapperSettings
     from sonarmap.slam.motion.odometry import Odometry
+    from sonarmap.slam.motion.turn_rates import TurnRates
     from sonarmap.slam.optimize.solve import Objective, Optimized, Start
     from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.slam.tie import Tie
@@ -175,15 +176,9 @@ def map_scans(
     require_type("control", control, ControlPoint)
     turn_rates = None
     if isinstance(scans, str | os.PathLike):
-        from sonarmap.tools.files.readers.pings.patches import as_survey
-        from sonarmap.tools.files.readers.scans import read_scans as read
-        from sonarmap.tools.files.readers.turn_rates import turn_rates_of
-
         require(path=scans)
-        files = read([os.fspath(scans)])
-        survey, odometry = as_survey(files.scans, files.patches, odometry)
-        turn_rates = turn_rates_of(files.files, survey)
-        surveys = files.surveys if surveys is None and files.patches else surveys
+        survey, odometry, turn_rates, lines = _read_survey(os.fspath(scans), odometry)
+        surveys = lines if surveys is None else surveys
     else:
         survey = as_scans(scans)
     numbers = as_surveys(surveys, len(survey))
@@ -193,6 +188,19 @@ def map_scans(
     return Mapper(method, grid.voxel, settings).run(
         survey, progress, numbers, odometry, ties, control, turn_rates=turn_rates
     )
+
+
+def _read_survey(
+    path: str, odometry: "Odometry | None"
+) -> "tuple[Sequence[Scan], Odometry | None, TurnRates | None, Sequence[int] | None]":
+    """The scans of files, dead reckoning and turn rates of them, and which are of one line where they are of pings."""
+    from sonarmap.tools.files.readers.pings.patches import as_survey
+    from sonarmap.tools.files.readers.scans import read_scans as read
+    from sonarmap.tools.files.readers.turn_rates import turn_rates_of
+
+    files = read([path])
+    survey, odometry = as_survey(files.scans, files.patches, odometry)
+    return survey, odometry, turn_rates_of(files.files, survey), files.surveys if files.patches else None
 
 
 def optimize(

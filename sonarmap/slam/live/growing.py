@@ -1,6 +1,7 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """The map while it grows: where key scans lie, in which parts, and how surely."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from threading import Event, Lock
@@ -99,10 +100,7 @@ class GrowingMap:
     @property
     def parts(self) -> dict[int, int]:
         """How many key scans every part has, by its number."""
-        counts: dict[int, int] = {}
-        for pose in self.poses:
-            counts[pose.part] = counts.get(pose.part, 0) + 1
-        return counts
+        return Counter(pose.part for pose in self.poses)
 
     def decide(self) -> None:
         """Search for loops among the key scans so far, and optimize; `take_over` has what comes of it. May be called by

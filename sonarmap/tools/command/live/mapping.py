@@ -60,7 +60,7 @@ class MappingSettings:
 
 
 def run_mapping(settings: MappingSettings, pipe: Connection) -> None:
-    """Map until the input has ended, or the pipe says so; what is to be shown goes through the pipe.
+    """Map until the input has ended, or nobody reads the pipe any more; what is to be shown goes through it.
 
     Sends str and bytes of `tools.products.live.messages`, and None at the end, when all that came is placed.
     """
@@ -88,7 +88,6 @@ class _Mapping:
     def __init__(self, settings: MappingSettings, pipe: Connection) -> None:
         self._settings, self._pipe = settings, pipe
         self._count = _Count()
-        self._growing: GrowingMap | None = None
         self._track: deque[tuple[float, Placed]] = deque(maxlen=_TRACK)
         self._beside = ThreadPoolExecutor(1, "deciding")
         self._deciding: Future[None] | None = None
@@ -117,10 +116,10 @@ class _Mapping:
                 key = method_key(method.name, method.setup, method.registrar)
                 execution = Execution(Worker(method.registrar, prepared), journal=journal, method=key)
                 mapper = Mapper(method.registrar, method.grid.voxel, self._settings.mapper, execution)
-                self._growing = GrowingMap(mapper)
+                growing = GrowingMap(mapper)
                 for each in kept:
-                    self._growing.restore(each.scan, each.step, each.behind == Mark())
-                self._map(self._growing)
+                    growing.restore(each.scan, each.step, each.behind == Mark())
+                self._map(growing)
         if self._backlog.error is not None:
             raise self._backlog.error
 
@@ -297,7 +296,6 @@ class _Mapping:
             speed=speed,
             turn_rate=turn_rate,
             last_sure=None if sure is None else messages.LastSure(sure.part, sure.T_part_sensor.translation),
-            alerts=(),
         )
         self._pipe.send(messages.state_message(state))
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.live import Live
@@ -27,6 +27,9 @@ from sonarmap.tools.command.options.survey import SurveyOptions, TiesAndControl
 from sonarmap.tools.command.terminal import error_console, printable, say, warn
 from sonarmap.tools.command.verbs import map as map_verb
 from sonarmap.tools.command.verbs.record import SECONDS_BETWEEN_LINES, Listening, ending
+
+if TYPE_CHECKING:
+    from sonarmap.tools.command.live.mapping import MappingSettings
 
 NOTHING_CAME = 3
 _running = partial(option, RUNNING)
@@ -95,16 +98,15 @@ def command(
     codes; `sonarmap map OUT/recording -o OUT` with more options makes it again. What comes over the network is recorded
     to OUT/recording by a process of its own. Started again with the same OUT, it goes on where it was.
     """
-    from sonarmap.tools.command.live.dive import Dive
-    from sonarmap.tools.command.live.kept_keys import clear, has_keys, kept_for
+    from sonarmap.tools.command.live.kept_keys import clear
     from sonarmap.tools.command.live.mapping import MappingSettings
-    from sonarmap.tools.command.live.navigation_log import kept_navigation
-    from sonarmap.tools.command.live.recording import FOLDER, RecordingProcess
+    from sonarmap.tools.command.live.recording import FOLDER
     from sonarmap.tools.files.readers.incoming import final_path
-    from sonarmap.tools.products.live.server import LivePage
 
     inputs, out = source or [], output.out
     _require_source(inputs, live.replay)
+    if live.nmea is not None and priors.priors is not None:
+        raise InputError("--nmea and --priors both give navigation; leave one out")
     settings = MappingSettings(
         out,
         tuple(inputs) or (str(out / FOLDER),),
@@ -113,24 +115,7 @@ def command(
         checked_method(method, context),
         survey.mapper_settings(),
     )
-    about = (*settings.inputs, *([] if live.onto is None else [str(live.onto)]))
-    if live.nmea is not None and priors.priors is not None:
-        raise InputError("--nmea and --priors both give navigation; leave one out")
-    with (
-        kept_for(out, about),
-        kept_navigation(live.nmea, out),
-        ending(listening.seconds) as stop,
-        LivePage(live.bind, live.port) as page,
-    ):
-        if live.onto is not None and not has_keys(out):
-            _keep_map(live.onto, out)
-        say(f"the map is shown at {page.address}; Ctrl-C ends the dive")
-        if live.browser:
-            with suppress(webbrowser.Error):
-                webbrowser.open(page.address)
-        with _shown(quiet or as_json) as tell:
-            recording = None if inputs else RecordingProcess(out, listening.as_options())
-            Dive(settings, recording, page, tell).follow(stop)
+    _follow(settings, live, None if inputs else listening.as_options(), listening.seconds, quiet or as_json)
     mapped = [str(final_path(Path(name))) for name in settings.inputs]
     if not _has_scans(mapped):
         clear(out)
@@ -143,6 +128,35 @@ def command(
             TiesAndControl(), EarthPlace(), ExecutionOptions(), imu=imu, as_json=as_json, quiet=quiet,
         )  # fmt: skip
         clear(out)
+
+
+def _follow(
+    settings: "MappingSettings", live: LiveOptions, recorded: list[str] | None, seconds: float | None, quiet: bool
+) -> None:
+    """Show a dive until it ends, of so many seconds at most; `recorded` are the options of what records it, None where
+    somebody else does."""
+    from sonarmap.tools.command.live.dive import Dive
+    from sonarmap.tools.command.live.kept_keys import has_keys, kept_for
+    from sonarmap.tools.command.live.navigation_log import kept_navigation
+    from sonarmap.tools.command.live.recording import RecordingProcess
+    from sonarmap.tools.products.live.server import LivePage
+
+    out, onto = settings.out, [] if live.onto is None else [str(live.onto)]
+    with (
+        kept_for(out, (*settings.inputs, *onto)),
+        kept_navigation(live.nmea, out),
+        ending(seconds) as stop,
+        LivePage(live.bind, live.port) as page,
+    ):
+        if live.onto is not None and not has_keys(out):
+            _keep_map(live.onto, out)
+        say(f"the map is shown at {page.address}; Ctrl-C ends the dive")
+        if live.browser:
+            with suppress(webbrowser.Error):
+                webbrowser.open(page.address)
+        with _shown(quiet) as tell:
+            recording = None if recorded is None else RecordingProcess(out, recorded)
+            Dive(settings, recording, page, tell).follow(stop)
 
 
 def _has_scans(inputs: list[str]) -> bool:
