@@ -13,8 +13,8 @@ from sonarmap.spectral.result import Registration
 
 # A survey of fewer scans is registered scan by scan.
 _FEWEST = 40
-# So many pairs of consecutive scans, evenly along a survey, tell whether it is a stream.
-_PROBES = 7
+# So many pairs of consecutive scans, evenly along a survey, tell whether it is a stream; so many have to be accepted.
+_PROBES, _FEWEST_TELLING = 7, 2
 # Of how much motion consecutive scans of a stream are less apart [voxels, rad]: registering them tells little.
 _DENSE_WAY, _DENSE_TURN = 2.0, float(np.radians(4.0))
 # Key scans are about so far apart [voxels, rad], or share about so much.
@@ -75,11 +75,11 @@ def _probes(runner: PairRunner, scans: Sequence[int]) -> list[RegisteredPair]:
 
 
 def _is_dense(probes: Sequence[RegisteredPair], voxel: float) -> bool:
-    """Whether most of the vehicle's steps are too small to tell much."""
+    """Whether most of the vehicle's steps are too small to tell much; refused pairs do not tell."""
     near = [
         _motion(pair.registration, voxel) <= 1 for pair in probes if pair.accepted and pair.registration is not None
     ]
-    return 2 * sum(near) > len(probes)
+    return len(near) >= _FEWEST_TELLING and 2 * sum(near) > len(near)
 
 
 def _motion(registration: Registration, voxel: float) -> float:

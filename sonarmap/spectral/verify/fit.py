@@ -27,7 +27,7 @@ class Fit:
     # median distance to the planes of all points within 3 voxels and more [voxels]: how far the surfaces are apart, by
     # noise, by distortion, or because they are not the same
     width: float = 0.0
-    # (6,) standard errors of the shares that `principal_axes` gives
+    # (6,) standard errors of the shares that `principal_axes` gives, by chance and as the noise of both scans is alike
     doubt: np.ndarray = field(default_factory=lambda: np.zeros(6))
     # what instruments measured, about the pose before the last step; None where nothing was
     prior: PriorTerm | None = None
@@ -55,9 +55,19 @@ def principal_axes(information: np.ndarray, pairs: np.ndarray | float) -> tuple[
     counted = np.maximum(np.asarray(pairs), 1e-12)
     turning = np.trace(information[..., :3, :3], axis1=-2, axis2=-1)
     lever = np.sqrt(np.maximum(turning, 1e-12) / counted)
-    units = np.repeat(np.stack([lever, np.ones_like(lever)], axis=-1), 3, axis=-1)
-    share, axes = np.linalg.eigh(information / (units[..., :, None] * units[..., None, :] * counted[..., None, None]))
+    share, axes = np.linalg.eigh(_of_a_pair(information, lever, counted))
     return share, axes, lever
+
+
+def shares_along(other: np.ndarray, information: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """(..., 6) shares of other information (..., 6, 6) along the axes of `principal_axes`, in the same unit."""
+    _, axes, lever = principal_axes(information, pairs)
+    return np.einsum("...ia,...ij,...ja->...a", axes, _of_a_pair(other, lever, pairs), axes)
+
+
+def _of_a_pair(information: np.ndarray, lever: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    units = np.repeat(np.stack([lever, np.ones_like(lever)], axis=-1), 3, axis=-1)
+    return information / (units[..., :, None] * units[..., None, :] * np.asarray(pairs)[..., None, None])
 
 
 def firmness(information: np.ndarray, pairs: np.ndarray) -> np.ndarray:

@@ -104,6 +104,20 @@ def test_scans_between_that_no_registration_holds_are_told() -> None:
     assert traces[refused] > traces[refused - 1]
 
 
+def test_a_stream_of_which_many_scans_show_little_is_one() -> None:
+    """Of seven consecutive pairs that are tried four are refused; a pair that is farther apart is none of these."""
+    tried = np.unique(np.linspace(0, COUNT - 2, 7).astype(int))[::2].tolist()
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        given = reach(i, j, given)
+        return replace(given, accepted=False, probability=0.2) if i in tried and j == i + 1 else given
+
+    result, registrar = mapped(spoil=spoil)
+    assert {(k, k + 1) for k in tried} <= set(registrar.pairs)
+    assert result.keys is not None
+    assert len(result.keys) < COUNT / 5
+
+
 @pytest.mark.slow
 def test_a_user_may_set_the_step() -> None:
     result, _ = mapped(step=0.5)

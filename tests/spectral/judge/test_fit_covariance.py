@@ -63,6 +63,30 @@ def test_a_wall_leaves_its_own_direction_open(noise: float) -> None:
     assert abs(axes[:, 2] @ along) > 0.99
 
 
+def side_of_a_hull(rng: np.random.Generator) -> np.ndarray:
+    """What beams on a grid see of a cylinder along y, 6 m ahead: the same wherever along it the sensor is."""
+    azimuth, elevation = np.meshgrid(np.deg2rad(np.linspace(-45, 45, 128)), np.deg2rad(np.linspace(-20, 20, 64)))
+    x, y, z = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)
+    beams = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    radius, axis = 8.0, 14.0
+    across, toward = beams[:, 0] ** 2 + beams[:, 2] ** 2, axis * beams[:, 0]
+    under_root = toward**2 - across * (axis**2 - radius**2)
+    seen = under_root > 0
+    ranges = (toward[seen] - np.sqrt(under_root[seen])) / across[seen]
+    return beams[seen] * (ranges + rng.normal(0.0, 0.1, len(ranges)))[:, None]
+
+
+@pytest.mark.quick_cases(2)
+@pytest.mark.parametrize("seed", [9, 2, 3, 4, 5, 6])
+def test_the_pattern_of_the_beams_holds_nothing(seed: int) -> None:
+    """Scans of a hull's side from two places along it agree best where the sensor has not moved."""
+    rng = np.random.default_rng(seed)
+    found = register(side_of_a_hull(rng), side_of_a_hull(rng), voxel=0.16)
+    assert not found.accepted
+    sigma = np.sqrt(np.linalg.eigvalsh(found.covariance[3:, 3:])[-1])
+    assert sigma > 5.0
+
+
 @pytest.mark.slow
 def test_a_plane_leaves_three_directions_open() -> None:
     """Two shifts along it, and the turn about its normal; height, roll and pitch are fixed."""

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from sonarmap.spectral.judge.covariance import by_stretch
 from sonarmap.spectral.prepare.surface import Surface
 from sonarmap.spectral.verify.calibration import CALIBRATION
-from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.fit import Fit, principal_axes, shares_along
 from sonarmap.spectral.verify.icp import Stage, Start, refine
 from tests.spectral.surfaces import chosen_device, surface_of
 
@@ -170,6 +170,18 @@ def test_information_does_not_depend_on_how_many_points_took_part(pair: tuple[Su
     few, many = (refine_one(*pair, R_TRUE, SHIFT_TRUE, REACHES, most) for most in (500, 3000))
     assert few.pairs == pytest.approx(many.pairs, rel=0.1)
     np.testing.assert_allclose(np.diag(few.information), np.diag(many.information), rtol=0.25)
+
+
+def test_shares_of_other_information_lie_along_the_axes_of_the_first() -> None:
+    rng = np.random.default_rng(4)
+    halves = rng.normal(size=(2, 5, 6, 6))
+    information, other = halves @ halves.transpose(0, 1, 3, 2)
+    pairs = rng.uniform(100.0, 900.0, 5)
+    share, axes, lever = principal_axes(information, pairs)
+    np.testing.assert_allclose(shares_along(information, information, pairs), share, rtol=1e-9)
+    units = np.repeat([lever[2], 1.0], 3)
+    along = [v @ (other[2] / np.outer(units, units)) @ v / pairs[2] for v in axes[2].T]
+    np.testing.assert_allclose(shares_along(other, information, pairs)[2], along, rtol=1e-9)
 
 
 def test_several_places_are_refined_as_if_each_were_alone(pair: tuple[Surface, Surface]) -> None:
