@@ -3,6 +3,9 @@
 The first touch of new memory costs more than a Fourier transform: the system hands it out page by page, each cleared.
 """
 
+import ctypes
+import gc
+import sys
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -27,3 +30,12 @@ def recycled(device: Device, shape: tuple[int, ...], dtype: type | np.dtype = np
         if device not in _POOLS:
             _POOLS[device] = MemoryPool(ImmediateAllocator(device.queue))
         return cla.empty(device.queue, shape, dtype, allocator=device.allocator or _POOLS[device])
+
+
+def free_recycled() -> None:
+    """Give the system back what no array uses, until new ones are made."""
+    gc.collect()  # arrays that refer to one another
+    for pool in _POOLS.values():
+        pool.free_held()
+    if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "malloc_trim"):  # glibc keeps what is freed
+        libc.malloc_trim(0)

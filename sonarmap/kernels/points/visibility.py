@@ -39,7 +39,8 @@ def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
     require_places(directions, "directions")
     if edge < 1:
         raise InputError(f"`edge={edge}` cells are too few; give at least 1")
-    x, y, z = np.moveaxis(directions / np.maximum(np.abs(directions).sum(axis=1, keepdims=True), 1e-20), -1, 0)
+    columns = np.ascontiguousarray(directions.T)  # column by column, which is faster than row by row
+    x, y, z = columns / np.maximum(np.abs(columns).sum(axis=0), 1e-20)
     folded_u, folded_v = (1 - np.abs(y)) * np.where(x < 0, -1, 1), (1 - np.abs(x)) * np.where(y < 0, -1, 1)
     u, v = np.where(z < 0, folded_u, x), np.where(z < 0, folded_v, y)
     i, j = (np.clip(((side + 1) * (0.5 * edge)).astype(np.int64), 0, edge - 1) for side in (u, v))

@@ -47,7 +47,8 @@ def cluster(address: str) -> Iterator[Executor]:
         raise InputError("`scheduler` needs Dask: pip install 'sonarmap[cluster]'") from error
     for name in _NOISY_LOGGERS:
         logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is raised, too
-    with config.set({"distributed.comm.timeouts.connect": PATIENCE}):
+    large = "distributed.admin.large-graph-warning-threshold"  # a portion of a map has its scans with it
+    with config.set({"distributed.comm.timeouts.connect": PATIENCE, large: "1 GiB"}):
         client = _connected(Client, address)
         try:
             with _explained_errors(client, address):

@@ -4,6 +4,7 @@ Text, as pickling a RigidTransform changes its last bits.
 """
 
 import json
+from sys import intern
 from typing import Any
 
 import numpy as np
@@ -97,7 +98,7 @@ def _named_numbers(content: dict[str, Any], name: str) -> tuple[tuple[str, float
     rows = tuple((key, value) for key, value in content[name])
     if not all(isinstance(key, str) and isinstance(value, float) for key, value in rows):
         raise TypeError(f"{name} holds something else than names and numbers")
-    return rows
+    return tuple((intern(key), value) for key, value in rows)  # of many registrations they are the same
 
 
 def _transform(content: Any) -> RigidTransform:

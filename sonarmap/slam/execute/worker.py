@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from threadpoolctl import ThreadpoolController
 
+from sonarmap.kernels.device.recycled import free_recycled
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.pair_text import signature_to_text, to_text
 from sonarmap.slam.execute.transport import ScanKey, ScanSource
@@ -22,7 +23,7 @@ Sources = Mapping[ScanKey, ScanSource]
 # Chains need so many prepared scans, and loops come back to more: as many as an eighth of the memory holds are kept, up
 # to a few of the scans' neighbors. Five times as many saved no time in surveys of 240 and 400 scans, as pairs are
 # registered in the order of their scans, and they took 1.8 GB. The rest of the memory is the map's and other programs'.
-_CHAIN, _TRACKS = 8, 24
+_CHAIN, _TRACKS = 8, 16
 _SHARE = 8
 # A process without work for so long frees its worker [s]: a cluster's processes stay when a run has ended, however it
 # ended, and their devices are for others then. Making the worker again takes about 2 s.
@@ -92,8 +93,9 @@ class Worker:
         self._threads = ThreadpoolController()
 
     def release(self) -> None:
-        """Free the prepared scans."""
+        """Free the prepared scans, and the memory that others would have used again."""
         self._prepared.clear()
+        free_recycled()
 
     def run(self, jobs: Sequence[Job], sources: Sources) -> list[TimedText]:
         """Where a pair fails, its text says why; a scan that cannot be prepared has no signature.

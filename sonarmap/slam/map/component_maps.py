@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import KDTree
 
+from sonarmap.slam.execute.executor import Executor
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.map.crossing import CrossingError, crossing_error
 from sonarmap.slam.map.free_space import Votes, uncontradicted, votes
@@ -58,19 +59,22 @@ class ComponentMaps:
     crossings: CrossingError  # how far overlapping passes lie apart, before and after
 
 
-def component_maps(placed: PlacedScans, chained: Trajectory, min_seen: int = MIN_SEEN) -> ComponentMaps:
+def component_maps(
+    placed: PlacedScans, chained: Trajectory, min_seen: int = MIN_SEEN, executor: Executor | None = None
+) -> ComponentMaps:
     """Fuse one component.
 
     Args:
         placed: n scans at their optimized poses, their indices ascending.
         chained: their n poses before the loops, in the same frame.
         min_seen: scans that have to see a point where others looked; 1 leaves nothing out.
+        executor: who asks the scans about the points; None for this process.
 
     Raises:
         InputError: a voxel so small that no point is within reach.
     """
-    layers = {number: clean_map(scans, min_seen) for number, scans in placed.by_survey.items()}
-    parted, asked = clean_map(placed, min_seen), min_seen > 1
+    layers = {number: clean_map(scans, min_seen, executor) for number, scans in placed.by_survey.items()}
+    parted, asked = clean_map(placed, min_seen, executor), min_seen > 1
     return ComponentMaps(
         optimized=parted.clean,
         doubtful=parted.doubtful if asked else None,
@@ -81,10 +85,10 @@ def component_maps(placed: PlacedScans, chained: Trajectory, min_seen: int = MIN
     )
 
 
-def clean_map(placed: PlacedScans, min_seen: int = MIN_SEEN) -> CleanMap:
+def clean_map(placed: PlacedScans, min_seen: int = MIN_SEEN, executor: Executor | None = None) -> CleanMap:
     """Fuse scans, take out what free space contradicts, and part what too few scans saw where others looked."""
     fused = fuse(placed)
-    vote = votes(fused, placed)
+    vote = votes(fused, placed, executor)
     kept = uncontradicted(fused, vote)
     cleared = replace(fused.take(kept), removed=int(np.count_nonzero(~kept)))
     return part_doubtful(cleared, vote.take(kept), min_seen)

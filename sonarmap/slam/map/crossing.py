@@ -11,10 +11,12 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.cell import cell_means, outline, overlapping
 from sonarmap.slam.map.placed import PlacedScans
+from sonarmap.spectral.point_store import in_turn
 
 APART = 10  # scans of one pass follow each other more closely than this
 PER_SCAN = 2  # crossings that a scan takes part in
 MOST = 1000  # crossings that are looked at; of more, as many from all over the survey
+SCANS = 2000  # scans among which crossings are sought; of more, as many from all over the survey
 _CELL, _OVERLAP = 4.0, 0.3  # edge of the cells in which overlap is counted [voxels], and least share of them in common
 _SAMPLE = 1000  # points of a scan
 _NEIGHBORS = 8  # of the points that a plane is laid through
@@ -81,10 +83,10 @@ def crossing_error(placed: PlacedScans, before: RigidTransform) -> CrossingError
     """Distances between overlapping passes, under the poses before and after their optimization.
 
     Two scans cross if they overlap under the poses after and lie `APART` scans apart or in different surveys; each
-    scan takes part in `PER_SCAN` crossings at most, those of largest overlap, and `MOST` are looked at. Both scans are
-    thinned to one mean a voxel, which averages some of their noise away. Of the points that both saw, as the poses
-    after say, each one's distance is that to the plane through the nearest points of the other scan, sought anew under
-    either estimate. The ranges' noise is part of it: it is not 0 under the true poses.
+    scan takes part in `PER_SCAN` crossings at most, those of largest overlap, and `MOST` are looked at, among `SCANS`.
+    Both scans are thinned to one mean a voxel, which averages some of their noise away. Of the points that both saw, as
+    the poses after say, each one's distance is that to the plane through the nearest points of the other scan, sought
+    anew under either estimate. The ranges' noise is part of it: it is not 0 under the true poses.
 
     Args:
         placed: S scans of one component at their optimized poses, their indices ascending as they were taken.
@@ -96,7 +98,7 @@ def crossing_error(placed: PlacedScans, before: RigidTransform) -> CrossingError
     if len(before) != len(placed.scans):
         raise InputError(f"{len(placed.scans)} scans and {len(before)} poses before: wanted as many of each")
     voxel, after, crossings = placed.voxel, placed.T_world_sensor, list[Crossing]()
-    for a, b in _pairs(placed):
+    for a, b in in_turn(_pairs(placed)):
         target, source = (cell_means(placed.scans[k].points, voxel) for k in (a, b))
         tree = KDTree(target)
         T_before, T_after = (T[a].inv() * T[b] for T in (before, after))
@@ -113,8 +115,10 @@ def _pairs(placed: PlacedScans) -> list[tuple[int, int]]:
     """The crossings to look at, as places in the sequence, ascending."""
     if len(placed.scans) < 2:
         return []
-    outlines = [outline(scan, _CELL * placed.voxel) for scan in placed.scans]
-    pairs, overlap = overlapping(outlines, placed.T_world_sensor, _CELL * placed.voxel, _OVERLAP)
+    chosen = np.arange(0, len(placed.scans), -(-len(placed.scans) // SCANS))
+    outlines = [outline(placed.scans[k], _CELL * placed.voxel) for k in in_turn(chosen.tolist())]
+    pairs, overlap = overlapping(outlines, placed.T_world_sensor[chosen], _CELL * placed.voxel, _OVERLAP)
+    pairs = chosen[pairs]
     called, group = np.array(placed.indices)[pairs], np.array(placed.surveys)[pairs]
     apart = (np.abs(called[:, 0] - called[:, 1]) >= APART) | (group[:, 0] != group[:, 1])
     taken: Counter[int] = Counter()

@@ -4,14 +4,16 @@ them."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.points.visibility import octahedral_cells
+from sonarmap.slam.execute.executor import Executor, this_process
 from sonarmap.slam.map.placed import Beams, PlacedScans, pose_variance
 from sonarmap.slam.map.point_map import PointMap
+from sonarmap.slam.map.portions import in_portions
 from sonarmap.spectral.scan import Scan
 
 # A point contradicts a view if it lies nearer than everything about its direction by more than this: so many voxels,
@@ -23,6 +25,10 @@ _EDGES = (16, 256)  # of a view, coarsest and finest [cells]
 _LEVELS = 3  # of each view, every next one half as fine, for points whose direction is less sure
 _FILLED, _CLOSED = 5, 9  # of the nine cells about a direction, so many have to hold an echo, and hold one each
 _ROUNDING = 1 + 1e-6  # the farthest point of a scan is within its own reach
+# Where one of nine cells holds an echo, it is at most two cells away along either side of the map, which are 2 / edge
+# wide there; a step on the octahedron is no longer than sqrt(6) of the larger of both, and seen from its middle sqrt(3)
+# times that at most [rad * edge].
+_ASIDE = 2 * 2 * np.sqrt(6) * np.sqrt(3)
 _CROWD = 3  # of so many echoes in a cell the nearest is left out: it may be a wild one
 
 
@@ -37,6 +43,17 @@ class Votes:
     looked: np.ndarray
     # (M,) bool, whether the view of the scan that saw most of the point shows something nearer all about it
     behind: np.ndarray
+
+    @classmethod
+    def none(cls, count: int) -> Votes:
+        """Of so many points, before any scan is asked."""
+        agree, contradict, looked = np.zeros((3, count), np.int32)
+        return cls(agree, contradict, looked, np.zeros(count, bool))
+
+    def add(self, chosen: np.ndarray, more: Votes) -> None:
+        """Add what other scans say about these points, (m,) int64, each once."""
+        for field in fields(Votes):
+            getattr(self, field.name)[chosen] += getattr(more, field.name)
 
     def take(self, chosen: np.ndarray) -> Votes:
         """These points' alone."""
@@ -53,28 +70,54 @@ def uncontradicted(point_map: PointMap, vote: Votes) -> np.ndarray:
     return (vote.contradict < _LEAST) | (vote.contradict <= support)
 
 
-def votes(point_map: PointMap, placed: PlacedScans) -> Votes:
-    """Ask every scan that was seen from one viewpoint about every point of the map that its view takes in."""
-    agree, contradict, looked = np.zeros((3, len(point_map.points)), np.int32)
-    behind = np.zeros(len(point_map.points), bool)
+def votes(point_map: PointMap, placed: PlacedScans, executor: Executor | None = None) -> Votes:
+    """Ask every scan that was seen from one viewpoint about every point of the map that its view takes in; `executor`:
+    who does it, by default this process."""
+    total = Votes.none(len(point_map.points))
+    within, near = ball_search(point_map.points), dict[range, np.ndarray]()
+
+    def needs(places: range) -> tuple[PointMap, PlacedScans]:
+        portion = placed.take(places)
+        near[places] = within(*_ball_of(portion))
+        return point_map.take(near[places]), portion
+
+    for places, said in in_portions(executor or this_process(), placed.scans, _votes, needs):
+        total.add(near.pop(places), said)
+    return total
+
+
+def _ball_of(placed: PlacedScans) -> tuple[np.ndarray, float]:
+    """The center (3,) and the radius of a ball that holds all that scans see [m, world]."""
+    places = placed.T_world_sensor.translation
+    center = (places.min(axis=0) + places.max(axis=0)) / 2
+    reaches = [float(np.linalg.norm(scan.points.astype(np.float64), axis=1).max()) for scan in placed.scans]
+    return center, float((np.linalg.norm(places - center, axis=1) + reaches).max()) * _ROUNDING**2
+
+
+def _votes(point_map: PointMap, placed: PlacedScans) -> Votes:
+    """What the scans say about the points."""
+    said = Votes.none(len(point_map.points))
     within = ball_search(point_map.points)
     for k, (scan, beams) in enumerate(zip(placed.scans, placed.beams, strict=True)):
         if not beams.single:
             continue
         view, T = _view_of(scan, beams), placed.T_world_sensor[k]
         near = within(T.translation, view.reach)
-        local = T.inv().apply(point_map.points[near])
-        directions = view.R_view_sensor.apply(local)
+        # as matrices, which is several times faster than `apply`
+        local, R_view_sensor = (point_map.points[near] - T.translation) @ T.rotation.as_matrix(), view.R_view_sensor
+        aside = local @ R_view_sensor[2] < view.widest * np.sqrt(np.einsum("ij,ij->i", local, local))
+        near, local = near[~aside], local[~aside]
+        directions = local @ R_view_sensor.T
         unsure = point_map.sigma[near].astype(np.float64) ** 2 + pose_variance(local, placed.covariances[k])
         seen, passed, asked = _ask(view, local, directions, np.sqrt(unsure), point_map.voxel)
-        agree[near] += seen
-        contradict[near] += passed
-        looked[near] += asked
+        said.agree[near] += seen
+        said.contradict[near] += passed
+        said.looked[near] += asked
         own = np.flatnonzero(point_map.scan[near] == placed.indices[k])
         ranges = np.linalg.norm(local[own], axis=1)  # in its own view a point errs by its range alone
         ranges -= _tolerance(ranges, beams.sigma(ranges), point_map.voxel)
-        behind[near[own]] = view.behind(directions[own], ranges)
-    return Votes(agree, contradict, looked, behind)
+        said.behind[near[own]] = view.behind(directions[own], ranges)
+    return said
 
 
 def ball_search(points: np.ndarray) -> Callable[[np.ndarray, float], np.ndarray]:
@@ -121,7 +164,9 @@ def _tolerance(ranges: np.ndarray, sigma: np.ndarray, voxel: float) -> np.ndarra
 class _View:
     """What one scan saw, over directions."""
 
-    R_view_sensor: Rotation  # turns the middle of the beams to the octahedral map's, so that its seams lie behind
+    # (3, 3): turns the middle of the beams to the octahedral map's, the z axis, so that its seams lie behind
+    R_view_sensor: np.ndarray
+    widest: float  # cosine of an angle from the middle, beyond which no level tells anything
     # of every fineness, (edge, edge) float64: the nearest range [m] of each cell and the eight around it; NaN where too
     # few of these hold an echo to tell anything
     levels: tuple[np.ndarray, ...]
@@ -155,7 +200,9 @@ def _view_of(scan: Scan, beams: Beams) -> _View:
     R_view_sensor = Rotation.identity() if all_around else Rotation.align_vectors([[0.0, 0.0, 1.0]], [middle])[0]
     wanted = np.sqrt(4 * np.pi) / (_BEAMS_PER_CELL * max(beams.spacing, 1e-6))
     edge = int(2 ** np.clip(np.round(np.log2(wanted)), *np.log2(_EDGES)))
-    cells = octahedral_cells(R_view_sensor.apply(points), edge)
+    turned = R_view_sensor.apply(points)
+    cells = octahedral_cells(turned, edge)
+    widest = np.arccos(np.clip((turned[:, 2] / ranges).min(), -1.0, 1.0)) + _ASIDE * 2 ** (_LEVELS - 1) / edge
     order = np.argsort(cells + ranges / (2 * ranges.max()))  # by cell, then by range
     filled, first, count = np.unique(cells[order], return_index=True, return_counts=True)
     near = np.full(edge * edge, np.inf)
@@ -168,7 +215,8 @@ def _view_of(scan: Scan, beams: Beams) -> _View:
             closed.append(_nine(near, np.maximum, _CLOSED if fineness else _FILLED))
         near = np.minimum(near[::2], near[1::2])  # several times faster than the minimum along two axes
         near = np.minimum(near[:, ::2], near[:, 1::2])
-    return _View(R_view_sensor, tuple(levels), tuple(closed), _ROUNDING * float(ranges.max()))
+    least = float(np.cos(widest)) if widest < np.pi else -_ROUNDING
+    return _View(R_view_sensor.as_matrix(), least, tuple(levels), tuple(closed), _ROUNDING * float(ranges.max()))
 
 
 def _nine(near: np.ndarray, pick: np.ufunc, least: int) -> np.ndarray:

@@ -10,7 +10,9 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.execute.executor import Executor, this_process
 from sonarmap.slam.map.cell import lattice_origin
+from sonarmap.slam.map.portions import in_portions
 from sonarmap.spectral.scan import Scan
 
 # So many beams of a scan are looked at, each with its nearest by direction; and in so many groups by range.
@@ -71,13 +73,23 @@ class PlacedScans:
         indices: Sequence[int] | None = None,
         covariances: np.ndarray | None = None,
         surveys: Sequence[int] | None = None,
+        executor: Executor | None = None,
     ) -> PlacedScans:
-        """With their beams measured; by default called 0..S-1, of one survey, and where they are for certain."""
+        """With their beams measured, by workers if there are; by default called 0..S-1, of one survey, and where they
+        are for certain."""
+        beams: dict[range, tuple[Beams, ...]] = dict(
+            in_portions(
+                executor or this_process(),
+                scans,
+                _beams_of_each,
+                lambda places: ([scans[k].points for k in places], voxel),
+            )
+        )
         return cls(
             tuple(scans),
             T_world_sensor,
             voxel,
-            tuple(beams_of(scan.points, voxel) for scan in scans),
+            tuple(each for places in sorted(beams, key=lambda places: places.start) for each in beams[places]),
             tuple(range(len(scans)) if indices is None else indices),
             (0,) * len(scans) if surveys is None else tuple(surveys),
             np.zeros((len(scans), 6, 6)) if covariances is None else covariances,
@@ -106,6 +118,10 @@ class PlacedScans:
         surveys = np.array(self.surveys)
         numbers = np.unique(surveys).tolist()
         return {k: self.take(np.flatnonzero(surveys == k).tolist()) for k in numbers} if len(numbers) > 1 else {}
+
+
+def _beams_of_each(points: Sequence[np.ndarray], voxel: float) -> tuple[Beams, ...]:
+    return tuple(beams_of(each, voxel) for each in points)
 
 
 def beams_of(points: np.ndarray, voxel: float) -> Beams:

@@ -19,6 +19,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.cell import BITS, cell_keys, lattice_origin
 from sonarmap.slam.map.placed import PlacedScans, pose_variance
+from sonarmap.spectral.point_store import in_turn
 
 # Rows of a tile that wait at least before they are merged, so that merging stays cheap.
 MERGE_ROWS = 50_000
@@ -81,7 +82,7 @@ def fuse(placed: PlacedScans) -> PointMap:
     """
     voxel = placed.voxel
     origin, fused = placed.origin, _FusedCells()
-    for k in range(len(placed.scans)):
+    for k in in_turn(range(len(placed.scans))):
         fused.add(_thinned(placed, k, origin))
     columns = fused.columns()
     if not columns:

@@ -17,7 +17,7 @@ from sonarmap.spectral.scan import Scan
 _FEWEST = 4  # scans in a row that tell how the sensor moved
 # A scan takes no longer than to the next one, but for this share; else stamps and times are of different clocks.
 _LONGER = 1.2
-_IN_MEMORY = 1 << 28  # bytes of straightened points; the others are on disk
+_IN_MEMORY = 1 << 26  # bytes of straightened points; the others are on disk
 _MOST = 0.95  # of a scan's points this share moves by less than what is said of it
 
 

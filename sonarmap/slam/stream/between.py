@@ -47,7 +47,9 @@ def with_between(
     count, graph = len(measurements.scans), decision.solution.graph
     between = _between(keys, decision, measurements, floor, odd)
     refined = _refined(between, keys, decision, measurements, floor, runner)
-    edges = [edge for own in refined.edges.values() for edge in own]
+    edges = [_measured(edge) for own in refined.edges.values() for edge in own]
+    interpolated = tuple(refined.left)
+    del refined  # with all that was registered
     at_keys = {k: number for number, k in enumerate(keys)}
 
     def expanded(T_keys: RigidTransform) -> Trajectory:
@@ -85,7 +87,7 @@ def with_between(
     chained = expanded(decision.chained.T_world_sensor)
     judged = replace(judged, wrong=tuple(fixes[key] for key in sorted(fixes)))
     displaced = tuple((keys[i], keys[j]) for i, j in decision.displaced)
-    return Decision(chained, solution, pairs, judged, wrong_control, decision.drifts, displaced, tuple(refined.left))
+    return Decision(chained, solution, pairs, judged, wrong_control, decision.drifts, displaced, interpolated)
 
 
 def _refined(
@@ -103,6 +105,11 @@ def _refined(
     times = scan_times(measurements.stamps, measurements.surveys)
     runs = _runs(parts, between, measurements.surveys)
     return without_leaps(runner, between, refine(runner, between, floor), at, times, runs, floor)
+
+
+def _measured(edge: Edge) -> Edge:
+    """An edge with what takes part in a graph alone: of a dense stream there are many."""
+    return replace(edge, registration=replace(edge.registration, step_psr=(), alternatives=(), evidence=()))
 
 
 def _runs(parts: Mapping[int, int], between: Sequence[Between], surveys: np.ndarray) -> np.ndarray:

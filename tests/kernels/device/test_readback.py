@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sonarmap.kernels.device import recycled as pools
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import zero
 from sonarmap.kernels.device.readback import Readback
-from sonarmap.kernels.device.recycled import recycled
+from sonarmap.kernels.device.recycled import free_recycled, recycled
 from sonarmap.kernels.device.trace import Counts, tracing
 from sonarmap.kernels.errors import DeviceError
 
@@ -67,3 +68,15 @@ def test_memory_is_used_again_once_nothing_refers_to_it(device):
     assert (kept.get() == 2.0).all()
     with pytest.raises(DeviceError, match="on the device"):
         recycled(device, (2**20, 2**20))
+
+
+def test_what_no_array_uses_is_given_back(device: Device) -> None:
+    kept, gone = (recycled(device, (64, 1024)) for _ in range(2))
+    kept.fill(3.0)
+    del gone
+    pool = pools._POOLS[device]
+    free_recycled()
+    assert pool.held_blocks == 0
+    assert pool.active_blocks >= 1
+    assert (kept.get() == 3.0).all()
+    recycled(device, (64, 1024)).fill(1.0)

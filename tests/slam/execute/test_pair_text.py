@@ -133,7 +133,7 @@ def test_other_text_is_refused(read: Callable[[str], object], text: str) -> None
 
 @pytest.mark.parametrize(
     ("memory", "workers", "least", "most"),
-    [(2**40, 1, 24, 24), (2**33, 1, 9, 24), (2**34, 16, 8, 8), (2**26, 1, 2, 2)],
+    [(2**40, 1, 16, 16), (2**33, 1, 9, 16), (2**34, 16, 8, 8), (2**26, 1, 2, 2)],
 )
 def test_as_many_scans_stay_prepared_as_are_useful(memory: int, workers: int, least: int, most: int) -> None:
     registrar: Any = SimpleNamespace(device=SimpleNamespace(memory=memory), grid=SimpleNamespace(edge=128))

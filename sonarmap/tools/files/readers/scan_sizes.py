@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.scan import Scan
 
 _SAMPLE = 1000  # points of a scan that are looked at
@@ -21,7 +22,8 @@ _FIRST = 64  # points by which scans are compared first
 def strange_sizes(scans: Sequence[Scan]) -> dict[int, str]:
     """What is wrong with scans that are 40 times larger or smaller, or more, than the others, by their index. `scans`:
     of one survey."""
-    sizes = {k: size for k, scan in enumerate(scans) if len(scan.points) >= _LEAST_POINTS and (size := _size(scan)) > 0}
+    many = ((k, scan) for k, scan in enumerate(in_turn(scans)) if len(scan.points) >= _LEAST_POINTS)
+    sizes = {k: size for k, scan in many if (size := _size(scan)) > 0}
     if len(sizes) < _LEAST_SCANS:
         return {}
     usual = float(np.median(list(sizes.values())))
@@ -50,7 +52,7 @@ def same_points(scans: Sequence[Scan]) -> list[tuple[int, int]]:
     """Each scan whose points are exactly those of an earlier one, and the first that has them: (earlier, later)."""
     firsts: dict[tuple[int, bytes], list[int]] = {}
     pairs: list[tuple[int, int]] = []
-    for k, scan in enumerate(scans):
+    for k, scan in enumerate(in_turn(scans)):
         alike = firsts.setdefault((len(scan.points), scan.points[:_FIRST].tobytes()), [])
         earlier = next((j for j in alike if np.array_equal(scans[j].points, scan.points)), k)
         if earlier == k:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.instruments import COLUMNS, prior_of
@@ -69,7 +70,7 @@ def navigate(
         priors = by_the_maps_north(priors, georeference, grid)
     if settings.mount is not None:
         priors = [prior and settings.mount.of_sensor(prior) for prior in priors]
-    placed = tuple(replace(scan, prior=prior) for scan, prior in zip(scans, priors, strict=True))
+    placed = tuple(replace(scan, prior=prior) for scan, prior in in_turn(zip(scans, priors, strict=True)))
     return Navigated(placed, georeference)
 
 

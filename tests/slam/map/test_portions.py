@@ -1,0 +1,89 @@
+"""Maps by portions of their scans: the same whoever works at them, and no more in memory than is worked at."""
+
+from collections.abc import Iterator
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from sonarmap.slam.execute.executor import Executor, processes, this_process
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.map import crossing, portions
+from sonarmap.slam.map.component_maps import component_maps
+from sonarmap.slam.map.crossing import crossing_error
+from sonarmap.slam.map.placed import PlacedScans
+from sonarmap.slam.map.point_map import PointMap, fuse
+from sonarmap.slam.map.portions import in_portions
+from sonarmap.spectral.point_store import PointStore, let_go
+from sonarmap.spectral.scan import Scan
+from tests.samples.scenes.room_scans import look, room_poses
+
+VOXEL, COUNT = 0.25, 12
+TRUTH = room_poses(COUNT)
+
+
+@pytest.fixture(scope="module")
+def scans() -> list[Scan]:
+    rng = np.random.default_rng(3)
+    return [look(T, rng, wild=0.03) for T in TRUTH]
+
+
+@pytest.fixture(scope="module")
+def workers() -> Iterator[Executor]:
+    with processes(2) as executor:
+        yield executor
+
+
+def maps_of(scans: list[Scan], executor: Executor | None) -> list[PointMap]:
+    covariances = np.tile(np.diag(np.repeat([0.003, 0.03], 3) ** 2), (COUNT, 1, 1))
+    surveys = [0] * 5 + [1] * (COUNT - 5)
+    placed = PlacedScans.of(scans, TRUTH, VOXEL, None, covariances, surveys, executor)
+    maps = component_maps(placed, Trajectory(np.arange(COUNT, dtype=float), TRUTH), executor=executor)
+    assert maps.doubtful is not None
+    layers = [each for layer in maps.layers.values() for each in (layer.clean, layer.doubtful)]
+    return [maps.optimized, maps.doubtful, maps.chained, *layers]
+
+
+def assert_same(one: PointMap, other: PointMap) -> None:
+    for field in fields(PointMap):
+        np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name), field.name)
+
+
+def test_two_workers_and_any_portions_give_the_same_maps(
+    scans: list[Scan], workers: Executor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = maps_of(scans, None)
+    assert expected[0].removed
+    assert len(expected[1].points)
+    for count in (1, 5):
+        monkeypatch.setattr(portions, "_SCANS", count)
+        for executor in (this_process(), workers):
+            for one, other in zip(maps_of(scans, executor), expected, strict=True):
+                assert_same(one, other)
+
+
+def test_portions_are_neighbors_of_so_many_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(portions, "_POINTS", 100)
+    monkeypatch.setattr(portions, "_SCANS", 3)
+    scans = [Scan(np.ones((size, 3), np.float32)) for size in (60, 40, 1, 250, 10, 10, 10, 10)]
+    done = dict(in_portions(this_process(), scans, sum, lambda places: ([len(scans[k].points) for k in places],)))
+    assert done == {range(2): 100, range(2, 3): 1, range(3, 4): 250, range(4, 7): 30, range(7, 8): 10}
+
+
+def test_of_many_scans_some_from_all_over_are_asked_for_crossings(
+    scans: list[Scan], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = [5 * k for k in range(COUNT)]
+    placed = PlacedScans.of(scans, TRUTH, 1.0, names)
+    assert {0, 5} <= {end for each in crossing_error(placed, TRUTH).crossings for end in (each.i, each.j)}
+    monkeypatch.setattr(crossing, "SCANS", 4)
+    taken = {end for each in crossing_error(placed, TRUTH).crossings for end in (each.i, each.j)}
+    assert taken
+    assert taken <= {0, 15, 30, 45}
+
+
+def test_the_map_of_scans_on_disk_is_the_same(scans: list[Scan]) -> None:
+    store = PointStore(0)
+    on_disk = [replace(scan, points=store.keep(scan.points)) for scan in scans]
+    let_go()
+    assert_same(fuse(PlacedScans.of(on_disk, TRUTH, VOXEL)), fuse(PlacedScans.of(scans, TRUTH, VOXEL)))
