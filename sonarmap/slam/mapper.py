@@ -169,15 +169,17 @@ class Mapper:
         known: Sequence[RegisteredPair],
         settled: int = 0,
         looked: dict[tuple[int, int], RegisteredPair] | None = None,
+        odometry: Odometry | None = None,
     ) -> Decision:
-        """About scans, at least two, as a map that grows needs it; `surveys` are as of `run`, `known` pairs have been
-        registered, `settled` and `looked` are as of `PairSearch`.
+        """About scans, at least two, as a map that grows needs it; `surveys` and `odometry` are as of `run`, `known`
+        pairs have been registered, `settled` and `looked` are as of `PairSearch`.
 
         Raises:
             InputError: not one pair that could be tried.
         """
-        measurements = Measurements(tuple(scans), surveys)
-        return self._decided(PairRunner(self.execution, scans, 0, None), measurements, known, settled, looked)
+        measurements = Measurements(tuple(scans), surveys, odometry)
+        runner = PairRunner(self.execution, measurements.searched(), 0, None)
+        return self._decided(runner, measurements, known, settled, looked)
 
     def _straightened(
         self,
@@ -323,8 +325,10 @@ class Mapper:
                 members,
                 covariances[members],
                 survey[members].tolist(),
+                self.execution.executor,
             )
-            parts.append(component_maps(placed, decision.chained.take(members), self.settings.min_seen))
+            chained, executor = decision.chained.take(members), self.execution.executor
+            parts.append(component_maps(placed, chained, self.settings.min_seen, executor))
         return SurveyResult(
             trajectory=trajectory,
             chained=decision.chained,

@@ -2,7 +2,7 @@
 """The map while it grows: where key scans lie, in which parts, and how surely."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from threading import Event, Lock
 from time import perf_counter
@@ -16,9 +16,13 @@ from sonarmap.slam.graph.pose_covariance import pose_covariances
 from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.live.tracker import Placed, Tracker
 from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
+
+# Key scans with what navigation measured of them until now, and dead reckoning at their times.
+Navigate = Callable[[Sequence[Scan]], tuple[Sequence[Scan], Odometry | None]]
 
 _LONGEST_WAIT = 1.0  # of a pair for which there is time [s]
 
@@ -37,6 +41,7 @@ class GrowingMap:
 
     Args:
         mapper: whose registrar, settings and journal are used.
+        navigate: what says where key scans were, beside themselves; None for nothing.
 
     Attributes:
         tracker: what places scans.
@@ -44,11 +49,12 @@ class GrowingMap:
         loops: numbers of the key scans that loops join.
         idle: to be set while no scan waits: the other thread registers pairs then, or after a while.
         decided: how many key scans the last decision knew.
+        settled: how many are of a finished map.
         seconds: how long it took [s].
         voxel: edge of the survey's voxels [m].
     """
 
-    def __init__(self, mapper: Mapper) -> None:
+    def __init__(self, mapper: Mapper, navigate: Navigate | None = None) -> None:
         self.idle, lock, settings = Event(), Lock(), mapper.settings
         tracking = replace(mapper.execution, worker=_Turns(mapper.execution.worker, lock), journal=None)
         deciding = replace(mapper.execution, worker=_Turns(mapper.execution.worker, lock, self.idle), timings=Timings())
@@ -67,8 +73,9 @@ class GrowingMap:
         self.tracker = Tracker(register, looks_again, mapper.voxel, floor, settings.limits, settings.keys)
         self.poses: list[Pose] = []
         self.loops: list[tuple[int, int]] = []
-        self._found: tuple[list[Pose], list[tuple[int, int]]] | None = None
-        self._settled = 0  # key scans of a finished map
+        self._navigate = navigate
+        self._found: tuple[list[Pose], list[tuple[int, int]], Sequence[Scan]] | None = None
+        self.settled = 0
         # second looks, which are not repeated whenever the estimate changes: the map at the end does
         self._looked: dict[tuple[int, int], RegisteredPair] = {}
         self.decided, self.seconds, self.voxel = 0, 0.0, mapper.voxel
@@ -89,7 +96,7 @@ class GrowingMap:
         it began a part."""
         self.tracker.restore(scan, step)
         self.tracker.anew = of_map  # nobody knows where the next one lies to it
-        self._settled += of_map
+        self.settled += of_map
         self.poses.append(self._by_step(len(self.poses), self.poses))
 
     def knows_up(self, part: int) -> bool:
@@ -102,6 +109,12 @@ class GrowingMap:
         """How many key scans every part has, by its number."""
         return Counter(pose.part for pose in self.poses)
 
+    def forget_journal(self) -> None:
+        """Register pairs without it, as where the disk is full."""
+        mapper = self._mapper
+        execution = replace(mapper.execution, journal=None)
+        self._mapper = Mapper(mapper.registrar, mapper.voxel, mapper.settings, execution)
+
     def decide(self) -> None:
         """Search for loops among the key scans so far, and optimize; `take_over` has what comes of it. May be called by
         another thread than the others.
@@ -109,29 +122,39 @@ class GrowingMap:
         Raises:
             DeviceError, InputError: the machine failed, or the journal cannot be used.
         """
-        begun, keys, starts = perf_counter(), list(self.tracker.keys), set(self.tracker.starts)
+        begun, starts = perf_counter(), set(self.tracker.starts)
+        keys: Sequence[Scan] = list(self.tracker.keys)
         known = [step for k in range(1, len(keys)) if k not in starts and (step := self.tracker.steps.get(k))]
         if not known:  # nothing that could be joined
             return
-        # parts are surveys of their own: only places that look alike join them, and no step over what came between
-        surveys = np.cumsum([k in starts for k in range(len(keys))]) - 1
-        decision = self._mapper.decided(keys, surveys, known, self._settled, self._looked)
+        odometry = None
+        if self._navigate is not None:
+            keys, odometry = self._navigate(keys)
+        # parts are surveys of their own: only places that look alike join them, and no step over what came between,
+        # but for one that dead reckoning knows too
+        surveys = np.cumsum([k in starts and odometry is None for k in range(len(keys))]) - 1
+        decision = self._mapper.decided(keys, surveys, known, self.settled, self._looked, odometry)
         self._mapper.execution.timings.pairs.clear()
         solution, covariances = decision.solution, pose_covariances(decision.solution)
-        part = {k: min(members) for members in solution.graph.components for k in members}
-        T = solution.trajectory.T_world_sensor
-        first = {number: self._level(number) * T[number].inv() for number in set(part.values())}
-        poses = [Pose(part[k], first[part[k]] * T[k], covariances[k]) for k in range(len(keys))]
+        T, graph = solution.trajectory.T_world_sensor, solution.graph
+        poses: dict[int, Pose] = {}
+        for members in graph.components:
+            number = min(members)
+            in_world = graph.gauge.lies_in_world(members)
+            first = RigidTransform.identity() if in_world else _level(keys[number]) * T[number].inv()
+            poses |= {k: Pose(number, first * T[k], covariances[k]) for k in members}
         loops = [pair.scans for pair in decision.pairs if pair.kept and pair.role == "loop"]
-        self._found = poses, loops
+        self._found = [poses[k] for k in range(len(keys))], loops, keys
         self.seconds = perf_counter() - begun
 
     def take_over(self) -> bool:
         """Take over what was decided, if anything new was; the key scans that came meanwhile go on by their steps."""
         if self._found is None:
             return False
-        (poses, self.loops), self._found = self._found, None
+        (poses, self.loops, keys), self._found = self._found, None
         self.decided = len(poses)
+        for number, key in enumerate(keys):
+            self.tracker.keys[number] = replace(self.tracker.keys[number], prior=key.prior)
         for number in range(len(poses), len(self.tracker.keys)):
             poses.append(self._by_step(number, poses))
         self.poses = poses
@@ -141,18 +164,16 @@ class GrowingMap:
         """A key scan's pose by the one before; it begins a part where no step leads to it."""
         step = self.tracker.steps.get(number)
         if step is None or step.registration is None:
-            return Pose(number, self._level(number), np.zeros((6, 6)))
+            return Pose(number, _level(self.tracker.keys[number]), np.zeros((6, 6)))
         return _moved(poses[number - 1], step.registration.T_target_source, step.registration.covariance)
 
-    def _level(self, number: int) -> RigidTransform:
-        """The pose with which a part begins: level where the key scan's attitude is known, and in the world where all
-        is."""
-        prior = self.tracker.keys[number].prior
-        if prior is not None and prior.is_complete:
-            return prior.T_world_sensor
-        if prior is None or not prior.knows_attitude:
-            return RigidTransform.identity()
-        return RigidTransform.from_rotation(prior.T_world_sensor.rotation)
+
+def _level(key: Scan) -> RigidTransform:
+    """The pose with which a part begins: level where its first scan's attitude is known, in the world where all is."""
+    prior = key.prior
+    if prior is None or not prior.knows_attitude:
+        return RigidTransform.identity()
+    return prior.T_world_sensor if prior.is_complete else RigidTransform.from_rotation(prior.T_world_sensor.rotation)
 
 
 def _moved(pose: Pose, T: RigidTransform, covariance: np.ndarray) -> Pose:

@@ -20,6 +20,9 @@ Register = Callable[[Scan, Scan, Candidate], RegisteredPair]
 
 LOST = 3  # scans in a row that fit nothing, after which the vehicle is lost
 _WINDOW = 12  # key scans from which the motion is learned
+# A step so many standard deviations off the usual motion, or after a scan that fitted nothing, may be a leap to a place
+# that looks alike: it has to be so probable.
+_UNUSUAL, _SURELY = 1.8, 0.97
 _DUE = 0.8  # of how far key scans may be apart, the share at which a scan becomes one
 
 
@@ -148,8 +151,9 @@ class Tracker:
             again = self.register(keys[last], scan, replace(step, expected=motion.expected(*pair.scans)))
             pair = with_both(pair, again.renumbered(number), motion)
         pair = believing_steps(with_motion([without_leaps(pair, motion)], motion), None)[0]
-        if pair.accepted and pair.registration and motion.contradicts(*pair.scans, pair.registration.T_target_source):
-            pair = replace(pair, registration=replace(pair.registration, accepted=False))
+        registration = pair.registration
+        if registration is not None and registration.accepted and not self._is_credible(pair, registration, motion):
+            pair = replace(pair, registration=replace(registration, accepted=False))
         return pair.renumbered(back)
 
     def _motion(self, keys: Sequence[Scan], steps: dict[int, RegisteredPair], scan: Scan) -> Motion | None:
@@ -159,3 +163,13 @@ class Tracker:
         pairs = [pair.renumbered({k: k - first for k in pair.scans}) for pair in known]
         stamps = np.array([each.stamp for each in (*keys[first:], scan)], dtype=np.float64)
         return Motion.learn(pairs, stamps, np.zeros(len(stamps), np.intp), self.floor, self.limits)
+
+    def _is_credible(self, pair: RegisteredPair, registration: Registration, motion: Motion) -> bool:
+        """Whether a step is as usual, or surely seen."""
+        T, expected = registration.T_target_source, motion.expected(*pair.scans)
+        if motion.contradicts(*pair.scans, T):
+            return False
+        turn = (T.rotation * expected.T_target_source.rotation.inv()).as_rotvec()
+        off = np.concatenate([turn, T.translation - expected.translation]) / expected.sigmas
+        is_usual = not self.missed and np.linalg.norm(off) < _UNUSUAL
+        return bool(is_usual or not registration.probability < _SURELY)  # NaN of methods that do not say

@@ -1,6 +1,6 @@
 """Scans placed as they come, by a registrar that knows the truth: the map that grows is that of the poses."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from threading import Thread
 from typing import Any
@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.slam.live.growing import GrowingMap
+from sonarmap.slam.live.growing import GrowingMap, Navigate
 from sonarmap.slam.live.tracker import LOST
 from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.surveys import KnowingRegistrar, position_error, random_covariance, ring_poses, scans_of
@@ -133,6 +134,38 @@ def test_scans_that_fit_nothing_are_said_to_after_three() -> None:
     assert grown.parts.keys() == {0}
 
 
+@pytest.mark.parametrize(("probability", "believed"), [(0.9, False), (0.99, True)])
+def test_after_a_scan_that_fits_nothing_only_a_sure_one_goes_on(probability: float, believed: bool) -> None:
+    """As it may be a leap to a place that looks alike."""
+    truth = ring_poses(30, turns=0.5)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        if j == 12:
+            return replace(given, accepted=False, probability=0.0)
+        return replace(given, probability=probability if j == 13 else 1.0)
+
+    grown = growing(truth, spoil)
+    placed = [grown.add(scan) for scan in scans_of(truth)[:14]]
+    assert placed[12] is None
+    assert placed[13] is not None  # by the scan before, if by no other
+    assert (len(grown.parts) == 1) == believed
+
+
+def test_a_step_off_the_usual_motion_has_to_be_sure() -> None:
+    ring = ring_poses(30, turns=0.5)
+    turned = RigidTransform.from_rotation(Rotation.from_rotvec([0.0, 0.0, 1.2]))
+    scans = scans_of(ring)
+    for probability in (0.9, 0.99):
+        truth = RigidTransform.concatenate([ring[:12], ring[12] * turned, ring[13:]])
+
+        def spoil(i: int, j: int, given: Registration, probability: float = probability) -> Registration:
+            return replace(given, probability=probability if j == 12 else 1.0)
+
+        grown = growing(truth, spoil)
+        placed = [grown.add(scan) for scan in scans[:13]]
+        assert (placed[12] is not None) == (probability > 0.95)
+
+
 def test_a_scan_that_is_not_the_last_chance_changes_nothing() -> None:
     truth = ring_poses(40, turns=1.0)
     scans = scans_of(truth)
@@ -184,6 +217,65 @@ def test_ellipsoids_grow_with_the_way_from_the_last_key_scan() -> None:
         sigmas.append(float(np.trace(grown.pose(placed).covariance[3:, 3:])))
     assert sigmas[0] == 0.0
     assert sigmas[-1] > 2 * sigmas[5]
+
+
+def leapt(navigate: Callable[[RigidTransform], Navigate | None]) -> tuple[GrowingMap, RigidTransform]:
+    """A map whose vehicle leapt at scan 14, decided, and where its key scans truly were."""
+    ring = ring_poses(40, radius=5.0, turns=1.0)
+    away = RigidTransform.from_components([5.0, 0.0, 40.0], Rotation.from_rotvec([0.0, 0.0, 0.5]))
+    truth = RigidTransform.concatenate([away * ring[:14], ring[14:]])
+    scans = scans_of(ring)
+    registrar = SeeingRegistrar(truth, COVARIANCE, far_refused(truth))
+    grown = GrowingMap(Mapper(registrar, VOXEL), navigate(truth))
+    for scan in scans[:24]:
+        grown.add(scan)
+    decided(grown)
+    return grown, true_poses(truth, grown.tracker.keys)
+
+
+def true_poses(truth: RigidTransform, scans: Sequence[Scan]) -> RigidTransform:
+    return RigidTransform.concatenate([truth[int(scan.name.removeprefix("scan"))] for scan in scans])
+
+
+def measured(truth: RigidTransform) -> Navigate:
+    """Fixes, which are the true poses."""
+    sigmas = np.array([0.01, 0.01, 0.02, 0.5, 0.5, 0.5])
+
+    def navigate(scans: Sequence[Scan]) -> tuple[Sequence[Scan], None]:
+        priors = [PosePrior(T, sigmas) for T in true_poses(truth, scans)]
+        return [replace(scan, prior=prior) for scan, prior in zip(scans, priors, strict=True)], None
+
+    return navigate
+
+
+def reckoned(truth: RigidTransform) -> Navigate:
+    """Dead reckoning, which is right."""
+
+    def navigate(scans: Sequence[Scan]) -> tuple[Sequence[Scan], Odometry]:
+        times = np.array([scan.stamp for scan in scans])
+        return scans, Odometry(np.arange(len(scans)), true_poses(truth, scans), times)
+
+    return navigate
+
+
+def test_without_navigation_a_leap_leaves_two_parts() -> None:
+    assert len(leapt(lambda _: None)[0].parts) == 2
+
+
+def test_fixes_join_parts_and_put_them_in_the_world() -> None:
+    grown, truth = leapt(measured)
+    assert grown.parts == {0: len(grown.tracker.keys)}
+    assert all(key.prior is not None for key in grown.tracker.keys)
+    found = np.array([pose.T_part_sensor.translation for pose in grown.poses])
+    assert np.linalg.norm(found - truth.translation, axis=1).max() < 0.3
+
+
+def test_dead_reckoning_joins_parts() -> None:
+    grown, truth = leapt(reckoned)
+    assert grown.parts == {0: len(grown.tracker.keys)}
+    step = grown.poses[0].T_part_sensor.inv() * grown.poses[-1].T_part_sensor
+    off = step.translation - (truth[0].inv() * truth[-1]).translation
+    assert np.linalg.norm(off) < 1.5  # 1 percent of 40 m, and what the steps add
 
 
 @pytest.mark.parametrize("count", [0, 1])

@@ -19,14 +19,13 @@ class Backlog:
 
     Attributes:
         error: why no more scans come; None while they may.
-        came: how many have come so far.
         missing: shots that did not come, by their numbers.
         ended: whether all have come.
     """
 
     def __init__(self, scans: Iterable[Incoming]) -> None:
         self.error: InputError | None = None
-        self.missing = self.came = 0
+        self.missing = 0
         self.ended = False
         self._waiting: deque[Incoming] = deque()
         self._changed = Condition()
@@ -42,11 +41,6 @@ class Backlog:
         with self._changed:
             return self._waiting[number]
 
-    def first(self, count: int) -> list[Incoming]:
-        """The first that wait, so many at most."""
-        with self._changed:
-            return list(self._waiting)[:count]
-
     def drop(self, count: int) -> None:
         """Forget the first ones."""
         with self._changed:
@@ -60,7 +54,7 @@ class Backlog:
                 with self._changed:
                     self._changed.wait_for(lambda: len(self._waiting) < _MOST)
                     self._waiting.append(each)
-                    self.came, self.missing = self.came + 1, each.missing
+                    self.missing = each.missing
                     self._changed.notify_all()
         except InputError as error:
             self.error = error

@@ -1,13 +1,12 @@
 # pyright: strict
 """A dive from its first scan to its last: who records, who maps, and what is shown of it."""
 
-import json
 import os
 import signal
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
 from threading import Event, Thread
@@ -16,8 +15,8 @@ from typing import Any
 from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.tools.command.live.mapping import MappingSettings, run_mapping
 from sonarmap.tools.command.live.recording import RecordingProcess
-from sonarmap.tools.products.live.messages import State, state_message
 from sonarmap.tools.products.live.server import LivePage
+from sonarmap.tools.products.live.state import State
 
 _TICK = 0.2  # seconds after which an end that was asked for is noticed, at the latest
 _MOST_BEGUN, _WITHIN = 5, 60.0  # so often the mapping is begun again within so long [s]
@@ -33,13 +32,13 @@ class Dive:
         settings: of the mapping.
         recording: who records; None of an input that somebody else writes.
         page: where it is shown.
-        tell: called with what to say on the terminal: the status, the sentence, and what is new and wrong.
+        tell: called with what to say on the terminal: the state, and what is new and wrong.
     """
 
     settings: MappingSettings
     recording: RecordingProcess | None
     page: LivePage
-    tell: Callable[[str, str, list[str]], None]
+    tell: Callable[[State, list[str]], None]
     _alerts: list[str] = field(default_factory=list[str])
     _new: list[str] = field(default_factory=list[str])
     _begun: list[float] = field(default_factory=list[float])
@@ -63,14 +62,19 @@ class Dive:
                 self.recording.end()
 
     def _only_record(self, stop: Event) -> None:
-        sentence = "The recording goes on; nothing more is mapped until the dive ends."
         while not stop.is_set() and self.recording is not None:
             self._look_at_recording()
             if self._new:
-                self.tell("waiting", sentence, self._new)
-                self.page.publish(state_message(State("waiting", sentence, alerts=self._alerts)))
-                self._new = []
+                self._show(State("recording"))
             stop.wait(_TICK)
+
+    def _show(self, state: State) -> None:
+        """On the terminal and the page, with what is wrong."""
+        for alert in state.alerts:
+            self._alert(alert)
+        self.tell(state, self._new)
+        self._new = []
+        self.page.publish(("state", replace(state, alerts=tuple(self._alerts)).message))
 
     def _map_until(self, stop: Event) -> bool:
         """Map in a process of its own; whether this was killed, and can be begun again."""
@@ -110,13 +114,10 @@ class Dive:
             return True
         if isinstance(message, InputError | DeviceError):
             raise message
-        if isinstance(message, str) and message.startswith('{"kind":"state"'):
-            state = json.loads(message)
-            state["alerts"] = [*self._alerts, *state["alerts"]][-_MOST_ALERTS:]
-            self.tell(state["status"], state["sentence"], self._new)
-            self._new = []
-            message = json.dumps(state, separators=(",", ":"))
-        self.page.publish(message)
+        if isinstance(message, State):
+            self._show(message)
+        else:
+            self.page.publish(message)
         return False
 
     def _look_at_recording(self) -> None:

@@ -19,9 +19,10 @@ from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.readers.incoming import Mark
 from sonarmap.tools.files.writers.atomic import atomic_path, clear_leftovers, require_writable
 from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.methods.fingerprint import fingerprint
 
 FOLDER = "live"  # within the map's folder
-_INPUTS = "inputs.json"
+_INPUTS = "inputs.sha256"
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +86,9 @@ def clear(out: Path) -> None:
 
 
 @contextmanager
-def kept_for(out: Path, inputs: Sequence[str]) -> Generator[None]:
-    """Within the block a map's folder is this program's, and holds key scans of these inputs alone.
+def kept_for(out: Path, inputs: Sequence[str], settings: object = None) -> Generator[None]:
+    """Within the block a map's folder is this program's, and holds key scans of these inputs alone, mapped with these
+    settings, any that `fingerprint` takes.
 
     Raises InputError: another program maps there, or nothing can be written.
     """
@@ -95,7 +97,7 @@ def kept_for(out: Path, inputs: Sequence[str]) -> Generator[None]:
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder, writing=True):
         clear_leftovers(folder)
-        said = json.dumps([str(Path(name).resolve()) for name in inputs])
+        said = fingerprint([[str(Path(name).resolve()) for name in inputs], settings])
         try:
             same = (folder / _INPUTS).read_text(encoding="utf-8") == said
         except (OSError, ValueError):

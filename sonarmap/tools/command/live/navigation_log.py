@@ -5,6 +5,7 @@ import re
 import socket
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from functools import reduce
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any
@@ -52,15 +53,10 @@ def kept_navigation(source: str | None, out: Path) -> Generator[None]:
 
 def sentences_in(received: bytes) -> list[bytes]:
     """The sentences with a right checksum, each as a line."""
-    found = [match for match in _SENTENCE.finditer(received) if _checksum(match[1]) == int(match[2], 16)]
+    found = [
+        match for match in _SENTENCE.finditer(received) if reduce(lambda a, b: a ^ b, match[1]) == int(match[2], 16)
+    ]
     return [match[0] + b"\r\n" for match in found]
-
-
-def _checksum(body: bytes) -> int:
-    checksum = 0
-    for byte in body:
-        checksum ^= byte
-    return checksum
 
 
 def _keep(receive: Callable[[], bytes], write: Callable[[bytes], Any], ends: Event) -> None:

@@ -32,13 +32,19 @@ class RecordingProcess:
         self._begun: list[float] = []
         self._process: subprocess.Popen[bytes] | None = None
         self._read = 0
+        self._elsewhere = ""  # options of one that was taken over, if they are others
         self._id = self._left_at_work()
         if self._id is None:
             self._begin()
+        elif (own := _options_of(self._id, self._folder)) != self._options:
+            self._elsewhere = " ".join(own or []) or "its defaults"
 
     def look(self) -> Iterator[str]:
         """What it says, a line each; it is begun again where it was killed. Raises InputError: it cannot record."""
         code = self._exit_code()
+        if self._elsewhere:
+            yield f"the recording of an earlier run goes on, listening by {self._elsewhere}; to change that, end it"
+            self._elsewhere = ""
         yield from self._lines()
         if code is None:
             return
@@ -86,24 +92,14 @@ class RecordingProcess:
 
     def _left_at_work(self) -> int | None:
         """The number of a process that records to the folder; None where there is none."""
-        for process in Path("/proc").glob("[0-9]*"):
-            if self._records(int(process.name)):
-                return int(process.name)
-        return None
-
-    def _records(self, number: int) -> bool:
-        """Whether a process records to the folder."""
-        try:
-            words = Path(f"/proc/{number}/cmdline").read_bytes().decode(errors="replace").split("\0")
-        except OSError:  # it has gone
-            return False
-        return "record" in words and any(word.startswith(f"{self._folder}{os.sep}") for word in words)
+        numbers = (int(process.name) for process in Path("/proc").glob("[0-9]*"))
+        return next((number for number in numbers if _options_of(number, self._folder) is not None), None)
 
     def _exit_code(self) -> int | None:
         """None while it is at work; -1 of one that was taken over and has gone."""
         if self._process is not None:
             return self._process.poll()
-        return None if self._id is not None and self._records(self._id) else -1
+        return -1 if self._id is None or _options_of(self._id, self._folder) is None else None
 
     def _lines(self) -> Iterator[str]:
         with suppress(OSError), (self._folder / _LOG).open("rb") as log:
@@ -112,3 +108,13 @@ class RecordingProcess:
             whole = text[: text.rfind(b"\n") + 1]
             self._read += len(whole)
             yield from whole.decode("utf-8", "replace").splitlines()
+
+
+def _options_of(number: int, folder: Path) -> list[str] | None:
+    """Where a process that records to a folder listens; None of another process, or one that has gone."""
+    try:
+        words = Path(f"/proc/{number}/cmdline").read_bytes().decode(errors="replace").split("\0")
+    except OSError:
+        return None
+    file = next((k for k, word in enumerate(words) if word.startswith(f"{folder}{os.sep}")), None)
+    return None if file is None or "record" not in words else words[file + 1 : -1]

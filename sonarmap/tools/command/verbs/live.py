@@ -30,6 +30,7 @@ from sonarmap.tools.command.verbs.record import SECONDS_BETWEEN_LINES, Listening
 
 if TYPE_CHECKING:
     from sonarmap.tools.command.live.mapping import MappingSettings
+    from sonarmap.tools.products.live.state import State
 
 NOTHING_CAME = 3
 _running = partial(option, RUNNING)
@@ -59,8 +60,7 @@ class LiveOptions:
     nmea: str | None = option(
         NAVIGATION,
         "PORT|DEVICE",
-        "Keep NMEA sentences that come to a UDP port or a serial device, for the map at the end. They are in "
-        "OUT/navigation.nmea, as of --priors.",
+        "Take NMEA from a UDP port or a device. It is kept in OUT/navigation.nmea, as of --priors.",
     )
     browser: bool = flag(RUNNING, "--browser/--no-browser", "Open the page in the browser.", True)
     port: int = _running("N", "Of the page.", 0, shown="any that is free", min=0, max=65535, rare=True)
@@ -81,6 +81,7 @@ def command(
     method: MethodOptions,
     points: PointReading,
     priors: PriorsFile,
+    odometry: OdometryFile,
     reading: NavigationReading,
     survey: SurveyOptions,
     source: SourceArgument = None,
@@ -92,7 +93,8 @@ def command(
 
     The page shows the map as it grows, where the vehicle is and how surely, what was seen how often, and says when it
     is lost and where its place was last sure. Each scan is placed when it comes; loops are closed and all poses
-    optimized again meanwhile. Where more scans come than can be placed, some are left for the end.
+    optimized again meanwhile, with --priors and --odometry as far as their files have grown. Where more scans come than
+    can be placed, some are left for the end.
 
     Ctrl-C or --duration ends the dive. Then the map is made as `sonarmap map` makes it, with the same files and exit
     codes; `sonarmap map OUT/recording -o OUT` with more options makes it again. What comes over the network is recorded
@@ -100,6 +102,8 @@ def command(
     """
     from sonarmap.tools.command.live.kept_keys import clear
     from sonarmap.tools.command.live.mapping import MappingSettings
+    from sonarmap.tools.command.live.navigating import Navigation
+    from sonarmap.tools.command.live.navigation_log import NAME
     from sonarmap.tools.command.live.recording import FOLDER
     from sonarmap.tools.files.readers.incoming import final_path
 
@@ -107,13 +111,17 @@ def command(
     _require_source(inputs, live.replay)
     if live.nmea is not None and priors.priors is not None:
         raise InputError("--nmea and --priors both give navigation; leave one out")
+    mapper = survey.mapper_settings()
+    known = priors if live.nmea is None else replace(priors, priors=out / NAME)
+    navigation = Navigation(known, odometry, reading, mapper.limits.speed)
     settings = MappingSettings(
         out,
         tuple(inputs) or (str(out / FOLDER),),
         live.replay,
         points.corrections(),
         checked_method(method, context),
-        survey.mapper_settings(),
+        mapper,
+        None if live.onto is not None else navigation,
     )
     _follow(settings, live, None if inputs else listening.as_options(), listening.seconds, quiet or as_json)
     mapped = [str(final_path(Path(name))) for name in settings.inputs]
@@ -122,9 +130,10 @@ def command(
         warn("no scan came, and there is no map")
         raise typer.Exit(NOTHING_CAME)
     if live.finish:
-        priors = priors if live.nmea is None else _with_kept(priors, out)
+        if live.nmea is not None and not _tells(out / NAME):
+            known = priors
         map_verb.command(
-            context, mapped, output, method, priors, points, OdometryFile(), reading, survey,
+            context, mapped, output, method, known, points, odometry, reading, survey,
             TiesAndControl(), EarthPlace(), ExecutionOptions(), imu=imu, as_json=as_json, quiet=quiet,
         )  # fmt: skip
         clear(out)
@@ -142,8 +151,9 @@ def _follow(
     from sonarmap.tools.products.live.server import LivePage
 
     out, onto = settings.out, [] if live.onto is None else [str(live.onto)]
+    decides = [settings.corrections, settings.method, settings.mapper]
     with (
-        kept_for(out, (*settings.inputs, *onto)),
+        kept_for(out, (*settings.inputs, *onto), decides),
         kept_navigation(live.nmea, out),
         ending(seconds) as stop,
         LivePage(live.bind, live.port) as page,
@@ -171,20 +181,19 @@ def _has_scans(inputs: list[str]) -> bool:
         return False
 
 
-def _with_kept(priors: PriorsFile, out: Path) -> PriorsFile:
-    """With the navigation that was kept, if it tells anything."""
+def _tells(kept: Path) -> bool:
+    """Whether navigation that was kept tells anything."""
     import numpy as np
 
-    from sonarmap.tools.command.live.navigation_log import NAME
     from sonarmap.tools.files.readers.navigation.nmea import read_nmea
     from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 
     try:
-        read_nmea(out / NAME, NavigationSettings(), np.array([time.time()]), [])
+        read_nmea(kept, NavigationSettings(), np.array([time.time()]), [])
     except InputError as error:
         warn(f"{error}; the map is made without navigation")
-        return priors
-    return replace(priors, priors=out / NAME)
+        return False
+    return True
 
 
 def _keep_map(onto: Path, out: Path) -> None:
@@ -219,19 +228,20 @@ def _require_source(inputs: list[str], replay: float | None) -> None:
 
 
 @contextmanager
-def _shown(quiet: bool) -> Iterator[Callable[[str, str, list[str]], None]]:
+def _shown(quiet: bool) -> Iterator[Callable[["State", list[str]], None]]:
     """A function that shows how a dive goes."""
     console, shown_at, shown_status = error_console(), -math.inf, ""
 
-    def tell(status: str, sentence: str, warnings: list[str]) -> None:
+    def tell(state: "State", warnings: list[str]) -> None:
         nonlocal shown_at, shown_status
         for warning in warnings:
             warn(warning)
         if line is not None:
-            line.update(Text(printable(sentence), style="bold red" if status == "lost" else ""), refresh=True)
-        elif not quiet and (status != shown_status or time.monotonic() - shown_at >= SECONDS_BETWEEN_LINES):
-            say(sentence)
-            shown_at, shown_status = time.monotonic(), status
+            text = Text(printable(state.sentence), style="bold red" if state.status == "lost" else "")
+            line.update(text, refresh=True)
+        elif not quiet and (state.status != shown_status or time.monotonic() - shown_at >= SECONDS_BETWEEN_LINES):
+            say(state.sentence)
+            shown_at, shown_status = time.monotonic(), state.status
 
     line = Live(console=console, auto_refresh=False) if console.is_terminal and not quiet else None
     with line or nullcontext():

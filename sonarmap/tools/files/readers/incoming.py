@@ -1,6 +1,7 @@
 # pyright: strict
 """Scans while they come: of files that grow, and of finished ones at the pace at which they were taken."""
 
+import math
 import re
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -17,7 +18,7 @@ from sonarmap.tools.files.readers.selection import natural_key, select_files
 from sonarmap.tools.files.readers.sonar.recording import Recording
 
 RECORDING = ".sonar"
-_PART = re.compile(r"\.part\d*(?=\.sonar$)")  # in the name of a recording that goes on
+_PART = re.compile(r"\.part(\d*)(?=\.sonar$)")  # in the name of a recording that goes on
 _LOOKS = 0.02  # between looks at a file that grows [s]
 _LOOKS_FOR_FILES = 0.3  # between looks at a folder; a file that did not change meanwhile is whole [s]
 
@@ -28,6 +29,7 @@ class Mark:
 
     file: str = ""  # name of the file; "" for none
     count: int = 0  # bytes of it that were read, or scans
+    shots: int = 0  # of a recording that were read
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +123,7 @@ def _of_recording(path: Path, corrections: Corrections, grows: Callable[[], bool
 
     recording, latest = Recording(), -1
     name = Path(_final_name(path)).stem
-    for number, shot in enumerate(recording.read(path, 0, more, after.count)):
+    for number, shot in enumerate(recording.read(path, 0, more, after.count), after.shots):
         if shot.place <= latest:  # it came late
             continue
         latest = shot.place
@@ -130,7 +132,7 @@ def _of_recording(path: Path, corrections: Corrections, grows: Callable[[], bool
         except InputError:  # without an echo
             continue
         stamp = float(number) if shot.frame.stamp is None else shot.frame.stamp
-        behind = Mark(after.file, recording.read_until)
+        behind = Mark(after.file, recording.read_until, number + 1)
         yield Incoming(replace(scan, stamp=stamp), behind, recording.queue.numbers.missing)
 
 
@@ -153,11 +155,23 @@ def _files(folder: Path) -> dict[str, Path]:
         paths = [selected.path for selected in select_files([folder], FORMATS).files]
     except InputError:  # none yet
         return {}
-    return {_final_name(path): path for path in paths}
+    named: dict[str, Path] = {}
+    for path in sorted(paths, key=lambda path: (natural_key(_final_name(path)), _number(path))):
+        name = first = _final_name(path)
+        while name in named:  # of a recording that was cut, and the one after it
+            name = f"{first}~{name.count('~') + 2}"
+        named[name] = path
+    return named
 
 
 def _final_name(path: Path) -> str:
     return _PART.sub("", path.name)
+
+
+def _number(path: Path) -> float:
+    """Of a recording among those of one name: the one that has its name at last was the last."""
+    part = _PART.search(path.name)
+    return math.inf if part is None else int(part[1] or 1)
 
 
 def _follows(name: str, passed: str, begin: str) -> bool:

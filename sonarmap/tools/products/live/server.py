@@ -5,6 +5,7 @@ import asyncio
 import logging
 import secrets
 import socket
+from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from http import HTTPStatus
@@ -14,12 +15,12 @@ from typing import Any, Self
 from urllib.parse import parse_qs, urlsplit
 
 from websockets.asyncio.server import ServerConnection, serve
-from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.products.live.kept import Kept, Reached
+from sonarmap.tools.products.live.kept import Kept
+from sonarmap.tools.products.live.messages import Message
 from sonarmap.tools.products.live.page import live_page
 
 MOST_BROWSERS = 8
@@ -27,7 +28,6 @@ LARGEST = 1024  # message from a browser, which has nothing to say [bytes]
 _PATIENCE = 20.0  # for a browser that takes nothing [s]
 _FAREWELL = 2.0  # for browsers to get the end of the dive [s]
 _HEADERS = {
-    "Content-Type": "text/html; charset=utf-8",
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
@@ -48,17 +48,15 @@ class LivePage:
         self._bind, self._port = "127.0.0.1" if bind == "localhost" else bind, port
         self._token = None if _is_loopback(bind) else secrets.token_urlsafe(24)
         self._kept = Kept()
-        self._waiting: dict[asyncio.Task[Any], asyncio.Event] = {}  # set when there is something new for a browser
-        self._woken = self._ending = False
+        self._ending = False
         self._page, self._policy = live_page()
 
     @property
     def address(self) -> str:
         """What to open in a browser."""
-        host = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(self._bind, self._bind)
-        return f"http://{f'[{host}]' if ':' in host else host}:{self._port}/" + (
-            f"?token={self._token}" if self._token else ""
-        )
+        host = socket.gethostname() if self._bind in ("0.0.0.0", "::") else self._bind
+        token = f"?token={self._token}" if self._token else ""
+        return f"http://{f'[{host}]' if ':' in host else host}:{self._port}/{token}"
 
     def __enter__(self) -> Self:
         started: Future[int] = Future()
@@ -78,21 +76,19 @@ class LivePage:
         self._call(self._stop.set)
         self._thread.join(2 * _PATIENCE)
 
-    def publish(self, message: str | bytes) -> None:
-        """Show a message of `messages.py` in every browser, now and to come; never waits for a browser."""
+    def publish(self, message: Message) -> None:
+        """Show a message in every browser, now and to come; never waits for a browser."""
         self._kept.add(message)
-        if not self._woken:
-            self._woken = True
-            self._call(self._wake)
+        self._call(self._wake)
 
-    def _call(self, function: Any) -> None:
+    def _call(self, function: Callable[[], object]) -> None:
         with suppress(RuntimeError):  # the loop has ended
             self._loop.call_soon_threadsafe(function)
 
     def _wake(self) -> None:
-        self._woken = False
-        for event in self._waiting.values():
-            event.set()
+        """Have all who wait look for what is new."""
+        self._news.set()
+        self._news = asyncio.Event()
 
     def _run(self, started: Future[int]) -> None:
         try:
@@ -103,33 +99,37 @@ class LivePage:
             started.set_exception(error)
 
     async def _serve(self, started: Future[int]) -> None:
-        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        self._loop, self._stop, self._news = asyncio.get_running_loop(), asyncio.Event(), asyncio.Event()
         options: dict[str, Any] = {"compression": None, "max_size": LARGEST, "max_queue": 1, "server_header": None}
         options |= {"open_timeout": 5, "close_timeout": 2, "process_request": self._answer, "logger": _quiet}
         async with serve(self._feed, self._bind, self._port, **options) as server:
             started.set_result(next(iter(server.sockets)).getsockname()[1])
             await self._stop.wait()
             self._wake()
-            if self._waiting:
-                await asyncio.wait(list(self._waiting), timeout=_FAREWELL)
+            if left := [asyncio.ensure_future(browser.wait_closed()) for browser in server.connections]:
+                await asyncio.wait(left, timeout=_FAREWELL)
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """The page or a refusal; None for a browser that may have the feed."""
         asked = urlsplit(request.path)
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
         if len(hosts) != 1 or _name_of(hosts[0]) not in self._names(connection):
-            return _refused(HTTPStatus.FORBIDDEN, "This page is at another address.")
+            return connection.respond(HTTPStatus.FORBIDDEN, "This page is at another address.\n")
         if self._token is not None:
             given = parse_qs(asked.query).get("token", [""])[0]
             if not secrets.compare_digest(given.encode("utf-8", "replace"), self._token.encode()):
-                return _refused(HTTPStatus.FORBIDDEN, "Open the address that sonarmap printed, with its token.")
+                why = "Open the address that sonarmap printed, with its token.\n"
+                return connection.respond(HTTPStatus.FORBIDDEN, why)
         if asked.path == "/":
-            headers = Headers({**_HEADERS, "Content-Security-Policy": self._policy})
-            return _response(HTTPStatus.OK, headers, self._page)
+            response = connection.respond(HTTPStatus.OK, self._page)
+            del response.headers["Content-Type"]
+            policy = {"Content-Type": "text/html; charset=utf-8", "Content-Security-Policy": self._policy}
+            response.headers.update(_HEADERS | policy)
+            return response
         if asked.path != "/feed":
-            return _refused(HTTPStatus.NOT_FOUND, "There is only the page itself, at /.")
+            return connection.respond(HTTPStatus.NOT_FOUND, "There is only the page itself, at /.\n")
         if origins != [f"http://{hosts[0]}"]:
-            return _refused(HTTPStatus.FORBIDDEN, "Only the page itself may ask for its feed.")
+            return connection.respond(HTTPStatus.FORBIDDEN, "Only the page itself may ask for its feed.\n")
         return None
 
     def _names(self, connection: ServerConnection) -> set[str]:
@@ -139,36 +139,30 @@ class LivePage:
 
     async def _feed(self, connection: ServerConnection) -> None:
         """Send one browser what it lacks, as fast as it takes it."""
-        task, event = asyncio.current_task(), asyncio.Event()
-        if task is None or len(self._waiting) >= MOST_BROWSERS:
+        if len(connection.server.connections) > MOST_BROWSERS:
             return await connection.close(1013, f"{MOST_BROWSERS} browsers show the page already; close one")
-        self._waiting[task] = event
-        listening = asyncio.create_task(_listen(connection, event))
-        reached = Reached()
+        listening, reached = asyncio.create_task(self._listen(connection)), dict[type, int]()
         try:
             while not listening.done():
-                event.clear()
-                messages = self._kept.after(reached)
+                news, messages = self._news, self._kept.after(reached)
                 for message in messages:
                     async with asyncio.timeout(_PATIENCE):
                         await connection.send(message)
                 if not messages and self._ending:
                     break
                 if not messages:
-                    await event.wait()
+                    await news.wait()
         except (ConnectionClosed, TimeoutError):
             connection.transport.abort()
         finally:
-            del self._waiting[task]
             listening.cancel()
 
-
-async def _listen(connection: ServerConnection, event: asyncio.Event) -> None:
-    """Close a connection that sends anything: the page has nothing to say. Sets the event when it is closed."""
-    with suppress(ConnectionClosed):
-        await connection.recv()
-        await connection.close(1008, "nothing is expected")
-    event.set()
+    async def _listen(self, connection: ServerConnection) -> None:
+        """Close a connection that sends anything: the page has nothing to say."""
+        with suppress(ConnectionClosed):
+            await connection.recv()
+            await connection.close(1008, "nothing is expected")
+        self._wake()
 
 
 def _is_loopback(bind: str) -> bool:
@@ -181,14 +175,3 @@ def _name_of(host: str) -> str:
     with suppress(ValueError):
         return (urlsplit(f"//{host}").hostname or "").lower()
     return ""
-
-
-def _refused(status: HTTPStatus, why: str) -> Response:
-    return _response(status, Headers({"Content-Type": "text/plain", "X-Content-Type-Options": "nosniff"}), f"{why}\n")
-
-
-def _response(status: HTTPStatus, headers: Headers, text: str) -> Response:
-    body = text.encode("utf-8")
-    headers["Content-Length"] = str(len(body))
-    headers["Connection"] = "close"
-    return Response(status, status.phrase, headers, body)

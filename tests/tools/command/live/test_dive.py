@@ -17,6 +17,7 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.live import dive as module
 from sonarmap.tools.command.live.dive import Dive
+from sonarmap.tools.products.live.state import State
 from tests.samples.clutter_scans import done, refused, scan, sonarmap, write
 from tests.samples.command_line import ROOT, SONARMAP
 from tests.samples.dives import Dive as Swim
@@ -235,8 +236,8 @@ class Shows:
     def __init__(self) -> None:
         self.states = list[dict[str, Any]]()
 
-    def publish(self, message: str) -> None:
-        self.states.append(json.loads(message))
+    def publish(self, message: tuple[str, str]) -> None:
+        self.states.append(json.loads(message[1]))
 
 
 def test_a_recording_goes_on_where_nothing_can_be_mapped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -246,7 +247,7 @@ def test_a_recording_goes_on_where_nothing_can_be_mapped(tmp_path: Path, monkeyp
     monkeypatch.setattr(Dive, "_map_until", fails)
     said, stop, recording, page = list[str](), Event(), Records(), Shows()
 
-    def tell(_: str, __: str, new: list[str]) -> None:
+    def tell(_: State, new: list[str]) -> None:
         said.extend(new)
 
     dive = Dive(cast(Any, tmp_path), cast(Any, recording), cast(Any, page), tell)

@@ -11,6 +11,7 @@ from sonarmap.slam.execute.pair_text import to_text
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.command.live.kept_keys import KeptKey, forget_keys, has_keys, keep_key, kept_for, kept_keys
+from sonarmap.tools.files.readers.corrections import Corrections
 from sonarmap.tools.files.readers.incoming import Mark
 from tests.samples.clutter_scans import scan
 
@@ -104,6 +105,15 @@ def test_other_inputs_forget_them_and_the_same_keep_them(tmp_path: Path, monkeyp
     assert not leftover.exists()
     with kept_for(out, ["dive 2"]):
         assert not has_keys(out)
+
+
+def test_other_settings_forget_them_and_the_same_keep_them(tmp_path: Path) -> None:
+    with kept_for(tmp_path, ["dive"], [Corrections(), 0.1]):
+        keep(tmp_path, 2)
+    with kept_for(tmp_path, ["dive"], [Corrections(), 0.1]):
+        assert has_keys(tmp_path)
+    with kept_for(tmp_path, ["dive"], [Corrections(sound_speed=1480.0), 0.1]):
+        assert not has_keys(tmp_path)
 
 
 def test_forgetting_leaves_what_is_no_key(tmp_path: Path) -> None:

@@ -183,7 +183,11 @@ def test_taken_over_and_killed_it_begins_again(tmp_path: Path, to: tuple[str, in
     sent(tmp_path, "001.part.sonar", PACKETS[:6], to)
     owner.kill()
     owner.wait()
-    process = RecordingProcess(tmp_path, options(to))
+    process = RecordingProcess(tmp_path, ["--sonar", LOOPBACK, *options(to)])
+    own = f"--unicast {to[0]}:{to[1]}"
+    said = f"the recording of an earlier run goes on, listening by {own}; to change that, end it"
+    assert list(process.look()) == [said]
+    assert list(process.look()) == []
     (number,) = recorders(tmp_path)
     os.kill(number, signal.SIGKILL)
     until(lambda: bool(list(process.look())))

@@ -140,7 +140,9 @@ def test_a_part_that_is_given_its_name_before_it_is_opened_is_read(
     part, size = written(tmp_path / "001.part.sonar", list(recording(3))), module._size
 
     def renames(path: Path) -> object:
-        return part.exists() and part.rename(tmp_path / "001.sonar") and size(path)
+        if part.exists():
+            part.rename(tmp_path / "001.sonar")
+        return size(path)
 
     monkeypatch.setattr(module, "_size", renames)
     assert len(followed(tmp_path)) == 3
@@ -226,3 +228,22 @@ def test_a_replay_of_nothing_that_can_be_read_is_refused(tmp_path: Path) -> None
     path = put(tmp_path / "scan_0.ply", b"ply")
     with pytest.raises(InputError, match=r"no scan can be read: .*scan_0.ply"):
         next(replayed([str(path)], AS_RECORDED, 0.0, lambda: False))
+
+
+def test_names_go_on_after_a_mark(tmp_path: Path) -> None:
+    path = written(tmp_path / "dive.sonar", list(recording(5)))
+    came = followed(path)
+    assert [each.scan.name for each in followed(path, after=came[2].behind)] == ["dive#3", "dive#4"]
+
+
+def test_a_second_recording_of_one_name_is_one_of_its_own(tmp_path: Path) -> None:
+    """The first one was cut by a crash; the second one gets the name of both when it ends."""
+    written(tmp_path / "dive.part.sonar", list(recording(3)))
+    second = tmp_path / "dive.part2.sonar"
+    came = followed(
+        tmp_path,
+        lambda: written(second, list(recording(2, after=9))),
+        lambda: second.rename(tmp_path / "dive.sonar"),
+    )
+    require_same(came, read_survey([tmp_path]).scans)
+    assert len(came) == 5

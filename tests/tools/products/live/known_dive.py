@@ -4,10 +4,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.products.live import messages
-from sonarmap.tools.products.live.messages import LastSure, State, Vehicle
+from sonarmap.tools.products.live.coverage import coverage
+from sonarmap.tools.products.live.messages import Message
+from sonarmap.tools.products.live.state import State
 
 LENGTH, DEPTH, SPAN = 42.0, 8.0, 6.0  # of the gate, of the water, between piers [m]
 RANGE, WIDE, HIGH = 11.0, 65.0, 35.0  # of the sonar [m], half its field [deg]
@@ -38,8 +40,7 @@ class KnownDive:
     keys: int = 200
     per_scan: int = 2500
     between: int = 3  # scans from one key scan to the next
-    messages: int = 0
-    counts: np.ndarray = field(default_factory=lambda: np.zeros((22, 92), np.int64))
+    seen: list[np.ndarray] = field(default_factory=list[np.ndarray])  # in the plan
 
     def __post_init__(self) -> None:
         self.points, self.normals = scene(400_000)
@@ -51,12 +52,12 @@ class KnownDive:
         place = np.array([1 + 40 * there, 7.5 if at < 0.5 else 6.0, -2.5 if at < 0.5 else -5.0])
         return place, Rotation.from_euler("ZYX", [-90 + 25 * np.sin(30 * at), 12, 0], degrees=True)
 
-    def pose(self, at: float, closed: bool = False) -> np.ndarray:
-        """As estimated, (7,)."""
+    def pose(self, at: float, closed: bool = False) -> RigidTransform:
+        """As estimated."""
         place, turn = self.true_pose(at)
         if not closed:
             place, turn = place + at**2 * DRIFT, Rotation.from_euler("z", 4 * at**2, degrees=True) * turn
-        return np.concatenate([place, turn.as_quat()])
+        return RigidTransform.from_components(place, turn)
 
     def scan(self, at: float, count: int) -> np.ndarray:
         """What the sonar sees, (n, 3) in its frame [m]."""
@@ -68,52 +69,48 @@ class KnownDive:
         seen = np.flatnonzero((far < RANGE) & (np.abs(bearing) < WIDE) & (np.abs(elevation) < HIGH))
         return own[self.rng.choice(seen, min(count, len(seen)), replace=False)]
 
-    def state(self, at: float, key: int, closed: bool = False, lost: float | None = None) -> str:
+    def state(self, at: float, key: int, closed: bool = False, lost: float | None = None) -> Message:
         """What is said of the dive at a share of it; `lost`: for how long [s]."""
         scans = self.between * (key + 1)
         sigma = 0.01 + (0 if closed else 0.25 * at**2) + (0 if lost is None else 0.4)
-        sure = LastSure(0, self.pose(at, closed)[:3])
         ahead = self.pose(min(1, at + (0 if lost is None else 0.03)), closed)
-        return messages.state_message(
-            State(
-                "lost" if lost is not None else "placed",
-                "The last 9 scans match nothing of the map."
-                if lost is not None
-                else "The vehicle is placed in the map.",
-                *(scans / 5, scans, scans - (9 if lost is not None else 1), key + 1, 44 if closed else 0, 1, 2),
-                lost,
-                Vehicle(key, ahead, np.diag([sigma**2, (0.6 * sigma) ** 2, (0.4 * sigma) ** 2])),
-                *(0, -float(ahead[2]), 0.43, -3.2, sure),
-                ("No navigation: the map drifts until it meets itself.",) if not closed else (),
-            )
+        state = State(
+            "placed" if lost is None else "lost",
+            scans,
+            scans - (1 if lost is None else 9),
+            key + 1,
+            44 if closed else 0,
+            1,
+            lost_for=lost,
+            sigma=sigma,
+            pose=messages.seven(ahead),
+            half_axes=np.diag([sigma, 0.6 * sigma, 0.4 * sigma]).tolist(),
+            sure=(0, self.pose(at, closed).translation.tolist()),
+            depth=-float(ahead.translation[2]),
+            speed=0.43,
+            turn_rate=-3.2,
+            alerts=() if closed else ("No navigation: the map drifts until it meets itself.",),
         )
+        return "state", state.message
 
-    def until(self, end: int, start: int = 0) -> Iterator[str | bytes]:
-        """The messages of key scans from `start` up to `end`."""
-        for key in range(start, end):
+    def until(self, end: int) -> Iterator[Message]:
+        """The messages of key scans up to `end`."""
+        for key in range(end):
             at = key / self.keys
-            cloud = self.scan(at, self.per_scan)
-            yield messages.poses_message(key, [0], self.pose(at)[None])
-            yield messages.cloud_message(key, cloud)
-            yield messages.track_message([key], np.zeros((1, 3)))
-            yield messages.last_message(key, self.scan(at, 3000))
-            self.see(at, cloud)
-            yield self.coverage()
+            points = self.scan(at, self.per_scan)
+            poses = [self.pose(k / self.keys) for k in range(key + 1)]
+            yield from messages.poses(key, [0] * (key + 1), poses)
+            yield messages.cloud(key, points)
+            yield messages.last(key, self.scan(at, 3000))
+            place, turn = self.true_pose(at)
+            self.seen.append((turn.apply(points) + place)[:, :2])
+            yield coverage(self.seen, CELL, 0)
             yield self.state(at, key)
 
-    def see(self, at: float, cloud: np.ndarray) -> None:
-        place, turn = self.true_pose(at)
-        cells = np.unique(np.floor((turn.apply(cloud) + place)[:, :2] / CELL).astype(int) + np.array([4, 2]), axis=0)
-        inside = (cells >= 0).all(axis=1) & (cells < [92, 22]).all(axis=1)
-        self.counts[cells[inside, 1], cells[inside, 0]] += 1
-
-    def coverage(self) -> bytes:
-        return messages.coverage_message(self.counts // 4, CELL, (-4 * CELL, -2 * CELL), 0)
-
-    def closure(self) -> Iterator[str]:
+    def closure(self) -> Iterator[Message]:
         """A loop closed: all poses anew."""
         shares = np.arange(self.keys) / self.keys
-        yield messages.poses_message(0, np.zeros(self.keys), [self.pose(at, True) for at in shares])
+        yield from messages.poses(0, [0] * self.keys, [self.pose(at, True) for at in shares])
         pairs = [(k, self.keys - 1 - k) for k in range(2, self.keys // 2 - 10, max(1, self.keys // 70))]
-        yield messages.loops_message(pairs)
+        yield messages.loops(pairs)
         yield self.state(1 - 1 / self.keys, self.keys - 1, closed=True)

@@ -1,109 +1,74 @@
 """A browser that comes late, or is slow, gets what it lacks, and costs no memory."""
 
 import json
-from struct import unpack_from
-from typing import Any
 
 import numpy as np
-import pytest
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.tools.products.live import kept, messages
-from sonarmap.tools.products.live.kept import Kept, Reached
-from sonarmap.tools.products.live.messages import State
+from sonarmap.tools.products.live.kept import Kept
 
-POSE = (0, 0, 0, 0, 0, 0, 1)
+T = RigidTransform.identity()
 
 
-def all_after(store: Kept, reached: Reached) -> tuple[dict[str, Any], list[bytes]]:
-    """The last text of every kind, and all bytes, until nothing is left."""
-    texts, binaries = {}, []
+def all_after(store: Kept, reached: dict[type, int]) -> tuple[list[str], list[bytes]]:
+    """Texts and bytes, until nothing is left."""
+    texts, binaries = list[str](), list[bytes]()
     while new := store.after(reached):
-        for message in new:
-            if isinstance(message, str):
-                texts[json.loads(message)["kind"]] = json.loads(message)
-            else:
-                binaries.append(message)
+        texts += [each for each in new if isinstance(each, str)]
+        binaries += [each for each in new if isinstance(each, bytes)]
     return texts, binaries
 
 
-def filled(keys: int = 50, points: int = 10) -> Kept:
+def filled(keys: int = 50) -> Kept:
     store = Kept()
     for key in range(keys):
-        store.add(messages.poses_message(key, [0], [POSE]))
-        store.add(messages.cloud_message(key, np.full((points, 3), float(key))))
-        store.add(messages.last_message(key, np.ones((5, 3))))
-        store.add(messages.track_message([key], [[0, 0, 0]]))
-        store.add(messages.state_message(State("placed", f"{key}")))
+        for each in messages.poses(key, [0] * (key + 1), [T] * (key + 1)):
+            store.add(each)
+        store.add(messages.cloud(key, np.full((10, 3), float(key))))
+        store.add(messages.last(key, np.ones((5, 3))))
+        store.add(("state", f'{{"kind":"state","sentence":"{key}"}}'))
     return store
 
 
 def test_who_comes_late_gets_everything_and_then_only_what_is_new() -> None:
-    store, reached = filled(), Reached()
+    store, reached = filled(), dict[type, int]()
     texts, binaries = all_after(store, reached)
-    assert texts["state"]["sentence"] == "49"
-    assert (len(texts["poses"]["poses"]), len(texts["track"]["points"])) == (50, 50)
-    assert [message[0] for message in binaries].count(messages.CLOUD) == 50
-    assert [message[0] for message in binaries].count(messages.LAST) == 1
+    assert [json.loads(each)["kind"] for each in texts] == ["poses", "state"]
+    assert len(json.loads(texts[0])["poses"]) == 50
+    assert [each[0] for each in binaries] == [messages.CLOUD] * 50 + [messages.LAST]
     assert store.after(reached) == []
-    store.add(messages.poses_message(50, [0], [POSE]))
-    store.add(messages.track_message([50], [[1, 0, 0]]))
-    texts, binaries = all_after(store, reached)
-    assert (texts["poses"]["first"], len(texts["poses"]["poses"])) == (50, 1)
-    assert (texts["track"]["first"], texts["track"]["points"]) == (50, [[50, 1, 0, 0]])
-    assert not binaries
+    store.add(messages.loops([]))
+    assert all_after(store, reached) == ([messages.loops([])[1]], [])
 
 
-def test_all_poses_come_anew_when_a_loop_closes() -> None:
-    store, reached = filled(), Reached()
+def test_what_is_as_before_is_no_news() -> None:
+    store, reached = filled(), dict[type, int]()
     all_after(store, reached)
-    store.add(messages.poses_message(0, [1] * 50, [POSE] * 50))
-    texts, binaries = all_after(store, reached)
-    assert (texts["poses"]["first"], {row[0] for row in texts["poses"]["poses"]}) == (0, {1})
-    assert not binaries
-    with pytest.raises(ValueError, match="only 50"):
-        store.add(messages.poses_message(60, [0], [POSE]))
+    for each in messages.poses(0, [0] * 50, [T] * 50):
+        store.add(each)
+    assert store.after(reached) == []
 
 
 def test_a_slow_browser_gets_the_latest_alone() -> None:
-    store, reached = Kept(), Reached()
+    store = Kept()
     for k in range(1000):
-        store.add(messages.last_message(0, np.full((100, 3), float(k))))
-        store.add(messages.state_message(State("placed", f"{k}")))
-    texts, binaries = all_after(store, reached)
-    assert texts["state"]["sentence"] == "999"
-    assert len(binaries) == 1
+        store.add(messages.last(0, np.full((100, 3), float(k))))
+        store.add(("state", f"{k}"))
+    assert store.after({}) == ["999", messages.last(0, np.full((100, 3), 999.0))[1]]
 
 
 def test_texts_do_not_wait_for_clouds() -> None:
-    store, reached = filled(), Reached()
+    store, reached = filled(), dict[type, int]()
     first = store.after(reached)
     assert sum(isinstance(message, bytes) for message in first) == kept.AT_ONCE
-    store.add(messages.state_message(State("lost", "now")))
-    assert json.loads(store.after(reached)[0])["sentence"] == "now"
-
-
-def test_beyond_the_bound_all_clouds_are_thinned_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept, "MOST_POINTS", 1000)
-    monkeypatch.setattr(kept, "MOST_TRACK", 40)
-    store = filled(keys=100, points=64)
-    texts, binaries = all_after(store, Reached())
-    clouds = {unpack_from("<I", message, 4)[0]: len(message) for message in binaries if message[0] == messages.CLOUD}
-    assert len(clouds) == 100
-    assert {(length - 12) // 6 for length in clouds.values()} == {8}
-    assert 20 <= len(texts["track"]["points"]) <= 40
-    assert texts["track"]["first"] == 0
+    store.add(("state", "lost"))
+    assert store.after(reached)[0] == "lost"
 
 
 def test_a_reset_forgets_everything_and_says_so() -> None:
-    store, reached = filled(), Reached()
+    store, reached = filled(), dict[type, int]()
     store.after(reached)
-    store.add(messages.reset_message())
-    store.add(messages.poses_message(0, [0], [POSE]))
-    store.add(messages.track_message([0], [[0, 0, 0]]))
-    assert [json.loads(message)["kind"] for message in store.after(reached)] == ["reset", "poses", "track"]
-
-
-@pytest.mark.parametrize("message", ['{"kind":"script"}', b"\x09aaaa"])
-def test_what_the_page_does_not_know_is_refused(message: str | bytes) -> None:
-    with pytest.raises(ValueError, match="does not know"):
-        Kept().add(message)
+    store.add(messages.RESET)
+    store.add(messages.loops([]))
+    assert store.after(reached) == [messages.RESET[1], messages.loops([])[1]]

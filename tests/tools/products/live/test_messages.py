@@ -1,20 +1,26 @@
-"""Messages come back as they were meant, whatever the mapping puts in."""
+"""Messages come back as they were meant."""
 
 import json
+from base64 import b64decode
+from io import BytesIO
 from struct import unpack_from
 
 import numpy as np
-import pytest
+from PIL import Image
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.products.live import messages
-from sonarmap.tools.products.live.messages import LastSure, State, Vehicle
+from sonarmap.tools.products.live.coverage import coverage
 
-TURN = (0.0, 0.0, 0.6, 0.8)
+T = RigidTransform.from_components([1.0, 2.0, 3.0], Rotation.from_quat([0.0, 0.0, 0.6, 0.8]))
+SEVEN = [1, 2, 3, 0, 0, 0.6, 0.8]
 
 
 def test_points_come_back_within_half_a_quantum() -> None:
     points = np.random.default_rng(0).normal(0, 20, (500, 3))
-    for kind, message in ((1, messages.cloud_message(7, points)), (2, messages.last_message(7, points))):
+    for kind, (name, message) in ((1, messages.cloud(7, points)), (2, messages.last(7, points))):
+        assert isinstance(message, bytes)
+        assert name == {1: "cloud 7", 2: "last"}[kind]
         assert message[:4] == bytes([kind, 0, 0, 0])
         key, quantum = unpack_from("<If", message, 4)
         back = np.frombuffer(message, "<i2", offset=12).reshape(-1, 3) * quantum
@@ -22,54 +28,64 @@ def test_points_come_back_within_half_a_quantum() -> None:
         assert np.abs(back - points).max() <= 0.51 * quantum
 
 
-def test_points_that_are_far_or_not_finite_do_no_harm() -> None:
-    message = messages.cloud_message(0, [[1e4, 0, 0], [np.nan, 0, 0], [-1e4, 1, np.inf]])
-    assert len(message) == 12 + 6
+def test_points_that_are_far_are_coarser() -> None:
+    _, message = messages.cloud(0, np.array([[1e4, 0, 0]]))
+    assert isinstance(message, bytes)
     assert np.frombuffer(message, "<i2", offset=12).tolist() == [32767, 0, 0]
-    assert len(messages.last_message(0, np.zeros((0, 3)))) == 12
+    assert len(messages.last(0, np.zeros((0, 3)))[1]) == 12
 
 
-def test_a_state_comes_back() -> None:
-    vehicle = Vehicle(3, (1, 2, 3, *TURN), np.eye(3) / 4)
-    state = State(
-        "lost", "<b>", 5.0, 9, 8, 4, 1, 2, 3, 7.5, vehicle, 1, np.nan, 0.5, None, LastSure(1, (1, 2, 3)), ("&",)
-    )
-    said = json.loads(messages.state_message(state))
-    assert said["vehicle"] == {"key": 3, "pose": [1, 2, 3, *TURN], "covariance": (np.eye(3) / 4).tolist()}
-    assert said["last_sure"] == {"part": 1, "place": [1, 2, 3]}
-    numbers = [said[name] for name in ("scans", "placed", "keys", "loops", "parts", "behind", "part", "lost_since")]
-    assert numbers == [9, 8, 4, 1, 2, 3, 1, 7.5]
-    assert (said["kind"], said["status"], said["sentence"], said["alerts"]) == ("state", "lost", "<b>", ["&"])
-    assert (said["depth"], said["speed"], said["turn_rate"]) == (None, 0.5, None)
+def test_poses_come_in_blocks_from_the_first_that_changed() -> None:
+    block = messages.BLOCK
+    sent = dict(messages.poses(block + 3, [0] * (2 * block) + [1], [T] * (2 * block + 1)))
+    assert list(sent) == [f"poses {block}", f"poses {2 * block}"]
+    assert json.loads(sent[f"poses {2 * block}"]) == {"kind": "poses", "first": 2 * block, "poses": [[1, *SEVEN]]}
+    assert len(json.loads(sent[f"poses {block}"])["poses"]) == block
 
 
-def test_texts_are_bounded() -> None:
-    said = json.loads(messages.state_message(State("placed", "x" * 5000, alerts=["y" * 5000] * 100)))
-    assert len(json.dumps(said)) < 5000
+def test_loops_come_back() -> None:
+    assert json.loads(messages.loops([(1, 9)])[1]) == {"kind": "loops", "pairs": [[1, 9]]}
 
 
-def test_poses_track_and_loops_come_back() -> None:
-    poses = json.loads(messages.poses_message(4, [0, 1], [(1, 2, 3, *TURN)] * 2))
-    assert poses == {"kind": "poses", "first": 4, "poses": [[0, 1, 2, 3, *TURN], [1, 1, 2, 3, *TURN]]}
-    track = json.loads(messages.track_message([2, 3], [[0, 0, 1], [1, 0, 0]]))
-    assert track == {"kind": "track", "points": [[2, 0, 0, 1], [3, 1, 0, 0]]}
-    assert json.loads(messages.loops_message([]))["pairs"] == []
-    assert json.loads(messages.loops_message([(1, 9)]))["pairs"] == [[1, 9]]
+def plan_of(seen: list[np.ndarray], cell: float = 0.5) -> tuple[dict[str, object], np.ndarray]:
+    """A plan, and its kinds with the smallest y first."""
+    name, text = coverage(seen, cell, 6)
+    plan = json.loads(text)
+    assert (name, plan["part"]) == ("coverage 6", 6)
+    picture = Image.open(BytesIO(b64decode(plan["picture"].removeprefix("data:image/png;base64,"))))
+    return plan, np.asarray(picture)[::-1]
 
 
-def test_a_pose_that_is_not_finite_is_refused() -> None:
-    with pytest.raises(ValueError, match="not finite"):
-        messages.poses_message(0, [0], [(np.nan, 2, 3, *TURN)])
+def test_the_plan_says_what_was_seen_how_often_and_where_holes_are() -> None:
+    x, y = np.meshgrid(np.arange(8), np.arange(6))
+    ring = np.column_stack([x.ravel(), y.ravel()])
+    inside = (ring[:, 0] > 1) & (ring[:, 0] < 5) & (ring[:, 1] > 1) & (ring[:, 1] < 4)
+    cells = ring[~inside]
+    twice = np.repeat(cells + 0.5, 2, axis=0) * 0.5 + [-1.0, 2.0]
+    once = np.repeat([[0.5, 0.5]], 2, axis=0) * 0.5 + [-1.0, 2.0]
+    stray = np.array([[2.25, 4.75]])
+    plan, kinds = plan_of([twice, once, stray])
+    assert plan["corner"] == [-1.0, 2.0]
+    assert plan["size"] == [4.0, 3.0]
+    assert kinds[0, 0] == 2
+    assert kinds[0, 1] == kinds[5, 7] == 3
+    assert (kinds == 4).sum() == 6
+    legend = plan["legend"]
+    assert isinstance(legend, list)
+    assert [row[1:] for row in legend][1:] == [["2 or 3 times", 0.25], ["once", 0.25 * 41], ["holes, never seen", 1.5]]
 
 
-def test_coverage_comes_back_and_is_made_coarser_where_it_is_large() -> None:
-    counts = np.array([[0, 1, 300], [2, 3, 4]])
-    message = messages.coverage_message(counts, 0.5, (-1.0, 2.0), 6)
-    assert unpack_from("<B3xIIfffI", message) == (3, 3, 2, 0.5, -1.0, 2.0, 6)
-    assert list(message[28:]) == [0, 1, 255, 2, 3, 4]
-    large = messages.coverage_message(np.eye(1001, dtype=int), 0.5, (0, 0), 0)
-    _, width, height, cell, *_ = unpack_from("<B3xIIfffI", large)
-    assert (width, height, cell) == (501, 501, 1.0) or (width, height, cell) == (251, 251, 2.0)
-    assert len(large) == 28 + width * height
-    with pytest.raises(ValueError, match="counts"):
-        messages.coverage_message(np.zeros(5), 1.0, (0, 0), 0)
+def test_a_large_plan_is_coarser_and_strays_do_not_make_it_large() -> None:
+    rng = np.random.default_rng(0)
+    points = np.repeat(rng.uniform(0, 3000, (2000, 2)), 2, axis=0)
+    plan, kinds = plan_of([points])
+    assert max(kinds.shape) <= 1001
+    assert np.allclose(plan["size"], 3000, atol=20)  # pyright: ignore[reportArgumentType]
+    near = np.repeat(rng.uniform(0, 20, (5000, 2)), 2, axis=0)
+    plan, kinds = plan_of([near, np.full((2, 2), 1e5)])
+    assert max(kinds.shape) < 50
+
+
+def test_a_plan_of_nothing_is_empty() -> None:
+    _, kinds = plan_of([np.zeros((0, 2)), np.array([[1.0, 2.0]])])
+    assert kinds.tolist() == [[0]]

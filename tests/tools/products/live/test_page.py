@@ -7,14 +7,16 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.products.live import messages
-from sonarmap.tools.products.live.messages import LastSure, State, Vehicle
+from sonarmap.tools.products.live.coverage import coverage
 from sonarmap.tools.products.live.server import LivePage
+from sonarmap.tools.products.live.state import State
 from tests.tools.products.live.known_dive import KnownDive
 from tests.tools.products.report.page.browser import SOFTWARE, WITHOUT_WEBGL, Opened, wait_until
 
-POSE = (0, 0, 0, 0, 0, 0, 1)
+SURE = (np.eye(3) * 0.1).tolist()
 
 
 @contextmanager
@@ -58,16 +60,18 @@ def test_a_dive_is_shown_and_an_alarm_when_lost(width: int) -> None:
         )
         assert "6,000 points of 20 key scans" in page.inner_text("#said")
         assert page.inner_text("#status") == "placed"
-        assert "59 of 60" in page.inner_text("#facts")
+        assert "59 of 60" in page.inner_text("#sentence")
+        assert "0.4\u202fm/s" in page.inner_text("#facts")
         assert "once" in page.inner_text("#coverage")
         assert page.is_hidden("#alarm")
         live.publish(dive.state(0.9, 19, lost=61.0))
         wait_until(page, "!document.querySelector('#alarm').hidden")
         assert "Go back to the last sure place" in page.inner_text("#alarm")
-        assert "LOST for 1 min" in page.inner_text("#status")
+        assert page.inner_text("#status") == "LOST"
+        assert "Lost for 61 s" in page.inner_text("#sentence")
         assert page.title().startswith("LOST")
         wait_until(page, "sonarmap.view.scene.lines.get('sure')?.count === 3")
-        page.click("#alarm button")
+        page.click("#sure")
         assert page.get_attribute("#follow", "aria-pressed") == "false"
         live.publish(dive.state(0.9, 19))
         wait_until(page, "document.querySelector('#alarm').hidden")
@@ -78,16 +82,18 @@ def test_poses_move_clouds_and_nothing_is_sent_again() -> None:
     with LivePage() as live, opened(live) as shown:
         page = shown.page
         spot = np.random.default_rng(0).normal(0, 0.2, (500, 3)) + np.array([3, 0, 0])
-        live.publish(messages.cloud_message(0, spot))
-        live.publish(messages.track_message([0, 0], [[0, 0, 0], [1, 0, 0]]))
+        live.publish(messages.cloud(0, spot))
         for y in (5.0, -5.0):
-            live.publish(messages.poses_message(0, [0], [(0, y, 0, 0, 0, np.sqrt(0.5), np.sqrt(0.5))]))
             # the sensor's x axis lies along y
+            T = RigidTransform.from_components([0.0, y, 0.0], Rotation.from_rotvec([0, 0, np.pi / 2]))
+            after = T * RigidTransform.from_translation([1.0, 0.0, 0.0])
+            for each in messages.poses(0, [0, 0], [T, after]):
+                live.publish(each)
             wait_until(
                 page, f"Math.abs(sonarmap.view.camera.center[1] - {y + 3}) < 0.3 && sonarmap.dive.samples(0).length"
             )
             assert abs(page.evaluate("sonarmap.dive.samples(0)[0][1]") - y - 3) < 1
-            pieces = page.evaluate("sonarmap.dive.trackPieces(0, 10)[0].flat()")
+            pieces = page.evaluate("sonarmap.dive.trackPieces(0)[0].flat()")
             np.testing.assert_allclose(pieces, [0, y, 0, 0, y + 1, 0], atol=1e-3)
             colored = """async () => {
                 const { view } = sonarmap, { gl } = view.scene;
@@ -105,13 +111,14 @@ def test_the_camera_follows_until_it_is_moved_and_again_when_asked() -> None:
         page = shown.page
 
         def drive(x: float, part: int = 0) -> None:
-            vehicle = Vehicle(0, (x, 0, 0, 0, 0, 0, 1), np.eye(3) * 0.01)
-            live.publish(messages.state_message(State("placed", f"at {x}", vehicle=vehicle, part=part, parts=2)))
-            wait_until(page, f"document.querySelector('#sentence').textContent === 'at {x}' && !sonarmap.view.waiting")
+            state = State("placed", pose=[x, 0, 0, 0, 0, 0, 1], half_axes=SURE, part=part, parts=2, alerts=(f"{x}",))
+            live.publish(("state", state.message))
+            wait_until(page, f"document.querySelector('#concerns').textContent === '{x}' && !sonarmap.view.waiting")
 
-        live.publish(messages.poses_message(0, [0, 1], [POSE, POSE]))
-        live.publish(messages.cloud_message(0, np.eye(3)))
-        live.publish(messages.cloud_message(1, np.eye(3)))
+        for each in messages.poses(0, [0, 1], [RigidTransform.identity()] * 2):
+            live.publish(each)
+        live.publish(messages.cloud(0, np.eye(3)))
+        live.publish(messages.cloud(1, np.eye(3)))
         drive(1.0)
         drive(7.0)
         wait_until(page, "sonarmap.view.camera.target[0] === 7")
@@ -122,20 +129,32 @@ def test_the_camera_follows_until_it_is_moved_and_again_when_asked() -> None:
         assert page.evaluate("sonarmap.view.camera.target[0]") == 7
         page.keyboard.press("f")
         wait_until(page, "sonarmap.view.camera.target[0] === 9")
-        wait_until(page, "!document.querySelector('#parts').hidden")
-        page.select_option("#parts select", "1")
+
+
+def test_the_last_sure_place_is_shown_in_its_part_until_the_camera_follows_again() -> None:
+    with LivePage() as live, opened(live) as shown:
+        page = shown.page
+        for each in messages.poses(0, [0, 1], [RigidTransform.identity()] * 2):
+            live.publish(each)
+        live.publish(messages.cloud(0, np.eye(3)))
+        live.publish(messages.cloud(1, np.eye(3)))
+        lost = State("lost", part=1, parts=2, sure=(0, [3, 0, 0]), pose=[0, 0, 0, 0, 0, 0, 1], half_axes=SURE)
+        live.publish(("state", lost.message))
         wait_until(page, "document.querySelector('#said').textContent.includes('of part 1')")
-        page.select_option("#parts select", "")
+        assert "of part 0" in page.inner_text("#alarm")
+        page.click("#sure")
         wait_until(page, "document.querySelector('#said').textContent.includes('of part 0')")
-        page.click("#theme")
+        assert page.evaluate("sonarmap.view.camera.target[0]") == 3
+        page.click("#follow")
+        wait_until(page, "document.querySelector('#said').textContent.includes('of part 1')")
 
 
 def test_texts_are_never_markup() -> None:
     evil = "<img src=x onerror=alert(1)>"
     with LivePage() as live, opened(live) as shown:
-        live.publish(messages.state_message(State("placed", evil, alerts=[evil])))
+        live.publish(("state", State("placed", alerts=(evil,)).message))
         wait_until(shown.page, "document.querySelector('#concerns li')")
-        assert shown.page.inner_text("#sentence") == shown.page.inner_text("#concerns li") == evil
+        assert shown.page.inner_text("#concerns li") == evil
         assert shown.page.locator("img").count() == 0
 
 
@@ -150,8 +169,8 @@ def test_it_says_that_the_server_is_gone_and_comes_back_with_it() -> None:
         wait_until(shown.page, "document.querySelector('#link').textContent.includes('no connection')")
         assert shown.page.evaluate("document.body.classList.contains('stale')")
         with LivePage(port=port) as again:
-            again.publish(messages.state_message(State("waiting", "again")))
-            wait_until(shown.page, "document.querySelector('#sentence').textContent === 'again'")
+            again.publish(("state", State("waiting", alerts=("again",)).message))
+            wait_until(shown.page, "document.querySelector('#concerns').textContent === 'again'")
             assert shown.page.is_hidden("#link")
             assert shown.page.evaluate("sonarmap.dive.clouds.size + sonarmap.view.scene.clouds.size") == 0
     finally:
@@ -159,11 +178,12 @@ def test_it_says_that_the_server_is_gone_and_comes_back_with_it() -> None:
 
 
 def test_without_webgl_state_and_plan_are_still_there() -> None:
-    counts = np.ones((9, 9), int)
-    counts[3:6, 3:6] = 0
+    plan = np.ones((9, 9), bool)
+    plan[3:6, 3:6] = False
+    cells = np.repeat(np.argwhere(plan) + 0.5, 2, axis=0)
     with LivePage() as live, opened(live, flags=WITHOUT_WEBGL, silent=False) as shown:
-        live.publish(messages.coverage_message(counts, 1.0, (0, 0), 0))
-        live.publish(messages.state_message(State("lost", "?", lost_since=2, last_sure=LastSure(0, (1, 2, 3)))))
+        live.publish(coverage([cells], 1.0, 0))
+        live.publish(("state", State("lost", lost_for=2, sure=(0, [1, 2, 3])).message))
         wait_until(
             shown.page, "!document.querySelector('#alarm').hidden && !document.querySelector('#coverage').hidden"
         )

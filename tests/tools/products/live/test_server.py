@@ -20,10 +20,11 @@ from websockets.typing import Origin
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.products.live import messages, server
-from sonarmap.tools.products.live.messages import State
+from sonarmap.tools.products.live.messages import Message
 from sonarmap.tools.products.live.server import LivePage
+from sonarmap.tools.products.live.state import State
 
-STATE = messages.state_message(State("placed", "here"))
+STATE: Message = ("state", State("placed", alerts=("here",)).message)
 
 
 @pytest.fixture
@@ -60,7 +61,7 @@ def drained(connection: ClientConnection) -> None:
 
 def still_serves(live: LivePage) -> bool:
     with feed(live) as connection:
-        return json.loads(connection.recv(5))["sentence"] == "here"
+        return json.loads(connection.recv(5))["alerts"] == ["here"]
 
 
 def test_the_page_has_a_strict_policy(live: LivePage) -> None:
@@ -136,8 +137,8 @@ def test_a_browser_that_reads_nothing_holds_nobody_up(live: LivePage, monkeypatc
         quick.recv(5)
         begin = time.monotonic()
         for key in range(100):
-            live.publish(messages.poses_message(key, [0], [(0, 0, 0, 0, 0, 0, 1)]))
-            live.publish(messages.cloud_message(key, np.random.default_rng(key).random((10_000, 3))))
+            live.publish(messages.loops([(0, key)]))
+            live.publish(messages.cloud(key, np.random.default_rng(key).random((10_000, 3))))
         assert time.monotonic() - begin < 5
         clouds = 0
         while clouds < 100:
@@ -163,8 +164,8 @@ def test_browsers_get_the_end_of_the_dive() -> None:
     with ExitStack() as browsers:
         with LivePage() as live:
             connection = browsers.enter_context(feed(live))
-            live.publish(messages.cloud_message(0, np.zeros((10_000, 3))))
-            live.publish(messages.state_message(State("ended", "over")))
+            live.publish(messages.cloud(0, np.zeros((10_000, 3))))
+            live.publish(("state", State("ended").message))
         last = [message for message in connection if isinstance(message, str)][-1]
     assert json.loads(last)["status"] == "ended"
 

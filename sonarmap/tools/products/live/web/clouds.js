@@ -20,6 +20,7 @@ void main() {
   float share = clamp((at.z - heights.x) / max(heights.y - heights.x, 1e-6), 0.0, 1.0);
   color = texelFetch(palette, ivec2(int(texel < 0.0 ? 254.0 * share + 0.5 : texel), 0), 0).rgb;
 }`;
+const LAST_TEXEL = 256, LAST_COLOR = [255, 64, 176]; // behind the palette, of the last scan
 const GROWTH = 0.3; // of points of which fewer are drawn: by 0.5 they would cover as much
 const POINT_BYTES = 6; // x, y and z, two each
 
@@ -35,7 +36,7 @@ class CloudScene extends Scene {
     this.clouds.clear();
   }
 
-  /** `look` as the report's, with {poses, range: heights at the ends of the palette [m], texels: {cloud's name: texel}}. */
+  /** `look` as the report's, with {poses, range: heights at the ends of the palette [m]}; the cloud "last" is drawn larger. */
   drawClouds(camera, matrix, look, ratio) {
     const { gl, at } = this, { uniforms, program } = this.cloudProgram;
     gl.useProgram(program);
@@ -43,9 +44,9 @@ class CloudScene extends Scene {
     gl.uniform2f(uniforms.heights, ...look.range.map((height) => height - camera.target[2]));
     gl.bindTexture(gl.TEXTURE_2D, this.palette);
     for (const name of look.clouds) {
-      const { points, buffer, array } = this.clouds.get(name), pose = look.poses[points.key], texel = look.texels[name] ?? -1;
-      const step = texel < 0 ? look.step : 1, larger = texel < 0 ? 1 : 1.4;
-      gl.uniform1f(uniforms.edge, this.edge(camera, look.voxel, larger * look.scale) * ratio * step ** GROWTH);
+      const { points, buffer, array } = this.clouds.get(name), pose = look.poses[points.key];
+      const [step, larger, texel] = name === "last" ? [1, 1.4, LAST_TEXEL] : [look.step, 1, -1];
+      gl.uniform1f(uniforms.edge, this.edge(camera, look.voxel, larger) * ratio * step ** GROWTH);
       gl.uniform2f(uniforms.sizes, ...SQUARES.map((size) => larger * size * ratio));
       gl.uniform4fv(uniforms.turn, pose.turn);
       gl.uniform3fv(uniforms.offset, minus(pose.place, camera.target));

@@ -1,0 +1,72 @@
+# pyright: strict
+"""Navigation while the vehicle dives: files that grow, read again as `sonarmap map` reads them, for key scans."""
+
+import tempfile
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.command.navigation import (
+    DEFAULT_DRIFT,
+    NavigationReading,
+    OdometryFile,
+    PriorsFile,
+    parse_prior_sigmas,
+)
+from sonarmap.tools.files.readers.navigation.odometry import parse_drift, read_odometry
+from sonarmap.tools.files.readers.navigation.priors import navigate
+from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
+
+_TEXTS = (".csv", ".txt", ".tum", ".nmea", ".log")  # whose last line may be half written
+
+
+@dataclass(frozen=True, slots=True)
+class Navigation:
+    """The options that say what there is. Raises InputError: ones that cannot be."""
+
+    priors: PriorsFile
+    odometry: OdometryFile
+    reading: NavigationReading
+    fastest: float | None = None  # that the vehicle goes [m/s]
+
+    def __post_init__(self) -> None:
+        self._settings()
+        self._drift()
+
+    def __call__(self, scans: Sequence[Scan]) -> tuple[Sequence[Scan], Odometry | None]:
+        """The scans with their priors, and the dead reckoning at their times, as far as the files go. Where one says
+        nothing yet, or cannot be read now, the scans stay as they are: the map at the end says what is wrong."""
+        odometry, settings = None, self._settings()
+        if self.priors.priors is not None:
+            with suppress(InputError, OSError), _whole_lines(self.priors.priors) as path:
+                scans = navigate(scans, path, settings, allow_unknown=True).scans
+        if self.odometry.odometry is not None:
+            with suppress(InputError, OSError), _whole_lines(self.odometry.odometry) as path:
+                odometry = read_odometry(path, scans, *self._drift(), settings=settings)
+        return scans, odometry
+
+    def _settings(self) -> NavigationSettings:
+        settings = self.reading.settings(self.priors.priors, self.odometry.odometry)
+        if self.priors.prior_sigmas:
+            settings = replace(settings, sigmas=parse_prior_sigmas(self.priors.prior_sigmas))
+        return replace(settings, fastest=self.fastest)
+
+    def _drift(self) -> tuple[float, float]:
+        return parse_drift(self.odometry.odometry_drift or DEFAULT_DRIFT)
+
+
+@contextmanager
+def _whole_lines(path: Path) -> Generator[Path]:
+    """A file, or of a text what is written of it so far but for the line that is being written."""
+    if path.suffix.lower() not in _TEXTS:
+        yield path
+        return
+    with tempfile.NamedTemporaryFile(suffix=path.suffix) as copy:
+        content = path.read_bytes()
+        copy.write(content[: content.rfind(b"\n") + 1])
+        copy.flush()
+        yield Path(copy.name)
