@@ -31,6 +31,8 @@ from .slam.graph.pose_graph import PoseGraph as PoseGraph
 from .slam.graph.pose_graph import Solution as Solution
 from .slam.graph.pose_graph import factors_of as factors_of
 from .slam.graph.trajectory import Trajectory as Trajectory
+from .slam.locate.located import Located as Located
+from .slam.locate.place import Place as Place
 from .slam.map.point_map import PointMap as PointMap
 from .slam.mapper import Mapper as Mapper
 from .slam.mapper import MapperSettings as MapperSettings
@@ -54,6 +56,7 @@ from .spectral.result import Registration as Registration
 from .spectral.scan import PosePrior as PosePrior
 from .spectral.scan import Scan as Scan
 from .tools.api import PreparedScan as PreparedScan
+from .tools.api import locate as locate
 from .tools.api import map_scans as map_scans
 from .tools.api import optimize as optimize
 from .tools.api import prepare as prepare
@@ -72,6 +75,7 @@ __all__ = [
     "HemisphereRegistrar",
     "InputError",
     "KeySettings",
+    "Located",
     "LoopSettings",
     "Mapper",
     "MapperSettings",
@@ -80,6 +84,7 @@ __all__ = [
     "Optimized",
     "Pair",
     "Peak",
+    "Place",
     "PointMap",
     "Pomf",
     "PoseGraph",
@@ -105,6 +110,7 @@ __all__ = [
     "find_peaks",
     "latitude_longitude",
     "list_devices",
+    "locate",
     "magnitude",
     "map_scans",
     "normalize_layers",

@@ -7,6 +7,8 @@ from .graph.pose_graph import PoseGraph as PoseGraph
 from .graph.pose_graph import Solution as Solution
 from .graph.pose_graph import factors_of as factors_of
 from .graph.trajectory import Trajectory as Trajectory
+from .locate.located import Located as Located
+from .locate.place import Place as Place
 from .map.point_map import PointMap as PointMap
 from .mapper import Mapper as Mapper
 from .mapper import MapperSettings as MapperSettings
@@ -22,6 +24,7 @@ __all__ = [
     "ControlPoint",
     "Edge",
     "KeySettings",
+    "Located",
     "LoopSettings",
     "Mapper",
     "MapperSettings",
@@ -29,6 +32,7 @@ __all__ = [
     "Odometry",
     "Optimized",
     "Pair",
+    "Place",
     "PointMap",
     "PoseGraph",
     "Solution",

@@ -7,7 +7,7 @@ In: arrays, scans or paths. Out: the same results as the command line's, as obje
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -22,14 +22,16 @@ if TYPE_CHECKING:
     from sonarmap.slam.execute.runner import Progress
     from sonarmap.slam.graph.control import ControlPoint
     from sonarmap.slam.graph.pose_graph import PoseGraph
+    from sonarmap.slam.locate.located import Located
     from sonarmap.slam.mapper import MapperSettings
     from sonarmap.slam.motion.odometry import Odometry
     from sonarmap.slam.motion.turn_rates import TurnRates
     from sonarmap.slam.optimize.solve import Objective, Optimized, Start
     from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.slam.tie import Tie
+    from sonarmap.spectral.registration import SpectralRegistrar
 
-__all__ = ["PreparedScan", "map_scans", "optimize", "prepare", "read_scans", "register"]
+__all__ = ["PreparedScan", "locate", "map_scans", "optimize", "prepare", "read_scans", "register"]
 
 _MAX_TILT = float(np.deg2rad(35.0))  # the paper's range of roll and pitch (Sect. 2.7)
 _EDGE = 128
@@ -188,6 +190,48 @@ def map_scans(
     return Mapper(method, grid.voxel, settings).run(
         survey, progress, numbers, odometry, ties, control, turn_rates=turn_rates
     )
+
+
+def locate(
+    folder: str | os.PathLike[str],
+    scans: Iterable[ScanLike],
+    *,
+    alone: bool = False,
+    voxel: float | None = None,
+    edge: int = _EDGE,
+    max_tilt: float = _MAX_TILT,
+    device: str | None = None,
+) -> "list[Located]":
+    """Where scans were taken in a finished map: `T_map_scan`, its covariance, and whether to believe it.
+
+    Args:
+        folder: that `sonarmap map` wrote; its largest part is searched.
+        scans: each as `register` takes it; a scan's prior counts where instruments placed the map, and is in its frame.
+        alone: whether the scans do not follow one another.
+        voxel, edge, max_tilt, device: as of `register`; the voxel is chosen for the map as its scans saw it.
+
+    Returns:
+        of each scan, also of one that is not `located`: p_map = T_map_scan p_scan [m]; the covariance is (6, 6),
+        rotation first [rad, m], in the body tangent of the scan.
+
+    Raises:
+        InputError: the folder, a scan, a file or an argument cannot be used.
+        DeviceError: no OpenCL device works, or it is too small for the grid.
+    """
+    from pathlib import Path
+
+    from sonarmap.slam.locate.locator import Locator
+    from sonarmap.slam.survey_grid import survey_grid
+    from sonarmap.tools.files.map_folder.folder import read_map_folder
+    from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+
+    require(path=folder, device=device)
+    voxel, edge, max_tilt = require(voxel=voxel, edge=edge, max_tilt=max_tilt)
+    surveyed, listed = surveyed_map(read_map_folder(Path(folder))), as_scans(scans)
+    grid = survey_grid(surveyed.key_scans(), edge, voxel)
+    with reused("spectral", _setup("spectral", grid, max_tilt, device, 0)) as registrar:
+        locator = Locator(cast("SpectralRegistrar", registrar), surveyed)
+        return list(map(locator.locate, listed) if alone else locator.track(listed, [0] * len(listed)))
 
 
 def _read_survey(

@@ -27,6 +27,7 @@ VERBS = [
     "template",
     "view",
     "export",
+    "locate",
     "optimize",
     "simulate",
     "evaluate",

@@ -77,7 +77,7 @@ def test_what_means_the_same_is_common() -> None:
     common = {key: [entry.verb for entry in group] for key, group in common_settings(SETTINGS).items()}
     assert set(common["grid"]) >= {"register", "map", "inspect"}
     assert "bench" not in common["grid"]  # which takes several
-    assert common["max-tilt"] == ["register", "map", "live"]
+    assert common["max-tilt"] == ["register", "map", "live", "locate"]
     assert {"method", "voxel", "device", "mount", "quiet", "json", "seed", "origin"} <= set(common)
     assert common["out"] == ["map", "live"]
     assert not {"overwrite", "trajectory", "method-of-its-own"} & set(common)
@@ -101,6 +101,7 @@ OF_KEY: dict[str, Any] = {
     "picture": "a.png",
     "scene": "harbor",
     "max-tilt": 12.5,
+    "track": "a.tum",
 }
 EXAMPLE = """
 [common]

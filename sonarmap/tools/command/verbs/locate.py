@@ -1,0 +1,211 @@
+"""`sonarmap locate`: where scans were taken in a finished map."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.method import checked_method, configure_method
+from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
+from sonarmap.tools.command.options.option import INPUT, OUTPUT, flag, option
+from sonarmap.tools.command.options.output import EarthPlace
+from sonarmap.tools.command.options.registration import MethodOptions, checked
+from sonarmap.tools.command.options.running import JsonOption, QuietOption
+from sonarmap.tools.command.options.scan import InputsArgument, PointReading
+from sonarmap.tools.command.progress import growing_progress
+from sonarmap.tools.command.terminal import number_table, print_result, printable, result_console, say, warn
+from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.methods.registry import DEFAULT_METHOD
+
+if TYPE_CHECKING:
+    from sonarmap.slam.locate.located import Located
+    from sonarmap.slam.locate.place import Place
+    from sonarmap.tools.files.geo.projection import Projection
+    from sonarmap.tools.files.map_folder.folder import MapFolder
+
+NOWHERE = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """Whether scans follow one another, and where their poses are written."""
+
+    track: Path | None = option(
+        OUTPUT,
+        "FILE",
+        "Write the located scans' poses in the map's frame, TUM.",
+        None,
+        *("-o", "--track"),
+        callback=checked(
+            lambda path: path.suffix.lower() == ".tum", "{}; give a name that ends in .tum, as in -o track.tum"
+        ),
+    )
+    alone: bool = flag(INPUT, "--alone", "Each scan by itself: they do not follow one another.")
+
+
+def command(
+    context: typer.Context,
+    source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="MAP")],
+    inputs: InputsArgument,
+    method: MethodOptions,
+    priors: PriorsFile,
+    points: PointReading,
+    reading: NavigationReading,
+    order: Order,
+    earth: EarthPlace,
+    imu: ImuOption = True,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Find where scans were taken in a finished MAP: poses in its frame and on the Earth, and how sure they are.
+
+    p_map = T_map_scan p_scan, in meters. Scans of one folder or file follow one another: the motion narrows the search.
+    The exit code is 0 if a scan was located, 3 if none was, 2 for bad input.
+    """
+    from sonarmap.slam.locate.locator import Locator
+    from sonarmap.spectral.registration import SpectralRegistrar
+    from sonarmap.tools.files.map_folder.folder import read_map_folder
+    from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+    from sonarmap.tools.files.readers.scans import read_scans
+    from sonarmap.tools.files.writers.atomic import require_writable
+
+    method = checked_method(method, context)
+    if method.method != DEFAULT_METHOD:
+        raise InputError(f"--method {method.method} cannot locate scans; leave it out: only {DEFAULT_METHOD} can")
+    if order.track is not None:
+        require_writable(order.track.parent)
+    with locked(source, writing=False):
+        folder = read_map_folder(source)
+    folder = replace(folder, georeference=earth.georeference(folder.georeference))
+    surveyed = surveyed_map(folder)
+    if priors.priors is not None and not surveyed.measured.any():
+        raise InputError(f"--priors has no effect in {source}, whose frame no instrument measured; leave it out")
+    projection = _projection(folder, earth.crs)
+    if len(folder.parts) > 1:
+        say(f"{source} has {len(folder.parts)} parts; only the largest is searched")
+    read = read_scans(inputs, points.corrections())
+    for note in read.notes:
+        say(note)
+    navigation = reading.settings(priors.priors, origin=folder.georeference)
+    scans = scans_with_priors(read.scans, priors, navigation, imu, allow_unknown=True, files=read.files).scans
+    configured = configure_method(surveyed.key_scans(), method, survey=True)
+    assert isinstance(configured.registrar, SpectralRegistrar)  # as other methods are refused
+    found: list[Located] = []
+    with growing_progress("locating", quiet or as_json) as step:
+        step(0, len(scans), "")
+        locator = Locator(configured.registrar, surveyed)
+        for located in map(locator.locate, scans) if order.alone else locator.track(scans, read.surveys):
+            found.append(located)
+            step(len(found), len(scans), f"{located.name} {'located' if located.located else 'not located'}")
+    sure = [located for located in found if located.located]
+    if order.track is not None:
+        _write(order.track, sure)
+    worlds = _worlds(folder, projection, found)
+    if as_json:
+        rows = [_as_json(located, world) for located, world in zip(found, worlds, strict=True)]
+        about = {"map": str(source), "grid": configured.edge, "voxel": configured.grid.voxel, "located": len(sure)}
+        about |= {"written": str(order.track)} if order.track is not None and sure else {}
+        typer.echo(json.dumps({"scans": rows, **about}, allow_nan=False))
+    else:
+        _print(found, worlds)
+    if not sure:
+        raise typer.Exit(NOWHERE)
+
+
+def _write(path: Path, located: "Sequence[Located]") -> None:
+    import numpy as np
+    from scipy.spatial.transform import RigidTransform
+
+    from sonarmap.slam.graph.trajectory import Trajectory
+    from sonarmap.tools.files.writers.trajectory import write_tum
+
+    if not located:
+        warn(f"{path} is not written, as no scan was located")
+        return
+    T = RigidTransform.concatenate([each.T_map_scan for each in located])
+    write_tum(path, Trajectory(np.array([each.stamp for each in located], np.float64), T))
+    say(f"written to {path}: the poses of {len(located)} scans")
+
+
+def _projection(folder: "MapFolder", crs: str | None) -> "Projection | None":
+    """Of the map; None where its place on the Earth is not known."""
+    from sonarmap.tools.files.geo.projection import Projection
+
+    if folder.georeference is not None and folder.on_earth(folder.parts[0]):
+        return Projection.of(folder.georeference, crs)
+    if crs is not None:
+        raise InputError("--crs has no effect in a map without a place on the Earth; give --origin LAT,LON too")
+    return None
+
+
+def _worlds(
+    folder: "MapFolder", projection: "Projection | None", found: "Sequence[Located]"
+) -> list[dict[str, Any] | None]:
+    """Where on the Earth each scan was taken; None where it is not located, or the map's place is not known."""
+    import numpy as np
+
+    if projection is None or folder.georeference is None:
+        return [None] * len(found)
+    geodetic = folder.georeference.geodetic(np.array([each.T_map_scan.translation for each in found]))
+    numbers = np.hstack([geodetic, projection.project(geodetic)[:, :2]]).tolist()
+    names = ("latitude", "longitude", "height", "easting", "northing")
+    said = {"vertical": projection.vertical, "crs": projection.name}
+    return [
+        dict(zip(names, row, strict=True)) | said if each.located else None
+        for each, row in zip(found, numbers, strict=True)
+    ]
+
+
+def _as_json(located: "Located", world: dict[str, Any] | None) -> dict[str, object]:
+    """Null for what is not known: of a scan that nothing of the map is like even a place."""
+    return {
+        "name": located.name,
+        "stamp": located.stamp,
+        "located": located.located,
+        **_place(located.place),
+        "psr": located.psr if math.isfinite(located.psr) else None,
+        "overlap": located.overlap,
+        "world": world,
+        "alternatives": [_place(other) for other in located.alternatives],
+        "tracked": located.tracked,
+        "seconds": located.seconds,
+        "reason": located.reason,
+    }
+
+
+def _place(place: "Place | None") -> dict[str, object]:
+    if place is None:
+        return {"T_map_scan": None, "covariance": None, "sigmas": None, "probability": 0.0}
+    return {
+        "T_map_scan": place.T_map_scan.as_matrix().tolist(),
+        "covariance": place.covariance.tolist(),
+        "sigmas": [math.sqrt(max(variance, 0.0)) for variance in place.covariance.diagonal().tolist()],
+        "probability": place.probability,
+    }
+
+
+def _print(found: "Sequence[Located]", worlds: Sequence[dict[str, Any] | None]) -> None:
+    """A row for each scan, and how many were located."""
+    from sonarmap.slam.graph.tangent import worst_sigmas
+
+    columns = ("x, y, z [m]", "worst sigmas", "right", "time")
+    table = number_table("scan", "in the map", *columns, *(["latitude, longitude"] if any(worlds) else []), words=2)
+    for each, world in zip(found, worlds, strict=True):
+        cells = ["-"] * len(columns)
+        if each.place is not None:
+            turn, shift = worst_sigmas(each.covariance)
+            place = " ".join(f"{value:.2f}" for value in each.T_map_scan.translation.tolist())
+            sigmas = f"{float(shift):.2f} m {math.degrees(float(turn)):.1f}°"
+            cells = [place, sigmas, f"{each.probability:.1%}", f"{each.seconds:.1f} s"]
+        degrees = [f"{world['latitude']:.7f} {world['longitude']:.7f}" if world else "-"] if any(worlds) else []
+        table.add_row(printable(each.name), "yes" if each.located else "no", *cells, *degrees)
+    result_console().print(table)
+    sure = sum(each.located for each in found)
+    print_result(f"\n{sure} of {len(found)} {'scan was' if len(found) == 1 else 'scans were'} located in the map.")
+    if len(found) == 1:
+        print_result(f"because: {found[0].reason}")

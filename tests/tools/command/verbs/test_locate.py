@@ -1,0 +1,156 @@
+"""`sonarmap locate` end to end: what it prints and writes, and its exit codes; and `sonarmap.locate`."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+import sonarmap as library
+from sonarmap.tools.files.readers.poses.trajectory import read_tum
+from tests.samples.clutter_scans import (
+    T_WORLD_SENSOR,
+    done,
+    plane,
+    printed,
+    printed_at,
+    refused,
+    said,
+    scan,
+    sonarmap,
+    write,
+)
+
+GRID = ("--grid", "64")
+ORIGIN = ("--origin", "60.3913,5.3221,-3")
+KEYS = {"name", "stamp", "located", "T_map_scan", "covariance", "sigmas", "probability", "psr", "overlap", "world"}
+KEYS |= {"alternatives", "tracked", "seconds", "reason"}
+
+
+@pytest.fixture(scope="module")
+def mapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map of three of the four scans; its frame is the first one's."""
+    folder = tmp_path_factory.mktemp("mapped")
+    write(folder / "scans", a=scan(0), b=scan(1), c=scan(2))
+    done(sonarmap("map", folder / "scans", "-o", folder / "map", *GRID, "--no-report", "--quiet"))
+    return folder / "map"
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Of the place, of another, and of nothing but a plane."""
+    return write(tmp_path_factory.mktemp("scans"), a_here=scan(3), b_other=scan(3, scene=2), c_flat=plane())
+
+
+@pytest.fixture(scope="module")
+def all_of_them(
+    mapped: Path, scans: list[str], tmp_path_factory: pytest.TempPathFactory
+) -> tuple[dict[str, Any], Path]:
+    """What is printed as JSON, and the track."""
+    track = tmp_path_factory.mktemp("out") / "track.tum"
+    return printed(sonarmap("locate", mapped, *scans, *GRID, *ORIGIN, "-o", track, "--alone", "--json")), track
+
+
+def check_pose(T: Any) -> None:
+    error = T_WORLD_SENSOR[3].inv() * RigidTransform.from_matrix(np.array(T))
+    assert np.linalg.norm(error.translation) < 0.3
+    assert error.rotation.magnitude() < np.radians(1.5)
+
+
+def test_json_of_a_scan_of_the_map_and_of_two_others(all_of_them: tuple[dict[str, Any], Path]) -> None:
+    result, _ = all_of_them
+    assert result.keys() == {"scans", "map", "grid", "voxel", "located", "written"}
+    assert (result["grid"], result["located"]) == (64, 1)
+    here, other, flat = result["scans"]
+    assert here.keys() == other.keys() == flat.keys() == KEYS
+    assert [(each["name"], each["located"]) for each in result["scans"]] == [
+        ("a_here", True),
+        ("b_other", False),
+        ("c_flat", False),
+    ]
+    check_pose(here["T_map_scan"])
+    assert here["probability"] > 0.9
+    assert here["psr"] > 10
+    covariance = np.array(here["covariance"])
+    assert np.linalg.eigvalsh(covariance).min() > 0
+    np.testing.assert_allclose(np.array(here["sigmas"]) ** 2, covariance.diagonal())
+    assert other["probability"] < 0.5
+    assert other["world"] is None
+    assert (flat["T_map_scan"], flat["covariance"], flat["psr"], flat["probability"]) == (None, None, None, 0)
+    assert "plane" in flat["reason"]
+
+
+def test_where_on_the_earth_it_was(all_of_them: tuple[dict[str, Any], Path]) -> None:
+    here = all_of_them[0]["scans"][0]
+    world, (x, y, z) = here["world"], np.array(here["T_map_scan"])[:3, 3]
+    assert world["height"] == pytest.approx(z - 3)
+    assert (world["latitude"] - 60.3913) * 111_415 == pytest.approx(y, abs=0.02)  # [m] in a degree there
+    assert (world["longitude"] - 5.3221) * 55_150 == pytest.approx(x, abs=0.02)
+    assert (world["crs"], world["vertical"]) == ("EPSG:32632", "surface")
+    assert 200_000 < world["easting"] < 800_000
+
+
+def test_the_track_has_the_located_scans(all_of_them: tuple[dict[str, Any], Path]) -> None:
+    result, path = all_of_them
+    assert result["written"] == str(path)
+    track = read_tum(path)
+    assert track.stamps.tolist() == [result["scans"][0]["stamp"]]
+    np.testing.assert_allclose(track.T_world_sensor[0].as_matrix(), result["scans"][0]["T_map_scan"], atol=1e-9)
+
+
+def test_a_scan_of_another_place_ends_with_3_and_writes_nothing(mapped: Path, scans: list[str], tmp_path: Path) -> None:
+    result = sonarmap("locate", mapped, scans[1], *GRID, "-o", tmp_path / "track.tum")
+    assert result.exit_code == 3
+    assert "0 of 1 scan was located" in result.stdout
+    assert "because: " in result.stdout
+    said(result, "track.tum is not written")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_table_fits_a_narrow_terminal(mapped: Path, scans: list[str]) -> None:
+    lines = printed_at(80, "locate", mapped, scans[0], *GRID, *ORIGIN)
+    assert max(map(len, lines[:-1])) <= 80  # the last says why
+    assert any("60.39" in line for line in lines)
+
+
+def test_from_python(mapped: Path, scans: list[str]) -> None:
+    here, other = library.locate(mapped, [scans[0], scan(3, scene=2)], edge=64)
+    assert isinstance(here, library.Located)
+    assert (here.located, other.located) == (True, False)
+    check_pose(here.T_map_scan.as_matrix())
+    assert [len(str(each).splitlines()) <= 3 for each in (here, other)] == [True, True]
+    with pytest.raises(library.InputError, match="path of a file or folder"):
+        library.locate(scan(0), [scans[0]])  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--method", "icp"), "only spectral can"),
+        (("-o", "track.csv"), "ends in .tum"),
+        (("--priors", "nav.csv"), "whose frame no instrument measured"),
+        (("--prior-sigmas", "1,1,1,1"), "without --priors"),
+        (("--crs", "EPSG:32632"), "without a place on the Earth"),
+        (("--origin", "60"), "latitude and longitude"),
+        (("--voxel", "0"), "above 0"),
+    ],
+)
+def test_options_that_cannot_be_used(
+    mapped: Path,
+    scans: list[str],
+    options: tuple[str, ...],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = sonarmap("locate", mapped, scans[0], *GRID, *options)
+    refused(result, words)
+    assert "Traceback" not in result.stderr
+
+
+def test_what_is_no_map_or_no_scan_ends_with_2(mapped: Path, scans: list[str], tmp_path: Path) -> None:
+    refused(sonarmap("locate", tmp_path, scans[0]), "summary.json")
+    refused(sonarmap("locate", tmp_path / "nowhere", scans[0]), "is not a folder")
+    refused(sonarmap("locate", mapped, tmp_path / "nothing.ply"), "nothing.ply")
