@@ -148,21 +148,18 @@ def _window(registration: Registration, expected: ExpectedPose) -> tuple[np.ndar
 def with_motion(pairs: Sequence[RegisteredPair], motion: AnyMotion) -> list[RegisteredPair]:
     """The pairs with what the motion says of their answers: where the scans leave a direction open, it holds the pose.
 
-    Answers that the motion contradicts stay as they are.
+    Answers that the motion contradicts stay as they are: those that it does not draw to where the vehicle may go.
     """
     answers = [[] if p.registration is None else [p.registration, *p.registration.alternatives] for p in pairs]
-    held = [
-        (n, rank)
-        for n, (pair, own) in enumerate(zip(pairs, answers, strict=True))
-        for rank, answer in enumerate(own)
-        if not motion.contradicts(*pair.scans, answer.T_target_source)
-    ]
-    if held:
-        expected = {n: motion.expected(*pairs[n].scans) for n, _ in held}
-        lengths = {n: _known_length(motion.way(*pairs[n].scans)) for n, _ in held}
-        fused = _fused([answers[n][k] for n, k in held], [expected[n] for n, _ in held], [lengths[n] for n, _ in held])
-        for (n, rank), answer in zip(held, fused, strict=True):
-            answers[n][rank] = answer
+    places = [(n, rank) for n, own in enumerate(answers) for rank in range(len(own))]
+    if places:
+        expected = [motion.expected(*pair.scans) for pair in pairs]
+        lengths = [_known_length(motion.way(*pair.scans)) for pair in pairs]
+        all_answers = [answers[n][rank] for n, rank in places]
+        fused = _fused(all_answers, [expected[n] for n, _ in places], [lengths[n] for n, _ in places])
+        for (n, rank), answer in zip(places, fused, strict=True):
+            if not motion.contradicts(*pairs[n].scans, answer.T_target_source):
+                answers[n][rank] = answer
     return [
         replace(pair, registration=replace(own[0], alternatives=tuple(own[1:]))) if own else pair
         for pair, own in zip(pairs, answers, strict=True)
