@@ -17,7 +17,7 @@ from sonarmap.tools.command.settings.in_force import ConfigOption, VerbWithSetti
 from sonarmap.tools.command.terminal import show_messages
 
 # A verb is the function `command` in tools/command/verbs/<verb>.py; its docstring is the help.
-# A new verb is a new line here; the help lists them in this order.
+# A new verb is a new line here; the help lists them in this order. Those of FINISHED are in verbs/finished.
 VERBS = [
     "register",
     "map",
@@ -28,6 +28,8 @@ VERBS = [
     "view",
     "export",
     "locate",
+    "section",
+    "volume",
     "optimize",
     "simulate",
     "evaluate",
@@ -37,6 +39,8 @@ VERBS = [
     "doctor",
     "config",
 ]
+
+FINISHED = ("section", "volume")
 
 app = typer.Typer(
     name="sonarmap",
@@ -115,5 +119,6 @@ def _flowing(docstring: str) -> str:
 _COMMON = {"log_file": (LogFileOption, None), "help_all": (HelpAllOption, False)}  # the guard takes the first
 
 for _verb in VERBS:
-    _command = import_module(f"sonarmap.tools.command.verbs.{_verb}").command
+    _module = f"finished.{_verb}" if _verb in FINISHED else _verb
+    _command = import_module(f"sonarmap.tools.command.verbs.{_module}").command
     app.command(_verb, cls=VerbWithSettings, help=_flowing(_command.__doc__))(guarded(spread(_command, _COMMON)))

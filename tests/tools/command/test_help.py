@@ -89,6 +89,6 @@ def test_the_call_is_shown_with_what_it_needs() -> None:
 
 def test_the_help_of_the_command_fits_a_screen() -> None:
     lines = page("--help")
-    assert len(lines) <= 37
+    assert len(lines) <= 39
     assert all(any(line.startswith(f"  {verb} ") for line in lines) for verb in VERBS)
     assert any(line.startswith("  view       Open a finished map's report, OUT/report.html") for line in lines)

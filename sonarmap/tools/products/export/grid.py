@@ -47,12 +47,17 @@ def top_cells(
     def summed(values: np.ndarray) -> np.ndarray:
         return np.bincount(cell, values, len(cells))
 
-    weight = np.maximum(sigma, _LEAST_SIGMA) ** -2
+    weight = weight_of(sigma)
     total = summed(weight)
     mean = top + summed(weight * (height - top[cell])) / total
     # errors of points close together are those of the poses that they share: they do not average out
     variance = summed(weight * (sigma**2 + (height - mean[cell]) ** 2)) / total
     return Cells(cells // width, cells % width, mean, np.sqrt(variance), summed(count))
+
+
+def weight_of(sigma: np.ndarray) -> np.ndarray:
+    """(M,) float64 [1/m^2], the weights of points in the mean of a cell, of their standard deviations [m]."""
+    return np.maximum(sigma.astype(np.float64), _LEAST_SIGMA) ** -2
 
 
 def check_size(rows: int, columns: int, cell: float) -> None:

@@ -102,6 +102,7 @@ OF_KEY: dict[str, Any] = {
     "scene": "harbor",
     "max-tilt": 12.5,
     "track": "a.tum",
+    "height": "top",
 }
 EXAMPLE = """
 [common]

@@ -1,0 +1,1 @@
+"""The verbs that take something from a finished map."""

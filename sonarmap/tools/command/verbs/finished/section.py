@@ -1,0 +1,154 @@
+"""`sonarmap section`: a finished map cut along a line."""
+
+import json
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, flag, option, refuse_without
+from sonarmap.tools.command.options.output import EarthPlace
+from sonarmap.tools.command.options.registration import checked, is_positive
+from sonarmap.tools.command.options.running import JsonOption, QuietOption
+from sonarmap.tools.command.terminal import print_result, say
+from sonarmap.tools.files.writers.folder_lock import locked
+
+if TYPE_CHECKING:
+    from sonarmap.tools.products.section.placed import Coordinates, PlacedMap
+
+_input = partial(option, INPUT)
+_VOXELS = 2  # to either side, where --width is not given
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """Where the map is cut, and how thick the cut is."""
+
+    start: str = _input("X,Y", "Where the line begins, in the map's frame \\[m].", REQUIRED, "--from")
+    end: str = _input("X,Y", "Where it ends.", REQUIRED, "--to")
+    world: bool = flag(INPUT, "--world", "The places are easting, northing of the map's CRS. --crs is another one.")
+    degrees: bool = flag(INPUT, "--degrees", "The places are latitude, longitude, WGS84.")
+    width: float | None = _input(
+        "M",
+        "How far to either side of the line points count \\[m].",
+        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for two voxels"),
+        shown="two voxels",
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SectionFiles:
+    """What is written."""
+
+    out: Path = option(
+        OUTPUT, "FILE", "NAME.png: picture and tables; NAME.csv: the tables alone.", REQUIRED, "-o", "--out"
+    )
+    cell: float | None = option(
+        OUTPUT,
+        "M",
+        "Length of a cell of the profile \\[m].",
+        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for the map's voxel"),
+        shown="the map's voxel",
+    )
+    exaggeration: float = option(
+        OUTPUT,
+        "F",
+        "Stretch heights in the picture by this factor.",
+        1.0,
+        callback=checked(is_positive, "{}; give a number above 0, or leave it out for one scale"),
+        rare=True,
+    )
+
+
+def command(
+    source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="MAP")],
+    line: Line,
+    files: SectionFiles,
+    earth: EarthPlace,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Cut a finished MAP along a line: a picture of distance against height, and tables of points and of a profile.
+
+    NAME.csv has every point near the line, NAME_profile.csv the median in cells along it. A line whose places are x, y
+    of the map's frame needs nothing more; where the map lies on the Earth, --world or --degrees take its coordinates.
+    """
+    import numpy as np
+
+    from sonarmap.tools.files.geo.projection import Projection
+    from sonarmap.tools.files.map_folder.folder import read_map_folder
+    from sonarmap.tools.products.section.files import check_names, write_section
+    from sonarmap.tools.products.section.picture import Titles
+    from sonarmap.tools.products.section.placed import Coordinates, PlacedMap
+    from sonarmap.tools.products.section.section import profile_of, section_of
+
+    check_names(files.out, source)
+    ends = np.array([_place("--from", line.start), _place("--to", line.end)])
+    with locked(source, writing=False):
+        folder = read_map_folder(source)
+    placed = PlacedMap.of(replace(folder, georeference=earth.georeference(folder.georeference)))
+    world = None
+    if placed.georeference is None:
+        refuse_without("a map's place on the Earth", {"--crs": earth.crs})
+    else:
+        world = Coordinates(placed.georeference, Projection.of(placed.georeference, earth.crs))
+    given = _given(line, world, placed)
+    if len(folder.parts) > 1:
+        say(f"{source} has {len(folder.parts)} parts; only the largest is cut")
+    if not placed.upright:
+        say("no instrument measured which way is up; heights are along the z axis of the map's frame")
+    section = section_of(placed, given.to_map(ends), line.width or _VOXELS * placed.voxel, given)
+    cell = files.cell or placed.voxel
+    profile = profile_of(section, cell)
+    lowest, highest = float(section.height.min()), float(section.height.max())
+    stretched = "" if files.exaggeration == 1 else f"; heights stretched {files.exaggeration:g} times"
+    title = f"{source.resolve().name}: section from {given.said(ends[0])} to {given.said(ends[1])}"
+    about = f"{section.length:.2f} m, {len(section.height):,} points within {section.width:.3g} m to either side"
+    titles = Titles(
+        title,
+        f"{about}; places: {given.names}{stretched}",
+        placed.height_words,
+        files.exaggeration,
+        cell,
+    )
+    written = write_section(files.out, section, profile, titles, world)
+    if as_json:
+        numbers = {"length_m": section.length, "width_m": section.width, "cell_m": cell, "points": len(section.height)}
+        heights = {"lowest_m": lowest, "highest_m": highest, "heights": placed.height_words}
+        ways = {"from": ends[0].tolist(), "to": ends[1].tolist(), "places": given.names}
+        about_it = {"map": str(source), **ways, **numbers, **heights, "cells": len(profile.height)}
+        typer.echo(json.dumps({**about_it, "files": [str(path) for path in written]}, allow_nan=False))
+        return
+    print_result(f"{about}: {lowest:.2f} to {highest:.2f} m, {placed.height_words}")
+    print_result(f"written to {files.out.parent}: {', '.join(path.name for path in written)}")
+
+
+def _place(name: str, text: str) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 2 or not all(map(math.isfinite, numbers)):
+        raise InputError(f"{name} is {text!r}; wanted two numbers separated by a comma, as in {name}=-12.5,40")
+    return numbers
+
+
+def _given(line: Line, world: "Coordinates | None", placed: "PlacedMap") -> "Coordinates":
+    """The coordinates of --from and --to. Raises InputError: both options, or a map whose place is not known."""
+    from sonarmap.tools.products.section.placed import Coordinates
+
+    if line.world and line.degrees:
+        raise InputError("--world and --degrees exclude one another; give the one in which --from and --to are")
+    if not (line.world or line.degrees):
+        return Coordinates()
+    if world is None:
+        name = "--world" if line.world else "--degrees"
+        raise InputError(
+            f"{name} needs a map whose place on the Earth is known, which that of {placed.path} is not; give --origin "
+            f"LAT,LON too, or leave {name} out and give x,y of the map's frame"
+        )
+    return world if line.world else Coordinates(placed.georeference)

@@ -1,0 +1,117 @@
+"""`sonarmap volume`: how much lies between a finished map and a plane, or another map."""
+
+import json
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.options.option import INPUT, completes, flag, option
+from sonarmap.tools.command.options.registration import checked, is_positive
+from sonarmap.tools.command.options.running import JsonOption, QuietOption
+from sonarmap.tools.command.terminal import print_result, print_rows, say
+from sonarmap.tools.files.writers.folder_lock import locked
+
+if TYPE_CHECKING:
+    from sonarmap.tools.products.section.placed import PlacedMap
+
+_VOXELS = 2  # edge of a cell, where --cell is not given: cells of one voxel have gaps between points
+
+_HEIGHTS = ("median", "top")
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """What the map is compared to."""
+
+    level: float | None = option(
+        INPUT,
+        "Z",
+        "Height of a plane \\[m].",
+        callback=checked(math.isfinite, "--level is {}; wanted a height in meters"),
+    )
+    to: Path | None = option(INPUT, "OTHER", "Another folder that `sonarmap map` wrote.")
+    same_frame: bool = flag(INPUT, "--same-frame", "Both maps are in one frame, though not both on the Earth.")
+    cell: float | None = option(
+        INPUT,
+        "M",
+        "Edge of a cell of both grids \\[m].",
+        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for two voxels"),
+        shown="two voxels",
+    )
+    height: str = option(
+        INPUT,
+        "NAME",
+        "Height of a cell: median of its points, or top, the uppermost surface.",
+        "median",
+        callback=checked(lambda name: name in _HEIGHTS, "{!r}; choose median or top"),
+        autocompletion=completes(_HEIGHTS),
+    )
+    seen: int = option(INPUT, "N", "Count points that so many scans saw.", 1, min=1)
+
+
+def command(
+    source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="MAP")],
+    target: Target,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Compute cut and fill to a plane or another map, with sigmas.
+
+    Cut is what lies above the plane, or was lost; fill what is missing below it, or was gained. Surfaces are compared
+    where both were seen; the area that only one of two maps shows is printed beside.
+    """
+    from sonarmap.tools.products.section.volume import Height, volume_between, volume_to_level
+
+    if (target.level is None) == (target.to is None):
+        given = "neither" if target.level is None else "both"
+        raise InputError(f"{given} of --level and --to given; wanted one: --level Z for a plane, or --to OTHER_MAP")
+    if target.to is None and target.same_frame:
+        raise InputError("--same-frame has no effect without --to; leave it out")
+    kind: Height = "top" if target.height == "top" else "median"
+    first = _opened(source, target.seen)
+    if target.to is not None:
+        second = _opened(target.to, target.seen)
+        if target.same_frame:  # as they are
+            first, second = (replace(each, georeference=None) for each in (first, second))
+        elif None in (first.georeference, second.georeference):
+            raise InputError(
+                f"{source} and {target.to} are not both placed on the Earth; wanted two maps in one frame: map again "
+                "with positions or --origin, or give --same-frame if they are in one anyway"
+            )
+        cell = target.cell or _VOXELS * max(first.voxel, second.voxel)
+        volume, words = volume_between(first, second, cell, kind), ("lost", "gained")
+    else:
+        assert target.level is not None
+        volume = volume_to_level(first, target.level, target.cell or _VOXELS * first.voxel, kind)
+        words = "above the plane", "missing below it"
+    if as_json:
+        ends = {"map": str(source), "level_m": target.level, "to": None if target.to is None else str(target.to)}
+        typer.echo(json.dumps({**ends, "heights": first.height_words, **volume.as_json}, allow_nan=False))
+        return
+    rows = {f"cut ({words[0]})": volume.cut, f"fill ({words[1]})": volume.fill, "net (fill - cut)": volume.net}
+    print_rows({name: f"{number:,.2f} m3, sigma {sigma:,.2f} m3" for name, (number, sigma) in rows.items()})
+    print_result(f"{volume.compared:,.1f} m2 were compared, in cells of {volume.cell:.3g} m; {first.height_words}")
+    if target.to is not None:
+        print_result(
+            f"{volume.map_only:,.1f} m2 are in {source} alone and {volume.target_only:,.1f} m2 in {target.to} alone: "
+            "of these nothing is known"
+        )
+
+
+def _opened(path: Path, least: int) -> "PlacedMap":
+    """The largest part of a map, with the points that so many scans saw."""
+    from sonarmap.tools.files.map_folder.folder import read_map_folder
+    from sonarmap.tools.products.section.placed import PlacedMap
+
+    with locked(path, writing=False):
+        folder = read_map_folder(path)
+    placed = PlacedMap.of(folder)
+    if len(folder.parts) > 1:
+        say(f"{path} has {len(folder.parts)} parts; only the largest counts")
+    if not placed.upright:
+        say(f"no instrument measured which way is up in {path}; heights are along the z axis of its frame")
+    return placed.seen_by(least)

@@ -1,0 +1,1 @@
+"""What surveyors take from a finished map: sections along a line, and volumes."""

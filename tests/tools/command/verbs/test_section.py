@@ -1,0 +1,168 @@
+"""`sonarmap section` and `sonarmap volume` end to end: what they print and write, and their exit codes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
+from tests.samples.clutter_scans import done, files_in, printed, refused, said, sonarmap, table_of
+from tests.tools.products.export.finished import finished_map
+
+HERE = Georeference(60.0, 9.0, height=-3.0)
+LINE = ("--from", "-4,-1", "--to", "4,2")
+KEYS = {"map", "from", "to", "places", "length_m", "width_m", "cell_m", "points", "lowest_m", "highest_m", "heights"}
+KEYS |= {"cells", "files"}
+VOLUME_KEYS = {"map", "level_m", "to", "heights", "cut_m3", "fill_m3", "net_m3", "cut_sigma_m3", "fill_sigma_m3"}
+VOLUME_KEYS |= {"net_sigma_m3", "cell_m", "area_compared_m2", "area_map_only_m2", "area_target_only_m2"}
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map whose place on the Earth is not known."""
+    return finished_map(tmp_path_factory.mktemp("maps") / "local")
+
+
+@pytest.fixture(scope="module")
+def placed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One whose place is known."""
+    return finished_map(tmp_path_factory.mktemp("maps") / "placed", georeference=HERE)
+
+
+def near(folder: MapFolder, width: float) -> np.ndarray:
+    """The points by the line of LINE, by another way: complex numbers."""
+    points = folder.parts[0].points
+    turned = (points[:, 0] + 1j * points[:, 1] - (-4 - 1j)) / (8 + 3j)
+    length = np.hypot(8, 3)
+    return points[(turned.real >= 0) & (turned.real <= 1) & (np.abs(turned.imag) * length <= width)]
+
+
+def test_picture_tables_and_json(local: Path, tmp_path: Path) -> None:
+    result = printed(sonarmap("section", local, *LINE, "-o", tmp_path / "new" / "cut.png", "--json"))
+    assert result.keys() == KEYS
+    folder = read_map_folder(local)
+    points = near(folder, 2 * folder.voxel)
+    assert result["points"] == len(points) > 20
+    assert result["length_m"] == pytest.approx(np.sqrt(73))
+    assert (result["lowest_m"], result["highest_m"]) == (points[:, 2].min(), points[:, 2].max())
+    assert result["files"] == [str(tmp_path / "new" / name) for name in ("cut.png", "cut.csv", "cut_profile.csv")]
+    assert set(files_in(tmp_path / "new")) == {"cut.png", "cut.csv", "cut_profile.csv"}
+    rows = table_of(tmp_path / "new" / "cut.csv")
+    assert sorted(float(row["height_m"]) for row in rows) == pytest.approx(sorted(points[:, 2]), abs=1e-4)
+    assert "easting_m" not in rows[0]
+    assert len(table_of(tmp_path / "new" / "cut_profile.csv")) == result["cells"]
+    with Image.open(tmp_path / "new" / "cut.png") as picture:
+        assert picture.size[0] == 1638
+
+
+def test_the_same_line_in_each_of_the_coordinates(placed: Path, tmp_path: Path) -> None:
+    geodetic = HERE.geodetic(np.array([[-4.0, -1, 0], [4, 2, 0]]))
+    projected = Projection.of(HERE).project(geodetic)
+    plain = printed(sonarmap("section", placed, *LINE, "-o", tmp_path / "a.csv", "--json"))
+    for flag, (start, end) in (("--degrees", geodetic[:, :2]), ("--world", projected[:, :2])):
+        ends = [f"--{name}={x!r},{y!r}" for name, (x, y) in (("from", start.tolist()), ("to", end.tolist()))]
+        other = printed(sonarmap("section", placed, *ends, flag, "-o", tmp_path / "b.csv", "--json"))
+        assert (other["points"], other["heights"]) == (plain["points"], plain["heights"])
+        assert other["length_m"] == pytest.approx(plain["length_m"], abs=1e-4)
+    rows = table_of(tmp_path / "b.csv")
+    where = HERE.geodetic(np.array([[float(rows[0]["x_m"]), float(rows[0]["y_m"]), 0]]))
+    np.testing.assert_allclose(
+        [float(rows[0][name]) for name in ("easting_m", "northing_m")],
+        Projection.of(HERE).project(where)[0, :2],
+        atol=1e-3,
+    )
+    assert not list(tmp_path.glob("*.png"))
+
+
+def test_what_is_printed(local: Path, tmp_path: Path) -> None:
+    result = done(sonarmap("section", local, *LINE, "-o", tmp_path / "cut.csv", "--cell", "2", "--width", "1"))
+    assert "within 1 m to either side" in result.stdout
+    assert "cut.csv, cut_profile.csv" in result.stdout
+    said(result, "which way is up")
+    assert sonarmap("section", local, *LINE, "-o", tmp_path / "cut.csv", "--quiet").stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--from", "1", "--to", "2,3"), "--from is '1'; wanted two numbers"),
+        (("--from", "1,nan", "--to", "2,3"), "--from is '1,nan'"),
+        (("--from", "1,2", "--to", "1,2"), "both 1.00, 2.00"),
+        (("--from", "500,2", "--to", "501,2"), "the map lies between"),
+        ((*LINE, "--width", "0"), "above 0"),
+        ((*LINE, "--cell", "1e-300"), "give longer cells"),
+        ((*LINE, "--world"), "--world needs a map whose place on the Earth is known"),
+        ((*LINE, "--world", "--degrees"), "exclude one another"),
+        ((*LINE, "-o", "cut.jpg"), "ends in .png"),
+        ((*LINE, "--crs", "EPSG:32632"), "--crs has no effect"),
+        ((*LINE, "--vertical", "MSL"), "without --origin"),
+    ],
+)
+def test_lines_that_cannot_be_cut(
+    local: Path, options: tuple[str, ...], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    refused(sonarmap("section", local, "-o", "cut.png", *options), words)
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_not_a_map(local: Path, tmp_path: Path) -> None:
+    refused(sonarmap("section", tmp_path / "none", *LINE, "-o", tmp_path / "a.png"), "is not a folder")
+    refused(sonarmap("section", tmp_path, *LINE, "-o", tmp_path / "x" / "a.png"), "summary.json")
+    refused(sonarmap("section", local, *LINE, "-o", local / "a.png"), "the map's folder")
+    refused(sonarmap("volume", tmp_path, "--level", "1"), "summary.json")
+    refused(sonarmap("volume", local, "--to", tmp_path / "none", "--same-frame"), "is not a folder")
+
+
+def test_the_volume_above_a_plane(local: Path, placed: Path) -> None:
+    result = printed(sonarmap("volume", local, "--level", "-1", "--cell", "2", "--height", "top", "--json"))
+    assert result.keys() == VOLUME_KEYS
+    points, voxel = read_map_folder(local).parts[0].points, read_map_folder(local).voxel
+    cells: dict[tuple[int, int], list[float]] = {}
+    for x, y, z in points.tolist():
+        cells.setdefault((int(x // 2), int(y // 2)), []).append(z)
+    assert result["area_compared_m2"] == 4 * len(cells)
+    # each cell's mean lies within a voxel of its top, whatever the weights
+    highest = 4 * sum(-1 - max(heights) for heights in cells.values())
+    assert highest <= result["net_m3"] <= highest + 4 * voxel * len(cells)
+    assert result["net_m3"] == pytest.approx(result["fill_m3"] - result["cut_m3"])
+    lower = printed(
+        sonarmap("volume", placed, "--level=-4", "--cell", "2", "--height", "top", "--json")
+    )  # its origin is 3 m down
+    assert lower["net_m3"] == pytest.approx(result["net_m3"])
+    assert "water's surface" in lower["heights"]
+
+
+def test_two_maps(local: Path, placed: Path) -> None:
+    result = printed(sonarmap("volume", placed, "--to", placed, "--json"))
+    assert (result["cut_m3"], result["fill_m3"], result["area_map_only_m2"]) == (0, 0, 0)
+    assert result["net_sigma_m3"] > 0
+    assert printed(sonarmap("volume", local, "--to", placed, "--same-frame", "--json"))["net_m3"] == 0
+    result = done(sonarmap("volume", local, "--to", placed, "--same-frame"))
+    assert "cut (lost)" in result.stdout
+    assert "of these nothing is known" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((), "neither of --level and --to given"),
+        (("--level", "1", "--to", "other"), "both of --level and --to given"),
+        (("--level", "1", "--same-frame"), "without --to"),
+        (("--level", "nan"), "--level is nan"),
+        (("--level", "1", "--cell", "0"), "above 0"),
+        (("--level", "1", "--height", "mean"), "choose median or top"),
+        (("--level", "1", "--seen", "99"), "give a smaller --seen"),
+        (("--level", "1", "--cell", "1e-7"), "--cell M"),
+        (("--level", "1", "--cell", "1e-300"), "--cell M"),
+    ],
+)
+def test_volumes_that_cannot_be_computed(local: Path, options: tuple[str, ...], words: str) -> None:
+    refused(sonarmap("volume", local, *options), words)
+
+
+def test_two_maps_that_share_no_frame(local: Path, placed: Path) -> None:
+    refused(sonarmap("volume", local, "--to", placed), "--same-frame")

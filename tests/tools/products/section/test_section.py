@@ -1,0 +1,141 @@
+"""Sections of known points, by hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.products.section.files import PROFILE, check_names, write_section
+from sonarmap.tools.products.section.picture import Titles, section_figure
+from sonarmap.tools.products.section.placed import Coordinates
+from sonarmap.tools.products.section.section import Section, profile_of, section_of
+from tests.samples.clutter_scans import files_in, table_of
+from tests.tools.products.section.made_up import placed
+
+# From 1,1 on a line of 3 and 4 m: 5 m long, its direction 0.6, 0.8; the last three points do not belong to it
+LINE = np.array([[1.0, 1.0], [4.0, 5.0]])
+POINTS = np.array(
+    [
+        [2.2, 2.6, -3.0],  # 2 m along, on the line
+        [1.0, 1.0, -7.0],  # its start
+        [1.0 + 0.6 * 0.5 - 0.8 * 0.9, 1.0 + 0.8 * 0.5 + 0.6 * 0.9, -5.0],  # 0.5 m along, 0.9 m to the left
+        [1.0 + 0.6 * 2.5 + 0.8 * 0.4, 1.0 + 0.8 * 2.5 - 0.6 * 0.4, -4.0],  # 2.5 m along, 0.4 m to the right
+        [1.0 - 0.06, 1.0 - 0.08, -1.0],  # 0.1 m before the start
+        [4.06, 5.08, -1.0],  # 0.1 m beyond the end
+        [2.2 - 0.8 * 1.1, 2.6 + 0.6 * 1.1, -1.0],  # 1.1 m beside
+    ]
+)
+SIGMA = np.array([0.4, 0.1, 0.2, 0.3, 9, 9, 9])
+HERE = Georeference(60.0, 9.0, height=2.0)
+
+
+def section(georeference: Georeference | None = None) -> Section:
+    return section_of(placed(POINTS, SIGMA, georeference=georeference), LINE, 1.0, Coordinates())
+
+
+def test_what_lies_near_the_line_is_in_it() -> None:
+    found = section()
+    assert found.length == pytest.approx(5)
+    np.testing.assert_allclose(found.distance, [0, 0.5, 2, 2.5], atol=1e-12)
+    np.testing.assert_allclose(found.offset, [0, 0.9, 0, -0.4], atol=1e-12)
+    np.testing.assert_array_equal(found.height, [-7, -5, -3, -4])
+    np.testing.assert_allclose(found.sigma, [0.1, 0.2, 0.4, 0.3])
+    np.testing.assert_array_equal(section(HERE).height, [-5, -3, -1, -2])  # the origin is 2 m up
+
+
+def test_the_profile_has_the_median_of_every_cell() -> None:
+    profile = profile_of(section(), 2.0)
+    np.testing.assert_allclose(profile.distance, [1, 3])  # nothing lies in the last, from 4 m to 5 m
+    np.testing.assert_allclose(profile.height, [-6, -3.5])
+    np.testing.assert_allclose(profile.lowest, [-7, -4])
+    np.testing.assert_allclose(profile.highest, [-5, -3])
+    np.testing.assert_allclose(profile.sigma, [0.15, 0.35])
+    np.testing.assert_allclose(profile.place, [[1.6, 1.8], [2.8, 3.4]])
+    assert profile.count.tolist() == [2, 2]
+    whole = profile_of(section(), 50.0)
+    assert (whole.distance.item(), whole.height.item()) == (2.5, -4.5)
+
+
+def test_the_same_as_a_loop_over_many_points() -> None:
+    rng = np.random.default_rng(3)
+    points = rng.uniform(0, 10, (4000, 3))
+    found = section_of(placed(points), np.array([[0.0, 2.0], [10.0, 2.0]]), 0.5, Coordinates())
+    near = points[np.abs(points[:, 1] - 2) <= 0.5]
+    profile = profile_of(found, 0.7)
+    assert len(found.height) == len(near)
+    for k, middle in enumerate(profile.distance.tolist()[:-1]):
+        own = near[np.floor(near[:, 0] / 0.7) == round(middle / 0.7 - 0.5), 2]
+        assert profile.height[k] == pytest.approx(np.median(own))
+        assert (profile.lowest[k], profile.highest[k]) == (own.min(), own.max())
+    assert profile.distance[-1] == pytest.approx((9.8 + 10) / 2)
+
+
+def test_lines_that_cannot_be_cut() -> None:
+    map_ = placed(POINTS)
+    with pytest.raises(InputError, match=r"both 1\.00, 1\.00; wanted two places"):
+        section_of(map_, LINE[[0, 0]], 1.0, Coordinates())
+    with pytest.raises(InputError, match=r"within 1 m .* the map lies between .* a larger --width"):
+        section_of(map_, LINE + 100, 1.0, Coordinates())
+
+
+@pytest.mark.parametrize("degrees", [False, True])
+def test_places_on_the_earth_and_back(degrees: bool) -> None:
+    given = Coordinates(HERE, None if degrees else Projection.of(HERE))
+    there = given.of_map(LINE)
+    np.testing.assert_allclose(given.to_map(there), LINE, atol=1e-4)
+    # a degree of latitude is 111.412 km at 60 degrees north, one of longitude 55.800 km
+    expected = LINE / [55_800, 111_412]
+    if degrees:
+        np.testing.assert_allclose(there[:, ::-1] - [9.0, 60.0], expected, rtol=1e-4)
+    else:  # on the zone's central meridian
+        np.testing.assert_allclose(there[:, 0], 500_000 + 0.9996 * LINE[:, 0], atol=1e-3)
+
+
+def test_the_files(tmp_path: Path) -> None:
+    found = section(HERE)
+    world = Coordinates(HERE, Projection.of(HERE))
+    titles = Titles("Section", "of a made-up map", "height")
+    paths = write_section(tmp_path / "cut.png", found, profile_of(found, 2.0), titles, world)
+    assert [path.name for path in paths] == ["cut.png", "cut.csv", "cut_profile.csv"]
+    assert set(files_in(tmp_path)) == {"cut.png", "cut.csv", "cut_profile.csv"}
+    row = table_of(paths[1])[1]
+    place = [f"{number:.4f}" for number in world.of_map(POINTS[2:3, :2])[0]]
+    assert list(row.values()) == ["0.5000", "-3.0000", "0.2000", "0.5800", "1.9400", "0", "2", "0.9000", *place]
+    assert list(table_of(paths[2])[0])[:8] == list(PROFILE)
+    assert table_of(paths[2])[0]["height_m"] == "-4.0000"
+    before = files_in(tmp_path)
+    write_section(tmp_path / "cut.png", found, profile_of(found, 2.0), titles, world)
+    assert files_in(tmp_path) == before
+
+
+def test_all_files_or_none(tmp_path: Path) -> None:
+    (tmp_path / "cut_profile.csv").mkdir()
+    with pytest.raises(InputError, match="cannot write"):
+        write_section(tmp_path / "cut.csv", section(), profile_of(section(), 2.0), Titles("", "", ""), None)
+    assert [path.name for path in tmp_path.iterdir()] == ["cut_profile.csv"]
+
+
+def test_names_that_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"ends in \.png"):
+        check_names(tmp_path / "cut.pdf", tmp_path / "map")
+    with pytest.raises(InputError, match="the map's folder"):
+        check_names(tmp_path / "map" / "cut.png", tmp_path / "map")
+
+
+@pytest.mark.parametrize(("rise", "factor"), [(0.0, 1.0), (0.5, 1.0), (40.0, 1.0), (40.0, 0.5), (2.0, 5.0)])
+def test_the_picture_has_one_scale(rise: float, factor: float) -> None:
+    points = np.linspace([0.0, 0, -rise], [10, 0, 0], 30)
+    found = section_of(placed(points), points[[0, -1], :2], 1.0, Coordinates())
+    titles = Titles("Section", "", "height above mean sea level", factor)
+    figure = section_figure(found, profile_of(found, 1.0), titles)
+    axes = figure.axes[0]
+    box = axes.get_window_extent()
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    assert box.height / (high - low) == pytest.approx(factor * box.width / (right - left))
+    assert left <= 0 < 10 <= right
+    assert low <= -rise <= 0 <= high
+    assert axes.get_xlabel() == "distance along the line [m]"
+    assert axes.get_ylabel() == "height above mean sea level\n[m]"
