@@ -14,7 +14,7 @@ _FEWEST = 50  # points of a key scan's own
 _MOST = 0.95  # share of a scan's points that are within its reach, and its field of view
 _APART = 8.0  # [voxels], about as far as key scans are apart
 _TURNED = np.radians(15.0)
-_LEAST = np.repeat([1e-3, 1e-2], 3)  # no pose of a map is taken to be known better [rad, m]
+LEAST = np.repeat([1e-3, 1e-2], 3)  # no pose of a map is taken to be known better [rad, m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,19 +49,24 @@ class SurveyedMap:
 
     @property
     def apart(self) -> list[int]:
-        """The scans in whose place a key scan is made of the map's points: apart, with enough points of their own."""
+        """The scans in whose place a key scan is made of the map's points: apart, with enough points of their own.
+
+        Raises InputError: there is none."""
         counts, chosen = np.bincount(self.seen_by, minlength=len(self.covariances)), list[int]()
         for n in np.flatnonzero(counts >= _FEWEST).tolist():
             if not chosen or self._far_from(chosen[-1], n):
                 chosen.append(n)
+        if not chosen:
+            raise InputError(f"no scan of the map has {_FEWEST} points of its own in it; nothing to find a place by")
         return chosen
 
+    def key_scan(self, key: int) -> Scan:
+        """The map as it is seen from the place of a scan, as far as that saw."""
+        return Scan(self.seen_from(self.T_map_sensor[key], self.view_of(key)))
+
     def key_scans(self) -> list[Scan]:
-        """The map as it is seen from there: what a grid has to suit. Raises InputError: there is none."""
-        scans = [Scan(self.seen_from(self.T_map_sensor[key], self.view_of(key))) for key in self.apart]
-        if not scans:
-            raise InputError(f"no scan of the map has {_FEWEST} points of its own in it; nothing to find a place by")
-        return scans
+        """Those of all that are `apart`: what a grid has to suit."""
+        return [self.key_scan(key) for key in self.apart]
 
     def view_of(self, key: int) -> "View":
         """In which most of the points lie that are mostly of this scan."""
@@ -88,7 +93,7 @@ class SurveyedMap:
             return None
         R = np.zeros((6, 6))
         R[:3, :3] = R[3:, 3:] = T_map_sensor.rotation.as_matrix()
-        sigmas = np.hypot(np.sqrt(np.maximum(np.diag(R @ self.covariance_at(T_map_sensor) @ R.T), 0.0)), _LEAST)
+        sigmas = np.hypot(np.sqrt(np.maximum(np.diag(R @ self.covariance_at(T_map_sensor) @ R.T), 0.0)), LEAST)
         known = self.measured.copy()
         known[:2], known[3:5] = known[:2].all(), known[3:5].all()
         return PosePrior(T_map_sensor, np.where(known, sigmas, np.inf))

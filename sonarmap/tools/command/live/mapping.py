@@ -275,6 +275,7 @@ class _Mapping:
             sigma=sigma,
             part=pose.part,
             own=growing.settled,
+            stamp=stamp,
             pose=messages.seven(T),
             half_axes=T.rotation.apply((axes * np.sqrt(variances.clip(0))).T).tolist(),
             sure=None if sure is None else (sure.part, sure.T_part_sensor.translation.round(4).tolist()),

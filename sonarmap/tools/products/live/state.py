@@ -29,7 +29,8 @@ class State:
     sigma: float = 0.0  # of the vehicle's place [m]; 0 where it is not known
     part: int = 0  # in which the vehicle is
     own: int = 0  # the number of the dive's first key scan: those before are of a finished map
-    pose: list[float] | None = None  # of the vehicle: x, y, z [m] and the quaternion x, y, z, w
+    stamp: float | None = None  # of the last placed scan [s]
+    pose: list[float] | None = None  # of the vehicle then: x, y, z [m] and the quaternion x, y, z, w
     half_axes: list[list[float]] | None = None  # three, of the ellipsoid of a standard deviation about it [m]
     sure: tuple[int, list[float]] | None = None  # the part and the place where it was last sure [m]
     depth: float | None = None  # below the start [m]

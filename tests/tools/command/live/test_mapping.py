@@ -85,6 +85,9 @@ def test_what_is_sent_is_the_map_that_grows(tmp_path: Path) -> None:
     assert {f"cloud {k}" for k in range(4)} | {"last", "poses 0", "loops", "coverage 0"} <= set(names)
     states = [message for message in messages if isinstance(message, State)]
     assert [state.placed for state in states][-1] == 4
+    stamps = [state.stamp for state in states if state.stamp is not None]
+    assert stamps == sorted(stamps)
+    assert len(set(stamps)) == 4
     assert not any(state.alerts for state in states)
 
 

@@ -78,5 +78,5 @@ def test_a_map_without_enough_points_of_any_scan_is_refused() -> None:
     few = MapPart(
         "", part.points[:40], {"scan": part.columns["scan"][:40]}, part.scans, part.trajectory, part.covariances, True
     )
-    with pytest.raises(InputError, match="no scan has 50 points"):
+    with pytest.raises(InputError, match="no scan of the map has 50 points"):
         list(map_keys(MapFolder(Path("map"), folder.names, (few,), (), VOXEL, {}, None, {})))
