@@ -22,6 +22,9 @@ ELLIPSOID = 12.592
 _TELLING = 0.01
 # What planes are found to hold is nothing up to so many standard errors.
 _DOUBTS = 2.0
+# A direction that nothing holds is this many times less certain than half a turn and the grid's edge: these are a bound
+# and no measurement. Were they one, all pairs along a hull would say together that nothing has moved there.
+_UNHELD = 10.0
 # Planes hold no direction by less than so many points.
 _LEAST = 1e-9
 
@@ -74,9 +77,9 @@ def fit_covariance(
     """The covariance of a refined pose, whose evidence is measured on the whole grid.
 
     Rotation and translation are estimated jointly: along a wall that shows nothing else the variance is large, and for
-    a single plane that of three directions, though never beyond half a turn and the grid. The centers are the target's
-    and the source's grid center, (3,) each [m, each in its sensor frame]. `seen` is how sharply the scans agree there,
-    None where that was not measured.
+    a single plane that of three directions, up to ten times half a turn and the grid's edge. The centers are the
+    target's and the source's grid center, (3,) each [m, each in its sensor frame]. `seen` is how sharply the scans
+    agree there, None where that was not measured.
     """
     fit = hypothesis.fit
     target_center, source_center = (center / grid.voxel for center in centers)
@@ -86,7 +89,7 @@ def fit_covariance(
     by_scans *= CALIBRATION.other_kinds
     if seen is not None:
         by_scans[3:, 3:] += (seen.axes * slide.variance(seen, grid)) @ seen.axes.T
-    unknown = np.diag(np.repeat([np.pi, float(grid.edge)], 3) ** -2.0)
+    unknown = np.diag((_UNHELD * np.repeat([np.pi, float(grid.edge)], 3)) ** -2.0)
     by_scans = np.linalg.inv(np.linalg.inv(by_scans) + unknown)
     posterior, by_instruments, step = by_scans, None, fit.step
     if fit.prior is not None:

@@ -27,7 +27,7 @@ _WEIGHTING = Weighting(bell=1 / 6, wide_bell=0.8, bells=4.0, measured=3.0)
 # The noise of both scans' normals is alike by so much where a sensor sees the same from nearly the same place, as it
 # follows the pattern of the beams. Along a ship's side, which holds nothing, products keep up to an eighth of what this
 # noise seems to hold; along bows and beds that do hold a pose they are a fifth and more.
-_ALIKE = 0.08
+_ALIKE = 0.06
 # Information is given as if so many points of each scan took part: `Calibration` is for these.
 _FULL = 3000
 
