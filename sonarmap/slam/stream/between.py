@@ -12,12 +12,12 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.decide.decision import Decision
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.decide.wrong_control import WrongControl, without_wrong_control
-from sonarmap.slam.decide.wrong_measurements import judge_fixes
+from sonarmap.slam.decide.wrong_measurements import JudgedFixes, judge_fixes
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.place import place_by_control, place_in_world
-from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.motion import scan_times
 from sonarmap.slam.stream.refine import Between, Refined, refine, without_leaps
@@ -60,18 +60,31 @@ def with_between(
 
     kept = [replace(edge, i=keys[edge.i], j=keys[edge.j]) for edge in graph.edges]
     whole = PoseGraph(expanded(graph.trajectory.T_world_sensor), (*kept, *edges))
+    solution, judged, wrong_control = _solved(whole, keys, decision, measurements)
+    pairs = tuple(pair.renumbered(dict(enumerate(keys))) for pair in decision.pairs)
+    fixes = {(fix.scan, fix.kind): fix for fix in judged.wrong}
+    fixes |= {(keys[fix.scan], fix.kind): replace(fix, scan=keys[fix.scan]) for fix in decision.fixes.wrong}
+    chained = expanded(decision.chained.T_world_sensor)
+    judged = replace(judged, wrong=tuple(fixes[key] for key in sorted(fixes)))
+    displaced = tuple((keys[i], keys[j]) for i, j in decision.displaced)
+    return Decision(chained, solution, pairs, judged, wrong_control, decision.drifts, displaced, interpolated)
+
+
+def _solved(
+    whole: PoseGraph, keys: Sequence[int], decision: Decision, measurements: Measurements
+) -> tuple[Solution, JudgedFixes, tuple[WrongControl, ...]]:
+    """The optimum of the graph of all scans, by the fixes and control points that are right; and which are not."""
     if set(measurements.priors) - set(keys):
         # fixes of scans between may be all that ties the map to the world
         whole = replace(whole, trajectory=place_in_world(whole.trajectory, whole.components, measurements.priors))
         judged = judge_fixes(whole, measurements.priors)
     else:
-        judged = replace(decision.fixes, priors={keys[k]: prior for k, prior in graph.priors})
-    left = judged.priors
-    measured = tuple(sorted(left.items()))
+        judged = replace(decision.fixes, priors={keys[k]: prior for k, prior in decision.solution.graph.priors})
+    measured = tuple(sorted(judged.priors.items()))
     control, wrong_control = _control(decision, keys, measurements)
     if control:
         # points of scans between may be all that ties the map to the world
-        placed = place_by_control(whole.trajectory, whole.components, control, left)
+        placed = place_by_control(whole.trajectory, whole.components, control, judged.priors)
         whole = replace(whole, trajectory=placed, control=control)
         control, more_wrong = without_wrong_control(replace(whole, priors=measured))
         whole, wrong_control = replace(whole, control=control), (*wrong_control, *more_wrong)
@@ -81,13 +94,7 @@ def with_between(
         chi_squared_before=decision.solution.chi_squared_before,
         degrees_of_freedom=decision.solution.degrees_of_freedom,
     )
-    pairs = tuple(pair.renumbered(dict(enumerate(keys))) for pair in decision.pairs)
-    fixes = {(fix.scan, fix.kind): fix for fix in judged.wrong}
-    fixes |= {(keys[fix.scan], fix.kind): replace(fix, scan=keys[fix.scan]) for fix in decision.fixes.wrong}
-    chained = expanded(decision.chained.T_world_sensor)
-    judged = replace(judged, wrong=tuple(fixes[key] for key in sorted(fixes)))
-    displaced = tuple((keys[i], keys[j]) for i, j in decision.displaced)
-    return Decision(chained, solution, pairs, judged, wrong_control, decision.drifts, displaced, interpolated)
+    return solution, judged, wrong_control
 
 
 def _refined(

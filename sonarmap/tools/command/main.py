@@ -17,7 +17,7 @@ from sonarmap.tools.command.settings.in_force import ConfigOption, VerbWithSetti
 from sonarmap.tools.command.terminal import show_messages
 
 # A verb is the function `command` in tools/command/verbs/<verb>.py; its docstring is the help.
-# A new verb is a new line here; the help lists them in this order. Those of FINISHED are in verbs/finished.
+# A new verb is a new line here; the help lists them in this order. Those of a finished map are in verbs/finished.
 VERBS = [
     "register",
     "map",
@@ -40,7 +40,7 @@ VERBS = [
     "config",
 ]
 
-FINISHED = ("section", "volume")
+FINISHED = ("view", "export", "locate", "section", "volume")
 
 app = typer.Typer(
     name="sonarmap",

@@ -69,7 +69,6 @@ def command(
     """
     from sonarmap.slam.locate.locator import Locator
     from sonarmap.spectral.registration import SpectralRegistrar
-    from sonarmap.tools.files.map_folder.folder import read_map_folder
     from sonarmap.tools.files.map_folder.surveyed import surveyed_map
     from sonarmap.tools.files.readers.scans import read_scans
     from sonarmap.tools.files.writers.atomic import require_writable
@@ -79,15 +78,10 @@ def command(
         raise InputError(f"--method {method.method} cannot locate scans; leave it out: only {DEFAULT_METHOD} can")
     if order.track is not None:
         require_writable(order.track.parent)
-    with locked(source, writing=False):
-        folder = read_map_folder(source)
-    folder = replace(folder, georeference=earth.georeference(folder.georeference))
-    surveyed = surveyed_map(folder)
+    folder = _opened(source, earth)
+    surveyed, projection = surveyed_map(folder), _projection(folder, earth.crs)
     if priors.priors is not None and not surveyed.measured.any():
         raise InputError(f"--priors has no effect in {source}, whose frame no instrument measured; leave it out")
-    projection = _projection(folder, earth.crs)
-    if len(folder.parts) > 1:
-        say(f"{source} has {len(folder.parts)} parts; only the largest is searched")
     read = read_scans(inputs, points.corrections())
     for note in read.notes:
         say(note)
@@ -107,14 +101,25 @@ def command(
         _write(order.track, sure)
     worlds = _worlds(folder, projection, found)
     if as_json:
-        rows = [_as_json(located, world) for located, world in zip(found, worlds, strict=True)]
         about = {"map": str(source), "grid": configured.edge, "voxel": configured.grid.voxel, "located": len(sure)}
         about |= {"written": str(order.track)} if order.track is not None and sure else {}
+        rows = [_as_json(located, world) for located, world in zip(found, worlds, strict=True)]
         typer.echo(json.dumps({"scans": rows, **about}, allow_nan=False))
     else:
         _print(found, worlds)
     if not sure:
         raise typer.Exit(NOWHERE)
+
+
+def _opened(source: Path, earth: EarthPlace) -> "MapFolder":
+    """The map, where the user says that it lies."""
+    from sonarmap.tools.files.map_folder.folder import read_map_folder
+
+    with locked(source, writing=False):
+        folder = read_map_folder(source)
+    if len(folder.parts) > 1:
+        say(f"{source} has {len(folder.parts)} parts; only the largest is searched")
+    return replace(folder, georeference=earth.georeference(folder.georeference))
 
 
 def _write(path: Path, located: "Sequence[Located]") -> None:
