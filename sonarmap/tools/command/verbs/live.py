@@ -208,6 +208,8 @@ def _keep_map(onto: Path, out: Path) -> None:
 
 
 def _require_source(inputs: list[str], replay: float | None) -> None:
+    from sonarmap.tools.files.readers.incoming import GROWING
+
     if replay is not None:
         if not inputs:
             raise InputError("--replay needs finished scans to take; name them")
@@ -220,10 +222,10 @@ def _require_source(inputs: list[str], replay: float | None) -> None:
         path = Path(name)
         if not path.exists():
             raise InputError(f"{name} does not exist; name what is being written, or leave it out for the network")
-        if not (path.is_dir() or path.suffix.lower() == ".sonar"):
+        if not (path.is_dir() or path.suffix.lower() in GROWING):
             raise InputError(
-                f"{name} is neither a folder nor a recording (.sonar), which may grow; give --replay 1 to take a "
-                "finished file at the pace of its times"
+                f"{name} is neither a folder nor a recording that may grow ({', '.join(GROWING)}); give --replay 1 to "
+                "take a finished file at the pace of its times"
             )
 
 

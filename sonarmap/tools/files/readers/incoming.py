@@ -11,13 +11,16 @@ from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.bags.clouds import CLOUD_KINDS, stream_recording
+from sonarmap.tools.files.readers.bags.mcap_file import open_mcap
 from sonarmap.tools.files.readers.clouds.cloud import scan_of_cloud
 from sonarmap.tools.files.readers.corrections import Corrections
 from sonarmap.tools.files.readers.scans import FORMATS, read_survey
-from sonarmap.tools.files.readers.selection import natural_key, select_files
+from sonarmap.tools.files.readers.selection import is_bag_folder, natural_key, select_files
 from sonarmap.tools.files.readers.sonar.recording import Recording
 
-RECORDING = ".sonar"
+RECORDING, MCAP = ".sonar", ".mcap"
+GROWING = (RECORDING, MCAP)  # files that give scans while they are written
 _PART = re.compile(r"\.part(\d*)(?=\.sonar$)")  # in the name of a recording that goes on
 _LOOKS = 0.02  # between looks at a file that grows [s]
 _LOOKS_FOR_FILES = 0.3  # between looks at a folder; a file that did not change meanwhile is whole [s]
@@ -28,7 +31,7 @@ class Mark:
     """How far an input was read."""
 
     file: str = ""  # name of the file; "" for none
-    count: int = 0  # bytes of it that were read, or scans
+    count: int = 0  # bytes of it that were read, or scans, or messages
     shots: int = 0  # of a recording that were read
 
 
@@ -44,10 +47,11 @@ class Incoming:
 def incoming(
     source: Path, corrections: Corrections, ended: Callable[[], bool], after: Mark = Mark()
 ) -> Iterator[Incoming]:
-    """Scans of a recording or a folder that grows, as they come, until it has `ended`; those after a mark. Files of a
-    folder follow one another by their names. Unusable scans and, of the folder, unreadable files are left out."""
-    if source.suffix.lower() == RECORDING:
-        yield from _of_recording(source, corrections, lambda: not ended() and source.exists(), after)
+    """Scans of a recording, an MCAP file or a folder that grows, as they come, until it has `ended`; those after a
+    mark. Files of a folder follow one another by their names. Unusable scans and, of the folder, unreadable files are
+    left out."""
+    if source.is_file() and source.suffix.lower() in GROWING:
+        yield from _of_growing(source, corrections, lambda: not ended() and source.exists(), after)
     else:
         yield from _of_folder(source, corrections, ended, after)
 
@@ -67,10 +71,10 @@ def _of_folder(folder: Path, corrections: Corrections, ended: Callable[[], bool]
         before, sizes = sizes, {name: _size(path) for name, path in files.items()}
         for name, path in files.items():
             begin, here = after if name == after.file else Mark(name), 0
-            is_recording, is_last = path.suffix.lower() == RECORDING, name == next(reversed(files))
+            is_recording, is_last = path.suffix.lower() in GROWING, name == next(reversed(files))
             size = sizes[name]
             if is_recording:
-                scans = _of_recording(path, corrections, partial(_is_last, folder, name, ended), begin)
+                scans = _of_growing(path, corrections, partial(_is_last, folder, name, ended), begin)
             elif size is not None and size == before.get(name) and not (is_last and size == unreadable):
                 scans = _of_file(path, corrections, begin)
             else:
@@ -109,7 +113,7 @@ def replayed(
         yield Incoming(scan, Mark("", number))
 
 
-def _of_recording(path: Path, corrections: Corrections, grows: Callable[[], bool], after: Mark) -> Iterator[Incoming]:
+def _of_growing(path: Path, corrections: Corrections, grows: Callable[[], bool], after: Mark) -> Iterator[Incoming]:
     """What is there when it no longer grows comes too."""
     is_last = False
 
@@ -121,6 +125,34 @@ def _of_recording(path: Path, corrections: Corrections, grows: Callable[[], bool
         is_last = not grows()  # what came before it ended is read once more
         return True
 
+    scans = _of_recording if path.suffix.lower() == RECORDING else _of_mcap
+    yield from scans(path, corrections, more, after)
+
+
+def _of_mcap(path: Path, corrections: Corrections, more: Callable[[], bool], after: Mark) -> Iterator[Incoming]:
+    while not _has_clouds(path):
+        if not more():
+            return
+    for number, cloud in enumerate(stream_recording(path, None, [], more)):
+        if number < after.count:
+            continue
+        try:
+            scan, _ = scan_of_cloud(corrections.corrected(cloud), f"{path.stem}#{number}", 0.0)
+        except InputError:  # a message that cannot be used
+            continue
+        stamp = float(number) if cloud.stamp is None else cloud.stamp
+        yield Incoming(replace(scan, stamp=stamp), Mark(after.file, number + 1))
+
+
+def _has_clouds(path: Path) -> bool:
+    """Whether there is a cloud in an MCAP file yet."""
+    try:
+        return bool(open_mcap(path).of_kinds(CLOUD_KINDS))
+    except InputError:
+        return False
+
+
+def _of_recording(path: Path, corrections: Corrections, more: Callable[[], bool], after: Mark) -> Iterator[Incoming]:
     recording, latest = Recording(), -1
     name = Path(_final_name(path)).stem
     for number, shot in enumerate(recording.read(path, 0, more, after.count), after.shots):
@@ -152,7 +184,10 @@ def _read(inputs: Sequence[str | Path], corrections: Corrections) -> Sequence[Sc
 def _files(folder: Path) -> dict[str, Path]:
     """The files with scans in a folder, in natural order, by the names that they have or will have at last."""
     try:
-        paths = [selected.path for selected in select_files([folder], FORMATS).files]
+        looked = (
+            sorted(folder.glob(f"*{MCAP}")) if is_bag_folder(folder) else [folder]
+        )  # a bag that has ended meanwhile
+        paths = [selected.path for selected in select_files(looked, FORMATS).files]
     except InputError:  # none yet
         return {}
     named: dict[str, Path] = {}

@@ -184,7 +184,7 @@ def test_a_recording_of_someone_else_ends_the_dive_when_it_is_given_its_name(swi
     [
         (("nowhere",), "nowhere does not exist; name what is being written"),
         (("nowhere.sonar",), "nowhere.sonar does not exist"),
-        (("scan.ply",), "scan.ply is neither a folder nor a recording (.sonar), which may grow; give --replay 1"),
+        (("scan.ply",), "scan.ply is neither a folder nor a recording that may grow (.sonar, .mcap); give --replay 1"),
         (("a.sonar", "b.sonar"), "2 sources given"),
         (("--replay", "0"), "--replay needs finished scans"),
         (("scan.ply", "--replay", "-1"), "--replay"),

@@ -15,7 +15,9 @@ from sonarmap.tools.files.readers import incoming as module
 from sonarmap.tools.files.readers.corrections import AS_RECORDED
 from sonarmap.tools.files.readers.incoming import Incoming, Mark, final_path, incoming, replayed
 from sonarmap.tools.files.readers.scans import read_survey
-from tests.samples.cloud_files import put
+from tests.samples.bags.messages import CLOUD, STAMP, cloud
+from tests.samples.bags.writers import write_mcap
+from tests.samples.cloud_files import TABLE, put
 from tests.samples.clutter_scans import scan, write
 from tests.samples.recordings import PacketOf, recording, written
 
@@ -247,3 +249,40 @@ def test_a_second_recording_of_one_name_is_one_of_its_own(tmp_path: Path) -> Non
     )
     require_same(came, read_survey([tmp_path]).scans)
     assert len(came) == 5
+
+
+class TestMcap:
+    """Twelve clouds in an MCAP file that comes piece by piece, cut anywhere."""
+
+    @pytest.fixture
+    def whole(self, tmp_path: Path) -> bytes:
+        records = [("/p", CLOUD, STAMP + k / 4, cloud(TABLE * np.float32(k + 1), STAMP + k / 4)) for k in range(12)]
+        path = tmp_path / "whole.mcap"
+        write_mcap(path, records, chunk_size=1000)
+        return path.read_bytes()
+
+    def test_that_grows_gives_each_scan_once_and_goes_on_from_every_mark(self, tmp_path: Path, whole: bytes) -> None:
+        path, pieces = tmp_path / "grows.mcap", np.linspace(0, len(whole), 8).astype(int)
+
+        def again(after: Mark) -> list[Incoming]:
+            path.write_bytes(b"")
+            steps = [appending(path, whole[a:b]) for a, b in pairwise(pieces.tolist())]
+            return followed(path, *steps, after=after)
+
+        came = again(BEGINNING)
+        assert [each.scan.name for each in came] == [f"grows#{k}" for k in range(12)]
+        require_same(came, read_survey([path]).scans)
+        for k, each in enumerate(came):
+            assert [after.scan.name for after in again(each.behind)] == [f"grows#{n}" for n in range(k + 1, 12)]
+
+    def test_in_the_folder_of_a_bag_that_ends_meanwhile(self, tmp_path: Path, whole: bytes) -> None:
+        folder = tmp_path / "bag"
+        folder.mkdir()
+        path, half = folder / "bag_0.mcap", len(whole) // 2
+        path.write_bytes(whole[:half])
+
+        def end() -> None:
+            (folder / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  version: 9\n")
+
+        came = followed(folder, appending(path, whole[half:]), end)
+        assert [each.scan.name for each in came] == [f"bag_0#{k}" for k in range(12)]

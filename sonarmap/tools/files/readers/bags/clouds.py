@@ -1,6 +1,6 @@
 """Clouds of a ROS bag or MCAP file: one per message (sensor_msgs/PointCloud2, foxglove.PointCloud) of a topic."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.bags.frames import Frames, numbers_of, stamp_of
+from sonarmap.tools.files.readers.bags.mcap_file import open_mcap
 from sonarmap.tools.files.readers.bags.open import open_recording
 from sonarmap.tools.files.readers.bags.recording import (
     FOXGLOVE_CLOUD,
@@ -31,14 +32,19 @@ _SECONDS_PER_COUNT = 1e-9  # of integers, and of floats beyond _LARGEST_SECONDS
 _LARGEST_SECONDS, _SINCE_THE_STAMP = 1e14, 1e6
 
 
-def stream_recording(path: Path, topic: str | None, notes: list[str]) -> Iterator[Cloud]:
+def stream_recording(
+    path: Path, topic: str | None, notes: list[str], more: Callable[[], bool] | None = None
+) -> Iterator[Cloud]:
     """The clouds of a topic (None: the only one with clouds), one per message, stamped by their headers; empty for a
     message that cannot be used. They are in base_link where tf_static has the sensor's mounting, else in the sensor's
-    frame. Raises InputError: no such topic, several of which none is named, or none of its messages can be used."""
+    frame. `more` is for an MCAP file that grows, as of `open_mcap`. Raises InputError: no such topic, several of which
+    none is named, or none of its messages can be used."""
     about: list[str] = []
     recording = open_recording(path, about)
     chosen = choose_topic(recording, topic, CLOUD_KINDS, path)
     frames, faults = Frames(recording), list[str]()
+    if more is not None:
+        recording = open_mcap(path, more=more)
     usable = unstamped = 0
     for number, message in enumerate(recording.messages([chosen.name], faults)):
         try:

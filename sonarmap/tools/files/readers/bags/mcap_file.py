@@ -1,4 +1,5 @@
-"""MCAP from its first byte to its last: a file that was cut, or has no index, is read as far as it goes.
+"""MCAP from its first byte to its last: a file that was cut, or has no index, is read as far as it goes, and one that
+grows for as long as it does.
 
 Format: https://mcap.dev/spec.
 """
@@ -6,7 +7,7 @@ Format: https://mcap.dev/spec.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -22,11 +23,13 @@ if TYPE_CHECKING:
 
 _RECORD = 512  # bytes of memory that a record takes beside its content
 _READS = 8  # that a record takes at most
+_LARGEST_GROWN = 1 << 40  # bytes of a file that grows
 
 
-def open_mcap(path: Path, packed: int | None = None) -> Recording:
-    """The recording of an MCAP file. `packed`: its bytes before it was unpacked, if it was. Raises InputError: there is
-    no message in it."""
+def open_mcap(path: Path, packed: int | None = None, more: Callable[[], bool] | None = None) -> Recording:
+    """The recording of an MCAP file. `packed`: its bytes before it was unpacked, if it was. `more`: whether messages may
+    still come, asked where the file ends, and waits for them; None for a finished one. Its topics are those that are
+    there. Raises InputError: there is no message in it."""
     from mcap.records import Channel, Schema
     from mcap.records import Message as Record
 
@@ -54,29 +57,36 @@ def open_mcap(path: Path, packed: int | None = None) -> Recording:
         known[channel.topic, kind] += counts[number]
     if not known.total():
         raise InputError(faults[0] if faults else "there is no message in it; record its topics again")
-    return Recording(topics_of(known), partial(_messages, path, most, empty))
+    if more is not None:
+        most = most_records(_LARGEST_GROWN)
+    return Recording(topics_of(known), partial(_messages, path, most, empty, more))
 
 
 def _messages(
-    path: Path, most: int, empty: Mapping[int, Message], names: Collection[str], faults: list[str]
+    path: Path,
+    most: int,
+    empty: Mapping[int, Message],
+    more: Callable[[], bool] | None,
+    names: Collection[str],
+    faults: list[str],
 ) -> Iterator[Message]:
     """In the order of the file, and by their times within a chunk."""
     from mcap.records import Message as Record
 
-    for record in _records(path, most, faults):
+    for record in _records(path, most, faults, more):
         if isinstance(record, Record) and (of := empty.get(record.channel_id)) and of.topic in names:
             yield replace(of, time=record.log_time, content=record.data)
 
 
-def _records(path: Path, most: int, faults: list[str]) -> Iterator[McapRecord]:
+def _records(path: Path, most: int, faults: list[str], more: Callable[[], bool] | None = None) -> Iterator[McapRecord]:
     """Every record, those in chunks too, of which there may be `most` believably. A chunk that is damaged is left out;
     what is cut or has no end is the end."""
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader
 
-    size = path.stat().st_size
+    size = path.stat().st_size if more is None else _LARGEST_GROWN
     with path.open("rb") as file:
-        whole, chunks = _WholeReads(file, size, _READS * most), _Chunks(Unpacker(size), most)
+        whole, chunks = _WholeReads(file, path, _READS * most, more), _Chunks(Unpacker(size), most)
         records = iter(StreamReader(cast(IO[bytes], whole), emit_chunks=True, record_size_limit=None).records)
         while True:
             start = whole.place
@@ -130,10 +140,11 @@ def _count_records(plain: bytes, most: int) -> int:
 
 
 class _WholeReads:
-    """A file whose every read is whole. `most`: how many reads it may take believably."""
+    """A file whose every read is whole. `most`: how many reads it may take believably; `more` as of `open_mcap`."""
 
-    def __init__(self, file: BinaryIO, size: int, most: int) -> None:
-        self._file, self._size, self._left = file, size, most
+    def __init__(self, file: BinaryIO, path: Path, most: int, more: Callable[[], bool] | None = None) -> None:
+        self._file, self._path, self._left, self._more = file, path, most, more
+        self._size = path.stat().st_size
         self.place = 0
 
     def read(self, length: int) -> bytes:
@@ -142,6 +153,8 @@ class _WholeReads:
         self._left -= 1
         if self._left < 0:
             raise InputError(f"it has too many records before byte {self.place:,}, {NOT_BELIEVABLE}")
+        while self._more is not None and self._size - self.place < length <= LARGEST and self._more():
+            self._size = self._path.stat().st_size
         left = self._size - self.place
         if not 0 <= length <= min(left, LARGEST):
             raise InputError(
