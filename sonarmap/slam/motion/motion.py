@@ -89,9 +89,12 @@ class Motion:
         if len(steps) < FEWEST:
             return cls._unlearned(times, surveys, floor, limits) if limits.any else None
         sure = [Step.of(pair, times) for pair in steps]
-        span = float(np.median([times[pair.j] - times[pair.i] for pair in steps]))
+        spans = np.array([times[pair.j] - times[pair.i] for pair in steps])
+        span = float(np.median(spans))
         measured, errors = np.array([step.rate for step in sure]), np.array([step.covariance for step in sure])
-        errors[[pair.accepted for pair in steps]] = 0.0  # what is accepted is taken as it is
+        # what is accepted is taken as it is; but where a step is shorter than usual, its error is a larger part of it
+        accepted = np.array([pair.accepted for pair in steps])
+        errors[accepted] *= np.maximum(1 - (spans[accepted, None, None] / span) ** 2, 0.0)
         mean, scatter = _fit_t(measured, errors, floor / span)
         rates, left = _filled(measured, errors, mean, scatter)
         within = np.flatnonzero(_squared(rates - mean, scatter) <= _BEYOND)

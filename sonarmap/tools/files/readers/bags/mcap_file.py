@@ -27,8 +27,8 @@ _LARGEST_GROWN = 1 << 40  # bytes of a file that grows
 
 
 def open_mcap(path: Path, packed: int | None = None, more: Callable[[], bool] | None = None) -> Recording:
-    """The recording of an MCAP file. `packed`: its bytes before it was unpacked, if it was. `more`: whether messages may
-    still come, asked where the file ends, and waits for them; None for a finished one. Its topics are those that are
+    """The recording of an MCAP file. `packed`: its bytes before it was unpacked, if it was. `more`: whether messages
+    may still come, asked where the file ends, after waiting; None for a finished one. Its topics are those that are
     there. Raises InputError: there is no message in it."""
     from mcap.records import Channel, Schema
     from mcap.records import Message as Record
