@@ -25,6 +25,10 @@ _BLOCK = 20_000  # cycles that are looked at together
 # Each answer is compared with so many others, those nearest at both ends: a long way between two leaves so much open
 # that they agree whatever they say.
 _COMPARED = 100
+# A direction is open where it is less certain than so many granted standard deviations. What scans show so far off
+# along it is not what they show where they are: hulls and quays bend, and a few centimeters across, said of another
+# place by many such answers, shorten the way.
+_FAR = 20.0
 # A group leads where the probability that all of it is wrong is below the next one's by this power of e.
 _CLEARLY = 2.0
 
@@ -39,6 +43,7 @@ class Comparison:
     agree: sparse.csr_array
     contradict: sparse.csr_array
     bound: float  # largest distance of two that agree [sigmas]
+    elsewhere: np.ndarray  # (n,) bool, whether one that leaves a direction open is of a place far from its part's chain
 
     def support(self, possible_edges: Sequence[PossibleEdge]) -> list[PossibleEdge]:
         """The same answers as were compared, in their order, with their support; by what they weigh now."""
@@ -53,7 +58,9 @@ class Comparison:
                 pairs = len({possible.scans for possible in counted})
                 for k in group:
                     sigmas, leads = float(self.sigmas[k]), rank == 0 and clear
-                    support[k] = Support(pairs, heaviest[rank], leads, sigmas, sigmas <= self.bound)
+                    support[k] = Support(
+                        pairs, heaviest[rank], leads, sigmas, sigmas <= self.bound, bool(self.elsewhere[k])
+                    )
         return [replace(possible, support=support[k]) for k, possible in enumerate(possible_edges)]
 
     def _groups(self, members: np.ndarray, weight: np.ndarray) -> list[list[int]]:
@@ -104,7 +111,7 @@ def compare(chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.nd
     count = len(possible_edges)
     if not count:
         nothing = sparse.csr_array((0, 0))
-        return Comparison((), np.zeros(0), nothing, nothing, bound)
+        return Comparison((), np.zeros(0), nothing, nothing, bound, np.zeros(0, bool))
     cycles = _Cycles.of(chains, possible_edges, floor**2)
     parts = np.sort(np.column_stack([chains.part[cycles.i], chains.part[cycles.j]]), axis=1)
     _, number = np.unique(parts, axis=0, return_inverse=True)
@@ -116,7 +123,21 @@ def compare(chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.nd
     within = cycles.agree(pairs[:, 0], pairs[:, 1], bound)
     of_one = (cycles.i[pairs[:, 0]] == cycles.i[pairs[:, 1]]) & (cycles.j[pairs[:, 0]] == cycles.j[pairs[:, 1]])
     agree, contradict = (_symmetric(pairs[chosen], count) for chosen in (within & ~of_one, ~within | of_one))
-    return Comparison(members, sigmas, agree, contradict, bound)
+    elsewhere, far = np.zeros(count, bool), _FAR * float(floor[3:].max())
+    if far > 0:
+        elsewhere[inside] = _elsewhere([possible_edges[k] for k in inside.tolist()], chains, far)
+    return Comparison(members, sigmas, agree, contradict, bound, elsewhere)
+
+
+def _elsewhere(answers: Sequence[PossibleEdge], chains: Chains, far: float) -> np.ndarray:
+    """(m,) bool of answers within a part: whether they leave a direction open, and lie `far` [m] from its chain."""
+    if not answers:
+        return np.zeros(0, bool)
+    i, j = np.array([answer.scans for answer in answers]).T
+    measured = RigidTransform.concatenate([answer.registration.T_target_source for answer in answers])
+    away = (measured.inv() * chains.T[i].inv() * chains.T[j]).translation
+    shift = np.stack([answer.registration.covariance[3:, 3:] for answer in answers])
+    return (np.linalg.eigvalsh(shift)[:, -1] > far**2) & (np.linalg.norm(away, axis=1) > far)
 
 
 def agreeing_groups(chains: Chains, loops: Sequence[Edge], bound: float) -> np.ndarray:

@@ -37,6 +37,7 @@ class Support:
     leading: bool = False  # whether its group is clearly heavier than the next between the same parts
     sigmas: float = float("nan")  # its distance from its part's own chain (Mahalanobis); NaN where it joins two parts
     agrees: bool = False  # whether that is within the bound; False where it joins two parts
+    elsewhere: bool = False  # whether it leaves a direction open along which its part's chain has the scans far off
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +133,8 @@ class PossibleEdge:
         decides between them. Farther apart in time it is more likely that a place looks like another, and several
         pairs can be wrong about that alike.
         """
+        if self.support.elsewhere:
+            return False
         if self.support.agrees:
             likely = self.weight >= _LIKELY or self.placed
             return self.accepted or (likely and self.support.leading and self.support.pairs >= 2)

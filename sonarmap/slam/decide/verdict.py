@@ -91,6 +91,8 @@ def _reason(
         )
     if taken:
         return f"refused, inconsistent: the other pairs put it {residual:.1f} sigmas from there"
+    if possible.support.elsewhere:
+        return "refused: it leaves a direction open, and was measured where the scans, far from there, do not lie"
     if registration.accepted:
         return f"refused, inconsistent: {_agreement(possible)}"
     return _refused(registration)

@@ -70,6 +70,20 @@ def test_the_distance_from_the_chain_is_in_joint_sigmas():
     assert granted.agrees
 
 
+@pytest.mark.parametrize(("open_by", "off", "elsewhere"), [(50.0, 25.0, True), (50.0, 15.0, False), (1.0, 25.0, False)])
+def test_what_leaves_a_direction_open_counts_near_the_place_where_it_was_measured(open_by, off, elsewhere):
+    """With a floor of 1 m: 20 m are far. The direction lies across all axes."""
+    truth, along = ring_poses(6), np.array([0.6, 0.0, -0.8])
+    covariance = COVARIANCE.copy()
+    covariance[3:, 3:] += open_by**2 * np.outer(along, along)
+    away = RigidTransform.from_translation(off * along)
+    given = answer(truth, 1, 4, away, covariance=covariance, accepted=True)
+    floor = np.repeat([0.02, 1.0], 3)
+    (found,) = compare(chained(truth), [given], floor, BOUND).support([given])
+    assert (found.support.elsewhere, found.support.agrees) == (elsewhere, open_by > off)
+    assert found.may_be_taken == (open_by > off and not elsewhere)
+
+
 def test_two_parts_are_joined_by_those_that_agree_wherever_their_frames_lie():
     truth = ring_poses(12)
     off = [RigidTransform.from_exp_coords(xi) for xi in ([0, 0, 0.8, 2, 0, 0], [0.2, 0, -1, 0, 3, 0])]

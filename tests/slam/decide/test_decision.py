@@ -91,8 +91,8 @@ def test_two_parts_far_apart_in_time_want_two_pairs():
 def open_along(
     truth: RigidTransform, i: int, j: int, place: float, off: RigidTransform | None = None
 ) -> RegisteredPair:
-    """A loop along a wall: 3 m off along it, by a covariance that says so; refused for that."""
-    slid = RigidTransform.from_translation([3.0, 0, 0])
+    """A loop along a wall: 1.5 m off along it, by a covariance that says so; refused for that."""
+    slid = RigidTransform.from_translation([1.5, 0, 0])
     off = slid if off is None else off * slid
     given = pair(truth, i, j, "loop", off, **unsure(place), evidence=(("fixed", 0.02),))
     assert given.registration is not None
@@ -109,6 +109,8 @@ def test_a_loop_that_leaves_a_direction_open_is_taken_for_the_others():
     assert not decided(truth, [*pairs, open_along(truth, 2, 9, 0.5)]).pairs[-1].kept
     aside = RigidTransform.from_translation([0, 3.0, 0])
     assert not decided(truth, [*pairs, open_along(truth, 2, 9, 0.95, aside)]).pairs[-1].kept
+    elsewhere = decided(truth, [*pairs, open_along(truth, 2, 9, 0.95, RigidTransform.from_translation([1.5, 0, 0]))])
+    assert "measured where the scans, far from there, do not lie" in elsewhere.pairs[-1].reason
     # it joins nothing
     gap = [*chain_of(truth, k5=unsure(0.0)), pair(truth, 1, 10, "loop")]
     result = decided(truth, [*gap, open_along(truth, 2, 9, 0.95), open_along(truth, 3, 8, 0.95)])
