@@ -22,6 +22,16 @@ _MOST = 0.95  # of a scan's points this share moves by less than what is said of
 
 
 @dataclass(frozen=True, slots=True)
+class Way:
+    """By which way a map's N scans were straightened, so that they can be again."""
+
+    trajectory: Trajectory  # their N poses, as of the map before
+    runs: tuple[tuple[int, ...], ...]  # scans that are one way
+    bent: bool  # whether these are the poses of scans as they were taken
+    turned: bool  # whether turn rates helped
+
+
+@dataclass(frozen=True, slots=True)
 class Straightened:
     """N scans."""
 

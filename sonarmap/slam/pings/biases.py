@@ -1,5 +1,6 @@
 """What is wrong with how a sounder is mounted and timed, and a line without it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +44,11 @@ class Biases:
     def of(cls, array: np.ndarray) -> "Biases":
         """Of (4,) latency [s], roll, pitch and heading [rad]."""
         return cls(*(float(number) for number in array))
+
+    @classmethod
+    def of_json(cls, row: Mapping[str, float]) -> "Biases":
+        """As `to_json` has them."""
+        return cls(float(row["latency_s"]), *(float(np.radians(row[f"{name}_deg"])) for name in NAMES[1:]))
 
     @property
     def array(self) -> np.ndarray:

@@ -4,17 +4,31 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from difflib import get_close_matches
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.time_scales import TIMES
 
 if TYPE_CHECKING:  # the command line names the formats in its help, which is to come at once
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+    from sonarmap.tools.files.map_folder.folder import Map, MapPart
+    from sonarmap.tools.products.export.clouds.cloud import Cloud
     from sonarmap.tools.products.export.georeferenced import Georeferenced
+
+_ALIKE = 0.85  # a name is taken for one that it is so much alike: geotif
+
+# What the height of a cell is: name, and what it says of a cell in words.
+HEIGHTS = {
+    "top": "mean of the points within one voxel below the cell's highest, weighted by 1 / sigma^2",
+    "mean": "mean of the cell's points, weighted by 1 / sigma^2",
+    "median": "median of the cell's points, the lower one of two",
+    "shoalest": "the cell's highest point",
+    "deepest": "the cell's lowest point",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,13 +36,17 @@ class ExportFormat:
     """A format that a map is exported to."""
 
     file: str  # its name, with a place for the part's suffix
-    # "module:function" of tools/products/export, called with the file's path and a `Georeferenced` where the format
-    # needs a place, else folder, part, and `Georeferenced` or None; returns what the side-car says beyond what all say
+    # "module:function" of tools/products/export, called with the file's path and, of points, a `Cloud`, of surfaces a
+    # `MapPart` and a cell, else a `Georeferenced` where the format needs a place, or folder, part, and `Georeferenced`
+    # or None; returns what the side-car says beyond what all say
     writer: str
     words: str  # what it is
     # which its numbers are: projected, latitude and longitude, or the map's own
     coordinates: Literal["projected", "geographic", "map"] = "projected"
     of_all_parts: bool = False  # whether one file is about all parts of a map
+    of_points: bool = False  # whether it holds points, which may be those of scans; without a place in the map's frame
+    of_surface: bool = False  # whether it holds a mesh
+    with_contours: bool = False  # whether --contours adds to it
     of_poses: bool = False  # whether it holds poses and nothing of scans, so that they may be at a rate of their own
     beside: tuple[str, ...] = ()  # the names of further files that the writer may write
     stamps: tuple[float, float] = (-math.inf, math.inf)  # from where on and up to where the scans' stamps must lie [s]
@@ -38,30 +56,56 @@ class ExportFormat:
         """The names of all its files, each with a place for the part's suffix."""
         return self.file, *self.beside
 
+    def name(self, part: MapPart, of_scans: bool) -> str:
+        """The name of a part's file; of scans' points it is points.laz, and so on."""
+        name = self.file.format(part.suffix)
+        return name.replace("map", "points", 1) if self.of_points and of_scans else name
+
     @property
     def needs_place(self) -> bool:
         """Whether it holds places on the Earth, so that a part without one cannot be written."""
         return self.coordinates != "map"
 
-    def write(self, path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> Mapping[str, Any]:
-        """Write one part of a map, and return what its side-car says beyond what all of them say.
+    def write(
+        self,
+        path: Path,
+        folder: Map,
+        part: MapPart,
+        earth: Georeferenced | None,
+        cloud: Cloud | None = None,
+        cell: float | None = None,
+    ) -> Mapping[str, Any]:
+        """Write one part of a map, and return what its side-car says beyond what all of them say; `cloud` is for
+        formats of points, `cell` [m] for those of surfaces.
 
         Raises InputError: a file cannot be written."""
         module, function = self.writer.split(":")
         write = getattr(import_module(f"sonarmap.tools.products.export.{module}"), function)
+        if self.of_points or self.of_surface:
+            return write(path, *((cloud,) if self.of_points else (part, cell)))
         return write(path, *((earth,) if self.needs_place else (folder, part, earth))) or {}
 
 
+def _mesh(file: str, function: str, words: str) -> ExportFormat:
+    return ExportFormat(file, f"surface:write_{function}", words, "map", of_surface=True)
+
+
 FORMATS = {
-    "laz": ExportFormat("map{}.laz", "laz:write_laz", "the map's points, LAZ 1.4"),
+    "laz": ExportFormat("map{}.laz", "laz:write_laz", "points, LAZ 1.4", of_points=True),
+    "copc": ExportFormat("map{}.copc.laz", "clouds.copc:write_copc", "points in an octree, COPC 1.0", of_points=True),
+    "e57": ExportFormat("map{}.e57", "clouds.e57:write_e57", "points, E57", of_points=True),
+    "xyz": ExportFormat("map{}.xyz", "clouds.text:write_xyz", "points, a line each, XYZ", of_points=True),
+    "points-csv": ExportFormat("map{}.csv", "clouds.text:write_csv", "points, a line each, CSV", of_points=True),
     "geotiff": ExportFormat(
         "grid{}.tif",
         "geotiff:write_geotiff",
         "a grid of heights from above, with standard deviation and count, GeoTIFF, and its style for QGIS",
         beside=("grid{}.qml",),
     ),
-    "kml": ExportFormat("map{}.kml", "kml:write_kml", "the track, KML 2.2", "geographic"),
-    "kmz": ExportFormat("map{}.kmz", "kml:write_kmz", "the track and the map as a picture, KMZ", "geographic"),
+    "kml": ExportFormat("map{}.kml", "kml:write_kml", "the track, KML 2.2", "geographic", with_contours=True),
+    "kmz": ExportFormat(
+        "map{}.kmz", "kml:write_kmz", "the track and the map as a picture, KMZ", "geographic", with_contours=True
+    ),
     "csv": ExportFormat(
         "poses{}.csv",
         "tables:write_poses_csv",
@@ -85,9 +129,19 @@ FORMATS = {
         stamps=TIMES,
     ),
     "geojson": ExportFormat(
-        "track{}.geojson", "track_features:write_geojson", "track, scans and loops, GeoJSON", "geographic"
+        "track{}.geojson",
+        "track_features:write_geojson",
+        "track, scans and loops, GeoJSON",
+        "geographic",
+        with_contours=True,
     ),
-    "gpkg": ExportFormat("track{}.gpkg", "track_features:write_geopackage", "track, scans and loops, GeoPackage"),
+    "gpkg": ExportFormat(
+        "track{}.gpkg", "track_features:write_geopackage", "track, scans and loops, GeoPackage", with_contours=True
+    ),
+    "mesh-ply": _mesh("surface{}.ply", "grid", "a surface through the map's grid, PLY"),
+    "mesh-glb": _mesh("surface{}.glb", "grid", "a surface through the map's grid, GLB"),
+    "poisson-ply": _mesh("poisson{}.ply", "poisson", "a surface around the map's points, PLY"),
+    "poisson-glb": _mesh("poisson{}.glb", "poisson", "a surface around the map's points, GLB"),
     "mcap": ExportFormat(
         "map{}.mcap",
         "mcap:write_mcap",
@@ -113,3 +167,18 @@ FORMATS = {
         beside=("graph{}.g2o",),
     ),
 }
+
+
+def known_formats(names: Iterable[str]) -> list[str]:
+    """The names, each once; one that is nearly right is taken for what it is like. Raises InputError: another name."""
+    known: dict[str, None] = {}
+    for given in names:
+        name = given.strip().lower()
+        if name not in FORMATS:
+            alike = get_close_matches(name, FORMATS, 1, _ALIKE)
+            if not alike:
+                near = "".join(f"did you mean {other}? Else " for other in get_close_matches(name, FORMATS, 1))
+                raise InputError(f"{name!r}; {near}choose from {', '.join(FORMATS)}, several separated by commas")
+            name = alike[0]
+        known[name] = None
+    return list(known)

@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.tools.files.geo.georeference import EAST, Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.time_scales import are_times, utc_texts
+from sonarmap.tools.products.export.grid import Cells, cells_of, check_size, shown_heights
 
 # A standard deviation that says nothing of the angle: a sensor that looks straight down has neither roll nor heading
 _ANY_ANGLE = 180.0
@@ -27,11 +28,13 @@ class Georeferenced:
     positive nose up, heading clockwise from North.
     """
 
-    folder: MapFolder  # the map
+    folder: Map  # the map
     part: MapPart  # of it
     georeference: Georeference  # of the part's frame
     projection: Projection  # the CRS of projected coordinates
     cell: float | None = None  # edge of a cell of grids and pictures [m]; None for the map's voxel
+    height: str = "top"  # of a cell, a name of `formats.HEIGHTS`
+    contours: float | None = None  # between contours in files that hold lines [m]; None for no contours
 
     @cached_property
     def points(self) -> np.ndarray:
@@ -42,6 +45,33 @@ class Georeferenced:
     def projected_points(self) -> np.ndarray:
         """(M, 3) easting, northing, height [m] of the map's points."""
         return self.projection.project(self.points)
+
+    @cached_property
+    def shown_heights(self) -> tuple[float, float]:
+        """Between which heights [m] colors change."""
+        return shown_heights(self.points[:, 2], self.part.columns["seen"])
+
+    @property
+    def cell_m(self) -> float:
+        """Edge of a cell [m]."""
+        return self.cell or self.folder.voxel
+
+    def projected_cells(self) -> tuple[Cells, int, int, tuple[int, int]]:
+        """The cells with points of a grid north up, its left and upper edges [cells], and its rows and columns.
+
+        Raises InputError: the grid is too large."""
+        place = np.floor(self.projected_points[:, :2] / self.cell_m).astype(np.int64)
+        left, top = int(place[:, 0].min()), int(place[:, 1].max()) + 1
+        row, column = top - 1 - place[:, 1], place[:, 0] - left
+        shape = int(row.max()) + 1, int(column.max()) + 1
+        check_size(*shape, self.cell_m)
+        return self.cells(row, column), left, top, shape
+
+    def cells(self, row: np.ndarray, column: np.ndarray, chosen: np.ndarray | slice = slice(None)) -> Cells:
+        """The cells of a grid with the map's `chosen` points in row and column (M,) int64, none negative."""
+        height, columns = self.points[chosen, 2], self.part.columns
+        sigma, count = columns["sigma"][chosen], columns["count"][chosen]
+        return cells_of(self.height, row, column, height, sigma, count, self.folder.voxel)
 
     @cached_property
     def poses(self) -> np.ndarray:
@@ -93,7 +123,7 @@ class Georeferenced:
 
     @cached_property
     def surveys(self) -> list[int]:
-        """As `MapFolder.surveys`."""
+        """As `Map.surveys`."""
         return self.folder.surveys(self.part)
 
     @property

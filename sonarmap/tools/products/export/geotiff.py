@@ -12,8 +12,9 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import VERTICALS
 from sonarmap.tools.files.writers.atomic import atomic_path
+from sonarmap.tools.products.export.formats import HEIGHTS
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.grid import HEIGHT_COLORS, Cells, check_size, shown_heights, top_cells
+from sonarmap.tools.products.export.grid import HEIGHT_COLORS, Cells
 from sonarmap.tools.products.export.kml import xml_bytes
 
 NODATA = -9999.0
@@ -36,17 +37,17 @@ _PROFILE: dict[str, Any] = {
 
 
 def write_geotiff(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
-    """Write heights of the uppermost surface (band 1), their standard deviations (2), and how many sonar points (3).
+    """Write the heights that `earth.height` names (band 1), standard deviations (2), and how many sonar points (3).
 
-    Cells are `earth.cell` wide, or one voxel; their edges lie at multiples of that, so that grids of two maps fit each
+    Cells are `earth.cell_m` wide; their edges lie at multiples of that, so that grids of two maps fit each
     other. A cell without points has no value: nothing is interpolated. Beside it stands the style that QGIS shows
     it in. Returns what the bands mean.
 
     Raises InputError: the grid is too large, or the file cannot be written."""
     import rasterio
 
-    cell = earth.cell or earth.folder.voxel
-    cells, left, top, (rows, columns) = _cells(earth, cell)
+    cell = earth.cell_m
+    cells, left, top, (rows, columns) = earth.projected_cells()
     # without the heights' CRS, which the tags name: many programs look a plain code up, and GDAL loses one of 3D
     crs = rasterio.CRS.from_wkt(earth.projection.crs.to_wkt())
     place = {"crs": crs, "transform": rasterio.Affine(cell, 0, left * cell, 0, -cell, top * cell)}
@@ -58,26 +59,13 @@ def write_geotiff(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
     with atomic_path(path.with_suffix(".qml")) as temporary:
         temporary.write_bytes(_qgis_style(earth))
     return {
-        "band_1": "height [m], positive up: mean of the points within one voxel below the cell's highest, weighted by "
-        "1 / sigma^2",
+        "band_1": f"height [m], positive up: {HEIGHTS[earth.height]}",
         "band_2": "standard deviation of the height [m]",
-        "band_3": "number of sonar points that the height is from",
+        "band_3": "number of sonar points that the height is from, or of those in the cell if it is one of them",
         "cell_m": cell,
         "nodata": NODATA,
         "pixels": "areas: a cell's value holds for all of it; cells without points are empty",
     }
-
-
-def _cells(earth: Georeferenced, cell: float) -> tuple[Cells, int, int, tuple[int, int]]:
-    """The cells with points, the grid's left and upper edges [cells], and its rows and columns."""
-    projected, columns = earth.projected_points, earth.part.columns
-    place = np.floor(projected[:, :2] / cell).astype(np.int64)
-    left, top = int(place[:, 0].min()), int(place[:, 1].max()) + 1
-    row, column = top - 1 - place[:, 1], place[:, 0] - left
-    shape = int(row.max()) + 1, int(column.max()) + 1
-    check_size(*shape, cell)
-    voxel = earth.folder.voxel
-    return top_cells(row, column, projected[:, 2], columns["sigma"], columns["count"], voxel), left, top, shape
 
 
 def _describe(raster: Any, earth: Georeferenced) -> None:
@@ -86,6 +74,7 @@ def _describe(raster: Any, earth: Georeferenced) -> None:
         AREA_OR_POINT="Area",
         TIFFTAG_SOFTWARE=f"sonarmap {version('sonarmap')}",
         VERTICAL_REFERENCE=f"heights count from {vertical}{f' (EPSG:{epsg})' if epsg else ''}",
+        HEIGHT=f"{earth.height}: {HEIGHTS[earth.height]}",
         SIGN="heights are positive up; a depth is minus the height",
     )
     raster.descriptions = (f"height above {vertical}", "standard deviation of the height", "number of sonar points")
@@ -131,7 +120,7 @@ def _qgis_style(earth: Georeferenced) -> bytes:
     """
     from matplotlib import colormaps, colors
 
-    low, high = shown_heights(earth)
+    low, high = earth.shown_heights
     heights = {share: low + share * (high - low) for share in np.linspace(0, 1, _STEPS).tolist()}
     items = [
         {"@value": f"{height:.4f}", "@label": f"{height:.2f} m"}

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.products.export.georeferenced import Georeferenced
 
 MOST_CELLS = 4_000_000_000  # of a grid, with or without points: 63 km square at 1 m
 HEIGHT_COLORS = "viridis"  # of matplotlib
@@ -55,6 +54,35 @@ def top_cells(
     return Cells(cells // width, cells % width, mean, np.sqrt(variance), summed(count))
 
 
+def cells_of(
+    how: str,
+    row: np.ndarray,
+    column: np.ndarray,
+    height: np.ndarray,
+    sigma: np.ndarray,
+    count: np.ndarray,
+    voxel: float,
+) -> Cells:
+    """The heights that HEIGHTS names, of points as of `top_cells`; all points of a cell count."""
+    if how in ("top", "mean"):
+        return top_cells(row, column, height, sigma, count, voxel if how == "top" else np.inf)
+    width = int(column.max(initial=0)) + 1
+    cells, cell, size = np.unique(row * width + column, return_inverse=True, return_counts=True)
+    order, ends = np.lexsort((height, cell)), np.cumsum(size)
+    chosen = order[{"deepest": ends - size, "median": ends - size + (size - 1) // 2, "shoalest": ends - 1}[how]]
+    deviation = sigma[chosen].astype(np.float64)
+    if how == "median":
+        squares = sigma.astype(np.float64) ** 2 + (height - height[chosen][cell]) ** 2
+        deviation = np.sqrt(np.bincount(cell, squares) / size)
+    return Cells(cells // width, cells % width, height[chosen], deviation, np.bincount(cell, count))
+
+
+def round_cell(voxel: float) -> float:
+    """The least of 1, 2 and 5 times a power of ten that is not below the voxel [m]."""
+    power = 10.0 ** np.floor(np.log10(voxel))
+    return float(next(step for step in (power, 2 * power, 5 * power, 10 * power) if step >= voxel * (1 - 1e-9)))
+
+
 def weight_of(sigma: np.ndarray) -> np.ndarray:
     """(M,) float64 [1/m^2], the weights of points in the mean of a cell, of their standard deviations [m]."""
     return np.maximum(sigma.astype(np.float64), _LEAST_SIGMA) ** -2
@@ -71,9 +99,9 @@ def check_size(rows: int, columns: int, cell: float) -> None:
         )
 
 
-def shown_heights(earth: Georeferenced) -> tuple[float, float]:
-    """Between which heights the colors change [m]: those of points that more than one scan saw, if there are any."""
-    height, seen = earth.points[:, 2], earth.part.columns["seen"] >= 2
-    height = height[seen] if seen.any() else height
+def shown_heights(height: np.ndarray, seen: np.ndarray) -> tuple[float, float]:
+    """Between which heights the colors change [m], of points with height (M,) [m] and the number of scans (M,) that saw
+    them: those of points that more than one scan saw, if there are any."""
+    height = height[seen >= 2] if (seen >= 2).any() else height
     low, high = np.quantile(height, _EXTREMES).tolist()
     return (low, high) if high > low else (low - 0.5, high + 0.5)

@@ -18,6 +18,7 @@ import numpy as np
 from sonarmap.tools.files.geo.georeference import VERTICALS
 from sonarmap.tools.files.time_scales import utc_text
 from sonarmap.tools.files.writers.atomic import atomic_path
+from sonarmap.tools.products.export.contours import contours_of
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.kml_pictures import Picture, legend_of, pictures_of
 
@@ -62,6 +63,7 @@ def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = ()
     track["coordinates"] = "\n".join(_coordinate(place, ",") for place in earth.poses)
     ends = [_place(earth, "start", 0), _place(earth, "end", -1)]
     line = {"name": "track", "styleUrl": "#track", "LineString": track}
+    contours = [_contour(earth, each) for each in contours_of(earth)]
     document = {
         "name": f"{earth.folder.path.resolve().name} map{part.suffix}",
         "open": "1",
@@ -73,6 +75,7 @@ def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = ()
         "Style": {"@id": "track", "LineStyle": {"color": _TRACK_COLOR, "width": "3"}},
         "GroundOverlay": [_overlay(href, picture, number) for number, (href, picture) in enumerate(pictures, 1)],
         "ScreenOverlay": [{"name": "heights", "Icon": {"href": _LEGEND}, **_LEGEND_PLACE}] if pictures else [],
+        "Folder": [{"name": "contours", "Placemark": contours}] if contours else [],
         "Placemark": [line, *_timed_track(earth), *ends],
     }
     return xml_bytes("kml", {"@xmlns": KML, "@xmlns:gx": GX, "Document": document})
@@ -112,6 +115,12 @@ def _look_at(earth: Georeferenced) -> dict[str, str]:
     (latitude, longitude, _) = earth.georeference.geodetic(earth.part.points.mean(axis=0)[None])[0].tolist()
     place = {"longitude": f"{longitude:.7f}", "latitude": f"{latitude:.7f}", "altitude": "0"}
     return place | {"range": f"{1.5 * max(extent, _NARROWEST):.0f}"} | _CLAMPED
+
+
+def _contour(earth: Georeferenced, contour: np.ndarray) -> dict[str, Any]:
+    places = earth.projection.unproject(contour)
+    line = {"tessellate": "1", **_CLAMPED, "coordinates": "\n".join(_coordinate(place, ",") for place in places)}
+    return {"name": f"{contour[0, 2]:g} m", "LineString": line}
 
 
 def _overlay(href: str, picture: Picture, number: int) -> dict[str, Any]:

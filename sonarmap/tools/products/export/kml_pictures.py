@@ -8,7 +8,7 @@ import numpy as np
 
 from sonarmap.tools.files.geo.georeference import VERTICALS
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.grid import HEIGHT_COLORS, shown_heights, top_cells
+from sonarmap.tools.products.export.grid import HEIGHT_COLORS
 
 _LARGEST, _SMALLEST = 4096, 1024  # edge of a picture: beyond it graphics cards shrink it, below it edges are blurred
 _DEGREE = 111_195.0  # of latitude on the mean sphere [m]; a pixel's size need not be exact
@@ -29,24 +29,22 @@ def pictures_of(earth: Georeferenced) -> list[Picture]:
     """
     from matplotlib import colormaps
 
-    latitude, longitude, height = earth.points.T
+    latitude, longitude, _ = earth.points.T
     middle = earth.georeference.longitude
     longitude = middle + (longitude - middle + 180) % 360 - 180  # without the jump at 180 degrees
     across = _DEGREE * np.cos(np.radians(np.abs(latitude).min()))
-    cell = earth.cell or earth.folder.voxel
     extents = np.ptp(latitude) * _DEGREE, np.ptp(longitude) * across
-    cell = max(cell, *(extent / _LARGEST for extent in extents))
+    cell = max(earth.cell_m, *(extent / _LARGEST for extent in extents))
     # columns that go round the Earth evenly, so that 180 degrees is the edge of a column
     around, down = round(360 * across / cell), cell / _DEGREE
     row = np.floor((90 - latitude) / down).astype(np.int64)
     column = np.floor((longitude + 180) / 360 * around).astype(np.int64)
-    low, high = shown_heights(earth)
+    low, high = earth.shown_heights
     pictures: list[Picture] = []
     for turn in np.unique(column // around).tolist():
         here = column // around == turn
         upper, left = int(row[here].min()), int(column[here].min())
-        columns = {name: earth.part.columns[name][here] for name in ("sigma", "count")}
-        cells = top_cells(row[here] - upper, column[here] - left, height[here], **columns, voxel=earth.folder.voxel)
+        cells = earth.cells(row[here] - upper, column[here] - left, here)
         rows, width = int(cells.row.max()) + 1, int(cells.column.max()) + 1
         colors = np.zeros((rows, width, 4), np.uint8)
         shares = np.clip((cells.height - low) / (high - low), 0, 1)
@@ -64,7 +62,7 @@ def legend_of(earth: Georeferenced) -> bytes:
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
-    low, high = shown_heights(earth)
+    low, high = earth.shown_heights
     figure = Figure(figsize=(1.4, 3.2), dpi=110, facecolor=(1, 1, 1, 0.85))
     axes = figure.add_axes((0.1, 0.05, 0.18, 0.9))
     scale = figure.colorbar(ScalarMappable(Normalize(low, high), HEIGHT_COLORS), cax=axes)

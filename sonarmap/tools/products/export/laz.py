@@ -1,5 +1,5 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-"""LAZ 1.4, point format 6: the map's points, projected, with what map.ply says of each."""
+"""LAZ 1.4, point format 6: points, projected, with what else is known of each."""
 
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.files.map_folder.folder import MapPart
 from sonarmap.tools.files.time_scales import gps_of_utc
 from sonarmap.tools.files.writers.atomic import atomic_path
-from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.clouds.cloud import Cloud, Portion
 
 _SCALE = 0.001  # [m]
 _STANDARD_GPS = 1e9  # adjusted standard GPS time is GPS time less this [s]
@@ -26,28 +25,64 @@ _DIMENSIONS = {  # beside those that every LAS file has: type, and what it is in
 }
 
 
-def write_laz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
-    """Write the points of a part as LAZ 1.4: easting, northing and height [m] to the millimeter, CRS as WKT 1; returns
-    what the other numbers mean."""
+def write_laz(path: Path, cloud: Cloud) -> Mapping[str, Any]:
+    """Write points as LAZ 1.4, portion by portion: x, y and z [m] to the millimeter, CRS as WKT 1; returns what the
+    other numbers mean."""
     import laspy
 
-    part, projected = earth.part, earth.projected_points
-    dimensions = {name: _DIMENSIONS[name] for name in _DIMENSIONS if name != "survey" or part.columns["survey"].any()}
-    least = projected.min(axis=0) if len(projected) else np.zeros(3)
-    header = las_header(earth.projection, least, dimensions, earth.timed)
-    las = laspy.LasData(header)
-    las.points = laspy.ScaleAwarePointRecord.zeros(len(projected), header=header)
-    las.x, las.y, las.z = projected.T
-    _fill(las, part, earth.timed)
-    for name, (kind, _) in dimensions.items():
-        las[name] = _within(part.columns[name], kind)
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
-        las.write(file, do_compress=True)
-    scale = _intensity_scale(part)
+    header, scale = cloud_header(cloud), intensity_scale(cloud)
+    with (
+        atomic_path(path) as temporary,
+        temporary.open("wb") as file,
+        laspy.open(file, mode="w", header=header, do_compress=True, closefd=False) as writer,
+    ):
+        for portion in cloud.portions():
+            writer.write_points(las_points(portion, header, scale, cloud.timed))
+    return meaning(cloud, int(writer.header.point_count))
+
+
+def cloud_header(cloud: Cloud) -> Any:
+    """The header of a LAS file of a cloud."""
+    part, survey = cloud.part, max(cloud.folder.surveys(cloud.part)) > 0 or cloud.part.columns["survey"].any()
+    names = ("sigma", "count", "seen", "scan", "survey") if cloud.scans is None else ("scan", "survey")
+    dimensions = {name: _DIMENSIONS[name] for name in names if name != "survey" or survey}
+    least = cloud.placed(part.points).min(axis=0) if len(part.points) else np.zeros(3)
+    return las_header(cloud.earth and cloud.earth.projection, least, dimensions, cloud.timed)
+
+
+def las_points(portion: Portion, header: Any, scale: float | None, timed: bool) -> Any:
+    """The points of a portion as laspy has them; `scale` is what echo strengths are multiplied by."""
+    import laspy
+
+    points, columns = laspy.ScaleAwarePointRecord.zeros(len(portion.points), header=header), portion.columns
+    points.x, points.y, points.z = portion.points.T
+    points.return_number[:] = 1
+    points.number_of_returns[:] = 1
+    points.point_source_id = columns["scan"].astype(np.int64) % 65_536
+    points.gps_time = gps_times(portion.stamps, timed)
+    if scale is not None and "intensity" in columns:
+        strengths = np.nan_to_num(columns["intensity"].astype(np.float64))
+        points.intensity = np.rint(np.clip(strengths * scale, 0, _BRIGHTEST)).astype(np.uint16)
+    for name in header.point_format.extra_dimension_names:
+        points[name] = _within(columns[name], _DIMENSIONS[name][0])
+    return points
+
+
+def intensity_scale(cloud: Cloud) -> float | None:
+    """What brings the strongest echo to the largest number of 16 bits; None where there are no echo strengths."""
+    strongest = cloud.strongest
+    return _BRIGHTEST / strongest if strongest > 0 else None
+
+
+def meaning(cloud: Cloud, count: int) -> dict[str, Any]:
+    """What the numbers of a LAS file of a cloud mean, and how many points it has."""
+    whose = "the scan" if cloud.scans is not None else "the scan with most of the voxel's points"
+    scale = intensity_scale(cloud)
     return {
-        "gps_time": "adjusted standard GPS time (GPS seconds less 1e9) of the scan with most of the voxel's points"
-        if earth.timed
-        else "the stamp of the scan with most of the voxel's points [s]; the scans have no times since 1970",
+        "points": count,
+        "gps_time": f"adjusted standard GPS time (GPS seconds less 1e9) of {whose}"
+        if cloud.timed
+        else f"the stamp of {whose} [s]; the scans have no times since 1970",
         "intensity": None
         if scale is None
         else f"linear echo strength times {scale!r}, in 16 bits; 0 where there is none",
@@ -58,11 +93,12 @@ def write_laz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
 
 
 def las_header(
-    projection: Projection, least: np.ndarray, dimensions: Mapping[str, tuple[str, str]], timed: bool
+    projection: Projection | None, least: np.ndarray, dimensions: Mapping[str, tuple[str, str]], timed: bool
 ) -> Any:
-    """The header of a LAS 1.4 file of point format 6, to the millimeter, with its CRS as WKT 1.
+    """The header of a LAS 1.4 file of point format 6, to the millimeter, with its CRS, if any, as WKT 1.
 
     Args:
+        projection: of the coordinates; None for a map's own.
         least: (3,) easting, northing, height [m] near the points, from which they are counted.
         dimensions: beside those of every LAS file: type, and what it is in at most 31 letters.
         timed: whether points have times, as `gps_times` has them.
@@ -74,7 +110,8 @@ def las_header(
     header.system_identifier = "OTHER"
     header.generating_software = f"sonarmap {version('sonarmap')}"
     header.add_extra_dims([laspy.ExtraBytesParams(name, kind, words) for name, (kind, words) in dimensions.items()])
-    header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(projection.old_wkt))
+    if projection is not None:
+        header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(projection.old_wkt))
     header.global_encoding.wkt = True
     if timed:
         header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
@@ -84,26 +121,6 @@ def las_header(
 def gps_times(stamps: np.ndarray, timed: bool) -> np.ndarray:
     """(N,) adjusted standard GPS time [s] of stamps [s, UTC]; the stamps where they are no times."""
     return gps_of_utc(stamps) - _STANDARD_GPS if timed else stamps
-
-
-def _fill(las: Any, part: MapPart, timed: bool) -> None:
-    """The dimensions that every LAS file has."""
-    las.return_number[:] = 1
-    las.number_of_returns[:] = 1
-    las.point_source_id = part.columns["scan"].astype(np.int64) % 65_536
-    stamps = part.point_stamps
-    las.gps_time = gps_times(stamps, timed)
-    scale = _intensity_scale(part)
-    if scale is not None:
-        strengths = np.nan_to_num(part.columns["intensity"].astype(np.float64))
-        las.intensity = np.rint(np.clip(strengths * scale, 0, _BRIGHTEST)).astype(np.uint16)
-
-
-def _intensity_scale(part: MapPart) -> float | None:
-    """What brings the strongest echo to the largest number of 16 bits; None where there are no echo strengths."""
-    strengths = part.columns.get("intensity", np.zeros(0))
-    strongest = float(strengths[np.isfinite(strengths)].max(initial=0.0))
-    return _BRIGHTEST / strongest if strongest > 0 else None
 
 
 def _within(column: np.ndarray, kind: str) -> np.ndarray:

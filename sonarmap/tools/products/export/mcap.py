@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sonarmap.tools.files.inputs import package_versions
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.time_scales import are_times
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.files.writers.points import float32_origin, pack_records
@@ -26,7 +26,7 @@ _DATATYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8
 _KNOWN = 3  # NavSatFix.COVARIANCE_TYPE_KNOWN
 
 
-def write_mcap(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
+def write_mcap(path: Path, folder: Map, part: MapPart, earth: Georeferenced | None) -> None:
     """Write the cloud and the track at the first stamp, and poses at their own; with `earth` positions too."""
     from mcap.writer import Writer
 

@@ -12,13 +12,17 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.map_folder.names import OF_ALL, SUMMARY, earlier_files, side_car
+from sonarmap.tools.files.map_folder.scans import mapped_scans
 from sonarmap.tools.files.writers.atomic import all_or_none, require_writable
 from sonarmap.tools.files.writers.folder_lock import locked
 from sonarmap.tools.files.writers.json_text import write_json
+from sonarmap.tools.products.export.clip import MAP_FRAME, Clip, read_clip
+from sonarmap.tools.products.export.clouds.cloud import Cloud
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.grid import round_cell
 from sonarmap.tools.products.export.sampled import sampled
 from sonarmap.tools.products.export.side_car import side_car_content
 
@@ -28,20 +32,43 @@ class ExportSettings:
     """What is exported, and how."""
 
     formats: tuple[str, ...]  # names of FORMATS
-    crs: str | None = None  # of projected coordinates, such as EPSG:25832; None for the UTM zone of the map's origin
-    cell: float | None = None  # edge of a cell of grids and pictures [m]; None for the map's voxel
+    # of projected coordinates, such as EPSG:25832; None for the UTM zone of the map's origin; points alone may also be
+    # in MAP_FRAME
+    crs: str | None = None
+    cell: float | None = None  # edge of a cell of grids, pictures and surfaces [m]; None for the voxel, rounded up
     rate: float | None = None  # of the poses in formats that hold nothing else [Hz]; None for the scans'
+    height: str = "top"  # of a cell, a name of HEIGHTS
+    contours: float | None = None  # between contours [m]; None for none
+    clip: str | None = None  # outside of which no points are exported: see `read_clip`
+    of_scans: bool = False  # whether files of points hold every point of every scan, or those of the map
+    scans: tuple[int, ...] | None = None  # of which scans, then; None for all
+    scans_from: tuple[str, ...] = ()  # where these are read; empty for where `map` read them
+    spacing: float | None = None  # of which points one is kept in each cube of this edge [m]
+
+    @property
+    def projected(self) -> str | None:
+        """The CRS of projected coordinates."""
+        return None if self.crs == MAP_FRAME else self.crs
 
     @property
     def needing_place(self) -> tuple[str, ...]:
         """Those that cannot be written of a map whose place is not known."""
-        return tuple(name for name in self.formats if FORMATS[name].needs_place)
+        local = self.crs == MAP_FRAME
+        return tuple(name for name in self.formats if FORMATS[name].needs_place and not (local and _of_points(name)))
+
+
+def _of_points(name: str) -> bool:
+    return FORMATS[name].of_points
 
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """files: all that were written, each with its side-car after it.
-    notes: what the user should know, in words."""
+    """What was exported.
+
+    Attributes:
+        files: all that were written, each with its side-car after it.
+        notes: what the user should know, in words.
+    """
 
     files: tuple[Path, ...]
     notes: tuple[str, ...]
@@ -51,9 +78,7 @@ def check_settings(settings: ExportSettings, georeference: Georeference | None, 
     """Refuse, before a map is computed, what cannot be exported of scans with these stamps [s] at this place, if any.
 
     Raises InputError: formats that need a place without one, or other stamps, or a CRS that cannot be used there."""
-    if settings.rate is not None and not any(FORMATS[name].of_poses for name in settings.formats):
-        fitting = ", ".join(name for name, form in FORMATS.items() if form.of_poses)
-        raise InputError(f"--rate has no effect without a format of poses ({fitting}); name one, or leave it out")
+    _require_fitting(settings)
     for name in settings.formats:
         low, high, (first, end) = min(stamps), max(stamps), FORMATS[name].stamps
         if not first <= low <= high < end:
@@ -62,14 +87,34 @@ def check_settings(settings: ExportSettings, georeference: Georeference | None, 
                 "Give scans that carry times (Unix seconds), or leave this format out"
             )
     if georeference is not None:
-        Projection.of(georeference, settings.crs)
+        Projection.of(georeference, settings.projected)
     elif settings.needing_place:
         raise InputError(
             f"it is not known where the map lies on the Earth, which {' and '.join(settings.needing_place)} "
             f"need{'s' if len(settings.needing_place) == 1 else ''}; say it with --origin LAT,LON[,HEIGHT]"
+            f"{', or --crs map for points in the frame of the map' if any(map(_of_points, settings.formats)) else ''}"
         )
-    elif settings.crs is not None:
+    elif settings.projected is not None:
         raise InputError("--crs has no effect on a map whose place is not known; give --origin too, or leave it out")
+
+
+def _require_fitting(settings: ExportSettings) -> None:
+    """Refuse options that no chosen format takes."""
+    of_points = settings.of_scans or settings.scans is not None or settings.spacing is not None
+    takers = {
+        "--rate": (settings.rate is not None, "of_poses", "poses"),
+        "--points, --scans and --spacing": (of_points, "of_points", "points"),
+        "--contours": (settings.contours is not None, "with_contours", "lines"),
+    }
+    for option, (is_given, kind, words) in takers.items():
+        fitting = [name for name, form in FORMATS.items() if getattr(form, kind)]
+        if is_given and not set(fitting) & set(settings.formats):
+            raise InputError(
+                f"{option} has no effect without a format of {words} ({', '.join(fitting)}); name one, or leave it out"
+            )
+    other = [name for name in settings.formats if FORMATS[name].coordinates == "projected" and not _of_points(name)]
+    if settings.crs == MAP_FRAME and other:
+        raise InputError(f"--crs map is for files of points, and {other[0]} is on the Earth; leave one of them out")
 
 
 def check_files(settings: ExportSettings, out: Path) -> None:
@@ -84,7 +129,7 @@ def check_files(settings: ExportSettings, out: Path) -> None:
 
 
 def export_map(
-    folder: MapFolder, to: Path, settings: ExportSettings, step: Callable[[int, int, str], None] | None = None
+    folder: Map, to: Path, settings: ExportSettings, step: Callable[[int, int, str], None] | None = None
 ) -> Exported:
     """Write a map in the chosen formats, and beside every file its side-car, all together or none, into the folder
     `to`, which is made where it is missing; `step` is called with (files written, files in all, the next one's name).
@@ -98,19 +143,27 @@ def export_map(
     check_settings(settings, folder.georeference, stamps)
     _refuse_second_heading(folder)
 
+    folder, clips = _clipped(folder, settings)
+    cell = settings.cell or round_cell(folder.voxel)
+
     def on_earth(part: MapPart) -> Georeferenced | None:
         if (here := folder.georeference) is None or not folder.on_earth(part):
             return None
-        return Georeferenced(folder, part, here, Projection.of(here, settings.crs), settings.cell)
+        projection = Projection.of(here, settings.projected)
+        return Georeferenced(folder, part, here, projection, cell, settings.height, settings.contours)
 
     earths = {part.suffix: on_earth(part) for part in folder.parts}
+    local = settings.crs == MAP_FRAME
+    of_scans = settings.of_scans or settings.scans is not None
     jobs = [
-        (name, part, to / FORMATS[name].file.format(part.suffix))
+        (name, part, to / FORMATS[name].name(part, of_scans))
         for name in settings.formats
         for part in folder.parts[: 1 if FORMATS[name].of_all_parts else None]
-        if earths[part.suffix] is not None or not FORMATS[name].needs_place
+        if (earths[part.suffix] is not None or name not in settings.needing_place)
+        and (len(part.points) or FORMATS[name].of_all_parts)
     ]
     require_writable(to)
+    scans = mapped_scans(folder, settings.scans_from) if of_scans else None
     in_map = to.resolve() == folder.path.resolve()
     with nullcontext() if in_map else locked(to, writing=True), all_or_none() as written:
         for _, _, path in jobs:
@@ -118,16 +171,19 @@ def export_map(
         for done, (name, part, path) in enumerate(jobs):
             if step is not None:
                 step(done, len(jobs), path.name)
-            before, earth = len(written), earths[part.suffix]
+            before, earth = len(written), None if local and _of_points(name) else earths[part.suffix]
             if settings.rate is not None and FORMATS[name].of_poses:
                 poses = sampled(part, np.array(folder.surveys(part)), settings.rate)
                 details = dict(FORMATS[name].write(path, folder, poses, earth and replace(earth, part=poses)))
                 details |= {"rate_hz": settings.rate, "poses": len(poses.scans)}
             else:
-                details = FORMATS[name].write(path, folder, part, earth)
+                clip = clips.get(part.suffix)
+                cloud = Cloud(folder, part, earth, scans, settings.scans, settings.spacing, clip)
+                details = FORMATS[name].write(path, folder, part, earth, cloud, cell)
             for temporary, each in tuple(written[before:]):
                 _require_ours(each)
                 content = side_car_content(temporary, each.name, name, folder, part, earth) | {"details": details}
+                content |= {"points": details["points"]} if "points" in details else {}
                 write_json(each.with_name(side_car(each.name)), content)
         if step is not None:
             step(len(jobs), len(jobs), "")
@@ -138,7 +194,25 @@ def export_map(
     return Exported(files, tuple(_notes(folder, settings, earths)))
 
 
-def _refuse_second_heading(folder: MapFolder) -> None:
+def _clipped(folder: Map, settings: ExportSettings) -> tuple[Map, dict[str, Clip]]:
+    """The map without the points outside of --clip, and by the parts' suffixes what is inside."""
+    if settings.clip is None:
+        return folder, {}
+    clips = {
+        part.suffix: read_clip(settings.clip, folder.georeference if folder.on_earth(part) else None, settings.crs)
+        for part in folder.parts
+    }
+    parts: list[MapPart] = []
+    for part in folder.parts:
+        inside = clips[part.suffix].inside(part.points)
+        columns = {name: column[inside] for name, column in part.columns.items()}
+        parts.append(replace(part, points=part.points[inside], columns=columns))
+    if not any(len(part.points) for part in parts):
+        raise InputError(f"--clip {settings.clip}: no point of the map lies there; check it, and its coordinates")
+    return replace(folder, parts=tuple(parts)), clips
+
+
+def _refuse_second_heading(folder: Map) -> None:
     """Refuse a heading of the x axis where instruments measured headings, by which it points East."""
     turned = folder.georeference is not None and folder.georeference.heading != EAST
     if turned and any(part.knows("heading") and folder.on_earth(part) for part in folder.parts):
@@ -154,13 +228,13 @@ def _require_ours(path: Path) -> None:
         )
 
 
-def _notes(folder: MapFolder, settings: ExportSettings, earths: dict[str, Georeferenced | None]) -> list[str]:
+def _notes(folder: Map, settings: ExportSettings, earths: dict[str, Georeferenced | None]) -> list[str]:
     """What the user should know about the places."""
     notes: list[str] = []
-    placed = [earth for earth in earths.values() if earth is not None]
+    placed = [earth for earth in earths.values() if earth is not None and len(earth.part.points)]
     if settings.needing_place and len(placed) < len(earths):
         formats = ", ".join(settings.needing_place)
-        lost = ", ".join(f"map{suffix}.ply" for suffix, earth in earths.items() if earth is None)
+        lost = ", ".join(f"map{suffix}.ply" for suffix, earth in earths.items() if earth not in placed)
         notes.append(f"{lost}: it is not known where this lies on the Earth; left out of {formats}")
     if not placed:
         return notes

@@ -8,12 +8,12 @@ import numpy as np
 
 from sonarmap.tools.files.geo.georeference import EAST, VERTICALS
 from sonarmap.tools.files.inputs import package_versions, sha256_of
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.time_scales import are_times, utc_text
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 
-_LIBRARIES = ("pyproj", "laspy", "lazrs", "rasterio")
+_LIBRARIES = ("pyproj", "laspy", "lazrs", "rasterio", "pye57")
 _FRAMES = {
     "projected": "easting, northing and height; every point is projected by itself",
     "geographic": "longitude, latitude and height",
@@ -21,11 +21,12 @@ _FRAMES = {
 
 
 def side_car_content(
-    written: Path, name: str, format_name: str, folder: MapFolder, part: MapPart, earth: Georeferenced | None
+    written: Path, name: str, format_name: str, folder: Map, part: MapPart, earth: Georeferenced | None
 ) -> dict[str, Any]:
     """Provenance, frame, datum, units and signs of one exported file, which is `written` now and will be `name`; its
     `details` are for the caller to fill in."""
     kind = FORMATS[format_name]
+    coordinates = "map" if earth is None else kind.coordinates
     return {
         "file": name,
         "format": format_name,
@@ -33,8 +34,8 @@ def side_car_content(
         "bytes": written.stat().st_size,
         "sha256": sha256_of(written),
         "written_by": package_versions(*_LIBRARIES),
-        "frame": _frame(kind.coordinates, part),
-        **_place(kind.coordinates, earth),
+        "frame": _frame(coordinates, part),
+        **_place(coordinates, earth),
         "units": "m, s; degrees where a name says so, and for latitude and longitude",
         "signs": "height and z are positive up, a depth is positive down: depth_m = -height_m",
         "points": len(part.points),

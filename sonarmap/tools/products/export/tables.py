@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.map_folder.names import GRAPH
 from sonarmap.tools.files.time_scales import utc_texts
 from sonarmap.tools.files.user_file import read_content
@@ -82,7 +82,7 @@ def _write_eiva(path: Path, earth: Georeferenced, rows: np.ndarray, form: str) -
         temporary.write_text("".join(lines))
 
 
-def write_graph(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
+def write_graph(path: Path, folder: Map, part: MapPart, earth: Georeferenced | None) -> None:
     """Write name, time and frame of every vertex, for which g2o has no place, to `path`, and graph.g2o beside it,
     unless that is the map's own.
 
@@ -103,11 +103,11 @@ def write_graph(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenc
         temporary.write_bytes(content)
 
 
-def write_cloud(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
+def write_cloud(path: Path, folder: Map, part: MapPart, earth: Georeferenced | None) -> None:
     """Write the points and all their columns, in the map's frame, in the format that the suffix of `path` names."""
     write_points(path, part.points, part.columns)
 
 
-def write_poses(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
+def write_poses(path: Path, folder: Map, part: MapPart, earth: Georeferenced | None) -> None:
     """Write the poses, in the map's frame, in the format that the suffix of `path` names."""
     write_trajectory(path, part.trajectory)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from sonarmap.slam.map.crossing import Crossing
+from sonarmap.slam.motion.straighten import Way
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.scan import PosePrior
@@ -24,6 +25,7 @@ CONVENTIONS = {
     "crossings": "scans where the track crosses itself: how far apart they lie before and after the loops, medians "
     "and 90th percentiles [m]",
     "control_points": "that the map is fitted to: in the sensor's frame of their pose, and known East, North, Up [m]",
+    "straightened_by": "the way by which scans whose points have times were straightened: the poses of the map before",
     "prior": "sigmas of roll, pitch, heading [rad], East, North, Up [m]; null where not measured",
 }
 
@@ -64,8 +66,13 @@ def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
         ],
         "wrong_fixes": [{"pose": fix.scan} | fields_of(fix, "kind", "sigmas", "place") for fix in result.wrong_fixes],
         "anchors": graph.anchors,
+        "straightened_by": None if result.way is None else _way_row(result.way),
         "crossings": [_crossing_row(crossing) for part in result.parts for crossing in part.crossings.crossings],
     }
+
+
+def _way_row(way: Way) -> Mapping[str, Any]:
+    return {**fields_of(way, "runs", "bent", "turned"), "T_world_sensor": way.trajectory.T_world_sensor.as_matrix()}
 
 
 def _pair_row(pair: Pair) -> Mapping[str, Any]:

@@ -11,9 +11,13 @@ import pytest
 
 import sonarmap as sonarmap_package
 from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.map_folder.folder import read_map_folder
+from sonarmap.tools.files.map_folder.scans import mapped_scans
+from sonarmap.tools.products.export.clouds.cloud import Cloud
 from tests.samples.clutter_scans import done, printed, refused, said, sonarmap, table_of
 from tests.samples.lines import HERE, gsf_of
 from tests.slam.pings.simulated_lines import WRONG, Biases, Survey, simulated
+from tests.tools.products.export.clouds.test_points_of_scans import same_as_fused
 
 PINGS, LANES = 250, 3
 FILES = {"navigation.csv", "soundings.laz", "lines.json"}
@@ -103,6 +107,10 @@ def test_biases_are_taken_out_on_request(tmp_path: Path) -> None:
     )
     assert recorded["biases"]["roll_deg"] == pytest.approx(0.5, abs=0.05)  # of the lines as they were recorded
     assert found["after"]["all"]["p95_m"] < 0.5 * found["before"]["all"]["p95_m"]
+    # every sounding in place, the biases taken out, as the map had them
+    folder = read_map_folder(tmp_path / "out")
+    cloud = Cloud(folder, folder.parts[0], None, mapped_scans(folder))
+    assert same_as_fused(folder, np.concatenate([portion.points for portion in cloud.portions()]))
 
 
 def test_python_maps_lines_as_the_command_does(mapped: Path) -> None:

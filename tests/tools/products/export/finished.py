@@ -17,7 +17,8 @@ from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.folder import Map, MapPart
+from sonarmap.tools.products.export.clouds.cloud import Cloud
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.output.folder import write_survey
 from sonarmap.tools.products.output.run import SurveyRun
@@ -107,6 +108,11 @@ def timed(earth: Georeferenced, stamps: np.ndarray) -> Georeferenced:
     return replace(earth, part=replace(earth.part, trajectory=trajectory))
 
 
+def cloud_of(earth: Georeferenced) -> Cloud:
+    """The points of a map, for a file on the Earth."""
+    return Cloud(earth.folder, earth.part, earth)
+
+
 def georeferenced(here: Georeference, T_world_sensor: RigidTransform, points: int = 500) -> Georeferenced:
     """A map of one part with these poses, and random points about them."""
     rng = np.random.default_rng(3)
@@ -129,5 +135,5 @@ def georeferenced(here: Georeference, T_world_sensor: RigidTransform, points: in
         covariances=np.tile(np.diag([1e-4, 2e-4, 3e-4, 0.01, 0.02, 0.03]), (count, 1, 1)),
         in_world=True,
     )
-    folder = MapFolder(Path("made-up"), tuple(f"scan_{k}" for k in range(count)), (part,), (), 0.2, {}, here, {})
+    folder = Map(Path("made-up"), tuple(f"scan_{k}" for k in range(count)), (part,), (), 0.2, {}, here, {})
     return Georeferenced(folder, part, here, Projection.of(here))

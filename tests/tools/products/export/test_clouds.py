@@ -16,7 +16,7 @@ from sonarmap.tools.files.readers.clouds.pcd import read_pcd
 from sonarmap.tools.files.writers.points import write_pcd
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.laz import write_laz
-from tests.tools.products.export.finished import START, georeferenced, local_of, scattered, timed
+from tests.tools.products.export.finished import START, cloud_of, georeferenced, local_of, scattered, timed
 
 # Asymmetric: near the map's origin, and in coordinates of UTM; with the origins, which are round and only of far axes
 PLACES = {"near": (0.0, 0.0, 0.0), "UTM": (431_234.5, 6_651_987.25, -31.5), "an axis": (-12.0, 2_500.0, 7.0)}
@@ -81,7 +81,7 @@ GRIDS += [((10.0, -179.9999), 32601), ((84.5, 12.0), 5041), ((-89.0, 40.0), 5042
 
 
 def written(path: Path, earth: Georeferenced) -> laspy.LasData:
-    write_laz(path, earth)
+    write_laz(path, cloud_of(earth))
     return laspy.read(path)
 
 
@@ -117,7 +117,7 @@ def test_dimensions(tmp_path: Path) -> None:
     assert las.intensity[3] == 0
     expected = np.nan_to_num(columns["intensity"]) * 65535 / strongest
     np.testing.assert_allclose(np.asarray(las.intensity), expected, atol=0.51)
-    assert repr(65535 / strongest) in write_laz(tmp_path / "map.laz", earth)["intensity"]
+    assert repr(65535 / strongest) in write_laz(tmp_path / "map.laz", cloud_of(earth))["intensity"]
     assert (np.array([las.return_number, las.number_of_returns]) == 1).all()
     np.testing.assert_array_equal(las.header.scales, 0.001)
     assert (np.abs(las.header.offsets - las.header.mins) <= 1).all()

@@ -12,7 +12,7 @@ import pytest
 
 from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
+from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from sonarmap.tools.products.export.kml import GX
 from sonarmap.tools.products.export.run import ExportSettings, export_map
 from sonarmap.tools.products.output.folder import write_survey
@@ -25,7 +25,7 @@ FORMATS = ("csv", "eiva-position", "eiva-attitude", "geojson", "gpkg", "geotiff"
 
 
 @pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, MapFolder]:
+def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Map]:
     """The map's exports, and the map; stamps are Unix seconds."""
     out = tmp_path_factory.mktemp("out")
     truth = ring_poses(COUNT, turns=2)
@@ -55,7 +55,7 @@ def table(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_places_and_times(exported: tuple[Path, MapFolder]) -> None:
+def test_places_and_times(exported: tuple[Path, Map]) -> None:
     from pyogrio.raw import read
 
     out, _ = exported
@@ -90,7 +90,7 @@ def test_places_and_times(exported: tuple[Path, MapFolder]) -> None:
     assert set(named["height_reference"]) == {"MSL"} == {row["height_reference"] for row in rows}
 
 
-def test_attitudes(exported: tuple[Path, MapFolder]) -> None:
+def test_attitudes(exported: tuple[Path, Map]) -> None:
     out, _ = exported
     rows = table(out / "poses.csv")
     angles = [[float(row[name]) for name in ("roll_deg", "pitch_deg", "heading_deg")] for row in rows]
@@ -106,7 +106,7 @@ def test_attitudes(exported: tuple[Path, MapFolder]) -> None:
         np.testing.assert_allclose([each[name] for each in says], written, rtol=1e-8, atol=1e-6)
 
 
-def test_loops_are_those_of_the_map(exported: tuple[Path, MapFolder]) -> None:
+def test_loops_are_those_of_the_map(exported: tuple[Path, Map]) -> None:
     out, folder = exported
     features = json.loads((out / "track.geojson").read_text())["features"]
     loops = [f["properties"] for f in features if f["properties"]["layer"] == "loops"]
@@ -115,7 +115,7 @@ def test_loops_are_those_of_the_map(exported: tuple[Path, MapFolder]) -> None:
     assert (out / "graph.g2o").read_bytes() == (folder.path / "graph.g2o").read_bytes()
 
 
-def test_the_picture_lies_on_the_grid(exported: tuple[Path, MapFolder]) -> None:
+def test_the_picture_lies_on_the_grid(exported: tuple[Path, Map]) -> None:
     """Of map.kmz, placed by GDAL as by Google Earth: within one cell of what grid.tif has, and the other way round."""
     import rasterio
     from pyproj import Transformer

@@ -15,7 +15,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.geotiff import NODATA, write_geotiff
-from sonarmap.tools.products.export.grid import top_cells
+from sonarmap.tools.products.export.grid import round_cell, top_cells
 from tests.tools.products.export.finished import georeferenced, scattered
 
 
@@ -115,3 +115,32 @@ def test_the_style_for_qgis_has_the_heights_of_the_legend(tmp_path: Path) -> Non
     low, high = np.quantile(earth.points[seen, 2], [0.01, 0.99])
     np.testing.assert_allclose(heights, np.linspace(low, high, len(items)), atol=1e-4)
     assert (items[0]["color"], items[len(items) // 2]["color"], items[-1]["color"]) == ("#440154", "#21918c", "#fde725")
+
+
+@pytest.mark.parametrize("how", ["mean", "median", "shoalest", "deepest"])
+def test_heights_of_all_points_of_a_cell(how: str, tmp_path: Path) -> None:
+    earth = georeferenced(Georeference(60.0, 9.1), scattered(3, reach=15.0), points=900)
+    earth = replace(earth, cell=4.0, height=how)
+    with written(tmp_path / "grid.tif", earth) as raster:
+        height, sigma, count = raster.read()
+        column, row = (np.floor(each) for each in ~raster.transform @ tuple(earth.projected_points[:, :2].T))
+        assert raster.tags()["HEIGHT"].startswith(how)
+    z, columns = earth.points[:, 2], earth.part.columns
+    for cell in {(int(r), int(c)) for r, c in zip(row, column, strict=True)}:
+        here = (np.asarray(row) == cell[0]) & (np.asarray(column) == cell[1])
+        own, sigmas = z[here], columns["sigma"][here].astype(np.float64)
+        weights = sigmas**-2 / (sigmas**-2).sum()
+        value, deviation = {
+            "mean": (weights @ own, np.sqrt(weights @ (sigmas**2 + (own - weights @ own) ** 2))),
+            "median": (m := np.sort(own)[(len(own) - 1) // 2], np.sqrt((sigmas**2 + (own - m) ** 2).mean())),
+            "shoalest": (own.max(), sigmas[own.argmax()]),
+            "deepest": (own.min(), sigmas[own.argmin()]),
+        }[how]
+        assert height[cell] == pytest.approx(value, abs=1e-4)
+        assert sigma[cell] == pytest.approx(deviation, rel=1e-4)
+        assert count[cell] == columns["count"][here].sum()
+
+
+def test_cells_are_of_round_size() -> None:
+    sizes = {0.2: 0.2, 0.21: 0.5, 0.347: 0.5, 0.5: 0.5, 0.84: 1.0, 1.0: 1.0, 1.01: 2.0, 13.0: 20.0}
+    assert {voxel: round_cell(voxel) for voxel in sizes} == sizes

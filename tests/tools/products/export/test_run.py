@@ -15,7 +15,7 @@ from pyproj import CRS
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
+from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from sonarmap.tools.files.readers.clouds.pcd import read_pcd
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.run import ExportSettings, check_settings, export_map
@@ -24,6 +24,7 @@ from tests.tools.products.export.finished import START, finished_map, program
 HERE = Georeference(60.0, 11.9999, height=-2.0, vertical="MSL", heading=70.0)
 ALL = ExportSettings(tuple(FORMATS))
 PLAIN = (("map", "mcap"), ("map", "pcd"), ("trajectory", "tum"), ("trajectory", "kitti"))
+PLAIN += tuple((name, suffix) for name in ("surface", "poisson") for suffix in ("ply", "glb"))
 LAZ = ExportSettings(("laz",))
 
 
@@ -38,7 +39,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return finished_map(tmp_path_factory.mktemp("two"), split=True)
 
 
-def placed(folder: Path, here: Georeference = HERE) -> MapFolder:
+def placed(folder: Path, here: Georeference = HERE) -> Map:
     return replace(read_map_folder(folder), georeference=here)
 
 
@@ -189,18 +190,17 @@ def test_all_files_or_none(one: Path, tmp_path: Path, monkeypatch: pytest.Monkey
     def stop(*_: object) -> None:
         raise fault
 
-    monkeypatch.setattr("sonarmap.tools.products.export.geotiff.top_cells", stop)
+    monkeypatch.setattr("sonarmap.tools.products.export.georeferenced.cells_of", stop)
     with pytest.raises(type(fault)):
         export_map(placed(one, replace(HERE, longitude=9.0)), tmp_path, ExportSettings(("laz", "geotiff")))
     assert contents(tmp_path) == before
 
 
 def test_stopped_while_a_file_is_half_written(one: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def half(self: laspy.LasData, file, **_: object) -> None:
-        file.write(b"LASF")
+    def half(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(laspy.LasData, "write", half)
+    monkeypatch.setattr(laspy.LasWriter, "write_points", half)
     with pytest.raises(KeyboardInterrupt):
         export_map(read_map_folder(one), tmp_path, LAZ)
     assert not list(tmp_path.iterdir())

@@ -16,7 +16,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.map_folder.folder import MapFolder
+from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.time_scales import GPS_EPOCH, are_times, gps_of_utc
 from sonarmap.tools.files.writers.g2o import write_g2o
@@ -40,7 +40,7 @@ from tests.tools.products.export.poses import (
 )
 
 
-def two_parts(path: Path) -> MapFolder:
+def two_parts(path: Path) -> Map:
     """Scans 1, 3, 4 in the world with times, 0 and 5 apart with counters; nothing placed 2."""
     earth = dive()
     stamps = np.array([0, 1.7e9, 9, 1.7e9 + 2.5, 1.7e9 + 5.0004, 7], dtype=np.float64)

@@ -1,6 +1,7 @@
 """`sonarmap export`: a finished map to the formats of other programs."""
 
 import json
+import re
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -8,14 +9,50 @@ from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.options.option import OUTPUT, REQUIRED, option
+from sonarmap.tools.command.options.option import OUTPUT, REQUIRED, completes, option
 from sonarmap.tools.command.options.output import EarthPlace, FormatsOption, export_with_progress
 from sonarmap.tools.command.options.registration import checked, is_positive
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.terminal import printable
 from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.products.export.formats import HEIGHTS
 
 _output = partial(option, OUTPUT)
+
+
+POINTS = ("map", "all")
+_RANGE = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?", re.ASCII)
+_MOST_SCANS = 1_000_000  # in --scans
+
+
+def _check_height(name: str) -> str:
+    if name not in HEIGHTS:
+        raise typer.BadParameter(f"{name!r}; choose from {', '.join(HEIGHTS)}")
+    return name
+
+
+def _check_points(name: str) -> str:
+    if name not in POINTS:
+        raise typer.BadParameter(f"{name!r}; choose from {', '.join(POINTS)}")
+    return name
+
+
+def _check_scans(text: str | None) -> str | None:
+    if text is not None:
+        _numbers_of(text)
+    return text
+
+
+def _numbers_of(text: str) -> tuple[int, ...]:
+    """The numbers in a list such as 3,7-12."""
+    numbers: set[int] = set()
+    for piece in text.split(","):
+        match = _RANGE.fullmatch(piece.strip())
+        first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
+        if not first <= last < first + _MOST_SCANS:
+            raise typer.BadParameter(f"{text!r}; wanted numbers of scans from 0 and ranges of them, as 3,7-12")
+        numbers.update(range(first, last + 1))
+    return tuple(sorted(numbers))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +65,42 @@ class ExportedFiles:
         "M",
         "Edge of a grid's cell \\[m].",
         callback=checked(is_positive, "{} m; give a length above 0, or leave it out for the map's voxel"),
-        shown="the map's voxel",
+        shown="the map's voxel, rounded up to 1, 2 or 5",
+    )
+    height: str = _output(
+        "NAME",
+        "Height of a cell: top, mean, median, shoalest or deepest. top is the mean of its uppermost surface.",
+        "top",
+        callback=_check_height,
+        autocompletion=completes(HEIGHTS),
+    )
+    contours: float | None = _output(
+        "M",
+        "Add contours so far apart \\[m] to geojson, gpkg, kml, kmz.",
+        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for no contours"),
+    )
+    clip: str | None = _output(
+        "AREA",
+        "Only what is within W,S,E,N or a GeoJSON file's polygons. The box is in degrees, or as --crs has it.",
+    )
+    points: str = _output(
+        "NAME",
+        "In files of points: map, or all. map has one for each voxel; all has every point of every scan, in place, "
+        "from the scans that the map was made of. Files of points are laz, copc, e57, xyz and points-csv.",
+        "map",
+        callback=_check_points,
+        autocompletion=completes(POINTS),
+    )
+    scans: str | None = _output(
+        "NUMBERS", "Only all points of these scans, as 3,7-12.", callback=_check_scans, rare=True
+    )
+    scans_from: list[str] = _output(
+        "PATH", "Where the scans are now; may be repeated.", [], shown="where `map` read them", rare=True
+    )
+    spacing: float | None = _output(
+        "M",
+        "Keep one point in each cube of this edge \\[m].",
+        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for all points"),
     )
     rate: float | None = _output(
         "HZ",
@@ -49,18 +121,29 @@ def command(
 
     Beside every file a second one, FILE.json, says what it is: frame, datum, CRS, vertical reference, signs, versions,
     settings, and SHA-256 of the file and of the scans. All files appear together, or none. Without --origin the map
-    lies where navigation placed it.
+    lies where navigation placed it. Points of scans (--points all, --scans) are read from the scans again.
     """
     from sonarmap.tools.files.map_folder.folder import read_map_folder
     from sonarmap.tools.products.export.run import ExportSettings
 
-    to = files.to
+    to, scans = files.to, None if files.scans is None else _numbers_of(files.scans)
+    settings = ExportSettings(
+        formats=tuple(files.format),
+        crs=earth.crs,
+        cell=files.cell,
+        rate=files.rate,
+        height=files.height,
+        contours=files.contours,
+        clip=files.clip,
+        of_scans=files.points == "all",
+        scans=scans,
+        scans_from=tuple(files.scans_from),
+        spacing=files.spacing,
+    )
     with locked(source, writing=to.resolve() == source.resolve()):
         folder = read_map_folder(source)
         folder = replace(folder, georeference=earth.georeference(folder.georeference))
-        exported = export_with_progress(
-            folder, to, ExportSettings(tuple(files.format), earth.crs, files.cell, files.rate), quiet or as_json
-        )
+        exported = export_with_progress(folder, to, settings, quiet or as_json)
     if as_json:
         typer.echo(json.dumps([str(path) for path in exported.files]))
     else:

@@ -5,8 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import laspy
+import numpy as np
 import pytest
 
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.map_folder.folder import read_map_folder
 from tests.samples.clutter_scans import done, files_in, printed, refused, scan, sonarmap, write
 from tests.tools.products.export.finished import finished_map
 
@@ -24,6 +27,36 @@ def test_formats_are_repeated_or_separated_by_commas(mapped: Path, tmp_path: Pat
     assert {path.name for path in tmp_path.iterdir()} == names
     assert all(name in result.stdout for name in names)
     assert "no heading was measured" in result.stderr
+
+
+def test_names_that_are_nearly_right_are_understood(mapped: Path, tmp_path: Path) -> None:
+    done(sonarmap("export", mapped, "--to", tmp_path, "--format", "geotif, geojsn", *ORIGIN))
+    assert {"grid.tif", "track.geojson"} < {path.name for path in tmp_path.iterdir()}
+    refused(sonarmap("export", mapped, "--to", tmp_path, "--format", "tum,las"), "did you mean laz?")
+
+
+def test_a_map_without_a_place_gives_points_in_its_own_frame(mapped: Path, tmp_path: Path) -> None:
+    refused(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz"), "or --crs map for points")
+    done(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz,copc", "--crs", "map"))
+    las, part = laspy.read(tmp_path / "map.laz"), read_map_folder(mapped).parts[0]
+    np.testing.assert_allclose(las.xyz, part.points, rtol=0, atol=5.1e-4)
+    assert las.header.parse_crs() is None
+    said = json.loads((tmp_path / "map.copc.laz.json").read_text())
+    assert said["frame"].startswith("the map's")
+    assert said["crs"] is None
+
+
+def test_what_is_clipped_is_in_no_file(mapped: Path, tmp_path: Path) -> None:
+    part = read_map_folder(mapped).parts[0]
+    asked = ("--format", "laz,geotiff,mesh-ply,tum", "--clip", "5.32205,60.3912,5.33,60.40", *ORIGIN)
+    done(sonarmap("export", mapped, "--to", tmp_path, *asked))
+    las = laspy.read(tmp_path / "map.laz")
+    places = Georeference(60.3913, 5.3221, -3).geodetic(part.points)
+    assert 0 < len(las) == ((places[:, 1] > 5.32205) & (places[:, 0] > 60.3912)).sum() < len(part.points)
+    assert json.loads((tmp_path / "grid.tif.json").read_text())["points"] == len(las)
+    assert len(np.loadtxt(tmp_path / "trajectory.tum")) == len(part.scans)
+    beyond = ("--format", "laz", "--clip", "5,60,5.1,60.1", *ORIGIN)
+    refused(sonarmap("export", mapped, "--to", tmp_path / "none", *beyond), "no point of the map lies there")
 
 
 def test_json_lists_the_files(mapped: Path, tmp_path: Path) -> None:
@@ -46,6 +79,9 @@ def test_an_origin_in_the_south_and_west(mapped: Path, tmp_path: Path) -> None:
     done(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz", "--origin", "-33.8568,-70.5"))
     crs: Any = laspy.read(tmp_path / "map.laz").header.parse_crs()
     assert crs.to_epsg() == 32719
+    done(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz", "--origin", "33°51.408'S, 70°30'W,2"))
+    origin = json.loads((tmp_path / "map.laz.json").read_text())["origin"]
+    assert (origin["latitude_deg"], origin["longitude_deg"]) == pytest.approx((-33.8568, -70.5))
 
 
 @pytest.mark.parametrize(
@@ -66,6 +102,13 @@ def test_an_origin_in_the_south_and_west(mapped: Path, tmp_path: Path) -> None:
         (("--format", "geotiff", *ORIGIN, "--cell", "nan"), "above 0"),
         (("--format", "geotiff", *ORIGIN, "--cell", "1e-5"), "--cell"),
         (("--format", "laz", *ORIGIN, "--origin-heading", "inf"), "heading"),
+        (("--format", "geotiff", *ORIGIN, "--height", "highest"), "choose from top, mean"),
+        (("--format", "laz", *ORIGIN, "--points", "some"), "choose from map, all"),
+        (("--format", "laz", *ORIGIN, "--scans", "7-3"), "as 3,7-12"),
+        (("--format", "tum", "--spacing", "1"), "without a format of points (laz"),
+        (("--format", "laz", *ORIGIN, "--contours", "1"), "without a format of lines"),
+        (("--format", "geotiff", *ORIGIN, "--crs", "map"), "geotiff is on the Earth"),
+        (("--format", "laz", *ORIGIN, "--points", "all"), "does not say where the map's scans are"),
     ],
 )
 def test_options_that_cannot_be_used(mapped: Path, tmp_path: Path, options: tuple[str, ...], words: str) -> None:

@@ -18,10 +18,9 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.writers.points import write_points
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.grid import shown_heights
 from sonarmap.tools.products.export.laz import write_laz
 from sonarmap.tools.products.export.mcap import write_mcap
-from tests.tools.products.export.finished import georeferenced, program, scattered
+from tests.tools.products.export.finished import cloud_of, georeferenced, program, scattered
 from tests.tools.products.export.poses import dive
 
 DRAWN = {  # topics, and what Rerun makes of them
@@ -84,7 +83,7 @@ def test_clouds(tmp_path: Path, kind: str, columns: tuple[str, ...]) -> None:
     """Of a PLY, coordinates and strengths come by themselves; the others are chosen in CloudCompare's dialog."""
     earth, path = made_up(), tmp_path / f"map.{kind}"
     if kind == "laz":
-        write_laz(path, earth)
+        write_laz(path, cloud_of(earth))
     else:
         write_points(path, earth.part.points, earth.part.columns)
     names, table = in_cloudcompare(path)
@@ -179,7 +178,7 @@ def test_the_grid_is_drawn_in_the_colors_of_its_heights(layers: dict[str, Any], 
     assert (grid["renderer"], grid["bands"]) == ("singlebandpseudocolor", 3)
     drawn = np.asarray(Image.open(exported / "drawn.png").convert("RGB")).astype(int)[2::4, 2::4]
     here = ~np.ma.getmaskarray(heights)
-    low, high = shown_heights(EARTH)
+    low, high = EARTH.shown_heights
     share = np.clip((heights.filled(low) - low) / (high - low), 0, 1)
     expected = (mpl.colormaps["viridis"](share)[..., :3] * 255).astype(int)
     assert np.abs(drawn - expected)[here].max() <= 6  # QGIS blends between 17 colors

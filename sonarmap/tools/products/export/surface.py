@@ -1,0 +1,133 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""The map's surface as a mesh, colored by height: through its grid from above, or around its points."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.extras import load_package
+from sonarmap.tools.files.map_folder.folder import MapPart
+from sonarmap.tools.files.writers.atomic import atomic_path
+from sonarmap.tools.files.writers.points import float32_origin
+from sonarmap.tools.products.export.grid import HEIGHT_COLORS, check_size, shown_heights, top_cells
+
+_AROUND, _REACH = 20, 2.0  # neighbors that tell a normal; a surface ends so far [cells] from the points
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """A surface of triangles."""
+
+    vertices: np.ndarray  # (V, 3) float64 [m], in the map's frame
+    triangles: np.ndarray  # (T, 3) uint32, counterclockwise from outside
+    colors: np.ndarray  # (V, 4) uint8, red, green, blue, opaque
+
+
+def write_grid(path: Path, part: MapPart, cell: float) -> Mapping[str, Any]:
+    """Write a mesh through the uppermost surface of the map's cells [m], from above. Raises InputError: no three cells
+    side by side."""
+    return _write(path, part, *_through_grid(part, cell)) | {"surface": "through the middles of cells", "cell_m": cell}
+
+
+def write_poisson(path: Path, part: MapPart, cell: float) -> Mapping[str, Any]:
+    """Write the screened Poisson surface of the map's points, up to two cells [m] from these. Raises InputError: Open3D
+    is not installed, or there is no surface."""
+    said = {"surface": "screened Poisson, Kazhdan and Hoppe 2013 (doi:10.1145/2487228.2487237), by Open3D"}
+    return _write(path, part, *_around_points(part, cell)) | said | {"cell_m": cell}
+
+
+def _write(path: Path, part: MapPart, vertices: np.ndarray, triangles: np.ndarray) -> dict[str, Any]:
+    from matplotlib import colormaps
+
+    used, numbers = np.unique(triangles, return_inverse=True)
+    if not len(used):
+        raise InputError("the map's points are too far apart for a surface; give larger cells with --cell M")
+    vertices = vertices[used]
+    low, high = shown_heights(part.points[:, 2], part.columns["seen"])
+    colors = colormaps[HEIGHT_COLORS]((vertices[:, 2] - low) / (high - low), bytes=True)
+    mesh = Mesh(vertices, numbers.reshape(-1, 3).astype(np.uint32), colors)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(_ply(mesh) if path.suffix == ".ply" else _glb(mesh))
+    return {"vertices": len(vertices), "triangles": len(triangles)}
+
+
+def _through_grid(part: MapPart, cell: float) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices in the middles of cells, and two triangles, or one, between four, or three."""
+    place = np.floor(part.points[:, :2] / cell).astype(np.int64)
+    least = place.min(axis=0)
+    column, row = (place - least).T
+    check_size(int(row.max()) + 1, int(column.max()) + 1, cell)
+    cells = top_cells(row, column, part.points[:, 2], part.columns["sigma"], part.columns["count"], cell)
+    middles = (np.column_stack([cells.column, cells.row]) + least + 0.5) * cell
+    vertices = np.column_stack([middles, cells.height])
+    width = int(cells.column.max()) + 3  # a column more at both sides, so that squares do not reach round
+    keys = (cells.row + 1) * width + cells.column + 1
+    squares = np.unique(keys[:, None] - [0, 1, width, width + 1])
+    wanted = squares[:, None] + [0, 1, width + 1, width]  # corners, counterclockwise
+    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    corners = np.where(keys[at] == wanted, at, -1)
+    held = (corners >= 0).sum(axis=1)
+    whole, three = corners[held == 4], corners[held == 3]
+    return vertices, np.concatenate([whole[:, :3], whole[:, [0, 2, 3]], three[three >= 0].reshape(-1, 3)])
+
+
+def _around_points(part: MapPart, cell: float) -> tuple[np.ndarray, np.ndarray]:
+    from scipy.spatial import KDTree
+
+    open3d = load_package("open3d", "open3d", "a Poisson surface", "lab")
+    middle = np.median(part.points, axis=0)
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(part.points - middle))
+    cloud.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(_AROUND))
+    normals = np.asarray(cloud.normals)
+    to_sensor = part.trajectory.T_world_sensor.translation[np.searchsorted(part.scans, part.columns["scan"])]
+    away = np.einsum("ij,ij->i", normals, to_sensor - part.points) < 0
+    cloud.normals = open3d.utility.Vector3dVector(np.where(away[:, None], -normals, normals))
+    mesh, _ = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, width=cell, n_threads=1)
+    vertices = np.asarray(mesh.vertices) + middle
+    near = np.isfinite(KDTree(part.points).query(vertices, distance_upper_bound=_REACH * cell)[0])
+    triangles = np.asarray(mesh.triangles)
+    return vertices, triangles[near[triangles].all(axis=1)]
+
+
+def _ply(mesh: Mesh) -> bytes:
+    """Binary PLY with coordinates of eight bytes."""
+    vertices = np.zeros(len(mesh.vertices), [("xyz", "<f8", 3), ("rgb", "u1", 3)])
+    vertices["xyz"], vertices["rgb"] = mesh.vertices, mesh.colors[:, :3]
+    faces = np.zeros(len(mesh.triangles), [("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, mesh.triangles
+    lines = ["ply", "format binary_little_endian 1.0", "comment written by sonarmap", f"element vertex {len(vertices)}"]
+    lines += [f"property double {axis}" for axis in "xyz"] + [
+        f"property uchar {name}" for name in ("red", "green", "blue")
+    ]
+    lines += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
+    return "\n".join(lines).encode() + vertices.tobytes() + faces.tobytes()
+
+
+def _glb(mesh: Mesh) -> bytes:
+    """glTF 2.0 in one file, y up as it wants it: x, z, -y. Coordinates of four bytes from the node's translation."""
+    import trimesh
+    from trimesh.exchange.gltf import export_glb
+
+    origin = float32_origin(mesh.vertices)
+    shape = trimesh.Trimesh(
+        _y_up(mesh.vertices - origin), mesh.triangles, vertex_colors=mesh.colors, process=False, validate=False
+    )
+    scene = trimesh.Scene()
+    scene.add_geometry(shape, transform=trimesh.transformations.translation_matrix(_y_up(origin[None])[0]))
+    return export_glb(scene, tree_postprocessor=_dull)
+
+
+def _dull(tree: dict[str, Any]) -> None:
+    """A material seen from both sides, where that of glTF itself is a mirror's front."""
+    tree["materials"] = [{"pbrMetallicRoughness": {"metallicFactor": 0.0}, "doubleSided": True}]
+    tree["meshes"][0]["primitives"][0]["material"] = 0
+
+
+def _y_up(points: np.ndarray) -> np.ndarray:
+    """(N, 3) x, y, z as glTF has them: x, z, -y."""
+    return np.column_stack([points[:, 0], points[:, 2], -points[:, 1]])

@@ -1,0 +1,81 @@
+"""Surfaces read back by trimesh: through the grid, and around the points."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.map_folder.folder import MapPart
+from sonarmap.tools.products.export.surface import write_grid, write_poisson
+from tests.tools.products.export.finished import georeferenced
+
+
+def part_of(points: np.ndarray, sensor: np.ndarray | None = None) -> MapPart:
+    """A map of these points, seen from one place."""
+    place = np.zeros((1, 3)) if sensor is None else sensor[None]
+    part = georeferenced(Georeference(60.0, 5.0), RigidTransform.from_translation(place), len(points)).part
+    return replace(part, points=points)
+
+
+def read(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) in x, y, z of the map, and triangles."""
+    if path.suffix == ".ply":
+        mesh: Any = trimesh.load_mesh(path, process=False)
+        return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    scene: Any = trimesh.load_scene(path, process=False)
+    (mesh,) = scene.dump()  # with the nodes' translations
+    x, up, toward = np.asarray(mesh.vertices).T
+    return np.column_stack([x, -toward, up]), np.asarray(mesh.faces)
+
+
+def slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return 0.25 * x - 0.5 * y - 7
+
+
+@pytest.mark.parametrize("far", [0.0, 431_000.0])
+@pytest.mark.parametrize("suffix", ["ply", "glb"])
+def test_the_grid_is_a_sheet_that_looks_up(tmp_path: Path, suffix: str, far: float) -> None:
+    """A corner cell and one in the middle are missing: the corner's square keeps a triangle, and so do four others."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(7) + 0.5, np.arange(5) + 0.5))
+    kept = ~((x == 3.5) & (y == 2.5)) & ~((x == 6.5) & (y == 4.5))
+    points = np.column_stack([x, y, slope(x, y)])[kept] + [far, -2 * far, 0]
+    path = tmp_path / f"surface.{suffix}"
+    said = write_grid(path, part_of(points), 1.0)
+    vertices, triangles = read(path)
+    assert (said["vertices"], said["triangles"]) == (len(vertices), len(triangles)) == (33, 2 * 19 + 5)
+    order, wanted = np.lexsort(vertices.T[:2]), np.lexsort(points.T[:2])
+    np.testing.assert_allclose(vertices[order], points[wanted], rtol=0, atol=1e-3)
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    assert (normals[:, 2] > 0).all()
+    assert normals[:, 2].sum() / 2 == pytest.approx(19 + 5 / 2, abs=0.05)  # the squares' area from above
+
+
+@pytest.mark.parametrize("suffix", ["ply", "glb"])
+def test_a_poisson_surface_goes_round_and_looks_to_the_sensor(tmp_path: Path, suffix: str) -> None:
+    """A pipe seen from inside: no grid from above has its lower and its upper half."""
+    rng = np.random.default_rng(2)
+    angle, along = rng.uniform(0, 2 * np.pi, 8000), rng.uniform(-4, 4, 8000)
+    points = np.column_stack([along, 50 + 3 * np.cos(angle), 3 * np.sin(angle) - 20])
+    path = tmp_path / f"poisson.{suffix}"
+    write_poisson(path, part_of(points, np.array([0.0, 50.0, -20.0])), 0.4)
+    vertices, triangles = read(path)
+    local = vertices - [0, 50, -20]
+    middle = np.abs(local[:, 0]) < 3.5
+    radius = np.hypot(local[:, 1], local[:, 2])[middle]
+    assert np.abs(radius - 3).max() < 0.2
+    assert np.median(np.abs(radius - 3)) < 0.03
+    a, b, c = (local[triangles[:, k]] for k in range(3))
+    inward = -np.einsum("ij,ij->i", np.cross(b - a, c - a), (a + b + c) * [0, 1, 1])
+    assert (inward > 0).mean() > 0.98
+
+
+def test_lone_points_have_no_surface(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--cell M"):
+        write_grid(tmp_path / "surface.ply", part_of(np.array([[0.0, 0, 0], [9.0, 0, 0], [0, 9.0, 0]])), 1.0)
