@@ -1,0 +1,181 @@
+"""`sonarmap compare`: what changed between two surveys of a place."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.method import checked_method, configure_method
+from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, flag, option, refuse_without
+from sonarmap.tools.command.options.output import EarthPlace
+from sonarmap.tools.command.options.registration import MethodOptions, checked, is_positive
+from sonarmap.tools.command.options.running import JsonOption, QuietOption
+from sonarmap.tools.command.progress import growing_progress
+from sonarmap.tools.command.terminal import number_table, print_result, result_console, say, warn
+from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.methods.registry import DEFAULT_METHOD
+
+if TYPE_CHECKING:
+    from sonarmap.tools.files.geo.georeference import Georeference
+    from sonarmap.tools.files.geo.projection import Projection
+    from sonarmap.tools.files.map_folder.folder import Map
+    from sonarmap.tools.products.compare.comparison import CompareSettings, Comparison
+
+NOT_ALIGNED = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Judging:
+    """How both are brought together, and how distances are judged."""
+
+    out: Path = option(OUTPUT, "OUT", "Folder for the results.", REQUIRED, "-o", "--out")
+    keep_frames: bool = flag(INPUT, "--keep-frames", "Keep both frames on the Earth; register nothing.")
+    surveys: bool = flag(INPUT, "--surveys", "Compare the surveys of OLD in pairs; give no NEW.")
+    reach: float | None = option(
+        INPUT,
+        "M",
+        "How far from the old surface the new one is sought \\[m].",
+        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for four voxels"),
+        shown="four voxels",
+    )
+    bound: float | None = option(
+        INPUT,
+        "M",
+        "Largest level of detection of a place called unchanged \\[m].",
+        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for two voxels"),
+        shown="two voxels",
+        rare=True,
+    )
+
+
+def command(
+    context: typer.Context,
+    old: Annotated[Path, typer.Argument(help="The folder of the earlier map.", metavar="OLD")],
+    judging: Judging,
+    method: MethodOptions,
+    earth: EarthPlace,
+    new: Annotated[Path | None, typer.Argument(help="The folder of the later map.", metavar="NEW")] = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Find what changed between two finished maps of a place.
+
+    NEW is brought onto OLD by registration of its views. Distances along the surface have levels of detection, regions
+    that changed have volumes with sigmas, and what one survey did not see is never called unchanged. The
+    exit code is 0 if they were compared, also if nothing changed, 3 if NEW was not found in OLD, 2 for bad input.
+    """
+    from sonarmap.tools.products.compare.comparison import CompareSettings, NotAlignedError
+    from sonarmap.tools.products.compare.files import check_folder, write_comparison
+
+    method = checked_method(method, context)
+    if method.method != DEFAULT_METHOD:
+        raise InputError(f"--method {method.method} cannot locate views; leave it out: only {DEFAULT_METHOD} can")
+    _check(old, new, judging)
+    check_folder(judging.out, old, *([] if new is None else [new]))
+    settings = CompareSettings(judging.reach, judging.bound)
+    first = _opened(old)
+    first = replace(first, georeference=earth.georeference(first.georeference))
+    place = _place(first, earth)
+    results: list[tuple[Path, Comparison]] = []
+    try:
+        if new is None:
+            results = _surveys(first, judging.out, settings)
+        else:
+            results = [(judging.out, _maps(first, _opened(new), judging, method, settings, quiet or as_json))]
+    except NotAlignedError as error:
+        if as_json:
+            typer.echo(json.dumps({"aligned": False, "reason": str(error)}))
+        warn(str(error))
+        raise typer.Exit(NOT_ALIGNED) from error
+    contents: list[dict[str, object]] = []
+    for out, comparison in results:
+        files = write_comparison(out, comparison, place)
+        contents.append({**comparison.as_json, "aligned": True, "files": [str(path) for path in files]})
+        if not as_json:
+            _print(comparison, files)
+    if as_json:
+        typer.echo(json.dumps({"pairs": contents} if new is None else contents[0], allow_nan=False))
+
+
+def _check(old: Path, new: Path | None, judging: Judging) -> None:
+    """Refuse what does not go together. Raises InputError."""
+    if new is None and not judging.surveys:
+        raise InputError(f"only {old} was given; wanted OLD and NEW, or --surveys to compare the surveys of one map")
+    if new is not None and judging.surveys:
+        raise InputError("--surveys compares the surveys of one map; leave NEW out, or leave --surveys out")
+    if judging.surveys and judging.keep_frames:
+        raise InputError("--keep-frames has no effect with --surveys, which share a frame; leave it out")
+
+
+def _opened(path: Path) -> "Map":
+    from sonarmap.tools.files.map_folder.folder import read_map_folder
+
+    with locked(path, writing=False):
+        folder = read_map_folder(path)
+    if len(folder.parts) > 1:
+        say(f"{path} has {len(folder.parts)} parts; only the largest is compared")
+    return folder
+
+
+def _place(folder: "Map", earth: EarthPlace) -> "tuple[Georeference, Projection] | None":
+    """Where the old map lies on the Earth; None where that is not known."""
+    from sonarmap.tools.files.geo.projection import Projection
+
+    if folder.georeference is None or not folder.on_earth(folder.parts[0]):
+        refuse_without("a map's place on the Earth", {"--crs": earth.crs})
+        return None
+    return folder.georeference, Projection.of(folder.georeference, earth.crs)
+
+
+def _maps(
+    old: "Map",
+    new: "Map",
+    judging: Judging,
+    method: MethodOptions,
+    settings: "CompareSettings",
+    quiet: bool,
+) -> "Comparison":
+    from sonarmap.spectral.registration import SpectralRegistrar
+    from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+    from sonarmap.tools.products.compare.comparison import compare_maps
+
+    registrar = None
+    if not judging.keep_frames:
+        registrar = configure_method(surveyed_map(old).key_scans(), method, survey=True).registrar
+        assert isinstance(registrar, SpectralRegistrar)  # as other methods are refused
+    with growing_progress("bringing NEW onto OLD", quiet) as step:
+        return compare_maps(old, new, registrar, settings, step)
+
+
+def _surveys(folder: "Map", out: Path, settings: "CompareSettings") -> "list[tuple[Path, Comparison]]":
+    """Each survey of a map with the next, and a folder for each pair."""
+    from sonarmap.tools.products.compare.comparison import compare_surveys
+
+    numbers = sorted(set(folder.surveys(folder.parts[0])))
+    if len(numbers) < 2:
+        raise InputError(f"{folder.path} is of one survey; --surveys needs a map of several: give NEW instead")
+    return [(out / f"survey_{a}_{b}", compare_surveys(folder, a, b, settings)) for a, b in pairwise(numbers)]
+
+
+def _print(comparison: "Comparison", files: Sequence[Path]) -> None:
+    """What changed in words, a row for each region, and the files."""
+    if comparison.alignment is not None:
+        aligned = comparison.alignment
+        print_result(f"{aligned.agreeing} of {aligned.tried} views of {comparison.new} agree on its place")
+    if comparison.regions:
+        table = number_table(
+            "region", "", "area [m2]", "height [m]", "volume [m3]", "sigma [m3]", "x, y, z [m]", words=2
+        )
+        for number, region in enumerate(comparison.regions, 1):
+            numbers = region.area, region.height, region.volume, region.sigma
+            where = " ".join(f"{value:.1f}" for value in region.place.tolist())
+            kind = "gained" if region.gained else "lost"
+            table.add_row(str(number), kind, *(f"{value:,.2f}" for value in numbers), where)
+        result_console().print(table)
+    print_result(str(comparison))
+    print_result(f"written to {files[0].parent}: {', '.join(path.name for path in files)}")

@@ -1,0 +1,197 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""Distances between two surveys, each with its level of detection, and what can be said of each core point.
+
+The errors of all poses and of the alignment move whole stretches of a surface. Most of a place does not change between
+two surveys, so that its surface says how large these errors are: they are estimated from all distances together, held
+by their covariances, distances beyond their scatter being left out (Tukey's biweight). What is left of their
+covariance, noise and roughness make the level of detection.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.linalg import block_diag
+from scipy.spatial import KDTree
+
+from sonarmap.tools.products.compare.epoch import Epoch, levers
+from sonarmap.tools.products.compare.surface import RADIUS, Cores, cores_of, layer_of, planes_at
+
+_LEVEL = 1.96  # sigmas, of 95 %
+# Found on simulated pairs of surveys, see docs/compare.md. _NOISE: the variance of a mean over what the scatter of its
+# points says, as a map's points lie in voxels. Then by what two surveys see edges and corners differently [voxels]: how
+# far points are from their plane beyond _PLANE, and the squared tangent of the angle between both planes times _TILTED
+# and, where neither survey has a plane, more.
+_NOISE, _PLANE, _TILTED, _TILTED_ROUGH = 0.5, 0.3, 0.7, 6.0
+_LEAST_COSINE = 0.1
+_SHARED = 4.0  # by which noise is larger in the estimate of the poses: what surfaces seen from two places differ by
+OVERLAP = np.pi * RADIUS**2  # core points whose cylinders share their points
+_BIWEIGHT, _ROUNDS = 4.0, 8  # [sigmas] beyond which a distance does not count; rounds of weights
+_USUAL = 0.6745  # quantile of |x| / sigma that half of all are below
+_FAR = 1.75  # [voxels], from which distance on both surfaces cannot be mixed up
+_CHUNK = 20_000
+
+
+class Verdict(IntEnum):
+    """What can be said of a core point."""
+
+    UNCHANGED = 0  # the distance is below its level of detection, and that is small
+    GAINED = 1  # the surface is now nearer to where it was seen from, by more than the level
+    LOST = 2  # farther away
+    UNSURE = 3  # the level is above its bound, and the distance below the level
+    OLD_ONLY = 4  # the new survey has no surface there: not seen, hidden, too few points, or farther than the reach
+    NEW_ONLY = 5  # the old survey has none
+
+
+@dataclass(frozen=True, slots=True)
+class Distances:
+    """Of K core points, those of NEW_ONLY last."""
+
+    cores: Cores  # frame of the old map
+    distance: np.ndarray  # (K,) float64 along the normal [m], positive where the surface was gained; NaN where unknown
+    level: np.ndarray  # (K,) float64 level of detection at 95 % [m]; NaN where unknown
+    verdict: np.ndarray  # (K,) int64, of Verdict
+    # of the m core points that both have, the first m where `compared`
+    compared: np.ndarray  # (m,) int64, which these are
+    noise: np.ndarray  # (m,) variance that neighbors do not share beyond their cylinders [m^2]
+    shape: np.ndarray  # (m,) standard deviation that neighbors may share, where surfaces are no planes [m]
+    shared: Any  # sparse (m, s) by what the s common errors move each distance
+    covariance: np.ndarray  # (s, s) of these
+    widened: float  # factor on all sigmas, by the scatter of the distances
+    voxel: float  # [m]
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """(K,) standard deviation of the distance [m]."""
+        return self.level / _LEVEL
+
+    def sigma_of_sum(self, chosen: np.ndarray) -> float:
+        """Standard deviation of the volume of some of the m core points, an index: the sum of area times distance
+        [m^3]. Common errors count together; noise does as far as cylinders share points."""
+        area = self.cores.area[self.compared[chosen]]
+        J = self.shared[chosen].T @ area
+        overlap = np.minimum(np.pi * (RADIUS * self.voxel) ** 2 / area, len(area))
+        own = (area**2 * self.noise[chosen] * overlap).sum() + (area @ self.shape[chosen]) ** 2
+        return self.widened * float(np.sqrt(J @ self.covariance @ J + own))
+
+
+def distances_between(
+    old: Epoch, new: Epoch, alignment: np.ndarray | None, voxel: float, reach: float, bound: float
+) -> Distances:
+    """From the old survey's surface to the new one's, both in the old one's frame.
+
+    Args:
+        alignment: (6, 6) covariance of the new frame in the old one [rad, m], left tangent; None for two surveys of one
+            map, which share its frame and its poses' errors.
+        voxel: that decides about radii and spacings [m].
+        reach: how far along the normal the new surface is sought [m].
+        bound: largest level of detection with which a place is called unchanged [m].
+    """
+    cores = cores_of(old, voxel)
+    before, after = layer_of(old, cores, voxel, 0.0), layer_of(new, cores, voxel, reach)
+    both = np.flatnonzero(np.isfinite(before.height + after.height))
+    shared, prior = _shared(old, new, (before.shares[both], after.shares[both]), alignment, cores.take(both))
+    noise = _NOISE * (before.variance[both] + after.variance[both])
+    measured = after.height[both] - before.height[both]
+    shape = _shape(old, new, cores.take(both), measured, voxel)
+    errors, covariance = _common_errors(measured, noise + shape**2, shared, prior)
+    moved = measured + shared @ errors
+    sigma = np.sqrt(noise + shape**2 + _spread(shared, covariance))
+    widened = max(1.0, float(np.median(np.abs(moved) / sigma)) / _USUAL) if len(both) else 1.0
+    fresh = cores_of(new, voxel)
+    near = KDTree(old.points).query(fresh.points, distance_upper_bound=reach)[0]
+    fresh = fresh.take(~np.isfinite(near))
+    count = len(cores.points)
+    every_core = Cores(*(np.concatenate(pair) for pair in zip(_columns(cores), _columns(fresh), strict=True)))
+    distance, level = np.full((2, len(every_core.points)), np.nan)
+    distance[both], level[both] = moved, _LEVEL * widened * sigma
+    verdict = np.full(len(distance), Verdict.OLD_ONLY, np.int64)
+    verdict[count:] = Verdict.NEW_ONLY
+    verdict[both] = np.where(level[both] <= bound, Verdict.UNCHANGED, Verdict.UNSURE)
+    beyond = np.abs(distance) > level  # NaN is not
+    doubtful = both[beyond[both] & _on_both(old, new, cores.take(both), moved, voxel)]
+    beyond[doubtful] = False
+    verdict[doubtful] = Verdict.UNSURE
+    verdict[beyond] = np.where(distance[beyond] > 0, Verdict.GAINED, Verdict.LOST)
+    return Distances(every_core, distance, level, verdict, both, noise, shape, shared, covariance, widened, voxel)
+
+
+def _shared(
+    old: Epoch,
+    new: Epoch,
+    shares: tuple[Any, Any],
+    alignment: np.ndarray | None,
+    cores: Cores,
+) -> tuple[Any, np.ndarray]:
+    """(m, s) by what s common errors move each distance, of the shares of all scans in both layers; (s, s) their
+    covariance."""
+    before, after = shares
+    if alignment is None:
+        scans, prior = after - before, old.covariance
+    else:
+        every = sparse.csr_array(np.ones((len(cores.points), 1)))
+        scans = sparse.hstack([after, -before, every])
+        prior = np.asarray(block_diag(new.covariance, old.covariance, alignment))
+    return _lifted(scans.tocsr(), levers(cores.points, cores.normals)), prior
+
+
+def _shape(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: float) -> np.ndarray:
+    """(m,) standard deviation of distances [m] by what two surveys see differently of edges and corners: where the two
+    surfaces are not parallel, or points are far from their plane in both. A scour in a bed, or the bed where a heap
+    lay, is a plane in one of them."""
+    one, rough = planes_at(old, cores.points, voxel)
+    other, rough_after = planes_at(new, cores.points + distance[:, None] * cores.normals, voxel)
+    tilt = np.maximum(np.abs(np.einsum("ka,ka->k", one, other)), _LEAST_COSINE) ** -2 - 1  # squared tangent
+    beyond = np.maximum(np.fmin(rough, rough_after) / voxel - _PLANE, 0.0)
+    return voxel * (beyond + tilt * (_TILTED + _TILTED_ROUGH * beyond))
+
+
+def _on_both(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: float) -> np.ndarray:
+    """(m,) bool: where both surveys have points on the surface in front, so that what lies far behind it in one of them
+    is no change: a ghost, or another side of a thin wall."""
+    far = np.abs(distance) > _FAR * voxel
+    result = np.zeros(len(distance), bool)
+    for chosen, other in ((far & (distance > 0), old), (far & (distance < 0), new)):
+        front = cores.points[chosen] + np.maximum(distance[chosen], 0.0)[:, None] * cores.normals[chosen]
+        result[chosen] = np.isfinite(KDTree(other.points).query(front, distance_upper_bound=voxel)[0])
+    return result
+
+
+def _columns(cores: Cores) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return cores.points, cores.normals, cores.area
+
+
+def _lifted(scans: Any, lever: np.ndarray) -> Any:
+    """(m, 6 n): the shares of n scans (m, n), each times the lever (m, 6) of its row."""
+    row = np.repeat(np.arange(scans.shape[0]), np.diff(scans.indptr))
+    data = (scans.data[:, None] * lever[row]).ravel()
+    indices = (6 * scans.indices[:, None].astype(np.int64) + np.arange(6)).ravel()
+    return sparse.csr_array(
+        (data, indices, 6 * scans.indptr.astype(np.int64)), shape=(scans.shape[0], 6 * scans.shape[1])
+    )
+
+
+def _common_errors(
+    measured: np.ndarray, noise: np.ndarray, shared: Any, prior: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The errors (s,) of poses and alignment that explain most distances (m,), and their covariance (s, s)."""
+    errors, covariance = np.zeros(len(prior)), prior
+    for _ in range(_ROUNDS):
+        scale = np.sqrt(_SHARED * noise + _spread(shared, covariance))
+        away = np.clip((measured + shared @ errors) / (_BIWEIGHT * scale), -1, 1)
+        weighted = shared.multiply(((1 - away**2) ** 2 / (_SHARED * OVERLAP * noise))[:, None]).tocsr()
+        covariance = np.linalg.solve(np.eye(len(prior)) + prior @ (shared.T @ weighted).toarray(), prior)
+        errors = -covariance @ (weighted.T @ measured)
+    return errors, covariance
+
+
+def _spread(shared: Any, covariance: np.ndarray) -> np.ndarray:
+    """(m,) the variance of each distance by the common errors [m^2]."""
+    total = np.empty(shared.shape[0])
+    for start in range(0, len(total), _CHUNK):
+        rows = shared[start : start + _CHUNK]
+        total[start : start + _CHUNK] = np.maximum(rows.multiply(rows @ covariance).sum(axis=1), 0.0)
+    return total

@@ -1,0 +1,146 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""The files of a comparison, all or none: what changed as JSON, table and picture, and what is known of every core
+point."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, require_writable
+from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.files.writers.json_text import write_json
+from sonarmap.tools.files.writers.points import write_ply
+from sonarmap.tools.files.writers.table import write_table
+from sonarmap.tools.products.compare.comparison import Comparison
+from sonarmap.tools.products.compare.distances import Distances, Verdict
+from sonarmap.tools.products.compare.picture import draw_changes
+from sonarmap.tools.products.compare.regions import Region
+from sonarmap.tools.products.export.geotiff import NODATA
+from sonarmap.tools.products.export.grid import check_size
+from sonarmap.tools.products.export.laz import las_header
+
+PREFIX = "changes"  # of the files' names
+_COLUMNS = ("number", "kind", "area_m2", "height_m", "volume_m3", "volume_sigma_m3", "core_points", "x_m", "y_m", "z_m")
+_WORLD = ("easting_m", "northing_m")
+_DIMENSIONS = {  # of LAZ: type, and what it is in at most 31 letters
+    "distance": ("f4", "along the normal [m], gained +"),
+    "level": ("f4", "level of detection at 95 % [m]"),
+    "verdict": ("u1", "0 unchanged 1 gained 2 lost ..."),
+    "region": ("u2", "number of its region, 0 for none"),
+}
+
+
+def check_folder(out: Path, *maps: Path) -> None:
+    """Refuse the folder of a map, whose files `map` writes, and one that cannot be written. Raises InputError."""
+    for folder in maps:
+        if out.resolve() == folder.resolve():
+            raise InputError(f"-o {out} is a map's folder, whose files `map` writes; choose another folder")
+    require_writable(out)
+
+
+def write_comparison(
+    out: Path, comparison: Comparison, place: tuple[Georeference, Projection] | None
+) -> Sequence[Path]:
+    """Write a comparison into a folder; what it holds besides stays.
+
+    Args:
+        place: where the old map lies on the Earth; None where that is not known.
+
+    Returns:
+        The files.
+    """
+    distances, regions = comparison.distances, comparison.regions
+    columns = _columns(distances, regions)
+    with locked(out, writing=True), all_or_none() as written:
+        world = None if place is None else _projected(distances.cores.points, *place)
+        write_ply(out / f"{PREFIX}.ply", distances.cores.points, columns)
+        _write_regions(out / f"{PREFIX}.csv", regions, place)
+        draw_changes(out / f"{PREFIX}.png", comparison)
+        if world is not None and place is not None:
+            _write_laz(out / f"{PREFIX}.laz", world, columns, place[1])
+            _write_geotiff(out / f"{PREFIX}.tif", world, distances, place[1])
+        files = [path.name for _, path in written] + [f"{PREFIX}.json"]
+        write_json(out / f"{PREFIX}.json", {**comparison.as_json, "files": files})
+        return [path for _, path in written]
+
+
+def _columns(distances: Distances, regions: Sequence[Region]) -> dict[str, np.ndarray]:
+    """What is said of each core point, {name: (K,)}."""
+    region = np.zeros(len(distances.verdict), np.uint16)
+    for number, each in enumerate(regions, 1):
+        region[each.members] = number
+    return {
+        "distance": distances.distance.astype(np.float32),
+        "level": distances.level.astype(np.float32),
+        "verdict": distances.verdict.astype(np.uint8),
+        "region": region,
+    }
+
+
+def _projected(points: np.ndarray, georeference: Georeference, projection: Projection) -> np.ndarray:
+    """(K, 3) easting, northing, height [m]."""
+    return projection.project(georeference.geodetic(points))
+
+
+def _write_regions(path: Path, regions: Sequence[Region], place: tuple[Georeference, Projection] | None) -> None:
+    """A row for each region, lengths to 1 mm."""
+    rows: list[list[object]] = []
+    for number, region in enumerate(regions, 1):
+        says = region.as_json
+        numbers = [*(says[name] for name in _COLUMNS[2:6])]
+        where = region.place.tolist()
+        if place is not None:
+            where += _projected(region.place[None], *place)[0, :2].tolist()
+        texts = [f"{value:z.3f}" for value in numbers], [f"{value:z.3f}" for value in where]
+        rows.append([number, says["kind"], *texts[0], len(region.members), *texts[1]])
+    write_table(path, (*_COLUMNS, *(_WORLD if place else ())), rows)
+
+
+def _write_laz(path: Path, world: np.ndarray, columns: Mapping[str, np.ndarray], projection: Projection) -> None:
+    """Every core point of LAS 1.4, to the millimeter, with what is said of it."""
+    import laspy
+
+    header = las_header(projection, world.min(axis=0), _DIMENSIONS, timed=False)
+    las = laspy.LasData(header)
+    las.points = laspy.ScaleAwarePointRecord.zeros(len(world), header=header)
+    las.x, las.y, las.z = world.T
+    for name in _DIMENSIONS:
+        las[name] = columns[name]
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        las.write(file, do_compress=True)
+
+
+def _write_geotiff(path: Path, world: np.ndarray, distances: Distances, projection: Projection) -> None:
+    """Distance (band 1), its significance, the distance over its standard deviation (2), and what can be said (3), of
+    the uppermost core point in each cell of one voxel; north up."""
+    import rasterio
+
+    cell = distances.voxel
+    place = np.floor(world[:, :2] / cell).astype(np.int64)
+    left, top = int(place[:, 0].min()), int(place[:, 1].max()) + 1
+    row, column = top - 1 - place[:, 1], place[:, 0] - left
+    rows, columns = int(row.max()) + 1, int(column.max()) + 1
+    check_size(rows, columns, cell)
+    values = np.full((3, rows, columns), NODATA, np.float32)
+    order = np.argsort(world[:, 2], kind="stable")  # of several in a cell the last is written, the highest
+    said = np.stack([distances.distance, distances.distance / distances.sigma, distances.verdict.astype(np.float64)])
+    values[:, row[order], column[order]] = np.nan_to_num(said[:, order], nan=NODATA)
+    profile: dict[str, Any] = {"driver": "GTiff", "dtype": "float32", "count": 3, "nodata": NODATA}
+    profile |= {"compress": "deflate", "predictor": 3, "tiled": True, "bigtiff": "if_safer"}
+    profile |= {"crs": rasterio.CRS.from_wkt(projection.crs.to_wkt()), "height": rows, "width": columns}
+    profile["transform"] = rasterio.Affine(cell, 0, left * cell, 0, -cell, top * cell)
+    with atomic_path(path) as temporary, rasterio.open(temporary, "w", **profile) as raster:
+        raster.write(values)
+        raster.descriptions = (
+            "distance",
+            "distance over its sigma",
+            ", ".join(f"{v} {v.name.lower()}" for v in Verdict),
+        )
+        raster.units = ("m", "sigmas", "class")
+        raster.update_tags(SIGN="positive where the surface was gained")

@@ -1,0 +1,84 @@
+"""A comparison from above: distances in color, what cannot be said gray, the regions numbered with their volumes."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sonarmap.tools.products.compare.comparison import Comparison
+from sonarmap.tools.products.compare.distances import Verdict
+from sonarmap.tools.products.report.small_png import write_png
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WIDTH, _DPI = 10.0, 140  # [in]
+_PANEL, _LOWEST, _HIGHEST = 7.6, 3.0, 10.0  # of the panel [in]: its width, and between which heights it has
+_LEFT, _BELOW, _ABOVE = 0.9, 0.65, 0.95  # beside the panel [in]
+_TEXT, _TITLE = 9.0, 14.0  # [pt]
+_COLORS, _UNKNOWN, _INK = "RdBu", "#B8B8B8", "#000000"
+_LARGEST = 0.98  # quantile of significant distances at which colors end
+_LISTED = 12  # regions that are labeled; all are outlined
+
+
+def draw_changes(path: Path, comparison: Comparison) -> None:
+    """Write a PNG of a comparison. Raises InputError: the file cannot be written."""
+    from matplotlib import colormaps
+
+    ramp = colormaps[_COLORS](np.linspace(0, 1, 160))[:, :3]
+    write_png(lambda: changes_figure(comparison), path, (_UNKNOWN,), ramp)
+
+
+def changes_figure(comparison: Comparison) -> "Figure":
+    """The figure: x and y of the old map's frame, to one scale."""
+    from matplotlib.figure import Figure
+
+    distances, points = comparison.distances, comparison.distances.cores.points
+    extent = np.maximum(np.ptp(points[:, :2], axis=0), distances.voxel)
+    panel = float(np.clip(_PANEL * extent[1] / extent[0], _LOWEST, _HIGHEST))
+    height = panel + _BELOW + _ABOVE
+    figure = Figure(figsize=(_WIDTH, height), dpi=_DPI)
+    axes = figure.add_axes((_LEFT / _WIDTH, _BELOW / height, _PANEL / _WIDTH, panel / height))
+    axes.set_aspect("equal", adjustable="datalim")
+    # a core point is about a voxel wide
+    size = (72 * min(_PANEL / extent[0], panel / extent[1]) * distances.voxel) ** 2
+    known = np.isfinite(distances.distance) & (distances.verdict != Verdict.UNSURE)
+    axes.scatter(
+        points[~known, 0], points[~known, 1], size, _UNKNOWN, edgecolor="none", rasterized=True, label="cannot be said"
+    )
+    beyond = np.isin(distances.verdict, (Verdict.GAINED, Verdict.LOST))
+    shown = np.abs(distances.distance[beyond if beyond.any() else known])
+    most = max(float(np.quantile(shown, _LARGEST)) if len(shown) else 0.0, 1e-3)
+    order = np.flatnonzero(known)[np.argsort(points[known, 2], kind="stable")]
+    x, y = points[order, :2].T
+    dots = axes.scatter(x, y, size, distances.distance[order], cmap=_COLORS, vmin=-most, vmax=most)
+    dots.set(edgecolor="none", rasterized=True)
+    _outline(axes, comparison)
+    axes.set_xlabel("x [m]", fontsize=_TEXT)
+    axes.set_ylabel("y [m]", fontsize=_TEXT)
+    axes.tick_params(labelsize=_TEXT)
+    axes.legend(loc="upper right", fontsize=_TEXT, markerscale=2)
+    place = ((_LEFT + _PANEL + 0.2) / _WIDTH, _BELOW / height, 0.018, panel / height)
+    bar = figure.colorbar(dots, cax=figure.add_axes(place), extend="both")
+    bar.set_label("distance along the normal [m]: gained positive, lost negative", fontsize=_TEXT)
+    first, *more = str(comparison).splitlines()
+    count = len(comparison.regions)
+    figure.text(
+        _LEFT / _WIDTH, 1 - 0.36 / height, f"{count} changed region{'' if count == 1 else 's'}", fontsize=_TITLE
+    )
+    below = f"{first.partition(': ')[2]}; {'; '.join(line.strip() for line in more)}"
+    figure.text(_LEFT / _WIDTH, 1 - 0.66 / height, below, fontsize=_TEXT)
+    return figure
+
+
+def _outline(axes: "Axes", comparison: Comparison) -> None:
+    """A frame around each region, with its number and, for the largest, its volume."""
+    from matplotlib.patches import Rectangle
+
+    margin = comparison.distances.voxel
+    for number, region in enumerate(comparison.regions, 1):
+        low, wide = region.low[:2] - margin, region.high[:2] - region.low[:2] + 2 * margin
+        axes.add_patch(Rectangle((low[0], low[1]), wide[0], wide[1], fill=False, edgecolor=_INK, linewidth=1.0))
+        words = f"{number}: {region.volume:+,.1f} ± {region.sigma:.1f} m³" if number <= _LISTED else str(number)
+        axes.annotate(words, (low[0], low[1] + wide[1]), (0, 2), textcoords="offset points", fontsize=_TEXT - 1)

@@ -1,0 +1,162 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""Surfaces of clouds along normals, after M3C2 (Lague, Brodu and Leroux, DOI 10.1016/j.isprsjprs.2013.04.009): around
+each core point a cylinder along the local normal, in it the mean of each cloud.
+
+Two things differ. A point weighs as much as the echoes that it is the mean of: noise spreads a map's surface over
+several voxels, and its thin outer layers hold few. And of several layers in a cylinder, a gate's two sides or a bed
+below a deck, the one of most points counts alone. Beside means it is kept of which scans the points are,
+as the points of a scan err together.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import KDTree
+
+from sonarmap.tools.products.compare.epoch import Epoch
+
+NORMAL_RADIUS, RADIUS = 2.5, 1.5  # of normals and of cylinders [voxels]
+FEWEST = 4  # points of a cloud in a cylinder
+_HALF = 1.5  # how far points of a layer are from its middle [voxels]
+_GAP = 1.0  # between two layers [voxels]
+_CHUNK = 20_000  # core points at a time
+
+
+@dataclass(frozen=True, slots=True)
+class Cores:
+    """K core points on a surface."""
+
+    points: np.ndarray  # (K, 3) float64 [m]
+    normals: np.ndarray  # (K, 3) unit, toward where it was seen from
+    area: np.ndarray  # (K,) float64 [m^2] that each stands for
+
+    def take(self, chosen: np.ndarray) -> "Cores":
+        """These alone, an index or (K,) bool."""
+        return Cores(self.points[chosen], self.normals[chosen], self.area[chosen])
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """What a cloud has in the cylinders of K core points; NaN where fewer than FEWEST points."""
+
+    height: np.ndarray  # (K,) float64 weighted mean along the normal, from the core point [m]
+    variance: np.ndarray  # (K,) float64 of that by noise and roughness [m^2], without the poses' part
+    count: np.ndarray  # (K,) int64, number of points, also where they are too few
+    shares: Any  # sparse (K, n) of the weight that each scan has
+
+
+def cores_of(epoch: Epoch, voxel: float) -> Cores:
+    """The surface of a cloud, a core point for each voxel of it."""
+    points = epoch.points
+    normals, _ = planes_at(epoch, points, voxel)
+    away = np.einsum("ka,ka->k", normals, epoch.origins[epoch.scan] - points) < 0
+    normals[away] *= -1
+    height = layer_of(epoch, Cores(points, normals, np.ones(len(points))), voxel, 0.0).height
+    usable = np.isfinite(height)
+    return _thinned(points[usable] + height[usable, None] * normals[usable], normals[usable], voxel)
+
+
+def planes_at(epoch: Epoch, places: np.ndarray, voxel: float) -> tuple[np.ndarray, np.ndarray]:
+    """The plane through a cloud about each place (K, 3) [m]: (K, 3) unit normals of either sign, and (K,) how far the
+    points are from it [m], root mean square; NaN where there are none."""
+    normals, rough = np.empty_like(places), np.empty(len(places))
+    for chunk, core, near in _neighbors(epoch.points, places, NORMAL_RADIUS * voxel):
+        weight, size = epoch.weight[near], chunk.stop - chunk.start
+        offset = epoch.points[near] - places[chunk][core]
+        total = np.bincount(core, weight, size)
+        offset -= np.column_stack([np.bincount(core, weight * x, size) for x in offset.T])[core] / total[core, None]
+        moments = [np.bincount(core, weight * offset[:, a] * offset[:, b], size) for a in range(3) for b in range(3)]
+        spread, axes = np.linalg.eigh(np.column_stack(moments).reshape(-1, 3, 3))
+        normals[chunk] = axes[:, :, 0]
+        with np.errstate(invalid="ignore"):
+            rough[chunk] = np.sqrt(np.maximum(spread[:, 0], 0.0) / total)
+    return normals, rough
+
+
+def _thinned(points: np.ndarray, normals: np.ndarray, voxel: float) -> Cores:
+    """One of the points (N, 3) on a surface in each column of one voxel by one, along the axis that its normal is
+    nearest to, and again wherever the column meets another surface."""
+    axis = np.abs(normals).argmax(axis=1)
+    row = np.arange(len(points))
+    cell = np.floor(points / voxel).astype(np.int64)
+    height = points[row, axis]
+    cell[row, axis] = 0
+    order = np.lexsort((height, cell[:, 2], cell[:, 1], cell[:, 0], axis))
+    column = np.column_stack([axis, cell])[order]
+    starts = np.ones(len(points), bool)
+    starts[1:] = (column[1:] != column[:-1]).any(axis=1) | (np.diff(height[order]) > _GAP * voxel)
+    first = np.flatnonzero(starts)
+    middle = (first + np.append(first[1:], len(points)) - 1) // 2
+    chosen = order[middle]
+    return Cores(points[chosen], normals[chosen], voxel**2 / np.abs(normals[chosen, axis[chosen]]))
+
+
+def layer_of(epoch: Epoch, cores: Cores, voxel: float, reach: float) -> Layer:
+    """The layer of a cloud in each cylinder, sought up to `reach` [m] to either side along the normal, of points that
+    were seen from the side to which the normal points."""
+    radius, half = RADIUS * voxel, _HALF * voxel
+    size, scans = len(cores.points), len(epoch.origins)
+    height, variance, count = np.full(size, np.nan), np.full(size, np.nan), np.zeros(size, np.int64)
+    shares: list[Any] = []
+    for chunk, core, near in _neighbors(epoch.points, cores.points, float(np.hypot(radius, reach + half))):
+        offset = epoch.points[near] - cores.points[chunk][core]
+        along = np.einsum("pa,pa->p", offset, cores.normals[chunk][core])
+        inside = (np.einsum("pa,pa->p", offset, offset) - along**2 <= radius**2) & (np.abs(along) <= reach + half)
+        core, near, along = core[inside], near[inside], along[inside]
+        toward = epoch.origins[epoch.scan[near]] - epoch.points[near]
+        inside = np.einsum("pa,pa->p", toward, cores.normals[chunk][core]) > 0
+        core, near, along = core[inside], near[inside], along[inside]
+        length = chunk.stop - chunk.start
+        middle = _largest_layer(core, along, epoch.weight[near], length, voxel)
+        inside = np.abs(along - middle[core]) <= half  # NaN is not
+        core, near, along = core[inside], near[inside], along[inside]
+        weight = epoch.weight[near]
+        number, total = np.bincount(core, minlength=length), np.bincount(core, weight, length)
+        enough = number >= FEWEST
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = np.bincount(core, weight * along, length) / total
+            scatter = np.bincount(core, weight * (along - mean[core]) ** 2, length) / total
+            own = np.bincount(core, (weight * epoch.noise[near]) ** 2, length) / total**2
+            rough = scatter * np.bincount(core, weight**2, length) / total**2
+        count[chunk] = number
+        height[chunk] = np.where(enough, mean, np.nan)
+        variance[chunk] = np.where(enough, np.maximum(own, rough * number / np.maximum(number - 1, 1)), np.nan)
+        share = weight / total[core]
+        shares.append(sparse.coo_array((share, (core, epoch.scan[near])), shape=(length, scans)).tocsr())
+    stacked = sparse.vstack(shares, format="csr") if shares else sparse.csr_array((0, scans))
+    return Layer(height, variance, count, stacked)
+
+
+def _largest_layer(core: np.ndarray, along: np.ndarray, weight: np.ndarray, size: int, voxel: float) -> np.ndarray:
+    """(size,) the middle along the normal of the layer with most points about each core point, the nearest of equals,
+    of those that gaps separate and that have points enough; NaN where there is none."""
+    order = np.lexsort((along, core))
+    core, along, weight = core[order], along[order], weight[order]
+    new = np.ones(len(core), bool)
+    new[1:] = (np.diff(core) > 0) | (np.diff(along) > _GAP * voxel)
+    layer = np.cumsum(new) - 1
+    owner, number = core[new], np.bincount(layer)
+    # of a layer that passes through the core point what is near that counts, as in the survey that has it there
+    near = np.abs(along) <= _HALF * voxel
+    weight = np.where(near | ~(np.bincount(layer, near) > 0)[layer], weight, 0.0)
+    middle = np.bincount(layer, weight * along) / np.maximum(np.bincount(layer, weight), 1e-300)
+    usable = np.flatnonzero(number >= FEWEST)
+    largest = usable[np.lexsort((np.abs(middle[usable]), -number[usable], owner[usable]))]
+    owners, first = np.unique(owner[largest], return_index=True)
+    result = np.full(size, np.nan)
+    result[owners] = middle[largest[first]]
+    return result
+
+
+def _neighbors(cloud: np.ndarray, cores: np.ndarray, radius: float) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+    """Pairs of core points and points of the cloud within a radius [m]: of each slice of the core points, which of them
+    and which point."""
+    tree = KDTree(cloud)
+    for start in range(0, len(cores), _CHUNK):
+        chunk = slice(start, min(start + _CHUNK, len(cores)))
+        pairs = KDTree(cores[chunk]).sparse_distance_matrix(tree, radius, output_type="ndarray")
+        yield chunk, pairs["i"], pairs["j"]

@@ -1,0 +1,125 @@
+"""Distances between two surveys by laws: a known change, nothing changed, other frames, what one survey saw alone."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between
+from sonarmap.tools.products.compare.epoch import Epoch
+from sonarmap.tools.products.compare.regions import regions_of
+from sonarmap.tools.products.compare.surface import RADIUS, cores_of, layer_of
+from tests.tools.products.compare.made_up import NOISE, VOXEL, bed, surveyed
+
+ALIGNMENT = np.diag(np.repeat([1e-3, 0.02], 3) ** 2)
+
+
+def compared(old: Epoch, new: Epoch) -> Distances:
+    return distances_between(old, new, ALIGNMENT, VOXEL, 4 * VOXEL, 2 * VOXEL)
+
+
+def test_core_points_are_the_surface_once() -> None:
+    cores = cores_of(surveyed(1, poses_err=False), VOXEL)
+    assert cores.area.sum() == pytest.approx(30 * 30, rel=0.05)
+    assert (cores.normals[:, 2] > 0.9).all()  # toward the sensors
+    assert np.abs(cores.points[:, 2] - bed(cores.points[:, :2])).std() < NOISE
+
+
+def test_means_are_those_of_m3c2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # where it writes its log
+    import py4dgeo
+
+    old, new = surveyed(1, weight=1.0), surveyed(2, change=0.4, weight=1.0)
+    cores = cores_of(old, VOXEL)
+    cores = cores.take(np.abs(cores.points[:, :2]).max(axis=1) < 14)
+    ours = layer_of(new, cores, VOXEL, 1.0).height - layer_of(old, cores, VOXEL, 1.0).height
+    m3c2 = py4dgeo.M3C2(
+        epochs=(py4dgeo.Epoch(old.points), py4dgeo.Epoch(new.points)),
+        corepoints=cores.points,
+        cyl_radius=RADIUS * VOXEL,
+        max_distance=1.0 + 1.5 * VOXEL,
+        corepoint_normals=cores.normals,
+    )
+    np.testing.assert_allclose(ours, m3c2.run()[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_changed(seed: int) -> None:
+    distances = compared(surveyed(2 * seed + 10), surveyed(2 * seed + 11))
+    false = np.isin(distances.verdict, (Verdict.GAINED, Verdict.LOST))
+    assert false[distances.compared].mean() <= 0.06  # the level is of 95 %
+    assert not regions_of(distances)
+    # poses were off by more than what is left
+    assert np.median(np.abs(distances.distance[distances.compared])) < NOISE
+
+
+@pytest.mark.parametrize("change", [0.4, -0.4])
+def test_a_known_change(change: float) -> None:
+    distances = compared(surveyed(5), surveyed(6, change=change))
+    points = distances.cores.points
+    within = (np.abs(points[:, :2]) < 2).all(axis=1)
+    verdict = Verdict.GAINED if change > 0 else Verdict.LOST
+    assert (distances.verdict[within] == verdict).mean() > 0.95
+    np.testing.assert_allclose(distances.distance[within].mean(), change, atol=0.05)
+    (region,) = regions_of(distances)
+    assert abs(region.volume - 36 * change) < 2 * region.sigma < 0.5 * abs(36 * change)
+    assert region.gained == (change > 0)
+    assert np.abs(region.place[:2]).max() < 0.5
+    assert (region.low[:2] > -4).all()
+
+
+def test_a_change_is_not_absorbed_by_its_scan() -> None:
+    """A third of the place moves, more than any pose's error: the others say where it is."""
+    distances = compared(surveyed(7), surveyed(8, change=0.5, half=7.5))
+    within = (np.abs(distances.cores.points[:, :2]) < 6).all(axis=1)
+    np.testing.assert_allclose(np.median(distances.distance[within]), 0.5, atol=0.08)
+
+
+def test_what_one_survey_saw_is_never_unchanged() -> None:
+    distances = compared(surveyed(1, size=15.0), surveyed(2, size=10.0))
+    beyond = np.abs(distances.cores.points[:, :2]).max(axis=1) > 11
+    assert (distances.verdict[beyond] == Verdict.OLD_ONLY).all()
+    other = compared(surveyed(2, size=10.0), surveyed(1, size=15.0))
+    far = np.abs(other.cores.points[:, :2]).max(axis=1) > 13
+    assert far.any()
+    assert (other.verdict[far] == Verdict.NEW_ONLY).all()
+    assert np.isnan(other.distance[far]).all()
+
+
+def test_nothing_in_common() -> None:
+    old = surveyed(1, size=5.0)
+    distances = compared(old, surveyed(2, size=5.0).moved(RigidTransform.from_translation([100.0, 0, 0])))
+    assert set(np.unique(distances.verdict)) == {Verdict.OLD_ONLY, Verdict.NEW_ONLY}
+    assert not regions_of(distances)
+
+
+def test_a_large_level_is_unsure() -> None:
+    old, new = surveyed(1, size=5.0), surveyed(2, size=5.0)
+    distances = distances_between(old, new, ALIGNMENT, VOXEL, 4 * VOXEL, bound=1e-3)
+    assert not (distances.verdict == Verdict.UNCHANGED).any()
+    assert (distances.verdict == Verdict.UNSURE).any()
+
+
+def test_the_same_in_another_frame() -> None:
+    old, new = surveyed(3), surveyed(4, change=0.4)
+    T = RigidTransform.from_components([40.0, -20.0, 5.0], Rotation.from_euler("z", 90, degrees=True))
+    one, other = compared(old, new), compared(old.moved(T), new.moved(T))
+    assert regions_of(other)[0].volume == pytest.approx(regions_of(one)[0].volume, rel=0.1)
+    assert np.nanmedian(other.level) == pytest.approx(np.nanmedian(one.level), rel=0.1)
+
+
+def test_poses_move_their_points_together() -> None:
+    distances = compared(surveyed(3), surveyed(4))
+    every = np.arange(len(distances.compared))
+    apart = np.sqrt(np.sum((distances.cores.area * distances.sigma)[distances.compared] ** 2))
+    assert distances.sigma_of_sum(every) > 3 * apart
+
+
+def test_two_surveys_of_one_map_share_its_poses() -> None:
+    old, new = surveyed(3, poses_err=False), surveyed(4, poses_err=False)
+    alone = distances_between(old, new, None, VOXEL, 4 * VOXEL, 2 * VOXEL)
+    apart = compared(old, new)
+    assert alone.shared.shape[1] == len(old.covariance)
+    every = np.arange(len(apart.compared))
+    assert alone.sigma_of_sum(every) < apart.sigma_of_sum(every)
