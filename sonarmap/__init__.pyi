@@ -56,12 +56,21 @@ from .spectral.result import Registration as Registration
 from .spectral.scan import PosePrior as PosePrior
 from .spectral.scan import Scan as Scan
 from .tools.api import PreparedScan as PreparedScan
+from .tools.api import compare as compare
 from .tools.api import locate as locate
 from .tools.api import map_scans as map_scans
 from .tools.api import optimize as optimize
 from .tools.api import prepare as prepare
 from .tools.api import read_scans as read_scans
 from .tools.api import register as register
+from .tools.files.geo.georeference import Georeference as Georeference
+from .tools.files.map_folder.folder import Map as Map
+from .tools.files.map_folder.folder import MapPart as MapPart
+from .tools.maps import export_map as export_map
+from .tools.maps import fuse as fuse
+from .tools.maps import read_navigation as read_navigation
+from .tools.maps import write_map as write_map
+from .tools.maps import write_report as write_report
 
 __all__ = [
     "ControlPoint",
@@ -69,6 +78,7 @@ __all__ = [
     "DeviceError",
     "DeviceInfo",
     "Edge",
+    "Georeference",
     "Grid",
     "Harmonics",
     "HemisphereConfig",
@@ -77,6 +87,8 @@ __all__ = [
     "KeySettings",
     "Located",
     "LoopSettings",
+    "Map",
+    "MapPart",
     "Mapper",
     "MapperSettings",
     "MotionLimits",
@@ -105,9 +117,12 @@ __all__ = [
     "Trajectory",
     "choose_device",
     "choose_grid",
+    "compare",
     "equalizers",
+    "export_map",
     "factors_of",
     "find_peaks",
+    "fuse",
     "latitude_longitude",
     "list_devices",
     "locate",
@@ -117,6 +132,7 @@ __all__ = [
     "optimize",
     "polar_magnitude",
     "prepare",
+    "read_navigation",
     "read_scans",
     "rectangular_unwrap",
     "register",
@@ -128,4 +144,6 @@ __all__ = [
     "upload_directions",
     "voxelize",
     "whiten",
+    "write_map",
+    "write_report",
 ]

@@ -53,7 +53,9 @@ def descriptions(docstring: str) -> dict[str, str]:
 
 class TestNames:
     def test_they_are_those_of_the_rooms(self) -> None:
-        rooms = [import_module(f"sonarmap.{room}") for room in ("kernels", "spectral", "slam", "tools.api")]
+        rooms = [
+            import_module(f"sonarmap.{room}") for room in ("kernels", "spectral", "slam", "tools.api", "tools.maps")
+        ]
         assert set(NAMES) == {name for room in rooms for name in room.__all__}
         assert all(getattr(sonarmap, name) is not None for name in NAMES)
         names: dict[str, object] = {}
@@ -165,6 +167,24 @@ class TestRegister:
         for given in (far, tmp_path / "far.npy", sonarmap.Scan(far.astype(np.float32))):
             with pytest.raises(sonarmap.InputError, match=words):
                 sonarmap.register(given, points(2), method="planes")
+
+    def test_map_coordinates_of_few_digits_are_refused_too(self) -> None:
+        """As float32 they are off by centimeters."""
+        far = (points(1) + np.array([500_000.0, 5_800_000.0, 0.0])).astype(np.float32)
+        for use in (sonarmap.prepare, sonarmap.map_scans, lambda given: sonarmap.fuse(given, TRUTH[:2], 0.5)):
+            with pytest.raises(sonarmap.InputError, match="these look like map coordinates"):
+                use([far, points(2)])
+
+    def test_millimeters_are_asked_for(self) -> None:
+        with pytest.raises(sonarmap.InputError, match=r"scan 0: half of its points .* are these millimeters\?"):
+            sonarmap.register(1000 * points(1), points(2), method="planes")
+        meters = sonarmap.Scan(np.float32(1000) * points(1, np.float32))
+        assert sonarmap.prepare([meters], method="planes")  # whoever makes a `Scan` has read its unit
+
+    def test_columns_after_the_third_are_left_out(self) -> None:
+        wide = np.column_stack([points(1), np.full(8000, -1.0), np.full(8000, np.nan)])
+        (scan,) = sonarmap.prepare([wide], method="planes")
+        np.testing.assert_array_equal(scan.scan.points, points(1).astype(np.float32))
 
     def test_masks_are_not_forgotten(self) -> None:
         masked = np.ma.masked_array(points(1), np.zeros((8000, 3), bool))

@@ -42,7 +42,7 @@ def test_two_arrays() -> None:
 
 @pytest.mark.slow
 def test_the_others(survey: Path, tmp_path: Path) -> None:
-    assert [path.name[:2] for path in sorted(EXAMPLES.glob("*.py"))] == ["01", "02", "03", "04", "05"]
+    assert [path.name[:2] for path in sorted(EXAMPLES.glob("*.py"))] == ["01", "02", "03", "04", "05", "06", "07"]
     assert run("02_folder_to_map.py", survey, tmp_path / "map.ply").count("sequential: kept") == 3
     assert (tmp_path / "map.ply").stat().st_size > 10_000
     assert "with it [39.6" in run("03_own_gtsam_factors.py")
@@ -50,3 +50,7 @@ def test_the_others(survey: Path, tmp_path: Path) -> None:
     assert "pairs kept" in shown
     assert not shown.startswith("0 of")
     assert "shifted by [  5. -12.  20.]" in run("05_one_kernel.py")
+    shown = run("06_write_open_export.py", survey, tmp_path / "map")
+    assert "exported: map.laz map.laz.json grid.tif" in shown
+    assert shown.count("4 of 4 scans placed") == 2
+    assert "points, where there were" in run("07_fuse_again.py", survey)

@@ -19,16 +19,16 @@ class PointToPoint:
 
     def register(self, target: np.ndarray, source: np.ndarray) -> sonarmap.Registration:
         """T_target_source from the identity, by 40 steps of point-to-point ICP."""
-        start, T, tree, overlap = perf_counter(), RigidTransform.identity(), KDTree(target), 0.0
+        start, T_target_source, tree, overlap = perf_counter(), RigidTransform.identity(), KDTree(target), 0.0
         for reach in np.geomspace(8.0, 1.5, 40):
-            distance, index = tree.query(T.apply(source), distance_upper_bound=reach)
+            distance, index = tree.query(T_target_source.apply(source), distance_upper_bound=reach)
             near = np.isfinite(distance)
             a, b = target[np.asarray(index)[near]], source[near]
             R = Rotation.align_vectors(a - a.mean(axis=0), b - b.mean(axis=0))[0]
-            T = RigidTransform.from_components(a.mean(axis=0) - R.apply(b.mean(axis=0)), R)
+            T_target_source = RigidTransform.from_components(a.mean(axis=0) - R.apply(b.mean(axis=0)), R)
             overlap = float(near.mean())
         return sonarmap.Registration(
-            T_target_source=T,
+            T_target_source=T_target_source,
             covariance=np.diag(np.repeat([0.02, 0.3], 3) ** 2),
             psr=float("nan"),
             overlap=overlap,

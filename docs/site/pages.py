@@ -15,6 +15,7 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).parents[2]
 API = {  # page: (title, what is on it, the file that lists the public names)
     "tools": ("Scans to maps", "Read scans, register two of them, make a map, optimize a graph.", "tools/api.py"),
+    "maps": ("Finished maps", "Write a map, open it, export it, and fuse its scans again.", "tools/maps.py"),
     "spectral": ("Registration", "Scans, and how one lies relative to another.", "spectral/__init__.pyi"),
     "slam": ("Surveys", "Poses, pose graphs, pairs and maps.", "slam/__init__.pyi"),
     "kernels": ("Kernels", "Devices, transforms, volumes and peaks.", "kernels/__init__.pyi"),

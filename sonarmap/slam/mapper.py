@@ -21,7 +21,7 @@ from sonarmap.slam.map.component_maps import MIN_SEEN, ComponentMaps, component_
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.motion.odometry import Odometry
-from sonarmap.slam.motion.straighten import Straightened, sharper, straightened, ways
+from sonarmap.slam.motion.straighten import Straightened, Way, sharper, straightened, ways
 from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.slam.odd.odd_scan import OddScan
 from sonarmap.slam.odd.search import find_odd
@@ -206,7 +206,8 @@ class Mapper:
             fewer = max(map(len, again.components)) < max(map(len, result.components))
             if fewer or sharper(again.pairs, result.pairs) <= 0:
                 break
-            result = replace(again, straightened=tuple(straight.moved.tolist()))
+            way = Way(result.trajectory, tuple(map(tuple, runs)), bent, turn_rates is not None)
+            result = replace(again, straightened=tuple(straight.moved.tolist()), way=way)
         return result
 
     def _mapped(
@@ -345,6 +346,7 @@ class Mapper:
             systematic=decision.fixes.systematic,
             displaced=decision.displaced,
             interpolated=decision.interpolated,
+            names=tuple(scan.name for scan in scans),
         )
 
 

@@ -6,16 +6,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sonarmap.kernels.counted import counted
 from sonarmap.slam.decide.systematic import Systematic
 from sonarmap.slam.decide.wrong_measurements import KINDS, NOTHING, WrongFix, agreement
 from sonarmap.slam.graph.control import MeasuredControl
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
+from sonarmap.slam.graph.tangent import sigma_words
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.map.component_maps import ComponentMaps
 from sonarmap.slam.map.point_map import PointMap
+from sonarmap.slam.motion.straighten import Way
 from sonarmap.slam.odd.odd_scan import OddScan
 from sonarmap.slam.pair import Pair
+from sonarmap.slam.parts import placed
 from sonarmap.slam.tie import Tie
 
 
@@ -33,6 +37,7 @@ class SurveyResult:
         interpolated: scans between key scans that no registration holds: they are where motion has them.
         straightened: by how much [m] all but a few points of each scan were moved, as the sensor had moved meanwhile;
             None where no scan was.
+        way: by which they were.
         wrong_fixes: what instruments measured and all others contradict; it was left out.
         understated: by kind of `slam.decide.wrong_measurements`, or "odometry", how many times larger than stated the
             errors of all measurements are (a ratio); from NOTHING times on those of a kind were left out.
@@ -47,6 +52,7 @@ class SurveyResult:
         displaced: scans of pairs that are kept without ties and control points, and refused for these.
         control: where control and check points are in the map.
         odd: the scans that are mirrored, in another unit, or whose ranges are off by a share; they were left out.
+        names: of the N scans.
     """
 
     trajectory: Trajectory
@@ -65,20 +71,30 @@ class SurveyResult:
     keys: tuple[int, ...] | None = None
     interpolated: tuple[int, ...] = ()
     straightened: tuple[float, ...] | None = None
+    way: Way | None = None
     ties: tuple[Tie, ...] = ()
     displaced: tuple[tuple[int, int], ...] = ()
     control: tuple[MeasuredControl, ...] = ()
     odd: tuple[OddScan, ...] = ()
+    names: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        maps, loops = placed(self.components), [pair.kept for pair in self.pairs if pair.role == "loop"]
+        inside = sum(len(self.components[c]) for c in maps)
+        points = counted(sum(len(self.maps[c].points) for c in maps), "point")
+        moved = f", which moved poses by up to {self.moved:.2g} m" if any(loops) else ""
+        return (
+            f"{inside} of {counted(len(self.trajectory), 'scan')} placed in {counted(len(maps), 'map')}: {points}, "
+            f"voxels of {self.maps[maps[0]].voxel:.3g} m\n"
+            f"  {sum(pair.kept for pair in self.pairs)} of {counted(len(self.pairs), 'pair')} kept, "
+            f"{sum(loops)} of {counted(len(loops), 'loop')}{moved}\n"
+            f"  poses' sigmas up to {sigma_words(self.covariances)}"
+        )
 
     @property
     def moved(self) -> float:
         """By how much loops moved the pose that they moved most, against its component's first [m]."""
-        most = 0.0
-        for members in self.components:
-            before, after = (T.take(members).T_world_sensor for T in (self.chained, self.trajectory))
-            apart = (before[0].inv() * before).translation - (after[0].inv() * after).translation
-            most = max(most, float(np.linalg.norm(apart, axis=1).max()))
-        return most
+        return max(self.trajectory.take(each).farthest_from(self.chained.take(each)) for each in self.components)
 
     @property
     def agreement(self) -> dict[str, tuple[int, int, float]]:

@@ -51,6 +51,17 @@ class Registration:
     covariance_by_scans: np.ndarray | None = None
     evidence: tuple[tuple[str, float], ...] = ()
 
+    def __str__(self) -> str:
+        x, y, z = self.T_target_source.translation.tolist()
+        turn, sigmas = np.rad2deg(self.T_target_source.rotation.magnitude()), np.sqrt(np.diag(self.covariance))
+        sure = "" if np.isnan(self.probability) else f", probability {self.probability:.1%}"
+        return (
+            f"{'accepted' if self.accepted else 'REFUSED'}{sure}: {self.reason or 'no reason given'}\n"
+            f"  source at x {x:.3f}, y {y:.3f}, z {z:.3f} m of the target, turned by {turn:.2f}°\n"
+            f"  sigmas up to {sigmas[3:].max():.3f} m and {np.rad2deg(sigmas[:3].max()):.2f}°, overlap "
+            f"{self.overlap:.0%}"
+        )
+
     @property
     def fixed(self) -> float:
         """The probability that the pose is fixed, where the place is right; 1 from methods that do not say."""

@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.slam.tie import Tie
     from sonarmap.spectral.registration import SpectralRegistrar
+    from sonarmap.tools.products.compare.comparison import Comparison
 
-__all__ = ["PreparedScan", "locate", "map_scans", "optimize", "prepare", "read_scans", "register"]
+__all__ = ["PreparedScan", "compare", "locate", "map_scans", "optimize", "prepare", "read_scans", "register"]
 
 _MAX_TILT = float(np.deg2rad(35.0))  # the paper's range of roll and pitch (Sect. 2.7)
 _EDGE = 128
@@ -232,6 +233,54 @@ def locate(
     with reused("spectral", _setup("spectral", grid, max_tilt, device, 0)) as registrar:
         locator = Locator(cast("SpectralRegistrar", registrar), surveyed)
         return list(map(locator.locate, listed) if alone else locator.track(listed, [0] * len(listed)))
+
+
+def compare(
+    old: str | os.PathLike[str],
+    new: str | os.PathLike[str],
+    *,
+    keep_frames: bool = False,
+    reach: float | None = None,
+    voxel: float | None = None,
+    edge: int = _EDGE,
+    max_tilt: float = _MAX_TILT,
+    device: str | None = None,
+) -> "Comparison":
+    """What changed between two surveys of a place: distances with their levels of detection, and regions that changed.
+
+    Args:
+        old, new: folders that `sonarmap map` wrote; the largest part of each counts.
+        keep_frames: whether both lie on the Earth as they are; otherwise `new` is registered to `old`.
+        reach: how far from the old surface the new one is sought [m]; None for four voxels.
+        voxel, edge, max_tilt, device: as of `register`; the voxel is chosen for the old map as its scans saw it.
+
+    Returns:
+        in the frame of the old map; volumes of regions [m^3] have standard deviations.
+
+    Raises:
+        InputError: a folder or an argument cannot be used, or the new map was not found in the old one
+            (`NotAlignedError`).
+        DeviceError: no OpenCL device works, or it is too small for the grid.
+    """
+    from pathlib import Path
+
+    from sonarmap.slam.survey_grid import survey_grid
+    from sonarmap.tools.files.map_folder.folder import read_map_folder
+    from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+    from sonarmap.tools.products.compare.comparison import CompareSettings, compare_maps
+
+    require(path=old, device=device)
+    require(path=new)
+    (keep_frames,) = require(keep_frames=keep_frames)
+    voxel, edge, max_tilt, reach = require(voxel=voxel, edge=edge, max_tilt=max_tilt, reach=reach)
+    if reach is not None and not reach > 0:
+        raise InputError(f"`reach={reach}` cannot be used; wanted a length in meters above zero, or None")
+    folders, settings = (read_map_folder(Path(old)), read_map_folder(Path(new))), CompareSettings(reach)
+    if keep_frames:
+        return compare_maps(*folders, None, settings)
+    grid = survey_grid(surveyed_map(folders[0]).key_scans(), edge, voxel)
+    with reused("spectral", _setup("spectral", grid, max_tilt, device, 0)) as registrar:
+        return compare_maps(*folders, cast("SpectralRegistrar", registrar), settings)
 
 
 def _read_survey(

@@ -2,7 +2,9 @@
 """What a program gives to the functions of `sonarmap`, checked before anything else sees it."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+import re
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import contextmanager
 from numbers import Integral, Real
 from reprlib import repr as shortened
 from typing import Any, TypeAlias
@@ -19,11 +21,14 @@ ScanLike: TypeAlias = Scan | NDArray[Any] | str | os.PathLike[str]
 _TEXT, _NONE, _PATHS = (str,), (type(None),), (str, os.PathLike)
 _PLAIN: dict[Any, Callable[[Any], object]] = {Integral: int, Real: float, bool: bool}  # Python's own of each kind
 _MOST = 2**63 - 1
+_FARTHEST = 2000.0  # of half of a scan's points [m]: sonars that map in 3D see tens of meters, or some hundreds
+_OPTION = re.compile(r"--(?:nav-)?([a-z][a-z-]*)")
 # Name of an argument -> its types, and what is wanted, in words. What a number may be, they say that use it.
 _ARGUMENTS: dict[str, tuple[tuple[Any, ...], str]] = {
     "method": (_TEXT, "the name of a method, such as 'spectral', or for `map_scans` a Registrar of your own"),
     "voxel": ((Real, *_NONE), "a length in meters above zero, such as 0.5, or None to have it chosen"),
     "edge": ((Integral,), "a whole number of voxels, such as 64"),
+    "number": ((Real, *_NONE), "a number above zero, or None"),
     "max_tilt": ((Real,), "an angle in radians, such as 0.6"),
     "device": (_TEXT + _NONE, "the name of a device in quotes, such as 'cpu', 'gpu' or '0:0', or None to choose one"),
     "seed": ((Integral,), "a whole number from 0 to 2^63 - 1"),
@@ -35,6 +40,8 @@ _ARGUMENTS: dict[str, tuple[tuple[Any, ...], str]] = {
     "objective": (_TEXT, "'full' or 'isotropic'"),
     "start": (_TEXT, "'chordal', 'given' or 'incremental'"),
     "robust": ((bool, np.bool_), "True or False"),
+    "keep_frames": ((bool, np.bool_), "True or False"),
+    "reach": ((Real, *_NONE), "a length in meters above zero, such as 4.0, or None"),
     "sound_speed": ((Real, *_NONE), "a speed in m/s, such as 1497, or None"),
     "range_scale": ((Real,), "a factor, such as 1.02"),
     "frame": (_TEXT, "'flu', 'frd', 'rdf' or 'ned'"),
@@ -101,6 +108,29 @@ def as_surveys(surveys: Sequence[int] | None, count: int) -> list[int] | None:
     return [int(number) for number in numbers]
 
 
+def as_survey(scans: Iterable[ScanLike] | str | os.PathLike[str]) -> Sequence[Scan]:
+    """Scans as `as_scans` takes them, or all of a folder, file or pattern. Raises InputError: as these and files do."""
+    if not isinstance(scans, _PATHS):
+        return as_scans(scans)
+    from sonarmap.tools.files.readers.scans import read_scans
+
+    return read_scans([os.fspath(scans)]).scans
+
+
+@contextmanager
+def in_arguments() -> Generator[None]:
+    """Have errors name arguments where they would name options."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(as_arguments(str(error))) from error
+
+
+def as_arguments(message: str) -> str:
+    """The message with every option of the command line as an argument: `crs` for --crs, --nav-crs."""
+    return _OPTION.sub(lambda name: f"`{name[1].replace('-', '_')}`", message)
+
+
 def as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
     """A scan, the points of one, or the only scan of a file. Raises InputError: it is none of these, or its points
     cannot be used, with the same words as those of a file."""
@@ -115,15 +145,20 @@ def as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
 
 
 def _points(given: object, name: str) -> NDArray[Any]:
-    """(N, 3) float64 [m], near enough that float32 holds them; those not finite are left to `Scan`."""
+    """(N, 3) float64 [m] of (N, 3 or more), near enough for float32; those not finite are left to `Scan`."""
     refuse_mask(given, name)
     try:
         points: NDArray[Any] = np.asarray(given)
     except Exception as error:  # lists of several lengths, or whatever an object's own `__array__` raises
         raise InputError(f"{name} is not an array ({error}); wanted points of shape (N, 3) in meters") from error
-    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
+    if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind not in "fiu":
         raise InputError(f"{name} is {points.dtype} of shape {points.shape}; wanted points of shape (N, 3) in meters")
-    points = points.astype(np.float64)
+    points = points[:, :3].astype(np.float64)
     if len(points) and np.isfinite(points).all():
         refuse_map_coordinates(points, f"points of {name}")
+        if (far := float(np.median(np.abs(points).max(axis=1)))) > _FARTHEST:
+            raise InputError(
+                f"{name}: half of its points lie beyond {far:,.0f} m; are these millimeters? Give meters, as in "
+                "`points / 1000` (`read_scans` takes `units='mm'`); if they are meters, give them as a `Scan`"
+            )
     return points

@@ -1,5 +1,7 @@
 """Tangents and their covariances: propagated from one frame to another, and their lengths; many at a time."""
 
+import math
+
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
@@ -36,3 +38,9 @@ def worst_sigmas(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     blocks = covariance[..., :3, :3], covariance[..., 3:, 3:]
     rotation, translation = (np.sqrt(np.linalg.eigvalsh(block)[..., -1]) for block in blocks)
     return rotation, translation
+
+
+def sigma_words(covariances: np.ndarray) -> str:
+    """The largest standard deviations of covariances (..., 6, 6), rotation first [rad, m], in words."""
+    turn, shift = (float(np.max(each)) for each in worst_sigmas(covariances))
+    return f"{shift:.3f} m and {math.degrees(turn):.2f}° in the worst direction"

@@ -52,6 +52,11 @@ class Trajectory:
         chosen = np.asarray(indices, dtype=np.intp)
         return Trajectory(self.stamps[chosen], self.T_world_sensor[chosen])
 
+    def farthest_from(self, other: "Trajectory") -> float:
+        """The largest distance [m] between poses of one number, each seen from its trajectory's first."""
+        own, others = ((T[0].inv() * T).translation for T in (self.T_world_sensor, other.T_world_sensor))
+        return float(np.linalg.norm(own - others, axis=1).max())
+
 
 def chain(edges: Sequence[Edge], stamps: np.ndarray) -> Trajectory:
     """Poses by composing edges outward from the first pose of every component.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.graph.tangent import worst_sigmas
+from sonarmap.slam.graph.tangent import sigma_words
 from sonarmap.slam.locate.place import Place
 
 
@@ -59,7 +59,6 @@ class Located:
         verdict = f"{self.name}: {'located' if self.located else 'NOT LOCATED'}, probability {self.probability:.1%}"
         if self.place is None:
             return f"{verdict}\n  {self.reason}"
-        turn, shift = worst_sigmas(self.covariance)
         x, y, z = self.T_map_scan.translation.tolist()
-        sigmas = f"sigmas {float(shift):.3f} m and {math.degrees(float(turn)):.2f}° in the worst direction"
-        return f"{verdict}\n  at x {x:.3f}, y {y:.3f}, z {z:.3f} m of the map, {sigmas}\n  {self.reason}"
+        sigmas = sigma_words(self.covariance)
+        return f"{verdict}\n  at x {x:.3f}, y {y:.3f}, z {z:.3f} m of the map, sigmas {sigmas}\n  {self.reason}"

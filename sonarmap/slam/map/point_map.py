@@ -16,6 +16,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.cell import BITS, cell_keys, lattice_origin
 from sonarmap.slam.map.placed import PlacedScans, pose_variance
@@ -62,6 +63,15 @@ class PointMap:
     removed: int = 0
     doubted: int = 0
     looked: np.ndarray | None = None
+
+    def __str__(self) -> str:
+        edges = zip("xyz", self.points.min(axis=0).tolist(), self.points.max(axis=0).tolist(), strict=True)
+        extent = ", ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in edges)
+        return (
+            f"{counted(len(self.points), 'point')}, voxels of {self.voxel:.3g} m\n"
+            f"  {extent} m\n"
+            f"  sigma {np.median(self.sigma):.3f} m in the median; {np.mean(self.seen > 1):.0%} seen by several scans"
+        )
 
     def take(self, chosen: np.ndarray) -> PointMap:
         """These points alone, (M,) bool; the map's counts stay."""

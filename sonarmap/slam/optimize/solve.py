@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.graph.edge import spanning_tree
@@ -59,6 +60,15 @@ class Optimized:
     converged: bool
     certificate: Certificate | None
     seconds: dict[str, float] = field(default_factory=dict[str, float])
+
+    def __str__(self) -> str:
+        before, after = self.chi_squared
+        return (
+            f"{counted(len(self.graph.trajectory), 'pose')}, {int(self.accepted.sum())} of "
+            f"{counted(len(self.accepted), 'edge')} accepted, {self.objective} objective\n"
+            f"  chi-squared {after:.1f}, {before:.1f} before, of {self.degrees_of_freedom} degrees of freedom\n"
+            f"  {'converged' if self.converged else 'NOT CONVERGED'} after {counted(self.iterations, 'iteration')}"
+        )
 
     @property
     def chi_squared(self) -> tuple[float, float]:

@@ -44,6 +44,15 @@ class Verb(TyperCommand):
 class VerbGroup(TyperGroup):
     """The command without a verb."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take --config wherever it stands: it is the command's, and no verb has an option of this name."""
+        for k, word in enumerate(args[: args.index("--")] if "--" in args else args):
+            after = k + (1 if "=" in word else 2)
+            if word.partition("=")[0] == "--config" and after <= len(args):
+                args = [*args[k:after], *args[:k], *args[after:]]
+                break
+        return super().parse_args(ctx, args)
+
     def main(
         self, args: Any = None, prog_name: str | None = None, *others: Any, standalone_mode: bool = True, **extra: Any
     ) -> Any:

@@ -5,6 +5,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.navigation import PriorsFile, parse_prior_sigmas
 from sonarmap.tools.command.progress import growing_progress, stage
@@ -100,10 +101,13 @@ def _rows(
     import numpy as np
 
     far = np.concatenate([np.linalg.norm(line.shifts, axis=1) for line in lines])
+    of_lines = counted(len(lines), "line")
     pings, soundings = len(far), sum(len(line.after.pings) for line in lines)
-    count = f"{len(lines)} {'line' if len(lines) == 1 else 'lines'}"
     rows = [
-        ("lines", f"{count}, {pings:,} pings, {soundings:,} soundings; moved by {np.median(far):.2f} m, the median")
+        (
+            "lines",
+            f"{of_lines}, {pings:,} pings, {soundings:,} soundings; moved by {np.median(far):.2f} m, the median",
+        )
     ]
     if before.all.count:
         agreed = f"{after.all.p95:.2g} m ({before.all.p95:.2g} m as recorded)"

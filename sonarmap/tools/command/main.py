@@ -30,6 +30,7 @@ VERBS = [
     "locate",
     "section",
     "volume",
+    "compare",
     "optimize",
     "simulate",
     "evaluate",
@@ -40,7 +41,7 @@ VERBS = [
     "config",
 ]
 
-FINISHED = ("view", "export", "locate", "section", "volume")
+FINISHED = ("view", "export", "locate", "section", "volume", "compare")
 
 app = typer.Typer(
     name="sonarmap",

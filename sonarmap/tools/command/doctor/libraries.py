@@ -22,6 +22,7 @@ EXTRAS = {
     "bench": "FFTW in bench",
     "cluster": "map --scheduler",
     "serial": "live --nmea from a serial device",
+    "e57": "export --format e57",
     "docs": "the documentation as a site",
     "opencl": "an OpenCL driver for processors without root",
 }

@@ -11,12 +11,12 @@ from sonarmap.slam.locate.surveyed_map import LEAST
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.command.live.kept_keys import KeptKey
-from sonarmap.tools.files.map_folder.folder import MapFolder
+from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.map_folder.surveyed import surveyed_map
 from sonarmap.tools.files.readers.incoming import Mark
 
 
-def map_keys(folder: MapFolder) -> Iterator[KeptKey]:
+def map_keys(folder: Map) -> Iterator[KeptKey]:
     """Key scans of the largest part of a map, which is taken to be sure of their poses: it stays as it is.
 
     Raises:

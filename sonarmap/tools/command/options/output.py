@@ -24,12 +24,12 @@ from sonarmap.tools.command.options.option import (
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import say
 from sonarmap.tools.files.map_folder.names import EXPORTS
-from sonarmap.tools.products.export.formats import FORMATS
+from sonarmap.tools.products.export.formats import FORMATS, known_formats
 
 if TYPE_CHECKING:
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo.georeference import Georeference
-    from sonarmap.tools.files.map_folder.folder import MapFolder
+    from sonarmap.tools.files.map_folder.folder import Map
     from sonarmap.tools.products.export.run import Exported, ExportSettings
 
 _KNOWN = "; ".join(f"{name}: {known.words}" for name, known in FORMATS.items())
@@ -40,11 +40,10 @@ _earth = partial(option, EARTH)
 
 def _check_formats(values: list[str] | None) -> list[str] | None:
     """The names, each once, commas taken apart."""
-    names = [name.strip().lower() for value in values or () for name in value.split(",")]
-    for name in names:
-        if name not in FORMATS:
-            raise typer.BadParameter(f"{name!r}; choose from {', '.join(FORMATS)}, several separated by commas")
-    return list(dict.fromkeys(names))
+    try:
+        return known_formats(name for value in values or () for name in value.split(","))
+    except InputError as error:
+        raise typer.BadParameter(str(error)) from error
 
 
 FormatsOption = Annotated[
@@ -52,7 +51,7 @@ FormatsOption = Annotated[
     value_option(
         OUTPUT,
         "NAME",
-        f"{', '.join(FORMATS)}; several separated by commas. {_KNOWN}. The option may also be repeated.",
+        f"Formats as laz,geotiff,kmz; --help-all lists them. {_KNOWN}. The option may also be repeated.",
         callback=_check_formats,
         autocompletion=completes_list(FORMATS),
     ),
@@ -105,7 +104,7 @@ class MapOutput:
         return settings
 
 
-def export_with_progress(folder: "MapFolder", to: Path, settings: "ExportSettings", quiet: bool) -> "Exported":
+def export_with_progress(folder: "Map", to: Path, settings: "ExportSettings", quiet: bool) -> "Exported":
     """Export a map, and say what the user should know about it.
 
     Raises InputError: see `tools.products.export.run.export_map`.
@@ -142,7 +141,10 @@ class EarthPlace:
         autocompletion=completes(listed_in("sonarmap.tools.files.geo.georeference", "VERTICALS")),
     )
     crs: str | None = _earth(
-        "CRS", "Projected coordinates of exported files, as EPSG:25832.", rare=True, shown="the UTM zone of the origin"
+        "CRS",
+        "Projected coordinates of exported files, as EPSG:25832; map: points in its own frame.",
+        rare=True,
+        shown="the UTM zone of the origin",
     )
 
     def georeference(self, known: "Georeference | None" = None) -> "Georeference | None":
@@ -164,13 +166,16 @@ class EarthPlace:
 
 def _numbers(origin: str) -> tuple[float, float, float]:
     """Latitude, longitude [deg] and height [m], 0 where it is left out."""
+    from sonarmap.tools.files.geo.degrees import place_of
+
     try:
-        numbers = [float(part) for part in origin.split(",")]
+        numbers = place_of(origin)
     except ValueError:
         numbers = []
     if len(numbers) not in (2, 3):
         raise InputError(
             f"--origin is {origin!r}; wanted latitude and longitude in degrees with decimal points, and perhaps a "
-            "height in meters, as in --origin 60.3913,5.3221 or --origin=-33.8568,151.2153,2.5"
+            "height in meters, as in --origin 60.3913,5.3221 or --origin=-33.8568,151.2153,2.5, or in degrees and "
+            'minutes, as in --origin "60 23.478 N, 5 19.326 E"'
         )
     return numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 0.0

@@ -62,6 +62,14 @@ class SurveyOptions:
         max=MOST,
     )
 
+    map_voxel: float | None = option(
+        OUTPUT,
+        "M",
+        "Edge of the map's voxels \\[m], finer or coarser than those that scans are registered by.",
+        rare=True,
+        shown="--voxel",
+        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for --voxel"),
+    )
     straighten: bool = flag(
         LOOPS, "--straighten/--no-straighten", "Straighten scans whose points have times.", True, rare=True
     )
@@ -83,6 +91,7 @@ class SurveyOptions:
             LoopSettings() if self.loops is None else LoopSettings(per_scan=self.loops),
             limits,
             KeySettings(self.key_step),
+            map_voxel=self.map_voxel,
             min_seen=MIN_SEEN if self.min_seen is None else self.min_seen,
             straighten=self.straighten,
         )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.navigation import NavigationReading
@@ -170,7 +171,8 @@ def _print(overview: "Overview", following: str) -> None:
         "viewpoints": _share(overview.with_viewpoints, scans),
         "grid": f"--grid {grid.edge} --voxel {grid.voxel:.3g}, as map chooses them" if grid else "scans without extent",
     }
-    unread = f"{scans:,} scans can be read, {len(overview.unread):,} files or scans cannot."
+    unread = counted(len(overview.unread), "file or scan", "files or scans")
+    unread = f"{counted(scans, 'scan')} can be read, {unread} cannot."
     typer.echo(unread if overview.unread else f"All {scans:,} scans can be read." if scans > 1 else "1 scan.")
     print_rows(rows)
     typer.echo(f"\nnext: {printable(following)}" if scans > 1 else "\na map needs at least two scans")

@@ -169,6 +169,8 @@ def command(
     configured = configure_method(read.scans, method, survey=True)
     described = given(priors) | given(odometry) | given(reading) | given(points) | given(person)
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapper}
+    if patch_test:
+        settings["patch_test"] = corrections.lines.biases.to_json()
     rates = turn_rates_of(read.files, read.scans) if imu and mapper.straighten else None
     vet = refusing(read.scans, priors.priors or "what recordings measured") if check_priors else None
     survey_input = SurveyInput(

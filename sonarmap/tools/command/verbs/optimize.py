@@ -13,6 +13,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.options.option import OPTIMIZATION, OUTPUT, REQUIRED, completes, flag, option
@@ -119,7 +120,7 @@ def command(
     for each in repairs[:MOST_REPAIRED]:
         warn(f"repaired: {each.words}")
     if len(repairs) > MOST_REPAIRED:
-        warn(f"{len(repairs)} edges repaired; --json lists all")
+        warn(f"{counted(len(repairs), 'edge')} repaired; --json lists all")
     if warning := without_effect(optimized):
         warn(as_options(warning))
     if not optimized.converged:
@@ -158,7 +159,11 @@ def _rows(report: dict[str, Any], rejected: list[dict[str, Any]] | None) -> dict
     loops = sum(loop["kind"] == "loop" for loop in report["loops"])
     return {
         "graph": f"{report['poses']:,} poses, {report['edges']:,} edges, {loops:,} of them loops",
-        **({} if rejected is None else {"rejected": f"{len(rejected):,} edges, left out" if rejected else "no edge"}),
+        **(
+            {}
+            if rejected is None
+            else {"rejected": f"{counted(len(rejected), 'edge')}, left out" if rejected else "no edge"}
+        ),
         "cost": f"{report['cost_before']:.6g} before, {report['cost_after']:.9g} after {report['iterations']} "
         f"iterations from the {report['start']} start ({report['objective']} objective)",
         "chi-squared": f"{report['chi_squared_before']:.6g} before, {report['chi_squared_after']:.6g} after; "

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.option import (
     INSTRUMENTS,
@@ -214,7 +215,9 @@ def command(
     with growing_progress("simulating", quiet) as step:
         simulation = simulate(settings, progress=lambda done: step(done, settings.count, ""))
     write_simulation(simulation, out, instruments, fixes, drift)
-    typer.echo(f"{len(simulation.scans)} scans of {settings.scene} and their true poses in {printable(str(out))}")
+    typer.echo(
+        f"{counted(len(simulation.scans), 'scan')} of {settings.scene} and their true poses in {printable(str(out))}"
+    )
 
 
 def _settings(scans: SimulatedScans) -> "SimulationSettings":

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.option import OUTPUT, value_option
 from sonarmap.tools.command.options.scan import InputsArgument
@@ -36,4 +37,4 @@ def command(
     if not read.scans:
         raise InputError(f"{read.unread[0].reason} (no scan can be read)")
     write_template(out, [scan.name for scan in read.scans], [scan.stamp for scan in read.scans])
-    typer.echo(f"{len(read.scans)} scans; written to {printable(str(out))}")
+    typer.echo(f"{counted(len(read.scans), 'scan')}; written to {printable(str(out))}")

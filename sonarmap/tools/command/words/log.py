@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from sonarmap.kernels.counted import counted
 from sonarmap.tools.command.terminal import print_rows, printable
 from sonarmap.tools.command.words.clock import clock_json, rate_words, span_words
 
@@ -43,12 +44,12 @@ def log_json(found: "LogOverview", following: str) -> dict[str, Any]:
 def print_log(found: "LogOverview", following: str) -> None:
     """The same on a screen."""
     rows = {
-        "log": f"{found.path.name}, {found.path.stat().st_size / 1e6:,.1f} MB, {len(found.log.lines):,} rows",
+        "log": f"{found.path.name}, {found.path.stat().st_size / 1e6:,.1f} MB, {counted(len(found.log.lines), 'row')}",
         **_times(found.clock),
     }
     for name, (count, least, median, most) in found.ranges.items():
         what, unit = name.rsplit("_", 1)
-        rows[what] = f"{least:.4g} to {most:.4g} {_UNITS[unit]}, {median:.4g} in the median; {count:,} rows"
+        rows[what] = f"{least:.4g} to {most:.4g} {_UNITS[unit]}, {median:.4g} in the median; {counted(count, 'row')}"
     if found.log.georeference is not None:
         place = found.log.georeference
         rows["origin"] = f"{place.latitude:.5f}, {place.longitude:.5f}: x and y count from there"
@@ -58,7 +59,7 @@ def print_log(found: "LogOverview", following: str) -> None:
     if found.scans:
         covered = ", ".join(f"{name.rsplit('_', 1)[0]} {count:,}" for name, count in found.covered.items())
         rows["scans"] = f"of {found.scans:,}: {covered or 'it says nothing'}"
-    rows["left out"] = f"{len(found.faults):,} rows" if found.faults else "no row"
+    rows["left out"] = counted(len(found.faults), "row") if found.faults else "no row"
     print_rows(rows)
     for fault in found.faults[:_LISTED]:
         typer.echo(f"  line {fault.line}: {fault.kind}: {fault.reason}")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from sonarmap.kernels.counted import counted
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.method import ConfiguredMethod
 from sonarmap.tools.command.terminal import print_rows, result_console
@@ -93,5 +94,5 @@ def _others(registration: "Registration") -> dict[str, str]:
     count = len(registration.alternatives)
     if not math.isfinite(registration.probability) or not (count or registration.accepted):
         return {}
-    others = f"{count} {'transform' if count == 1 else 'transforms'} could not be excluded; --json lists them"
+    others = f"{counted(count, 'transform')} could not be excluded; --json lists them"
     return {"others": others if count else "every other transform could be excluded"}

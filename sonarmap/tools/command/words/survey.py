@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.tools.command.arguments import as_options
@@ -153,7 +154,9 @@ def _stream(result: "SurveyResult") -> list[tuple[str, str]]:
     left = len(result.interpolated)
     between = len(result.trajectory) - len(result.keys) - len(result.odd)
     told = f", {left} placed by motion alone" if left else ""
-    return [("stream", f"{len(result.keys)} key scans; {between - left} between them registered to these{told}")]
+    return [
+        ("stream", f"{counted(len(result.keys), 'key scan')}; {between - left} between them registered to these{told}")
+    ]
 
 
 def _straightened(result: "SurveyResult") -> list[tuple[str, str]]:
@@ -163,7 +166,12 @@ def _straightened(result: "SurveyResult") -> list[tuple[str, str]]:
     if result.straightened is None:
         return []
     moved = [far for far in result.straightened if far]
-    return [("bent", f"{len(moved)} scans straightened: points moved by {median(moved):.2g} m (95 % of them, median)")]
+    return [
+        (
+            "bent",
+            f"{counted(len(moved), 'scan')} straightened: points moved by {median(moved):.2g} m (95 % of them, median)",
+        )
+    ]
 
 
 def _agreement(result: "SurveyResult") -> list[tuple[str, str]]:
@@ -182,7 +190,7 @@ def _loops(result: "SurveyResult") -> str:
     loops = [pair.kept for pair in result.pairs if pair.role == "loop"]
     kept = sum(pair.kept for pair in result.pairs)
     words = f"{sum(loops)} kept, {len(loops) - sum(loops)} refused" if loops else "none tried"
-    return f"{words}; {kept} of {len(result.pairs)} {'pair' if len(result.pairs) == 1 else 'pairs'} kept in all"
+    return f"{words}; {kept} of {counted(len(result.pairs), 'pair')} kept in all"
 
 
 def _crossings(result: "SurveyResult") -> list[tuple[str, str]]:

@@ -34,14 +34,23 @@ _ROUNDS = 3  # of bringing a point to its height: each leaves a millionth of the
 
 @dataclass(frozen=True, slots=True)
 class Georeference:
-    """Where the origin of a map is, and which way its x axis points. Raises InputError: a latitude beyond 89.9 or
-    longitude beyond 180 degrees, another number that is not finite, an unknown vertical reference."""
+    """Where the origin of a map is, and which way its x axis points.
 
-    latitude: float  # latitude, longitude: of the origin [deg], WGS84
+    Attributes:
+        latitude, longitude: of the origin [deg], WGS84.
+        height: of the origin above the vertical reference [m].
+        vertical: what heights count from: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or EGM2008.
+        heading: true compass heading of the map's x axis [deg]; 90 for East, as in every map that instruments place.
+
+    Raises:
+        InputError: a latitude beyond 89.9 or longitude beyond 180 degrees, another number that is not finite, an
+            unknown vertical reference.
+    """
+
+    latitude: float
     longitude: float
-    height: float = 0.0  # of the origin above the vertical reference [m]
-    vertical: str = DEFAULT_VERTICAL  # what heights count from: a name of VERTICALS
-    # true compass heading of the map's x axis [deg]; 90 for East, as in every map that instruments place
+    height: float = 0.0
+    vertical: str = DEFAULT_VERTICAL
     heading: float = EAST
 
     def __post_init__(self) -> None:

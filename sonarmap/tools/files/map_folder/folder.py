@@ -1,7 +1,8 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""The folder that `sonarmap map` wrote, read back for export."""
+"""The folder that `sonarmap map` wrote, read back."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.tangent import sigma_words
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH, SUMMARY
@@ -23,17 +26,27 @@ COLUMNS = ("count", "seen", "sigma", "scan", "survey")  # that every map has
 
 @dataclass(frozen=True, slots=True)
 class MapPart:
-    """One map of the folder: scans that share a frame."""
+    """One map of the folder: n scans that share a frame.
 
-    suffix: str  # of its files' names: empty for the largest, then _2 and so on
-    points: np.ndarray  # (M, 3) float64 [m], in the part's frame
-    # {name: (M,)}, what else map.ply says of each point: COLUMNS, and perhaps intensity
+    Attributes:
+        suffix: of its files' names: empty for the largest, then _2 and so on.
+        points: (M, 3) float64 [m], in the part's frame.
+        columns: {name: (M,)}, what else map.ply says of each point: COLUMNS, and perhaps intensity.
+        scans: which scans of the survey, ascending.
+        trajectory: their n poses, T_world_sensor, and stamps [s].
+        covariances: (n, 6, 6) of these, rotation first [rad, m], body tangent.
+        in_world: whether instruments measured any of the frame, which is East-North-Up then.
+        unmeasured: names of `slam.graph.gauge.MEASURED` that they did not.
+    """
+
+    suffix: str
+    points: np.ndarray
     columns: Mapping[str, np.ndarray]
-    scans: tuple[int, ...]  # which scans of the survey, ascending
-    trajectory: Trajectory  # their poses, T_world_sensor, and stamps [s]
-    covariances: np.ndarray  # (n, 6, 6) of these, rotation first [rad, m], body tangent
-    in_world: bool  # whether instruments measured any of the frame, which is East-North-Up then
-    unmeasured: tuple[str, ...] = ()  # names of `slam.graph.gauge.MEASURED` that they did not
+    scans: tuple[int, ...]
+    trajectory: Trajectory
+    covariances: np.ndarray
+    in_world: bool
+    unmeasured: tuple[str, ...] = ()
 
     @property
     def point_stamps(self) -> np.ndarray:
@@ -61,18 +74,50 @@ class Loop:
 
 
 @dataclass(frozen=True, slots=True)
-class MapFolder:
-    """A finished map."""
+class Map:
+    """A finished map: the folder that `sonarmap map` or `write_map` wrote.
 
-    path: Path  # of the folder
-    names: tuple[str, ...]  # of the N scans of the survey
-    parts: tuple[MapPart, ...]  # the maps, largest first
-    loops: tuple[Loop, ...]  # every loop that was tried
-    voxel: float  # edge of a voxel of the maps [m]
-    summary: Mapping[str, Any]  # what summary.json says
-    # of the frame of the parts that instruments placed, or else of the first part; None where it is not known
+    Attributes:
+        path: of the folder.
+        names: of the N scans of the survey.
+        parts: the maps, largest first, each with its points, columns, poses and their covariances.
+        loops: every loop that was tried.
+        voxel: edge of a voxel of the maps [m].
+        summary: what summary.json says.
+        georeference: of the frame of the parts that instruments placed, or else of the first part; None where it is
+            not known.
+        graph: what graph.json says.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    parts: tuple[MapPart, ...]
+    loops: tuple[Loop, ...]
+    voxel: float
+    summary: Mapping[str, Any]
     georeference: Georeference | None
-    graph: Mapping[str, Any]  # what graph.json says
+    graph: Mapping[str, Any]
+
+    @classmethod
+    def open(cls, folder: str | os.PathLike[str]) -> "Map":
+        """The map in a folder.
+
+        Raises:
+            InputError: no folder that `sonarmap map` or `write_map` wrote, or files of it that are missing or damaged.
+        """
+        return read_map_folder(Path(folder))
+
+    def __str__(self) -> str:
+        placed, points = sum(len(part.scans) for part in self.parts), sum(len(part.points) for part in self.parts)
+        sigmas = sigma_words(np.concatenate([part.covariances for part in self.parts]))
+        here = self.georeference
+        where = "not known" if here is None else f"{here.latitude:.6f}, {here.longitude:.6f}, height {here.height:g} m"
+        return (
+            f"{self.path}: {counted(points, 'point')} in {counted(len(self.parts), 'part')}, "
+            f"voxels of {self.voxel:.3g} m\n"
+            f"  {placed} of {counted(len(self.names), 'scan')} placed, sigmas up to {sigmas}\n"
+            f"  place on the Earth: {where}"
+        )
 
     def on_earth(self, part: MapPart) -> bool:
         """Whether the part's place on the Earth is known."""
@@ -92,7 +137,7 @@ class MapFolder:
             raise InputError(f"{self.path / SUMMARY} does not say of which survey its scans are; map again") from error
 
 
-def read_map_folder(path: Path) -> MapFolder:
+def read_map_folder(path: Path) -> Map:
     """The map in a folder. Raises InputError: no folder that `sonarmap map` wrote, or files of it that are missing or
     damaged."""
     expected = "the folder that `sonarmap map` wrote"
@@ -108,11 +153,11 @@ def read_map_folder(path: Path) -> MapFolder:
         for number, row in enumerate(rows, 1):
             suffix = "" if number == 1 else f"_{number}"
             scans = tuple(int(scan) for scan in row["scans"])
-            cloud = _points(path / f"map{suffix}.ply", scans)
+            cloud = map_points(path / f"map{suffix}.ply", scans)
             placed = everything.take(scans), covariances[list(scans)], bool(poses[scans[0]]["in_world"])
             parts.append(MapPart(suffix, *cloud, scans, *placed, tuple(str(name) for name in row["unmeasured"])))
         where = summary.get("georeference")
-        return MapFolder(
+        return Map(
             path=path,
             names=tuple(str(pose["name"]) for pose in poses),
             parts=tuple(parts),
@@ -130,8 +175,8 @@ def read_map_folder(path: Path) -> MapFolder:
         raise InputError(f"{path / SUMMARY} and {FULL_GRAPH} do not go together ({error}); map again") from error
 
 
-def _points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """The points and columns of a map of these scans."""
+def map_points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """The points (M, 3) float64 [m] and columns of a map of these scans. Raises InputError: missing, or damaged."""
     content = read_content(path)
     with naming(path):
         columns = read_ply_columns(content)

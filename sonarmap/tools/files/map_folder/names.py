@@ -5,13 +5,13 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.csv_table import PAIRS
+from sonarmap.tools.files.readers.csv_table import PAIRS, SUMMARY
 from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.writers.points import WRITERS
 from sonarmap.tools.files.writers.trajectory import TRAJECTORY_WRITERS
 
 OF_EACH = ("map{}.ply", "map{}.png", "trajectory{}.tum")  # with a place for the number of the component
-GRAPH, FULL_GRAPH, SUMMARY = "graph.g2o", "graph.json", "summary.json"
+GRAPH, FULL_GRAPH = "graph.g2o", "graph.json"
 OF_ALL = (GRAPH, FULL_GRAPH, PAIRS, SUMMARY)  # the files of all components
 TIMES, JOURNAL = "times.json", "journal.sqlite"
 PICTURE = ".png"

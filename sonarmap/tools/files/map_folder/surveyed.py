@@ -5,10 +5,10 @@ import numpy as np
 
 from sonarmap.slam.graph.gauge import MEASURED
 from sonarmap.slam.locate.surveyed_map import SurveyedMap
-from sonarmap.tools.files.map_folder.folder import MapFolder
+from sonarmap.tools.files.map_folder.folder import Map
 
 
-def surveyed_map(folder: MapFolder) -> SurveyedMap:
+def surveyed_map(folder: Map) -> SurveyedMap:
     """The largest part of the map: frame, points, and the poses from which they were seen."""
     part = folder.parts[0]
     return SurveyedMap(

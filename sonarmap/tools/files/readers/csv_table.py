@@ -17,6 +17,7 @@ SEPARATORS = (",", ";", "\t")
 _FORMULA = re.compile("'*[=+\\-@\uff1d\uff0b\uff0d\uff20]")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029]")
 PAIRS = "pairs.csv"  # as `sonarmap map` calls the table of its pairs
+SUMMARY = "summary.json"  # of a finished map's folder
 
 
 @dataclass(frozen=True, slots=True)

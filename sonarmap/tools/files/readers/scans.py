@@ -125,6 +125,7 @@ def read_entries(
     files that say none."""
     if selection.reordered:
         notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
+    notes.extend(selection.passed_over)
     files = files_of(selection)
     _require_known(files, corrections)
     stems = Counter(path.stem for path, _ in {(selected.path, selected.topic) for selected in selection.files})

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import glob
 import re
+import shlex
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.csv_table import PAIRS
+from sonarmap.tools.files.readers.csv_table import PAIRS, SUMMARY
 from sonarmap.tools.files.readers.instruments import PRIORS
 from sonarmap.tools.files.user_file import require_file
 
 BAG_METADATA, BAG_TITLE = "metadata.yaml", "rosbag2_bagfile_information"  # of a ROS 2 bag that is a folder
 _BAG_FILES = (".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
 _TABLES = (PRIORS, PAIRS)
+_MOST_LOOKED, _FEW = 10_000, 4  # names below a folder that are looked at, and folders that a message lists
 _PART = re.compile(r"(.+?)(?:::(/?\w[\w/~-]*))?(?:#(\d{1,9}))?", re.ASCII | re.DOTALL)
 
 
@@ -26,6 +29,7 @@ class Selection:
     files: tuple[SelectedFile, ...]
     reordered: bool
     repeated: tuple[Path, ...] = ()
+    passed_over: tuple[str, ...] = ()  # folders within a folder that hold scans of its formats too, in words
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +84,37 @@ def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_sca
                 repeated[chosen[same].path] = None
     as_given = list(chosen.values())
     files = sorted(as_given, key=_order)
-    return Selection(tuple(files), files != as_given, tuple(repeated))
+    folders = [Path(path) for path in paths if Path(path).is_dir() and not is_bag_folder(Path(path))]
+    named = {each.path.parent.resolve() for each in files}
+    passed_over = [words for folder in folders if (words := _passed_over(folder, files, named, skipped))]
+    return Selection(tuple(files), files != as_given, tuple(repeated), tuple(passed_over))
+
+
+def _passed_over(
+    folder: Path, files: Sequence[SelectedFile], named: Collection[Path], skipped: Collection[Path]
+) -> str:
+    """The folders below this one that nobody named and that hold scans as it does, if any, in words."""
+    suffixes = sorted({each.path.suffix.lower() for each in files if each.path.parent == folder})
+    below = [each for each in _folders_below(folder, suffixes, skipped) if each.resolve() not in named]
+    return (
+        f"{folder} holds scans in folders too, which are not read: {_names(folder, below, suffixes)}" if below else ""
+    )
+
+
+def _folders_below(folder: Path, suffixes: Collection[str], skipped: Collection[Path]) -> list[Path]:
+    """The folders within a folder that hold scans, in natural order, without those of finished maps."""
+    looked = islice(folder.rglob("*"), _MOST_LOOKED)
+    holding = {each.parent for each in looked if each.parent != folder and _is_scan(each, suffixes, skipped)}
+    own = [each for each in holding if not (each / SUMMARY).exists() and not is_bag_folder(each)]
+    return sorted(own, key=lambda each: natural_key(str(each)))
+
+
+def _names(folder: Path, below: Sequence[Path], suffixes: Collection[str]) -> str:
+    """How to name scans in folders within a folder."""
+    listed = " ".join(shlex.quote(str(each)) for each in below[:_FEW])
+    more = f" and {len(below) - _FEW} more" if len(below) > _FEW else ""
+    kind = next((each.suffix for each in sorted(below[0].iterdir()) if each.suffix.lower() in suffixes), "")
+    return f"{listed}{more}. Name them, or all with the pattern {shlex.quote(f'{folder}/**/*{kind}')}"
 
 
 def _order(selected: SelectedFile) -> tuple[tuple[tuple[str, int], ...], int]:
@@ -97,7 +131,7 @@ def _expand(text: str, suffixes: Collection[str], skipped: Collection[Path]) -> 
     path = Path(text)
     try:
         if path.is_dir() and not is_bag_folder(path):
-            return _scans_among(path.iterdir(), suffixes, skipped, f"the folder {text}")
+            return _scans_among(path.iterdir(), suffixes, skipped, f"the folder {text}", path)
         if path.exists():
             return [SelectedFile(path)]
         if (part := part_of_file(text)) is not None:
@@ -105,20 +139,28 @@ def _expand(text: str, suffixes: Collection[str], skipped: Collection[Path]) -> 
         if glob.has_magic(text):
             matches = [Path(name) for name in glob.glob(text, recursive=True)]  # noqa: PTH207 (absolute patterns too)
             return _scans_among(matches, suffixes, skipped, f"the pattern {text}")
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read {text!r}: {error}. Check the path and its permissions") from error
     raise InputError(f"no such file or folder: {text}. Check the spelling; relative paths start from {Path.cwd()}")
 
 
 def _scans_among(
-    paths: Iterable[Path], suffixes: Collection[str], skipped: Collection[Path], where: str
+    paths: Iterable[Path],
+    suffixes: Collection[str],
+    skipped: Collection[Path],
+    where: str,
+    folder: Path | None = None,
 ) -> list[SelectedFile]:
+    files = [SelectedFile(path) for path in paths if _is_scan(path, suffixes, skipped)]
+    if files:
+        return files
+    if folder is not None and (below := _folders_below(folder, suffixes, skipped)):
+        raise InputError(f"{where} holds no scans, but folders in it do: {_names(folder, below, suffixes)}")
+    raise InputError(f"{where} holds no scans; known formats are {', '.join(suffixes)}")
 
-    def is_scan(path: Path) -> bool:
-        is_file = path.suffix.lower() in suffixes and path.is_file() and path.name not in _TABLES
-        return not path.name.startswith(".") and (is_file or is_bag_folder(path)) and path.resolve() not in skipped
 
-    files = [SelectedFile(path) for path in paths if is_scan(path)]
-    if not files:
-        raise InputError(f"{where} holds no scans; known formats are {', '.join(suffixes)}")
-    return files
+def _is_scan(path: Path, suffixes: Collection[str], skipped: Collection[Path]) -> bool:
+    is_file = path.suffix.lower() in suffixes and path.is_file() and path.name not in _TABLES
+    return not path.name.startswith(".") and (is_file or is_bag_folder(path)) and path.resolve() not in skipped

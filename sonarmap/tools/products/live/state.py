@@ -5,6 +5,8 @@ import json
 from dataclasses import asdict, dataclass
 from typing import Literal
 
+from sonarmap.kernels.counted import counted
+
 Status = Literal["waiting", "recording", "placed", "uncertain", "lost", "ended"]
 _SILENT, _LATE = 3.0, 1.0  # [s] that are worth a word
 _MANY = 256  # scans that wait in memory at most
@@ -49,13 +51,13 @@ class State:
             "lost": f"Lost{'' if self.lost_for is None else f' for {self.lost_for:.0f} s'}: {self._where_to_go()}",
             "ended": "The dive has ended",
         }[self.status]
-        rest = [f"{self.placed:,} of {self.scans:,} scans placed", _counted(self.loops, "loop")]
+        rest = [f"{self.placed:,} of {self.scans:,} scans placed", counted(self.loops, "loop")]
         if self.parts > 1:
             rest.append(f"{self.parts} parts that nothing joins yet")
         if self.missing:
-            rest.append(f"{_counted(self.missing, 'shot')} missing")
+            rest.append(f"{counted(self.missing, 'shot')} missing")
         if self.late > _LATE:
-            behind = f"{_MANY} or more scans" if self.behind >= _MANY else _counted(self.behind, "scan")
+            behind = f"{_MANY} or more scans" if self.behind >= _MANY else counted(self.behind, "scan")
             rest.append(f"{behind}, {self.late:.0f} s, behind")
         if self.silent > _SILENT and self.status != "ended":
             rest.append(f"nothing has come for {self.silent:.0f} s")
@@ -74,7 +76,3 @@ class State:
 
 def _length(meters: float) -> str:
     return f"{100 * meters:.0f} cm" if meters < 1 else f"{meters:.1f} m"
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sonarmap.kernels.counted import counted
 from sonarmap.tools.products.report.map_picture import draw_cloud, level_colors
 from sonarmap.tools.products.report.small_png import write_png
 from sonarmap.tools.products.report.survey.image import Cloud
@@ -51,13 +52,15 @@ def loops_figure(view: PartView) -> "Figure":
     frame = view.frame
     clouds = [Cloud.of(point_map, frame) for point_map in (view.chained, view.point_map)]
     places = [frame.flat(each.T_world_sensor.translation) for each in (view.chained_poses, view.trajectory)]
+    moved = view.trajectory.farthest_from(view.chained_poses)
+    after = f"after: {_counted(loops['kept'])} kept" + (f", poses moved by up to {moved:.2g} m" if moved else "")
     sheet = open_sheet(
         twice(*extent_of([cloud.flat for cloud in clouds], places)),
         (f"{view.title}: before and after the loops" if view.title else "Before and after the loops", view.size),
         frame,
         [*track_legend(view, numbers=False), *_legend(loops)],
         frame.note,
-        panel_titles=("before: consecutive registrations, chained", f"after: {_counted(loops['kept'])} kept"),
+        panel_titles=("before: consecutive registrations, chained", after),
     )
     panels = [axes for row in sheet.panels for axes in row]
     colors = level_colors(view, ListedColormap(_grays()))
@@ -104,4 +107,4 @@ def _legend(loops: _Loops) -> list["Artist"]:
 
 
 def _counted(loops: list[tuple[int, int]]) -> str:
-    return "1 loop" if len(loops) == 1 else f"{len(loops):,} loops" if loops else "no loops"
+    return counted(len(loops), "loop") if loops else "no loops"

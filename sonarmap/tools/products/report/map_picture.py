@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sonarmap.kernels.counted import counted
 from sonarmap.tools.products.report.small_png import write_png
 from sonarmap.tools.products.report.survey.frame import MapFrame
 from sonarmap.tools.products.report.survey.image import Cloud, color_range, seen_from_above
@@ -43,7 +44,7 @@ def map_figure(view: PartView) -> "Figure":
         (view.title or "Map", view.size),
         frame,
         track_legend(view),
-        "\n".join([frame.note, *_left_out(view, cloud, lower, upper)]),
+        "\n".join([frame.note, *plan.strips, *_left_out(view, cloud, lower, upper)]),
     )
     colors = level_colors(view, _COLORS)
     for axes in (axes for row in sheet.panels for axes in row):
@@ -87,6 +88,7 @@ def _left_out(view: PartView, cloud: Cloud, lower: np.ndarray, upper: np.ndarray
         sentences.append(f"{doubted:,} more points, seen by too few scans, may be false echoes and are left out.")
     outside = int(np.count_nonzero(((cloud.flat < lower) | (cloud.flat > upper)).any(axis=1))) + cloud.lone
     if outside:
-        points = "1 point" if outside == 1 else f"{outside:,} points"
-        sentences.append(f"Not drawn: {points} of the map that stand{'s' if outside == 1 else ''} alone.")
+        sentences.append(
+            f"Not drawn: {counted(outside, 'point')} of the map that stand{'s' if outside == 1 else ''} alone."
+        )
     return [" ".join(sentences)] if sentences else []

@@ -32,11 +32,6 @@ def survey_date(stamps: np.ndarray) -> str:
     return first if first == last else f"{first} to {last}"
 
 
-def counted_scans(count: int) -> str:
-    """A number of scans in words."""
-    return "1 scan" if count == 1 else f"{count:,} scans"
-
-
 def plain_text(name: str, longest: int | None = None) -> str:
     """A name as one line of a picture's text: a dollar sign begins no formula, and the middle of a long one is left
     out."""

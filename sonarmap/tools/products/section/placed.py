@@ -9,7 +9,7 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import VERTICALS, Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.folder import Map, MapPart
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class PlacedMap:
     georeference: Georeference | None  # None where the part's place on the Earth is not known
 
     @classmethod
-    def of(cls, folder: MapFolder) -> "PlacedMap":
+    def of(cls, folder: Map) -> "PlacedMap":
         """The largest part. Raises InputError: it has no points."""
         part = folder.parts[0]
         if not len(part.points):

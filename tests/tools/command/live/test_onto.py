@@ -9,14 +9,14 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.command.live.onto import map_keys
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.readers.incoming import Mark
 
 VOXEL = 0.25
 HALF_VIEW, REACH = np.radians(40.0), 6.0  # of the sensor that made the map
 
 
-def map_of(spacing: float, count: int = 9) -> tuple[MapFolder, RigidTransform]:
+def map_of(spacing: float, count: int = 9) -> tuple[Map, RigidTransform]:
     """A wall of 30 m, seen from a way along it; of which every point is mostly of the nearest scan."""
     x = np.arange(count) * spacing
     R = Rotation.from_euler("ZYX", np.column_stack([np.full(count, np.pi / 2), 0.02 * x, 0.03 * np.sin(x)]))
@@ -33,7 +33,7 @@ def map_of(spacing: float, count: int = 9) -> tuple[MapFolder, RigidTransform]:
     trajectory = Trajectory(50.0 + np.arange(count), T)
     part = MapPart("", wall, columns, scans, trajectory, np.zeros((count, 6, 6)), in_world=True)
     names = tuple(f"old{k}" for k in range(3 + count))
-    return MapFolder(Path("map"), names, (part,), (), VOXEL, {}, None, {}), T
+    return Map(Path("map"), names, (part,), (), VOXEL, {}, None, {}), T
 
 
 def test_key_scans_are_apart_and_lie_as_the_map_has_them() -> None:
@@ -79,4 +79,4 @@ def test_a_map_without_enough_points_of_any_scan_is_refused() -> None:
         "", part.points[:40], {"scan": part.columns["scan"][:40]}, part.scans, part.trajectory, part.covariances, True
     )
     with pytest.raises(InputError, match="no scan of the map has 50 points"):
-        list(map_keys(MapFolder(Path("map"), folder.names, (few,), (), VOXEL, {}, None, {})))
+        list(map_keys(Map(Path("map"), folder.names, (few,), (), VOXEL, {}, None, {})))

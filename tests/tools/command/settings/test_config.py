@@ -114,6 +114,9 @@ class TestInForce:
         sets("[common]\ngrid = 97\n")
         sets('[register]\nmethod = "icp"\nvoxel = 0.4\n', "other.toml")
         assert "settings from other.toml" in run("--config", "other.toml", "register", *pair).stderr
+        for words in (("--config", "other.toml"), ("--config=other.toml",)):  # wherever it stands
+            assert "settings from other.toml" in run("register", *words, *pair).stderr
+            assert "settings from other.toml" in run("register", *pair, *words).stderr
         broken = run("register", *pair)
         assert broken.stdout == ""
         refused(broken, "sonarmap.toml: [common] grid is 97: --grid 97 is not an even product")

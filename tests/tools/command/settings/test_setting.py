@@ -77,9 +77,9 @@ def test_what_means_the_same_is_common() -> None:
     common = {key: [entry.verb for entry in group] for key, group in common_settings(SETTINGS).items()}
     assert set(common["grid"]) >= {"register", "map", "inspect"}
     assert "bench" not in common["grid"]  # which takes several
-    assert common["max-tilt"] == ["register", "map", "live", "locate"]
+    assert common["max-tilt"] == ["register", "map", "live", "locate", "compare"]
     assert {"method", "voxel", "device", "mount", "quiet", "json", "seed", "origin"} <= set(common)
-    assert common["out"] == ["map", "live"]
+    assert common["out"] == ["map", "live", "compare"]
     assert not {"overwrite", "trajectory", "method-of-its-own"} & set(common)
 
 
@@ -103,6 +103,9 @@ OF_KEY: dict[str, Any] = {
     "max-tilt": 12.5,
     "track": "a.tum",
     "height": "top",
+    "export-height": "mean",
+    "export-points": "all",
+    "export-scans": "3,7-12",
 }
 EXAMPLE = """
 [common]
@@ -127,7 +130,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 def sample(setting: Setting) -> Any:
-    value = OF_KEY.get(setting.key, OF_KIND[setting.kind])
+    value = OF_KEY.get(f"{setting.verb}-{setting.key}", OF_KEY.get(setting.key, OF_KIND[setting.kind]))
     if setting.kind is bool:
         return not setting.parameter.default
     if setting.many and not isinstance(value, list):

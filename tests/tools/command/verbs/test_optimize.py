@@ -142,7 +142,7 @@ def test_a_wrong_loop_is_left_out_named_and_listed_at_80_columns(wrong_loop: Pat
     assert "rejected" in out["reason"]
     assert len(read_g2o(source.parent / "out.g2o").edges) == len(graph.edges) - 1
     result = sonarmap("optimize", source, "-o", source.parent / "out.g2o", "--robust")
-    assert "1 edges, left out" in result.stdout
+    assert "1 edge, left out" in result.stdout
     assert "1 - 6" in result.stdout
     assert len([one for one in told(source)["loops"] if one["verdict"] == "accepted"]) == 5
     lines = printed_at(80, "optimize", source, "-o", source.parent / "out.g2o", "--robust")

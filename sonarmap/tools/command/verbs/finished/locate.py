@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.method import checked_method, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.locate.located import Located
     from sonarmap.slam.locate.place import Place
     from sonarmap.tools.files.geo.projection import Projection
-    from sonarmap.tools.files.map_folder.folder import MapFolder
+    from sonarmap.tools.files.map_folder.folder import Map
 
 NOWHERE = 3
 
@@ -111,7 +112,7 @@ def command(
         raise typer.Exit(NOWHERE)
 
 
-def _opened(source: Path, earth: EarthPlace) -> "MapFolder":
+def _opened(source: Path, earth: EarthPlace) -> "Map":
     """The map, where the user says that it lies."""
     from sonarmap.tools.files.map_folder.folder import read_map_folder
 
@@ -134,10 +135,10 @@ def _write(path: Path, located: "Sequence[Located]") -> None:
         return
     T = RigidTransform.concatenate([each.T_map_scan for each in located])
     write_tum(path, Trajectory(np.array([each.stamp for each in located], np.float64), T))
-    say(f"written to {path}: the poses of {len(located)} scans")
+    say(f"written to {path}: {counted(len(located), 'pose')}")
 
 
-def _projection(folder: "MapFolder", crs: str | None) -> "Projection | None":
+def _projection(folder: "Map", crs: str | None) -> "Projection | None":
     """Of the map; None where its place on the Earth is not known."""
     from sonarmap.tools.files.geo.projection import Projection
 
@@ -148,9 +149,7 @@ def _projection(folder: "MapFolder", crs: str | None) -> "Projection | None":
     return None
 
 
-def _worlds(
-    folder: "MapFolder", projection: "Projection | None", found: "Sequence[Located]"
-) -> list[dict[str, Any] | None]:
+def _worlds(folder: "Map", projection: "Projection | None", found: "Sequence[Located]") -> list[dict[str, Any] | None]:
     """Where on the Earth each scan was taken; None where it is not located, or the map's place is not known."""
     import numpy as np
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, flag, option, refuse_without
 from sonarmap.tools.command.options.output import EarthPlace
@@ -87,7 +88,7 @@ def command(
     from sonarmap.tools.products.section.section import profile_of, section_of
 
     check_names(files.out, source)
-    ends = np.array([_place("--from", line.start), _place("--to", line.end)])
+    ends = np.array([_place(name, text, line.degrees) for name, text in (("--from", line.start), ("--to", line.end))])
     with locked(source, writing=False):
         folder = read_map_folder(source)
     placed = PlacedMap.of(replace(folder, georeference=earth.georeference(folder.georeference)))
@@ -107,7 +108,9 @@ def command(
     lowest, highest = float(section.height.min()), float(section.height.max())
     stretched = "" if files.exaggeration == 1 else f"; heights stretched {files.exaggeration:g} times"
     title = f"{source.resolve().name}: section from {given.said(ends[0])} to {given.said(ends[1])}"
-    about = f"{section.length:.2f} m, {len(section.height):,} points within {section.width:.3g} m to either side"
+    about = (
+        f"{section.length:.2f} m, {counted(len(section.height), 'point')} within {section.width:.3g} m to either side"
+    )
     titles = Titles(
         title,
         f"{about}; places: {given.names}{stretched}",
@@ -127,9 +130,11 @@ def command(
     print_result(f"written to {files.out.parent}: {', '.join(path.name for path in written)}")
 
 
-def _place(name: str, text: str) -> list[float]:
+def _place(name: str, text: str, in_degrees: bool) -> list[float]:
+    from sonarmap.tools.files.geo.degrees import place_of
+
     try:
-        numbers = [float(part) for part in text.split(",")]
+        numbers = place_of(text) if in_degrees else [float(part) for part in text.split(",")]
     except ValueError:
         numbers = []
     if len(numbers) != 2 or not all(map(math.isfinite, numbers)):

@@ -27,10 +27,15 @@ from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, Navigat
 
 @dataclass(frozen=True, slots=True)
 class Navigated:
-    """Scans with their priors."""
+    """Scans with their priors.
 
-    scans: tuple[Scan, ...]  # as they were given, with priors where the file says something of them
-    georeference: Georeference | None  # of the world's origin; None where neither the file nor the user says it
+    Attributes:
+        scans: as they were given, with priors where the file says something of them.
+        georeference: of the world's origin; None where neither the file nor the user says it.
+    """
+
+    scans: tuple[Scan, ...]
+    georeference: Georeference | None
 
 
 def navigate(

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 
@@ -109,8 +110,3 @@ def damage(skipped: int, damaged: int, noun: str, first: str) -> list[str]:
     """What to tell of bytes and pings or datagrams that are left out, and the first fault of these, in words."""
     left_out = f"{counted(damaged, noun)} and {counted(skipped, 'byte')} left out{'; ' * bool(first)}{first}"
     return [f"damaged or cut: {left_out}"] if skipped or damaged else []
-
-
-def counted(number: int, noun: str) -> str:
-    """A number and a noun."""
-    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"

@@ -18,10 +18,11 @@ from typing import IO
 
 import numpy as np
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import R_level_vehicle_of
 from sonarmap.tools.files.memory import require_memory
-from sonarmap.tools.files.readers.pings.assembly import assembled, counted
+from sonarmap.tools.files.readers.pings.assembly import assembled
 from sonarmap.tools.files.readers.pings.gsf_child import HEAD
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from sonarmap.tools.files.user_file import unreadable

@@ -12,6 +12,7 @@ import numpy as np
 from google.protobuf.message import Message
 from wlsonar import range_image_protocol as rip
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clock import clock_faults, clock_of
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
@@ -101,21 +102,21 @@ class Recording:
         which = "" if damage.packets == 1 else "the first is "
         low, high, changes = self.speeds or (0.0, 0.0, 0)
         rows = [
-            (damage.packets, f"{_counted(damage.packets, 'damaged packet')} left out, {damage.size:,} bytes: {which}"
+            (damage.packets, f"{counted(damage.packets, 'damaged packet')} left out, {damage.size:,} bytes: {which}"
              f"{damage.first}"),
-            (damage.cut, f"the recording is cut: of its last packet there are only {_counted(damage.cut, 'byte')}"),
+            (damage.cut, f"the recording is cut: of its last packet there are only {counted(damage.cut, 'byte')}"),
             (missing, f"{missing:,} of {total:,} shots are missing by their numbers"),
-            (queue.doubled, f"{_counted(queue.doubled, 'doubled image')} left out"),
-            (numbers.late, f"{_counted(numbers.late, 'shot')} came late, now in order"),
+            (queue.doubled, f"{counted(queue.doubled, 'doubled image')} left out"),
+            (numbers.late, f"{counted(numbers.late, 'shot')} came late, now in order"),
             (numbers.wraps, f"the numbers of the shots wrapped {_times(numbers.wraps)}, at 2^32"),
             (numbers.restarts, f"the numbers of the shots start again {_times(numbers.restarts)}: the sonar was "
              "restarted, or recordings were put together"),
-            (batches, f"{_counted(batches, 'batch', 'batches')} of the IMU missing by their numbers"),
-            (self.doubled_batches, f"{_counted(self.doubled_batches, 'doubled batch', 'doubled batches')} of the IMU "
+            (batches, f"{counted(batches, 'batch', 'batches')} of the IMU missing by their numbers"),
+            (self.doubled_batches, f"{counted(self.doubled_batches, 'doubled batch', 'doubled batches')} of the IMU "
              "left out"),
-            (self.bare < self.shots and self.bare, f"{self.bare:,} of {_counted(self.shots, 'shot')} have no strength "
+            (self.bare < self.shots and self.bare, f"{self.bare:,} of {counted(self.shots, 'shot')} have no strength "
              "image"),
-            (queue.alone, f"{_counted(queue.alone, 'strength image')} left out, without a range image of the same "
+            (queue.alone, f"{counted(queue.alone, 'strength image')} left out, without a range image of the same "
              "shot"),
             (changes, f"the speed of sound changes {_times(changes)}, between {low:.1f} and {high:.1f} m/s"),
         ]  # fmt: skip
@@ -143,10 +144,6 @@ class Recording:
         off = np.abs(times[known] - numbers[known] * period)
         jumped = off > max(_JUMP, 3 * period)
         return int(jumped.sum()), float(off[jumped].max(initial=0.0))
-
-
-def _counted(number: int, noun: str, plural: str = "") -> str:
-    return f"{number:,} {noun}" if number == 1 else f"{number:,} {plural or noun + 's'}"
 
 
 def _times(number: int) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sonarmap.tools.files.geo.georeference import VERTICALS
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.products.report.page import evidence
 from sonarmap.tools.products.report.page.command import inputs_of, map_command
 from sonarmap.tools.products.report.page.points import MOST_CODE, codes, doubtful_of, pack
@@ -34,7 +34,7 @@ class Content:
     pictures: dict[str, bytes]
 
 
-def content_of(folder: MapFolder) -> Content:
+def content_of(folder: Map) -> Content:
     """What to show of a finished map."""
     summary, graph = folder.summary, folder.graph
     parts, points, doubtful = zip(*(_part(folder, part) for part in folder.parts), strict=True)
@@ -70,7 +70,7 @@ def content_of(folder: MapFolder) -> Content:
     return Content(shown, points, doubtful, _pictures(folder))
 
 
-def _part(folder: MapFolder, part: MapPart) -> tuple[dict[str, Any], bytes, bytes | None]:
+def _part(folder: Map, part: MapPart) -> tuple[dict[str, Any], bytes, bytes | None]:
     """A map of the folder, its points as bytes, and so those that it left out."""
     columns, scales = _columns(part)
     data, layout = pack(part.points, columns, folder.voxel)
@@ -107,7 +107,7 @@ def _columns(part: MapPart) -> tuple[dict[str, np.ndarray], dict[str, tuple[floa
     return columns, scales
 
 
-def _height(folder: MapFolder, part: MapPart) -> dict[str, Any]:
+def _height(folder: Map, part: MapPart) -> dict[str, Any]:
     """What the third coordinate means: how to call it, and what to subtract it from for a depth; null for a height."""
     here = folder.georeference
     given = here is not None and here.height != 0 and folder.on_earth(part)  # by --origin
@@ -118,7 +118,7 @@ def _height(folder: MapFolder, part: MapPart) -> dict[str, Any]:
     return {"label": f"depth below {VERTICALS[here.vertical]}", "zero": -here.height}
 
 
-def _pictures(folder: MapFolder) -> dict[str, bytes]:
+def _pictures(folder: Map) -> dict[str, bytes]:
     """The map's pictures, in the order of its files."""
     files: Sequence[str] = folder.summary.get("files", [])
     paths = [folder.path / Path(name).name for name in files if name.endswith(PICTURES)]

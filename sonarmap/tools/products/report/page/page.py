@@ -12,7 +12,7 @@ from string import Template
 from typing import Any
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.map_folder.folder import MapFolder
+from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH, REPORT, SUMMARY
 from sonarmap.tools.files.user_file import naming
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
@@ -31,7 +31,7 @@ SCRIPTS = tuple(
 )
 
 
-def write_report(folder: MapFolder) -> Path:
+def write_report(folder: Map) -> Path:
     """Write report.html into a map's folder, and list it in summary.json, so that the next `sonarmap map` removes it.
 
     Returns:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
 
 FRACTION = 64  # quanta in a voxel: a coordinate is off by a 128th of a voxel at most
@@ -58,7 +58,7 @@ def pack(points: np.ndarray, columns: Mapping[str, np.ndarray], voxel: float) ->
     return data, {"quantum": quantum, "tiles": tiles, "planes": sizes}
 
 
-def doubtful_of(folder: MapFolder, part: MapPart) -> tuple[bytes, dict[str, Any]] | tuple[None, None]:
+def doubtful_of(folder: Map, part: MapPart) -> tuple[bytes, dict[str, Any]] | tuple[None, None]:
     """The doubtful points of a part, `packed`, evenly thinned where there are more than MOST_DOUBTFUL, and how many
     there are; None where the map has none.
 

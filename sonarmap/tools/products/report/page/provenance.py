@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.tools.products.report.naming import counted_scans, survey_date, survey_name
+from sonarmap.kernels.counted import counted
+from sonarmap.tools.products.report.naming import survey_date, survey_name
 
 # Of settings whose name does not say it; the others are counts, shares and names.
 UNITS = {
@@ -36,7 +37,7 @@ CITATION = (
 def title(inputs: Sequence[str], stamps: np.ndarray) -> str:
     """What was mapped, by the inputs as they were given, and when, by the stamps (N,) of the scans [s]."""
     what = f"Map of {survey_name(inputs)}, " if inputs else "Map of "
-    return ", ".join(filter(None, [what + counted_scans(len(stamps)), survey_date(stamps)]))
+    return ", ".join(filter(None, [what + counted(len(stamps), "scan"), survey_date(stamps)]))
 
 
 def setting_rows(settings: Mapping[str, Any]) -> list[tuple[str, str]]:

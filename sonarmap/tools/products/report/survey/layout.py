@@ -41,6 +41,14 @@ class Layout:
         width, height = self.panel
         return columns * width + (columns - 1) * self.gap[0], rows * height + (rows - 1) * self.gap[1]
 
+    @property
+    def strips(self) -> list[str]:
+        """That the map is cut into strips, and in which order they follow each other, in a sentence; none if not."""
+        rows, columns = self.windows.shape[:2]
+        order = "top to bottom, each the next piece from left to right" if rows > 1 else ""
+        order = "left to right, each the next piece from bottom to top" if columns > 1 else order
+        return [f"The map is cut into {rows * columns} strips, in order from {order}."] if order else []
+
     def place(self, row: int, column: int) -> tuple[float, float]:
         """A panel's left and lower side, from the lower left corner of all [in]."""
         width, height = self.panel

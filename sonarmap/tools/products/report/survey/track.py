@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sonarmap.kernels.counted import counted
 from sonarmap.tools.products.report.labels import place_labels
-from sonarmap.tools.products.report.naming import counted_scans, plain_text
+from sonarmap.tools.products.report.naming import plain_text
 from sonarmap.tools.products.report.survey.view import PartView
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def track_legend(view: PartView, *, numbers: bool = True) -> list["Artist"]:
     entries: list[Artist] = []
     for k, (number, leg) in enumerate(legs.items()):
         name = "track of the sensor" if len(legs) == 1 else view.survey_names[number]
-        entries.append(Line2D([], [], label=f"{name}, {counted_scans(len(leg))}", linewidth=1.8, **look_of(k)))
+        entries.append(Line2D([], [], label=f"{name}, {counted(len(leg), 'scan')}", linewidth=1.8, **look_of(k)))
     color = look_of(0)["color"] if len(legs) == 1 else "0.3"
     for shape, end, name in (("o", "start", view.names[0]), ("s", "end", view.names[-1])):
         label = end if len(legs) > 1 else f"{end}: {plain_text(name, _LONGEST)}"

@@ -8,13 +8,14 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from sonarmap.kernels.counted import counted
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.parts import placed
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.products.report.naming import counted_scans, plain_text, survey_date, survey_name
+from sonarmap.tools.products.report.naming import plain_text, survey_date, survey_name
 from sonarmap.tools.products.report.survey.frame import MapFrame, frame_of
 
 Verdict = Literal["kept", "rejected", "refused"]
@@ -80,7 +81,7 @@ def part_view(
     point_map = part.optimized
     return PartView(
         title=", ".join(filter(None, called)),
-        size=f"{counted_scans(len(scans))}, {len(point_map.points):,} points, voxel {point_map.voxel:.3g} m",
+        size=f"{counted(len(scans), 'scan')}, {counted(len(point_map.points), 'point')}, voxel {point_map.voxel:.3g} m",
         frame=frame_of(result, c, georeference),
         point_map=point_map,
         trajectory=trajectory,

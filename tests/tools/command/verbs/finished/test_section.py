@@ -8,7 +8,7 @@ from PIL import Image
 
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
+from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from tests.samples.clutter_scans import done, files_in, printed, refused, said, sonarmap, table_of
 from tests.tools.products.export.finished import finished_map
 
@@ -32,7 +32,7 @@ def placed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return finished_map(tmp_path_factory.mktemp("maps") / "placed", georeference=HERE)
 
 
-def near(folder: MapFolder, width: float) -> np.ndarray:
+def near(folder: Map, width: float) -> np.ndarray:
     """The points by the line of LINE, by another way: complex numbers."""
     points = folder.parts[0].points
     turned = (points[:, 0] + 1j * points[:, 1] - (-4 - 1j)) / (8 + 3j)
@@ -67,6 +67,12 @@ def test_the_same_line_in_each_of_the_coordinates(placed: Path, tmp_path: Path) 
         other = printed(sonarmap("section", placed, *ends, flag, "-o", tmp_path / "b.csv", "--json"))
         assert (other["points"], other["heights"]) == (plain["points"], plain["heights"])
         assert other["length_m"] == pytest.approx(plain["length_m"], abs=1e-4)
+    minutes = [
+        f"--{name}={int(lat)} {lat % 1 * 60!r} N, {int(lon)}°{lon % 1 * 60!r}'E"
+        for name, (lat, lon) in (("from", geodetic[0, :2].tolist()), ("to", geodetic[1, :2].tolist()))
+    ]
+    other = printed(sonarmap("section", placed, *minutes, "--degrees", "-o", tmp_path / "c.csv", "--json"))
+    assert other["length_m"] == pytest.approx(plain["length_m"], abs=1e-4)
     rows = table_of(tmp_path / "b.csv")
     where = HERE.geodetic(np.array([[float(rows[0]["x_m"]), float(rows[0]["y_m"]), 0]]))
     np.testing.assert_allclose(

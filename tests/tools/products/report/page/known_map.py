@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
+from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from sonarmap.tools.files.readers.csv_table import plain_text
 from sonarmap.tools.products.report.page.content import Content, content_of
 from sonarmap.tools.products.report.page.page import report_text
@@ -56,7 +56,7 @@ def unpack(data: bytes, layout: dict[str, Any]) -> tuple[np.ndarray, dict[str, n
     return np.concatenate([np.zeros((0, 3)), *points]), columns
 
 
-def folder_of(points: np.ndarray, out: Path) -> MapFolder:
+def folder_of(points: np.ndarray, out: Path) -> Map:
     """A map of a ring of scans, with other points, each seen mostly by scan k % 8."""
     folder = read_map_folder(finished_map(out))
     k = np.arange(len(points))

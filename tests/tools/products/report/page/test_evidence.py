@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.products.report.page.evidence import (
     control_rows,
     crossing_rows,
@@ -98,7 +98,7 @@ POINT = {
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> MapFolder:
+def folder(tmp_path: Path) -> Map:
     return folder_of(known_points(), tmp_path / "out")
 
 
@@ -114,7 +114,7 @@ def test_ties_of_names_and_of_numbers() -> None:
     assert tie_rows({}, NAMES) == tie_rows({"ties": None}, NAMES) == []
 
 
-def test_a_control_point_counts_in_the_world_where_others_do_not_contradict_it(folder: MapFolder) -> None:
+def test_a_control_point_counts_in_the_world_where_others_do_not_contradict_it(folder: Map) -> None:
     part = folder.parts[0]
     for in_world in (True, False):
         (row,) = control_rows({"control_points": [POINT]}, [replace(part, in_world=in_world)], NAMES)
@@ -128,7 +128,7 @@ def test_a_control_point_counts_in_the_world_where_others_do_not_contradict_it(f
     assert [(row["counted"], row["left_out"]) for row in rows] == [(False, True), (True, False)]
 
 
-def test_the_key_tells_maps_apart(folder: MapFolder) -> None:
+def test_the_key_tells_maps_apart(folder: Map) -> None:
     summary = dict(folder.summary)
     key = map_key(summary, NAMES)
     assert key == map_key(summary | {"files": ["another"]}, NAMES)

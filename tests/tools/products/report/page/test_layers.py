@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.map_folder.folder import MapFolder
+from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH
 from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.writers.points import write_points
@@ -24,7 +24,7 @@ from tests.tools.products.report.page.known_map import QUANTUM, A, B, folder_of,
 SHIFT = np.array([0.75, -1.5, 0.25])  # of the track, by the loops
 
 
-def doubted(out: Path, count: int = 2, **spoiled: Any) -> MapFolder:
+def doubted(out: Path, count: int = 2, **spoiled: Any) -> Map:
     """A map of A and others that left out B, and as many points below as make `count`; and moved its track by loops."""
     clean = np.delete(known_points(), 1, axis=0)
     folder = folder_of(clean, out)

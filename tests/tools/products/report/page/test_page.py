@@ -266,3 +266,18 @@ def test_a_track_of_one_pose(tmp_path: Path) -> None:
     part = replace(part, scans=(0,), trajectory=lone, covariances=part.covariances[:1], columns=columns)
     with opened(written(content_of(replace(folder, parts=(part,))), tmp_path / "one.html")):
         pass  # it is drawn, and nothing is said
+
+
+@pytest.mark.slow
+def test_titles_of_curves_are_whole_on_a_phone(content: Content, tmp_path: Path) -> None:
+    page = written(content, tmp_path / "phone.html")
+    with opened(page) as shown:
+        shown.page.set_viewport_size({"width": 390, "height": 800})
+        shown.page.reload()
+        wait_until(shown.page, "window.sonarmap && (!sonarmap.view || sonarmap.view.frames > 0)")
+        places = (
+            "[...document.querySelectorAll('figure.profile text')].map((text) => text.getBoundingClientRect().right)"
+        )
+        ends = shown.page.evaluate(places)
+    assert len(ends) > 10
+    assert max(ends) <= 390

@@ -1,5 +1,6 @@
 """The pictures of maps, loops and sheets: words, colors, tracks, and that nothing overlaps."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.tools.products.report.loops_picture import loops_figure
 from sonarmap.tools.products.report.map_picture import draw_map, map_figure
@@ -193,6 +195,16 @@ def lines_of(figure: Figure) -> list[Any]:
 )
 def test_no_text_of_loops_lies_upon_another_or_leaves_the_sheet(shown: PartView) -> None:
     assert overlapping_texts(loops_figure(shown)) == []
+
+
+def test_what_the_loops_moved_is_said() -> None:
+    shown = view()
+    T = shown.trajectory.T_world_sensor
+    apart = np.zeros((len(T), 3))
+    apart[-1] = 0.3, 0.0, -0.4
+    chained = replace(shown.trajectory, T_world_sensor=RigidTransform.from_translation(apart) * T)
+    figure = loops_figure(replace(shown, chained_poses=chained))
+    assert "after: 8 loops kept, poses moved by up to 0.5 m" in [axes.get_title() for axes in figure.axes]
 
 
 def test_both_panels_have_the_same_extent_and_colors() -> None:

@@ -52,7 +52,7 @@ function stripOf({ label, unit, curves, down, floor }, along, x, top, [from, to]
   const y = (value) => top + 22 + (down ? share(value) : 1 - share(value)) * (STRIP - 34);
   const names = curves.length > 1 ? `: ${curves.map(([name], c) => `${name} (${["solid", "dashed"][c]})`).join(", ")}` : "";
   return [
-    make("text", { x: from, y: top + 13, class: "strip" }, `${label} [${unit}]${names}`),
+    make("text", { x: 0, y: top + 13, class: "strip" }, `${label} [${unit}]${names}`),
     ...grid(ticks(low, high, 3), y, [from, to]),
     ...curves.map(([, each], c) => curve(along.map(x), each, y, c)),
   ];

@@ -1,0 +1,304 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""What `import sonarmap` offers of finished maps: to write them, open them, export them, and to fuse scans again.
+
+In: results, scans, folders. Out: the same files as the command line's, and the map as an object.
+"""
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.map_folder.folder import Map, MapPart
+from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.given import ScanLike, as_arguments, as_survey, as_surveys, in_arguments, require, require_type
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from sonarmap.slam.execute.runner import Progress
+    from sonarmap.slam.map.point_map import PointMap
+    from sonarmap.tools.files.readers.navigation.priors import Navigated
+    from sonarmap.tools.files.readers.navigation.settings import NavFrame
+    from sonarmap.tools.files.time_scales import TimeScale
+    from sonarmap.tools.products.export.run import Exported
+
+__all__ = [
+    "Georeference",
+    "Map",
+    "MapPart",
+    "export_map",
+    "fuse",
+    "read_navigation",
+    "write_map",
+    "write_report",
+]
+
+
+def write_map(
+    result: SurveyResult,
+    folder: str | os.PathLike[str],
+    *,
+    inputs: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    georeference: Georeference | None = None,
+    report: bool = True,
+) -> Map:
+    """Write a map as `sonarmap map` does: map.ply, trajectory.tum, graph.g2o, summary.json, pictures, report.html, ...
+
+    All files appear together, or none; those of an earlier map in the folder are replaced. Every verb of finished maps
+    takes the folder.
+
+    Args:
+        result: of `map_scans`.
+        folder: it is made where it is missing.
+        inputs: the files, folders or patterns that the scans were read from, uncorrected. Exports of every scan's
+            points and the report's title need them.
+        georeference: where the map lies on the Earth; None where it is not known.
+        report: whether to write report.html too.
+
+    Returns:
+        The map, as `Map.open` gives it.
+
+    Raises:
+        InputError: an argument cannot be used, or a file cannot be written.
+    """
+    from sonarmap.tools.files.inputs import input_rows
+    from sonarmap.tools.files.map_folder.names import require_apart
+    from sonarmap.tools.files.readers.scans import FORMATS, files_of
+    from sonarmap.tools.files.readers.selection import select_files
+    from sonarmap.tools.files.writers.atomic import clear_leftovers, require_writable
+    from sonarmap.tools.products.output.folder import write_survey
+    from sonarmap.tools.products.output.run import SurveyRun
+
+    require(path=folder)
+    require_type("result", [result], SurveyResult)
+    require_type("georeference", [georeference], Georeference, None)
+    out, given = Path(folder), [inputs] if isinstance(inputs, str | os.PathLike) else list(inputs)
+    paths = [os.fspath(path) for path in given]
+    files = files_of(select_files(paths, FORMATS)) if paths else ()
+    require_apart(out, files)
+    settings = {"inputs": paths} if paths else {}
+    run = SurveyRun(result.names, settings, inputs=input_rows(files), georeference=georeference)
+    require_writable(out)
+    with locked(out, writing=True):
+        clear_leftovers(out)
+        write_survey(out, result, run)
+    if report:
+        write_report(out)
+    return Map.open(out)
+
+
+def write_report(folder: Map | str | os.PathLike[str]) -> Path:
+    """Write report.html of a finished map into its folder, as `sonarmap view --write` does: the map in 3D, its loops
+    and its uncertainty.
+
+    Args:
+        folder: of the map, or the map.
+
+    Returns:
+        The page's path.
+
+    Raises:
+        InputError: the map's files are missing or damaged, or the page cannot be written.
+    """
+    from sonarmap.tools.products.report.page.page import write_report as write_page
+
+    finished = _opened(folder)
+    with locked(finished.path, writing=True):
+        return write_page(finished)
+
+
+def export_map(
+    folder: Map | str | os.PathLike[str],
+    to: str | os.PathLike[str],
+    formats: str | Iterable[str],
+    *,
+    origin: Georeference | None = None,
+    crs: str | None = None,
+    cell: float | None = None,
+    height: str = "top",
+    contours: float | None = None,
+    clip: str | None = None,
+    points: str = "map",
+    scans: Iterable[int] | None = None,
+    scans_from: Sequence[str | os.PathLike[str]] = (),
+    spacing: float | None = None,
+    rate: float | None = None,
+    progress: "Progress | None" = None,
+) -> "Exported":
+    """Write a finished map in other programs' formats, as `sonarmap export` does; all files appear together, or none.
+
+    Args:
+        folder: the map, or its folder.
+        to: folder for the files; it is made where it is missing.
+        formats: their names, as "laz", or ["laz", "geotiff", "kmz"]: see docs/export.md.
+        origin: where the map lies on the Earth; None for what the map itself says.
+        crs: projected coordinates, as "EPSG:25832"; "map" for points in the map's frame; None for the UTM zone.
+        cell: edge of a grid's cell [m]; None for the voxel, rounded up.
+        height: of a cell: "top", "mean", "median", "shoalest" or "deepest".
+        contours: between contours [m]; None for none.
+        clip: "W,S,E,N", or the path of a GeoJSON file with polygons.
+        points: "map", or "all" for every point of every scan, which are read again.
+        scans: the numbers of the scans whose points are written; None for all.
+        scans_from: where the scans are now; empty for where they were read.
+        spacing: edge of the cubes of which each keeps one point [m]; None for all points.
+        rate: of poses in files of poses [Hz]; None for the scans'.
+        progress: called with (files written, files in all, the next one's name).
+
+    Raises:
+        InputError: an argument cannot be used, the map does not say what a format needs, or a file cannot be written.
+    """
+    from sonarmap.tools.products.export.formats import HEIGHTS, known_formats
+    from sonarmap.tools.products.export.run import ExportSettings
+    from sonarmap.tools.products.export.run import export_map as export
+
+    require(path=to)
+    require_type("origin", [origin], Georeference, None)
+    for name, value, known in (("height", height, tuple(HEIGHTS)), ("points", points, ("map", "all"))):
+        if value not in known:
+            raise InputError(f"`{name}={value!r}` is not known; choose one of {', '.join(known)}")
+    for name, value in {"cell": cell, "contours": contours, "spacing": spacing, "rate": rate}.items():
+        (number,) = require(number=value)
+        if number is not None and not 0 < number < np.inf:
+            raise InputError(f"`{name}={value}` cannot be used; wanted a number above zero, or None")
+    finished = _opened(folder)
+    finished = finished if origin is None else replace(finished, georeference=origin)
+    settings = ExportSettings(
+        tuple(known_formats([formats] if isinstance(formats, str) else formats)),
+        *(crs, cell, rate, height, contours, clip, points == "all"),
+        None if scans is None else tuple(sorted(set(scans))),
+        tuple(os.fspath(path) for path in scans_from),
+        spacing,
+    )
+    with in_arguments(), locked(finished.path, writing=Path(to).resolve() == finished.path.resolve()):
+        exported = export(finished, Path(to), settings, progress)
+    return replace(exported, notes=tuple(map(as_arguments, exported.notes)))
+
+
+def read_navigation(
+    path: str | os.PathLike[str],
+    scans: Iterable[ScanLike] | str | os.PathLike[str],
+    *,
+    origin: Georeference | None = None,
+    sigmas: Sequence[float] | None = None,
+    columns: dict[str, str] | None = None,
+    time_scale: "TimeScale | None" = None,
+    offset: float = 0.0,
+    crs: str | None = None,
+    frame: "NavFrame | None" = None,
+    T_vehicle_sensor: RigidTransform | None = None,
+    heading_reference: str = "true",
+    declination: float | None = None,
+) -> "Navigated":
+    """Scans with what instruments measured of their poses, as `sonarmap map --priors` reads it (docs/navigation.md).
+
+    Args:
+        path: a CSV, TUM or NMEA 0183 log.
+        scans: as `map_scans` takes them; rows belong to them by name, stamp or time.
+        origin: of the map's frame; None for the first fix, if the file has any on the Earth.
+        sigmas: standard deviations where the file has none: roll, pitch, heading [rad], East, North, Up [m].
+        columns: {quantity: heading of its column}, as {"depth_m": "KP_DEPTH"}, where the headings do not say it.
+        time_scale: of times that name no zone: "utc", "gps" or "tai"; None for UTC.
+        offset: to be added to its times [s].
+        crs: of its eastings and northings, as "EPSG:32632".
+        frame: of its pitch, yaw, x, y, z: "frd", "ned", "flu" or "enu"; None for headings, pitch nose up and depths.
+        T_vehicle_sensor: of the sonar on the vehicle that was navigated [m, x forward, y left, z up]; None where the
+            navigation is the sonar's.
+        heading_reference: North of its headings: "true" or "grid".
+        declination: to be added to magnetic headings [rad], East positive; None where they are not.
+
+    Returns:
+        The scans, and where their world lies on the Earth, which `write_map` takes.
+
+    Raises:
+        InputError: naming the file and the line, or an argument that cannot be used.
+    """
+    from types import MappingProxyType
+
+    from sonarmap.tools.files.readers.instruments import COLUMNS
+    from sonarmap.tools.files.readers.navigation.priors import navigate
+    from sonarmap.tools.files.readers.navigation.settings import Mount, NavigationSettings
+
+    require(path=path)
+    require_type("T_vehicle_sensor", [T_vehicle_sensor], RigidTransform, None)
+    given = np.full(6, np.nan) if sigmas is None else np.asarray(sigmas, np.float64)
+    if given.shape != (6,) or not (np.isnan(given) | (given > 0)).all():
+        raise InputError(f"`sigmas={sigmas!r}` cannot be used; wanted six numbers above zero: [rad] x 3, [m] x 3")
+    degrees: list[float] = [*np.rad2deg(given[:3]).tolist(), *given[3:].tolist()]
+    defaults: dict[str, float] = {} if sigmas is None else dict(zip(COLUMNS, degrees, strict=True))
+    with in_arguments():
+        settings = NavigationSettings(
+            columns=MappingProxyType(columns or {}),
+            time_scale=time_scale,
+            offset=offset,
+            crs=crs,
+            origin=origin,
+            heading_reference=heading_reference,
+            declination=None if declination is None else float(np.rad2deg(declination)),
+            frame=frame,
+            mount=None if T_vehicle_sensor is None else Mount(T_vehicle_sensor),
+            sigmas=defaults,
+        )
+        return navigate(as_survey(scans), Path(path), settings)
+
+
+def fuse(
+    scans: Iterable[ScanLike] | str | os.PathLike[str],
+    poses: "Trajectory | RigidTransform | NDArray[Any]",
+    voxel: float,
+    *,
+    covariances: np.ndarray | None = None,
+    surveys: Sequence[int] | None = None,
+) -> "PointMap":
+    """One map of scans at known poses, as `map_scans` makes it: fused, and without what free space contradicts.
+
+    Args:
+        scans: N, as `map_scans` takes them.
+        poses: N of them, p_world = T_world_sensor p_sensor [m], perhaps those of a result, changed; or as (N, 4, 4).
+        voxel: edge of the map's voxels [m].
+        covariances: (N, 6, 6) of the poses, rotation first [rad, m], body tangent; None where they are certain.
+        surveys: the number of each scan's survey, ascending; all are of one by default.
+
+    Raises:
+        InputError: another number of poses than of scans, or an argument that cannot be used.
+    """
+    from sonarmap.slam.map.component_maps import clean_map
+    from sonarmap.slam.map.placed import PlacedScans
+
+    (size,) = require(number=voxel)
+    require_type("poses", [poses], Trajectory, RigidTransform, np.ndarray)
+    listed = as_survey(scans)
+    T_world_sensor = _rigid(poses) if isinstance(poses, np.ndarray) else poses
+    T_world_sensor = T_world_sensor.T_world_sensor if isinstance(T_world_sensor, Trajectory) else T_world_sensor
+    if T_world_sensor.single or len(T_world_sensor) != len(listed):
+        count = "one" if T_world_sensor.single else len(T_world_sensor)
+        raise InputError(f"`poses` are {count}, and there are {len(listed)} scans; wanted a stack of one for each")
+    if size is None or not 0 < size < np.inf:
+        raise InputError(f"`voxel={voxel}` cannot be used; wanted a length in meters above zero, such as 0.5")
+    if covariances is not None and covariances.shape != (len(listed), 6, 6):
+        raise InputError(f"`covariances` are of shape {covariances.shape}; wanted ({len(listed)}, 6, 6)")
+    numbers = as_surveys(surveys, len(listed))
+    placed = PlacedScans.of(listed, T_world_sensor, size, covariances=covariances, surveys=numbers)
+    return clean_map(placed).clean
+
+
+def _rigid(matrices: "NDArray[Any]") -> RigidTransform:
+    try:
+        return RigidTransform.from_matrix(matrices)
+    except ValueError as error:
+        raise InputError(f"`poses` of shape {matrices.shape} are no poses ({error}); wanted (N, 4, 4)") from error
+
+
+def _opened(folder: Map | str | os.PathLike[str]) -> Map:
+    if isinstance(folder, Map):
+        return folder
+    require(path=folder)
+    return Map.open(folder)

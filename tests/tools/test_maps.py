@@ -1,0 +1,161 @@
+"""Finished maps from Python: written, opened, exported, fused again; navigation read."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+import sonarmap
+from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
+
+COUNT, VOXEL = 6, 0.5
+TRUTH = ring_poses(COUNT, radius=4.0)
+HERE = sonarmap.Georeference(60.3913, 5.3221, -2.0)
+api: Any = sonarmap  # to which a test may give what its types forbid
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of them."""
+    folder = tmp_path_factory.mktemp("scans")
+    for scan in scans_of(TRUTH, reach=4.0):
+        np.savez(folder / f"{scan.name}.npz", points=scan.points, stamp=scan.stamp)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def result(scans: Path) -> sonarmap.SurveyResult:
+    return sonarmap.map_scans(scans, method=KnowingRegistrar(TRUTH, 1e-4 * np.eye(6)), voxel=VOXEL)
+
+
+@pytest.fixture(scope="module")
+def written(scans: Path, result: sonarmap.SurveyResult, tmp_path_factory: pytest.TempPathFactory) -> sonarmap.Map:
+    return sonarmap.write_map(
+        result, tmp_path_factory.mktemp("out") / "map", inputs=scans, georeference=HERE, report=False
+    )
+
+
+def test_a_map_is_written_and_opened(written: sonarmap.Map, result: sonarmap.SurveyResult) -> None:
+    again = sonarmap.Map.open(str(written.path))
+    assert again.names == written.names == result.names == tuple(f"scan{k}" for k in range(COUNT))
+    assert again.georeference == HERE
+    (part,) = again.parts
+    np.testing.assert_allclose(part.points, result.maps[0].points, atol=1e-6)
+    np.testing.assert_allclose(part.covariances, result.covariances, rtol=1e-9)
+    apart = part.trajectory.T_world_sensor.translation - result.trajectory.T_world_sensor.translation
+    assert np.abs(apart).max() < 1e-9
+    names = {path.name for path in written.path.iterdir()}
+    assert {"map.ply", "map.png", "trajectory.tum", "graph.g2o", "graph.json", "pairs.csv", "summary.json"} <= names
+    assert "report.html" not in names
+    assert "scan0" in sonarmap.write_report(written).read_text()
+    assert "report.html" in json.loads((written.path / "summary.json").read_text())["files"]
+
+
+def test_it_is_exported(written: sonarmap.Map, scans: Path, tmp_path: Path) -> None:
+    exported = sonarmap.export_map(written, tmp_path / "gis", ["laz", "geotif"], crs="EPSG:25832")
+    assert [path.name for path in exported.files if path.suffix != ".json"] == ["map.laz", "grid.tif", "grid.qml"]
+    assert any("`origin`" in note for note in exported.notes) or not any("--" in note for note in exported.notes)
+    sonarmap.export_map(written.path, tmp_path, "laz", points="all", crs="map")
+    read = sonarmap.read_scans(scans)
+    assert len(laspy.read(tmp_path / "points.laz").points) == sum(len(scan.points) for scan in read)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"formats": "gtiff"}, "'gtiff'; did you mean geotiff"),
+        ({"formats": "laz", "cell": -1.0}, "`cell=-1.0` cannot be used; wanted a number above zero"),
+        ({"formats": "laz", "spacing": "a"}, "`number='a'` cannot be used"),
+        ({"formats": "laz", "height": "low"}, "`height='low'` is not known; choose one of top"),
+        ({"formats": "laz", "rate": 2.0}, "`rate` has no effect without a format of poses"),
+        ({"formats": "laz", "origin": (60, 5)}, "`origin=.*wanted Georeference or None"),
+        ({"formats": "laz", "crs": "EPSG:1"}, "EPSG:1"),
+    ],
+)
+def test_exports_that_cannot_be(written: sonarmap.Map, tmp_path: Path, arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(sonarmap.InputError, match=words) as refused:
+        api.export_map(written, tmp_path, **arguments)
+    assert "--" not in str(refused.value)
+
+
+def test_scans_are_fused_again(result: sonarmap.SurveyResult, scans: Path) -> None:
+    again = sonarmap.fuse(scans, result.trajectory, VOXEL, covariances=result.covariances)
+    for name in ("points", "sigma", "seen", "count", "scan"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(result.maps[0], name))
+    T = RigidTransform.from_translation([0.0, 0.0, 7.0]) * result.trajectory.T_world_sensor
+    moved = sonarmap.fuse(sonarmap.read_scans(scans), T.as_matrix(), VOXEL, surveys=[0] * COUNT)
+    assert moved.points[:, 2].mean() == pytest.approx(again.points[:, 2].mean() + 7.0, abs=0.02)
+    for given, words in (
+        ((scans, TRUTH[0], VOXEL), "`poses` are one, and there are 6 scans"),
+        ((scans, TRUTH[:4], VOXEL), "`poses` are 4, and there are 6 scans"),
+        ((scans, TRUTH, 0.0), "`voxel=0.0` cannot be used"),
+        ((scans, TRUTH, None), "`voxel=None` cannot be used"),
+        ((scans, TRUTH.as_matrix()[:4], VOXEL), "`poses` are 4, and there are 6 scans"),
+        ((scans, np.zeros((6, 3)), VOXEL), r"`poses` of shape \(6, 3\) are no poses"),
+        ((scans, [TRUTH], VOXEL), "wanted Trajectory or RigidTransform or ndarray"),
+    ):
+        with pytest.raises(sonarmap.InputError, match=words):
+            api.fuse(*given)
+    with pytest.raises(sonarmap.InputError, match=r"`covariances` are of shape \(6, 6\); wanted \(6, 6, 6\)"):
+        sonarmap.fuse(scans, TRUTH, VOXEL, covariances=np.eye(6))
+
+
+def test_navigation(scans: Path, tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    rows = [f"scan{k},1.5,-2,{30 + k},60.3913,5.3221,{3 + k}" for k in range(COUNT)]
+    log.write_text("\n".join(["name,roll_deg,pitch_deg,heading_deg,latitude,longitude,Z", *rows]))
+    sigmas = [0.01, 0.01, 0.05, 2.0, 2.0, 0.1]
+    lever = RigidTransform.from_translation([0.0, 0.0, -1.0])
+    navigated = sonarmap.read_navigation(
+        log, scans, sigmas=sigmas, columns={"depth_m": "Z"}, declination=0.1, T_vehicle_sensor=lever
+    )
+    assert navigated.georeference is not None
+    assert navigated.georeference.latitude == pytest.approx(60.3913)
+    for k, scan in enumerate(navigated.scans):
+        assert scan.prior is not None
+        np.testing.assert_allclose(scan.prior.sigmas[:3], sigmas[:3])
+        assert scan.prior.T_world_sensor.translation[2] == pytest.approx(-4.0 - k, abs=0.01)
+    for given, words in (
+        ({"sigmas": [1.0]}, "`sigmas=.*wanted six numbers"),
+        ({"frame": "enz"}, "`frame` is 'enz'"),
+        ({"heading_reference": "magnetic"}, "give it as `magnetic_declination`"),
+        ({"crs": "EPSG:32632", "columns": {"depth_m": "Z"}}, "`"),
+        ({}, "scan0.npz: line 1 is not a CSV line"),
+    ):
+        with pytest.raises(sonarmap.InputError, match=words) as refused:
+            api.read_navigation(log if given else scans / "scan0.npz", scans, **given)
+        assert "--" not in str(refused.value)
+
+
+def test_results_print_in_three_lines(result: sonarmap.SurveyResult, written: sonarmap.Map) -> None:
+    assert str(result).startswith(f"6 of 6 scans placed in 1 map: {len(result.maps[0].points):,} points, voxels of 0.5")
+    assert "which moved poses by up to" in str(result)
+    assert "place on the Earth: 60.391300, 5.322100, height -2 m" in str(written)
+    assert "seen by several scans" in str(result.maps[0])
+    optimized = sonarmap.optimize(written.path / "graph.json")
+    assert "6 poses" in str(optimized)
+    registration = result.pairs[0].registration
+    assert registration is not None
+    assert str(registration).startswith("accepted: ")
+    for each in (result, written, result.maps[0], optimized, registration):
+        assert len(str(each).splitlines()) == 3, str(each)
+
+
+def test_what_cannot_be_written(result: sonarmap.SurveyResult, scans: Path, tmp_path: Path) -> None:
+    for given, words in (
+        ((None, tmp_path), "`result=None` .*wanted SurveyResult"),
+        ((result, 3), "`path=3` cannot be used"),
+    ):
+        with pytest.raises(sonarmap.InputError, match=words):
+            api.write_map(*given)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(sonarmap.InputError):
+        sonarmap.write_map(result, tmp_path / "file")
+    with pytest.raises(sonarmap.InputError, match="is not a folder"):
+        sonarmap.Map.open(tmp_path / "file")
+    with pytest.raises(sonarmap.InputError, match="wanted the path"):
+        api.write_report(5)
