@@ -91,10 +91,7 @@ class Motion:
         sure = [Step.of(pair, times) for pair in steps]
         spans = np.array([times[pair.j] - times[pair.i] for pair in steps])
         span = float(np.median(spans))
-        measured, errors = np.array([step.rate for step in sure]), np.array([step.covariance for step in sure])
-        # what is accepted is taken as it is; but where a step is shorter than usual, its error is a larger part of it
-        accepted = np.array([pair.accepted for pair in steps])
-        errors[accepted] *= np.maximum(1 - (spans[accepted, None, None] / span) ** 2, 0.0)
+        measured, errors = np.array([step.rate for step in sure]), _errors(sure, steps, spans / span)
         mean, scatter = _fit_t(measured, errors, floor / span)
         rates, left = _filled(measured, errors, mean, scatter)
         within = np.flatnonzero(_squared(rates - mean, scatter) <= _BEYOND)
@@ -217,6 +214,16 @@ def _within(limits: MotionLimits, times: np.ndarray, pair: RegisteredPair) -> bo
     span, T = float(times[pair.j] - times[pair.i]), pair.registration.T_target_source
     way, turn = np.linalg.norm(T.translation), T.rotation.magnitude()
     return bool(way <= limits.way(span, pair.j - pair.i) and turn <= limits.turn(span))
+
+
+def _errors(sure: Sequence[Step], steps: Sequence[RegisteredPair], spans: np.ndarray) -> np.ndarray:
+    """(n, 6, 6) covariances of rates, of steps that take so many times (n,) as long as usual.
+
+    What is accepted is taken as it is; but where a step is shorter, its error is a larger part of it.
+    """
+    errors, accepted = np.array([step.covariance for step in sure]), np.array([pair.accepted for pair in steps])
+    errors[accepted] *= np.maximum(1 - spans[accepted, None, None] ** 2, 0.0)
+    return errors
 
 
 def _steady(usual: np.ndarray, span: float) -> RigidTransform:
