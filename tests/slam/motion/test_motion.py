@@ -57,6 +57,18 @@ def test_it_is_learned_whatever_a_few_wrong_steps_say(wrong: int) -> None:
     assert (deviation < 1.3 * np.hypot(SPREAD, assumed)).all()
 
 
+def test_short_steps_of_a_stream_tell_little_of_the_speed() -> None:
+    """Five steps of a fiftieth of the usual time, whose errors of 5 cm are more than the way."""
+    rng = np.random.default_rng(7)
+    spans, covariance = np.repeat([0.02, 1.0], [5, 8]), np.diag(np.repeat([0.005, 0.05], 3) ** 2)
+    errors = rng.multivariate_normal(np.zeros(6), covariance, len(spans)) * (spans < 1)[:, None]
+    pairs = [step_pair(k, moved(USUAL * span + errors[k]), covariance) for k, span in enumerate(spans)]
+    motion = learned(pairs, np.concatenate([[0.0], np.cumsum(spans)]))
+    speed = float(np.linalg.norm(USUAL[3:]))
+    assert motion.speed == pytest.approx(speed, rel=0.05)
+    assert (np.abs(motion.usual - USUAL)[3:] < 0.05 * speed).all()
+
+
 def test_rare_turns_count() -> None:
     """A lawnmower goes straight for long, and then turns: the turns are no errors."""
     pairs = steps(40)
