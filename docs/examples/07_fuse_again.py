@@ -15,5 +15,5 @@ assert np.allclose(again.points, result.maps[0].points), "the same poses give th
 
 poses = result.trajectory.T_world_sensor.as_matrix()
 poses[-1, :3, 3] += [0.0, 0.0, 0.5]  # the last scan half a meter higher
-changed = sonarmap.fuse(scans, poses, result.voxel)
+changed = sonarmap.fuse(scans, poses, result.voxel, covariances=result.covariances)
 print(f"{len(changed.points)} points, where there were {len(again.points)}")

@@ -15,7 +15,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.result import Registrar, Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.given import ScanLike, as_scan, as_scans, as_surveys, require, require_type
+from sonarmap.tools.given import ScanLike, as_scan, as_scans, as_survey, as_surveys, require, require_type
 from sonarmap.tools.methods.registry import Setup, find_method, reused
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.slam.tie import Tie
     from sonarmap.spectral.registration import SpectralRegistrar
+    from sonarmap.tools.files.map_folder.folder import Map
     from sonarmap.tools.products.compare.comparison import Comparison
 
 __all__ = ["PreparedScan", "compare", "locate", "map_scans", "optimize", "prepare", "read_scans", "register"]
@@ -194,8 +195,8 @@ def map_scans(
 
 
 def locate(
-    folder: str | os.PathLike[str],
-    scans: Iterable[ScanLike],
+    folder: "Map | str | os.PathLike[str]",
+    scans: Iterable[ScanLike] | str | os.PathLike[str],
     *,
     alone: bool = False,
     voxel: float | None = None,
@@ -206,8 +207,8 @@ def locate(
     """Where scans were taken in a finished map: `T_map_scan`, its covariance, and whether to believe it.
 
     Args:
-        folder: that `sonarmap map` wrote; its largest part is searched.
-        scans: each as `register` takes it; a scan's prior counts where instruments placed the map, and is in its frame.
+        folder: that `sonarmap map` wrote, or a map; its largest part is searched.
+        scans: as `map_scans` takes them; a scan's prior counts where instruments placed the map, and is in its frame.
         alone: whether the scans do not follow one another.
         voxel, edge, max_tilt, device: as of `register`; the voxel is chosen for the map as its scans saw it.
 
@@ -219,16 +220,15 @@ def locate(
         InputError: the folder, a scan, a file or an argument cannot be used.
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
-    from pathlib import Path
 
     from sonarmap.slam.locate.locator import Locator
     from sonarmap.slam.survey_grid import survey_grid
-    from sonarmap.tools.files.map_folder.folder import read_map_folder
     from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+    from sonarmap.tools.maps import opened_map
 
-    require(path=folder, device=device)
+    require(device=device)
     voxel, edge, max_tilt = require(voxel=voxel, edge=edge, max_tilt=max_tilt)
-    surveyed, listed = surveyed_map(read_map_folder(Path(folder))), as_scans(scans)
+    surveyed, listed = surveyed_map(opened_map(folder)), as_survey(scans)
     grid = survey_grid(surveyed.key_scans(), edge, voxel)
     with reused("spectral", _setup("spectral", grid, max_tilt, device, 0)) as registrar:
         locator = Locator(cast("SpectralRegistrar", registrar), surveyed)
@@ -236,8 +236,8 @@ def locate(
 
 
 def compare(
-    old: str | os.PathLike[str],
-    new: str | os.PathLike[str],
+    old: "Map | str | os.PathLike[str]",
+    new: "Map | str | os.PathLike[str]",
     *,
     keep_frames: bool = False,
     reach: float | None = None,
@@ -249,7 +249,7 @@ def compare(
     """What changed between two surveys of a place: distances with their levels of detection, and regions that changed.
 
     Args:
-        old, new: folders that `sonarmap map` wrote; the largest part of each counts.
+        old, new: folders that `sonarmap map` wrote, or maps; the largest part of each counts.
         keep_frames: whether both lie on the Earth as they are; otherwise `new` is registered to `old`.
         reach: how far from the old surface the new one is sought [m]; None for four voxels.
         voxel, edge, max_tilt, device: as of `register`; the voxel is chosen for the old map as its scans saw it.
@@ -262,20 +262,18 @@ def compare(
             (`NotAlignedError`).
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
-    from pathlib import Path
 
     from sonarmap.slam.survey_grid import survey_grid
-    from sonarmap.tools.files.map_folder.folder import read_map_folder
     from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+    from sonarmap.tools.maps import opened_map
     from sonarmap.tools.products.compare.comparison import CompareSettings, compare_maps
 
-    require(path=old, device=device)
-    require(path=new)
+    require(device=device)
     (keep_frames,) = require(keep_frames=keep_frames)
     voxel, edge, max_tilt, reach = require(voxel=voxel, edge=edge, max_tilt=max_tilt, reach=reach)
     if reach is not None and not reach > 0:
         raise InputError(f"`reach={reach}` cannot be used; wanted a length in meters above zero, or None")
-    folders, settings = (read_map_folder(Path(old)), read_map_folder(Path(new))), CompareSettings(reach)
+    folders, settings = (opened_map(old), opened_map(new)), CompareSettings(reach)
     if keep_frames:
         return compare_maps(*folders, None, settings)
     grid = survey_grid(surveyed_map(folders[0]).key_scans(), edge, voxel)

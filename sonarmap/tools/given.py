@@ -21,6 +21,7 @@ ScanLike: TypeAlias = Scan | NDArray[Any] | str | os.PathLike[str]
 _TEXT, _NONE, _PATHS = (str,), (type(None),), (str, os.PathLike)
 _PLAIN: dict[Any, Callable[[Any], object]] = {Integral: int, Real: float, bool: bool}  # Python's own of each kind
 _MOST = 2**63 - 1
+_COLUMNS = 32  # more of an array of three rows are points, one in each
 _FARTHEST = 2000.0  # of half of a scan's points [m]: sonars that map in 3D see tens of meters, or some hundreds
 _OPTION = re.compile(r"--(?:nav-)?([a-z][a-z-]*)")
 # Name of an argument -> its types, and what is wanted, in words. What a number may be, they say that use it.
@@ -153,6 +154,8 @@ def _points(given: object, name: str) -> NDArray[Any]:
         raise InputError(f"{name} is not an array ({error}); wanted points of shape (N, 3) in meters") from error
     if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind not in "fiu":
         raise InputError(f"{name} is {points.dtype} of shape {points.shape}; wanted points of shape (N, 3) in meters")
+    if len(points) == 3 and points.shape[1] > _COLUMNS:
+        raise InputError(f"{name} has shape {points.shape}; is it transposed? Wanted (N, 3): give `points.T`")
     points = points[:, :3].astype(np.float64)
     if len(points) and np.isfinite(points).all():
         refuse_map_coordinates(points, f"points of {name}")

@@ -43,6 +43,9 @@ __all__ = [
 ]
 
 
+_ORTHONORMAL = 1e-3  # by how much a rotation's rows may not be, as of numbers that were rounded
+
+
 def write_map(
     result: SurveyResult,
     folder: str | os.PathLike[str],
@@ -111,7 +114,7 @@ def write_report(folder: Map | str | os.PathLike[str]) -> Path:
     """
     from sonarmap.tools.products.report.page.page import write_report as write_page
 
-    finished = _opened(folder)
+    finished = opened_map(folder)
     with locked(finished.path, writing=True):
         return write_page(finished)
 
@@ -169,7 +172,7 @@ def export_map(
         (number,) = require(number=value)
         if number is not None and not 0 < number < np.inf:
             raise InputError(f"`{name}={value}` cannot be used; wanted a number above zero, or None")
-    finished = _opened(folder)
+    finished = opened_map(folder)
     finished = finished if origin is None else replace(finished, georeference=origin)
     settings = ExportSettings(
         tuple(known_formats([formats] if isinstance(formats, str) else formats)),
@@ -292,12 +295,16 @@ def fuse(
 
 def _rigid(matrices: "NDArray[Any]") -> RigidTransform:
     try:
-        return RigidTransform.from_matrix(matrices)
+        T = RigidTransform.from_matrix(matrices)
     except ValueError as error:
         raise InputError(f"`poses` of shape {matrices.shape} are no poses ({error}); wanted (N, 4, 4)") from error
+    if not np.allclose(T.as_matrix(), matrices, rtol=0, atol=_ORTHONORMAL):  # it takes the nearest rotation
+        raise InputError("`poses` have parts [:3, :3] that are no rotations: their rows are not orthonormal")
+    return T
 
 
-def _opened(folder: Map | str | os.PathLike[str]) -> Map:
+def opened_map(folder: Map | str | os.PathLike[str]) -> Map:
+    """The finished map, or that of a folder. Raises InputError: the folder is none that `sonarmap map` wrote."""
     if isinstance(folder, Map):
         return folder
     require(path=folder)

@@ -96,6 +96,7 @@ def test_scans_are_fused_again(result: sonarmap.SurveyResult, scans: Path) -> No
         ((scans, TRUTH, None), "`voxel=None` cannot be used"),
         ((scans, TRUTH.as_matrix()[:4], VOXEL), "`poses` are 4, and there are 6 scans"),
         ((scans, np.zeros((6, 3)), VOXEL), r"`poses` of shape \(6, 3\) are no poses"),
+        ((scans, TRUTH.as_matrix() * 2 - np.eye(4), VOXEL), "are no rotations"),
         ((scans, [TRUTH], VOXEL), "wanted Trajectory or RigidTransform or ndarray"),
     ):
         with pytest.raises(sonarmap.InputError, match=words):

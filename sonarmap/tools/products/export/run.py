@@ -208,7 +208,10 @@ def _clipped(folder: Map, settings: ExportSettings) -> tuple[Map, dict[str, Clip
         columns = {name: column[inside] for name, column in part.columns.items()}
         parts.append(replace(part, points=part.points[inside], columns=columns))
     if not any(len(part.points) for part in parts):
-        raise InputError(f"--clip {settings.clip}: no point of the map lies there; check it, and its coordinates")
+        raise InputError(
+            f"--clip {settings.clip}: no point of the map lies there; a box is in degrees, or in the "
+            "coordinates that --crs names (map: meters of the map's frame)"
+        )
     return replace(folder, parts=tuple(parts)), clips
 
 

@@ -138,7 +138,8 @@ def _place(name: str, text: str, in_degrees: bool) -> list[float]:
     except ValueError:
         numbers = []
     if len(numbers) != 2 or not all(map(math.isfinite, numbers)):
-        raise InputError(f"{name} is {text!r}; wanted two numbers separated by a comma, as in {name}=-12.5,40")
+        hint = "" if in_degrees else "; latitude and longitude need --degrees"
+        raise InputError(f"{name} is {text!r}; wanted two numbers separated by a comma, as in {name}=-12.5,40{hint}")
     return numbers
 
 

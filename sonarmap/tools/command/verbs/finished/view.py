@@ -38,7 +38,8 @@ def command(
     elif not report.is_file():
         if not (source / SUMMARY).is_file():
             raise InputError(
-                f"{source} is not a folder that `sonarmap map` wrote: it has no {SUMMARY}. Give the folder after -o"
+                f"{source} is not a folder that `sonarmap map` wrote: it has no {SUMMARY}. Give the one that "
+                "its -o named, as in `sonarmap view map/`"
             )
         raise InputError(
             f"{source} has no {REPORT}, as of a map made with --no-report or by an earlier version; "
