@@ -147,6 +147,7 @@ class TestRegister:
         ("target", "options", "message"),
         [
             (np.zeros((5, 2)), {}, r"scan 0 is float64 of shape \(5, 2\); wanted points of shape \(N, 3\)"),
+            (np.zeros((3, 500)), {}, r"scan 0 has shape \(3, 500\); is it transposed\?"),
             (np.full((50, 3), np.nan), {}, "NaN or infinite"),
             (np.array([["a", "b", "c"]]), {}, "wanted points"),
             (points(1), {"method": "magic"}, "no method is called 'magic'"),
