@@ -2,10 +2,11 @@
 """A finished map to the formats of other programs: all chosen files of all parts, or none."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -172,14 +173,8 @@ def export_map(
             if step is not None:
                 step(done, len(jobs), path.name)
             before, earth = len(written), None if local and _of_points(name) else earths[part.suffix]
-            if settings.rate is not None and FORMATS[name].of_poses:
-                poses = sampled(part, np.array(folder.surveys(part)), settings.rate)
-                details = dict(FORMATS[name].write(path, folder, poses, earth and replace(earth, part=poses)))
-                details |= {"rate_hz": settings.rate, "poses": len(poses.scans)}
-            else:
-                clip = clips.get(part.suffix)
-                cloud = Cloud(folder, part, earth, scans, settings.scans, settings.spacing, clip)
-                details = FORMATS[name].write(path, folder, part, earth, cloud, cell)
+            cloud = Cloud(folder, part, earth, scans, settings.scans, settings.spacing, clips.get(part.suffix))
+            details = _write(name, path, cloud, settings.rate, cell)
             for temporary, each in tuple(written[before:]):
                 _require_ours(each)
                 content = side_car_content(temporary, each.name, name, folder, part, earth) | {"details": details}
@@ -192,6 +187,16 @@ def export_map(
             listed = dict.fromkeys([*folder.summary.get("files", []), *(path.name for path in files)])
             write_json(to / SUMMARY, {**folder.summary, "files": list(listed)})
     return Exported(files, tuple(_notes(folder, settings, earths)))
+
+
+def _write(name: str, path: Path, cloud: Cloud, rate: float | None, cell: float) -> Mapping[str, Any]:
+    """Write one file, and return what its side-car says of it: of poses at a `rate` [Hz], if it holds nothing else."""
+    form, (folder, part, earth) = FORMATS[name], (cloud.folder, cloud.part, cloud.earth)
+    if rate is None or not form.of_poses:
+        return form.write(path, folder, part, earth, cloud, cell)
+    poses = sampled(part, np.array(folder.surveys(part)), rate)
+    details = form.write(path, folder, poses, earth and replace(earth, part=poses))
+    return {**details, "rate_hz": rate, "poses": len(poses.scans)}
 
 
 def _clipped(folder: Map, settings: ExportSettings) -> tuple[Map, dict[str, Clip]]:

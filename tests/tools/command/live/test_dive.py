@@ -140,6 +140,7 @@ def test_without_finish_there_is_no_map_and_later_it_goes_on(clutter: Path, tmp_
     assert results(tmp_path) == results(clutter / "out")
 
 
+@pytest.mark.slow
 def test_where_nothing_comes_it_says_so(tmp_path: Path) -> None:
     process = live(tmp_path, "--unicast", f"{LOOPBACK}:{free_port()}", "--duration", "2")
     assert "no scan came, and there is no map" in ended(process, 3)

@@ -97,6 +97,7 @@ def test_a_single_line_is_placed_by_its_navigation(survey: Survey, tmp_path: Pat
     assert json.loads((tmp_path / "out" / "lines.json").read_text())["crossings"] is None
 
 
+@pytest.mark.slow
 def test_biases_are_taken_out_on_request(tmp_path: Path) -> None:
     files = survey_of(tmp_path, simulated(4, WRONG, rms=0.6, pings=PINGS, beams=128))
     result = done(sonarmap("map", *files, "-o", tmp_path / "out", "--patch-test"))

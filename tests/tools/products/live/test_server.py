@@ -131,6 +131,7 @@ def test_garbage_is_refused_and_nothing_falls(live: LivePage, capfd: pytest.Capt
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_a_browser_that_reads_nothing_holds_nobody_up(live: LivePage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "_PATIENCE", 0.5)
     with feed(live, max_queue=1) as slow, feed(live) as quick:
