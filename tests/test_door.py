@@ -177,10 +177,18 @@ class TestRegister:
                 use([far, points(2)])
 
     def test_millimeters_are_asked_for(self) -> None:
-        with pytest.raises(sonarmap.InputError, match=r"scan 0: half of its points .* are these millimeters\?"):
+        with pytest.raises(sonarmap.InputError, match=r"scan 0: half of its points .* are these millimeters"):
             sonarmap.register(1000 * points(1), points(2), method="planes")
+        with pytest.raises(sonarmap.InputError, match=r"lie beyond 100 km .* are these millimeters"):
+            sonarmap.register(1e5 * points(1), points(2), method="planes")
+        with pytest.raises(sonarmap.InputError, match=r"map coordinates .*local grid"):
+            sonarmap.register(points(1) + 5000.0, points(2), method="planes")
         meters = sonarmap.Scan(np.float32(1000) * points(1, np.float32))
         assert sonarmap.prepare([meters], method="planes")  # whoever makes a `Scan` has read its unit
+
+    def test_one_array_is_no_list_of_scans(self) -> None:
+        with pytest.raises(sonarmap.InputError, match=r"give one as `\[points\]`"):
+            sonarmap.map_scans(points(1))
 
     def test_columns_after_the_third_are_left_out(self) -> None:
         wide = np.column_stack([points(1), np.full(8000, -1.0), np.full(8000, np.nan)])

@@ -7,14 +7,14 @@ from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from numbers import Integral, Real
 from reprlib import repr as shortened
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan, refuse_mask
-from sonarmap.tools.files.readers.clouds.cloud import refuse_map_coordinates
+from sonarmap.tools.files.readers.clouds.cloud import looks_like, refuse_map_coordinates
 
 ScanLike: TypeAlias = Scan | NDArray[Any] | str | os.PathLike[str]
 
@@ -88,6 +88,8 @@ def _refusal(name: str, value: object, wanted: str) -> InputError:
 def as_scans(scans: Iterable[ScanLike]) -> list[Scan]:
     """Each as a scan, stamped with its number where it is not one yet. Raises InputError: no iterable of scans, none in
     it, or one that cannot be used."""
+    if getattr(scans, "ndim", None) == 2:
+        raise _refusal("scans", np.shape(cast("Any", scans)), "a list of scans; give one as `[points]`")
     if isinstance(scans, _PATHS) or not np.iterable(scans):
         wanted = "a list of scans; `map_scans` takes the path of a folder or file too, and `read_scans` reads it"
         raise _refusal("scans", scans, wanted)
@@ -161,7 +163,7 @@ def _points(given: object, name: str) -> NDArray[Any]:
         refuse_map_coordinates(points, f"points of {name}")
         if (far := float(np.median(np.abs(points).max(axis=1)))) > _FARTHEST:
             raise InputError(
-                f"{name}: half of its points lie beyond {far:,.0f} m; are these millimeters? Give meters, as in "
-                "`points / 1000` (`read_scans` takes `units='mm'`); if they are meters, give them as a `Scan`"
+                f"{name}: half of its points lie beyond {far:,.0f} m: {looks_like(points)}; if that is meant, give "
+                "them as a `Scan`"
             )
     return points

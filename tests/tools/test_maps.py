@@ -144,6 +144,7 @@ def test_results_print_in_three_lines(result: sonarmap.SurveyResult, written: so
     assert str(registration).startswith("accepted: ")
     for each in (result, written, result.maps[0], optimized, registration):
         assert len(str(each).splitlines()) == 3, str(each)
+    assert repr(written) == f"<Map {written.path}: 6 scans in 1 part>"
 
 
 def test_what_cannot_be_written(result: sonarmap.SurveyResult, scans: Path, tmp_path: Path) -> None:
@@ -158,5 +159,7 @@ def test_what_cannot_be_written(result: sonarmap.SurveyResult, scans: Path, tmp_
         sonarmap.write_map(result, tmp_path / "file")
     with pytest.raises(sonarmap.InputError, match="is not a folder"):
         sonarmap.Map.open(tmp_path / "file")
+    with pytest.raises(sonarmap.InputError, match=r"holds no map: it has no summary\.json"):
+        sonarmap.Map.open(tmp_path)
     with pytest.raises(sonarmap.InputError, match="wanted the path"):
         api.write_report(5)

@@ -168,13 +168,14 @@ def _numbers(origin: str) -> tuple[float, float, float]:
     """Latitude, longitude [deg] and height [m], 0 where it is left out."""
     from sonarmap.tools.files.geo.degrees import place_of
 
+    numbers, why = list[float](), ""
     try:
         numbers = place_of(origin)
-    except ValueError:
-        numbers = []
+    except ValueError as error:
+        why = f" ({error})"
     if len(numbers) not in (2, 3):
         raise InputError(
-            f"--origin is {origin!r}; wanted latitude and longitude in degrees with decimal points, and perhaps a "
+            f"--origin is {origin!r}{why}; wanted latitude and longitude in degrees with decimal points, and perhaps a "
             "height in meters, as in --origin 60.3913,5.3221 or --origin=-33.8568,151.2153,2.5, or in degrees and "
             'minutes, as in --origin "60 23.478 N, 5 19.326 E"'
         )

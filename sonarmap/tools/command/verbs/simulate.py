@@ -1,6 +1,7 @@
 """`sonarmap simulate`: scans of a known scene, with their true poses."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -131,7 +132,8 @@ class SimulatedNavigation:
 
     priors: str | None = _nav(
         "KINDS",
-        "Also write priors.csv, what instruments would say. KINDS is one or more of attitude,heading,depth,position.",
+        "Also write priors.csv, what instruments would say. KINDS is one or more of attitude,heading,depth,position, "
+        "or all.",
         autocompletion=completes_list(INSTRUMENTS),
     )
     fix_every: int | None = _nav(
@@ -149,12 +151,19 @@ class SimulatedNavigation:
         "hour \\[deg/h].",
     )
 
+    @property
+    def kinds(self) -> Sequence[str]:
+        """What is measured; none without priors."""
+        if self.priors is None:
+            return ()
+        return INSTRUMENTS if self.priors == "all" else [kind.strip() for kind in self.priors.split(",")]
+
     def fixes(self) -> "Fixes":
         """How positions are fixed; what says so is refused where nothing measures them."""
         from sonarmap.tools.lab.simulate.sensing.navigation import Fixes
 
         said = (self.fix_every, self.fix_outliers, self.fix_sigma)
-        if any(value is not None for value in said) and "position" not in (self.priors or ""):
+        if any(value is not None for value in said) and "position" not in self.kinds:
             raise InputError(
                 "--fix-every, --fix-outliers and --fix-sigma have no effect without --priors position; give it, or "
                 "leave them out"
@@ -171,9 +180,7 @@ class SimulatedNavigation:
         """What measures the poses; None for nothing."""
         from sonarmap.tools.lab.simulate.sensing.navigation import instruments_for
 
-        if self.priors is None:
-            return None
-        return instruments_for([kind.strip() for kind in self.priors.split(",")], self.fix_sigma)
+        return instruments_for(self.kinds, self.fix_sigma) if self.kinds else None
 
 
 def command(

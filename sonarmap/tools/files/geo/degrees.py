@@ -17,7 +17,9 @@ def degrees_of(text: str, letters: str) -> float:
     letter = next((each for each in letters if plain.startswith(each) or plain.endswith(each)), "")
     plain = plain.strip(letter).strip() if letter else plain
     if letter and plain[:1] in "+-":
-        raise ValueError(f"{text!r} has a sign and a letter")
+        raise ValueError(f"{text.strip()!r} has a sign and a letter")
+    if not letter and {plain[:1], plain[-1:]} & set("NSEW"):
+        raise ValueError(f"{text.strip()!r} has no letter of {letters}; the latitude is first")
     sign = -1.0 if letter == letters[1] else 1.0
     match = _ANGLE.fullmatch(plain)
     if match is None:
@@ -25,7 +27,7 @@ def degrees_of(text: str, letters: str) -> float:
     minus, degrees, minutes, seconds = match.groups()
     parts = float(minutes), float(seconds or 0)
     if max(parts) >= 60 or "." in degrees or (seconds and "." in minutes):
-        raise ValueError(f"{text!r} is not degrees, minutes and seconds")
+        raise ValueError(f"in {text.strip()!r} minutes and seconds have to be below 60, and only the last has decimals")
     return sign * (-1.0 if minus == "-" else 1.0) * (float(degrees) + parts[0] / 60 + parts[1] / 3600)
 
 

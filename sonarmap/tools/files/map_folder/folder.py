@@ -73,7 +73,7 @@ class Loop:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Map:
     """A finished map: the folder that `sonarmap map` or `write_map` wrote.
 
@@ -106,6 +106,9 @@ class Map:
             InputError: no folder that `sonarmap map` or `write_map` wrote, or files of it that are missing or damaged.
         """
         return read_map_folder(Path(folder))
+
+    def __repr__(self) -> str:
+        return f"<Map {self.path}: {counted(len(self.names), 'scan')} in {counted(len(self.parts), 'part')}>"
 
     def __str__(self) -> str:
         placed, points = sum(len(part.scans) for part in self.parts), sum(len(part.points) for part in self.parts)
@@ -143,6 +146,8 @@ def read_map_folder(path: Path) -> Map:
     expected = "the folder that `sonarmap map` wrote"
     if not path.is_dir():
         raise InputError(f"{path} is not a folder; wanted {expected}")
+    if not (path / SUMMARY).exists():
+        raise InputError(f"{path} holds no map: it has no {SUMMARY}; wanted {expected}")
     summary, graph = (read_json(path / name, f"a file of {expected}") for name in (SUMMARY, FULL_GRAPH))
     try:
         poses = graph["poses"]

@@ -63,6 +63,7 @@ _BAG_FOLDER = _recording("a ROS 2 bag", b"")
 _LAS = Format("a LAS or LAZ file", rb"LASF", read_las)
 _TEXT = Format("text", rb"[^\x00-\x08\x0e-\x1f\x7f]*\Z", read_text)
 
+_OF_POSES = (".tum", ".kitti", ".g2o")
 # Suffix -> format. Text comes last, as the start of a PLY or PCD file is text too.
 FORMATS = {
     ".ply": Format("a PLY file", rb"ply[ \t]*[\r\n]", read_ply),
@@ -106,7 +107,9 @@ def _clouds_in(selected: SelectedFile, notes: list[str], lines: LineReading) -> 
     """Every cloud of a file, those without points too."""
     path = selected.path
     if (known := _BAG_FOLDER if path.is_dir() else FORMATS.get(path.suffix.lower())) is None:
-        raise InputError(f"unknown format {path.suffix or '(no suffix)'!r}; known formats are {', '.join(FORMATS)}")
+        poses = "these are poses, not scans; " if path.suffix.lower() in _OF_POSES else ""
+        suffix = path.suffix or "(no suffix)"
+        raise InputError(f"{poses}unknown format {suffix!r}; known formats are {', '.join(FORMATS)}")
     if known is not _BAG_FOLDER:
         _check_start(path)
     if selected.topic is not None and not known.has_topics:

@@ -43,6 +43,8 @@ def write_simulation(
             f"{folder} already holds {foreign[0].name}, which is not part of this simulation of {len(paths)} scans; "
             "choose another folder or remove it"
         )
+    if paths[0].exists() and not (folder / DESCRIPTION).exists():
+        raise InputError(f"{folder} holds a {paths[0].name} that no simulation wrote; choose another folder")
     if instruments is None and (folder / PRIORS).exists():
         raise InputError(
             f"{folder} already holds a {PRIORS}, which does not belong to these scans; remove it, simulate priors too "

@@ -178,6 +178,8 @@ def known_formats(names: Iterable[str]) -> list[str]:
             alike = get_close_matches(name, FORMATS, 1, _ALIKE)
             if not alike:
                 near = "".join(f"did you mean {other}? Else " for other in get_close_matches(name, FORMATS, 1))
+                if name.startswith("contour"):
+                    near = "contours are drawn by --contours M into kml, kmz, geojson and gpkg. Else "
                 raise InputError(f"{name!r}; {near}choose from {', '.join(FORMATS)}, several separated by commas")
             name = alike[0]
         known[name] = None

@@ -26,5 +26,5 @@ def test_places(text: str, place: list[float]) -> None:
     "text", ["60 61 N,5 E", "5 E,60 N", "-60 23 N,5 E", "60 23.4 28 N,5", "60.5 23 N,5", "north,5", ",", "60 23 99 N,5"]
 )
 def test_what_is_none(text: str) -> None:
-    with pytest.raises(ValueError, match=r"convert|degrees|sign"):
+    with pytest.raises(ValueError, match=r"convert|below 60|sign|no letter"):
         place_of(text)

@@ -137,8 +137,9 @@ def test_the_last_line_of_a_text_must_end(tmp_path, sample):
 @pytest.mark.parametrize("far", [100_001.0, -4.2e6, 1e300])
 def test_map_coordinates_are_refused_with_advice(tmp_path, far):
     table = POINTS.astype(np.float64)
+    refused(tmp_path, ".npy", npy(table + far), "map coordinates.*subtract the sensor's position")
     table[1, 1] = far
-    refused(tmp_path, ".npy", npy(table), "map coordinates.*subtract the sensor's position")
+    refused(tmp_path, ".npy", npy(table), "another unit.*--units mm")
     table[1, 1] = 1e5
     (tmp_path / "near.npy").write_bytes(npy(table))
     assert read_scan(tmp_path / "near.npy").points[1, 1] == 1e5

@@ -91,6 +91,7 @@ def test_stamps_are_the_files_own_where_all_have_one(tmp_path):
         ("missing/*.ply", "holds no scans; known formats are .*ply"),
         ("cloud.e57", "unknown format '.e57'; known formats are .*ply.*sonar"),
         ("nosuffix", "unknown format.*no suffix"),
+        ("truth.tum", "these are poses, not scans; unknown format"),
         ("hollow", "holds no scans"),
         ("hollow.ply", "holds no scans"),
         ("*.e57", "holds no scans"),
@@ -103,7 +104,7 @@ def test_stamps_are_the_files_own_where_all_have_one(tmp_path):
 )
 def test_paths_that_lead_nowhere(tmp_path, name, said):
     os.mkfifo(tmp_path / "pipe.ply")
-    for kind in ("cloud.e57", "nosuffix", "good.xyz"):
+    for kind in ("cloud.e57", "nosuffix", "truth.tum", "good.xyz"):
         put(tmp_path / kind, b"1 2 3\n")
     (tmp_path / "hollow").mkdir()
     (tmp_path / "hollow.ply").mkdir()

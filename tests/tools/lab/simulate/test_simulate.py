@@ -100,6 +100,9 @@ def test_a_folder_with_other_scans_is_left_alone(tmp_path):
     with pytest.raises(InputError, match=r"already holds scan_001\.ply"):
         write_simulation(simulate(SimulationSettings(count=1, sensor=COARSE, seed=9)), tmp_path)
     assert (tmp_path / "scan_000.ply").read_bytes() == before
+    (tmp_path / "description.json").unlink()
+    with pytest.raises(InputError, match=r"holds a scan_000\.ply that no simulation wrote"):
+        write_simulation(simulate(SimulationSettings(count=2, sensor=COARSE)), tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -133,13 +133,15 @@ def command(
 def _place(name: str, text: str, in_degrees: bool) -> list[float]:
     from sonarmap.tools.files.geo.degrees import place_of
 
+    numbers, why = list[float](), ""
     try:
         numbers = place_of(text) if in_degrees else [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
+    except ValueError as error:
+        why = f" ({error})"
     if len(numbers) != 2 or not all(map(math.isfinite, numbers)):
         hint = "" if in_degrees else "; latitude and longitude need --degrees"
-        raise InputError(f"{name} is {text!r}; wanted two numbers separated by a comma, as in {name}=-12.5,40{hint}")
+        wanted = f"two numbers separated by a comma, as in {name}=-12.5,40{hint}"
+        raise InputError(f"{name} is {text!r}{why}; wanted {wanted}")
     return numbers
 
 

@@ -19,6 +19,7 @@ _LISTED = 300  # characters of names that a message lists
 # Sensors see hundreds of meters; beyond this it is a map coordinate, and float32 loses its centimeters.
 COORDINATE_LIMIT = 1e5
 _LONGEST_SCAN = 3600.0  # [s]
+_AWAY = 5.0  # how far from its middle map coordinates have their zero, at least, over a scan's extent
 POINT_BYTES = 3 * 8  # of a point while it is checked
 
 
@@ -144,9 +145,19 @@ def refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:
         far = int((np.abs(points) > COORDINATE_LIMIT).any(axis=1).sum())
         raise InputError(
             f"{far:,} of {len(points):,} {what} lie beyond {COORDINATE_LIMIT / 1000:g} km (largest coordinate "
-            f"{largest:.6g} m): these look like map coordinates (UTM and the like) or another unit; give scans in "
-            "meters in the sensor's own frame: subtract the sensor's position from the points of each scan"
+            f"{largest:.6g} m): {looks_like(points)}"
         )
+
+
+def looks_like(points: np.ndarray) -> str:
+    """What finite points (N, 3) are that lie too far off to be a scan's, and what to do, in words: a scan in another
+    unit is about its sensor, one in map coordinates lies far from it."""
+    if np.abs(np.median(points, axis=0)).max() > _AWAY * np.ptp(points, axis=0).max():
+        return (
+            "these look like map coordinates (UTM, or a local grid); give scans in meters in the sensor's own frame: "
+            "subtract the sensor's position from the points of each scan"
+        )
+    return "are these millimeters, or another unit? Say which, as in --units mm, or `read_scans(path, units='mm')`"
 
 
 def _usable_viewpoints(viewpoints: np.ndarray) -> np.ndarray:

@@ -45,7 +45,7 @@ def instruments_for(kinds: Sequence[str], fix_sigma: float | None = None) -> Ins
     unknown = [kind for kind in kinds if kind not in KINDS]
     if unknown or not kinds:
         what = repr(unknown[0]) if unknown else "nothing"
-        raise InputError(f"no instrument measures {what}; choose from {','.join(KINDS)}, separated by commas")
+        raise InputError(f"no instrument measures {what}; choose from {','.join(KINDS)}, separated by commas, or all")
     if fix_sigma is not None and not 0 < fix_sigma < np.inf:
         raise InputError(f"`fix_sigma={fix_sigma:g}`: wanted meters above 0")
     carried = Instruments() if fix_sigma is None else Instruments(position=fix_sigma)

@@ -33,6 +33,7 @@ def test_names_that_are_nearly_right_are_understood(mapped: Path, tmp_path: Path
     done(sonarmap("export", mapped, "--to", tmp_path, "--format", "geotif, geojsn", *ORIGIN))
     assert {"grid.tif", "track.geojson"} < {path.name for path in tmp_path.iterdir()}
     refused(sonarmap("export", mapped, "--to", tmp_path, "--format", "tum,las"), "did you mean laz?")
+    refused(sonarmap("export", mapped, "--to", tmp_path, "--format", "contours"), "contours are drawn by --contours M")
 
 
 def test_a_map_without_a_place_gives_points_in_its_own_frame(mapped: Path, tmp_path: Path) -> None:
