@@ -215,5 +215,5 @@ def _label(job: Job) -> str:
 def _result_in_words(pair: RegisteredPair) -> str:
     if pair.registration is None:
         return f"failed: {pair.failure}"
-    verdict = "accepted" if pair.accepted else "refused by the registration"
+    verdict = "accepted" if pair.accepted else "doubtful"
     return f"{verdict}: {pair.registration.reason or 'no reason given'}"
