@@ -236,11 +236,12 @@ def locate(
 
 
 def compare(
-    old: "Map | str | os.PathLike[str]",
-    new: "Map | str | os.PathLike[str]",
+    old: "Map | str | os.PathLike[str] | np.ndarray",
+    new: "Map | str | os.PathLike[str] | np.ndarray",
     *,
     keep_frames: bool = False,
     reach: float | None = None,
+    cloud_sigma: float | None = None,
     voxel: float | None = None,
     edge: int = _EDGE,
     max_tilt: float = _MAX_TILT,
@@ -249,13 +250,16 @@ def compare(
     """What changed between two surveys of a place: distances with their levels of detection, and regions that changed.
 
     Args:
-        old, new: folders that `sonarmap map` wrote, or maps; the largest part of each counts.
+        old, new: folders that `sonarmap map` wrote, or maps; the largest part of each counts. One of them may be a
+            point cloud of another program: its file, or (N, 3) points [m].
         keep_frames: whether both lie on the Earth as they are; otherwise `new` is registered to `old`.
         reach: how far from the old surface the new one is sought [m]; None for four voxels.
-        voxel, edge, max_tilt, device: as of `register`; the voxel is chosen for the old map as its scans saw it.
+        cloud_sigma: standard deviation of a coordinate of the point cloud [m]; None for what its scatter says.
+        voxel, edge, max_tilt, device: as of `register`; the voxel is chosen for the map, the old one of two, as its
+            scans saw it.
 
     Returns:
-        in the frame of the old map; volumes of regions [m^3] have standard deviations.
+        in the frame of the old map, or of the cloud, as `notes` say; volumes of regions [m^3] have standard deviations.
 
     Raises:
         InputError: a folder or an argument cannot be used, or the new map was not found in the old one
@@ -265,20 +269,28 @@ def compare(
 
     from sonarmap.slam.survey_grid import survey_grid
     from sonarmap.tools.files.map_folder.surveyed import surveyed_map
-    from sonarmap.tools.maps import opened_map
+    from sonarmap.tools.given import in_arguments
+    from sonarmap.tools.maps import Map, opened_map
+    from sonarmap.tools.products.compare.cloud import opened_surveys
     from sonarmap.tools.products.compare.comparison import CompareSettings, compare_maps
 
     require(device=device)
     (keep_frames,) = require(keep_frames=keep_frames)
-    voxel, edge, max_tilt, reach = require(voxel=voxel, edge=edge, max_tilt=max_tilt, reach=reach)
-    if reach is not None and not reach > 0:
-        raise InputError(f"`reach={reach}` cannot be used; wanted a length in meters above zero, or None")
-    folders, settings = (opened_map(old), opened_map(new)), CompareSettings(reach)
+    voxel, edge, max_tilt = require(voxel=voxel, edge=edge, max_tilt=max_tilt)
+    reach, cloud_sigma = *require(reach=reach), *require(reach=cloud_sigma)
+    for name, value in {"reach": reach, "cloud_sigma": cloud_sigma}.items():
+        if value is not None and not value > 0:
+            raise InputError(f"`{name}={value}` cannot be used; wanted a length in meters above zero, or None")
+    require_type("old", [old], Map, np.ndarray, str, os.PathLike)
+    require_type("new", [new], Map, np.ndarray, str, os.PathLike)
+    with in_arguments():
+        first, second, beside = opened_surveys(old, new, cloud_sigma, opened_map)
+    settings = CompareSettings(reach)
     if keep_frames:
-        return compare_maps(*folders, None, settings)
-    grid = survey_grid(surveyed_map(folders[0]).key_scans(), edge, voxel)
+        return compare_maps(first, second, None, settings)
+    grid = survey_grid(surveyed_map(beside).key_scans(), edge, voxel)
     with reused("spectral", _setup("spectral", grid, max_tilt, device, 0)) as registrar:
-        return compare_maps(*folders, cast("SpectralRegistrar", registrar), settings)
+        return compare_maps(first, second, cast("SpectralRegistrar", registrar), settings)
 
 
 def _read_survey(

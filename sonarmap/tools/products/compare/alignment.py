@@ -3,7 +3,7 @@
 """A new map brought onto an old one: views of it are located there, and those that agree on one transform count."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -28,6 +28,12 @@ class Alignment:
     located: int  # views of the new map that were located in the old one
     agreeing: int  # of these, how many agree with the transform
     tried: int
+
+    @property
+    def inverse(self) -> "Alignment":
+        """How the old map lies in the new one, the views being of whichever they are."""
+        T = self.T_old_new.inv()
+        return replace(self, T_old_new=T, covariance=propagated(T, self.covariance))
 
 
 def located_views(

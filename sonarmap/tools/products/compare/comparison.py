@@ -3,7 +3,7 @@
 """Two surveys compared: the new one brought onto the old one, distances, and the regions that changed."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,14 +13,17 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.locate.locator import Locator
 from sonarmap.spectral.registration import SpectralRegistrar
+from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.map_folder.surveyed import surveyed_map
 from sonarmap.tools.products.compare.alignment import Alignment, agreed, located_views
+from sonarmap.tools.products.compare.cloud import PointCloud
 from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between
 from sonarmap.tools.products.compare.epoch import Epoch
 from sonarmap.tools.products.compare.regions import Region, regions_of
 
 REACH, BOUND = 4.0, 2.0  # [voxels], the defaults
+_SIZES = " Is the cloud in meters? It extends over {:,.0f} m, the map over {:,.0f} m."
 _ARM = 100.0  # [m], of the axes by which a frame on the Earth is brought to another
 _SURE = np.diag(np.repeat([1e-9, 1e-6], 3) ** 2)  # [rad, m]
 
@@ -51,6 +54,8 @@ class Comparison:
         alignment: how the new map was brought onto the old one; None where frames were kept.
         distances: of all core points, frame of the old map.
         regions: that changed, the largest volume first.
+        old_points, new_points: of both surveys, (M, 3) float64 [m], frame of the old map.
+        notes: what the user should know of a cloud, in words.
     """
 
     old: str
@@ -58,6 +63,9 @@ class Comparison:
     alignment: Alignment | None
     distances: Distances
     regions: tuple[Region, ...]
+    old_points: np.ndarray
+    new_points: np.ndarray
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def areas(self) -> Mapping[str, float]:
@@ -105,19 +113,22 @@ class Comparison:
             "core_points": len(self.distances.verdict),
             "level_of_detection_m": None if np.isnan(self.median_level) else self.median_level,
             "sigmas_widened": self.distances.widened,
+            "volume_sigmas_widened": self.distances.together,
             "areas_m2": dict(self.areas),
+            "notes": list(self.notes),
             "regions": [{"number": k, **region.as_json} for k, region in enumerate(self.regions, 1)],
         }
 
 
 def compare_maps(
-    old: Map,
-    new: Map,
+    old: Map | PointCloud,
+    new: Map | PointCloud,
     registrar: SpectralRegistrar | None,
     settings: CompareSettings,
     step: Step = _silent,
 ) -> Comparison:
-    """The largest parts of two finished maps. Without a registrar both frames on the Earth are kept.
+    """The largest parts of two finished maps, or of one and a cloud. Without a registrar both frames on the Earth are
+    kept.
 
     Raises:
         NotAlignedError: too few views of the new map were located in the old one, or they contradict one another.
@@ -128,11 +139,18 @@ def compare_maps(
     else:
         alignment = align(old, new, registrar, step)
         placed = alignment.T_old_new, alignment.covariance
-    voxel = max(old.voxel, new.voxel)
-    names = str(old.path), str(new.path)
-    return _compared(
-        names, alignment, Epoch.of_map(old), Epoch.of_map(new).moved(placed[0]), placed[1], voxel, settings
-    )
+    if isinstance(new, PointCloud):
+        assert isinstance(old, Map), "as two clouds are refused before"
+        before = Epoch.of_map(old)
+        after = Epoch.of_cloud(placed[0].apply(new.points), new.weight, new.sigma, before)
+    else:
+        after = Epoch.of_map(new).moved(placed[0])
+        is_map = isinstance(old, Map)
+        before = Epoch.of_map(old) if is_map else Epoch.of_cloud(old.points, old.weight, old.sigma, after)
+    names, voxel = (str(old.path), str(new.path)), max(old.voxel, new.voxel)
+    notes = [note for each in (old, new) if isinstance(each, PointCloud) for note in each.notes]
+    compared = _compared(names, alignment, before, after, placed[1], voxel, settings)
+    return replace(compared, notes=tuple(notes))
 
 
 def compare_surveys(folder: Map, first: int, second: int, settings: CompareSettings) -> Comparison:
@@ -142,16 +160,23 @@ def compare_surveys(folder: Map, first: int, second: int, settings: CompareSetti
     return _compared(names, None, *epochs, None, folder.voxel, settings)
 
 
-def align(old: Map, new: Map, registrar: SpectralRegistrar, step: Step) -> Alignment:
-    """How a new map lies in an old one. Raises NotAlignedError."""
-    answers, tried = located_views(Locator(registrar, surveyed_map(old)), surveyed_map(new), step)
+def align(old: Map | PointCloud, new: Map | PointCloud, registrar: SpectralRegistrar, step: Step) -> Alignment:
+    """How a new survey lies in an old one; views of a cloud are not known, so that those of the map are located in it.
+    Raises NotAlignedError."""
+    target, source = (new, old) if isinstance(new, PointCloud) else (old, new)
+    assert isinstance(source, Map)
+    views = surveyed_map(source)
+    surveyed = surveyed_map(target) if isinstance(target, Map) else target.seen_as(views)
+    answers, tried = located_views(Locator(registrar, surveyed), views, step)
     alignment = agreed(answers, tried)
     if alignment is None:
+        sizes = "" if isinstance(target, Map) else _SIZES.format(*target.extents(source))
         raise NotAlignedError(
-            f"{new.path} cannot be brought onto {old.path}: of {tried} views {len(answers)} were located in it, and "
-            "too few of them agree. Are they of one place? Where both lie on the Earth, --keep-frames does without"
+            f"{source.path} cannot be brought onto {target.path}: of {tried} views {len(answers)} were located in it, "
+            f"and too few of them agree. Are they of one place?{sizes} Where both lie on the Earth, --keep-frames does "
+            "without"
         )
-    return alignment
+    return alignment if source is new else alignment.inverse
 
 
 def _compared(
@@ -165,26 +190,30 @@ def _compared(
 ) -> Comparison:
     reach, bound = settings.reach or REACH * voxel, settings.bound or BOUND * voxel
     distances = distances_between(old, new, covariance, voxel, reach, bound)
-    return Comparison(*names, alignment, distances, tuple(regions_of(distances)))
+    return Comparison(*names, alignment, distances, tuple(regions_of(distances)), old.points, new.points)
 
 
-def _by_earth(old: Map, new: Map) -> RigidTransform:
-    """T_old_new by the places of both frames on the Earth. Raises InputError: one is not known."""
-    for folder in (old, new):
-        if folder.georeference is None or not folder.on_earth(folder.parts[0]):
-            raise InputError(
-                f"--keep-frames needs two maps placed on the Earth, and the place of {folder.path} is not known; leave "
-                "it out, and the maps are brought together by registration"
-            )
-    assert old.georeference is not None
-    assert new.georeference is not None
-    if old.georeference.vertical != new.georeference.vertical:
+def _on_earth(each: Map | PointCloud) -> Georeference:
+    """Where the frame is. Raises InputError: that is not known."""
+    georeference = each.georeference
+    if georeference is None or (isinstance(each, Map) and not each.on_earth(each.parts[0])):
         raise InputError(
-            f"heights of {old.path} count from {old.georeference.vertical!r}, those of {new.path} from "
-            f"{new.georeference.vertical!r}; leave --keep-frames out, or map one again with --vertical"
+            f"--keep-frames needs two maps placed on the Earth, or a map and a LAS or LAZ file with a CRS, and the "
+            f"place of {each.path} is not known; leave it out, and they are brought together by registration"
         )
-    middle = new.parts[0].points.mean(axis=0)
+    return georeference
+
+
+def _by_earth(old: Map | PointCloud, new: Map | PointCloud) -> RigidTransform:
+    """T_old_new by the places of both frames on the Earth. Raises InputError: one is not known."""
+    before, after = _on_earth(old), _on_earth(new)
+    if before.vertical != after.vertical:
+        raise InputError(
+            f"heights of {old.path} count from {before.vertical!r}, those of {new.path} from "
+            f"{after.vertical!r}; leave --keep-frames out, or map one again with --vertical"
+        )
+    middle = (new.parts[0] if isinstance(new, Map) else new).points.mean(axis=0)
     arms = middle + _ARM * np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])
-    places = old.georeference.local(new.georeference.geodetic(arms))
+    places = before.local(after.geodetic(arms))
     R = Rotation.align_vectors(places - places.mean(axis=0), arms - arms.mean(axis=0))[0]
     return RigidTransform.from_components(places.mean(axis=0) - R.apply(middle), R)

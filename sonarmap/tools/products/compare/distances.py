@@ -8,7 +8,7 @@ by their covariances, distances beyond their scatter being left out (Tukey's biw
 covariance, noise and roughness make the level of detection.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
 
@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 from scipy.spatial import KDTree
 
 from sonarmap.tools.products.compare.epoch import Epoch, levers
-from sonarmap.tools.products.compare.surface import RADIUS, Cores, cores_of, layer_of, planes_at
+from sonarmap.tools.products.compare.surface import RADIUS, Cores, cores_of, faced, layer_of, planes_at
 
 _LEVEL = 1.96  # sigmas, of 95 %
 # Found on simulated pairs of surveys, see docs/compare.md. _NOISE: the variance of a mean over what the scatter of its
@@ -31,7 +31,11 @@ _SHARED = 4.0  # by which noise is larger in the estimate of the poses: what sur
 OVERLAP = np.pi * RADIUS**2  # core points whose cylinders share their points
 _BIWEIGHT, _ROUNDS = 4.0, 8  # [sigmas] beyond which a distance does not count; rounds of weights
 _USUAL = 0.6745  # quantile of |x| / sigma that half of all are below
+# Patches of so many voxels tell by how much sums err more than all that is known; a third of them may have changed.
+_PATCH, _FEWEST_IN_PATCH, _MOST_PATCHES = 6.0, 12, 500
+_UNCHANGED, _UNCHANGED_SIGMAS = 2 / 3, 0.9674  # share of the patches that tells, and below what a normal error's are
 _FAR = 1.75  # [voxels], from which distance on both surfaces cannot be mixed up
+_STEEP = 0.5  # largest upward part of the normal of a wall, of which a cloud may show the other side
 _CHUNK = 20_000
 
 
@@ -62,6 +66,8 @@ class Distances:
     covariance: np.ndarray  # (s, s) of these
     widened: float  # factor on all sigmas, by the scatter of the distances
     voxel: float  # [m]
+    # factor on the sigmas of sums beside that, where neighbors err together, as in scans that are bent
+    together: float = 1.0
 
     @property
     def sigma(self) -> np.ndarray:
@@ -75,7 +81,7 @@ class Distances:
         J = self.shared[chosen].T @ area
         overlap = np.minimum(np.pi * (RADIUS * self.voxel) ** 2 / area, len(area))
         own = (area**2 * self.noise[chosen] * overlap).sum() + (area @ self.shape[chosen]) ** 2
-        return self.widened * float(np.sqrt(J @ self.covariance @ J + own))
+        return self.together * self.widened * float(np.sqrt(J @ self.covariance @ J + own))
 
 
 def distances_between(
@@ -102,8 +108,7 @@ def distances_between(
     sigma = np.sqrt(noise + shape**2 + _spread(shared, covariance))
     widened = max(1.0, float(np.median(np.abs(moved) / sigma)) / _USUAL) if len(both) else 1.0
     fresh = cores_of(new, voxel)
-    near = KDTree(old.points).query(fresh.points, distance_upper_bound=reach)[0]
-    fresh = fresh.take(~np.isfinite(near))
+    fresh = fresh.take(~faced(fresh, cores, voxel, reach))
     count = len(cores.points)
     every_core = Cores(*(np.concatenate(pair) for pair in zip(_columns(cores), _columns(fresh), strict=True)))
     distance, level = np.full((2, len(every_core.points)), np.nan)
@@ -116,7 +121,23 @@ def distances_between(
     beyond[doubtful] = False
     verdict[doubtful] = Verdict.UNSURE
     verdict[beyond] = np.where(distance[beyond] > 0, Verdict.GAINED, Verdict.LOST)
-    return Distances(every_core, distance, level, verdict, both, noise, shape, shared, covariance, widened, voxel)
+    found = Distances(every_core, distance, level, verdict, both, noise, shape, shared, covariance, widened, voxel)
+    return replace(found, together=_together(found))
+
+
+def _together(distances: Distances) -> float:
+    """By how much sums over patches are larger than they would be if neighbors erred each by itself; 1 if not."""
+    voxel, known = distances.voxel, distances.verdict[distances.compared] != Verdict.UNSURE
+    chosen = np.flatnonzero(known & (distances.shape <= voxel))
+    at = distances.compared[chosen]
+    cells = np.floor(distances.cores.points[at] / (_PATCH * voxel)).astype(np.int64)
+    _, patch, size = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    members = np.split(np.argsort(patch, kind="stable"), np.cumsum(size)[:-1])
+    large = [each for each in members if len(each) >= _FEWEST_IN_PATCH]
+    sums = distances.cores.area[at] * distances.distance[at]
+    some = large[:: max(1, -(-len(large) // _MOST_PATCHES))]
+    off = [abs(sums[each].sum()) / distances.sigma_of_sum(chosen[each]) for each in some]
+    return max(1.0, float(np.quantile(off, _UNCHANGED)) / _UNCHANGED_SIGMAS) if off else 1.0
 
 
 def _shared(
@@ -151,12 +172,14 @@ def _shape(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: fl
 
 def _on_both(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: float) -> np.ndarray:
     """(m,) bool: where both surveys have points on the surface in front, so that what lies far behind it in one of them
-    is no change: a ghost, or another side of a thin wall."""
+    is no change: a ghost, or another side of a thin wall. Of a cloud whose sides are not known no wall tells."""
     far = np.abs(distance) > _FAR * voxel
     result = np.zeros(len(distance), bool)
     for chosen, other in ((far & (distance > 0), old), (far & (distance < 0), new)):
         front = cores.points[chosen] + np.maximum(distance[chosen], 0.0)[:, None] * cores.normals[chosen]
         result[chosen] = np.isfinite(KDTree(other.points).query(front, distance_upper_bound=voxel)[0])
+    if not (old.sides_known and new.sides_known):
+        result |= far & (np.abs(cores.normals[:, 2]) < _STEEP)
     return result
 
 

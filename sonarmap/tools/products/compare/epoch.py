@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.joint import joint_covariance
@@ -26,9 +27,15 @@ class Epoch:
     noise: np.ndarray  # (M,) float64 standard deviation of a coordinate [m], without what the poses do
     weight: np.ndarray  # (M,) float64, how many echoes each is the mean of
     scan: np.ndarray  # (M,) int64, 0..n-1, the pose that stands for the one that each is mostly of
-    origins: np.ndarray  # (n, 3) float64 [m], where the poses are
+    origins: np.ndarray  # (M, 3) float64 [m], where each was seen from
     # (6 n, 6 n) of the poses' errors, rotation first [rad, m], left tangents: a point p errs by w x p + v
     covariance: np.ndarray
+    sides_known: bool = True  # whether origins are known, and not those of points near by
+
+    @property
+    def poses(self) -> int:
+        """How many there are."""
+        return len(self.covariance) // 6
 
     @classmethod
     def of_map(cls, folder: Map, survey: int | None = None) -> "Epoch":
@@ -48,11 +55,26 @@ class Epoch:
         by_poses = _pose_variance(points, scan, propagated(T, part.covariances[chosen]))
         noise = np.sqrt(np.maximum(columns["sigma"].astype(np.float64) ** 2 - by_poses, _LEAST_NOISE**2))
         weight = np.maximum(columns["count"].astype(np.float64), 1.0)
-        return cls(points, noise, weight, scan, T.translation, joint)
+        return cls(points, noise, weight, scan, T.translation[scan], joint)
+
+    @classmethod
+    def of_cloud(cls, points: np.ndarray, weight: np.ndarray, sigma: float | None, beside: "Epoch") -> "Epoch":
+        """A cloud of which no pose is known, so that none is taken to err, and that is seen from where the nearest
+        points of the survey beside it are.
+
+        Args:
+            points: (M, 3) float64 [m], frame of the survey beside it.
+            weight: (M,) float64, how many points of the cloud each is the mean of.
+            sigma: standard deviation of a coordinate of one of these [m]; None where only their scatter tells.
+        """
+        noise = np.maximum((sigma or 0.0) / np.sqrt(weight), _LEAST_NOISE)
+        near = KDTree(beside.points).query(points)[1]
+        scan, exact = np.zeros(len(points), np.int64), np.zeros((6, 6))
+        return cls(points, noise, weight, scan, beside.origins[near], exact, sides_known=False)
 
     def moved(self, T_other_this: RigidTransform) -> "Epoch":
         """The same in another frame."""
-        A = block_diag(*[adjoint(T_other_this)] * len(self.origins))
+        A = block_diag(*[adjoint(T_other_this)] * self.poses)
         return replace(
             self,
             points=T_other_this.apply(self.points),

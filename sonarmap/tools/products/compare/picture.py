@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sonarmap.tools.products.compare.comparison import Comparison
-from sonarmap.tools.products.compare.distances import Verdict
+from sonarmap.tools.products.compare.distances import Distances, Verdict
+from sonarmap.tools.products.report.labels import shrink
 from sonarmap.tools.products.report.small_png import write_png
 
 if TYPE_CHECKING:
@@ -43,13 +44,10 @@ def changes_figure(comparison: Comparison) -> "Figure":
     axes.set_aspect("equal", adjustable="datalim")
     # a core point is about a voxel wide
     size = (72 * min(_PANEL / extent[0], panel / extent[1]) * distances.voxel) ** 2
-    known = np.isfinite(distances.distance) & (distances.verdict != Verdict.UNSURE)
+    known, most = colored(distances)
     axes.scatter(
         points[~known, 0], points[~known, 1], size, _UNKNOWN, edgecolor="none", rasterized=True, label="cannot be said"
     )
-    beyond = np.isin(distances.verdict, (Verdict.GAINED, Verdict.LOST))
-    shown = np.abs(distances.distance[beyond if beyond.any() else known])
-    most = max(float(np.quantile(shown, _LARGEST)) if len(shown) else 0.0, 1e-3)
     order = np.flatnonzero(known)[np.argsort(points[known, 2], kind="stable")]
     x, y = points[order, :2].T
     dots = axes.scatter(x, y, size, distances.distance[order], cmap=_COLORS, vmin=-most, vmax=most)
@@ -67,9 +65,19 @@ def changes_figure(comparison: Comparison) -> "Figure":
     figure.text(
         _LEFT / _WIDTH, 1 - 0.36 / height, f"{count} changed region{'' if count == 1 else 's'}", fontsize=_TITLE
     )
-    below = f"{first.partition(': ')[2]}; {'; '.join(line.strip() for line in more)}"
-    figure.text(_LEFT / _WIDTH, 1 - 0.66 / height, below, fontsize=_TEXT)
+    below = f"{first.rpartition(': ')[2]}; {'; '.join(line.strip() for line in more)}"
+    text = figure.text(_LEFT / _WIDTH, 1 - 0.66 / height, below, fontsize=_TEXT)
+    shrink(text, (_WIDTH - _LEFT - 0.2) * _DPI)
     return figure
+
+
+def colored(distances: Distances) -> tuple[np.ndarray, float]:
+    """Which core points have a color, (K,) bool, as something can be said of them; and the distance at which colors end
+    [m]."""
+    known = np.isfinite(distances.distance) & (distances.verdict != Verdict.UNSURE)
+    beyond = np.isin(distances.verdict, (Verdict.GAINED, Verdict.LOST))
+    shown = np.abs(distances.distance[beyond if beyond.any() else known])
+    return known, max(float(np.quantile(shown, _LARGEST)) if len(shown) else 0.0, 1e-3)
 
 
 def _outline(axes: "Axes", comparison: Comparison) -> None:

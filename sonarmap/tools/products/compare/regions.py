@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 
 from sonarmap.tools.products.compare.distances import Distances, Verdict
 
+_HIDDEN = 3**-0.5  # root mean square of a height of which nothing is known but that it is from 0 to 1
 _JOINED = 2.0  # [voxels] between neighbors, and how far around significant ones the volume counts
 # One core point of twenty is significant by chance, and its neighbors share its points. So a region has more than a
 # cylinder holds, and its volume is beyond so many sigmas in a map of so many core points; in a larger one beyond more,
@@ -83,12 +84,12 @@ def regions_of(distances: Distances) -> Sequence[Region]:
         if abs(volume) <= least * sigma or (volume > 0) != gained:
             continue
         points, own = every[cluster], area[cluster]
-        unseen = _unseen(distances, points)
+        unseen = _unseen(distances, distances.compared[cluster])
         found.append(
             Region(
                 gained=gained,
                 volume=volume,
-                sigma=float(np.hypot(sigma, unseen * np.abs(distance[cluster]).max())),
+                sigma=float(np.hypot(sigma, _HIDDEN * unseen * np.abs(distance[cluster]).max())),
                 unseen=unseen,
                 area=float(own.sum()),
                 height=float(own @ distance[cluster] / own.sum()),
@@ -102,11 +103,13 @@ def regions_of(distances: Distances) -> Sequence[Region]:
 
 
 def _unseen(distances: Distances, members: np.ndarray) -> float:
-    """The area [m^2] of the old surface among and around members (k, 3) of which nothing can be said."""
-    unknown = np.flatnonzero(np.isin(distances.verdict, (Verdict.OLD_ONLY, Verdict.UNSURE)))
-    points = distances.cores.points[unknown]
-    near = KDTree(members).query(points, distance_upper_bound=_JOINED * distances.voxel)[0]
-    return float(distances.cores.area[unknown[np.isfinite(near)]].sum())
+    """The area [m^2], seen along their normal, among and around core points (k,) of which nothing can be said."""
+    cores = distances.cores
+    unknown = cores.take(np.isin(distances.verdict, (Verdict.OLD_ONLY, Verdict.NEW_ONLY, Verdict.UNSURE)))
+    around = max(_JOINED * distances.voxel, float(np.sqrt(cores.area[members].sum() / np.pi)))
+    near = np.isfinite(KDTree(cores.points[members]).query(unknown.points, distance_upper_bound=around)[0])
+    normal = cores.normals[members].mean(axis=0)
+    return float(unknown.area[near] @ np.abs(unknown.normals[near] @ normal) / np.linalg.norm(normal))
 
 
 def _clusters(points: np.ndarray, chosen: np.ndarray, voxel: float) -> list[np.ndarray]:

@@ -53,7 +53,7 @@ def cores_of(epoch: Epoch, voxel: float) -> Cores:
     """The surface of a cloud, a core point for each voxel of it."""
     points = epoch.points
     normals, _ = planes_at(epoch, points, voxel)
-    away = np.einsum("ka,ka->k", normals, epoch.origins[epoch.scan] - points) < 0
+    away = np.einsum("ka,ka->k", normals, epoch.origins - points) < 0
     normals[away] *= -1
     height = layer_of(epoch, Cores(points, normals, np.ones(len(points))), voxel, 0.0).height
     usable = np.isfinite(height)
@@ -99,7 +99,7 @@ def layer_of(epoch: Epoch, cores: Cores, voxel: float, reach: float) -> Layer:
     """The layer of a cloud in each cylinder, sought up to `reach` [m] to either side along the normal, of points that
     were seen from the side to which the normal points."""
     radius, half = RADIUS * voxel, _HALF * voxel
-    size, scans = len(cores.points), len(epoch.origins)
+    size, scans = len(cores.points), epoch.poses
     height, variance, count = np.full(size, np.nan), np.full(size, np.nan), np.zeros(size, np.int64)
     shares: list[Any] = []
     for chunk, core, near in _neighbors(epoch.points, cores.points, float(np.hypot(radius, reach + half))):
@@ -107,7 +107,7 @@ def layer_of(epoch: Epoch, cores: Cores, voxel: float, reach: float) -> Layer:
         along = np.einsum("pa,pa->p", offset, cores.normals[chunk][core])
         inside = (np.einsum("pa,pa->p", offset, offset) - along**2 <= radius**2) & (np.abs(along) <= reach + half)
         core, near, along = core[inside], near[inside], along[inside]
-        toward = epoch.origins[epoch.scan[near]] - epoch.points[near]
+        toward = epoch.origins[near] - epoch.points[near]
         inside = np.einsum("pa,pa->p", toward, cores.normals[chunk][core]) > 0
         core, near, along = core[inside], near[inside], along[inside]
         length = chunk.stop - chunk.start
@@ -129,6 +129,17 @@ def layer_of(epoch: Epoch, cores: Cores, voxel: float, reach: float) -> Layer:
         shares.append(sparse.coo_array((share, (core, epoch.scan[near])), shape=(length, scans)).tocsr())
     stacked = sparse.vstack(shares, format="csr") if shares else sparse.csr_array((0, scans))
     return Layer(height, variance, count, stacked)
+
+
+def faced(cores: Cores, others: Cores, voxel: float, reach: float) -> np.ndarray:
+    """(K,) bool: which core points have one of the others before or behind them along the normal, up to `reach` [m]."""
+    found = np.zeros(len(cores.points), bool)
+    for chunk, core, near in _neighbors(others.points, cores.points, float(np.hypot(voxel, reach))):
+        offset = others.points[near] - cores.points[chunk][core]
+        along = np.einsum("pa,pa->p", offset, cores.normals[chunk][core])
+        beside = np.einsum("pa,pa->p", offset, offset) - along**2
+        found[chunk][core[(beside <= voxel**2) & (np.abs(along) <= reach)]] = True
+    return found
 
 
 def _largest_layer(core: np.ndarray, along: np.ndarray, weight: np.ndarray, size: int, voxel: float) -> np.ndarray:

@@ -45,4 +45,6 @@ def surveyed(
                 J = levers(points[own], np.broadcast_to(way, (own.sum(), 3)))
                 points[own, axis_number] += J @ error
     weights = np.full(len(points), weight) if weight else rng.integers(1, 9, len(points)).astype(float)
-    return Epoch(points, np.full(len(points), NOISE), weights, scan, origins, np.asarray(block_diag(*[one] * SCANS)))
+    return Epoch(
+        points, np.full(len(points), NOISE), weights, scan, origins[scan], np.asarray(block_diag(*[one] * SCANS))
+    )

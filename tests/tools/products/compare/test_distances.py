@@ -1,5 +1,6 @@
 """Distances between two surveys by laws: a known change, nothing changed, other frames, what one survey saw alone."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,17 @@ def test_nothing_changed(seed: int) -> None:
     assert np.median(np.abs(distances.distance[distances.compared])) < NOISE
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_scans_that_are_bent_are_no_change(seed: int) -> None:
+    """As those of a sensor that moved: half of one survey is in waves of six voxels and 0.2 m."""
+    new = surveyed(2 * seed + 11)
+    wave = np.sin(new.points[:, :2] * np.pi / (6 * VOXEL)).prod(axis=1) * (new.points[:, 0] > 0)
+    distances = compared(surveyed(2 * seed + 10), replace(new, points=new.points + 0.2 * wave[:, None] * [0, 0, 1]))
+    assert distances.together > 2
+    assert not regions_of(distances)
+    assert regions_of(replace(distances, together=1.0))
+
+
 @pytest.mark.parametrize("change", [0.4, -0.4])
 def test_a_known_change(change: float) -> None:
     distances = compared(surveyed(5), surveyed(6, change=change))
@@ -67,6 +79,18 @@ def test_a_known_change(change: float) -> None:
     assert region.gained == (change > 0)
     assert np.abs(region.place[:2]).max() < 0.5
     assert (region.low[:2] > -4).all()
+
+
+def test_a_heap_of_which_one_side_was_hidden() -> None:
+    """Its volume is too small then, and the sigma says so; where both saw all, nothing is unseen."""
+    old, new = surveyed(5, change=0.6), surveyed(6)
+    hidden = (np.abs(old.points[:, 1]) < 3) & (old.points[:, 0] > 0) & (old.points[:, 0] < 3)
+    seen = replace(
+        old, **{name: getattr(old, name)[~hidden] for name in ("points", "noise", "weight", "scan", "origins")}
+    )
+    (whole,), (half,) = regions_of(compared(old, new)), regions_of(compared(seen, new))
+    assert whole.unseen < 1 < 12 < half.unseen < 18
+    assert whole.sigma < 3 < abs(half.volume + 36 * 0.6) < 2.5 * half.sigma  # as all that is hidden is as high
 
 
 def test_a_change_is_not_absorbed_by_its_scan() -> None:

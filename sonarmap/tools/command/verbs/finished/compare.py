@@ -21,9 +21,11 @@ from sonarmap.tools.files.writers.folder_lock import locked
 from sonarmap.tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
+    from sonarmap.spectral.registration import SpectralRegistrar
     from sonarmap.tools.files.geo.georeference import Georeference
     from sonarmap.tools.files.geo.projection import Projection
     from sonarmap.tools.files.map_folder.folder import Map
+    from sonarmap.tools.products.compare.cloud import PointCloud
     from sonarmap.tools.products.compare.comparison import CompareSettings, Comparison
 
 NOT_ALIGNED = 3
@@ -51,25 +53,37 @@ class Judging:
         shown="two voxels",
         rare=True,
     )
+    cloud_sigma: float | None = option(
+        INPUT,
+        "M",
+        "Standard deviation of a coordinate of the point cloud \\[m].",
+        callback=checked(is_positive, "{} m; give a length above 0, or leave it out"),
+        shown="what its scatter says",
+        rare=True,
+    )
 
 
 def command(
     context: typer.Context,
-    old: Annotated[Path, typer.Argument(help="The folder of the earlier map.", metavar="OLD")],
+    old: Annotated[Path, typer.Argument(help="The folder of the earlier map, or a point cloud.", metavar="OLD")],
     judging: Judging,
     method: MethodOptions,
     earth: EarthPlace,
-    new: Annotated[Path | None, typer.Argument(help="The folder of the later map.", metavar="NEW")] = None,
+    new: Annotated[
+        Path | None, typer.Argument(help="The folder of the later map, or a point cloud.", metavar="NEW")
+    ] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Find what changed between two finished maps of a place.
 
-    NEW is brought onto OLD by registration of its views. Distances along the surface have levels of detection, regions
-    that changed have volumes with sigmas, and what one survey did not see is never called unchanged. The
-    exit code is 0 if they were compared, also if nothing changed, 3 if NEW was not found in OLD, 2 for bad input.
+    One of both may be a point cloud of another program. NEW is brought onto OLD by registration of its views.
+    Distances along the surface have levels of detection, regions that changed have volumes with sigmas, and what one
+    survey did not see is never called unchanged. The exit code is 0 if they were compared, also if nothing changed, 3
+    if NEW was not found in OLD, 2 for bad input.
     """
-    from sonarmap.tools.products.compare.comparison import CompareSettings, NotAlignedError
+    from sonarmap.tools.products.compare.cloud import PointCloud, opened_surveys
+    from sonarmap.tools.products.compare.comparison import CompareSettings, NotAlignedError, compare_maps
     from sonarmap.tools.products.compare.files import check_folder, write_comparison
 
     method = checked_method(method, context)
@@ -78,15 +92,24 @@ def command(
     _check(old, new, judging)
     check_folder(judging.out, old, *([] if new is None else [new]))
     settings = CompareSettings(judging.reach, judging.bound)
-    first = _opened(old)
+    if new is not None and old.resolve() == new.resolve():
+        warn(f"OLD and NEW are both {old}: nothing can have changed")
+    if new is None:
+        first = second = folder = _opened(old)
+    else:
+        first, second, folder = opened_surveys(old, new, judging.cloud_sigma, _opened)
+    if isinstance(first, PointCloud) and earth.origin is not None:
+        raise InputError(f"--origin has no effect on {old}: a point cloud lies where its CRS says; leave it out")
     first = replace(first, georeference=earth.georeference(first.georeference))
     place = _place(first, earth)
     results: list[tuple[Path, Comparison]] = []
     try:
         if new is None:
-            results = _surveys(first, judging.out, settings)
+            results = _surveys(folder, judging.out, settings)
         else:
-            results = [(judging.out, _maps(first, _opened(new), judging, method, settings, quiet or as_json))]
+            registrar = None if judging.keep_frames else _registrar(folder, method)
+            with growing_progress("bringing NEW onto OLD", quiet or as_json) as step:
+                results = [(judging.out, compare_maps(first, second, registrar, settings, step))]
     except NotAlignedError as error:
         if as_json:
             typer.echo(json.dumps({"aligned": False, "reason": str(error)}))
@@ -110,6 +133,8 @@ def _check(old: Path, new: Path | None, judging: Judging) -> None:
         raise InputError("--surveys compares the surveys of one map; leave NEW out, or leave --surveys out")
     if judging.surveys and judging.keep_frames:
         raise InputError("--keep-frames has no effect with --surveys, which share a frame; leave it out")
+    if judging.surveys and judging.cloud_sigma is not None:
+        raise InputError("--cloud-sigma has no effect with --surveys, which are no point clouds; leave it out")
 
 
 def _opened(path: Path) -> "Map":
@@ -122,34 +147,25 @@ def _opened(path: Path) -> "Map":
     return folder
 
 
-def _place(folder: "Map", earth: EarthPlace) -> "tuple[Georeference, Projection] | None":
-    """Where the old map lies on the Earth; None where that is not known."""
+def _place(first: "Map | PointCloud", earth: EarthPlace) -> "tuple[Georeference, Projection] | None":
+    """Where the old survey lies on the Earth; None where that is not known."""
     from sonarmap.tools.files.geo.projection import Projection
+    from sonarmap.tools.products.compare.cloud import PointCloud
 
-    if folder.georeference is None or not folder.on_earth(folder.parts[0]):
+    if first.georeference is None or not (isinstance(first, PointCloud) or first.on_earth(first.parts[0])):
         refuse_without("a map's place on the Earth", {"--crs": earth.crs})
         return None
-    return folder.georeference, Projection.of(folder.georeference, earth.crs)
+    return first.georeference, Projection.of(first.georeference, earth.crs)
 
 
-def _maps(
-    old: "Map",
-    new: "Map",
-    judging: Judging,
-    method: MethodOptions,
-    settings: "CompareSettings",
-    quiet: bool,
-) -> "Comparison":
+def _registrar(folder: "Map", method: MethodOptions) -> "SpectralRegistrar":
+    """On the grid that suits the views of a map."""
     from sonarmap.spectral.registration import SpectralRegistrar
     from sonarmap.tools.files.map_folder.surveyed import surveyed_map
-    from sonarmap.tools.products.compare.comparison import compare_maps
 
-    registrar = None
-    if not judging.keep_frames:
-        registrar = configure_method(surveyed_map(old).key_scans(), method, survey=True).registrar
-        assert isinstance(registrar, SpectralRegistrar)  # as other methods are refused
-    with growing_progress("bringing NEW onto OLD", quiet) as step:
-        return compare_maps(old, new, registrar, settings, step)
+    registrar = configure_method(surveyed_map(folder).key_scans(), method, survey=True).registrar
+    assert isinstance(registrar, SpectralRegistrar)  # as other methods are refused
+    return registrar
 
 
 def _surveys(folder: "Map", out: Path, settings: "CompareSettings") -> "list[tuple[Path, Comparison]]":
@@ -164,9 +180,11 @@ def _surveys(folder: "Map", out: Path, settings: "CompareSettings") -> "list[tup
 
 def _print(comparison: "Comparison", files: Sequence[Path]) -> None:
     """What changed in words, a row for each region, and the files."""
+    for note in comparison.notes:
+        say(note)
     if comparison.alignment is not None:
         aligned = comparison.alignment
-        print_result(f"{aligned.agreeing} of {aligned.tried} views of {comparison.new} agree on its place")
+        print_result(f"{aligned.agreeing} of {aligned.tried} views agree on where {comparison.new} lies")
     if comparison.regions:
         table = number_table(
             "region", "", "area [m2]", "height [m]", "volume [m3]", "sigma [m3]", "x, y, z [m]", words=2

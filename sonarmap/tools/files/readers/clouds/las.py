@@ -32,6 +32,7 @@ from sonarmap.tools.files.time_scales import utc_of_gps
 
 if TYPE_CHECKING:
     from laspy import LasHeader, LasReader
+    from pyproj import CRS
 
 
 _PIECE = 1 << 19  # points that are unpacked at a time
@@ -50,6 +51,13 @@ def read_las(content: bytes) -> list[Cloud]:
     """The points of a LAS or LAZ file, their intensity as strength, and their GPS times as they are; compressed points
     by another process, as damage can crash lazrs. The stamp is the first time in UTC, where the header says that times
     are adjusted standard GPS time. Raises InputError: a damaged or cut file, or map coordinates."""
+    (cloud,) = read_map_las(content)
+    _refuse_map_coordinates(cloud.points, content)
+    return [cloud]
+
+
+def read_map_las(content: bytes) -> list[Cloud]:
+    """The same, also of map coordinates."""
     _require_sound_header(content)
     return read_apart(_read, content) if content[_POINT_FORMAT] & _COMPRESSED else _read(content)
 
@@ -72,7 +80,6 @@ def _read(content: bytes) -> list[Cloud]:
     times = columns.get("gps_time")
     roles = {"strength": columns["intensity"], **({} if times is None else {"time": times})}
     cloud = cloud_of_columns(columns | roles, _surplus(content, header))
-    _refuse_map_coordinates(cloud.points, header)
     return [replace(cloud, stamp=_stamp_of(times, header))]
 
 
@@ -131,7 +138,7 @@ def _stamp_of(times: np.ndarray | None, header: LasHeader) -> float | None:
     return float(utc_of_gps(known.min() + _ADJUSTED)) if known.any() else None
 
 
-def _refuse_map_coordinates(points: np.ndarray, header: LasHeader) -> None:
+def _refuse_map_coordinates(points: np.ndarray, content: bytes) -> None:
     finite = points[np.isfinite(points).all(axis=1)]
     if not len(finite) or np.abs(finite).max() <= COORDINATE_LIMIT:
         return
@@ -139,17 +146,24 @@ def _refuse_map_coordinates(points: np.ndarray, header: LasHeader) -> None:
         f"{axis} {low:.10g} to {high:.10g}" for axis, low, high in zip("xyz", finite.min(0), finite.max(0), strict=True)
     )
     raise InputError(
-        f"its points are map coordinates in {_crs_of(header)}: {ranges} m. Scans are wanted in meters in the sensor's "
-        "own frame. If each file is what the sensor saw from one place, subtract the sensor's place from its points, "
-        "as with `pdal translate` and filters.transformation; the tiles of a finished map are not scans"
+        f"its points are map coordinates in {_crs_name(content)}: {ranges} m. Scans are wanted in meters in the "
+        "sensor's own frame. If each file is what the sensor saw from one place, subtract the sensor's place from its "
+        "points, as with `pdal translate` and filters.transformation; the tiles of a finished map are not scans"
     )
 
 
-def _crs_of(header: LasHeader) -> str:
-    with suppress(Exception):  # pyproj and laspy answer damage with errors of any kind; it is for a message
-        if (crs := header.parse_crs()) is not None:
-            return str(crs.name)[:100]
-    return "an unnamed system"
+def _crs_name(content: bytes) -> str:
+    crs = crs_of(content)
+    return "an unnamed system" if crs is None else str(crs.name)[:100]
+
+
+def crs_of(content: bytes) -> CRS | None:
+    """The coordinate reference system of a file that could be read; None where it names none that is known."""
+    from laspy import LasHeader
+
+    with suppress(Exception):  # pyproj and laspy answer damage with errors of any kind
+        return LasHeader.read_from(io.BytesIO(content)).parse_crs()
+    return None
 
 
 def require_sound_chunks(content: bytes, header: LasHeader) -> None:

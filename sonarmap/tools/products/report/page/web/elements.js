@@ -55,3 +55,13 @@ function follow(decisions, update) {
   decisions.listeners.push(update);
   update();
 }
+
+/** Dark or light, as the system has it or the button `#theme` chose; `changed` is called when it changes. */
+function followTheme(changed) {
+  document.querySelector("#theme").addEventListener("click", () => {
+    const root = document.documentElement;
+    root.dataset.theme = getComputedStyle(root).colorScheme === "dark" ? "light" : "dark";
+    changed();
+  });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changed);
+}

@@ -71,13 +71,7 @@ function showPictures(why) {
   for (const twice of ["#pictures", 'nav a[href="#pictures"]']) $(twice)?.remove();
 }
 
-$("#theme").addEventListener("click", () => {
-  const root = document.documentElement;
-  root.dataset.theme = getComputedStyle(root).colorScheme === "dark" ? "light" : "dark";
-  view?.showMeasured();
-});
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => view?.showMeasured());
-
+followTheme(() => view?.showMeasured());
 showSections();
 decisions.listeners.push(showDecisions);
 showDecisions();

@@ -1,29 +1,16 @@
 // The map in 3D: what is shown of it, and what is picked and measured.
 
-const STILL = 200; // after the last movement all points are drawn [ms]
-const MANY = 30000; // of fewer points all are drawn while moving, too
-const THIRD = 3; // of more, every third; fewer on machines that take longer than SLOW for a frame
-const FEWEST = 30; // WebGL allows no wider steps
-const [SLOW, QUICK] = [50, 20]; // [ms]
 const ARM = 0.012; // of a control point's cross, as a share of the map's reach
 
-class View {
+class View extends CanvasView {
   /** `tell` is called with what was picked: {point}, {doubtful}, {pose}, {pair}, {distance} or {tying}, or null. */
   constructor(stage, content, decisions, tell) {
-    Object.assign(this, { stage, content, decisions, tell });
-    this.canvas = stage.querySelector("canvas");
-    this.scene = new Scene(this.canvas);
+    super(stage);
+    Object.assign(this, { content, decisions, tell });
     this.shown = { points: true, doubtful: false, track: true, before: false, ellipsoids: true, kept: true, refused: true, decided: true, control: true, wrong: true };
-    this.scale = 1;
     this.measuring = false;
     this.tying = null; // the scan that the next pose is tied to
     this.measured = [];
-    this.frames = 0;
-    this.movedAt = -Infinity;
-    this.moved = false; // since the last frame
-    this.step = THIRD;
-    new ResizeObserver(() => this.resize()).observe(stage);
-    followPointer(this);
     followKeys(this, { m: () => this.measure(!this.measuring), Escape: () => this.leave() });
   }
 
@@ -46,7 +33,7 @@ class View {
     this.colorBy(this.coloring in this.colorings ? this.coloring : "depth");
     this.measured = [];
     this.mark = null;
-    this.heights = [-Infinity, Infinity]; // of the points that are shown [m]
+    this.heights = [-Infinity, Infinity];
     this.choose(null);
     this.showLayers();
   }
@@ -132,11 +119,6 @@ class View {
     this.request();
   }
 
-  ground() {
-    const [r, g, b] = getComputedStyle(this.stage).backgroundColor.match(/[\d.]+/g).map(Number);
-    return [r / 255, g / 255, b / 255];
-  }
-
   /** What is at a pixel: a pose before a pair before a point, but points alone while measuring and poses alone while tying. */
   pick(x, y, near = NEAR) {
     const { camera, part, shown } = this;
@@ -187,45 +169,11 @@ class View {
     this.tell({ pair: drawn ?? pair });
   }
 
-  /** Ask for a frame; `moving` if a third of the points will do. */
-  request(moving = false) {
-    if (moving) [this.movedAt, this.moved] = [performance.now(), true];
-    this.waiting ??= requestAnimationFrame(() => this.draw());
+  clouds() {
+    return ["points", "doubtful"].filter((name) => this.shown[name]);
   }
 
-  draw() {
-    this.waiting = null;
-    if (!this.camera) return;
-    const now = performance.now();
-    const moving = this.moved || now - this.movedAt < STILL; // a slow machine draws long after it was asked
-    this.moved = false;
-    const step = moving && this.points.count > MANY ? this.stepFor(now) : 1;
-    const clouds = ["points", "doubtful"].filter((name) => this.shown[name]);
-    this.scene.draw(this.camera, { ground: this.ground(), clouds, voxel: this.part.voxel, scale: this.scale, step, heights: this.heights });
-    this.frames++;
-    [this.drawnAt, this.wasMoving] = [now, moving];
+  label() {
     placeLabels(this);
-    if (moving) {
-      clearTimeout(this.settling);
-      this.settling = setTimeout(() => this.request(), STILL);
-    }
-  }
-
-  /** Which points are drawn while moving: every third, or fewer if the frames before took long. */
-  stepFor(now) {
-    const took = now - (this.drawnAt ?? -Infinity);
-    if (this.wasMoving && took > SLOW) this.step = Math.min(FEWEST, 2 * this.step);
-    else if (this.wasMoving && took < QUICK) this.step = Math.max(THIRD, this.step / 2);
-    return Math.floor(this.step);
-  }
-
-  resize() {
-    const { clientWidth: width, clientHeight: height } = this.stage;
-    if (!this.camera || !width || !height) return;
-    const ratio = Math.min(2, window.devicePixelRatio || 1);
-    this.canvas.width = Math.round(width * ratio);
-    this.canvas.height = Math.round(height * ratio);
-    [this.camera.width, this.camera.height] = [width, height];
-    this.request();
   }
 }

@@ -1,0 +1,203 @@
+"""A point cloud of another program beside a map: laws without registration, its frames, and what is refused."""
+
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+from pyproj import CRS
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.tangent import lengths
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.map_folder.folder import Map
+from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+from sonarmap.tools.files.writers.points import write_ply
+from sonarmap.tools.maps import export_map
+from sonarmap.tools.products.compare.alignment import Alignment
+from sonarmap.tools.products.compare.cloud import PointCloud, opened_surveys
+from sonarmap.tools.products.compare.comparison import CompareSettings, compare_maps
+from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between
+from sonarmap.tools.products.compare.epoch import Epoch
+from sonarmap.tools.products.compare.regions import regions_of
+from tests.samples.surveys import drawn
+from tests.tools.products.compare.made_up import VOXEL, surveyed
+from tests.tools.products.export.finished import finished_map, local_of
+
+HERE = Georeference(60.0, 9.0, height=-3.0, vertical="MSL")
+ALIGNMENT = np.diag(np.repeat([1e-3, 0.02], 3) ** 2)
+UTM = CRS.from_epsg(25832)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Map:
+    return Map.open(finished_map(tmp_path_factory.mktemp("cloud") / "map", georeference=HERE))
+
+
+def as_cloud(epoch: Epoch, beside: Epoch, sigma: float | None = None) -> Epoch:
+    return Epoch.of_cloud(epoch.points, epoch.weight, sigma, beside)
+
+
+def compared(old: Epoch, new: Epoch) -> Distances:
+    return distances_between(old, new, ALIGNMENT, VOXEL, 4 * VOXEL, 2 * VOXEL)
+
+
+def las(path: Path, points: np.ndarray, crs: CRS | None) -> Path:
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    header.offsets, header.scales = np.floor(points.min(axis=0)), np.full(3, 1e-7)
+    if crs is not None:
+        header.add_crs(crs)
+    file = laspy.LasData(header)
+    file.x, file.y, file.z = points.T
+    file.write(str(path))
+    return path
+
+
+def test_nothing_changed_from_a_map_to_its_own_points() -> None:
+    old = surveyed(1)
+    distances = compared(old, as_cloud(old, old))
+    np.testing.assert_allclose(distances.distance[distances.compared], 0.0, atol=1e-9)
+    assert (distances.verdict == Verdict.UNCHANGED).mean() > 0.95
+
+
+@pytest.mark.parametrize("cloud_is_old", [True, False])
+@pytest.mark.parametrize("change", [0.4, -0.4])
+def test_a_change_is_found(change: float, cloud_is_old: bool) -> None:
+    old, new = surveyed(5), surveyed(6, change=change)
+    distances = compared(as_cloud(old, new), new) if cloud_is_old else compared(old, as_cloud(new, old))
+    (region,) = regions_of(distances)
+    assert region.gained == (change > 0)
+    assert abs(region.volume - 36 * change) < 3 * region.sigma
+    assert (distances.cores.normals[:, 2] > 0.9).all()  # of the cloud too: as the map beside it was seen
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_changed(seed: int) -> None:
+    old, new = surveyed(2 * seed + 10, poses_err=False), surveyed(2 * seed + 11)
+    distances = compared(as_cloud(old, new), new)
+    assert np.isin(distances.verdict, (Verdict.GAINED, Verdict.LOST))[distances.compared].mean() <= 0.06
+    assert not regions_of(distances)
+
+
+def test_a_known_sigma_counts() -> None:
+    old, new = surveyed(3), surveyed(4)
+    levels = [np.nanmedian(compared(old, as_cloud(new, old, sigma)).level) for sigma in (None, 0.01, 1.0)]
+    assert levels[0] == pytest.approx(levels[1], rel=0.01)  # the scatter is larger
+    assert levels[2] > 1.5 * levels[0]
+
+
+@pytest.mark.parametrize(("tilt", "verdict"), [(0.0, Verdict.LOST), (np.pi / 2, Verdict.UNSURE)])
+def test_of_a_wall_a_cloud_may_show_the_other_side(tilt: float, verdict: Verdict) -> None:
+    """The same change of more than 1.75 voxels in a bed and, turned, in a wall."""
+    T = RigidTransform.from_exp_coords([0, tilt, 0, 0, 0, 0])
+    old, new = surveyed(5).moved(T), surveyed(6, change=-2 * VOXEL).moved(T)
+    assert (_within(compared(old, new)) == Verdict.LOST).mean() > 0.9
+    assert (_within(compared(old, as_cloud(new, old))) == verdict).mean() > 0.9
+
+
+def _within(distances: Distances) -> np.ndarray:
+    """The verdicts in the middle of the square that changed."""
+    return distances.verdict[np.linalg.norm(distances.cores.points, axis=1) < 2]
+
+
+def test_an_alignment_from_the_other_side() -> None:
+    T = RigidTransform.from_exp_coords([0.1, -0.05, 1.2, 8.0, -3.0, 1.0])
+    C = np.diag([1, 2, 3, 40, 50, 60]) * 1e-6
+    given = Alignment(T, C, 5, 4, 6)
+    np.testing.assert_allclose((given.inverse.T_old_new * T).as_matrix(), np.eye(4), atol=1e-12)
+    np.testing.assert_allclose(given.inverse.inverse.covariance, C, atol=1e-12)
+    truths = drawn(np.random.default_rng(1), C, 2000) * T
+    xi = (truths.inv() * given.inverse.T_old_new.inv()).as_exp_coords()
+    off = lengths(xi, np.tile(given.inverse.covariance, (len(xi), 1, 1)))
+    assert np.sqrt((off**2).mean() / 6) == pytest.approx(1, abs=0.03)
+
+
+def test_views_of_a_map_lie_in_its_cloud(folder: Map) -> None:
+    real = surveyed_map(folder)
+    made_up = PointCloud.of_points(folder.parts[0].points, folder).seen_as(real)
+    assert set(made_up.seen_by.tolist()) == set(range(len(made_up.covariances)))
+    assert len(made_up.key_scan(made_up.apart[0]).points) >= 50
+
+
+def test_large_coordinates_are_counted_from_nearby(folder: Map) -> None:
+    points, far = folder.parts[0].points, np.array([450_123.0, 6_651_234.0, 0])
+    cloud = PointCloud.of_points(points + far, folder)
+    assert "its coordinates are counted from 450000, 6651000, 0 m" in cloud.notes[1]
+    assert np.abs(cloud.points).max() < 1000
+    assert cloud.weight.sum() == len(points)
+
+
+def test_a_thinned_cloud_is_less_sure(folder: Map) -> None:
+    points = folder.parts[0].points
+    thinned = PointCloud.of_points(points, folder)
+    assert thinned.sigma == folder.voxel
+    assert "seems to be thinned (1.0 points" in thinned.notes[-1]
+    assert PointCloud.of_points(points, folder, 0.1).sigma == 0.1
+    assert PointCloud.of_points(np.repeat(points, 3, axis=0), folder).sigma is None
+
+
+def test_a_projected_file_is_brought_to_the_earth(folder: Map, tmp_path: Path) -> None:
+    export_map(folder, tmp_path, formats="laz")
+    old = PointCloud.read(tmp_path / "map.laz", folder)
+    assert old.georeference is not None
+    assert old.georeference.vertical == "MSL"
+    read = laspy.read(tmp_path / "map.laz")
+    expected = local_of(np.asarray(read.xyz), 32632, old.georeference)
+    assert np.abs(old.points.mean(axis=0) - expected.mean(axis=0)).max() < 0.2  # voxels of 0.5 m, unweighted
+    here = compare_maps(old, folder, None, CompareSettings())
+    assert here.regions == ()
+    assert "heights are taken to count from 'MSL'" in here.notes[1]
+    compared = here.distances.compared
+    assert np.quantile(np.abs(here.distances.distance[compared]), 0.9) < 0.05
+    there = compare_maps(folder, old, None, CompareSettings())
+    assert there.regions == ()
+    assert len(there.distances.compared) > 100
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        (np.zeros((100, 2)), r"shape \(100, 2\); wanted numbers"),
+        (np.full((100, 3), np.nan), "finite points in 0 voxels"),
+        (np.zeros((10, 3)), "finite points in 1 voxels of the map; wanted 50"),
+        (np.random.default_rng(0).uniform(0, 0.1, (90, 3)), "points in .* voxels of the map; wanted 50"),
+        (np.random.default_rng(0).uniform(-9e3, 9e3, (100, 3)), "are these millimeters"),
+    ],
+)
+def test_bad_points(folder: Map, points: np.ndarray, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        PointCloud.of_points(points, folder)
+
+
+def test_bad_files(folder: Map, tmp_path: Path) -> None:
+    some = np.random.default_rng(0).uniform(0, 20, (90, 3))
+    degrees = las(tmp_path / "degrees.las", some / 1e4 + np.array([9, 60, 0]), CRS.from_epsg(4326))
+    feet = las(tmp_path / "feet.las", some + np.array([3e5, 7e5, 0]), CRS.from_epsg(2263))
+    plain = las(tmp_path / "plain.las", some + np.array([450_000, 6_651_000, 0]), None)
+    assert PointCloud.read(plain, folder).georeference is None
+    (tmp_path / "empty.ply").write_bytes(b"")
+    (tmp_path / "notes.doc").write_bytes(b"x")
+    for path, words in (
+        (degrees, "wanted a projected CRS"),
+        (feet, r"in US survey foot; wanted a projected CRS in meters"),
+        (tmp_path / "empty.ply", "end_header"),
+        (tmp_path / "notes.doc", "neither the folder of a finished map nor a file of points"),
+        (tmp_path / "missing.ply", "cannot read"),
+    ):
+        with pytest.raises(InputError, match=words):
+            PointCloud.read(path, folder)
+
+
+def test_two_clouds_and_none(folder: Map, tmp_path: Path) -> None:
+    points = folder.parts[0].points
+    write_ply(tmp_path / "a.ply", points)
+    with pytest.raises(InputError, match="both are point clouds; wanted the folder"):
+        opened_surveys(points, tmp_path / "a.ply", None, Map.open)
+    with pytest.raises(InputError, match="--cloud-sigma has no effect without"):
+        opened_surveys(folder, folder, 0.1, lambda given: given)
+    cloud, beside, _ = opened_surveys(tmp_path / "a.ply", folder, 0.1, lambda given: given)
+    assert isinstance(cloud, PointCloud)
+    assert (cloud.sigma, beside) == (0.1, folder)
+    with pytest.raises(InputError, match="--keep-frames needs two maps placed on the Earth, or a map and a LAS"):
+        compare_maps(cloud, beside, None, CompareSettings())
