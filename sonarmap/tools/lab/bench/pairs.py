@@ -23,7 +23,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.lab.bench.stages import PAIR_STAGES, Stage, clocked
 from sonarmap.tools.lab.bench.timing import summarize, timed
-from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
+from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 
@@ -160,9 +160,4 @@ def _measure_pair(selector: str | None, grid: Grid, pair: SimulatedPair) -> _Mea
 
     (first, target), (second, source) = (timed(prepare, scan) for scan in pair[:2])
     seconds, found = timed(registrar.register, target, source)
-    return [first, second], seconds, found.accepted, is_right(found.T_target_source, pair[2], grid.voxel)
-
-
-def is_right(T_target_source: RigidTransform, truth: RigidTransform, voxel: float) -> bool:
-    """Whether a registration is within RIGHT_DEG and RIGHT_VOXELS of the truth."""
-    return pair_error(T_target_source, truth).within(RIGHT_DEG, RIGHT_VOXELS * voxel)
+    return [first, second], seconds, found.accepted, pair_error(found.T_target_source, pair[2]).is_right(grid.voxel)

@@ -47,7 +47,9 @@ def _pyfftw(w: Workload, inverse: bool) -> Peer:
         if inverse:  # which overwrites its input
             given[:] = source
 
-    _require_alike(plan(), w.volume if inverse else w.spectrum, "pyfftw")
+    wanted = w.volume if inverse else w.spectrum
+    if not np.linalg.norm(plan() - wanted) <= 1e-5 * np.linalg.norm(wanted):  # what computes something else is no peer
+        raise InputError("pyfftw gives another spectrum than scipy.fft; uninstall it or take another version")
     restore()
     return Peer("pyfftw", plan.execute if not inverse else plan, restore)
 
@@ -66,9 +68,3 @@ def _pyvkfft(w: Workload, inverse: bool) -> Peer:
         queue.finish()
 
     return Peer("pyvkfft", run, (lambda: given.set(w.spectrum)) if inverse else (lambda: None))
-
-
-def _require_alike(got: np.ndarray, wanted: np.ndarray, name: str) -> None:
-    """What computes something else is no peer."""
-    if not np.linalg.norm(got - wanted) <= 1e-5 * np.linalg.norm(wanted):
-        raise InputError(f"{name} gives another spectrum than scipy.fft; uninstall it or take another version")

@@ -133,12 +133,9 @@ def correlate_rotations(
     return np.asarray(scipy.fft.irfft2(spectrum, s=(edge, edge), norm="forward", workers=cores))
 
 
-def segment_peaks(correlation: np.ndarray, segments: int, images: int | None = None) -> np.ndarray:
-    """The highest local maximum of every segment of every row, highest first: (m, 4), index and value.
-
-    Args:
-        images: only those of the first so many images; None: all.
-    """
+def segment_peaks(correlation: np.ndarray, segments: int, images: int) -> np.ndarray:
+    """The highest local maximum of every segment of every row of the first images, highest first: (m, 4), index and
+    value."""
     values = np.where(correlation == maximum_filter(correlation, 3, mode="wrap"), correlation, -np.inf)
     parts = values.reshape(*correlation.shape[:2], segments, -1)
     columns = parts.argmax(axis=3)

@@ -8,7 +8,7 @@ from typing import Any
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.tools.files.map_folder.pairs import TriedPair
-from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
+from sonarmap.tools.lab.evaluate.trajectory import pair_error
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class PairScore:
 
 
 def score_pairs(pairs: Sequence[TriedPair], truth: Mapping[int, RigidTransform], voxel: float) -> PairScore:
-    """Compare pairs with the truth: right is within RIGHT_DEG and RIGHT_VOXELS voxels.
+    """Compare pairs with the truth: right is what `PairError.is_right` says.
 
     Recall is among the pairs that were tried: a place that was revisited and never tried is not missed here.
 
@@ -69,8 +69,7 @@ def _outcome(pair: TriedPair, truth: Mapping[int, RigidTransform], voxel: float)
         return "failed"
     if pair.target not in truth or pair.source not in truth:
         return "unjudged"
-    error = pair_error(pair.T_target_source, truth[pair.target].inv() * truth[pair.source])
-    right = error.within(RIGHT_DEG, RIGHT_VOXELS * voxel)
+    right = pair_error(pair.T_target_source, truth[pair.target].inv() * truth[pair.source]).is_right(voxel)
     return f"{'kept' if pair.kept else 'rejected'}_{'right' if right else 'wrong'}"
 
 

@@ -76,6 +76,10 @@ class PairError:
         """Whether both errors are at most these."""
         return self.rotation_deg <= rotation_deg and self.translation_m <= translation_m
 
+    def is_right(self, voxel: float) -> bool:
+        """Whether a registration so far off is right, on a grid of voxels of this edge [m]."""
+        return self.within(RIGHT_DEG, RIGHT_VOXELS * voxel)
+
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
@@ -137,12 +141,7 @@ def pair_error(T_estimate: RigidTransform, T_truth: RigidTransform) -> PairError
     return PairError(float(np.rad2deg(rotation)), float(distance))
 
 
-def evaluate(
-    estimate: Trajectory,
-    truth: Trajectory,
-    alignment: Alignment = "poses",
-    tolerance: float = STAMP_TOLERANCE,
-) -> Evaluation:
+def evaluate(estimate: Trajectory, truth: Trajectory, alignment: Alignment = "poses") -> Evaluation:
     """Errors of a trajectory against the truth, after one rigid alignment, without scale.
 
     Args:
@@ -150,12 +149,11 @@ def evaluate(
         truth: the true poses.
         alignment: "poses", least squares over all common poses, see `align_poses`; "positions", the same without
             the orientations (Umeyama, DOI 10.1109/34.88573); or "first", the first common pose onto its truth.
-        tolerance: largest difference of the stamps of one pose [s].
 
     Raises:
         InputError: no stamp in common; with "positions" also where these are too few or lie on one line.
     """
-    estimate_rows, truth_rows = associate(estimate.stamps, truth.stamps, tolerance)
+    estimate_rows, truth_rows = associate(estimate.stamps, truth.stamps)
     estimated, true = estimate.T_world_sensor[estimate_rows], truth.T_world_sensor[truth_rows]
     if alignment == "poses":
         T_truth_estimate = align_poses(estimated, true)

@@ -6,7 +6,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.result import Registrar, Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
+from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.reproduce.experiment import Value
 
 PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
@@ -21,6 +21,11 @@ def parameters(T: RigidTransform) -> np.ndarray:
 def parameter_cells(T: RigidTransform, which: str) -> dict[str, float]:
     """PARAMETERS as cells whose names begin with "found" or "true"."""
     return {f"{which}_{name}": value for name, value in zip(PARAMETERS, parameters(T).tolist(), strict=True)}
+
+
+def less_turns(angle: float) -> float:
+    """An angle without its whole turns [degrees], -180..180."""
+    return (angle + 180) % 360 - 180
 
 
 def answer(registrar: Registrar, target: Scan, source: Scan) -> Registration:
@@ -59,14 +64,19 @@ def claims(registration: Registration) -> dict[str, Value]:
     }
 
 
+def cells_of(registration: Registration, truth: RigidTransform, voxel: float) -> dict[str, Value]:
+    """Its `errors`, then its `claims`."""
+    return errors(registration, truth, voxel) | claims(registration)
+
+
 def errors(registration: Registration, truth: RigidTransform, voxel: float) -> dict[str, Value]:
     """The errors of a registration against the true T_target_source between the scans; `voxel` of the grid [m].
 
-    The cells: right (within RIGHT_DEG and RIGHT_VOXELS); rotation_deg, translation_m, translation_voxels; nees.
+    The cells: right (`PairError.is_right`); rotation_deg, translation_m, translation_voxels; nees.
     """
     error = pair_error(registration.T_target_source, truth)
     return {
-        "right": error.within(RIGHT_DEG, RIGHT_VOXELS * voxel),
+        "right": error.is_right(voxel),
         "rotation_deg": error.rotation_deg,
         "translation_m": error.translation_m,
         "translation_voxels": error.translation_m / voxel,

@@ -39,6 +39,12 @@ def beside_table(lines: Iterable[Line]) -> Table:
     return Table(f"`{OURS}` beside the other methods", HEADINGS, tuple(lines))
 
 
+def in_short(lines: Iterable[tuple[str, str, str]]) -> Table:
+    """The first table where no other method is compared: measure, ours, and what follows."""
+    rows = tuple((words, DASH, ours, follows) for words, ours, follows in lines)
+    return Table("In short", ("measure", "others", "ours", "what follows"), rows)
+
+
 def others_of(
     rows: Sequence[Row],
     value: Callable[[Sequence[Row]], float | None],

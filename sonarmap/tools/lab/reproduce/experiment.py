@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -77,14 +78,31 @@ class Experiment(ABC):
         type(self).draw_pictures(folder, rows, self.settings)
 
 
+def in_turns(counts: Mapping[str, int]) -> list[str]:
+    """Jobs of sets of so many draws each, as in swath-0003; the sets in turns, so that a run that is stopped has some
+    of each."""
+    numbered = [(number / count, f"{name}-{number:04d}") for name, count in counts.items() for number in range(count)]
+    return [job for _, job in sorted(numbered)]
+
+
 class ByMethod(Experiment):
     """An experiment whose jobs are of one method each, which the last part of a job's key names.
 
     The jobs of each method are kept for themselves: when the code of one changes, those of the others stay done.
+
+    Attributes:
+        make_scans: makes what all methods register, from the parts of a job's key that say which scans these are.
+        scans: the same; what it made last is kept for the next method.
     """
 
+    make_scans: ClassVar[Callable[..., Any]]
     # names of the settings that decide a job's rows, with its key, the code and the device
     deciding: ClassVar[tuple[str, ...]] = ("edge", "seed")
+
+    def __init__(self, settings: Any, device: str | None = None) -> None:
+        """`device` as `choose_device` takes it."""
+        super().__init__(settings, device)
+        self.scans = lru_cache(maxsize=1)(self.make_scans)
 
     @property
     def methods(self) -> tuple[str, ...]:

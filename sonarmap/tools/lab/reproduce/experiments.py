@@ -65,6 +65,13 @@ class Request:
         return self.device
 
     @property
+    def chosen_folder(self) -> Path:
+        """The folder, which is there where an experiment on one is made."""
+        if self.folder is None:
+            raise ValueError("no folder was chosen")
+        return self.folder
+
+    @property
     def given(self) -> dict[str, tuple[object, ...]]:
         """The options of OPTIONS that were given, with their values."""
         values = {name: getattr(self, name) for name in OPTIONS}

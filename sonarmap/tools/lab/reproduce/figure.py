@@ -29,6 +29,19 @@ def new_figure(width: float, height: float, dpi: int = 100) -> Any:
     return Figure(figsize=(width, height), dpi=dpi, layout="constrained")
 
 
+def new_panels(
+    count: int, across: int, size: tuple[float, float], margin: tuple[float, float], dpi: int = 100, **shared: bool
+) -> tuple[Any, Any]:
+    """A figure of `count` panels of a size, up to so many in a line, with a margin [inches]; and the panels."""
+    columns = min(count, across)
+    lines = -(-count // columns)
+    figure = new_figure(size[0] * columns + margin[0], size[1] * lines + margin[1], dpi)
+    panels = figure.subplots(lines, columns, squeeze=False, **shared).ravel()
+    for axes in panels[count:]:
+        axes.set_axis_off()
+    return figure, panels
+
+
 def save_figure(figure: Any, path: Path) -> None:
     """Write a matplotlib figure as PNG."""
     with atomic_path(path) as temporary:
@@ -38,6 +51,12 @@ def save_figure(figure: Any, path: Path) -> None:
 def legend_beside(axes: Any) -> None:
     """The legend at the right of the axes."""
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
+
+
+def legend_below(figure: Any, axes: Any) -> None:
+    """The legend of the axes in one line below the whole figure."""
+    lines, names = axes.get_legend_handles_labels()
+    figure.legend(lines, names, loc="outside lower center", ncols=len(names), frameon=False)
 
 
 def style(method: str) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """The methods that the evaluations compare, and how each is built for a pair."""
 
-import math
 from dataclasses import dataclass
 
 from sonarmap.spectral.grid import Grid
@@ -47,14 +46,14 @@ def compared_methods(request: Request) -> ComparedMethods:
     return ComparedMethods(tuple(name for name in EVALUATED if name not in left_out), left_out)
 
 
-def registrar(name: str, grid: Grid, device: str | None, any_tilt: bool = False) -> Registrar:
+def registrar(name: str, grid: Grid, device: str | None, max_tilt: float | None = None) -> Registrar:
     """A method, a key of METHODS, with its defaults, the same whatever pair it is built for.
 
-    With `any_tilt` a method that bounds roll and pitch bounds neither. `device` is as `choose_device` takes it.
+    A method that bounds roll and pitch does so at `max_tilt` [rad], if given. `device` is as `choose_device` takes it.
 
     Raises:
         InputError, DeviceError: there is no such method, its package is not installed, or the device is too small.
     """
     method = find_method(name)
-    changes = {"max_tilt": math.pi} if any_tilt and "max_tilt" in method.options else {}
+    changes = {} if max_tilt is None or "max_tilt" not in method.options else {"max_tilt": max_tilt}
     return method.make(Setup(grid, device, changes=changes))

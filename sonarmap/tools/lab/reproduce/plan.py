@@ -1,7 +1,7 @@
 """The true plan of a scene at one height, cut from the mesh: what is solid there, its outlines, and drawing them."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -67,11 +67,10 @@ def solid(mesh: Mesh, height: float, edge: float = SCENE_EDGE, cell: float = CEL
 
 
 _SOLID = "0.72"
+OUTLINE: dict[str, Any] = {"color": "black", "linewidth": 0.6}
 
 
-def draw_plan(
-    axes: "Axes", plan: SectionPlan, *, filled: bool = True, color: str = "black", width: float = 0.6
-) -> None:
+def draw_plan(axes: "Axes", plan: SectionPlan, *, filled: bool = True) -> None:
     """The plan's solids in gray where `filled`, and its outlines over whatever was drawn before."""
     from matplotlib.collections import LineCollection
     from matplotlib.colors import ListedColormap
@@ -81,7 +80,7 @@ def draw_plan(
         shown = np.ma.masked_equal(plan.solid.T.astype(np.uint8), 0)
         colors = ListedColormap([_SOLID])
         axes.imshow(shown, origin="lower", extent=(-half, half, -half, half), cmap=colors, interpolation="nearest")
-    axes.add_collection(LineCollection(list(plan.outlines), colors=color, linewidths=width, zorder=4))
+    axes.add_collection(LineCollection(list(plan.outlines), **OUTLINE, zorder=4))
 
 
 def from_above(points: np.ndarray, values: np.ndarray, edge: float, cell: float) -> np.ndarray:

@@ -29,7 +29,7 @@ from sonarmap.tools.lab.simulate.paths.trajectories import (
 )
 from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
+from sonarmap.tools.lab.simulate.sensing.ghosts import measure
 from sonarmap.tools.lab.simulate.sensing.navigation import entropy_of
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, Sensor, cast, cast_beams
@@ -157,9 +157,8 @@ def observe(
     scene, sensor, noise = build_scene(settings.scene, settings.seed), settings.sensor, settings.noise
     if way is not None:
         return _on_the_way(settings, way, number, rng, name)
-    echoes = cast(scene, sensor, T_world_sensor)
-    ghosts = reflect(scene, sensor, T_world_sensor) if noise.ghosts > 0 else None
-    return scan_of(disturb(echoes, sensor, noise, rng, ghosts), sensor, stamp=float(number), name=name)
+    echoes = measure(scene, sensor, T_world_sensor, cast(scene, sensor, T_world_sensor), noise, rng)
+    return scan_of(echoes, sensor, stamp=float(number), name=name)
 
 
 def _on_the_way(

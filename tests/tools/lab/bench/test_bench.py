@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
 from sonarmap.kernels.device.device import Device
@@ -22,7 +21,7 @@ from sonarmap.tools.lab.bench import twins
 from sonarmap.tools.lab.bench.case import Peer
 from sonarmap.tools.lab.bench.kernels import CASES, measure_case, measure_kernels, relative_difference
 from sonarmap.tools.lab.bench.machine import count_cores
-from sonarmap.tools.lab.bench.pairs import is_right, measure_pairs, simulate_pairs
+from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
 from sonarmap.tools.lab.bench.peers import fft_peers
 from sonarmap.tools.lab.bench.rates import Rates, Traffic, _kernels, _per_item, measure_rates, summarize_rates
 from sonarmap.tools.lab.bench.spectra_cases import magnitude_case, real_forward_case
@@ -154,13 +153,6 @@ class TestPairs:
         pairs = simulate_pairs(1, 3, lambda _: None)
         with pytest.raises(DeviceError, match="no OpenCL device matches 'abacus'"):
             measure_pairs(pairs, 32, "abacus", lambda _: None)
-
-    def test_right_means_6_degrees_and_3_voxels(self) -> None:
-        truth = RigidTransform.from_components([5, -2, 1], Rotation.from_euler("ZYX", [0.3, 0.1, -0.2]))
-
-        for meters, degrees, right in ((5.9, 5.9, True), (6.1, 0, False), (0, 6.1, False)):
-            turn = Rotation.from_rotvec([0, np.deg2rad(degrees), 0])
-            assert is_right(truth * RigidTransform.from_components([0, meters, 0], turn), truth, 2.0) == right
 
 
 def test_the_peak_of_memory_never_falls() -> None:

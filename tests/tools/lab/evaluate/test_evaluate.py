@@ -14,6 +14,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.lab.evaluate.trajectory import (
     ARM,
     Alignment,
+    PairError,
     align_poses,
     align_positions,
     associate,
@@ -191,6 +192,11 @@ def test_pair_error_has_the_angle_between_and_the_distance():
     assert error.within(7.001, 0.501)
     assert not error.within(6.999, 0.501)
     assert not error.within(7.001, 0.499)
+
+
+def test_right_means_6_degrees_and_3_voxels():
+    for degrees, meters, right in ((5.9, 5.9, True), (0, 6.1, False), (6.1, 0, False)):
+        assert PairError(degrees, meters).is_right(2.0) == right
 
 
 def test_the_result_is_json():

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
+from typer.testing import Result
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -83,6 +84,10 @@ def evaluated(folder: Path, *options: str) -> dict:
     return json.loads(result.stdout)
 
 
+def with_summary(folder: Path) -> Result:
+    return sonarmap("evaluate", folder / "estimate.tum", folder / "truth.tum", "--summary", folder / "summary.json")
+
+
 def test_without_the_options_their_keys_are_there_and_empty(files: Path) -> None:
     told = evaluated(files)
     assert [told[name] for name in ("map", "pairs", "uncertainty")] == [None, None, None]
@@ -114,7 +119,7 @@ def test_scans_without_truth_leave_their_pairs_unjudged(files: Path) -> None:
     assert (told["pairs"]["loops"]["unjudged"], told["pairs"]["sequential"]["unjudged"]) == (2, 1)
     assert told["uncertainty"]["poses"] == 4
     write_tum(files / "truth.tum", TRUTH.take(range(1, 6)))
-    refused = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", "--summary", files / "summary.json")
+    refused = with_summary(files)
     assert refused.exit_code == 2
     said(refused, "the first pose of the estimate's component")
 
@@ -124,7 +129,7 @@ def test_uncertainty_is_judged_against_the_first_pose(files: Path) -> None:
     assert (told["anchor"], told["poses"], told["within_95"]) == ("first", COUNT - 1, 1.0)
     assert told["nees_mean"] == pytest.approx(0, abs=1e-8)
     (files / "summary.json").write_text(json.dumps(summary(covariances=False)))
-    without = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", "--summary", files / "summary.json")
+    without = with_summary(files)
     assert without.exit_code == 0
     said(without, "has no covariances of the poses")
 
@@ -216,7 +221,7 @@ SOUND = "0,1,loop,yes,told,1,2,3,4,5,6"
 )
 def test_a_table_of_pairs_that_is_none_is_refused(files: Path, rows: list[str], words: str) -> None:
     write_pairs(files, *rows)
-    result = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", "--summary", files / "summary.json")
+    result = with_summary(files)
     refused_with_reason(result)
     said(result, "error: ", str(files / "pairs.csv"), words)
 

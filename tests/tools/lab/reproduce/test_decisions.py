@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.reproduce.decisions.run import RULES, USUAL, Decisions
+from sonarmap.tools.lab.reproduce.decisions.run import RULES, USUAL, Decisions, DecisionSettings
 from sonarmap.tools.lab.reproduce.decisions.section import decisions_section
-from sonarmap.tools.lab.reproduce.decisions.settings import DecisionSettings
 from sonarmap.tools.lab.reproduce.experiments import Request, create
 
 SETTINGS = DecisionSettings(("floodgate",), seeds=1, first_seed=5, scans=5, edge=64)

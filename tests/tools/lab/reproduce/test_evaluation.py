@@ -38,10 +38,10 @@ def request(device: Device, **changes: object) -> Request:
 class TestPairs:
     def test_the_bound_on_tilt_is_lifted_where_there_is_one(self, device: Device) -> None:
         bounded, free = (
-            methods.registrar("hemisphere", Grid(16, 1.0), device.selector, any_tilt=lifted) for lifted in (False, True)
+            methods.registrar("hemisphere", Grid(16, 1.0), device.selector, bound) for bound in (None, math.pi)
         )
         assert (bounded.config.max_tilt, free.config.max_tilt) == (math.radians(35), math.pi)  # pyright: ignore
-        methods.registrar("planes", Grid(16, 1.0), None, any_tilt=True)
+        methods.registrar("planes", Grid(16, 1.0), None, math.pi)
 
     @pytest.mark.slow
     def test_the_overlap_is_that_without_noise_and_strangers_share_nothing(self) -> None:

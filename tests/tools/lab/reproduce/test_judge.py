@@ -1,7 +1,6 @@
 """Evidence that is recorded, and judging that is fitted to it."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +14,8 @@ from sonarmap.spectral.judge.covariance import SLIDE, fit_covariance
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.tools.lab.reproduce.evidence.pairs import ELSEWHERE, EXPECTED, draw
 from sonarmap.tools.lab.reproduce.evidence.recorder import Recorder, fit_of, seen_of
-from sonarmap.tools.lab.reproduce.evidence.run import EvidenceOfPairs
-from sonarmap.tools.lab.reproduce.evidence.settings import SURVEY, UNRELATED, evidence_settings
-from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.evidence.settings import SURVEY, UNRELATED, EvidenceSettings
+from sonarmap.tools.lab.reproduce.experiments import Request, create
 from sonarmap.tools.lab.reproduce.judge.fit import CLUES, fit_logistic, fit_odds, judged
 from sonarmap.tools.lab.reproduce.judge.recorded import read_recorded
 from sonarmap.tools.lab.reproduce.judge.reference import reference
@@ -30,8 +28,7 @@ SEED = 5
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What `sonarmap reproduce evidence` leaves, of a few draws on few voxels."""
-    settings = replace(evidence_settings(Request(quick=True)), seed=SEED)
-    experiment = EvidenceOfPairs(settings, choose_device())
+    experiment = create("evidence", Request(choose_device(), quick=True, seed=SEED))
     jobs = ["patch-0000", "sound_speed-0002", "unrelated-0000", "distorted-0001"]
     path = tmp_path_factory.mktemp("evidence")
     write_rows(path / "evidence.csv", [row for job in jobs for row in experiment.run(job).rows])
@@ -40,9 +37,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_every_set_is_drawn_and_the_same_again() -> None:
-    settings = evidence_settings(Request())
     # a draw of a kind has five pairs, one of a survey two for each of four, and those apart
-    assert sum(settings.counts.values()) * 3 > 15_000
+    assert sum(EvidenceSettings().counts.values()) * 3 > 15_000
     first, second = (list(draw("patch", 3, SEED, 64)) for _ in range(2))
     assert [pair.cells["known"] for pair in first] == ["none", "attitude,depth", "navigation", EXPECTED, ELSEWHERE]
     for one, other in zip(first, second, strict=True):

@@ -83,7 +83,7 @@ class TestSets:
 def priors_of(sets: Sequence[RealSet], settings: RealSettings, known: str) -> list[PosePrior | None]:
     """Of both scans of the first pair."""
     experiment, pair = Real(sets, settings, None), sets[0].pairs[0]
-    read = experiment._scans(pair.target, pair.source)[:2]
+    read = experiment.scans(pair.target, pair.source)[:2]
     return [scan.prior for scan in experiment._with_priors(read, sets[0], pair, known)]
 
 

@@ -20,7 +20,7 @@ from sonarmap.tools.lab.reproduce.floodgate.chain import runs
 from sonarmap.tools.lab.reproduce.floodgate.run import OTHER_METHODS, PAPER_METHODS, Floodgate, FloodgateSettings
 from sonarmap.tools.lab.reproduce.gaussian.run import GaussianSettings
 from sonarmap.tools.lab.reproduce.kinds.run import Kinds
-from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NAVIGATION, KindsSettings, kinds_settings
+from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NAVIGATION, KindsSettings
 from sonarmap.tools.lab.reproduce.methods import EVALUATED, ComparedMethods, compared_methods
 from sonarmap.tools.lab.reproduce.real.settings import real_settings
 from sonarmap.tools.lab.reproduce.settings import paper_grid
@@ -194,12 +194,13 @@ class TestAsked:
         introduction = experiment.section(rows_of(flat_survey(), {"icp": 9.0}), ()).introduction
         assert "Not installed, so left out: kiss." in introduction
 
-    def test_kinds(self) -> None:
-        usual, quick = (kinds_settings(Request(quick=quick, method=("spectral",))) for quick in (False, True))
+    def test_kinds(self, device: Device) -> None:
+        requests = [Request(device, quick, method=("spectral",)) for quick in (False, True)]
+        usual, quick = (create("kinds", request).settings for request in requests)
         assert (usual.kinds, usual.count, usual.edge) == (tuple(SCAN_KINDS), 100, 128)
         assert (quick.kinds, quick.count, quick.edge, quick.seed) == (("patch", "swath"), 5, 64, usual.seed)
-        asked = kinds_settings(Request(pairs=7, seed=0, grid=32, method=("icp",)))
-        assert asked == KindsSettings(pairs=7, seed=0, edge=32, compared=ComparedMethods(("icp",)))
+        asked = create("kinds", Request(device, pairs=7, seed=0, grid=32, method=("icp",)))
+        assert asked.settings == KindsSettings(pairs=7, seed=0, edge=32, compared=ComparedMethods(("icp",)))
 
     def test_surveys_and_what_is_not_installed(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
         quick = create("survey", Request(device, quick=True, seed=3))

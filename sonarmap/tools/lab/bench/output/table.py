@@ -1,6 +1,6 @@
 """A benchmark's result for people, at a terminal."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from rich.console import Group, RenderableType
 from rich.text import Text
@@ -66,7 +66,9 @@ def describe(result: Row) -> RenderableType:
     parts: list[RenderableType] = [Text(line) for line in (*_head(result), *map(_pair_words, pairs))]
     for grid in dict.fromkeys(row["grid"] for row in result["kernels"]):
         rows = [row for row in result["kernels"] if row["grid"] == grid]
-        parts += [Text(f"\nkernels at {grid}^3: medians [quartiles]"), _kernel_table(rows)]
+        lines = [line for row in rows for line in _kernel_lines(row)]
+        parts += [Text(f"\nkernels at {grid}^3: medians [quartiles]")]
+        parts += [WideTable([*_KERNEL, "twin"], lines, _RIGHT - {len(_KERNEL)})]
     if pairs:
         lines = [line for row in pairs for line in _pair_lines(row)]
         headings = ("grid and step", *_PAIR_TIMES, *_PAIR)
@@ -103,10 +105,6 @@ def _pair_words(row: Row) -> str:
         f"a prepared pair at {row['grid']}^3 is registered in {times['median']:.3f} s (median of {times['count']}); "
         f"{row['right']} of {times['count']} are right"
     )
-
-
-def _kernel_table(rows: Sequence[Row]) -> WideTable:
-    return WideTable([*_KERNEL, "twin"], [line for row in rows for line in _kernel_lines(row)], _RIGHT - {len(_KERNEL)})
 
 
 def _kernel_lines(row: Row) -> Iterator[list[str | Text]]:

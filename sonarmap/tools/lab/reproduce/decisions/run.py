@@ -1,26 +1,29 @@
 """Surveys mapped again by each rule of the graph, from registrations that are kept."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import ClassVar
 
 from sonarmap.kernels.device.device import choose_device
+from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.execute.journal import Journal
 from sonarmap.slam.execute.runner import Execution
 from sonarmap.slam.execute.worker import Worker, prepared_limit
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.survey_grid import survey_grid
+from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.tools.lab.reproduce.decisions.section import decisions_section
-from sonarmap.tools.lab.reproduce.decisions.settings import DecisionSettings
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.settings import as_asked
+from sonarmap.tools.lab.reproduce.settings import as_asked, check_scenes, check_seeds
 from sonarmap.tools.lab.reproduce.survey.mapped import mapped_of
 from sonarmap.tools.lab.reproduce.survey.row import estimate_cells
 from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
+from sonarmap.tools.lab.simulate.kinds.kind import ROUGH_SCENES
 from sonarmap.tools.methods.fingerprint import method_key
 from sonarmap.tools.methods.registry import DEFAULT_METHOD, Setup, find_method
 
@@ -34,6 +37,24 @@ RULES: Mapping[str, LoopSettings] = MappingProxyType(
         "without loops": LoopSettings(per_scan=0),
     }
 )
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionSettings:
+    """What is run."""
+
+    scenes: tuple[str, ...] = ROUGH_SCENES  # keys of SCENE_KINDS
+    seeds: int = 5  # surveys of each scene, counted from `first_seed`
+    first_seed: int = 7202  # >= 0
+    scans: int = 24  # of each survey, by the usual sensor
+    edge: int = 128  # voxels per edge; their size is chosen for the survey, as `sonarmap map` does
+
+    def __post_init__(self) -> None:
+        Grid(self.edge, 1.0)
+        check_scenes(self.scenes)
+        check_seeds(self.seeds, self.first_seed)
+        if self.scans < 2:
+            raise InputError(f"{self.scans} scans; a survey needs 2 or more")
 
 
 class Decisions(Experiment):
@@ -90,7 +111,5 @@ class Decisions(Experiment):
 
 def create(request: Request) -> Decisions:
     """The experiment as the command line asks for it; `quick` is six scans of a wreck on half the voxels."""
-    if request.folder is None:
-        raise ValueError("no folder was chosen")
     settings = as_asked(DecisionSettings(), request, scenes=("wreck",), seeds=1, scans=6, edge=64)
-    return Decisions(request.folder, settings, request.opened.selector)
+    return Decisions(request.chosen_folder, settings, request.opened.selector)

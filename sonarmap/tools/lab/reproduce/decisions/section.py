@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
+from sonarmap.tools.lab.reproduce.beside import in_short
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
-from sonarmap.tools.lab.reproduce.rows import DASH, column, grouped, in_percent, where
+from sonarmap.tools.lab.reproduce.rows import column, grouped, in_percent, where
 from sonarmap.tools.lab.reproduce.survey.row import ROLES
 from sonarmap.tools.lab.reproduce.table import Table, table_of
 from sonarmap.tools.lab.simulate.kinds.kind import relief_of
@@ -41,11 +42,11 @@ _WORST = 10
 
 def _in_short(rows: Sequence[Row]) -> Table:
     lines = [
-        ("error of a map, median and worst [voxels]", _COLUMNS["ATE [voxels]"](rows), "how far off a map is"),
-        ("wrong of the kept pairs", _COLUMNS["wrong of the kept"](rows), "what bends a map"),
-        ("poses in their 95 % ellipsoid", _COLUMNS["in the ellipsoid"](rows), "how far a map's sigmas can be trusted"),
+        ("error of a map, median and worst [voxels]", "ATE [voxels]", "how far off a map is"),
+        ("wrong of the kept pairs", "wrong of the kept", "what bends a map"),
+        ("poses in their 95 % ellipsoid", "in the ellipsoid", "how far a map's sigmas can be trusted"),
     ]
-    return Table("In short", ("measure", "others", "ours", "what follows"), tuple((a, DASH, b, c) for a, b, c in lines))
+    return in_short((words, _COLUMNS[name](rows), follows) for words, name, follows in lines)
 
 
 def _sum(rows: Sequence[Row], *fates: str) -> int:

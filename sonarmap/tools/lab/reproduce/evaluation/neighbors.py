@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +11,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.survey_grid import survey_grid
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
-from sonarmap.tools.lab.reproduce.answer import answer, claims, errors
+from sonarmap.tools.lab.reproduce.answer import answer, cells_of
 from sonarmap.tools.lab.reproduce.evaluation.neighbors_section import neighbors_section
 from sonarmap.tools.lab.reproduce.evaluation.settings import NeighborsSettings
 from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome
@@ -35,11 +34,6 @@ class Neighbors(ByMethod):
     deciding = ("edge", "seed", "pairs", "peers")
     make_section = staticmethod(neighbors_section)
 
-    def __init__(self, settings: NeighborsSettings, device: str | None = None) -> None:
-        """`device` as `choose_device` takes it."""
-        super().__init__(settings, device)
-        self._path = lru_cache(maxsize=1)(self._simulated)  # kept for the next method
-
     def jobs(self) -> Sequence[str]:
         """Scene, sensor, noise and method, as in harbor/eclipse/1.0/spectral."""
         settings: NeighborsSettings = self.settings
@@ -55,7 +49,7 @@ class Neighbors(ByMethod):
         """Register the neighbors of a path by one method; no rows where the sensor sees nothing from it."""
         scene, sensor, noise, method = job.split("/")
         try:
-            path, count = self._path(scene, sensor, float(noise)), self.settings.pairs
+            path, count = self.scans(scene, sensor, float(noise)), self.settings.pairs
         except InputError:
             return Outcome(())
         grid, T = survey_grid(path.scans, self.settings.edge), path.truth.T_world_sensor
@@ -65,10 +59,11 @@ class Neighbors(ByMethod):
             registration, truth = answer(built, path.scans[k], path.scans[k + 1]), T[k].inv() * T[k + 1]
             row = {"scene": scene, "sensor": sensor, "noise": float(noise), "pair": k, "method": method}
             row |= {"misleads": misleads(registration, truth, grid.voxel)}
-            rows.append(row | errors(registration, truth, grid.voxel) | claims(registration))
+            rows.append(row | cells_of(registration, truth, grid.voxel))
         return Outcome(tuple(rows))
 
-    def _simulated(self, scene: str, sensor: str, noise: float) -> Simulation:
+    def make_scans(self, scene: str, sensor: str, noise: float) -> Simulation:
+        """Along one path."""
         planned = louder(plan(scene, "lawnmower", sensor, self.settings.seed), noise)
         return simulate(replace(planned, count=self.settings.pairs + 1))
 

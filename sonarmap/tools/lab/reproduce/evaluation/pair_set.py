@@ -3,8 +3,8 @@
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import Any, ClassVar, cast
+from math import pi
+from typing import ClassVar, cast
 
 from scipy.spatial.transform import RigidTransform
 
@@ -84,11 +84,6 @@ class PairSetExperiment(ByMethod):
 
     sources: ClassVar[tuple[str, ...]] = SOURCES
 
-    def __init__(self, settings: Any, device: str | None = None) -> None:
-        """`device` as `choose_device` takes it."""
-        super().__init__(settings, device)
-        self._pairs = lru_cache(maxsize=1)(self._simulated)  # kept for the next method
-
     @abstractmethod
     def pair(self, batch: str, number: int) -> SetPair | None:
         """A pair of a batch, by its number in the set; None where its scene has no such pair."""
@@ -97,14 +92,15 @@ class PairSetExperiment(ByMethod):
         """Register a batch by one method."""
         batch, _, method = job.rpartition("/")
         rows = []
-        for pair in self._pairs(batch):
-            built = registrar(method, pair.grid, self.device, any_tilt=batch.startswith("any"))
+        for pair in self.scans(batch):
+            built = registrar(method, pair.grid, self.device, pi if batch.startswith("any") else None)
             registration = answer(built, pair.target, pair.source)
             scored = {} if pair.truth is None else errors(registration, pair.truth, pair.grid.voxel)
             rows.append(pair.cells | {"method": method} | scored | claims(registration))
         return Outcome(tuple(rows))
 
-    def _simulated(self, batch: str) -> Sequence[SetPair]:
+    def make_scans(self, batch: str) -> Sequence[SetPair]:
+        """The pairs of a batch that there are."""
         first = int(batch.rpartition("/")[2]) * BATCH
         pairs = [self.pair(batch, number) for number in range(first, first + BATCH)]
         return [pair for pair in pairs if pair is not None]

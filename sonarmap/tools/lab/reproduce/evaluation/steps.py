@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any, ClassVar
 
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.reproduce.answer import answer, claims, errors
+from sonarmap.tools.lab.reproduce.answer import answer, cells_of
 from sonarmap.tools.lab.reproduce.evaluation.settings import StepsSettings
 from sonarmap.tools.lab.reproduce.evaluation.steps_section import draw_steps, steps_section
 from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row
@@ -52,17 +52,14 @@ class Steps(ByMethod):
         scene, seed, sigma2, method = job.split("/")
         begin = {"scene": scene, "seed": int(seed), "sigma2": float(sigma2), "method": method}
         rows: list[Row] = []
-        for step, (target, source, truth) in enumerate(_pairs(scene, int(seed), float(sigma2))):
+        for step, (target, source, truth) in enumerate(self.scans(scene, int(seed), float(sigma2))):
             registration = answer(self._registrar(method), target, source)
-            scored = errors(registration, truth, self.settings.grid.voxel)
-            rows.append(begin | {"step": step} | scored | claims(registration))
+            rows.append(begin | {"step": step} | cells_of(registration, truth, self.settings.grid.voxel))
         return Outcome(tuple(rows))
 
-
-@lru_cache(maxsize=1)
-def _pairs(scene: str, seed: int, sigma2: float) -> list[tuple[Scan, Scan, RigidTransform]]:
-    """Kept for the methods to come."""
-    return [table1_pair(step, seed, sigma2, scene) for step in range(TABLE1_MOST)]
+    def make_scans(self, scene: str, seed: int, sigma2: float) -> list[tuple[Scan, Scan, RigidTransform]]:
+        """Target, source and truth of every step."""
+        return [table1_pair(step, seed, sigma2, scene) for step in range(TABLE1_MOST)]
 
 
 def create(request: Request) -> Steps:

@@ -13,9 +13,10 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.evidence.pairs import EvidencePair, draw
 from sonarmap.tools.lab.reproduce.evidence.recorder import Recorder
 from sonarmap.tools.lab.reproduce.evidence.section import evidence_section
-from sonarmap.tools.lab.reproduce.evidence.settings import EvidenceSettings, evidence_settings
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row
+from sonarmap.tools.lab.reproduce.evidence.settings import EvidenceSettings
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, in_turns
 from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.settings import as_asked
 
 _MEASURING = ("registration", "grid", "scan", "expected", "prior", "prior_pair", "so3", "tilt", "translation")
 
@@ -35,13 +36,8 @@ class EvidenceOfPairs(Experiment):
     device: Device
 
     def jobs(self) -> Sequence[str]:
-        """Set and number, as in swath-0003; the sets in turns, so that a run that is stopped has some of each."""
-        numbered = [
-            (number / count, f"{name}-{number:04d}")
-            for name, count in self.settings.counts.items()
-            for number in range(count)
-        ]
-        return [job for _, job in sorted(numbered)]
+        """Set and number, as in swath-0003."""
+        return in_turns(self.settings.counts)
 
     def run(self, job: str) -> Outcome:
         """Register the pairs of a draw."""
@@ -84,5 +80,8 @@ class _Registering:
 
 
 def create(request: Request) -> EvidenceOfPairs:
-    """The experiment as the command line asks for it."""
-    return EvidenceOfPairs(evidence_settings(request), request.opened)
+    """The experiment as the command line asks for it; `quick` is one draw of each set on half the voxels."""
+    usual, draws = EvidenceSettings(), request.pairs or (1 if request.quick else None)
+    if draws is not None:
+        usual = replace(usual, counts=dict.fromkeys(usual.counts, draws))
+    return EvidenceOfPairs(as_asked(usual, request, edge=64), request.opened)

@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 
+from sonarmap.tools.lab.reproduce.beside import in_short
 from sonarmap.tools.lab.reproduce.evidence.settings import EvidenceSettings
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
-from sonarmap.tools.lab.reproduce.rows import DASH, grouped, percent, where
-from sonarmap.tools.lab.reproduce.table import Table, table_of
+from sonarmap.tools.lab.reproduce.rows import grouped, percent, where
+from sonarmap.tools.lab.reproduce.table import table_of
 
 NEAR = 12.0, 8.0  # a place is right within these of the truth [degrees, voxels]
 
@@ -32,6 +33,5 @@ def evidence_section(rows: Sequence[Row], _: Sequence[Row], settings: EvidenceSe
         f"What a registration measures of pairs of every sort, drawn with the seed {settings.seed}, beside the truth: "
         "`sonarmap reproduce judge` fits to it how probable a registration is, and how sure."
     )
-    counted = ("pairs", DASH, str(len(best)), "what judging is fitted to")
-    beside = Table("In short", ("measure", "others", "ours", "what follows"), (counted,))
+    beside = in_short([("pairs", str(len(best)), "what judging is fitted to")])
     return Section("Evidence", introduction, (beside, table))

@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from sonarmap.spectral.grid import Grid
-from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.settings import as_asked, check_pairs
+from sonarmap.tools.lab.reproduce.settings import check_pairs
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS
 
 SEED = 880_301  # neither the evaluations nor the tests use pairs of this set
@@ -26,10 +25,3 @@ class EvidenceSettings:
     def __post_init__(self) -> None:
         Grid(self.edge, 1.0)
         check_pairs(min(self.counts.values()), self.seed)
-
-
-def evidence_settings(request: Request) -> EvidenceSettings:
-    """As the command line asks for it; `--pairs` draws of each set; `quick` is one of each on half the voxels."""
-    pairs = request.pairs or (1 if request.quick else None)
-    counts = _COUNTS if pairs is None else dict.fromkeys(_COUNTS, pairs)
-    return as_asked(EvidenceSettings(MappingProxyType(counts)), request, edge=64)

@@ -67,7 +67,6 @@ def runs(methods: Iterable[str], edges: Iterable[int]) -> tuple[Run, ...]:
 
 
 SCENE = "floodgate"
-SCANS = PAPER_COUNT
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +88,7 @@ class FloodgateSurvey:
 
 
 @lru_cache(maxsize=1)
-def survey(seed: int, count: int = SCANS) -> FloodgateSurvey:
+def survey(seed: int, count: int = PAPER_COUNT) -> FloodgateSurvey:
     """The survey from `seed`: the same seed, the same scans. Views are compared with the beams of the path's layout."""
     simulation = simulate(SimulationSettings(scene=SCENE, trajectory="paper18", count=count, seed=seed))
     scans, T, scene = simulation.scans, simulation.truth.T_world_sensor, build_scene(SCENE, seed)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.tools.lab.reproduce.answer import PARAMETERS
 from sonarmap.tools.lab.reproduce.experiment import Row
-from sonarmap.tools.lab.reproduce.figure import new_figure
+from sonarmap.tools.lab.reproduce.figure import legend_below, new_figure, new_panels
 from sonarmap.tools.lab.reproduce.floodgate.chain import (
     COMPARED,
     MAP_90,
@@ -26,7 +26,7 @@ from sonarmap.tools.lab.reproduce.floodgate.chain import (
     placed,
     survey,
 )
-from sonarmap.tools.lab.reproduce.plan import SectionPlan, draw_plan, from_above, plan
+from sonarmap.tools.lab.reproduce.plan import OUTLINE, SectionPlan, draw_plan, from_above, plan
 from sonarmap.tools.lab.reproduce.rows import column, where
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from sonarmap.tools.products.report.small_png import save_small
@@ -41,7 +41,6 @@ CELL = 0.5  # [m]
 LIMITS = (1.0, 3.0)  # between near, off and far off [m]
 _COLUMNS = 3
 
-_PLAN: dict[str, Any] = {"color": "black", "linewidth": 0.6}
 _TRUE: dict[str, Any] = {"color": "black", "linewidth": 2.4}
 _ESTIMATED: dict[str, Any] = {"color": "magenta", "linewidth": 1.2, "marker": "o", "markersize": 2.5}
 _NAMES = ("x [m]", "y [m]", "z [m]", "yaw [degrees]", "roll [degrees]", "pitch [degrees]")
@@ -149,7 +148,7 @@ def _explain(figure: "Figure", patches: Sequence["Patch"]) -> None:
     from matplotlib.lines import Line2D
 
     lines = [
-        Line2D([], [], label=f"true plan at z = {PLAN_HEIGHT:g} m", **_PLAN),
+        Line2D([], [], label=f"true plan at z = {PLAN_HEIGHT:g} m", **OUTLINE),
         Line2D([], [], label="true path", **_TRUE),
         Line2D([], [], label="estimated path", **_ESTIMATED),
     ]
@@ -158,13 +157,7 @@ def _explain(figure: "Figure", patches: Sequence["Patch"]) -> None:
 
 
 def _grid(count: int) -> tuple["Figure", Any]:
-    columns = min(count, _COLUMNS)
-    lines = -(-count // columns)
-    figure = new_figure(5.0 * columns + 0.8, 5.1 * lines + 0.4, dpi=110)
-    grid = figure.subplots(lines, columns, squeeze=False).ravel()
-    for axes in grid[count:]:
-        axes.set_axis_off()
-    return figure, grid
+    return new_panels(count, _COLUMNS, (5.0, 5.1), (0.8, 0.4), dpi=110)
 
 
 def _finish(axes: "Axes", panel: _Panel, now: FloodgateSurvey, section: SectionPlan) -> None:
@@ -217,7 +210,7 @@ def _draw_motion(path: Path, pairs: Mapping[Run, list[Row]]) -> None:
         axes.set(ylabel=name, ylim=(low, high))
         axes.grid(alpha=0.3)
         axes.set_xticks(source, [f"{k - 1}→{k}" for k in source], rotation=90, fontsize=8)
-    _legend(figure, panels[-1])
+    legend_below(figure, panels[-1])
     save_small(figure, path)
 
 
@@ -234,7 +227,7 @@ def _draw_poses(path: Path, poses: Mapping[Run, list[Row]]) -> None:
         _logarithmic(axes, name)
         axes.set_xticks(scans[::2])
     panels[-1].plot(scans, column(poses[TRUTH, 0], MAP_90)[1:], "-", label=TRUTH, **_TRUE_LINE)
-    _legend(figure, panels[-1])
+    legend_below(figure, panels[-1])
     save_small(figure, path)
 
 
@@ -248,11 +241,6 @@ def _logarithmic(axes: "Axes", name: str) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set(xlabel="scan", ylabel=name)
     axes.grid(alpha=0.3)
-
-
-def _legend(figure: Any, axes: "Axes") -> None:
-    lines, names = axes.get_legend_handles_labels()
-    figure.legend(lines, names, loc="outside lower center", ncols=len(names), frameon=False)
 
 
 def _style(run: Run) -> dict[str, Any]:

@@ -17,7 +17,6 @@ from sonarmap.tools.lab.reproduce.floodgate.chain import (
     COMPARED,
     PAIR,
     POSE,
-    SCANS,
     TRUTH,
     VOXEL,
     pair_row,
@@ -28,6 +27,7 @@ from sonarmap.tools.lab.reproduce.floodgate.chain import (
 from sonarmap.tools.lab.reproduce.floodgate.figure import draw_floodgate
 from sonarmap.tools.lab.reproduce.floodgate.section import floodgate_section
 from sonarmap.tools.lab.reproduce.settings import EXTENT, as_asked, check_seeds, paper_grid
+from sonarmap.tools.lab.simulate.paths.stations import PAPER_COUNT
 from sonarmap.tools.methods.registry import ALL_METHODS, build, is_installed
 
 # The paper's three, and ours
@@ -46,7 +46,7 @@ class FloodgateSettings:
     edges: tuple[int, ...] = PAPER_EDGES  # voxels per edge of the grids, for the methods that have one
     seeds: int = 3  # how many surveys, each with a bed, a sea and a noise of its own, counted from `first_seed`
     first_seed: int = 1  # >= 0
-    scans: int = SCANS  # of each survey, from its start
+    scans: int = PAPER_COUNT  # of each survey, from its start
     left_out: tuple[str, ...] = ()  # methods that would have run were their packages installed
 
     def __post_init__(self) -> None:
@@ -54,8 +54,8 @@ class FloodgateSettings:
         if unknown or not self.methods:
             raise InputError(f"no method is called {', '.join(unknown) or 'nothing'}; there are {', '.join(COMPARED)}")
         check_seeds(self.seeds, self.first_seed)
-        if not 2 <= self.scans <= SCANS:
-            raise InputError(f"{self.scans} scans; there must be 2 to {SCANS}")
+        if not 2 <= self.scans <= PAPER_COUNT:
+            raise InputError(f"{self.scans} scans; there must be 2 to {PAPER_COUNT}")
         for edge in self.edges:
             Grid(edge, 1.0)
 

@@ -11,13 +11,13 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.registration import SpectralConfig
 from sonarmap.tools.lab.reproduce.evidence.pairs import EvidencePair, draw
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Value
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Value, in_turns
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.funnel.section import funnel_section
-from sonarmap.tools.lab.reproduce.funnel.settings import KINDS, STEPS, VARIANCES, FunnelSettings, funnel_settings
+from sonarmap.tools.lab.reproduce.funnel.settings import KINDS, STEPS, VARIANCES, FunnelSettings
 from sonarmap.tools.lab.reproduce.funnel.traced import TracingRegistrar
 from sonarmap.tools.lab.reproduce.kinds.settings import NOTHING
-from sonarmap.tools.lab.reproduce.settings import paper_grid
+from sonarmap.tools.lab.reproduce.settings import as_asked, paper_grid
 from sonarmap.tools.lab.simulate.kinds.kind import relief_of
 from sonarmap.tools.lab.simulate.plan import table1_pair
 
@@ -43,11 +43,10 @@ class Funnel(Experiment):
         self._registrar = lru_cache(maxsize=2)(self._planned)
 
     def jobs(self) -> Sequence[str]:
-        """Set and number, as in swath-0003 or S1.0-0003; the sets in turns, so that a run that is stopped has some."""
+        """Set and number, as in swath-0003 or S1.0-0003."""
         counts = dict.fromkeys(KINDS, self.settings.pairs)
         counts |= {f"{TABLE1}{variance!r}": -(-self.settings.pairs // _SHARE) for variance in VARIANCES}
-        numbered = [(n / count, f"{name}-{n:04d}") for name, count in counts.items() for n in range(count)]
-        return [job for _, job in sorted(numbered)]
+        return in_turns(counts)
 
     def run(self, job: str) -> Outcome:
         """Trace a pair, or those of the steps; none where the scene has no such pair or a scan shows too little."""
@@ -82,5 +81,5 @@ class Funnel(Experiment):
 
 
 def create(request: Request) -> Funnel:
-    """The experiment as the command line asks for it."""
-    return Funnel(funnel_settings(request), request.opened)
+    """The experiment as the command line asks for it; `quick` is one pair of each kind on half the voxels."""
+    return Funnel(as_asked(FunnelSettings(), request, pairs=1, edge=64), request.opened)

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
+from sonarmap.tools.lab.reproduce.beside import in_short
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.funnel.settings import FunnelSettings
 from sonarmap.tools.lab.reproduce.rows import DASH, grouped
-from sonarmap.tools.lab.reproduce.table import Table, table_of
+from sonarmap.tools.lab.reproduce.table import table_of
 
 # Heading -> the column of ranks
 _STAGES = {
@@ -40,13 +41,11 @@ def funnel_section(rows: Sequence[Row], _: Sequence[Row], settings: FunnelSettin
     )
     right = _share(curved, lambda row: row["right_given_nothing"])
     gained = _share(curved, lambda row: row["right_given_pose"])
-    beside = Table(
-        "In short",
-        ("measure", "others", "ours", "what follows"),
-        (
-            ("right", DASH, right, "where the truth is named and wins"),
-            ("right, the true pose given", DASH, gained, "what better candidates could give at most"),
-        ),
+    beside = in_short(
+        [
+            ("right", right, "where the truth is named and wins"),
+            ("right, the true pose given", gained, "what better candidates could give at most"),
+        ]
     )
     introduction = (
         f"{len(curved)} pairs drawn with the seed {settings.seed}, with nothing known but the points: of every kind of "

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.evidence.settings import STILL
-from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.settings import as_asked, check_pairs
+from sonarmap.tools.lab.reproduce.settings import check_pairs
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS
 
 SEED = 39_017  # neither the fits nor the tests use pairs of this set
@@ -25,8 +24,3 @@ class FunnelSettings:
     def __post_init__(self) -> None:
         Grid(self.edge, 1.0)
         check_pairs(self.pairs, self.seed)
-
-
-def funnel_settings(request: Request) -> FunnelSettings:
-    """As the command line asks for it; `quick` is one pair of each kind on half the voxels."""
-    return as_asked(FunnelSettings(), request, pairs=1, edge=64)

@@ -54,23 +54,21 @@ class Gaussian(Experiment):
     def __init__(self, settings: GaussianSettings, device: Device) -> None:
         super().__init__(settings, device)
         self._series: Series | None = None
-        seeds = range(settings.first_seed, settings.first_seed + settings.seeds)
-        self._pairs = {
-            f"{edge}/{sigma2!r}/{seed}/S{index}": (edge, sigma2, seed, index)
-            for edge, sigma2, seed, index in product(settings.edges, settings.sigma2, seeds, range(TABLE1_COUNT))
-        }
 
     def jobs(self) -> Sequence[str]:
         """Grid, noise, seed and scan, as in 128/1.0/11/S3."""
-        return list(self._pairs)
+        settings: GaussianSettings = self.settings
+        seeds = range(settings.first_seed, settings.first_seed + settings.seeds)
+        which = product(settings.edges, settings.sigma2, seeds, range(TABLE1_COUNT))
+        return [f"{edge}/{sigma2!r}/{seed}/S{index}" for edge, sigma2, seed, index in which]
 
     def run(self, job: str) -> Outcome:
         """Register one scan by every method."""
-        edge, sigma2, seed, index = self._pairs[job]
-        if self._series is None or self._series.grid.edge != edge:
+        edge, sigma2, seed, step = job.split("/")
+        if self._series is None or self._series.grid.edge != int(edge):
             self._series = None  # what it holds on the device goes before the next is made
-            self._series = Series(self.device, paper_grid(edge), self.settings.scene)
-        registered = self._series.register(index, seed, sigma2)
+            self._series = Series(self.device, paper_grid(int(edge)), self.settings.scene)
+        registered = self._series.register(int(step.removeprefix("S")), int(seed), float(sigma2))
         return Outcome(tuple(row for row, _ in registered), tuple(seconds for _, seconds in registered))
 
 

@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
+from sonarmap.tools.lab.reproduce.answer import less_turns
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
-from sonarmap.tools.lab.reproduce.gaussian.series import RANKED, VARIANTS, less_turns
+from sonarmap.tools.lab.reproduce.gaussian.series import RANKED, VARIANTS
 from sonarmap.tools.lab.reproduce.rows import (
     accepted,
     column,

@@ -1,6 +1,6 @@
 """The variants of the paper's chain that are compared (a new one is a row of VARIANTS), and Table 1's rows by them."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 from types import MappingProxyType
 
@@ -13,7 +13,7 @@ from sonarmap.spectral.hemisphere.registration import HemisphereConfig, Hemisphe
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
-from sonarmap.tools.lab.reproduce.answer import parameter_cells
+from sonarmap.tools.lab.reproduce.answer import less_turns, parameter_cells
 from sonarmap.tools.lab.reproduce.experiment import Row, Value
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_RIG
 from sonarmap.tools.lab.simulate.plan import table1_pair
@@ -115,8 +115,7 @@ def yaw_rank(registrar: HemisphereRegistrar, target: LayeredScan, source: Layere
 def preparation_of(config: HemisphereConfig) -> HemisphereConfig:
     """What of a config decides how a scan is prepared: the rest as it is by default."""
     by_default = HemisphereConfig()
-    kept = {field.name: getattr(by_default, field.name) for field in fields(config) if field.name in _OF_PAIRS}
-    return replace(config, **kept)
+    return replace(config, **{name: getattr(by_default, name) for name in _OF_PAIRS})
 
 
 _COLUMNS = ("scene", "grid", "voxel_m", "sigma2", "seed", "scan", "method")
@@ -140,7 +139,7 @@ def row_of(registration: Registration, truth: RigidTransform, center: np.ndarray
     T, voxel = registration.T_target_source, float(pair["voxel_m"])
     error, steps = pair_error(T, truth), dict(registration.step_psr)
     center_m = float(np.linalg.norm(T.apply(center) - truth.apply(center)))
-    is_right, turned_right = error.within(RIGHT_DEG, RIGHT_VOXELS * voxel), error.rotation_deg <= RIGHT_DEG
+    is_right, turned_right = error.is_right(voxel), error.rotation_deg <= RIGHT_DEG
     estimated, true = (one.rotation.as_euler("ZYX", degrees=True)[0] for one in (T, truth))
     turned = "yaw" if abs(less_turns(estimated - true)) > RIGHT_DEG else "tilt"
     return {
@@ -166,8 +165,3 @@ def about_center(T_target_source: RigidTransform) -> RigidTransform:
     """A transform between sensor frames, as one about the grid's center: there Table 1 states its values."""
     T_grid_rig = RigidTransform.from_translation(TABLE1_RIG)
     return T_grid_rig * T_target_source * T_grid_rig.inv()
-
-
-def less_turns(angle: float) -> float:
-    """An angle without its whole turns [degrees], -180..180."""
-    return (angle + 180) % 360 - 180

@@ -170,9 +170,7 @@ def _rows(pairs: JudgedPairs, probability: np.ndarray, rule: str, least: float) 
 
 def create(request: Request) -> Judge:
     """The experiment as the command line asks for it."""
-    if request.folder is None:
-        raise ValueError("no folder was chosen")
-    path = request.folder / EVIDENCE
+    path = request.chosen_folder / EVIDENCE
     digest = hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
     settings = JudgeSettings(digest, hashlib.sha256(TABLE.read_bytes()).hexdigest())
-    return Judge(request.folder, settings, request.opened)
+    return Judge(request.chosen_folder, settings, request.opened)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from sonarmap.tools.lab.reproduce.beside import in_short
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.rows import DASH, in_percent, where
 from sonarmap.tools.lab.reproduce.table import Table, table_of
@@ -29,12 +30,11 @@ def judge_section(rows: Sequence[Row], _: Sequence[Row], settings: Any) -> Secti
 
 def _beside(row: Row) -> Table:
     lines = [
-        ("right places that are believed", _COLUMNS["believed of the right"](row), "places that a map can use"),
-        ("wrong places that are believed", str(row["believed_wrong"]), "what a map has to find out by itself"),
-        ("truths in the 95 % ellipsoid", _COLUMNS["in the 95 % ellipsoid"](row), "how far covariances can be trusted"),
+        ("right places that are believed", "believed of the right", "places that a map can use"),
+        ("wrong places that are believed", "wrong and believed", "what a map has to find out by itself"),
+        ("truths in the 95 % ellipsoid", "in the 95 % ellipsoid", "how far covariances can be trusted"),
     ]
-    cells = tuple((name, DASH, ours, follows) for name, ours, follows in lines)
-    return Table("In short", ("measure", "others", "ours", "what follows"), cells)
+    return in_short((words, _COLUMNS[name](row), follows) for words, name, follows in lines)
 
 
 def _by(rows: Sequence[Row], name: str) -> Table:

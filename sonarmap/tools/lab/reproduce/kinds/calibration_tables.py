@@ -1,7 +1,7 @@
 """Whether probabilities and covariances hold in every kind: as they are reported."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -57,7 +57,7 @@ def usual_error(rows: Sequence[Row]) -> float:
 def calibration_beside(rows: Sequence[Row]) -> list[Line]:
     """As reported; the other methods report neither. Kinds left out of the fit are looked at by `reproduce judge`."""
     ours = without_navigation(where(rows, method=OURS))
-    return _error_line(ours, "as reported") + _inside_line(right(ours), "as reported")
+    return _error_line(ours) + _inside_line(right(ours))
 
 
 def reported_table(rows: Sequence[Row]) -> Table:
@@ -69,41 +69,44 @@ def reported_table(rows: Sequence[Row]) -> Table:
     groups += [("all kinds", plain), ("swath, known: navigation", where(ours, priors=NAVIGATION))]
     title = f"What `{OURS}` reports: its probability, and the normalized squared errors (nees) of what is right"
     checked = [((name,), (some, known(right(some), "nees"))) for name, some in groups if some]
-    return table_of(title, ("kind",), checked, _columns_of("right, with a covariance"))
+    return table_of(title, ("kind",), checked, _COLUMNS)
 
 
-def _columns_of(counted: str) -> dict[str, Callable[[tuple[list[Row], list[Row]]], str]]:
-    """Of the rows whose probability is checked, and of those whose normalized squared error is."""
-
-    def of_nees(cell: Callable[[CovarianceCheck], str]) -> Callable[[tuple[list[Row], list[Row]]], str]:
-        return lambda some: DASH if (checked := calibration(some[1])) is None else cell(checked)
-
-    def inside(checked: CovarianceCheck) -> str:
-        share, low, high = (in_percent(x, 1) for x in (checked.inside.share, checked.inside.low, checked.inside.high))
-        return f"{share} [{low}..{high}]"
-
-    return {
-        "registrations": lambda some: str(len(some[0])),
-        "expected calibration error": lambda some: number(expected_error(some[0]), 3),
-        "the same of an exact probability": lambda some: number(usual_error(some[0]), 3),
-        counted: lambda some: str(len(some[1])),
-        "truths in the 95 % ellipsoid": of_nees(inside),
-        "mean nees": of_nees(lambda checked: f"{checked.mean:.2f}"),
-        "median nees": of_nees(lambda checked: f"{checked.median:.2f}"),
-    }
+# The rows whose probability is checked, and those whose normalized squared error is
+_Checked = tuple[list[Row], list[Row]]
 
 
-def _error_line(rows: Sequence[Row], words: str) -> list[Line]:
+def _of_nees(cell: Callable[[CovarianceCheck], str]) -> Callable[[_Checked], str]:
+    return lambda some: DASH if (checked := calibration(some[1])) is None else cell(checked)
+
+
+def _inside(checked: CovarianceCheck) -> str:
+    share, low, high = (in_percent(x, 1) for x in (checked.inside.share, checked.inside.low, checked.inside.high))
+    return f"{share} [{low}..{high}]"
+
+
+_COLUMNS: Mapping[str, Callable[[_Checked], str]] = {
+    "registrations": lambda some: str(len(some[0])),
+    "expected calibration error": lambda some: number(expected_error(some[0]), 3),
+    "the same of an exact probability": lambda some: number(usual_error(some[0]), 3),
+    "right, with a covariance": lambda some: str(len(some[1])),
+    "truths in the 95 % ellipsoid": _of_nees(_inside),
+    "mean nees": _of_nees(lambda checked: f"{checked.mean:.2f}"),
+    "median nees": _of_nees(lambda checked: f"{checked.median:.2f}"),
+}
+
+
+def _error_line(rows: Sequence[Row]) -> list[Line]:
     scores = {str(kind): expected_error(some) for (kind,), some in grouped(known(rows, "probability"), "kind").items()}
     if not scores:
         return []
     worst, whole = max(scores, key=lambda kind: scores[kind]), expected_error(rows)
     shown = f"{whole:.3f}; worst kind: {worst} {scores[worst]:.3f}"
     follows = f"probabilities are off by {whole:.2f} on average, and by {scores[worst]:.2f} in the worst kind"
-    return [(f"expected calibration error of the probability, {words}", shown, DASH, follows)]
+    return [("expected calibration error of the probability, as reported", shown, DASH, follows)]
 
 
-def _inside_line(rows: Sequence[Row], words: str) -> list[Line]:
+def _inside_line(rows: Sequence[Row]) -> list[Line]:
     checks = {kind: calibration(some) for (kind,), some in grouped(rows, "kind").items()}
     shares = {kind: check.inside.share for kind, check in checks.items() if check is not None}
     whole = calibration(rows)
@@ -112,4 +115,4 @@ def _inside_line(rows: Sequence[Row], words: str) -> list[Line]:
     worst = max(shares, key=lambda kind: abs(shares[kind] - CONFIDENCE))
     shown = f"{in_percent(whole.inside.share)}; farthest from 95 %: {worst} {in_percent(shares[worst])}"
     follows = f"expect {100 * whole.inside.share:.0f} of 100 truths in the 95 % ellipsoid"
-    return [(f"truths in the 95 % ellipsoid, {words}", shown, DASH, follows)]
+    return [("truths in the 95 % ellipsoid, as reported", shown, DASH, follows)]

@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from sonarmap.tools.lab.reproduce.calibration_tables import reliability
 from sonarmap.tools.lab.reproduce.experiment import Row
-from sonarmap.tools.lab.reproduce.figure import draw_bars, draw_reliability, new_figure, save_figure
+from sonarmap.tools.lab.reproduce.figure import draw_bars, draw_reliability, new_panels, save_figure
 from sonarmap.tools.lab.reproduce.kinds.calibration_tables import TENTHS, expected_error
 from sonarmap.tools.lab.reproduce.kinds.settings import KindsSettings
 from sonarmap.tools.lab.reproduce.kinds.tables import (
@@ -20,7 +19,7 @@ from sonarmap.tools.lab.reproduce.methods import OURS
 from sonarmap.tools.lab.reproduce.rows import where
 
 OUTCOMES, RELIABILITY = "kinds.png", "kinds-probability.png"
-_IN_A_ROW = 4
+_IN_A_LINE, _SHARED = 4, {"sharex": True, "sharey": True}
 
 
 def draw_kinds(folder: Path, rows: Sequence[Row], _settings: KindsSettings) -> None:
@@ -30,20 +29,10 @@ def draw_kinds(folder: Path, rows: Sequence[Row], _settings: KindsSettings) -> N
         draw_probability(folder / RELIABILITY, ours)
 
 
-def _panels(count: int, size: tuple[float, float], margin: tuple[float, float]) -> tuple[Any, Any]:
-    """A figure of `count` panels of a size, with a margin [inches]; and the panels, row by row."""
-    lines, across = -(-count // _IN_A_ROW), min(count, _IN_A_ROW)
-    figure = new_figure(size[0] * across + margin[0], size[1] * lines + margin[1])
-    panels = figure.subplots(lines, across, squeeze=False, sharex=True, sharey=True).ravel()
-    for axes in panels[count:]:
-        axes.set_axis_off()
-    return figure, panels
-
-
 def draw_outcomes(path: Path, rows: Sequence[Row]) -> None:
     """A panel for every method and what it is given, a bar for every kind, the worst on top."""
     kinds, columns = worst_first(rows), every_variant(rows)
-    figure, panels = _panels(len(columns), (2.5, 0.26 * len(kinds) + 0.8), (1.2, 0.5))
+    figure, panels = new_panels(len(columns), _IN_A_LINE, (2.5, 0.26 * len(kinds) + 0.8), (1.2, 0.5), **_SHARED)
     for axes, (method, known) in zip(panels, columns, strict=False):
         draw_bars(axes, [where(tried(rows), kind=kind, method=method, priors=known) for kind in kinds])
         axes.set_title(variant_words(method, known).replace(", known", ",\nknown"), fontsize=9)
@@ -60,7 +49,7 @@ def draw_outcomes(path: Path, rows: Sequence[Row]) -> None:
 def draw_probability(path: Path, rows: Sequence[Row]) -> None:
     """A panel for every kind: the share right against the reported probability, in ten bins."""
     kinds = worst_first(rows)
-    figure, panels = _panels(len(kinds), (2.6, 2.7), (0.4, 0.2))
+    figure, panels = new_panels(len(kinds), _IN_A_LINE, (2.6, 2.7), (0.4, 0.2), **_SHARED)
     for axes, kind in zip(panels, kinds, strict=False):
         some = where(rows, kind=kind)
         axes.plot([0, 1], [0, 1], "k--", linewidth=0.8)

@@ -1,12 +1,11 @@
 """Pairs of every kind of scan, by every method, with what instruments know and without."""
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import ClassVar
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid, choose_grid
-from sonarmap.tools.lab.reproduce.answer import answer, claims, errors
+from sonarmap.tools.lab.reproduce.answer import answer, cells_of
 from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH
 from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
@@ -18,9 +17,9 @@ from sonarmap.tools.lab.reproduce.kinds.settings import (
     NAVIGATION_OVERLAPS,
     PRIORS,
     KindsSettings,
-    kinds_settings,
 )
-from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, registrar
+from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, compared_methods, registrar
+from sonarmap.tools.lab.reproduce.settings import as_asked
 from sonarmap.tools.lab.simulate.kinds.catalog import kind_pair
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 
@@ -34,11 +33,6 @@ class Kinds(ByMethod):
         *(f"tools/lab/reproduce/kinds/{name}.py" for name in ("settings", "navigation")),
     )
     make_section, draw_pictures = staticmethod(kinds_section), staticmethod(draw_kinds)
-
-    def __init__(self, settings: KindsSettings, device: str | None = None) -> None:
-        """`device` as `choose_device` takes it."""
-        super().__init__(settings, device)
-        self._pairs = lru_cache(maxsize=1)(self._simulated)  # kept for the next method
 
     def jobs(self) -> Sequence[str]:
         """Kind, what is known, batch and method, as in swath/none/003/spectral; those of the same pairs in a row."""
@@ -55,10 +49,10 @@ class Kinds(ByMethod):
     def run(self, job: str) -> Outcome:
         """Register a batch by one method."""
         kind, known, batch, method = job.split("/")
-        pairs = self._pairs(kind, known == NAVIGATION, int(batch))
+        pairs = self.scans(kind, known == NAVIGATION, int(batch))
         return Outcome(tuple(self._row(pair, grid, known, method) for pair, grid in pairs))
 
-    def _simulated(self, kind: str, navigated: bool, batch: int) -> Sequence[tuple[KindPair, Grid]]:
+    def make_scans(self, kind: str, navigated: bool, batch: int) -> Sequence[tuple[KindPair, Grid]]:
         """The pairs of a batch, without priors, each with its grid; one that its scene does not have is left out."""
         pairs = []
         for number in range(batch * BATCH, (batch + 1) * BATCH):
@@ -77,12 +71,14 @@ class Kinds(ByMethod):
             name: getattr(pair, name) for name in ("kind", "number", "scene", "relief", "shared")
         }
         cells |= {"priors": known, "method": method, "voxel_m": grid.voxel}
-        cells |= errors(registration, pair.T_target_source, grid.voxel) | claims(registration)
+        cells |= cells_of(registration, pair.T_target_source, grid.voxel)
         if known == NAVIGATION and given.target.prior is not None and given.source.prior is not None:
             cells |= navigation_cells(registration, pair.T_target_source, given.target.prior, given.source.prior)
         return cells
 
 
 def create(request: Request) -> Kinds:
-    """The experiment as the command line asks for it."""
-    return Kinds(kinds_settings(request), request.opened.selector)
+    """The experiment as the command line asks for it; `quick` is one batch of two kinds on half the voxels."""
+    usual = KindsSettings(compared=compared_methods(request))
+    settings = as_asked(usual, request, kinds=("patch", "swath"), pairs=BATCH, edge=64)
+    return Kinds(settings, request.opened.selector)

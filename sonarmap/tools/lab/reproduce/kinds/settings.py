@@ -5,17 +5,13 @@ from dataclasses import dataclass
 from math import inf, radians
 from types import MappingProxyType
 
-from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH, PairSetSettings
-from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.methods import compared_methods
-from sonarmap.tools.lab.reproduce.settings import as_asked
+from sonarmap.tools.lab.reproduce.evaluation.settings import PairSetSettings
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, scan_kind
 from sonarmap.tools.lab.simulate.sensing.navigation import Instruments
 from sonarmap.tools.methods.registry import find_method
 
 SEED = 77014  # neither development nor the tests use pairs of this set
 PAIRS = 100
-QUICK_KINDS = ("patch", "swath")
 
 NOTHING, LEVELED, NAVIGATION = "none", "attitude,depth", "navigation"
 NAVIGATED = "swath"  # the kind that is registered with navigation too
@@ -48,9 +44,3 @@ class KindsSettings(PairSetSettings):
         if "priors" not in find_method(method).options:
             return (NOTHING,)
         return (NOTHING, LEVELED, *([NAVIGATION] if kind == NAVIGATED else []))
-
-
-def kinds_settings(request: Request) -> KindsSettings:
-    """As the command line asks for it; `quick` is one batch of two kinds on half the voxels."""
-    usual = KindsSettings(compared=compared_methods(request))
-    return as_asked(usual, request, kinds=QUICK_KINDS, pairs=BATCH, edge=64)

@@ -54,8 +54,8 @@ def write_experiment(
             write_rows(folder / f"{name}.csv", rows)
             if seconds:
                 write_rows(folder / f"{name}-seconds.csv", seconds)
-            _write_text(folder / f"{name}.md", _page(record))
-            _write_text(folder / f"{name}-times.md", f"# {section.title}: times\n\n{times_text(record)}")
+            write_whole(folder / f"{name}.md", _page(record))
+            write_whole(folder / f"{name}-times.md", f"# {section.title}: times\n\n{times_text(record)}")
             write_json(folder / f"{name}.json", to_json(record) | {"job_seconds": result.job_seconds})
     for old in set(former.files if former else ()).difference(files):
         discard(folder / Path(old).name)
@@ -102,13 +102,13 @@ def _copy_pictures(drawn: Path, folder: Path, name: str, section: Section) -> No
     if names != sorted(section.pictures) or not well_named:
         raise ValueError(f"{name} drew {names}, but its section needs {name}*.png: {[*section.pictures]}")
     for picture in names:
-        with atomic_path(folder / picture) as temporary:
-            temporary.write_bytes((drawn / picture).read_bytes())
+        write_whole(folder / picture, (drawn / picture).read_bytes())
 
 
-def _write_text(path: Path, text: str) -> None:
+def write_whole(path: Path, content: bytes | str) -> None:
+    """Write a file or, where that fails, leave what was there."""
     with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_bytes(content if isinstance(content, bytes) else content.encode())
 
 
 class Verdict(NamedTuple):

@@ -5,7 +5,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
+from sonarmap.tools.files.writers.atomic import all_or_none
 from sonarmap.tools.lab.reproduce.experiments import ALL, EVALUATION, EVERY, KINDS, REAL, SCALE, SLAM, members
 from sonarmap.tools.lab.reproduce.pages.folder import (
     Record,
@@ -14,6 +14,7 @@ from sonarmap.tools.lab.reproduce.pages.folder import (
     section_text,
     times_text,
     verdicts,
+    write_whole,
 )
 from sonarmap.tools.lab.reproduce.pages.introductions import INTRODUCTIONS
 from sonarmap.tools.lab.reproduce.table import Table
@@ -46,10 +47,8 @@ def write_page(path: Path, folder: Path, names: Sequence[str], group: str = ALL)
     copies = [path.parent / path.stem / picture.name for picture in pictures]
     with all_or_none():
         for picture, copy in zip(pictures, copies, strict=True):
-            with atomic_path(copy) as temporary:
-                temporary.write_bytes(picture.read_bytes())
-        with atomic_path(path) as temporary:
-            temporary.write_text(_page_text(records, f"{path.stem}/", group), encoding="utf-8")
+            write_whole(copy, picture.read_bytes())
+        write_whole(path, _page_text(records, f"{path.stem}/", group))
     return [path, *copies]
 
 

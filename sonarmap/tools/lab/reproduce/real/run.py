@@ -3,7 +3,6 @@
 import zlib
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 from math import radians
 from pathlib import Path
 from time import perf_counter
@@ -13,18 +12,18 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.spectral.grid import Grid, choose_grid
-from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.scans import read_scan
-from sonarmap.tools.lab.reproduce.answer import answer, claims, errors, finish_device
+from sonarmap.tools.lab.reproduce.answer import answer, cells_of, finish_device
 from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome
 from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.methods import registrar
 from sonarmap.tools.lab.reproduce.real.real_set import RealPair, RealSet, read_sets, without_truth
 from sonarmap.tools.lab.reproduce.real.section import draw_real, real_section
 from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
 from sonarmap.tools.lab.simulate.sensing.navigation import measure_pose
-from sonarmap.tools.methods.registry import Setup, find_method
+from sonarmap.tools.methods.registry import find_method
 
 NOTHING, FILE = "nothing", "priors.csv"
 _TARGET_STREAM, _SOURCE_STREAM = 81, 82
@@ -36,8 +35,8 @@ class Real(ByMethod):
     name = "real"
     make_section, draw_pictures = staticmethod(real_section), staticmethod(draw_real)
     sources: ClassVar[tuple[str, ...]] = (
-        *(f"tools/{folder}" for folder in ("files/readers", "lab/evaluate", "lab/reproduce/answer.py")),
-        *(f"tools/lab/reproduce/real/{name}.py" for name in ("real_set", "settings")),
+        *(f"tools/{folder}" for folder in ("files/readers", "lab/evaluate")),
+        *(f"tools/lab/reproduce/{name}.py" for name in ("answer", "methods", "real/real_set", "real/settings")),
         *("tools/lab/simulate/sensing/navigation.py", "spectral/grid.py"),
     )
     # the digest of a set and the drawn priors are part of a job's key: another set makes no job run again
@@ -46,7 +45,6 @@ class Real(ByMethod):
     def __init__(self, sets: Sequence[RealSet], settings: RealSettings, device: str | None) -> None:
         """`device` as `choose_device` takes it."""
         super().__init__(settings, device)
-        self._scans = lru_cache(maxsize=1)(self._read)  # kept for the next method
         self._sets = {real_set.key: real_set for real_set in sets}
 
     def jobs(self) -> Sequence[str]:
@@ -65,9 +63,9 @@ class Real(ByMethod):
         key, pair_name, known, method = job.split("/")
         real_set = self._sets[key]
         pair = next(pair for pair in real_set.pairs if pair.name == pair_name)
-        *scans, grid = self._scans(pair.target, pair.source)
+        *scans, grid = self.scans(pair.target, pair.source)
         target, source = self._with_priors(scans, real_set, pair, known)
-        built = self._registrar(method, grid)
+        built = registrar(method, grid, self.device, radians(self.settings.max_tilt))
         finish_device(built)
         start = perf_counter()
         registration = answer(built, target, source)
@@ -79,11 +77,10 @@ class Real(ByMethod):
             "draw": str(self.settings.draws.get(known, "")),
             "method": method,
         }
-        scored = errors(registration, pair.T_target_source, grid.voxel)
-        row = cells | {"voxel_m": grid.voxel} | scored | claims(registration)
+        row = cells | {"voxel_m": grid.voxel} | cells_of(registration, pair.T_target_source, grid.voxel)
         return Outcome((row,), (cells | {"seconds": seconds},))
 
-    def _read(self, target: Path, source: Path) -> tuple[Scan, Scan, Grid]:
+    def make_scans(self, target: Path, source: Path) -> tuple[Scan, Scan, Grid]:
         """The scans of a pair, and the grid for them."""
         scans = read_scan(target), read_scan(source)
         return *scans, choose_grid(scans, self.settings.edge, self.settings.voxel)
@@ -103,17 +100,9 @@ class Real(ByMethod):
             for scan, pose, stream in zip(scans, poses, (_TARGET_STREAM, _SOURCE_STREAM), strict=True)
         ]
 
-    def _registrar(self, method: str, grid: Grid) -> Registrar:
-        bounded = "max_tilt" in find_method(method).options
-        changes = {"max_tilt": radians(self.settings.max_tilt)} if bounded else {}
-        return find_method(method).make(Setup(grid, self.device, changes=changes))
-
 
 def create(request: Request) -> Real:
     """The experiment as the command line asks for it."""
-    folder = request.folder
-    if folder is None:
-        raise ValueError("no folder was chosen")
-    sets = read_sets(folder)
-    settings = real_settings(request, {real_set.name: real_set.digest for real_set in sets}, without_truth(folder))
+    sets, left_out = read_sets(request.chosen_folder), without_truth(request.chosen_folder)
+    settings = real_settings(request, {real_set.name: real_set.digest for real_set in sets}, left_out)
     return Real(sets, settings, request.opened.selector)

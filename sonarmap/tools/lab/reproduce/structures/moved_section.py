@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import MappingProxyType
 
+from sonarmap.tools.lab.reproduce.answer import less_turns
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.figure import draw_series
 from sonarmap.tools.lab.reproduce.rows import accepted, column, grouped, middle, number, rate, right, where, wrong
@@ -140,8 +141,7 @@ def _what_is_left(rows: Sequence[Row], settings: TranslationSettings) -> str:
 
 def deviation(row: Row, name: str) -> float:
     """How far an estimated angle is from the true one [degrees], -180..180."""
-    off = float(row[f"found_{name}_deg"]) - float(row[f"true_{name}_deg"])
-    return (off + 180) % 360 - 180
+    return less_turns(float(row[f"found_{name}_deg"]) - float(row[f"true_{name}_deg"]))
 
 
 def within_limits(row: Row) -> bool:

@@ -8,7 +8,7 @@ from sonarmap.tools.lab.evaluate.place_recall import AMONG, GAP, OVERLAP
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from sonarmap.tools.lab.reproduce.beside import HEADINGS
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
-from sonarmap.tools.lab.reproduce.figure import new_figure
+from sonarmap.tools.lab.reproduce.figure import legend_below, new_figure
 from sonarmap.tools.lab.reproduce.plan import draw_plan, plan
 from sonarmap.tools.lab.reproduce.rows import DASH, by_method, column, distinct, middle, number, where
 from sonarmap.tools.lab.reproduce.survey.mapped import OURS
@@ -27,11 +27,10 @@ def survey_section(rows: Sequence[Row], seconds: Sequence[Row], settings: Survey
     ours = where(maps, system=OURS)
     longest = f"{max(settings.counts)}"
     tables = (_beside(maps), _systems(where(maps, survey=longest)), _growth(ours), _pairs(maps), _places(ours))
-    times = ("total_s", "per_scan_s", "registering_s", "signing_s", "optimizing_s", "fusing_s", "peak_memory_mib")
-    names = ("total [s]", "per scan [s]", "registering [s]", "signatures [s]", "optimizing, choosing loops [s]")
-    headings = (*names, "fusing [s]", "peak memory [MiB]")
-    growth: dict[str, tuple[str, int]] = {name: (key, 1) for name, key in zip(headings, times, strict=True)}
-    whole = {name: growth[name] for name in ("total [s]", "per scan [s]", "peak memory [MiB]")}
+    whole = {"total [s]": ("total_s", 1), "per scan [s]": ("per_scan_s", 1)}
+    parts = {"registering [s]": ("registering_s", 1), "signatures [s]": ("signing_s", 1)}
+    parts |= {"optimizing, choosing loops [s]": ("optimizing_s", 1), "fusing [s]": ("fusing_s", 1)}
+    memory = {"peak memory [MiB]": ("peak_memory_mib", 1)}
     title = "The longest survey, by every system; the times of `sonarmap` include the map"
     by_system = [((str(row["system"]),), row) for row in where(seconds, survey=longest)]
     return Section(
@@ -39,8 +38,8 @@ def survey_section(rows: Sequence[Row], seconds: Sequence[Row], settings: Survey
         introduction=_introduction(maps, settings),
         tables=tables,
         times=(
-            _survey_by_survey(where(seconds, system=OURS), growth),
-            table_of(title, ("system",), by_system, _numbers(whole)),
+            _survey_by_survey(where(seconds, system=OURS), whole | parts | memory),
+            table_of(title, ("system",), by_system, _numbers(whole | memory)),
         ),
         pictures={PICTURE: f"Estimated paths on the survey of {longest} scans, over the true plan"},
     )
@@ -221,6 +220,5 @@ def draw_paths(folder: Path, rows: Sequence[Row], settings: SurveySettings) -> N
         axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="x [m]")
         axes.set_title(f"{mapped['system']}: {float(mapped['ate_after_voxels']):.2f} voxels off", fontsize=11)
     panels[0].set_ylabel("y [m]")
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    legend_below(figure, panels[0])
     save_small(figure, folder / PICTURE)

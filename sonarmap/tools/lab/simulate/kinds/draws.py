@@ -21,7 +21,6 @@ from sonarmap.tools.lab.simulate.pairs.viewpoints import FAR, TRIES, Observer, V
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
-from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, bare
 
 SIGMA2 = (0.25, 1.0, 4.0)  # of the range at the sensor's maximum range in a scene of 256 m [m^2], in turns
@@ -98,7 +97,7 @@ class ViewKind:
         draws, noise = pair_draws(self.name, number, seed), noise_of(self.name, number, scene)
         still = observer_of(scene, draws.scene)
         observers = self.equip(still, draws.poses), self.equip(still, draws.poses)
-        target, source = draw_views(observers, overlaps, draws.poses)
+        target, source, shared = draw_views(observers, overlaps, draws.poses)
         scans = [
             self.measured(Shot(observer, view, noise, draws.distortion, rng, name, number))
             for observer, view, rng, name in (
@@ -107,8 +106,6 @@ class ViewKind:
             )
         ]
         poses = target.T_world_sensor, source.T_world_sensor
-        radius = OVERLAP_RADIUS * still.world.kind.scale
-        shared = mutual_overlap(target.points, source.points, poses[0].inv() * poses[1], radius)
         return KindPair(self.name, number, seed, scene, scans[0], scans[1], *poses, shared)
 
 
@@ -118,16 +115,16 @@ REACH = (0.6, 1.3)  # of such a source from that middle, in shares of the target
 
 def draw_views(
     observers: tuple[Observer, Observer], overlaps: tuple[float, float], rng: np.random.Generator
-) -> tuple[View, View]:
-    """A target's view and a source's of one scene, sharing a part of their points within `overlaps`: roll and pitch up
-    to 10 degrees each, on any heading that leaves such an overlap. Raises InputError: none found from 8 places."""
+) -> tuple[View, View, float]:
+    """A target's view and a source's of one scene, and what they share, within `overlaps`: roll and pitch up to 10
+    degrees each, on any heading that leaves such an overlap. Raises InputError: none found from 8 places."""
     looker, partner = observers
     for _ in range(PLACES):
         target = first_view(looker, POSE_TILT, rng)
         poses: Callable[[], RigidTransform] = partial(_somewhere, partner, target, overlaps, rng)
-        source = partner.find_partner(target, overlaps, poses)
-        if source is not None:
-            return target, source
+        found = partner.find_partner(target, overlaps, poses)
+        if found is not None:
+            return target, *found
     raise InputError(
         f"no two views of {looker.world.name} have an overlap within {overlaps[0]:g} to {overlaps[1]:g}: {PLACES} "
         f"targets, {TRIES} sources tried for each; widen the range or take another number"

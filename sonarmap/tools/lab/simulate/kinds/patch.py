@@ -14,8 +14,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds.draws import Shot, ViewKind
 from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View
-from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
-from sonarmap.tools.lab.simulate.sensing.noise import disturb, scan_of
+from sonarmap.tools.lab.simulate.sensing.ghosts import measure
+from sonarmap.tools.lab.simulate.sensing.noise import scan_of
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS
 
 COARSE_LOOKS = 3  # that a coarse search takes: the first, a middle one and the last
@@ -153,12 +153,8 @@ def merged_scan(shot: Shot) -> Scan:
     believed = believed_path(observer.T_middle_look, observer.world.kind.scale, shot.distortion)
     looks = []
     for look in view.looks:
-        ghosts = reflect(observer.world, observer.sensor, look.T_world_sensor) if shot.noise.ghosts > 0 else None
-        looks.append(
-            scan_of(
-                disturb(look.echoes, observer.sensor, shot.noise, shot.rng, ghosts), observer.sensor, name=shot.name
-            )
-        )
+        echoes = measure(observer.world, observer.sensor, look.T_world_sensor, look.echoes, shot.noise, shot.rng)
+        looks.append(scan_of(echoes, observer.sensor, name=shot.name))
     points = np.concatenate([believed[k].apply(look.points) for k, look in enumerate(looks)])
     number = np.repeat(np.arange(len(looks)), [len(look.points) for look in looks])
     strength = np.concatenate([look.strength for look in looks if look.strength is not None])

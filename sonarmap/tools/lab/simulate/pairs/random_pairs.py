@@ -14,8 +14,8 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.pairs.viewpoints import TRIES, Observer, View, aside, attitude, first_view
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
+from sonarmap.tools.lab.simulate.sensing.ghosts import measure
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, bare
 
 Turn = Literal["view", "yaw", "any"]
@@ -123,9 +123,7 @@ def random_pair(
     return scans[0], _reframed(scans[1], R_sensor_frame), T_target_sensor * RigidTransform.from_rotation(R_sensor_frame)
 
 
-def unrelated_pair(
-    seed: int, noise: Noise = NOISELESS, max_tilt: float = math.radians(35.0), scene: str | None = None
-) -> tuple[Scan, Scan]:
+def unrelated_pair(seed: int, noise: Noise, max_tilt: float, scene: str | None) -> tuple[Scan, Scan]:
     """Two scans that share nothing, target and source: of two scenes of one size, seen with the same sensor from random
     poses.
 
@@ -181,9 +179,9 @@ def _views(
             poses = partial(_nearby, observer, target, max_tilt, rng)
         else:
             poses = partial(_aside, observer, target, overlaps, frame, rng)
-        source = observer.find_partner(target, overlaps, poses)
-        if source is not None:
-            return target, source
+        found = observer.find_partner(target, overlaps, poses)
+        if found is not None:
+            return target, found[0]
     raise InputError(
         f"no pose in {observer.world.name} has an overlap within {overlaps[0]:g} to {overlaps[1]:g} with one of "
         f"{PLACES} targets, {TRIES} tried for each; widen the range or take another seed"
@@ -209,10 +207,8 @@ def _aside(
 
 def _scan(observer: Observer, view: View, noise: Noise, seed: np.random.SeedSequence, stamp: float, name: str) -> Scan:
     world, sensor = observer.world, observer.sensor
-    ghosts = reflect(world, sensor, view.T_world_sensor) if noise.ghosts > 0 else None
-    return scan_of(
-        disturb(view.echoes, sensor, noise, np.random.default_rng(seed), ghosts), sensor, stamp=stamp, name=name
-    )
+    echoes = measure(world, sensor, view.T_world_sensor, view.echoes, noise, np.random.default_rng(seed))
+    return scan_of(echoes, sensor, stamp=stamp, name=name)
 
 
 def _reframed(scan: Scan, R_sensor_frame: Rotation) -> Scan:

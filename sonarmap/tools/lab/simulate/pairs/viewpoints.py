@@ -77,8 +77,8 @@ class Observer:
 
     def find_partner(
         self, target: View, overlaps: tuple[float, float], poses: Callable[[], RigidTransform]
-    ) -> View | None:
-        """The first of TRIES drawn `poses` whose view has an overlap within `overlaps` with the target's, or None.
+    ) -> tuple[View, float] | None:
+        """The first view of TRIES drawn `poses` whose overlap with the target's is within `overlaps`, and it; or None.
 
         A pose is rejected by few beams where these leave no doubt; all beams decide on the others.
         """
@@ -100,7 +100,7 @@ class Observer:
                 continue
             share = mutual_overlap(target.points, seen.points, T_target_source, radius)
             if overlaps[0] <= share <= overlaps[1]:
-                return seen
+                return seen, share
         return None
 
     def coarse_points(self, pose: RigidTransform) -> np.ndarray | None:

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
 from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, beams, echoes_of
 
 MIRROR_LOSS_DB = 6.0  # of an echo that goes over a mirror there and back: 3 dB each way, as from a rough bed
@@ -42,6 +43,14 @@ def reflect_beams(scene: Scene, sensor: Sensor, origins: np.ndarray, directions:
     sine_grazing[met] = sines
     echoes = echoes_of(sensor, ranges, sine_grazing)
     return Echoes(echoes.ranges, echoes.strengths * 10 ** (-MIRROR_LOSS_DB / 10))
+
+
+def measure(
+    scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform, echoes: Echoes, noise: Noise, rng: np.random.Generator
+) -> Echoes:
+    """What a sensor reports of the `echoes` from a pose: with noise, and with ghosts where the noise has them."""
+    ghosts = reflect(scene, sensor, T_world_sensor) if noise.ghosts > 0 else None
+    return disturb(echoes, sensor, noise, rng, ghosts)
 
 
 def _go_on(
