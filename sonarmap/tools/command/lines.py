@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.navigation import PriorsFile, parse_prior_sigmas
+from sonarmap.tools.command.navigation import PriorsFile
 from sonarmap.tools.command.progress import growing_progress, stage
 from sonarmap.tools.command.terminal import say
 
@@ -60,8 +60,7 @@ def navigated_lines(read: "ReadScans", file: PriorsFile, settings: "NavigationSe
         raise InputError(
             f"lines of pings bring their own navigation, and --priors {file.priors} would be another; leave it out"
         )
-    sigmas = None if file.prior_sigmas is None else parse_prior_sigmas(file.prior_sigmas)
-    navigated = Navigated(*placed(read.scans, read.patches, settings.origin, sigmas))
+    navigated = Navigated(*placed(read.scans, read.patches, settings.origin, file.sigmas))
     say(f"{len(read.patches):,} of {len(read.scans):,} scans are patches of lines, placed by the lines' navigation")
     return navigated
 

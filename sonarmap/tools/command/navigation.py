@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.options.checks import refused_by
 from sonarmap.tools.command.options.option import (
     NAVIGATION,
     completes,
@@ -17,7 +18,6 @@ from sonarmap.tools.command.options.option import (
     refuse_without,
     switch,
 )
-from sonarmap.tools.command.options.registration import refused_by
 from sonarmap.tools.command.terminal import say
 
 if TYPE_CHECKING:
@@ -74,6 +74,11 @@ class PriorsFile:
         callback=refused_by(parse_prior_sigmas),
     )
 
+    @property
+    def sigmas(self) -> dict[str, float] | None:
+        """What --prior-sigmas says, by the columns' names; None without it."""
+        return parse_prior_sigmas(self.prior_sigmas) if self.prior_sigmas else None
+
 
 @dataclass(frozen=True, slots=True)
 class OdometryFile:
@@ -88,16 +93,22 @@ class OdometryFile:
         "P,D", "Its standard deviation: percent of the way \\[%], degrees per hour \\[deg/h].", shown=DEFAULT_DRIFT
     )
 
+    @property
+    def drift(self) -> tuple[float, float]:
+        """Its standard deviation: a share of the way, and a rate of turn."""
+        from sonarmap.tools.files.readers.navigation.odometry import parse_drift
+
+        return parse_drift(self.odometry_drift or DEFAULT_DRIFT)
+
     def read(self, scans: "Sequence[Scan]", settings: "NavigationSettings") -> "Odometry | None":
         """The dead reckoning at the scans' times; None without a file. Raises InputError: it cannot be used."""
         if self.odometry is None:
             refuse_without("--odometry", {"--odometry-drift": self.odometry_drift})
             return None
-        from sonarmap.tools.files.readers.navigation.odometry import parse_drift, read_odometry
+        from sonarmap.tools.files.readers.navigation.odometry import read_odometry
 
         notes: list[str] = []
-        drift = parse_drift(self.odometry_drift or DEFAULT_DRIFT)
-        odometry = read_odometry(self.odometry, scans, *drift, notes, settings)
+        odometry = read_odometry(self.odometry, scans, *self.drift, notes, settings)
         for note in notes:
             say(note)
         return odometry
@@ -202,8 +213,7 @@ def scans_with_priors(
     priors = file.priors
     own = sum(scan.prior is not None for scan in scans)
     if priors is None:
-        if file.prior_sigmas is not None:
-            raise InputError("--prior-sigmas has no effect without --priors; give --priors too, or leave it out")
+        refuse_without("--priors", {"--prior-sigmas": file.prior_sigmas})
         note = "roll and pitch are those of the recording's own IMU" if use_imu else "their own IMU is not used"
     else:
         note = f"the recording's own IMU is not used, as {priors} is given"
@@ -213,8 +223,7 @@ def scans_with_priors(
         scans = [scan if scan.prior is None else replace(scan, prior=None) for scan in scans]
     if priors is None:
         return Navigated(tuple(scans), settings.origin)
-    if file.prior_sigmas:
-        settings = replace(settings, sigmas=parse_prior_sigmas(file.prior_sigmas))
+    settings = replace(settings, sigmas=file.sigmas or settings.sigmas)
     notes, turn_rates = list[str](), None
     if settings.offset is None:
         from sonarmap.tools.files.readers.sonar.imu import vertical_turn_rates

@@ -1,11 +1,13 @@
 """Messages to the user, on stderr, so that stdout is for results alone."""
 
+import json
 import logging
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import typer
 from rich.console import Console
 from rich.text import Text
 
@@ -54,6 +56,13 @@ def result_width() -> int | None:
 def print_result(sentence: str) -> None:
     """Print a sentence on stdout, wrapped by words on a terminal and on one line elsewhere; brackets are not markup."""
     result_console().print(Text(printable(sentence)), soft_wrap=not sys.stdout.isatty())
+
+
+def print_json(value: Any, indent: int | None = None) -> None:
+    """Print a value that `to_json` takes on stdout; what is not a finite number is null."""
+    from sonarmap.tools.files.writers.json_text import to_json
+
+    typer.echo(json.dumps(to_json(value), indent=indent, allow_nan=False))
 
 
 def print_rows(rows: Mapping[str, str]) -> None:

@@ -10,14 +10,8 @@ from pathlib import Path
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.command.navigation import (
-    DEFAULT_DRIFT,
-    NavigationReading,
-    OdometryFile,
-    PriorsFile,
-    parse_prior_sigmas,
-)
-from sonarmap.tools.files.readers.navigation.odometry import parse_drift, read_odometry
+from sonarmap.tools.command.navigation import NavigationReading, OdometryFile, PriorsFile
+from sonarmap.tools.files.readers.navigation.odometry import read_odometry
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 
@@ -35,7 +29,7 @@ class Navigation:
 
     def __post_init__(self) -> None:
         self._settings()
-        self._drift()
+        _ = self.odometry.drift
 
     def __call__(self, scans: Sequence[Scan]) -> tuple[Sequence[Scan], Odometry | None]:
         """The scans with their priors, and the dead reckoning at their times, as far as the files go. Where one says
@@ -46,17 +40,12 @@ class Navigation:
                 scans = navigate(scans, path, settings, allow_unknown=True).scans
         if self.odometry.odometry is not None:
             with suppress(InputError, OSError), _whole_lines(self.odometry.odometry) as path:
-                odometry = read_odometry(path, scans, *self._drift(), settings=settings)
+                odometry = read_odometry(path, scans, *self.odometry.drift, settings=settings)
         return scans, odometry
 
     def _settings(self) -> NavigationSettings:
         settings = self.reading.settings(self.priors.priors, self.odometry.odometry)
-        if self.priors.prior_sigmas:
-            settings = replace(settings, sigmas=parse_prior_sigmas(self.priors.prior_sigmas))
-        return replace(settings, fastest=self.fastest)
-
-    def _drift(self) -> tuple[float, float]:
-        return parse_drift(self.odometry.odometry_drift or DEFAULT_DRIFT)
+        return replace(settings, sigmas=self.priors.sigmas or settings.sigmas, fastest=self.fastest)
 
 
 @contextmanager

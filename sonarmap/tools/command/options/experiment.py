@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from sonarmap.tools.command.options.checks import checked, refused_by
 from sonarmap.tools.command.options.option import (
     EXPERIMENT,
     INPUT,
@@ -19,7 +20,7 @@ from sonarmap.tools.command.options.option import (
     flag,
     option,
 )
-from sonarmap.tools.command.options.registration import VoxelOption, check_seed, check_tilt, checked, refused_by
+from sonarmap.tools.command.options.registration import VoxelOption, check_seed, check_tilt
 from sonarmap.tools.lab.reproduce.experiments import EVERY, EXPERIMENTS, groups, members
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.methods.registry import METHODS, find_method

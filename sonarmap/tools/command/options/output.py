@@ -29,6 +29,7 @@ from sonarmap.tools.products.export.formats import FORMATS, known_formats
 if TYPE_CHECKING:
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo.georeference import Georeference
+    from sonarmap.tools.files.geo.projection import Projection
     from sonarmap.tools.files.map_folder.folder import Map
     from sonarmap.tools.products.export.run import Exported, ExportSettings
 
@@ -162,6 +163,21 @@ class EarthPlace:
             known = Georeference(*_numbers(self.origin or ""), *unsaid)
         heading = known.heading if self.origin_heading is None else self.origin_heading
         return replace(known, vertical=self.vertical or known.vertical, heading=heading)
+
+    def projection(self, known: "Georeference | None") -> "Projection | None":
+        """The coordinates that --crs names, at this place. None where no place is known.
+
+        Raises InputError: --crs there, or one that cannot be used at the place.
+        """
+        from sonarmap.tools.files.geo.projection import Projection
+
+        if known is not None:
+            return Projection.of(known, self.crs)
+        if self.crs is not None:
+            raise InputError(
+                "--crs has no effect on a map whose place is not known; give --origin too, or leave it out"
+            )
+        return None
 
 
 def _numbers(origin: str) -> tuple[float, float, float]:

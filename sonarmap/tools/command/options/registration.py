@@ -1,15 +1,11 @@
 """The options that say how scans are registered, each with its check."""
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Annotated, Any
-
-import typer
+from typing import Annotated
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.arguments import as_options
+from sonarmap.tools.command.options.checks import checked, choice, is_positive, refused_by
 from sonarmap.tools.command.options.option import REGISTRATION, completes, flag, option, value_option
 from sonarmap.tools.command.options.running import DeviceOption
 from sonarmap.tools.methods.registry import DEFAULT_METHOD, METHODS, find_method
@@ -21,37 +17,6 @@ DEFAULT_YAW_PEAKS, MOST_YAW_PEAKS = 1, 32
 DEFAULT_MAX_TILT = 35.0  # [deg], the paper's range of roll and pitch (Sect. 2.7)
 
 _registration = partial(option, REGISTRATION)
-
-
-def checked(fits: Callable[[Any], bool], wanted: str) -> Callable[[Any], Any]:
-    """A check of an option: None passes, and so does a value that `fits`; of another one `wanted` is said, {} standing
-    for it."""
-
-    def check(value: Any) -> Any:
-        if value is None or fits(value):
-            return value
-        raise typer.BadParameter(wanted.format(value))
-
-    return check
-
-
-def refused_by(parse: Callable[[Any], object]) -> Callable[[Any], Any]:
-    """A check of an option: what `parse` takes, or None; what it says of a value that it does not take is shown."""
-
-    def check(value: Any) -> Any:
-        try:
-            if value is not None:
-                parse(value)
-        except InputError as error:
-            raise typer.BadParameter(as_options(str(error))) from error
-        return value
-
-    return check
-
-
-def is_positive(number: float) -> bool:
-    """Whether it is finite and above 0."""
-    return 0 < number < math.inf
 
 
 def _require_edge(edge: int) -> None:
@@ -140,15 +105,12 @@ class MethodOptions:
             "have little in common.",
         ),
     )
-    refine: str = _registration(
-        "HOW",
+    refine: str = choice(
+        REGISTRATION,
         "How to refine the result below the voxel size: icp (point to plane) or spectral (the translation peak).",
-        REFINEMENTS[0],
+        REFINEMENTS,
+        "HOW",
         rare=True,
-        callback=checked(
-            REFINEMENTS.__contains__, f"{{!r}}; choose {' or '.join(REFINEMENTS)}. Leave it out for {REFINEMENTS[0]}."
-        ),
-        autocompletion=completes(REFINEMENTS),
     )
     yaw_peaks: int = _registration(
         "K",

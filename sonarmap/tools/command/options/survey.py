@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sonarmap.tools.command.options.checks import checked, is_positive, length
 from sonarmap.tools.command.options.option import EARTH, LOOPS, MOST, OUTPUT, flag, option, refuse_without
-from sonarmap.tools.command.options.registration import checked, is_positive
 from sonarmap.tools.command.terminal import say
 
 if TYPE_CHECKING:
@@ -62,13 +62,11 @@ class SurveyOptions:
         max=MOST,
     )
 
-    map_voxel: float | None = option(
+    map_voxel: float | None = length(
         OUTPUT,
-        "M",
         "Edge of the map's voxels \\[m], finer or coarser than those that scans are registered by.",
+        "--voxel",
         rare=True,
-        shown="--voxel",
-        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for --voxel"),
     )
     straighten: bool = flag(
         LOOPS, "--straighten/--no-straighten", "Straighten scans whose points have times.", True, rare=True

@@ -1,6 +1,5 @@
 """`sonarmap bench`: how fast the kernels and the registration of a prepared pair are on this machine."""
 
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from sonarmap.tools.command.options.option import MEASUREMENT, OUTPUT, flag, opt
 from sonarmap.tools.command.options.registration import SeedOption
 from sonarmap.tools.command.options.running import DeviceOption, JsonOption
 from sonarmap.tools.command.progress import progress
-from sonarmap.tools.command.terminal import printable, say
+from sonarmap.tools.command.terminal import print_json, printable, say
 
 DEFAULT_EDGES = (64, 128, 256)
 UNRELIABLE, SLOWER = 3, 4
@@ -111,7 +110,7 @@ def _run(asked: Measurement, as_json: bool) -> tuple[dict[str, Any], list[str]]:
     )
     result = to_json(measured)
     if as_json:
-        typer.echo(json.dumps(result, indent=2, allow_nan=False))
+        print_json(result, indent=2)
     else:
         Console(width=None if sys.stdout.isatty() else 180).print(describe(measured))
     return result, [f"{row['kernel']} at {row['grid']}^3" for row in result["kernels"] if not row["right"]]

@@ -15,7 +15,7 @@ from sonarmap.tools.command.options.running import JsonOption
 from sonarmap.tools.command.settings.file import SettingsFile
 from sonarmap.tools.command.settings.in_force import settings_file
 from sonarmap.tools.command.settings.setting import COMMON, Setting, common_settings, in_words, settings_of
-from sonarmap.tools.command.terminal import printable, result_console, say
+from sonarmap.tools.command.terminal import print_json, printable, result_console, say
 
 _PROSE = 100  # characters of a line of comment
 
@@ -46,7 +46,7 @@ def command(
     rows = [row for row in _rows_of(settings_of(verbs.commands), file) if verb is None or verb in row.verbs]
     if as_json:
         path = None if file is None else str(file.path)
-        typer.echo(json.dumps({"file": path, "settings": _as_json(rows)}, indent=2))
+        print_json({"file": path, "settings": _as_json(rows)}, indent=2)
     elif toml:
         typer.echo("\n".join(_as_toml(rows, metadata.version("sonarmap"))))
     else:

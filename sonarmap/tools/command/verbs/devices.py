@@ -1,6 +1,5 @@
 """`sonarmap devices`: the OpenCL devices of this machine, and the one that would be used."""
 
-import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +9,7 @@ from sonarmap.kernels.errors import DeviceError
 from sonarmap.tools.command.failures import MISUSE
 from sonarmap.tools.command.options.option import RUNNING, switch
 from sonarmap.tools.command.options.running import DeviceOption, JsonOption
-from sonarmap.tools.command.terminal import number_table, printable, result_console, say
+from sonarmap.tools.command.terminal import number_table, print_json, printable, result_console, say
 
 # Of the grids those whose edge is a multiple of this are shown.
 _SHOWN = 32
@@ -43,7 +42,7 @@ def command(
     infos = known_devices()  # just tried, and the choice may have tested some more
     if as_json:
         entries = [asdict(info) | {"works": not info.fault} for info in infos]
-        typer.echo(json.dumps({"chosen": chosen, "devices": entries, "grids": _needs()}, indent=2))
+        print_json({"chosen": chosen, "devices": entries, "grids": _needs()}, indent=2)
     else:
         _print_table(infos, chosen)
         _print_needs()

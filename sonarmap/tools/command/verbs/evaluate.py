@@ -1,6 +1,5 @@
 """`sonarmap evaluate`: compare a trajectory, and its map, pairs and uncertainties, with the truth."""
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,10 +11,10 @@ import numpy as np
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import INPUT, MEASUREMENT, RUNNING, completes, flag, option
-from sonarmap.tools.command.options.registration import checked, is_positive
+from sonarmap.tools.command.options.checks import checked, choice, is_positive
+from sonarmap.tools.command.options.option import INPUT, MEASUREMENT, RUNNING, flag, option
 from sonarmap.tools.command.options.running import JsonOption
-from sonarmap.tools.command.terminal import number_table, print_result, result_console, say, warn
+from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say, warn
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -52,14 +51,12 @@ _limit = partial(option, MEASUREMENT, callback=checked(lambda limit: limit >= 0,
 class Comparison:
     """What is compared, how, and what is too much."""
 
-    align: str = option(
+    align: str = choice(
         MEASUREMENT,
-        "HOW",
         "Align by poses, positions or first. poses are all positions and orientations, positions these alone, first "
         "the first pose.",
-        "poses",
-        callback=checked(ALIGNMENTS.__contains__, f"{{!r}}; choose one of {', '.join(ALIGNMENTS)}"),
-        autocompletion=completes(ALIGNMENTS),
+        ALIGNMENTS,
+        "HOW",
     )
     max_error_m: float | None = _limit("M", "Exit with 3 beyond this position error \\[m].")
     max_error_deg: float | None = _limit("DEG", "Exit with 3 beyond this rotation error \\[deg].")
@@ -116,7 +113,7 @@ def command(
             "pairs": {name: score.to_json() for name, score in scores.items()} or None,
             "uncertainty": calibration.to_json() if calibration else None,
         }
-        typer.echo(json.dumps(result.to_json() | further, allow_nan=False))
+        print_json(result.to_json() | further)
     else:
         _print_poses(result, options.verbose)
         if survey:

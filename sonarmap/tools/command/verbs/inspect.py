@@ -1,9 +1,7 @@
 """`sonarmap inspect`: what scan files hold, before a map is made of them."""
 
-import json
 import math
 import shlex
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,7 +16,7 @@ from sonarmap.tools.command.options.registration import DEFAULT_EDGE, GridOption
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.options.scan import InputsArgument, PointReading
 from sonarmap.tools.command.progress import growing_progress
-from sonarmap.tools.command.terminal import print_rows, printable, say, warn
+from sonarmap.tools.command.terminal import print_json, print_rows, printable, say, warn
 from sonarmap.tools.command.words.clock import clock_json, rate_words, span_words
 from sonarmap.tools.command.words.log import log_json, next_command, print_log
 
@@ -65,7 +63,7 @@ def command(
     options = [f"--{name.replace('_', '-')} {_plain(value)}" for name, value in said.items()]
     following = " ".join(["sonarmap map", *map(shlex.quote, inputs), *options, "-o map/"])
     if as_json:
-        typer.echo(json.dumps(_as_json(overview, following, names), allow_nan=False))
+        print_json(_as_json(overview, following, names))
     elif names:
         for name in overview.names:
             typer.echo(printable(name))
@@ -109,7 +107,7 @@ def _inspect_log(
 
         draw_log(found, plot)
     if as_json:
-        typer.echo(json.dumps(log_json(found, following), allow_nan=False))
+        print_json(log_json(found, following))
     else:
         print_log(found, following)
         for note in found.notes:
@@ -125,14 +123,14 @@ def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any
 
     clock, grid = overview.clock, overview.grid
     return {
-        "files": [str(path) for path in overview.files],
+        "files": overview.files,
         "bytes": overview.size,
         "kinds": overview.kinds,
         "scans": len(overview.names),
         "first": overview.names[0],
         "last": overview.names[-1],
         "points": dict(zip(("least", "median", "most"), overview.points, strict=True)),
-        "extent_m": np.median(overview.extents, axis=0).tolist(),
+        "extent_m": np.median(overview.extents, axis=0),
         "farthest_m": overview.farthest,
         "clock": clock and clock_json(clock),
         "changed": overview.changed,
@@ -141,7 +139,7 @@ def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any
         "sound_speed_mps": (min(overview.speeds), max(overview.speeds)) if overview.speeds else None,
         "attitudes": len(overview.attitudes),
         "roll_pitch_deg": overview.attitude if overview.attitudes else None,
-        "lines": [asdict(line) for line in overview.lines],
+        "lines": overview.lines,
         "grid": grid and {"edge": grid.edge, "voxel": grid.voxel},
         "notes": overview.notes,
         "unread": overview.unread,

@@ -1,9 +1,7 @@
 """`sonarmap optimize`: optimize a pose graph."""
 
-import json
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,11 +14,11 @@ from rich.text import Text
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.options.option import OPTIMIZATION, OUTPUT, REQUIRED, completes, flag, option
-from sonarmap.tools.command.options.registration import checked
+from sonarmap.tools.command.options.checks import choice
+from sonarmap.tools.command.options.option import OPTIMIZATION, OUTPUT, REQUIRED, flag, option
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.progress import progress
-from sonarmap.tools.command.terminal import print_result, print_rows, result_console, warn
+from sonarmap.tools.command.terminal import print_json, print_result, print_rows, result_console, warn
 
 if TYPE_CHECKING:
     from sonarmap.slam.optimize.solve import Objective, Start
@@ -31,20 +29,6 @@ MOST_REPAIRED, MOST_REJECTED = 10, 20  # edges that the warnings and the table l
 _USUAL = 3.0  # standard deviations of chi-squared within which a graph is consistent
 
 
-def _choice(choices: Sequence[str], words: str) -> Any:
-    """An option that takes one of several names, the first if it is not given."""
-    return option(
-        OPTIMIZATION,
-        "NAME",
-        words,
-        choices[0],
-        callback=checked(
-            choices.__contains__, f"{{!r}}; choose one of {', '.join(choices)}. Leave it out for {choices[0]}."
-        ),
-        autocompletion=completes(choices),
-    )
-
-
 _flag = partial(flag, OPTIMIZATION)
 
 
@@ -53,15 +37,17 @@ class OptimizeOptions:
     """How to optimize, and where the result goes."""
 
     out: Path = option(OUTPUT, "OUT.g2o", "The optimized pose graph.", REQUIRED, "-o", "--out")
-    objective: str = _choice(
-        OBJECTIVES,
+    objective: str = choice(
+        OPTIMIZATION,
         "full or isotropic. full: the whole information matrix of every edge; isotropic: one weight for the rotation "
         "and one for the translation of an edge, so that the optimum can be certified.",
+        OBJECTIVES,
     )
-    start: str = _choice(
-        STARTS,
+    start: str = choice(
+        OPTIMIZATION,
         "Initial poses: chordal, given or incremental. chordal: computed from the edges alone; given: the poses in the "
         "file; incremental: from iSAM2, which adds the poses one by one.",
+        STARTS,
     )
     robust: bool = _flag("--robust", "Reject wrong edges, and leave them out of OUT.g2o.")
     repair: bool = _flag(
@@ -116,7 +102,7 @@ def command(
         report["repaired"] = [each.words for each in repairs]
         advance("written")
     report["seconds"] = seconds | optimized.seconds | {"total": time.perf_counter() - start_time}
-    typer.echo(json.dumps(report)) if as_json else _print(report, robust, out)
+    print_json(report) if as_json else _print(report, robust, out)
     for each in repairs[:MOST_REPAIRED]:
         warn(f"repaired: {each.words}")
     if len(repairs) > MOST_REPAIRED:

@@ -1,6 +1,5 @@
 """`sonarmap record`: what a Sonar 3D-15 sends, from the network to a file."""
 
-import json
 import math
 import re
 import signal
@@ -18,10 +17,10 @@ from rich.live import Live
 from rich.text import Text
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.options.checks import checked, refused_by
 from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, RUNNING, flag, option
-from sonarmap.tools.command.options.registration import checked, refused_by
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
-from sonarmap.tools.command.terminal import error_console, printable, say, warn
+from sonarmap.tools.command.terminal import error_console, print_json, printable, say, warn
 
 if TYPE_CHECKING:
     from sonarmap.tools.command.record.recorder import Status
@@ -114,7 +113,7 @@ def command(file: RecordedFile, listening: Listening, as_json: JsonOption = Fals
     with ending() as stop, _shown(quiet or as_json) as follow:
         status = record(settings, follow, stop)
     if as_json:
-        typer.echo(json.dumps(in_json(status)))
+        print_json(in_json(status))
     if not status.tally.packets:
         warn(f"nothing came in {status.seconds:.0f} s at {source.words}, and there is no file")
         raise typer.Exit(NOTHING_CAME)

@@ -1,7 +1,5 @@
 """`sonarmap register`: register one scan to another."""
 
-import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,11 +11,12 @@ import typer
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
+from sonarmap.tools.command.options.checks import checked, refused_by
 from sonarmap.tools.command.options.option import OUTPUT, option
-from sonarmap.tools.command.options.registration import MethodOptions, checked, refused_by
+from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.options.running import JsonOption
 from sonarmap.tools.command.options.scan import PointReading
-from sonarmap.tools.command.terminal import printable, say, warn
+from sonarmap.tools.command.terminal import print_json, printable, say, warn
 from sonarmap.tools.command.words.registration import print_registration
 from sonarmap.tools.methods.registry import DEFAULT_METHOD
 
@@ -98,7 +97,7 @@ def command(
     if files.picture is not None:
         _draw(files.picture, configured.registrar, prepared, registration)
     if as_json:
-        typer.echo(json.dumps(_as_json(registration, configured, written), allow_nan=False))
+        print_json(_as_json(registration, configured, written))
     else:
         print_registration(registration, configured)
         if written is not None:
@@ -168,25 +167,21 @@ def _as_json(registration: "Registration", method: ConfiguredMethod, written: Pa
         "accepted": registration.accepted,
         "seconds": registration.seconds,
         "reason": registration.reason,
-        "step_psr": dict(registration.step_psr),
+        "step_psr": registration.step_psr,
         "alternatives": [_hypothesis(other) for other in registration.alternatives],
         "method": method.name,
         "grid": method.edge,
         "voxel": method.grid.voxel,
-        **({} if written is None else {"written": str(written)}),
+        **({} if written is None else {"written": written}),
     }
 
 
 def _hypothesis(registration: "Registration") -> dict[str, object]:
     """What is known of every transform, also of one that could not be excluded."""
     return {
-        "T_target_source": registration.T_target_source.as_matrix().tolist(),
-        "covariance": registration.covariance.tolist(),
-        "probability": _or_null(registration.probability),
-        "psr": _or_null(registration.psr),
+        "T_target_source": registration.T_target_source.as_matrix(),
+        "covariance": registration.covariance,
+        "probability": registration.probability,
+        "psr": registration.psr,
         "overlap": registration.overlap,
     }
-
-
-def _or_null(number: float) -> float | None:
-    return number if math.isfinite(number) else None

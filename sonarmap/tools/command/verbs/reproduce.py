@@ -1,6 +1,5 @@
 """`sonarmap reproduce`: the paper's experiments on simulated scans, evaluations on unseen pairs, whole surveys."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -13,7 +12,7 @@ from sonarmap.tools.command.options.experiment import ExperimentOptions, Experim
 from sonarmap.tools.command.options.running import DeviceOption, JsonOption, QuietOption
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.stops import when_stopped
-from sonarmap.tools.command.terminal import printable, result_console, say
+from sonarmap.tools.command.terminal import print_json, printable, result_console, say
 from sonarmap.tools.lab.reproduce.experiments import Request, chosen, create, entry_of, group_of
 
 if TYPE_CHECKING:
@@ -57,7 +56,7 @@ def command(
     records = [_reproduce(experiment, job, printed=not as_json) for experiment in names]
     written = write_pages(run.page, run.out, group_of(name)) if run.page else []
     if as_json:
-        typer.echo(json.dumps(_as_json(records, run.out, written), indent=2, allow_nan=False))
+        print_json(_as_json(records, run.out, written), indent=2)
     elif run.page:
         typer.echo(f"the {'pages are in' if run.page.is_dir() else 'page is'} {printable(str(run.page))}")
 
@@ -134,6 +133,6 @@ def _as_json(records: "Sequence[Record]", out: Path, page: Sequence[Path]) -> di
     from sonarmap.tools.files.writers.json_text import to_json
 
     return {
-        "experiments": [to_json(record) | {"files": [str(out / name) for name in record.files]} for record in records],
-        "page": [str(path) for path in page],
+        "experiments": [to_json(record) | {"files": [out / name for name in record.files]} for record in records],
+        "page": page,
     }

@@ -2,7 +2,6 @@
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -34,7 +33,7 @@ def log_json(found: "LogOverview", following: str) -> dict[str, Any]:
         "origin_deg": place and [place.latitude, place.longitude],
         "track_m": track and track[0],
         "speed_mps": track and {"median": track[1], "most": track[2]},
-        "left_out": [asdict(fault) for fault in found.faults],
+        "left_out": found.faults,
         "scans": {"count": found.scans, "covered": found.covered, "apart": found.apart} if found.scans else None,
         "notes": list(found.notes),
         "next": following,

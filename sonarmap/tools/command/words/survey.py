@@ -8,14 +8,12 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
 
-import typer
-
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.log import log
-from sonarmap.tools.command.terminal import error_console, printable, result_console, warn
+from sonarmap.tools.command.terminal import error_console, print_json, printable, result_console, warn
 
 if TYPE_CHECKING:
     from sonarmap.slam.survey_result import SurveyResult
@@ -62,7 +60,7 @@ def print_mapped(mapped: Mapped, seconds: float, verbose: bool) -> None:
 
 def print_summary(out: Path) -> None:
     """Print a map's summary.json on one line."""
-    typer.echo(json.dumps(json.loads(written_summary(out))))
+    print_json(json.loads(written_summary(out)))
 
 
 def written_summary(out: Path) -> str:

@@ -2,8 +2,9 @@
 """What a survey is called, and when it was taken, as titles say it."""
 
 import glob
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,12 @@ from sonarmap.tools.files.time_scales import are_times, utc_text
 
 _NAMED = 3  # inputs in a title
 _DATE = len("2024-05-17")
+
+
+def inputs_of(settings: Mapping[str, Any]) -> list[str]:
+    """Files, folders or patterns, as they were given."""
+    given = settings.get("inputs", [])
+    return [str(path) for path in (given if isinstance(given, list) else [given])]  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
 
 
 def survey_name(inputs: Sequence[str]) -> str:

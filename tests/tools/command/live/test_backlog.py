@@ -1,7 +1,7 @@
 """Scans that wait: how many at most, in what order, and how it ends."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
@@ -10,6 +10,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.live.backlog import Backlog
 from sonarmap.tools.files.readers.incoming import Incoming, Mark
 from tests.samples.clutter_scans import scan
+from tests.tools.command.live.waiting import until
 
 MOST = 256
 
@@ -20,13 +21,6 @@ def scans(count: int, pulled: list[int] | None = None) -> Iterator[Incoming]:
         if pulled is not None:
             pulled.append(number)
         yield Incoming(Scan(points, stamp=float(number)), Mark("dive", number + 1), missing=number // 3)
-
-
-def until(is_so: Callable[[], bool]) -> None:
-    end = time.monotonic() + 30
-    while not is_so():
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 def test_no_more_scans_wait_than_memory_is_for() -> None:

@@ -6,7 +6,7 @@ import signal
 import struct
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from multiprocessing import Pipe
 from pathlib import Path
 from threading import Event, Thread
@@ -22,6 +22,7 @@ from tests.samples.clutter_scans import done, refused, scan, sonarmap, write
 from tests.samples.command_line import ROOT, SONARMAP
 from tests.samples.dives import Dive as Swim
 from tests.samples.live.sender import LOOPBACK, free_port, send
+from tests.tools.command.live.waiting import until
 
 OPTIONS = ("--grid", "64", "--voxel", "0.35")
 VARYING = {"times.json", "journal.sqlite"}
@@ -46,13 +47,6 @@ def ended(process: "subprocess.Popen[str]", code: int = 0) -> str:
 def results(out: Path) -> dict[str, bytes]:
     """What `sonarmap map` writes that is the same whenever it is run."""
     return {path.name: path.read_bytes() for path in out.iterdir() if path.is_file() and path.name not in VARYING}
-
-
-def until(is_so: Callable[[], object], seconds: float = 120.0) -> None:
-    end = time.monotonic() + seconds
-    while not is_so():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def mapping_of(process: "subprocess.Popen[str]") -> int | None:

@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from sonarmap.tools.files.readers.sonar.recording import Recording
 from tests.samples.command_line import ROOT
 from tests.samples.live.sender import LOOPBACK, free_port, send
 from tests.samples.recordings import recording
+from tests.tools.command.live.waiting import until
 
 PACKETS = [packet.content for packet in recording(20)]
 OWNERS = list["subprocess.Popen[str]"]()  # that are to be ended
@@ -30,13 +31,6 @@ while True:
         print(line, flush=True)
     time.sleep(0.1)
 """
-
-
-def until(is_so: Callable[[], bool]) -> None:
-    end = time.monotonic() + 60
-    while not is_so():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def recorders(out: Path) -> list[int]:

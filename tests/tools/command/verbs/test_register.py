@@ -19,6 +19,7 @@ from sonarmap.tools.command.method import ConfiguredMethod
 from sonarmap.tools.command.verbs.register import _as_json, moved_scan, write_moved
 from sonarmap.tools.command.words.registration import print_registration, transform_words
 from sonarmap.tools.files.readers.scans import read_scan
+from sonarmap.tools.files.writers.json_text import to_json
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.methods.registry import Setup
@@ -68,7 +69,7 @@ def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
 
     chosen = ConfiguredMethod("spectral", KnowingRegistrar(T_WORLD_SENSOR, np.eye(6)), CUBE, Setup(CUBE))
     found = one(1, 0.934, one(2, 0.05), one(3, float("nan")))
-    listed: dict[str, Any] = _as_json(found, chosen)
+    listed: dict[str, Any] = to_json(_as_json(found, chosen))
     assert listed["probability"] == 0.934
     others = listed["alternatives"]
     assert [(other["T_target_source"][0][3], other["probability"]) for other in others] == [(2, 0.05), (3, None)]

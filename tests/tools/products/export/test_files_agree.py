@@ -1,6 +1,5 @@
 """A folder that the mapper's result became, exported: what the files say of a pose is the same in all of them."""
 
-import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from sonarmap.tools.products.export.kml import GX
 from sonarmap.tools.products.export.run import ExportSettings, export_map
 from sonarmap.tools.products.output.folder import write_survey
 from sonarmap.tools.products.output.run import SurveyRun
+from tests.samples.clutter_scans import table_of
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 COUNT = 8
@@ -50,16 +50,11 @@ def positions(out: Path) -> list[Any]:
         return [message for *_, message in reader.iter_decoded_messages(["/position"])]
 
 
-def table(path: Path) -> list[dict[str, str]]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
 def test_places_and_times(exported: tuple[Path, Map]) -> None:
     from pyogrio.raw import read
 
     out, _ = exported
-    rows = table(out / "poses.csv")
+    rows = table_of(out / "poses.csv")
     degrees = np.array([[float(row["lat_deg"]), float(row["lon_deg"])] for row in rows])
     heights = np.array([float(row["height_m"]) for row in rows])
     seconds = np.array([float(row["unix_s"]) for row in rows])
@@ -85,14 +80,14 @@ def test_places_and_times(exported: tuple[Path, Map]) -> None:
     np.testing.assert_allclose(grid, expected, rtol=0, atol=1e-4)
     assert meta["crs"] == rows[0]["crs"]
     named = dict(zip(meta["fields"], columns, strict=True))
-    for times in (position[:, 0], named["unix_s"], [float(row["stamp"]) for row in table(out / "graph.csv")]):
+    for times in (position[:, 0], named["unix_s"], [float(row["stamp"]) for row in table_of(out / "graph.csv")]):
         np.testing.assert_allclose(times, seconds, rtol=0, atol=1e-6)
     assert set(named["height_reference"]) == {"MSL"} == {row["height_reference"] for row in rows}
 
 
 def test_attitudes(exported: tuple[Path, Map]) -> None:
     out, _ = exported
-    rows = table(out / "poses.csv")
+    rows = table_of(out / "poses.csv")
     angles = [[float(row[name]) for name in ("roll_deg", "pitch_deg", "heading_deg")] for row in rows]
     attitude = np.degrees(np.loadtxt(out / "eiva_attitude.txt")[:, 1:])
     apart = (attitude - angles + 180) % 360 - 180

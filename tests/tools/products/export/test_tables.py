@@ -1,6 +1,5 @@
 """Tables of an export: the graph, EIVA's poses, times, and poses.csv by PROJ's other ways and signs by hand."""
 
-import csv
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,6 +27,7 @@ from sonarmap.tools.products.export.tables import (
     write_graph,
     write_poses_csv,
 )
+from tests.samples.clutter_scans import table_of
 from tests.tools.products.export.finished import georeferenced
 from tests.tools.products.export.poses import (
     PLACES,
@@ -53,15 +53,10 @@ def two_parts(path: Path) -> Map:
     return replace(with_part(earth, parts[0]).folder, path=path, parts=parts)
 
 
-def table(path: Path) -> list[dict[str, str]]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
 def test_a_row_for_each_vertex(tmp_path: Path) -> None:
     folder = two_parts(tmp_path)
     write_graph(tmp_path / "out" / "graph.csv", folder, folder.parts[0], None)
-    rows = table(tmp_path / "out" / "graph.csv")
+    rows = table_of(tmp_path / "out" / "graph.csv")
     apart, world = ("2", "first pose"), ("1", "East-North-Up")
     assert [(row["vertex"], row["name"], row["map"], row["frame"]) for row in rows] == [
         (str(k), f"scan_{k}", *where) for k, where in ((0, apart), (1, world), (3, world), (4, world), (5, apart))
@@ -113,7 +108,7 @@ def test_which_stamps_are_times(stamps: list[float], times: bool) -> None:
 
 def rows_of(path: Path, earth: Georeferenced) -> list[dict[str, str]]:
     write_poses_csv(path / "poses.csv", earth)
-    return table(path / "poses.csv")
+    return table_of(path / "poses.csv")
 
 
 @pytest.mark.parametrize("place", PLACES)

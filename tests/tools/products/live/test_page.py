@@ -1,6 +1,5 @@
 """The page in a real Chromium: what it shows of a dive, and what it says where something is wrong."""
 
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from urllib.parse import urlsplit
@@ -14,7 +13,7 @@ from sonarmap.tools.products.live.coverage import coverage
 from sonarmap.tools.products.live.server import LivePage
 from sonarmap.tools.products.live.state import State
 from tests.tools.products.live.known_dive import KnownDive
-from tests.tools.products.report.page.browser import SOFTWARE, WITHOUT_WEBGL, Opened, wait_until
+from tests.tools.products.report.page.browser import SOFTWARE, WITHOUT_WEBGL, Opened, browsed, wait_until
 
 SURE = (np.eye(3) * 0.1).tolist()
 
@@ -24,23 +23,10 @@ def opened(
     live: LivePage, width: int = 1280, flags: tuple[str, ...] = SOFTWARE, silent: bool = True
 ) -> Iterator[Opened]:
     """The page, which has said nothing when it is left unless it is not `silent`, and asked for nothing but itself."""
-    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if path is None:
-        pytest.skip("no Chromium is installed: apt-get install chromium")
-    sync_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install playwright")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", *flags])
-        page = browser.new_page(viewport={"width": width, "height": 844})
-        shown = Opened(page)
-        page.on("console", lambda message: shown.said.append(message.text))
-        page.on("pageerror", lambda error: shown.said.append(str(error)))
-        page.on("request", lambda request: shown.asked.append(request.url))
-        page.goto(live.address)
-        wait_until(page, "window.sonarmap && sonarmap.wire.open")
+    with browsed(live.address, "window.sonarmap && sonarmap.wire.open", (width, 844), flags) as shown:
         yield shown
         assert shown.said == [] or not silent
         assert {urlsplit(asked).netloc for asked in shown.asked} <= {urlsplit(live.address).netloc, ""}
-        browser.close()
 
 
 def publish(live: LivePage, dive: KnownDive, keys: int) -> None:

@@ -1,8 +1,8 @@
 """`sonarmap compare`: what changed between two surveys of a place."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.method import checked_method, configure_method
-from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, flag, option, refuse_without
+from sonarmap.tools.command.method import configure_method
+from sonarmap.tools.command.options.checks import length
+from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, flag, option
 from sonarmap.tools.command.options.output import EarthPlace
-from sonarmap.tools.command.options.registration import MethodOptions, checked, is_positive
+from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.progress import growing_progress
-from sonarmap.tools.command.terminal import number_table, print_result, result_console, say, warn
-from sonarmap.tools.files.writers.folder_lock import locked
-from sonarmap.tools.methods.registry import DEFAULT_METHOD
+from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say, warn
+from sonarmap.tools.command.verbs.finished.opened import locating_method, open_map
 
 if TYPE_CHECKING:
     from sonarmap.spectral.registration import SpectralRegistrar
@@ -38,26 +38,14 @@ class Judging:
     out: Path = option(OUTPUT, "OUT", "Folder for the results.", REQUIRED, "-o", "--out")
     keep_frames: bool = flag(INPUT, "--keep-frames", "Keep both frames on the Earth; register nothing.")
     surveys: bool = flag(INPUT, "--surveys", "Compare the surveys of OLD in pairs; give no NEW.")
-    reach: float | None = option(
-        INPUT,
-        "M",
-        "How far from the old surface the new one is sought \\[m].",
-        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for four voxels"),
-        shown="four voxels",
+    reach: float | None = length(INPUT, "How far from the old surface the new one is sought \\[m].", "four voxels")
+    bound: float | None = length(
+        INPUT, "Largest level of detection of a place called unchanged \\[m].", "two voxels", rare=True
     )
-    bound: float | None = option(
+    cloud_sigma: float | None = length(
         INPUT,
-        "M",
-        "Largest level of detection of a place called unchanged \\[m].",
-        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for two voxels"),
-        shown="two voxels",
-        rare=True,
-    )
-    cloud_sigma: float | None = option(
-        INPUT,
-        "M",
         "Standard deviation of a coordinate of the point cloud \\[m].",
-        callback=checked(is_positive, "{} m; give a length above 0, or leave it out"),
+        "",
         shown="what its scatter says",
         rare=True,
     )
@@ -86,18 +74,17 @@ def command(
     from sonarmap.tools.products.compare.comparison import CompareSettings, NotAlignedError, compare_maps
     from sonarmap.tools.products.compare.files import check_folder, write_comparison
 
-    method = checked_method(method, context)
-    if method.method != DEFAULT_METHOD:
-        raise InputError(f"--method {method.method} cannot locate views; leave it out: only {DEFAULT_METHOD} can")
+    method = locating_method(method, context, "views")
+    opened = partial(open_map, of_largest="is compared")
     _check(old, new, judging)
     check_folder(judging.out, old, *([] if new is None else [new]))
     settings = CompareSettings(judging.reach, judging.bound)
     if new is not None and old.resolve() == new.resolve():
         warn(f"OLD and NEW are both {old}: nothing can have changed")
     if new is None:
-        first = second = folder = _opened(old)
+        first = second = folder = opened(old)
     else:
-        first, second, folder = opened_surveys(old, new, judging.cloud_sigma, _opened)
+        first, second, folder = opened_surveys(old, new, judging.cloud_sigma, opened)
     if isinstance(first, PointCloud) and earth.origin is not None:
         raise InputError(f"--origin has no effect on {old}: a point cloud lies where its CRS says; leave it out")
     first = replace(first, georeference=earth.georeference(first.georeference))
@@ -112,7 +99,7 @@ def command(
                 results = [(judging.out, compare_maps(first, second, registrar, settings, step))]
     except NotAlignedError as error:
         if as_json:
-            typer.echo(json.dumps({"aligned": False, "reason": str(error)}))
+            print_json({"aligned": False, "reason": str(error)})
         warn(str(error))
         raise typer.Exit(NOT_ALIGNED) from error
     contents: list[dict[str, object]] = []
@@ -122,7 +109,7 @@ def command(
         if not as_json:
             _print(comparison, files)
     if as_json:
-        typer.echo(json.dumps({"pairs": contents} if new is None else contents[0], allow_nan=False))
+        print_json({"pairs": contents} if new is None else contents[0])
 
 
 def _check(old: Path, new: Path | None, judging: Judging) -> None:
@@ -137,25 +124,13 @@ def _check(old: Path, new: Path | None, judging: Judging) -> None:
         raise InputError("--cloud-sigma has no effect with --surveys, which are no point clouds; leave it out")
 
 
-def _opened(path: Path) -> "Map":
-    from sonarmap.tools.files.map_folder.folder import read_map_folder
-
-    with locked(path, writing=False):
-        folder = read_map_folder(path)
-    if len(folder.parts) > 1:
-        say(f"{path} has {len(folder.parts)} parts; only the largest is compared")
-    return folder
-
-
 def _place(first: "Map | PointCloud", earth: EarthPlace) -> "tuple[Georeference, Projection] | None":
     """Where the old survey lies on the Earth; None where that is not known."""
-    from sonarmap.tools.files.geo.projection import Projection
     from sonarmap.tools.products.compare.cloud import PointCloud
 
-    if first.georeference is None or not (isinstance(first, PointCloud) or first.on_earth(first.parts[0])):
-        refuse_without("a map's place on the Earth", {"--crs": earth.crs})
-        return None
-    return first.georeference, Projection.of(first.georeference, earth.crs)
+    known = first.georeference if isinstance(first, PointCloud) or first.on_earth(first.parts[0]) else None
+    projection = earth.projection(known)
+    return None if known is None or projection is None else (known, projection)
 
 
 def _registrar(folder: "Map", method: MethodOptions) -> "SpectralRegistrar":

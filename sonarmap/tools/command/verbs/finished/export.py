@@ -1,6 +1,5 @@
 """`sonarmap export`: a finished map to the formats of other programs."""
 
-import json
 import re
 from dataclasses import dataclass, replace
 from functools import partial
@@ -9,32 +8,19 @@ from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.options.option import OUTPUT, REQUIRED, completes, option
+from sonarmap.tools.command.options.checks import checked, choice, is_positive, length
+from sonarmap.tools.command.options.option import OUTPUT, REQUIRED, option
 from sonarmap.tools.command.options.output import EarthPlace, FormatsOption, export_with_progress
-from sonarmap.tools.command.options.registration import checked, is_positive
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
-from sonarmap.tools.command.terminal import printable
+from sonarmap.tools.command.terminal import print_json, printable
 from sonarmap.tools.files.writers.folder_lock import locked
 from sonarmap.tools.products.export.formats import HEIGHTS
 
 _output = partial(option, OUTPUT)
 
 
-POINTS = ("map", "all")
 _RANGE = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?", re.ASCII)
 _MOST_SCANS = 1_000_000  # in --scans
-
-
-def _check_height(name: str) -> str:
-    if name not in HEIGHTS:
-        raise typer.BadParameter(f"{name!r}; choose from {', '.join(HEIGHTS)}")
-    return name
-
-
-def _check_points(name: str) -> str:
-    if name not in POINTS:
-        raise typer.BadParameter(f"{name!r}; choose from {', '.join(POINTS)}")
-    return name
 
 
 def _check_scans(text: str | None) -> str | None:
@@ -61,35 +47,26 @@ class ExportedFiles:
 
     to: Path = _output("DIR", "Folder for the files; it may be OUT itself.", REQUIRED)
     format: FormatsOption
-    cell: float | None = _output(
-        "M",
-        "Edge of a grid's cell \\[m].",
-        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for the map's voxel"),
-        shown="the map's voxel, rounded up to 1, 2 or 5",
+    cell: float | None = length(
+        OUTPUT, "Edge of a grid's cell \\[m].", "the map's voxel", shown="the map's voxel, rounded up to 1, 2 or 5"
     )
-    height: str = _output(
-        "NAME",
+    height: str = choice(
+        OUTPUT,
         "Height of a cell: top, mean, median, shoalest or deepest. top is the mean of its uppermost surface.",
-        "top",
-        callback=_check_height,
-        autocompletion=completes(HEIGHTS),
+        HEIGHTS,
     )
-    contours: float | None = _output(
-        "M",
-        "Add contours so far apart \\[m] to geojson, gpkg, kml, kmz.",
-        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for no contours"),
+    contours: float | None = length(
+        OUTPUT, "Add contours so far apart \\[m] to geojson, gpkg, kml, kmz.", "no contours", shown=True
     )
     clip: str | None = _output(
         "AREA",
         "Only what is within W,S,E,N or a GeoJSON file's polygons. The box is in degrees, or as --crs has it.",
     )
-    points: str = _output(
-        "NAME",
+    points: str = choice(
+        OUTPUT,
         "In files of points: map, or all. map has one for each voxel; all has every point of every scan, in place, "
         "from the scans that the map was made of. Files of points are laz, copc, e57, xyz and points-csv.",
-        "map",
-        callback=_check_points,
-        autocompletion=completes(POINTS),
+        ("map", "all"),
     )
     scans: str | None = _output(
         "NUMBERS", "Only all points of these scans, as 3,7-12.", callback=_check_scans, rare=True
@@ -97,11 +74,7 @@ class ExportedFiles:
     scans_from: list[str] = _output(
         "PATH", "Where the scans are now; may be repeated.", [], shown="where `map` read them", rare=True
     )
-    spacing: float | None = _output(
-        "M",
-        "Keep one point in each cube of this edge \\[m].",
-        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for all points"),
-    )
+    spacing: float | None = length(OUTPUT, "Keep one point in each cube of this edge \\[m].", "all points", shown=True)
     rate: float | None = _output(
         "HZ",
         "Poses a second in files of poses \\[Hz].",
@@ -145,6 +118,6 @@ def command(
         folder = replace(folder, georeference=earth.georeference(folder.georeference))
         exported = export_with_progress(folder, to, settings, quiet or as_json)
     if as_json:
-        typer.echo(json.dumps([str(path) for path in exported.files]))
+        print_json(exported.files)
     else:
         typer.echo(f"written to {printable(str(to))}: {', '.join(path.name for path in exported.files)}")

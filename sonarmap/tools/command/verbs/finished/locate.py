@@ -1,9 +1,8 @@
 """`sonarmap locate`: where scans were taken in a finished map."""
 
-import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,17 +10,17 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.method import checked_method, configure_method
+from sonarmap.tools.command.method import configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
+from sonarmap.tools.command.options.checks import checked
 from sonarmap.tools.command.options.option import INPUT, OUTPUT, flag, option
 from sonarmap.tools.command.options.output import EarthPlace
-from sonarmap.tools.command.options.registration import MethodOptions, checked
+from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.options.scan import InputsArgument, PointReading
 from sonarmap.tools.command.progress import growing_progress
-from sonarmap.tools.command.terminal import number_table, print_result, printable, result_console, say, warn
-from sonarmap.tools.files.writers.folder_lock import locked
-from sonarmap.tools.methods.registry import DEFAULT_METHOD
+from sonarmap.tools.command.terminal import number_table, print_json, print_result, printable, result_console, say, warn
+from sonarmap.tools.command.verbs.finished.opened import locating_method, open_map
 
 if TYPE_CHECKING:
     from sonarmap.slam.locate.located import Located
@@ -74,13 +73,12 @@ def command(
     from sonarmap.tools.files.readers.scans import read_scans
     from sonarmap.tools.files.writers.atomic import require_writable
 
-    method = checked_method(method, context)
-    if method.method != DEFAULT_METHOD:
-        raise InputError(f"--method {method.method} cannot locate scans; leave it out: only {DEFAULT_METHOD} can")
+    method = locating_method(method, context, "scans")
     if order.track is not None:
         require_writable(order.track.parent)
-    folder = _opened(source, earth)
-    surveyed, projection = surveyed_map(folder), _projection(folder, earth.crs)
+    folder = open_map(source, "is searched", earth)
+    surveyed = surveyed_map(folder)
+    projection = earth.projection(folder.georeference if folder.on_earth(folder.parts[0]) else None)
     if priors.priors is not None and not surveyed.measured.any():
         raise InputError(f"--priors has no effect in {source}, whose frame no instrument measured; leave it out")
     read = read_scans(inputs, points.corrections())
@@ -102,25 +100,14 @@ def command(
         _write(order.track, sure)
     worlds = _worlds(folder, projection, found)
     if as_json:
-        about = {"map": str(source), "grid": configured.edge, "voxel": configured.grid.voxel, "located": len(sure)}
-        about |= {"written": str(order.track)} if order.track is not None and sure else {}
+        about = {"map": source, "grid": configured.edge, "voxel": configured.grid.voxel, "located": len(sure)}
+        about |= {"written": order.track} if order.track is not None and sure else {}
         rows = [_as_json(located, world) for located, world in zip(found, worlds, strict=True)]
-        typer.echo(json.dumps({"scans": rows, **about}, allow_nan=False))
+        print_json({"scans": rows, **about})
     else:
         _print(found, worlds)
     if not sure:
         raise typer.Exit(NOWHERE)
-
-
-def _opened(source: Path, earth: EarthPlace) -> "Map":
-    """The map, where the user says that it lies."""
-    from sonarmap.tools.files.map_folder.folder import read_map_folder
-
-    with locked(source, writing=False):
-        folder = read_map_folder(source)
-    if len(folder.parts) > 1:
-        say(f"{source} has {len(folder.parts)} parts; only the largest is searched")
-    return replace(folder, georeference=earth.georeference(folder.georeference))
 
 
 def _write(path: Path, located: "Sequence[Located]") -> None:
@@ -136,17 +123,6 @@ def _write(path: Path, located: "Sequence[Located]") -> None:
     T = RigidTransform.concatenate([each.T_map_scan for each in located])
     write_tum(path, Trajectory(np.array([each.stamp for each in located], np.float64), T))
     say(f"written to {path}: {counted(len(located), 'pose')}")
-
-
-def _projection(folder: "Map", crs: str | None) -> "Projection | None":
-    """Of the map; None where its place on the Earth is not known."""
-    from sonarmap.tools.files.geo.projection import Projection
-
-    if folder.georeference is not None and folder.on_earth(folder.parts[0]):
-        return Projection.of(folder.georeference, crs)
-    if crs is not None:
-        raise InputError("--crs has no effect in a map without a place on the Earth; give --origin LAT,LON too")
-    return None
 
 
 def _worlds(folder: "Map", projection: "Projection | None", found: "Sequence[Located]") -> list[dict[str, Any] | None]:
@@ -172,7 +148,7 @@ def _as_json(located: "Located", world: dict[str, Any] | None) -> dict[str, obje
         "stamp": located.stamp,
         "located": located.located,
         **_place(located.place),
-        "psr": located.psr if math.isfinite(located.psr) else None,
+        "psr": located.psr,
         "overlap": located.overlap,
         "world": world,
         "alternatives": [_place(other) for other in located.alternatives],
@@ -186,8 +162,8 @@ def _place(place: "Place | None") -> dict[str, object]:
     if place is None:
         return {"T_map_scan": None, "covariance": None, "sigmas": None, "probability": 0.0}
     return {
-        "T_map_scan": place.T_map_scan.as_matrix().tolist(),
-        "covariance": place.covariance.tolist(),
+        "T_map_scan": place.T_map_scan.as_matrix(),
+        "covariance": place.covariance,
         "sigmas": [math.sqrt(max(variance, 0.0)) for variance in place.covariance.diagonal().tolist()],
         "probability": place.probability,
     }

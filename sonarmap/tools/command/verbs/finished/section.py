@@ -1,8 +1,7 @@
 """`sonarmap section`: a finished map cut along a line."""
 
-import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,12 +10,12 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, flag, option, refuse_without
+from sonarmap.tools.command.options.checks import checked, is_positive, length
+from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, flag, option
 from sonarmap.tools.command.options.output import EarthPlace
-from sonarmap.tools.command.options.registration import checked, is_positive
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
-from sonarmap.tools.command.terminal import print_result, say
-from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.command.terminal import print_json, print_result, say
+from sonarmap.tools.command.verbs.finished.opened import open_map
 
 if TYPE_CHECKING:
     from sonarmap.tools.products.section.placed import Coordinates, PlacedMap
@@ -33,12 +32,7 @@ class Line:
     end: str = _input("X,Y", "Where it ends.", REQUIRED, "--to")
     world: bool = flag(INPUT, "--world", "The places are easting, northing of the map's CRS. --crs is another one.")
     degrees: bool = flag(INPUT, "--degrees", "The places are latitude, longitude, WGS84.")
-    width: float | None = _input(
-        "M",
-        "How far to either side of the line points count \\[m].",
-        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for two voxels"),
-        shown="two voxels",
-    )
+    width: float | None = length(INPUT, "How far to either side of the line points count \\[m].", "two voxels")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,13 +42,7 @@ class SectionFiles:
     out: Path = option(
         OUTPUT, "FILE", "NAME.png: picture and tables; NAME.csv: the tables alone.", REQUIRED, "-o", "--out"
     )
-    cell: float | None = option(
-        OUTPUT,
-        "M",
-        "Length of a cell of the profile \\[m].",
-        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for the map's voxel"),
-        shown="the map's voxel",
-    )
+    cell: float | None = length(OUTPUT, "Length of a cell of the profile \\[m].", "the map's voxel")
     exaggeration: float = option(
         OUTPUT,
         "F",
@@ -80,8 +68,6 @@ def command(
     """
     import numpy as np
 
-    from sonarmap.tools.files.geo.projection import Projection
-    from sonarmap.tools.files.map_folder.folder import read_map_folder
     from sonarmap.tools.products.section.files import check_names, write_section
     from sonarmap.tools.products.section.picture import Titles
     from sonarmap.tools.products.section.placed import Coordinates, PlacedMap
@@ -89,17 +75,10 @@ def command(
 
     check_names(files.out, source)
     ends = np.array([_place(name, text, line.degrees) for name, text in (("--from", line.start), ("--to", line.end))])
-    with locked(source, writing=False):
-        folder = read_map_folder(source)
-    placed = PlacedMap.of(replace(folder, georeference=earth.georeference(folder.georeference)))
-    world = None
-    if placed.georeference is None:
-        refuse_without("a map's place on the Earth", {"--crs": earth.crs})
-    else:
-        world = Coordinates(placed.georeference, Projection.of(placed.georeference, earth.crs))
+    placed = PlacedMap.of(open_map(source, "is cut", earth))
+    projection = earth.projection(placed.georeference)
+    world = None if projection is None else Coordinates(placed.georeference, projection)
     given = _given(line, world, placed)
-    if len(folder.parts) > 1:
-        say(f"{source} has {len(folder.parts)} parts; only the largest is cut")
     if not placed.upright:
         say("no instrument measured which way is up; heights are along the z axis of the map's frame")
     section = section_of(placed, given.to_map(ends), line.width or _VOXELS * placed.voxel, given)
@@ -122,9 +101,9 @@ def command(
     if as_json:
         numbers = {"length_m": section.length, "width_m": section.width, "cell_m": cell, "points": len(section.height)}
         heights = {"lowest_m": lowest, "highest_m": highest, "heights": placed.height_words}
-        ways = {"from": ends[0].tolist(), "to": ends[1].tolist(), "places": given.names}
-        about_it = {"map": str(source), **ways, **numbers, **heights, "cells": len(profile.height)}
-        typer.echo(json.dumps({**about_it, "files": [str(path) for path in written]}, allow_nan=False))
+        ways = {"from": ends[0], "to": ends[1], "places": given.names}
+        about_it = {"map": source, **ways, **numbers, **heights, "cells": len(profile.height)}
+        print_json({**about_it, "files": written})
         return
     print_result(f"{about}: {lowest:.2f} to {highest:.2f} m, {placed.height_words}")
     print_result(f"written to {files.out.parent}: {', '.join(path.name for path in written)}")

@@ -1,6 +1,5 @@
 """`sonarmap volume`: how much lies between a finished map and a plane, or another map."""
 
-import json
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,18 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.option import INPUT, completes, flag, option
-from sonarmap.tools.command.options.registration import checked, is_positive
+from sonarmap.tools.command.options.checks import checked, choice, length
+from sonarmap.tools.command.options.option import INPUT, flag, option
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
-from sonarmap.tools.command.terminal import print_result, print_rows, say
-from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.command.terminal import print_json, print_result, print_rows, say
+from sonarmap.tools.command.verbs.finished.opened import open_map
 
 if TYPE_CHECKING:
     from sonarmap.tools.products.section.placed import PlacedMap
 
 _VOXELS = 2  # edge of a cell, where --cell is not given: cells of one voxel have gaps between points
-
-_HEIGHTS = ("median", "top")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,20 +32,9 @@ class Target:
     )
     to: Path | None = option(INPUT, "OTHER", "Another folder that `sonarmap map` wrote.")
     same_frame: bool = flag(INPUT, "--same-frame", "Both maps are in one frame, though not both on the Earth.")
-    cell: float | None = option(
-        INPUT,
-        "M",
-        "Edge of a cell of both grids \\[m].",
-        callback=checked(is_positive, "{} m; give a length above 0, or leave it out for two voxels"),
-        shown="two voxels",
-    )
-    height: str = option(
-        INPUT,
-        "NAME",
-        "Height of a cell: median of its points, or top, the uppermost surface.",
-        "median",
-        callback=checked(lambda name: name in _HEIGHTS, "{!r}; choose median or top"),
-        autocompletion=completes(_HEIGHTS),
+    cell: float | None = length(INPUT, "Edge of a cell of both grids \\[m].", "two voxels")
+    height: str = choice(
+        INPUT, "Height of a cell: median of its points, or top, the uppermost surface.", ("median", "top")
     )
     seen: int = option(INPUT, "N", "Count points that so many scans saw.", 1, min=1)
 
@@ -89,8 +75,8 @@ def command(
         volume = volume_to_level(first, target.level, target.cell or _VOXELS * first.voxel, kind)
         words = "above the plane", "missing below it"
     if as_json:
-        ends = {"map": str(source), "level_m": target.level, "to": None if target.to is None else str(target.to)}
-        typer.echo(json.dumps({**ends, "heights": first.height_words, **volume.as_json}, allow_nan=False))
+        ends = {"map": source, "level_m": target.level, "to": target.to}
+        print_json({**ends, "heights": first.height_words, **volume.as_json})
         return
     rows = {f"cut ({words[0]})": volume.cut, f"fill ({words[1]})": volume.fill, "net (fill - cut)": volume.net}
     print_rows({name: f"{number:,.2f} m3, sigma {sigma:,.2f} m3" for name, (number, sigma) in rows.items()})
@@ -104,14 +90,9 @@ def command(
 
 def _opened(path: Path, least: int) -> "PlacedMap":
     """The largest part of a map, with the points that so many scans saw."""
-    from sonarmap.tools.files.map_folder.folder import read_map_folder
     from sonarmap.tools.products.section.placed import PlacedMap
 
-    with locked(path, writing=False):
-        folder = read_map_folder(path)
-    placed = PlacedMap.of(folder)
-    if len(folder.parts) > 1:
-        say(f"{path} has {len(folder.parts)} parts; only the largest counts")
+    placed = PlacedMap.of(open_map(path, "counts"))
     if not placed.upright:
         say(f"no instrument measured which way is up in {path}; heights are along the z axis of its frame")
     return placed.seen_by(least)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.products.report.naming import inputs_of
 
 # Settings of the mapper that an option sets: where they are, the option, its default, and how many of the option's
 # units there are in one of the setting's.
@@ -44,12 +45,6 @@ def map_command(settings: Mapping[str, Any], georeference: Georeference | None =
         words += _origin_words(georeference)
     inputs = [f"./{path}" if path.startswith("-") else path for path in inputs_of(settings)]
     return {"options": shlex.join(words), "inputs": shlex.join(inputs)}
-
-
-def inputs_of(settings: Mapping[str, Any]) -> list[str]:
-    """Files, folders or patterns, as they were given."""
-    given = settings.get("inputs", [])
-    return [str(path) for path in (given if isinstance(given, list) else [given])]  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
 
 
 def _mapper_words(mapper: Any) -> list[str]:

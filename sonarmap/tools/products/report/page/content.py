@@ -10,8 +10,9 @@ import numpy as np
 
 from sonarmap.tools.files.geo.georeference import VERTICALS
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
+from sonarmap.tools.products.report.naming import inputs_of
 from sonarmap.tools.products.report.page import evidence
-from sonarmap.tools.products.report.page.command import inputs_of, map_command
+from sonarmap.tools.products.report.page.command import map_command
 from sonarmap.tools.products.report.page.points import MOST_CODE, codes, doubtful_of, pack
 from sonarmap.tools.products.report.page.provenance import citation, setting_rows, title
 from sonarmap.tools.products.report.page.verdict import verdict

@@ -15,7 +15,7 @@ from sonarmap.slam.pair import Pair
 from sonarmap.slam.parts import placed
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.products.report.naming import plain_text, survey_date, survey_name
+from sonarmap.tools.products.report.naming import inputs_of, plain_text, survey_date, survey_name
 from sonarmap.tools.products.report.survey.frame import MapFrame, frame_of
 
 Verdict = Literal["kept", "rejected", "refused"]
@@ -76,7 +76,7 @@ def part_view(
     scans, part = result.components[c], result.parts[c]
     trajectory = result.trajectory.take(scans)
     of_parts = f"part {rank} of {len(maps)}" if len(maps) > 1 else ""
-    called = [plain_text(_name(settings), _LONGEST), survey_date(trajectory.stamps), of_parts]
+    called = [plain_text(survey_name(inputs_of(settings)), _LONGEST), survey_date(trajectory.stamps), of_parts]
     surveys, own = tuple(result.surveys[k] for k in scans), set(scans)
     point_map = part.optimized
     return PartView(
@@ -94,11 +94,6 @@ def part_view(
         survey_names=_survey_names(names, result.surveys),
         pairs=tuple(pair for pair in result.pairs if own.issuperset(pair.scans)),
     )
-
-
-def _name(settings: Mapping[str, Any]) -> str:
-    given = settings.get("inputs", [])
-    return survey_name([str(path) for path in (given if isinstance(given, list) else [given])])  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
 
 
 def _survey_names(names: Sequence[str], surveys: Sequence[int]) -> dict[int, str]:

@@ -131,7 +131,7 @@ def test_from_python(mapped: Path, scans: list[str]) -> None:
         (("-o", "track.csv"), "ends in .tum"),
         (("--priors", "nav.csv"), "whose frame no instrument measured"),
         (("--prior-sigmas", "1,1,1,1"), "without --priors"),
-        (("--crs", "EPSG:32632"), "without a place on the Earth"),
+        (("--crs", "EPSG:32632"), "a map whose place is not known"),
         (("--origin", "60"), "latitude and longitude"),
         (("--voxel", "0"), "above 0"),
     ],

@@ -160,7 +160,7 @@ def test_two_maps(local: Path, placed: Path) -> None:
         (("--level", "1", "--same-frame"), "without --to"),
         (("--level", "nan"), "--level is nan"),
         (("--level", "1", "--cell", "0"), "above 0"),
-        (("--level", "1", "--height", "mean"), "choose median or top"),
+        (("--level", "1", "--height", "mean"), "choose one of median, top"),
         (("--level", "1", "--seen", "99"), "give a smaller --seen"),
         (("--level", "1", "--cell", "1e-7"), "--cell M"),
         (("--level", "1", "--cell", "1e-300"), "--cell M"),

@@ -52,7 +52,21 @@ def opened(
 ) -> Iterator[Opened]:
     """The page of a file, once it has shown what it has to show, and unless it is not `silent`, has said nothing.
 
-    `script` runs before the page's own. Skips the test where there is no Chromium, or no Playwright to drive it.
+    `script` runs before the page's own.
+    """
+    ready = "window.sonarmap && (!sonarmap.view || sonarmap.view.frames > 0)"
+    with browsed(path.resolve().as_uri(), ready, (1200, 800), flags, script, **context) as shown:
+        yield shown
+        assert shown.said == [] or not silent
+
+
+@contextmanager
+def browsed(
+    address: str, ready: str, size: tuple[int, int], flags: tuple[str, ...], script: str = "", **context: str
+) -> Iterator[Opened]:
+    """The page at an address, once the condition `ready` holds in it, in a window of this width and height.
+
+    Skips the test where there is no Chromium, or no Playwright to drive it.
     """
     browser_path = next((found for name in _NAMES if (found := shutil.which(name))), None)
     if browser_path is None:
@@ -60,14 +74,13 @@ def opened(
     sync_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install playwright")
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=browser_path, args=["--no-sandbox", *flags])
-        page = browser.new_page(viewport={"width": 1200, "height": 800}, **context)
+        page = browser.new_page(viewport={"width": size[0], "height": size[1]}, **context)
         shown = Opened(page)
         page.on("console", lambda message: shown.said.append(message.text))
         page.on("pageerror", lambda error: shown.said.append(str(error)))
         page.on("request", lambda request: shown.asked.append(request.url))
         page.add_init_script(script)
-        page.goto(path.resolve().as_uri())
-        wait_until(page, "window.sonarmap && (!sonarmap.view || sonarmap.view.frames > 0)")
+        page.goto(address)
+        wait_until(page, ready)
         yield shown
-        assert shown.said == [] or not silent
         browser.close()

@@ -1,0 +1,37 @@
+"""A finished map as its verbs take it: read under its lock, and placed where the user says that it lies."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.method import checked_method
+from sonarmap.tools.command.options.output import EarthPlace
+from sonarmap.tools.command.options.registration import MethodOptions
+from sonarmap.tools.command.terminal import say
+from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.methods.registry import DEFAULT_METHOD
+
+if TYPE_CHECKING:
+    from sonarmap.tools.files.map_folder.folder import Map
+
+
+def open_map(path: Path, of_largest: str, earth: EarthPlace | None = None) -> "Map":
+    """The map; of one of several parts it is said what becomes of the largest alone, as "is searched"."""
+    from sonarmap.tools.files.map_folder.folder import read_map_folder
+
+    with locked(path, writing=False):
+        folder = read_map_folder(path)
+    if len(folder.parts) > 1:
+        say(f"{path} has {len(folder.parts)} parts; only the largest {of_largest}")
+    return folder if earth is None else replace(folder, georeference=earth.georeference(folder.georeference))
+
+
+def locating_method(options: MethodOptions, context: typer.Context, what: str) -> MethodOptions:
+    """The options of a verb that locates scans or views in a map. Raises InputError: a method that cannot."""
+    method = checked_method(options, context)
+    if method.method != DEFAULT_METHOD:
+        raise InputError(f"--method {method.method} cannot locate {what}; leave it out: only {DEFAULT_METHOD} can")
+    return method

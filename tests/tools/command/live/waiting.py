@@ -1,0 +1,12 @@
+"""Waiting for what another process or thread does."""
+
+import time
+from collections.abc import Callable
+
+
+def until(is_so: Callable[[], object], seconds: float = 120.0) -> None:
+    """Return once it is so; an error where it does not come to be so in time."""
+    end = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < end
+        time.sleep(0.01)
