@@ -24,9 +24,9 @@ _LEVEL = 1.96  # sigmas, of 95 %
 # Found on simulated pairs of surveys, see docs/compare.md. _NOISE: the variance of a mean over what the scatter of its
 # points says, as a map's points lie in voxels. Then by what two surveys see edges and corners differently [voxels]: how
 # far points are from their plane beyond _PLANE, and the squared tangent of the angle between both planes times _TILTED
-# and, where neither survey has a plane, more.
+# and, where neither survey has a plane, more. _ERRING: squared tangent by which a normal errs at most, by noise.
 _NOISE, _PLANE, _TILTED, _TILTED_ROUGH = 0.5, 0.3, 0.7, 6.0
-_LEAST_COSINE = 0.1
+_ERRING, _LEAST_COSINE = 0.05, 0.1
 _SHARED = 4.0  # by which noise is larger in the estimate of the poses: what surfaces seen from two places differ by
 OVERLAP = np.pi * RADIUS**2  # core points whose cylinders share their points
 _BIWEIGHT, _ROUNDS = 4.0, 8  # [sigmas] beyond which a distance does not count; rounds of weights
@@ -99,12 +99,18 @@ def distances_between(
     cores = cores_of(old, voxel)
     before, after = layer_of(old, cores, voxel, 0.0), layer_of(new, cores, voxel, reach)
     both = np.flatnonzero(np.isfinite(before.height + after.height))
-    shared, prior = _shared(old, new, (before.shares[both], after.shares[both]), alignment, cores.take(both))
+    scans, prior = _shared(old, new, (before.shares[both], after.shares[both]), alignment)
+    points, normals = cores.points[both], cores.normals[both]
+    shared = _lifted(scans, levers(points, normals))
     noise = _NOISE * (before.variance[both] + after.variance[both])
     measured = after.height[both] - before.height[both]
-    shape = _shape(old, new, cores.take(both), measured, voxel)
+    shape, tilt = _shape(old, new, cores.take(both), measured, voxel)
     errors, covariance = _common_errors(measured, noise + shape**2, shared, prior)
     moved = measured + shared @ errors
+    # a shift along the surface shows as a distance where a normal errs
+    shift = [_lifted(scans, levers(points, np.tile(axis, (len(both), 1)))) @ errors for axis in np.eye(3)]
+    aside = np.square(shift).sum(axis=0) - (shared @ errors) ** 2
+    shape = np.sqrt(shape**2 + np.maximum(aside, 0.0) * np.minimum(tilt, _ERRING))
     sigma = np.sqrt(noise + shape**2 + _spread(shared, covariance))
     widened = max(1.0, float(np.median(np.abs(moved) / sigma)) / _USUAL) if len(both) else 1.0
     fresh = cores_of(new, voxel)
@@ -145,29 +151,31 @@ def _shared(
     new: Epoch,
     shares: tuple[Any, Any],
     alignment: np.ndarray | None,
-    cores: Cores,
 ) -> tuple[Any, np.ndarray]:
-    """(m, s) by what s common errors move each distance, of the shares of all scans in both layers; (s, s) their
-    covariance."""
+    """(m, n) the share that each of n common errors of six numbers has in a distance, of the shares of all scans in
+    both layers; (6 n, 6 n) their covariance."""
     before, after = shares
     if alignment is None:
         scans, prior = after - before, old.covariance
     else:
-        every = sparse.csr_array(np.ones((len(cores.points), 1)))
+        every = sparse.csr_array(np.ones((before.shape[0], 1)))
         scans = sparse.hstack([after, -before, every])
         prior = np.asarray(block_diag(new.covariance, old.covariance, alignment))
-    return _lifted(scans.tocsr(), levers(cores.points, cores.normals)), prior
+    return scans.tocsr(), prior
 
 
-def _shape(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: float) -> np.ndarray:
-    """(m,) standard deviation of distances [m] by what two surveys see differently of edges and corners: where the two
-    surfaces are not parallel, or points are far from their plane in both. A scour in a bed, or the bed where a heap
-    lay, is a plane in one of them."""
+def _shape(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: float) -> tuple[np.ndarray, np.ndarray]:
+    """What two surveys see differently of edges and corners: where the two surfaces are not parallel, or points are far
+    from their plane in both. A scour in a bed, or the bed where a heap lay, is a plane in one of them.
+
+    Returns:
+        (m,) the standard deviation of distances by that [m], and (m,) the squared tangent of the angle between the two.
+    """
     one, rough = planes_at(old, cores.points, voxel)
     other, rough_after = planes_at(new, cores.points + distance[:, None] * cores.normals, voxel)
     tilt = np.maximum(np.abs(np.einsum("ka,ka->k", one, other)), _LEAST_COSINE) ** -2 - 1  # squared tangent
     beyond = np.maximum(np.fmin(rough, rough_after) / voxel - _PLANE, 0.0)
-    return voxel * (beyond + tilt * (_TILTED + _TILTED_ROUGH * beyond))
+    return voxel * (beyond + tilt * (_TILTED + _TILTED_ROUGH * beyond)), tilt
 
 
 def _on_both(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: float) -> np.ndarray:

@@ -133,6 +133,17 @@ def test_the_same_in_another_frame() -> None:
     assert np.nanmedian(other.level) == pytest.approx(np.nanmedian(one.level), rel=0.1)
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_a_shift_along_the_surface_is_no_change(seed: int) -> None:
+    """By a turn about a place far away, 1.6 m, which noisy normals show as distances."""
+    away = RigidTransform.from_translation([400.0, 0.0, 0.0])
+    old, new = (surveyed(2 * seed + k + 30, size=30.0).moved(away) for k in range(2))
+    turned = new.moved(RigidTransform.from_rotation(Rotation.from_rotvec([0.0, 0.0, 4e-3])))
+    distances = distances_between(old, turned, np.diag(np.repeat([5e-3, 0.5], 3) ** 2), VOXEL, 2.0, 1.0)
+    assert distances.widened < 1.2
+    assert not regions_of(distances)
+
+
 def test_poses_move_their_points_together() -> None:
     distances = compared(surveyed(3), surveyed(4))
     every = np.arange(len(distances.compared))
