@@ -5,7 +5,8 @@ In: arrays, scans or paths. Out: the same results as the command line's, as obje
 """
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.graph.control import ControlPoint
     from sonarmap.slam.graph.pose_graph import PoseGraph
     from sonarmap.slam.locate.located import Located
+    from sonarmap.slam.locate.surveyed_map import SurveyedMap
     from sonarmap.slam.mapper import MapperSettings
     from sonarmap.slam.motion.odometry import Odometry
     from sonarmap.slam.motion.turn_rates import TurnRates
@@ -222,16 +224,14 @@ def locate(
     """
 
     from sonarmap.slam.locate.locator import Locator
-    from sonarmap.slam.survey_grid import survey_grid
     from sonarmap.tools.files.map_folder.surveyed import surveyed_map
     from sonarmap.tools.maps import opened_map
 
     require(device=device)
     voxel, edge, max_tilt = require(voxel=voxel, edge=edge, max_tilt=max_tilt)
     surveyed, listed = surveyed_map(opened_map(folder)), as_survey(scans)
-    grid = survey_grid(surveyed.key_scans(), edge, voxel)
-    with reused("spectral", _setup("spectral", grid, max_tilt, device, 0)) as registrar:
-        locator = Locator(cast("SpectralRegistrar", registrar), surveyed)
+    with _for_views(surveyed, edge, voxel, max_tilt, device) as registrar:
+        locator = Locator(registrar, surveyed)
         return list(map(locator.locate, listed) if alone else locator.track(listed, [0] * len(listed)))
 
 
@@ -267,7 +267,6 @@ def compare(
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
 
-    from sonarmap.slam.survey_grid import survey_grid
     from sonarmap.tools.files.map_folder.surveyed import surveyed_map
     from sonarmap.tools.given import in_arguments
     from sonarmap.tools.maps import Map, opened_map
@@ -288,9 +287,20 @@ def compare(
     settings = CompareSettings(reach)
     if keep_frames:
         return compare_maps(first, second, None, settings)
-    grid = survey_grid(surveyed_map(beside).key_scans(), edge, voxel)
+    with _for_views(surveyed_map(beside), edge, voxel, max_tilt, device) as registrar:
+        return compare_maps(first, second, registrar, settings)
+
+
+@contextmanager
+def _for_views(
+    surveyed: "SurveyedMap", edge: int, voxel: float | None, max_tilt: float, device: str | None
+) -> "Generator[SpectralRegistrar]":
+    """Within the block, who registers to views of a map, on the grid that suits them."""
+    from sonarmap.slam.survey_grid import survey_grid
+
+    grid = survey_grid(surveyed.key_scans(), edge, voxel)
     with reused("spectral", _setup("spectral", grid, max_tilt, device, 0)) as registrar:
-        return compare_maps(first, second, cast("SpectralRegistrar", registrar), settings)
+        yield cast("SpectralRegistrar", registrar)
 
 
 def _read_survey(
