@@ -222,15 +222,12 @@ class SpectralRegistrar(GridRegistrar):
         """(K,) float32, nearly the same however the scan's points are turned and moved; for a `PlaceIndex`."""
         return prepared.signature
 
-    def rotations(self, target: SpectralScan, source: SpectralScan) -> RotationPeaks:
-        """Those that `register` follows: under which the spectra are most alike.
+    def _rotations(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> RotationPeaks:
+        """Those under which the spectra are most alike.
 
         Where instruments know which way is up in both scans, of turns about the vertical at that tilt. Else of all
         rotations, and the measured one besides, if there is one.
         """
-        return self._rotations(target, source, self._bounds(target, source))
-
-    def _rotations(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> RotationPeaks:
         count, coefficients = self.config.hypotheses, (target.coefficients, source.coefficients)
         if (sweep := bounds.sweep) is not None:
             return self.so3.best_of(*coefficients, sweep, 4 * count)

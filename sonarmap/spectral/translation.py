@@ -49,16 +49,12 @@ class Translation:
         self.device, self.edge, self.exponents = device, edge, exponents
         self._correlator = Correlator(device, edge, BLUR, exponents, at_once(edge))
 
-    def correlations(self, target: Volume, source: Volume, R_target_source: Rotation) -> list[Array]:
-        """For each exponent the correlation (N, N, N) float32; the arrays are used again by the next call.
+    def find(self, target: Volume, source: Volume, R_target_source: Rotation) -> Peak:
+        """The highest peak of the correlation with the first exponent.
 
         A peak at s means p_target = R p_source + s about the grid centers. The points are turned and put into voxels
         anew: turning the voxel data would blur them.
         """
-        return self._correlator.correlations(source.points, Pose(R_target_source.as_matrix()), target.spectra)
-
-    def find(self, target: Volume, source: Volume, R_target_source: Rotation) -> Peak:
-        """The highest peak of the correlation with the first exponent."""
         return self.find_within(target, source, Rotation.concatenate([R_target_source]), [None], 1, 3.0)[0][0][0]
 
     def find_others(self, target: Volume, source: Volume, R_target_source: Rotation, separation: float) -> list[Peak]:

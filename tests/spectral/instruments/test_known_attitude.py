@@ -95,7 +95,7 @@ class TestRelief:
         assert_near(upright.T_target_source, upright.by_scans.T_target_source, 0.1, 0.1 * VOXEL)
 
     def test_the_rotations_that_are_followed_are_at_the_measured_tilt(self, registrar, scans):
-        rotations = registrar.rotations(*scans)
+        rotations = registrar._rotations(*scans, registrar._bounds(*scans))
         assert len(rotations.scores) <= 4 * registrar.config.hypotheses
         assert (np.diff(rotations.scores) <= 0).all()
         up = (HERE.rotation * rotations.R * THERE.rotation.inv()).apply([0, 0, 1])

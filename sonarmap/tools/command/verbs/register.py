@@ -1,8 +1,7 @@
 """`sonarmap register`: register one scan to another."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,20 +10,18 @@ import typer
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
-from sonarmap.tools.command.options.checks import checked, refused_by
-from sonarmap.tools.command.options.option import OUTPUT, option
+from sonarmap.tools.command.options.checks import refused_by
+from sonarmap.tools.command.options.option import OUTPUT, value_option
 from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.options.running import JsonOption
 from sonarmap.tools.command.options.scan import PointReading
 from sonarmap.tools.command.terminal import print_json, printable, say, warn
 from sonarmap.tools.command.words.registration import print_registration
-from sonarmap.tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
-    from sonarmap.spectral.prepare.spectral_scan import SpectralScan
-    from sonarmap.spectral.result import Registrar, Registration
+    from sonarmap.spectral.result import Registration
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.readers.corrections import Corrections
 
@@ -39,27 +36,16 @@ def _require_points_suffix(path: Path) -> None:
         raise InputError(f"{path}; give a name that ends in {ending}.")
 
 
-_output = partial(option, OUTPUT)
-
-
-@dataclass(frozen=True, slots=True)
-class PairFiles:
-    """What is written beside what is printed."""
-
-    write: Path | None = _output(
+WriteOption = Annotated[
+    Path | None,
+    value_option(
+        OUTPUT,
         "FILE",
         "Write the moved scan, PLY or PCD: the source's points in the target's frame. "
         "Nothing is written if the registration is not reliable.",
         callback=refused_by(_require_points_suffix),
-    )
-    picture: Path | None = _output(
-        "FILE.png",
-        f"Draw the registration step by step; only with --method {DEFAULT_METHOD}.",
-        callback=checked(
-            lambda path: path.suffix.lower() == ".png",
-            "{}; the picture is a PNG file. Give a name that ends in .png, as in --picture pair.png.",
-        ),
-    )
+    ),
+]
 
 
 def command(
@@ -70,7 +56,7 @@ def command(
     priors: PriorsFile,
     points: PointReading,
     reading: NavigationReading,
-    files: PairFiles,
+    write: WriteOption = None,
     imu: ImuOption = True,
     as_json: JsonOption = False,
 ) -> None:
@@ -80,30 +66,22 @@ def command(
     2 for bad input.
     """
     method = checked_method(method, context)
-    if files.picture is not None and method.method != DEFAULT_METHOD:
-        raise InputError(
-            f"--picture draws the steps of --method {DEFAULT_METHOD}, and --method {method.method} has other steps; "
-            f"leave --picture out, or use --method {DEFAULT_METHOD}"
-        )
     navigation = reading.settings(priors.priors)
-    pair = _read((target, source), points.corrections(), files.write)
+    pair = _read((target, source), points.corrections(), write)
     scans = scans_with_priors(pair, priors, navigation, imu and method.uses_priors, allow_unknown=True).scans
     configured = configure_method(scans, method)
-    prepared = [configured.registrar.prepare(scan) for scan in scans]
-    registration = configured.registrar.register(*prepared)
-    written = files.write if registration.accepted else None
+    registration = configured.registrar.register(*(configured.registrar.prepare(scan) for scan in scans))
+    written = write if registration.accepted else None
     if written is not None:
         write_moved(written, scans[1], registration.T_target_source)
-    if files.picture is not None:
-        _draw(files.picture, configured.registrar, prepared, registration)
     if as_json:
         print_json(_as_json(registration, configured, written))
     else:
         print_registration(registration, configured)
         if written is not None:
             typer.echo(f"\nwritten to {printable(str(written))}: the source's points in the target's frame")
-    if files.write is not None and written is None:
-        warn(f"{files.write} is not written, as the registration is not reliable")
+    if write is not None and written is None:
+        warn(f"{write} is not written, as the registration is not reliable")
     if not registration.accepted:
         raise typer.Exit(UNRELIABLE)
 
@@ -149,16 +127,6 @@ def moved_scan(scan: "Scan", T_target_source: "RigidTransform") -> "Scan":
         for places in (scan.points, scan.viewpoints)
     )
     return replace(scan, points=points, viewpoints=viewpoints, prior=None)
-
-
-def _draw(path: Path, registrar: "Registrar", prepared: "Sequence[SpectralScan]", registration: "Registration") -> None:
-    from sonarmap.spectral.registration import SpectralRegistrar
-    from sonarmap.tools.products.report.registration_picture import draw_registration
-    from sonarmap.tools.products.report.registration_view import view_registration
-
-    assert isinstance(registrar, SpectralRegistrar)  # as --picture is refused with another method
-    target, source = prepared
-    draw_registration(path, view_registration(registrar, target, source, registration))
 
 
 def _as_json(registration: "Registration", method: ConfiguredMethod, written: Path | None = None) -> dict[str, object]:
