@@ -1,4 +1,4 @@
-"""All maps of one component: of its optimized poses, of each survey alone, and of its chained poses to compare with.
+"""All maps of one component: of all its scans, and of each survey alone.
 
 Points that too few scans saw where others looked, false echoes most of them, are apart from the map. That a scan saw a
 point alone speaks against it only where others looked. These are the three ways in which what they saw, or what the
@@ -24,7 +24,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.map.crossing import CrossingError, crossing_error
 from sonarmap.slam.map.free_space import Votes, uncontradicted, votes
 from sonarmap.slam.map.placed import PlacedScans
-from sonarmap.slam.map.point_map import PointMap, fuse, fuse_before
+from sonarmap.slam.map.point_map import PointMap, fuse
 
 MIN_SEEN = 2  # scans that have to see a point where others looked, unless the user says how many
 _AROUND, _NEIGHBORS = 2.0, 12  # the surface about a point: so far [voxels], and so many of its points at most
@@ -52,10 +52,6 @@ class ComponentMaps:
     # there is one survey. In the map of all, a survey may contradict what an earlier one saw
     # and what has changed since: a layer is the place as that survey found it
     layers: Mapping[int, CleanMap]
-    # the map that the poses before the loops would give, in the same frame, of the echoes that make up the map: it is
-    # not judged itself, as free space contradicts what drift draws twice
-    chained: PointMap
-    chained_poses: Trajectory  # these n poses
     crossings: CrossingError  # how far overlapping passes lie apart, before and after
 
 
@@ -79,8 +75,6 @@ def component_maps(
         optimized=parted.clean,
         doubtful=parted.doubtful if asked else None,
         layers=layers,
-        chained=fuse_before(placed, chained.T_world_sensor, parted.clean if asked else None),
-        chained_poses=chained,
         crossings=crossing_error(placed, chained.T_world_sensor),
     )
 

@@ -14,11 +14,10 @@ from collections import defaultdict
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map.cell import BITS, cell_keys, lattice_origin
+from sonarmap.slam.map.cell import BITS, cell_keys
 from sonarmap.slam.map.placed import PlacedScans, pose_variance
 from sonarmap.spectral.point_store import in_turn
 
@@ -113,31 +112,6 @@ def fuse(placed: PlacedScans) -> PointMap:
         voxel=voxel,
         left_out=sum(len(each.points) for each in placed.scans) - int(count.sum()),
     )
-
-
-def fuse_before(placed: PlacedScans, before: RigidTransform, clean: PointMap | None) -> PointMap:
-    """The map of the same scans by other poses, with the points that their clean map has: for pictures of both.
-
-    A point of several scans stays. One that a scan alone saw is moved with its scan to where it lies in the clean
-    map, and stays if it meets a point there.
-
-    Args:
-        placed: the scans of the clean map, their indices ascending.
-        before: their other poses, taken for certain.
-        clean: what is left of their map; None to keep every point.
-    """
-    other = fuse(replace(placed, T_world_sensor=before, covariances=np.zeros_like(placed.covariances)))
-    if clean is None:
-        return other
-    alone = np.flatnonzero(other.seen == 1)
-    scan = np.searchsorted(np.asarray(placed.indices), other.scan[alone])
-    moved = (placed.T_world_sensor * before.inv())[scan].apply(other.points[alone])
-    origin = lattice_origin(clean.points, clean.voxel)
-    keys, near = cell_keys(moved, clean.voxel, origin)
-    kept = np.ones(len(other.points), bool)
-    kept[alone] = False
-    kept[alone[near]] = np.isin(keys, cell_keys(clean.points, clean.voxel, origin)[0])
-    return other.take(kept)
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,7 +41,7 @@ def maps_of(scans: list[Scan], executor: Executor | None) -> list[PointMap]:
     maps = component_maps(placed, Trajectory(np.arange(COUNT, dtype=float), TRUTH), executor=executor)
     assert maps.doubtful is not None
     layers = [each for layer in maps.layers.values() for each in (layer.clean, layer.doubtful)]
-    return [maps.optimized, maps.doubtful, maps.chained, *layers]
+    return [maps.optimized, maps.doubtful, *layers]
 
 
 def assert_same(one: PointMap, other: PointMap) -> None:

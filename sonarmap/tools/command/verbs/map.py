@@ -133,8 +133,8 @@ def command(
 ) -> None:
     """Make a map from scans: register pairs, close loops, optimize poses, fuse points.
 
-    OUT gets map.ply, map.png, loops.png, profile.png, trajectory.tum, graph.g2o, graph.json, pairs.csv, summary.json
-    and report.html, which `sonarmap view OUT` opens: the map in 3D, with its loops and uncertainty.
+    OUT gets map.ply, map.png, trajectory.tum, graph.g2o, graph.json, pairs.csv, summary.json and report.html, which
+    `sonarmap view OUT` opens: the map in 3D, with its loops and uncertainty.
     The scans of each folder are one survey. Surveys of the same place are joined where their scans look alike; each
     also gets a map of its own, map_survey_0.ply and so on. What one scan alone saw and others contradict, a false
     echo, is in map_all.ply alone.

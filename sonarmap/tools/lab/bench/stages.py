@@ -54,9 +54,7 @@ SURVEY_STAGES: Mapping[str, str] = {
     "sonarmap.slam.decide.decision:decide": "deciding, optimizing",
     "sonarmap.slam.map.component_maps:component_maps": "fusing maps",
     "sonarmap.slam.graph.pose_covariance:pose_covariances": "covariances",
-    "sonarmap.tools.products.report.map_picture:draw_map": "pictures: map",
-    "sonarmap.tools.products.report.loops_picture:draw_loops": "pictures: loops",
-    "sonarmap.tools.products.report.profile_picture:draw_profile": "pictures: profile",
+    "sonarmap.tools.products.report.map_picture:draw_map": "picture",
     "sonarmap.tools.products.output.folder:write_survey": "writing files",
 }
 

@@ -32,10 +32,8 @@ from sonarmap.tools.products.output.graph_file import survey_graph
 from sonarmap.tools.products.output.pairs_file import write_pairs
 from sonarmap.tools.products.output.run import SurveyRun
 from sonarmap.tools.products.output.summary import survey_summary
-from sonarmap.tools.products.report.loops_picture import draw_loops
 from sonarmap.tools.products.report.map_picture import draw_map
-from sonarmap.tools.products.report.profile_picture import draw_profile
-from sonarmap.tools.products.report.survey.view import part_view
+from sonarmap.tools.products.report.naming import inputs_of
 
 _LAYER = re.compile(r"_survey_(\d+)$")
 _ALL = re.compile(r"map_all(_\d+)?(_survey_\d+)?")
@@ -48,21 +46,16 @@ def part_files(result: SurveyResult, rank: int, also: Iterable[str] = ()) -> lis
     suffixes = [".ply", *(f".{name}" for name in also if f".{name}" in WRITERS)]
     layers = [f"{{}}_survey_{number}" for number in result.parts[c].layers]
     names += [f"map{layer}{suffix}" for layer in layers for suffix in suffixes]
-    if any(pair.role == "loop" and set(pair.scans) <= set(result.components[c]) for pair in result.pairs):
-        names.append("loops{}.png")
-    if len(result.components[c]) > 1:
-        names.append("profile{}.png")
     if result.parts[c].doubtful is not None:
         names += [f"map_all{layer}.ply" for layer in ("{}", *layers)]
     return [name.format("" if rank == 1 else f"_{rank}") for name in names]
 
 
 def write_survey(folder: Path, result: SurveyResult, run: SurveyRun, also: Sequence[str] = ()) -> Path:
-    """Write a survey's maps, pictures, trajectories, graph, pairs and summary, and return the summary's path.
+    """Write a survey's maps, a picture of each, trajectories, graph, pairs and summary, and return the summary's path.
 
     The largest component is map.ply, map.png and trajectory.tum; the others follow as map_2 and so on. A scan that
-    nothing joined is in no map. Where loops were tried, loops.png compares the map with what it would be without them;
-    profile.png is about the track.
+    nothing joined is in no map.
     Where there are several surveys, map_survey_0.ply and so on are the maps of each one's scans alone. map_all.ply has
     what map.ply has and the points that were left out of it, as too few scans saw them; map_all_survey_0.ply and so on
     have the same of the maps of each survey. The graph holds all components.
@@ -77,7 +70,7 @@ def write_survey(folder: Path, result: SurveyResult, run: SurveyRun, also: Seque
     summary = survey_summary(result, run)
     with all_or_none():
         _write_files(folder, result, run.names, files)
-        _draw_pictures(folder, result, run, files)
+        _draw_maps(folder, result, run, files)
         write_json(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), *OF_ALL]})
         if run.times is not None:
             write_json(folder / TIMES, run.times)
@@ -97,13 +90,11 @@ def _write_files(folder: Path, result: SurveyResult, names: Sequence[str], files
     write_g2o(folder / GRAPH, result.solution.graph, set(range(len(result.trajectory))) - mapped)
 
 
-def _draw_pictures(folder: Path, result: SurveyResult, run: SurveyRun, files: Sequence[Sequence[str]]) -> None:
-    """Draw those of the `files` of every component that are pictures."""
-    draw = {"map": draw_map, "loops": draw_loops, "profile": draw_profile}
+def _draw_maps(folder: Path, result: SurveyResult, run: SurveyRun, files: Sequence[Sequence[str]]) -> None:
+    """Draw every component: the picture that is among its `files`."""
     for rank, listed in enumerate(files, 1):
-        view = part_view(result, rank, run.names, run.settings, run.georeference)
         for name in (name for name in listed if name.endswith(PICTURE)):
-            draw[name.removesuffix(PICTURE).partition("_")[0]](folder / name, view)
+            draw_map(folder / name, result, rank, inputs_of(run.settings), run.georeference)
 
 
 def _write_part(path: Path, result: SurveyResult, c: int) -> None:

@@ -1,94 +1,162 @@
 """The map from above, with the track: one PNG."""
 
-import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.ndimage import maximum_filter
 
 from sonarmap.kernels.counted import counted
+from sonarmap.slam.graph.gauge import MEASURED
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.map.point_map import PointMap
+from sonarmap.slam.parts import placed
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
+from sonarmap.tools.products.report.naming import plain_text, survey_date, survey_name
 from sonarmap.tools.products.report.small_png import write_png
-from sonarmap.tools.products.report.survey.frame import MapFrame
-from sonarmap.tools.products.report.survey.image import Cloud, color_range, seen_from_above
-from sonarmap.tools.products.report.survey.layout import extent_of, layout
-from sonarmap.tools.products.report.survey.sheet import add_color_bar, open_sheet
-from sonarmap.tools.products.report.survey.track import draw_track, inks_of, track_legend
-from sonarmap.tools.products.report.survey.view import PartView
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
+_WIDTH, _HEIGHTS, _BESIDE, _DPI = 8.0, (3.0, 11.0), (2.2, 1.7), 140  # of the map, and of what is beside it [in]
 _COLORS = "viridis"  # even to the eye, in gray prints, and to the color-blind; the report has the same
+# Of Okabe and Ito's colors those that differ from the map's own, to any eye; they repeat after so many surveys.
+_TRACKS = ("#D55E00", "#000000", "#CC79A7", "#E69F00", "#56B4E9")
+_DOT = 1.5  # edge of a dot [voxels]: points lie anywhere in their voxels, and surfaces should show no gaps
+_CELLS = 1200  # most cells along an axis
+_STRAY, _MARGIN = 0.002, 0.05  # share of the points at either end that may lie outside; rim around the others
+_EXTREMES, _FLAT = (0.01, 0.99), 0.5  # quantiles of the levels between which colors change; least range [voxels]
+_LONGEST = 60  # name in the title
+_MARK: dict[str, Any] = {"linestyle": "none", "color": "white", "markeredgecolor": _TRACKS[0], "markeredgewidth": 1.8}
 
 
-def draw_map(path: Path, view: PartView) -> None:
-    """Write a PNG of a part of the map, seen from above, colored by depth. The same view gives the same bytes.
+def draw_map(
+    path: Path, result: SurveyResult, rank: int, inputs: Sequence[str], georeference: Georeference | None = None
+) -> None:
+    """Write a PNG of map number `rank`, 1 for the largest, seen from above. The same map gives the same bytes.
+
+    `inputs` are the files or folders that were mapped, `georeference` None where it is not known.
 
     Raises InputError: the file cannot be written."""
     from matplotlib import colormaps
 
-    write_png(lambda: map_figure(view), path, inks_of(view), colormaps[_COLORS](np.linspace(0, 1, 256))[:, :3])
+    ramp = colormaps[_COLORS](np.linspace(0, 1, 256))[:, :3]
+    write_png(lambda: map_figure(result, rank, inputs, georeference), path, _TRACKS, ramp)
 
 
-def map_figure(view: PartView) -> "Figure":
-    """The figure: the map on one panel, or in strips to one scale where it is long and narrow."""
-    frame, cloud = view.frame, Cloud.of(view.point_map, view.frame)
-    places = frame.flat(view.trajectory.T_world_sensor.translation)
-    lower, upper = extent_of([cloud.flat], [places])
-    plan = layout(lower, upper)
-    sheet = open_sheet(
-        plan,
-        (view.title or "Map", view.size),
-        frame,
-        track_legend(view),
-        "\n".join([frame.note, *plan.strips, *_left_out(view, cloud, lower, upper)]),
+def map_figure(
+    result: SurveyResult, rank: int, inputs: Sequence[str], georeference: Georeference | None = None
+) -> "Figure":
+    """The figure: the uppermost points, colored by depth or height, and the track of each survey upon them."""
+    from matplotlib.figure import Figure
+
+    c = placed(result.components)[rank - 1]
+    point_map, track = result.maps[c], result.trajectory.take(result.components[c])
+    unmeasured = _unmeasured(result, c)
+    here = georeference if _on_earth(result, c, georeference) else None
+    lower, upper = _extent(point_map.points[:, :2], track.T_world_sensor.translation[:, :2])
+    width, height = (upper - lower).tolist()
+    tall = float(np.clip(_WIDTH * height / width, *_HEIGHTS))
+    figure = Figure(figsize=(_WIDTH + _BESIDE[0], tall + _BESIDE[1]), dpi=_DPI, layout="constrained")
+    axes = figure.add_subplot(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), aspect="equal")
+    axes.set_title("\n".join(_title(result, rank, inputs, track, point_map)))
+    known = (unmeasured is not None and "heading" not in unmeasured) or (here is not None and here.heading == EAST)
+    axes.set(xlabel="East [m]" if known else "x [m]", ylabel="North [m]" if known else "y [m]")
+    axes.ticklabel_format(useOffset=False, style="plain")
+    axes.grid(color="0.6", alpha=0.35, linewidth=0.6)
+    levels = _levels(unmeasured, georeference, here)
+    _draw_points(axes, point_map, *levels)
+    _draw_track(axes, track.T_world_sensor.translation, [result.surveys[k] for k in result.components[c]])
+    figure.legend(loc="outside lower left", ncols=4, frameon=False)
+    if here is not None:
+        ahead = "" if known else f", and x points to {here.heading:g}° (clockwise from North)"
+        figure.supxlabel(f"The origin is at {here.latitude:.7f}, {here.longitude:.7f} (WGS84){ahead}.", fontsize=10)
+    return figure
+
+
+def _title(result: SurveyResult, rank: int, inputs: Sequence[str], track: Trajectory, point_map: PointMap) -> list[str]:
+    """Name and date of the survey and which part this is; scans, points and voxel."""
+    parts = len(placed(result.components))
+    of_parts = f"part {rank} of {parts}" if parts > 1 else ""
+    called = plain_text(survey_name(inputs), _LONGEST), survey_date(track.stamps), of_parts
+    scans, points = counted(len(track), "scan"), counted(len(point_map.points), "point")
+    return [", ".join(filter(None, called)) or "Map", f"{scans}, {points}, voxel {point_map.voxel:.3g} m"]
+
+
+def _extent(points: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(2,) lower and upper corner [m] of what is shown: the track, and all points but strays."""
+    ends = np.vstack([np.quantile(points, (_STRAY, 1 - _STRAY), axis=0), places])
+    lower, upper = ends.min(axis=0), ends.max(axis=0)
+    margin = max(_MARGIN * float((upper - lower).max()), 0.25)
+    return lower - margin, upper + margin
+
+
+def _draw_points(axes: "Axes", point_map: PointMap, words: str, zero: float | None) -> None:
+    """The highest point at each place, as an image, with the scale of its colors; `words` say what the levels are."""
+    limits = np.array([axes.get_ylim(), axes.get_xlim()])
+    lower, spans = limits[:, 0], np.diff(limits)[:, 0]
+    cell = max(point_map.voxel / 2, float(spans.max()) / _CELLS)
+    shape = np.maximum(1, spans / cell).astype(int)
+    z = point_map.points[:, 2]
+    cells = np.floor((point_map.points[:, 1::-1] - lower) / spans * shape).astype(int)
+    inside = ((cells >= 0) & (cells < shape)).all(axis=1)
+    highest = np.full(shape, -np.inf)
+    np.maximum.at(highest, tuple(cells[inside].T), z[inside])
+    highest = maximum_filter(highest, max(1, round(_DOT * point_map.voxel / cell)), mode="constant", cval=-np.inf)
+    highest[np.isneginf(highest)] = np.nan
+    low, high = np.quantile(z, _EXTREMES) if zero is None else zero - np.quantile(z, _EXTREMES)[::-1]
+    lacking = max(0.0, _FLAT * point_map.voxel - (high - low)) / 2
+    image = axes.imshow(
+        highest if zero is None else zero - highest,
+        cmap=_COLORS if zero is None else f"{_COLORS}_r",
+        vmin=low - lacking,
+        vmax=high + lacking,
+        extent=(*limits[1], *limits[0]),
+        origin="lower",
+        interpolation="nearest",
     )
-    colors = level_colors(view, _COLORS)
-    for axes in (axes for row in sheet.panels for axes in row):
-        draw_cloud(axes, cloud, frame, colors)
-        draw_track(axes, view, places)
-    add_color_bar(sheet, colors, frame)
-    return sheet.figure
+    bar = axes.figure.colorbar(image, ax=axes, extend="both", label=words)
+    if zero is not None:
+        bar.ax.invert_yaxis()
 
 
-def level_colors(view: PartView, colors: "str | Colormap") -> "ScalarMappable":
-    """The colors of depths or heights; what lies deeper has the color of lower heights, whichever is shown."""
-    from matplotlib import colormaps
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
-    chosen = colormaps[colors] if isinstance(colors, str) else colors
-    levels = view.frame.level(view.point_map.points[:, 2])
-    ordered = chosen if view.frame.zero is None else chosen.reversed()
-    return ScalarMappable(Normalize(*color_range(levels, view.point_map.voxel)), ordered)
-
-
-def draw_cloud(axes: "Axes", cloud: Cloud, frame: MapFrame, colors: "ScalarMappable") -> None:
-    """Points from above as an image, a pixel of it a pixel of the sheet, below the axes."""
-    figure, box = axes.get_figure(root=True), axes.get_window_extent()
-    assert figure is not None
-    pixel = float(np.diff(axes.get_xlim())[0]) / box.width
-    left, lower = math.floor(box.x0), math.floor(box.y0)
-    corner = np.array([axes.get_xlim()[0], axes.get_ylim()[0]]) - pixel * np.array([box.x0 - left, box.y0 - lower])
-    shape = math.ceil(box.y1) - lower, math.ceil(box.x1) - left
-    seen = frame.level(seen_from_above(cloud.flat, cloud.z, corner, shape, pixel, cloud.voxel))
-    look = {"cmap": colors.get_cmap(), "norm": colors.norm}
-    image = figure.figimage(np.ma.masked_invalid(seen), left, lower, origin="lower", **look)
-    image.set_zorder(-1)
-    axes.patch.set_visible(False)
+def _draw_track(axes: "Axes", places: np.ndarray, surveys: list[int]) -> None:
+    numbers = sorted(set(surveys))
+    for k, number in enumerate(numbers):
+        leg = places[np.equal(surveys, number)]
+        name = "track of the sensor" if len(numbers) == 1 else f"survey {number}"
+        color = _TRACKS[k % len(_TRACKS)]
+        axes.plot(*leg[:, :2].T, color=color, linewidth=1.3, label=f"{name}, {counted(len(leg), 'scan')}")
+    axes.plot(*places[0, :2], marker="o", markersize=10, label="start", **_MARK)
+    axes.plot(*places[-1, :2], marker="s", markersize=5.5, label="end", **_MARK)
 
 
-def _left_out(view: PartView, cloud: Cloud, lower: np.ndarray, upper: np.ndarray) -> list[str]:
-    """What of the survey's echoes the picture does not show."""
-    sentences: list[str] = []
-    if doubted := view.point_map.doubted:
-        sentences.append(f"{doubted:,} more points, seen by too few scans, may be false echoes and are left out.")
-    outside = int(np.count_nonzero(((cloud.flat < lower) | (cloud.flat > upper)).any(axis=1))) + cloud.lone
-    if outside:
-        sentences.append(
-            f"Not drawn: {counted(outside, 'point')} of the map that stand{'s' if outside == 1 else ''} alone."
-        )
-    return [" ".join(sentences)] if sentences else []
+def _levels(
+    unmeasured: tuple[str, ...] | None, georeference: Georeference | None, here: Georeference | None
+) -> tuple[str, float | None]:
+    """What the colors show, and the height from which depths count; None for heights."""
+    if (unmeasured is None or "up" in unmeasured) and (here is None or here.height == 0):
+        return "height relative to the first scan [m]", None
+    if georeference is None:
+        return "depth below the zero of the navigation's heights [m]", 0.0
+    return f"depth below {VERTICALS[georeference.vertical]} [m]", -georeference.height
+
+
+def _on_earth(result: SurveyResult, c: int, georeference: Georeference | None) -> bool:
+    """As in an export: by its instruments, or, where these place no part at all, the largest by the user's word."""
+    maps = placed(result.components)
+    lone = c == maps[0] and all(_unmeasured(result, each) != () for each in maps)
+    return georeference is not None and (lone or _unmeasured(result, c) == ())
+
+
+def _unmeasured(result: SurveyResult, c: int) -> tuple[str, ...] | None:
+    """Names of MEASURED that no instrument measured of a component; None where it is not in the world at all."""
+    graph, members = result.solution.graph, result.components[c]
+    if {pose for pose, _ in graph.priors}.union(known.pose for known in graph.known).isdisjoint(members):
+        return None
+    unconstrained = dict(graph.gauge.unconstrained)
+    free = next((unconstrained[pose] for pose in members if pose in unconstrained), np.zeros(len(MEASURED), dtype=bool))
+    return tuple(name for name, unknown in zip(MEASURED, free, strict=True) if unknown)

@@ -21,7 +21,7 @@ from tests.samples.places import ROOT
 GRID = ("--grid", "64")
 PROGRAM = "from sonarmap.tools.command.main import run; run()"
 CHATTY = "import sonarmap.tools.command.progress; sonarmap.tools.command.progress.SECONDS_BETWEEN_LINES = 0; " + PROGRAM
-RESULTS = {"map.ply", "map_all.ply", "map.png", "profile.png", "trajectory.tum", "graph.g2o", "graph.json"}
+RESULTS = {"map.ply", "map_all.ply", "map.png", "trajectory.tum", "graph.g2o", "graph.json"}
 RESULTS |= {"pairs.csv", "summary.json", "times.json", "report.html"}
 
 

@@ -30,9 +30,8 @@ from tests.samples.clutter_scans import (
 )
 
 GRID = ("--grid", "64")
-RESULTS = {"map.ply", "map_all.ply", "map.png", "profile.png", "trajectory.tum", "graph.g2o", "graph.json"}
+RESULTS = {"map.ply", "map_all.ply", "map.png", "trajectory.tum", "graph.g2o", "graph.json"}
 RESULTS |= {"pairs.csv", "summary.json", "times.json", "report.html", "journal.sqlite"}
-LOOPS = {"loops.png"}  # where loops were tried
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +46,7 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_all_results_are_there_and_nothing_else(survey: Path) -> None:
-    assert set(files_in(survey / "out")) == RESULTS | LOOPS
+    assert set(files_in(survey / "out")) == RESULTS
     assert (survey / "out" / "map.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
 
 
@@ -121,7 +120,7 @@ def test_the_same_command_gives_the_same_bytes(survey: Path, tmp_path: Path) -> 
     first, second = files_in(survey / "out"), files_in(tmp_path)
     # of the summary, and with it of the report, the inputs alone, which are the folder or its files
     varying = {"summary.json", "report.html", "times.json", "journal.sqlite"}
-    assert {name for name in RESULTS | LOOPS if first[name] != second[name]} == varying
+    assert {name for name in RESULTS if first[name] != second[name]} == varying
     one, other = (json.loads(files["summary.json"]) for files in (first, second))
     assert one["settings"].pop("inputs") == [str(survey)]
     assert other["settings"].pop("inputs") == [str(path) for path in scans]
@@ -213,7 +212,7 @@ def test_one_scan_is_enough_where_the_user_says_so(survey: Path, tmp_path: Path)
     summary = printed(sonarmap("map", survey, "-o", tmp_path / "out", *GRID, "--min-seen", "1", "--json"))
     assert summary["settings"]["mapper"]["min_seen"] == 1
     assert summary["components"][0]["map"]["seen_by_too_few"] == 0
-    assert set(files_in(tmp_path / "out")) == (RESULTS | LOOPS) - {"map_all.ply"}
+    assert set(files_in(tmp_path / "out")) == RESULTS - {"map_all.ply"}
     whole = read_scan(tmp_path / "out" / "map.ply").points
     np.testing.assert_array_equal(whole[np.lexsort(whole.T)], everything[np.lexsort(everything.T)])
     refused(sonarmap("map", survey, "-o", tmp_path / "out", *GRID, "--min-seen", "0"), "--min-seen")

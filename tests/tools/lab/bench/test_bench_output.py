@@ -3,11 +3,18 @@
 import copy
 import json
 import re
+from itertools import combinations
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
+from matplotlib.backend_bases import RendererBase
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 from typer.testing import CliRunner
 
 from sonarmap.kernels.errors import InputError
@@ -17,9 +24,9 @@ from sonarmap.tools.lab.bench.output.compare import compare, read_result
 from sonarmap.tools.lab.bench.output.page import BEGIN, END, figures, write_page
 from sonarmap.tools.lab.bench.output.picture import draw_roofline, roofline_figure
 from tests.samples.places import ROOT
-from tests.tools.products.report.survey.known_view import overlapping_texts
 
 PAGE = ROOT / "docs" / "benchmarks.md"
+_SPACE = 0.5  # by which boxes may touch [pixels]
 
 
 @pytest.fixture(scope="module")
@@ -194,6 +201,25 @@ def _tables(text: str) -> dict[str, tuple[str, list[str]]]:
             [line.split(" | ")[0] for line in lines[2:]],
         )
     return tables
+
+
+def overlapping_texts(figure: Figure) -> list[tuple[str, str]]:
+    """Pairs of texts that are drawn in a figure and whose boxes share pixels, and texts that leave the figure."""
+    boxes: list[tuple[str, Bbox]] = []
+    draw = Text.draw
+
+    def record(text: Text, renderer: RendererBase) -> None:
+        if text.get_visible() and text.get_text().strip():
+            boxes.append((text.get_text(), Text.get_window_extent(text, renderer)))
+        draw(text, renderer)
+
+    with patch.object(Text, "draw", record):
+        FigureCanvasAgg(figure).draw()
+    sheet = figure.bbox.padded(_SPACE)
+    inside = {id(box) for _, box in boxes if sheet.contains(*box.min) and sheet.contains(*box.max)}
+    outside = [(text, "the figure's edge") for text, box in boxes if id(box) not in inside]
+    pairs = combinations([(text, box.padded(-_SPACE)) for text, box in boxes], 2)
+    return outside + [(a, b) for (a, first), (b, second) in pairs if first.overlaps(second)]
 
 
 def test_the_picture_is_a_picture(result: dict[str, Any], tmp_path: Path) -> None:

@@ -38,9 +38,7 @@ def finished_map(out: Path, split: bool = False, georeference: Georeference | No
     def nothing(path: Path, *_: object) -> None:
         path.write_bytes(b"")
 
-    with patch.multiple(
-        "sonarmap.tools.products.output.folder", draw_map=nothing, draw_loops=nothing, draw_profile=nothing
-    ):
+    with patch("sonarmap.tools.products.output.folder.draw_map", nothing):
         write_survey(out, _mapped(split), SurveyRun(names, {"voxel": 0.5}, inputs=inputs, georeference=georeference))
     return out
 

@@ -1,4 +1,4 @@
-"""What the mapper's result becomes on disk: the maps' columns, the surveys' layers, and the picture of the loops."""
+"""What the mapper's result becomes on disk: the maps' columns, the surveys' layers, and their picture."""
 
 import json
 from dataclasses import replace
@@ -42,11 +42,10 @@ def mapped() -> tuple[list[Scan], SurveyResult]:
 def as_surveys(mapped: tuple[list[Scan], SurveyResult], several: bool) -> SurveyResult:
     """The result, the second round another survey where there are `several`."""
     scans, result = mapped
-    (part,) = result.parts
     surveys = [int(several and k >= COUNT // 2) for k in range(COUNT)]
     T, covariances = result.trajectory.T_world_sensor, result.covariances
     placed_scans = PlacedScans.of(scans, T, 0.5, covariances=covariances, surveys=surveys)
-    return replace(result, parts=(component_maps(placed_scans, part.chained_poses),))
+    return replace(result, parts=(component_maps(placed_scans, result.chained),))
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +59,7 @@ def folder(mapped: tuple[list[Scan], SurveyResult], tmp_path_factory: pytest.Tem
 def test_every_file_is_named_in_the_summary(folder: Path) -> None:
     files = json.loads((folder / "summary.json").read_text())["files"]
     layers = {f"map{kind}" for k in (0, 1) for kind in (f"_survey_{k}.ply", f"_survey_{k}.pcd", f"_all_survey_{k}.ply")}
-    rest = {"map.ply", "map_all.ply", "map.pcd", "map.png", "trajectory.tum", "loops.png", "profile.png"}
+    rest = {"map.ply", "map_all.ply", "map.pcd", "map.png", "trajectory.tum"}
     rest |= {"graph.g2o", "graph.json", "pairs.csv", "summary.json"}
     assert set(files) == layers | rest == {path.name for path in folder.iterdir()}
 
@@ -159,9 +158,9 @@ def test_the_same_result_gives_the_same_picture_and_one_survey_no_layers(
     mapped: tuple[list[Scan], SurveyResult], folder: Path, tmp_path: Path
 ) -> None:
     write_survey(tmp_path, as_surveys(mapped, several=True), RUN)
-    picture = (tmp_path / "loops.png").read_bytes()
+    picture = (tmp_path / "map.png").read_bytes()
     assert picture.startswith(b"\x89PNG\r\n\x1a\n")
-    assert picture == (folder / "loops.png").read_bytes()
+    assert picture == (folder / "map.png").read_bytes()
     write_survey(tmp_path, as_surveys(mapped, several=False), RUN)
     assert not list(tmp_path.glob("map_survey*"))  # those of the run before are gone
 

@@ -131,7 +131,7 @@ def mapped_of(result: "SurveyResult") -> MappedSurvey:
         seen=part.optimized.seen,
         took={},
         components=sum(len(component) > 1 for component in result.components),
-        chained=part.chained_poses,
+        chained=result.chained.take(members),
         covariances=result.covariances[members],
     )
     return replace(mapped, crossings=(before.median, after.median)) if before and after else mapped

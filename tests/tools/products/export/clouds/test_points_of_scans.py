@@ -159,7 +159,7 @@ def test_straightened_scans_are_straightened_by_the_same_way(tmp_path: Path) -> 
     straight = straightened(read.scans, way.trajectory, way.runs, 0.25, way.bent)
     result = replace(result, straightened=tuple(straight.moved.tolist()), way=way)
     run = SurveyRun([each.name for each in read.scans], {"inputs": [str(tmp_path / "scans")]})
-    with patch("sonarmap.tools.products.output.folder._draw_pictures"):
+    with patch("sonarmap.tools.products.output.folder._draw_maps"):
         write_survey(tmp_path / "map", result, run)
     folder = replace(read_map_folder(tmp_path / "map"))
     with patch("sonarmap.tools.files.map_folder.scans._require_same"):

@@ -79,7 +79,7 @@ def written(content: Content, path: Path) -> Path:
 
 def known_content(out: Path) -> Content:
     """Of the known points, with two pictures."""
-    return replace(content_of(folder_of(known_points(), out)), pictures={"map.png": DOT, "loops.png": DOT})
+    return replace(content_of(folder_of(known_points(), out)), pictures={"map.png": DOT, "map_2.png": DOT})
 
 
 NAMES = ("a,b", 'say "hi"', "two\nlines", "#first", " blanks ", "grün 深い", "bad\udcff", "plain")

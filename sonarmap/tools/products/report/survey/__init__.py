@@ -1,1 +1,0 @@
-"""What the pictures of a finished map share: what is drawn, where North is, the sheet with its scales and legend."""

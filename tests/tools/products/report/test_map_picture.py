@@ -1,0 +1,176 @@
+"""The picture of a map: its words, colors and track, and what its coordinates and depths count from."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.result import Registration
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.products.report.map_picture import draw_map, map_figure
+from sonarmap.tools.products.report.naming import plain_text, survey_date, survey_name
+from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
+
+COUNT = 8
+START = 1_483_228_790.25  # 2016-12-31, ten seconds before midnight
+HERE = Georeference(60.3913, -5.3221, 3.5, "MSL")
+INPUTS = ["/somewhere/harbor"]
+MEASURED = ("tilt_x", "tilt_y", "heading", "east", "north", "up")
+
+
+@pytest.fixture(scope="module")
+def mapped() -> SurveyResult:
+    """Five scans in a ring, and three that nothing joins to them."""
+    truth = ring_poses(COUNT, radius=4.0)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        apart = (i < COUNT - 3) != (j < COUNT - 3)
+        return replace(given, accepted=False, reason="spoiled") if apart else given
+
+    scans = [replace(scan, stamp=START + 4 * k) for k, scan in enumerate(scans_of(truth, reach=4.0))]
+    return Mapper(KnowingRegistrar(truth, 1e-4 * np.eye(6), spoil), 0.5).run(scans)
+
+
+def measured(result: SurveyResult, *unmeasured: str, part: int = 0) -> SurveyResult:
+    """As if instruments had measured all of a part but these."""
+    members = result.components[part]
+    free = np.array([name in unmeasured for name in MEASURED])
+    gauge = SimpleNamespace(unconstrained=[(members[0], free)] if unmeasured else [])
+    graph: Any = SimpleNamespace(priors=[(members[1], None)], known=[], gauge=gauge)
+    solution: Any = SimpleNamespace(graph=graph)
+    return replace(result, solution=solution)
+
+
+def words(figure: Figure) -> tuple[str, str, str]:
+    """What is across, what the colors are, and where the origin is."""
+    axes, bar = figure.axes
+    return axes.get_xlabel(), bar.get_ylabel(), figure.get_supxlabel()
+
+
+def with_points(result: SurveyResult, points: np.ndarray) -> SurveyResult:
+    """The first map with these points."""
+    n = len(points)
+    columns: dict[str, Any] = {name: np.ones(n, np.int32) for name in ("scan", "seen", "count", "survey")}
+    point_map = replace(result.maps[0], points=points, sigma=np.ones(n, np.float32), strength=None, looked=None)
+    first = replace(result.parts[0], optimized=replace(point_map, **columns))
+    return replace(result, parts=(first, *result.parts[1:]))
+
+
+@pytest.mark.parametrize(
+    ("missing", "here", "across", "levels", "origin"),
+    [
+        (None, None, "x [m]", "height relative to the first scan [m]", ""),
+        ((), None, "East [m]", "depth below the zero of the navigation's heights [m]", ""),
+        ((), HERE, "East [m]", "depth below mean sea level [m]", "60.3913000, -5.3221000 (WGS84)."),
+        (("heading", "east", "north"), None, "x [m]", "depth below the zero of the navigation's heights [m]", ""),
+        (("up",), None, "East [m]", "height relative to the first scan [m]", ""),
+        (None, replace(HERE, height=0.0), "East [m]", "height relative to the first scan [m]", "60.3913000"),
+        (None, replace(HERE, heading=40.0), "x [m]", "depth below mean sea level [m]", "and x points to 40°"),
+    ],
+)
+def test_what_coordinates_and_colors_count_from(
+    mapped: SurveyResult,
+    missing: tuple[str, ...] | None,
+    here: Georeference | None,
+    across: str,
+    levels: str,
+    origin: str,
+) -> None:
+    result = mapped if missing is None else measured(mapped, *missing)
+    said = words(map_figure(result, 1, INPUTS, here))
+    assert (said[:2], origin in said[2]) == ((across, levels), True)
+    assert bool(said[2]) == (here is not None)
+    other = words(map_figure(result, 2, INPUTS, here))
+    assert other == ("x [m]", "height relative to the first scan [m]", "")  # nothing places the other part
+
+
+def test_titles_tell_name_date_part_and_size(mapped: SurveyResult) -> None:
+    title = map_figure(mapped, 1, INPUTS).axes[0].get_title().splitlines()
+    points = f"{len(mapped.maps[0].points):,} points"
+    assert title == ["harbor, 2016-12-31 to 2017-01-01, part 1 of 2", f"5 scans, {points}, voxel 0.5 m"]
+    counted = replace(mapped, trajectory=replace(mapped.trajectory, stamps=np.arange(8.0)))
+    assert map_figure(counted, 2, []).axes[0].get_title().splitlines()[0] == "part 2 of 2"
+
+
+def test_the_image_lies_where_its_points_do_and_the_deep_is_dark(mapped: SurveyResult) -> None:
+    """A slope from z = -30 to -10 along x, a pillar at (20, 5), and a stray."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(0, 30, 0.5), np.arange(0, 15, 0.5)))
+    pillar, stray = [[20.0, 5.0, -4.0]], [[400.0, 300.0, -20.0]]
+    points = np.concatenate([np.column_stack([x, y, -30 + 2 * x / 3]), pillar, stray])
+    here = replace(HERE, height=2.0)
+    figure = map_figure(with_points(measured(mapped), points), 1, INPUTS, here)
+    axes, bar = figure.axes
+    assert axes.get_xlim()[1] < 40
+    image: Any = axes.images[0]
+    left, right, lower, upper = image.get_extent()
+    depths = np.ma.masked_invalid(image.get_array())
+    rows, columns = np.nonzero(depths == depths.min())
+    shares = (np.column_stack([columns, rows]) + 0.5) / depths.shape[::-1]
+    places = [left, lower] + shares * [right - left, upper - lower]
+    assert depths.min() == pytest.approx(2.0)  # a depth of 4 below an origin that is 2 m up
+    assert places.mean(axis=0) == pytest.approx([20, 5], abs=0.5)
+    lightness = [image.cmap(image.norm(depth))[:3] @ np.array([0.3, 0.6, 0.1]) for depth in (26, 18, 10)]
+    assert lightness[0] < lightness[1] - 0.1 < lightness[2] - 0.2
+    assert bar.get_ylim()[0] > bar.get_ylim()[1]  # depths grow downward
+
+
+def test_a_flat_bed_s_noise_looks_like_no_relief(mapped: SurveyResult) -> None:
+    flat = with_points(mapped, np.random.default_rng(1).uniform(0, 9, (500, 3)) * [1, 1, 0.001])
+    assert np.ptp(np.array(map_figure(flat, 1, INPUTS).axes[0].images[0].get_clim())) == pytest.approx(0.25)
+
+
+def test_each_survey_has_a_track_of_its_own(mapped: SurveyResult) -> None:
+    two = map_figure(replace(mapped, surveys=(0, 0, 0, 1, 1, 1, 1, 1)), 1, INPUTS)
+    tracks = two.axes[0].lines[:2]
+    places = mapped.trajectory.T_world_sensor.translation[:, :2]
+    for line, leg in zip(tracks, (places[:3], places[3:5]), strict=True):
+        np.testing.assert_array_equal(np.array(line.get_data()).T, leg)
+    assert len({line.get_color() for line in tracks}) == 2
+    (legend,) = two.legends
+    entries = [text.get_text() for text in legend.get_texts()]
+    assert entries == ["survey 0, 3 scans", "survey 1, 2 scans", "start", "end"]
+
+
+def test_the_same_map_gives_the_same_file_with_names_in_any_script(mapped: SurveyResult, tmp_path: Path) -> None:
+    for name in ("a.png", "b.png"):
+        draw_map(tmp_path / name, mapped, 1, ["深 \\$x^ \n\udcff"])
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert (tmp_path / "a.png").stat().st_size > 10_000
+
+
+class TestNames:
+    @pytest.mark.parametrize(
+        ("inputs", "name"),
+        [
+            (["a/harbor.sonar"], "harbor.sonar"),
+            (["a/scans/"], "scans"),
+            (["a/scans/*.ply"], "scans"),
+            (["a/scans/[0-4]*.ply", "a/scans/9.ply"], "scans, 9.ply"),
+            (["a", "b", "x/c", "d"], "a, b, c and others"),
+            ([f"a/scans/{k}.ply" for k in range(4)], "scans"),
+            (["a/1.ply", "a/2.ply"], "1.ply, 2.ply"),
+            (["a/x", "b/x"], "x"),
+            ([], ""),
+        ],
+    )
+    def test_of_a_survey(self, inputs: list[str], name: str) -> None:
+        assert survey_name(inputs) == name
+
+    def test_of_the_folder_where_it_runs_and_dates_and_plain_text(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        (tmp_path / "harbor").mkdir()
+        monkeypatch.chdir(tmp_path / "harbor")
+        assert survey_name(["."]) == "harbor"
+        assert survey_date(np.array([START, START + 5])) == "2016-12-31"
+        assert survey_date(np.array([START + 20, START])) == "2016-12-31 to 2017-01-01"
+        assert survey_date(np.arange(4.0)) == ""
+        assert plain_text("a$b\n\udcffc") == r"a\$b??c"
+        assert plain_text("abcdefghijklmnop", 7) == "abc…nop"
+        assert plain_text("abcdefg", 7) == "abcdefg"
