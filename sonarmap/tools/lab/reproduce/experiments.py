@@ -30,7 +30,6 @@ REAL = "real"  # on scans of a folder
 SCALE = "scale"  # of growth
 KINDS = "kinds"  # on every kind of scan that is simulated
 EVIDENCE = "evidence"  # of what registrations measure
-LOST = "funnel"  # of what registrations do not find
 FITTING = "judge"  # of how far to believe them
 DECIDING = "decisions"  # of what maps are made of them
 EVERY = "pages"  # all experiments, for all pages of one state; those on a folder where one is given
@@ -147,7 +146,6 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
         "scale": _entry(_MADE_UP, "scale.run", ("seeds", "seed"), SCALE, timed=True),
         "kinds": _entry("pairs of every kind of scan", "kinds.run", _PAIR_OPTIONS, KINDS),
         "evidence": _entry("what registrations measure", "evidence.run", _PAIR_OPTIONS[:-1], EVIDENCE),
-        "funnel": _entry("where the right pose is lost", "funnel.run", _PAIR_OPTIONS[:-1], LOST),
         "judge": _entry(
             "how far to believe them, fitted to those of a folder DIR",
             "judge.run",
@@ -200,7 +198,7 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
         names = tuple(
             each
             for each, entry in EXPERIMENTS.items()
-            if entry.group not in (EVIDENCE, LOST, FITTING, DECIDING)
+            if entry.group not in (EVIDENCE, FITTING, DECIDING)
             and (request.folder is not None or not entry.on_folder)
         )
     _check_folder(name, names, request.folder)

@@ -1,1 +1,0 @@
-"""Where the right pose is lost between the first rotations and the answer."""
