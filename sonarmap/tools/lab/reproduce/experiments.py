@@ -134,13 +134,6 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
         "unrelated": _entry(
             "pairs that share nothing", "evaluation.pair_set:create_unrelated", _PAIR_OPTIONS, EVALUATION
         ),
-        "neighbors": _entry(
-            "neighbors along paths, of every scene and sensor",
-            "evaluation.neighbors",
-            ("scene", *_PAIR_OPTIONS),
-            EVALUATION,
-        ),
-        "speed": _entry("time to register a pair", "evaluation.speed", _PAIR_OPTIONS, EVALUATION, timed=True),
         "survey": _entry("maps of whole surveys", "survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True),
         "real": _entry("pairs of real scans in a folder DIR", "real.run", _REAL_OPTIONS, REAL, on_folder=True),
         "scale": _entry(_MADE_UP, "scale.run", ("seeds", "seed"), SCALE, timed=True),
@@ -198,8 +191,7 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
         names = tuple(
             each
             for each, entry in EXPERIMENTS.items()
-            if entry.group not in (EVIDENCE, FITTING, DECIDING)
-            and (request.folder is not None or not entry.on_folder)
+            if entry.group not in (EVIDENCE, FITTING, DECIDING) and (request.folder is not None or not entry.on_folder)
         )
     _check_folder(name, names, request.folder)
     options = [option for option in OPTIONS if all(option in EXPERIMENTS[member].options for member in names)]

@@ -8,13 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.reproduce import methods
-from sonarmap.tools.lab.reproduce.evaluation.neighbors import misleads
 from sonarmap.tools.lab.reproduce.evaluation.pair_set import Pairs, related, unrelated
 from sonarmap.tools.lab.reproduce.evaluation.settings import PairsSettings
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Row
@@ -28,7 +25,7 @@ from tests.samples.experiments.shown import run_all, show
 from tests.tools.lab.reproduce.test_run import silence
 
 FEW = ("hemisphere", "planes")
-NAMES = ("steps", "pairs", "unrelated", "neighbors", "speed")
+NAMES = ("steps", "pairs", "unrelated")
 
 
 def request(device: Device, **changes: object) -> Request:
@@ -67,33 +64,6 @@ class TestPairs:
         assert len(few.jobs()) == 2 * 2 * len(EVALUATED)
 
 
-class TestNeighbors:
-    @pytest.mark.parametrize(
-        ("along", "off", "wrong"),
-        [((0.1, 0.1, 40.0), (0.2, 0.3, 30.0), False), ((0.1, 0.1, 40.0), (0.2, 3.3, 30.0), True)],
-    )
-    def test_an_error_along_an_open_direction_misleads_nobody(
-        self, along: tuple[float, ...], off: tuple[float, ...], wrong: bool
-    ) -> None:
-        """The frame is turned, so that no direction is an axis."""
-        R = Rotation.from_euler("ZYX", [0.4, -0.3, 0.2])
-        covariance = 1e-6 * np.eye(6)
-        covariance[3:, 3:] = R.as_matrix() @ np.diag(np.square(along)) @ R.as_matrix().T
-        found = RigidTransform.from_components([5.0, -2.0, 1.0], Rotation.from_euler("z", 0.7))
-        registration = Registration(found, covariance, 20.0, 0.5, True, 0.1, "")
-        truth = found * RigidTransform.from_translation(R.apply(off))
-        assert misleads(registration, truth, 1.0) == wrong
-        blind = replace(registration, covariance=np.full((6, 6), np.nan))
-        assert misleads(blind, truth, 1.0)
-        assert not misleads(blind, truth, 20.0)
-
-    def test_a_turn_that_is_off_misleads(self) -> None:
-        registration = Registration(RigidTransform.identity(), 1e-6 * np.eye(6), 20.0, 0.5, True, 0.1, "")
-        for degrees, wrong in ((5.0, False), (7.0, True)):
-            truth = RigidTransform.from_rotation(Rotation.from_rotvec([0.0, np.deg2rad(degrees), 0.0]))
-            assert misleads(registration, truth, 1.0) == wrong
-
-
 def tiny(name: str, device: Device) -> Experiment:
     methods = FEW[1:] if name == "unrelated" else FEW
     return create(name, request(device, method=methods, pairs=None if name == "steps" else 1))
@@ -113,12 +83,6 @@ class TestRuns:
         assert rows
         methods = ", ".join(f"`{method}`" for method in experiment.settings.compared.methods)
         assert f"Methods: {methods}." in section_text(show(experiment, tmp_path, rows, seconds), 1)
-
-    @pytest.mark.slow
-    def test_speed_keeps_times_apart(self, device: Device) -> None:
-        seconds = done("speed", device)[1]
-        assert len(seconds) == len(FEW)
-        assert all(float(row["register_s"]) > 0 and float(row["prepare_s"]) > 0 for row in seconds)
 
     @pytest.mark.slow
     def test_a_stranger_has_no_verdict(self, device: Device) -> None:
@@ -146,4 +110,3 @@ class TestRuns:
         assert few.key("yaw/000/planes") == more.key("yaw/000/planes")
         assert few.methods["planes"] == more.methods["planes"]
         assert set(few.methods) == set(FEW)
-        assert provenance(create("speed", request(device, pairs=1)), device).methods == {}

@@ -23,7 +23,6 @@ from sonarmap.tools.lab.reproduce.evaluation.pairs_section import (
     scene_table,
     trust_table,
 )
-from sonarmap.tools.lab.reproduce.evaluation.speed_section import spread_table, time_table
 from sonarmap.tools.lab.reproduce.rows import percent, rate
 from sonarmap.tools.lab.reproduce.table import Table
 
@@ -162,15 +161,3 @@ class TestTables:
             ("any yaw", "0.95..0.99", "0.970", "0.667", "4/6 [0.30..0.90]"),
             ("any rotation", "0.95..0.99", "0.970", "0.000", "0/1 [0.00..0.79]"),
         )
-
-    def test_times_are_compared_pair_by_pair(self) -> None:
-        times = {"spectral": (1.0, 2.0, 9.0), "kiss": (2.0, 1.0, math.nan)}
-        seconds = [
-            {"number": k, "method": method, "prepare_s": 0.25, "register_s": time}
-            for method, some in times.items()
-            for k, time in enumerate(some)
-        ]
-        ours, kiss = time_table(seconds, ("spectral", "kiss")).rows
-        assert ours[1:4] == ("3", "1.000", "2.000")
-        assert (kiss[1], kiss[3], kiss[6]) == ("2", "1.500", "1.25")  # median of 0.5 and 2
-        assert [line[1] for line in spread_table(seconds).rows] == ["4.43", "1.25"]

@@ -168,7 +168,7 @@ def test_every_experiment_names_its_sources(name: str, device: Device, tmp_path:
     origin = provenance(experiment, device)
     assert source_digest(experiment.sources)
     methods = [method for method in EVALUATED if method in origin.methods]
-    assert bool(methods) is (name in ("steps", "pairs", "unrelated", "neighbors", "real", "kinds"))
+    assert bool(methods) is (name in ("steps", "pairs", "unrelated", "real", "kinds"))
     assert len(set(origin.methods.values())) == len(origin.methods)
 
 

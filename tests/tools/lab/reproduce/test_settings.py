@@ -10,8 +10,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce import experiments, methods
 from sonarmap.tools.lab.reproduce.evaluation.pair_set import Pairs
-from sonarmap.tools.lab.reproduce.evaluation.settings import PairSetSettings, PairsSettings, StepsSettings
-from sonarmap.tools.lab.reproduce.evaluation.speed import Speed
+from sonarmap.tools.lab.reproduce.evaluation.settings import PairsSettings, StepsSettings
 from sonarmap.tools.lab.reproduce.evaluation.steps import Steps
 from sonarmap.tools.lab.reproduce.experiment import Experiment
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, OPTIONS, Request, chosen, create
@@ -33,7 +32,7 @@ from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT
 from tests.samples.experiments.floodgate_rows import flat_survey, rows_of
 from tests.samples.refusals import refuses
 
-EVALUATION = ("steps", "pairs", "unrelated", "neighbors", "speed")
+EVALUATION = ("steps", "pairs", "unrelated")
 TWO = ComparedMethods(("spectral", "kiss"))
 
 
@@ -51,7 +50,7 @@ class TestChosen:
     )
     def test_by_name_and_group(self, name: str, options: dict, names: tuple[str, ...]) -> None:
         assert chosen(name, Request(**options)) == names
-        assert [each for each in EXPERIMENTS if EXPERIMENTS[each].timed] == ["speed", "survey", "scale"]
+        assert [each for each in EXPERIMENTS if EXPERIMENTS[each].timed] == ["survey", "scale"]
 
     @pytest.mark.parametrize(
         ("name", "options", "words"),
@@ -233,7 +232,6 @@ class TestAsked:
 @pytest.mark.parametrize(
     ("experiment", "jobs"),
     [
-        (Speed(PairSetSettings(pairs=9)), [f"{number:04d}" for number in (1, 2, 3, 4, 6, 7, 8, 9, 11)]),
         (
             Steps(StepsSettings(("harbor", "pool"), (1.0, 2.0), seeds=3, peers=1, first_seed=7, compared=TWO)),
             [f"harbor/7/{sigma2}/{method}" for sigma2 in ("1.0", "2.0") for method in TWO.methods]

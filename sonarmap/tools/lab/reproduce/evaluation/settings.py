@@ -16,9 +16,7 @@ from sonarmap.tools.lab.reproduce.settings import (
     check_variances,
     paper_grid,
 )
-from sonarmap.tools.lab.simulate.kinds.kind import ROUGH_SCENES
 from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
-from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS
 
 FIRST_SEED = 101  # neither development nor the tests use scenes and noise of these seeds
 
@@ -46,25 +44,6 @@ class StepsSettings:
     def grid(self) -> Grid:
         """That all pairs share."""
         return paper_grid(self.edge)
-
-
-@dataclass(frozen=True, slots=True)
-class NeighborsSettings:
-    """What is run: of every scene, by every sensor, under every noise, the scans of one path."""
-
-    scenes: tuple[str, ...] = ROUGH_SCENES  # keys of SCENE_KINDS
-    sensors: tuple[str, ...] = tuple(SENSORS)  # keys of SENSORS
-    noises: tuple[float, ...] = (1.0, 2.0)  # of the usual standard deviation of the ranges
-    pairs: int = 19  # of neighbors along a path
-    peers: int = 3  # of these that the methods other than ours register, from the first, as they take ten times as long
-    seed: int = 30_110  # of the scenes, paths and noises, >= 0; the tests do not use it
-    edge: int = 128  # voxels per edge; their size is chosen for each path, as `sonarmap map` does
-    compared: ComparedMethods = field(default_factory=ComparedMethods)  # the methods
-
-    def __post_init__(self) -> None:
-        Grid(self.edge, 1.0)
-        check_scenes(self.scenes)
-        check_pairs(self.pairs, self.seed)
 
 
 SET_SEED = 20110  # neither development nor the tests use pairs of this set
