@@ -2,8 +2,7 @@
 """Which pairs of a survey are registered, stage by stage, and how often: steps, bridges over gaps, loops."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import combinations
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
@@ -43,6 +42,17 @@ def register_steps(runner: PairRunner, runs: np.ndarray, known: Sequence[Registe
     return [by_scans[step.scans] for step in steps]
 
 
+@dataclass(frozen=True, slots=True)
+class _LeftOut:
+    """Pairs (i, j) that are no candidates: those that were tried, and those of settled scans, the first ones."""
+
+    tried: frozenset[tuple[int, int]]
+    settled: int
+
+    def __contains__(self, scans: tuple[int, int]) -> bool:
+        return max(scans) < self.settled or scans in self.tried
+
+
 class PairSearch:
     """Registers the pairs of one survey, or of several of one place.
 
@@ -74,7 +84,7 @@ class PairSearch:
         looked: dict[tuple[int, int], RegisteredPair] | None = None,
     ) -> None:
         self._looked = looked
-        self._settled = set(combinations(range(settled), 2))
+        self._settled = settled
         self._runner, self._registrar = runner, registrar
         self.measurements = measurements  # with the drift that steps show
         self._voxel, self._settings, self._limits = voxel, loops, limits
@@ -123,7 +133,8 @@ class PairSearch:
 
         `unsure`: only of scans whose lie to each other the estimate has no better than registrations do.
         """
-        candidates = self._candidates(decision, self._settled.union(pair.scans for pair in tried), unsure)
+        left_out = _LeftOut(frozenset(pair.scans for pair in tried), self._settled)
+        candidates = self._candidates(decision, left_out, unsure)
         self._runner.end_stage("candidates sought")
         if not candidates or (unsure and len(candidates) < _WORTH_A_ROUND * len(self.measurements.scans)):
             return []
@@ -198,18 +209,18 @@ class PairSearch:
         held = {pair.scans: pair for pair in with_motion(free, motion)}
         return [held.get(pair.scans, pair) for pair in pairs]
 
-    def _candidates(self, decision: Decision, tried: set[tuple[int, int]], unsure: bool) -> list[Candidate]:
+    def _candidates(self, decision: Decision, left_out: _LeftOut, unsure: bool) -> list[Candidate]:
         """Pairs to try next, in the order of the scans: neighbors in that order share prepared scans."""
         if not self._outlines:
             self._outlines = [
                 outline(scan, self._settings.cell_voxels * self._voxel) for scan in in_turn(self.measurements.scans)
             ]
         solution = decision.solution
-        candidates = find_candidates(self._outlines, solution, self._voxel, self._settings, tried, unsure)
+        candidates = find_candidates(self._outlines, solution, self._voxel, self._settings, left_out, unsure)
         components = solution.graph.components
         # between parts no estimate says which scans may overlap; their looks may
         if len(components) > 1 and hasattr(self._registrar, "signature"):
-            candidates += find_lookalikes(self._runner.signatures(), components, self._settings, tried)
+            candidates += find_lookalikes(self._runner.signatures(), components, self._settings, left_out)
         return sorted(candidates, key=lambda candidate: candidate.scans)
 
 

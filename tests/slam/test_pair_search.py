@@ -89,6 +89,19 @@ def test_loops_are_looked_for_where_the_estimate_expects_them() -> None:
     assert sum(pair.kept for pair in loops) > 0.8 * len(loops)
 
 
+def test_no_loops_among_settled_scans_however_many_they_are() -> None:
+    registrar = KnowingRegistrar(POSES, COVARIANCE)
+    mapper = Mapper(registrar, VOXEL, MapperSettings(LoopSettings(per_scan=2)))
+    survey = scans_of(POSES)
+    loops = [
+        [p for p in mapper.decided(survey, np.zeros(COUNT, int), (), n).pairs if p.role == "loop"]
+        for n in (0, COUNT // 2)
+    ]
+    assert any(max(pair.scans) < COUNT // 2 for pair in loops[0])
+    assert loops[1]
+    assert not any(max(pair.scans) < COUNT // 2 for pair in loops[1])
+
+
 def test_limits_find_steps_where_nothing_could_be_learned() -> None:
     result, registrar = mapped(
         lambda i, j, given: twin(given) if j == i + 1 else refused(given), limits=MotionLimits(step=4.0, turn_rate=0.5)

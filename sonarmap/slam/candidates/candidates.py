@@ -2,7 +2,7 @@
 """Candidates for loop closures: by the estimate and its uncertainty, or by what the scans look like."""
 
 from collections import defaultdict
-from collections.abc import Sequence, Set
+from collections.abc import Container, Sequence
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -28,7 +28,7 @@ def find_candidates(
     solution: Solution,
     voxel: float,
     settings: LoopSettings,
-    tried: Set[tuple[int, int]] = frozenset(),
+    left_out: Container[tuple[int, int]] = frozenset(),
     unsure: bool = False,
 ) -> list[Candidate]:
     """Candidates for loops that the estimate and its uncertainty expect to overlap, best first within the limits.
@@ -42,13 +42,13 @@ def find_candidates(
         outlines: of the N scans that the solution has, as `outline` gives them in the settings' cells.
         voxel: edge of the survey's voxels [m].
         settings: thresholds and limits.
-        tried: pairs (i, j), i < j, to leave out; consecutive scans are always left out.
+        left_out: pairs (i, j), i < j; consecutive scans are always left out.
         unsure: only scans whose points the estimate has no better against each other than registrations usually have
             them: from the others there is nothing to gain.
     """
     cell = settings.cell_voxels * voxel
     scans, overlap = _overlapping(outlines, solution, cell, settings)
-    new = np.array([j - i > 1 and (i, j) not in tried for i, j in scans.tolist()], bool)
+    new = np.array([j - i > 1 and (i, j) not in left_out for i, j in scans.tolist()], bool)
     scans, overlap = scans[new], overlap[new]
     # the most that can be taken, and as many again for those that prove uncertain
     likely = _best(scans, overlap, solution, 2 * settings.per_scan, settings.spread)
@@ -146,7 +146,7 @@ def find_lookalikes(
     signatures: Sequence[np.ndarray | None],
     parts: Sequence[Sequence[int]],
     settings: LoopSettings,
-    tried: Set[tuple[int, int]] = frozenset(),
+    left_out: Container[tuple[int, int]] = frozenset(),
 ) -> list[Candidate]:
     """Candidates for loops between parts, of scans that look alike: where no estimate exists, their looks may tell.
 
@@ -154,7 +154,7 @@ def find_lookalikes(
         signatures: of N scans; None where a scan has none.
         parts: the scans of each part, as edges join them; surveys of one place are parts until something joins them.
         settings: limits.
-        tried: pairs (i, j), i < j, to leave out.
+        left_out: pairs (i, j), i < j.
     """
     part = {k: number for number, members in enumerate(parts) for k in members}
     known = {k: signature for k, signature in enumerate(signatures) if signature is not None}
@@ -164,7 +164,7 @@ def find_lookalikes(
     index = PlaceIndex(np.stack([known[k] for k in scans]), np.array([part[k] for k in scans]))
     alike = index.candidates(_LOOKALIKES * settings.per_scan, gap=0, elsewhere=True)
     ranked = sorted((distance, *sorted((scans[a], scans[b]))) for a, b, distance in alike)
-    new = [Candidate(i, j, "loop", alike=distance) for distance, i, j in ranked if (i, j) not in tried]
+    new = [Candidate(i, j, "loop", alike=distance) for distance, i, j in ranked if (i, j) not in left_out]
     return [new[k] for k in within_limits([pair.scans for pair in new], settings.per_scan, settings.spread)]
 
 
