@@ -32,10 +32,11 @@ def scan_key(scan: Scan) -> ScanKey:
 
 
 def content_key(scan: Scan) -> str:
-    """A digest of the points, strengths, viewpoints and prior of a scan; its stamp and its name decide nothing."""
+    """A digest of the arrays and the prior of a scan; its stamp and its name decide nothing."""
     prior = scan.prior
     pose = prior and prior.T_world_sensor.as_matrix()
     parts = [scan.points, scan.strength, scan.viewpoints, pose, prior and prior.sigmas]
+    parts += [] if scan.times is None else [scan.times]
     digest = hashlib.sha256()
     for part in parts:
         digest.update(b"none;" if part is None else f"{part.dtype.str}{part.shape};".encode())
@@ -48,7 +49,7 @@ def joined_key(*keys: str) -> str:
     return hashlib.sha256("\0".join(keys).encode()).hexdigest()
 
 
-_ARRAYS = ("points", "strength", "viewpoints")
+_ARRAYS = ("points", "strength", "viewpoints", "times")
 
 
 class ScanSource(Protocol):

@@ -79,13 +79,14 @@ def test_a_scan_comes_back_as_it_was(tmp_path: Path) -> None:
     points = np.random.default_rng(1).normal(size=(9, 3)).astype(np.float32)
     T_world_sensor = RigidTransform.from_exp_coords([0.1, 0.7, -0.3, 1, 2, 3])
     prior = PosePrior(T_world_sensor, np.array([1, 1, np.inf, np.inf, np.inf, 2.0]))
-    scan = Scan(points, points[:, 0] ** 2, 7.5, prior, "a name\udce9 of \N{GREEK SMALL LETTER ALPHA}", -points)
+    name, times = "a name\udce9 of \N{GREEK SMALL LETTER ALPHA}", points[:, 1].copy()
+    scan = Scan(points, points[:, 0] ** 2, 7.5, prior, name, -points, times)
     with spooled(None) as spool:
         source = spool.source(scan_key(scan), partial(iter([scan]).__next__))
         back = source.load()
         folder = source.path.parent
     assert not folder.exists()
-    for name in ("points", "strength", "viewpoints"):
+    for name in ("points", "strength", "viewpoints", "times"):
         assert_array_equal(getattr(back, name), getattr(scan, name))
     assert (back.name, back.stamp) == (scan.name, scan.stamp)
     assert scan_key(back) == scan_key(scan)
@@ -165,7 +166,7 @@ class TestKeys:
     def test_names_stamps_and_layout_decide_nothing(self, change: dict) -> None:
         assert content_key(replace(A, **change)) == content_key(A)
 
-    def test_points_strengths_viewpoints_and_priors_decide(self) -> None:
+    def test_arrays_and_priors_decide(self) -> None:
         T = RigidTransform.from_translation([1, 2, 3])
         known = PosePrior(T, knowing(slice(2), slice(2, 3)))
         changed = POINTS.copy()
@@ -178,6 +179,8 @@ class TestKeys:
             Scan(POINTS, np.zeros(30, np.float32)),
             Scan(POINTS, viewpoints=POINTS),
             Scan(POINTS, viewpoints=changed),
+            Scan(POINTS, times=np.zeros(30, np.float32)),
+            Scan(POINTS, times=np.ones(30, np.float32)),
             Scan(POINTS, prior=known),
             Scan(POINTS, prior=PosePrior(T, knowing(slice(2)))),
             Scan(POINTS, prior=PosePrior(RigidTransform.identity(), known.sigmas)),
