@@ -105,7 +105,7 @@ class Scan:
 
     Attributes:
         points: (N, 3) float32 [m], sensor frame (x forward, y left, z up), all finite, N >= 1.
-        strength: (N,) float32, linear echo strength >= 0, or None where the sensor gives none.
+        strength: (N,) float32, linear echo strength >= 0, all finite, or None where the sensor gives none.
         stamp: time of the scan [s, UTC]; a counter where the files carry no time.
         prior: what other instruments say about the pose, or None.
         name: what to call the scan in messages and tables.
@@ -116,8 +116,8 @@ class Scan:
             frame at these times. None: all were seen at the stamp, or have been brought to where the sensor was then.
 
     Raises:
-        InputError: points, strength, viewpoints or times of another shape or dtype, masked ones, no points, or points,
-            viewpoints or times that are not finite.
+        InputError: an array of another shape or dtype, masked, or with a value that is not finite; no points; a
+            strength below 0.
     """
 
     points: np.ndarray
@@ -129,7 +129,7 @@ class Scan:
     times: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        points, times = self.points, self.times
+        points = self.points
         for name in ("points", "strength", "viewpoints", "times"):
             array = getattr(self, name)
             refuse_mask(array, self.name)
@@ -144,29 +144,20 @@ class Scan:
         if not np.isfinite(points).all():
             bad = int((~np.isfinite(points).all(axis=1)).sum())
             raise InputError(f"{self.name}: {bad} of {len(points)} points are NaN or infinite; drop them first")
-        if self.strength is not None and self.strength.shape != (len(points),):
-            raise InputError(
-                f"{self.name}: `strength` has shape {self.strength.shape}; wanted ({len(points)},), one per point"
-            )
-        if self.viewpoints is not None:
-            self._check_viewpoints(self.viewpoints)
-        if times is not None and (times.shape != points.shape[:1] or times.dtype != np.float32):
-            raise InputError(
-                f"{self.name}: `times` are {times.dtype} of shape {times.shape}; wanted float32 of shape "
-                f"({len(points)},), seconds after the stamp, one per point"
-            )
-        if times is not None and not np.isfinite(times).all():
-            raise InputError(f"{self.name}: some `times` are NaN or infinite; give every point one, or leave them out")
+        for name, shape in (("strength", points.shape[:1]), ("viewpoints", points.shape), ("times", points.shape[:1])):
+            if (array := getattr(self, name)) is not None:
+                self._check(name, array, shape)
 
-    def _check_viewpoints(self, viewpoints: np.ndarray) -> None:
-        if viewpoints.shape != self.points.shape or viewpoints.dtype != np.float32:
+    def _check(self, name: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
+        if array.shape != shape or array.dtype != np.float32:
             raise InputError(
-                f"{self.name}: `viewpoints` are {viewpoints.dtype} of shape {viewpoints.shape}; wanted float32 of "
-                f"shape {self.points.shape}, one per point"
+                f"{self.name}: `{name}` is {array.dtype} of shape {array.shape}; wanted float32 of shape {shape}, a "
+                "row for each point"
             )
-        bad = int((~np.isfinite(viewpoints).all(axis=1)).sum())
-        if bad:
+        usable, wrong = np.isfinite(array), "NaN or infinite"
+        if name == "strength":
+            usable, wrong = usable & (array >= 0), "negative, NaN or infinite"
+        if bad := int((~usable.reshape(len(array), -1).all(axis=1)).sum()):
             raise InputError(
-                f"{self.name}: {bad} of {len(viewpoints)} `viewpoints` are NaN or infinite; give every point one, or "
-                "leave them out"
+                f"{self.name}: {bad} of {len(array)} rows of `{name}` are {wrong}; correct them, or leave `{name}` out"
             )

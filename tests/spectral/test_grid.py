@@ -135,19 +135,26 @@ def test_viewpoints_are_kept_as_they_are() -> None:
     assert Scan(POINTS).viewpoints is None
 
 
+ROWS = {"viewpoints": POINTS, "times": POINTS[:, 0], "strength": POINTS[:, 0]}
+
+
 @pytest.mark.parametrize(
-    ("viewpoints", "message"),
+    ("name", "given", "message"),
     [
-        (POINTS[:3], r"pier: `viewpoints` are float32 of shape \(3, 3\); wanted float32 of shape \(4, 3\)"),
-        (POINTS[0], r"shape \(3,\)"),
-        (POINTS.astype(np.float64), "are float64"),
-        (np.where(POINTS > 7, np.nan, POINTS), "2 of 4 `viewpoints` are NaN or infinite"),
-        (np.where(POINTS > 10, np.inf, POINTS), "1 of 4 `viewpoints` are NaN or infinite"),
+        *(
+            (name, array[:3], r"is float32 of shape \(3\b.*; wanted float32 of shape \(4,")
+            for name, array in ROWS.items()
+        ),
+        *((name, array.astype(np.float64), "is float64") for name, array in ROWS.items()),
+        *((name, np.where(array > 6, np.nan, array), "[12] of 4 rows of") for name, array in ROWS.items()),
+        *((name, np.where(array > 6, np.inf, array), "[12] of 4 rows of") for name, array in ROWS.items()),
+        ("viewpoints", POINTS[0], r"of shape \(3,\)"),
+        ("strength", -ROWS["strength"], "3 of 4 rows of `strength` are negative, NaN or infinite"),
     ],
 )
-def test_viewpoints_that_cannot_be_used(viewpoints: np.ndarray, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        Scan(POINTS, name="pier", viewpoints=viewpoints)
+def test_rows_of_points_that_cannot_be_used(name: str, given: np.ndarray, message: str) -> None:
+    with pytest.raises(InputError, match=f"pier: .*{message}.*"):
+        Scan(POINTS, **{"name": "pier", name: given})
 
 
 @pytest.mark.parametrize("given", [{"points": POINTS.tolist()}, {"points": None}, {"strength": [1.0] * 4}])
