@@ -95,16 +95,31 @@ def _peak(psr: float) -> float:
     return log(max(psr, 3.0))
 
 
-def alike(a: Fit, b: Fit) -> bool:
-    """Whether two refined poses are the same: within 3 degrees and 2 voxels of each other."""
-    near = bool(np.linalg.norm(a.shift - b.shift) <= SAME_REFINED_SHIFT)
-    return near and float((a.R.inv() * b.R).magnitude()) <= _SAME_ROTATION
+def same_poses(some: Sequence[Fit], others: Sequence[Fit]) -> np.ndarray:
+    """(n, m) whether each of some refined poses is the same as each of others: within 3 degrees and 2 voxels."""
+    (turns, shifts), (other_turns, other_shifts) = map(_poses, (some, others))
+    near = np.linalg.norm(shifts[:, None] - other_shifts, axis=-1) <= SAME_REFINED_SHIFT
+    return near & (np.abs(turns @ other_turns.T) >= np.cos(_SAME_ROTATION / 2))
+
+
+def elsewhere(some: Sequence[Hypothesis], others: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Those of some hypotheses whose pose is that of none of the others."""
+    same = same_poses([each.fit for each in some], [each.fit for each in others]).any(axis=1)
+    return [each for each, known in zip(some, same, strict=True) if not known]
+
+
+def _poses(fits: Sequence[Fit]) -> tuple[np.ndarray, np.ndarray]:
+    """Quaternions (n, 4) and shifts (n, 3)."""
+    turns = np.array([fit.R.as_quat() for fit in fits]).reshape(-1, 4)
+    return turns, np.array([fit.shift for fit in fits]).reshape(-1, 3)
 
 
 def ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Hypotheses by what the scans saw, best first; of those at the same pose the best alone."""
-    distinct: list[Hypothesis] = []
-    for hypothesis in sorted(hypotheses, key=lambda hypothesis: -hypothesis.candidate_score):
-        if not any(alike(hypothesis.fit, kept.fit) for kept in distinct):
-            distinct.append(hypothesis)
-    return distinct
+    ordered = sorted(hypotheses, key=lambda hypothesis: -hypothesis.candidate_score)
+    fits = [hypothesis.fit for hypothesis in ordered]
+    same, kept = same_poses(fits, fits), list[int]()
+    for k in range(len(ordered)):
+        if not same[k, kept].any():
+            kept.append(k)
+    return [ordered[k] for k in kept]

@@ -13,7 +13,7 @@ from sonarmap.spectral.rotation_search import search_rotation
 from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.fit import Fit, principal_axes
-from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Evidence, Hypothesis, alike, ranked
+from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Evidence, Hypothesis, elsewhere, ranked
 from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
 from sonarmap.spectral.verify.pair_frames import PairFrames
 from sonarmap.spectral.verify.relief import alike_places, is_level
@@ -98,8 +98,7 @@ class HypothesisTest(PairFrames):
         selection = Selection(2 * len(finalists), FINE, SAME_REFINED_SHIFT)
         best = self.verifier.best(self.target, self.source, candidates, selection)
         hypotheses = self._refine_candidates(candidates, best, [_ROUGH])
-        missed = [new for new in hypotheses if not any(alike(new.fit, finalist.fit) for finalist in finalists)]
-        return self.possible(missed)[: len(finalists)]
+        return self.possible(elsewhere(hypotheses, finalists))[: len(finalists)]
 
     def find_alike(self, known: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Other places at which the heights of beds of little relief are alike, whichever way the source is turned.
@@ -118,8 +117,7 @@ class HypothesisTest(PairFrames):
         free = self._unless_bounded() if weak else self
         fits = free._smoother(0)._steps(start, [_SLID]).read()
         rivals = free._round(_start(fits), [(best.rotation_score, 0.0)] * len(fits), [_QUICK], SURFACE_POINTS)
-        new = [rival for rival in rivals if not any(alike(rival.fit, other.fit) for other in known)]
-        return self.possible(new)[:_RIVALS]
+        return self.possible(elsewhere(rivals, known))[:_RIVALS]
 
     def conclude(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
         """The hypotheses compared, and the best refined to the end as `finish` does; one alone is not compared."""
@@ -156,7 +154,7 @@ class HypothesisTest(PairFrames):
         """
         best = self._left_to_scans(self._finish_best(hypotheses[0], spectral, stages))
         best = replace(best, evidence=replace(best.evidence, closeness=hypotheses[0].evidence.closeness))
-        return [best, *(hypothesis for hypothesis in hypotheses[1:] if not alike(hypothesis.fit, best.fit))]
+        return [best, *elsewhere(hypotheses[1:], [best])]
 
     def _finish_best(self, known: Hypothesis, spectral: bool, stages: Sequence[Stage]) -> Hypothesis:
         """Its evidence is of the scans as they are; its pose, by planes, is with their ranges set right."""

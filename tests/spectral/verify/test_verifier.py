@@ -17,7 +17,7 @@ from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.translation import Box
 from sonarmap.spectral.verify.bounds import Bounds
 from sonarmap.spectral.verify.fit import Fit
-from sonarmap.spectral.verify.hypothesis import Hypothesis, alike, ranked
+from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis, elsewhere, ranked
 from sonarmap.spectral.verify.hypothesis_testing import _SMOOTHED, HypothesisTest  # pyright: ignore[reportPrivateUsage]
 from sonarmap.spectral.verify.icp import Stage, Start
 from sonarmap.spectral.verify.verifier import Candidates, Selection, Verifier, consistency
@@ -27,6 +27,7 @@ EDGE, VOXEL = 64, 0.5
 HERE, THERE = above(-5, 3, 12), above(4.0, -6.0, 13, 25, 4, -7)
 TRUE = HERE.inv() * THERE
 ANYWHERE: list[Box | None] = [None]
+SEEN = Evidence(view=0.5, coarse_view=0.5, surface=0.5, overlap=0.5, residual=1.0, width=1.0, firmness=0.1)
 WRONG = Rotation.from_euler("Z", 90, degrees=True) * TRUE.rotation
 
 
@@ -61,6 +62,24 @@ def looked_at(
 ) -> list[Hypothesis]:
     """With what the scans saw, best first."""
     return ranked(observed(verifier, pair, hypotheses))
+
+
+@pytest.mark.parametrize("spread", [0.02, 0.04, 1.0])
+def test_of_hypotheses_at_the_same_pose_the_best_is_kept(spread: float) -> None:
+    """Compared pair by pair with SciPy's rotations; both signs of a quaternion are the same rotation."""
+    rng = np.random.default_rng(1)
+    R = Rotation.from_rotvec(rng.normal(0, spread, (40, 3)))
+    turned = Rotation.from_quat(rng.choice([-1, 1], (40, 1)) * R.as_quat())
+    fits = [Fit(turned[k], rng.normal(0, 50 * spread, 3), np.eye(6), 1.0, 1.0) for k in range(40)]
+    best_first = [Hypothesis(fit, 1.0, psr, SEEN) for fit, psr in zip(fits, np.linspace(9, 4, 40), strict=True)]
+    kept: list[Hypothesis] = []
+    for each in best_first:
+        away = [(each.fit.R.inv() * other.fit.R).magnitude() for other in kept]
+        apart = [np.linalg.norm(each.fit.shift - other.fit.shift) for other in kept]
+        if not any(turn <= np.deg2rad(3) and shift <= 2 for turn, shift in zip(away, apart, strict=True)):
+            kept.append(each)
+    assert ranked(best_first[::-1]) == kept
+    assert elsewhere(best_first, kept) == []
 
 
 def shift_of(pair: tuple[SpectralScan, SpectralScan], T: RigidTransform = TRUE) -> np.ndarray:
@@ -242,7 +261,7 @@ class TestAlike:
         both = [self.known(pair_test, offset, 0.01) for offset in (2 * ASIDE, 0 * ASIDE)]
         named = pair_test.find_alike(both)
         assert named
-        assert not any(alike(each.fit, known.fit) for each in named for known in both)
+        assert elsewhere(named, both) == named
 
     def test_nothing_is_named_that_is_forbidden(self, pair_test: HypothesisTest, monkeypatch) -> None:
         monkeypatch.setattr(Bounds, "allow_shifts", lambda _bounds, _R, shifts: np.zeros(len(shifts), dtype=bool))
