@@ -16,7 +16,7 @@ from typing import Any, TextIO
 
 import typer
 
-from sonarmap.kernels.errors import SonarmapError
+from sonarmap.kernels.errors import SonarmapError, path_error
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.log import log, logged, results_to
 from sonarmap.tools.command.stops import terminated_as_interrupted, what_became
@@ -117,6 +117,8 @@ def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
             return output_lost(error)
         case SonarmapError():
             message, code = str(error), MISUSE
+        case OSError() if refused := path_error(error):
+            message, code = str(refused), MISUSE
         case ImportError() if (module := (error.name or "").partition(".")[0]) != "sonarmap":  # ours are never missing
             message, code = _unloadable(error, module), MISUSE
         case MemoryError():
