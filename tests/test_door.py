@@ -258,6 +258,28 @@ class TestOtherDoors:
             sonarmap.read_scans(tmp_path, **given)
 
 
+class TestPointsThatAreNotFinite:
+    """They are dropped and counted, as those of a file are."""
+
+    def test_of_an_array(self, caplog: pytest.LogCaptureFixture) -> None:
+        holed = points(1)
+        holed[::8] = np.nan
+        holed[1::8, 2] = np.inf
+        (scan,) = sonarmap.prepare([holed], method="planes")
+        np.testing.assert_array_equal(scan.scan.points, holed[np.isfinite(holed).all(axis=1)].astype(np.float32))
+        assert "scan 0: dropped 2,000 of 8,000 points that are NaN or infinite" in caplog.text
+
+    @pytest.mark.parametrize("tensors", [False, True])
+    def test_of_a_cloud_of_open3d(self, tensors: bool) -> None:
+        o3d = pytest.importorskip("open3d")
+        holed = points(1)
+        holed[3] = np.nan
+        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(holed))
+        cloud = o3d.t.geometry.PointCloud.from_legacy(cloud) if tensors else cloud
+        (scan,) = sonarmap.prepare([cloud], method="planes")
+        np.testing.assert_array_equal(scan.scan.points, np.delete(holed, 3, axis=0).astype(np.float32))
+
+
 door: Any = sonarmap  # to which a test may give what its types forbid
 
 
@@ -357,7 +379,7 @@ class TestArguments:
             (lambda: door.prepare("nofile"), "`scans='nofile'` cannot be used; wanted a list of scans; `map_scans` t"),
             (lambda: door.prepare(Path("nofile")), "`scans=.*Path.* cannot be used; wanted a list of scans"),
             (lambda: door.prepare([points(1)], edge=10**5000), "`edge=int too long to show` .*wanted a whole number"),
-            (lambda: door.read_scans(5), "`path=5` .*wanted the path"),
+            (lambda: door.read_scans(5), r"`paths=\(5,\)` .*wanted a path"),
             (lambda: door.read_scans("a.ply", range_scale="a"), "`range_scale='a'` .*wanted a factor"),
             (lambda: door.read_scans("a.ply", range_scale=10**400), "`range_scale=10*.*0` .*wanted a factor"),
             (lambda: door.read_scans("a.ply", sound_speed=10**400), "`sound_speed=10*.*0` .*wanted a speed"),
@@ -380,3 +402,84 @@ class TestArguments:
         graph = door.PoseGraph(result.trajectory, result.edges)
         with pytest.raises(sonarmap.InputError, match=f"`{name}='zz'` is not known; {words}"):
             door.optimize(graph, **{"objective": objective, name: "zz"})
+
+
+BAD = [None, "text", "", -1, -1.5, 0, 0.0, True, np.nan, np.inf, [], {}, [None], [np.nan], ("a", "b"), object()]
+BAD += [
+    np.zeros((2, 2)),
+    np.full((4, 3), np.nan),
+    np.empty((0, 3)),
+    np.full((4, 6, 6), np.nan),
+    -np.stack([np.eye(6)] * 4),
+]
+MADE = {"method": "planes", "voxel": 0.5, "edge": 32, "max_tilt": 0.6, "device": None, "seed": 0}
+
+
+@pytest.fixture(scope="module")
+def valid(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
+    folder, scans = tmp_path_factory.mktemp("valid"), scans_of(TRUTH)[:2]
+    result = door.map_scans(scans, method=KNOWING, voxel=0.5)
+    finished = door.write_map(result, folder / "map", report=False)
+    rows = "".join(f"{scan.name},3.0,0.1\n" for scan in scans)
+    (folder / "log.csv").write_text("name,depth_m,depth_sigma_m\n" + rows)
+    np.save(folder / "a.npy", points(1))
+    pair = {"target": points(1)[::8], "source": points(1)[::8], **MADE}
+    graph = door.PoseGraph(result.trajectory, result.edges)
+    corrections = {"sound_speed": None, "range_scale": 1.0, "frame": "flu", "units": "m"}
+    survey = dict.fromkeys(("settings", "surveys", "odometry", "progress")) | {"ties": (), "control": ()}
+    options = dict.fromkeys(("origin", "cell", "contours", "clip", "scans", "spacing", "rate", "progress"))
+    log = dict.fromkeys(("origin", "sigmas", "columns", "time_scale", "crs", "frame", "declination"))
+    return {
+        "choose_device": {"selector": None},
+        "choose_grid": {"scans": scans, "edge": 32, "voxel": 0.5},
+        "register": pair,
+        "prepare": {"scans": [points(1)[::8]], **MADE},
+        "map_scans": {"scans": scans, **MADE, "method": KNOWING, **survey},
+        "read_scans": {"paths": folder / "a.npy", **corrections},
+        "optimize": {"graph": graph, "objective": "full", "start": "chordal", "robust": False},
+        "export_map": {
+            **{"folder": finished, "to": folder / "out", "formats": "xyz", "crs": "map", "height": "top"},
+            **{"points": "map", "scans_from": (), **options},
+        },
+        "read_navigation": {
+            **{"path": folder / "log.csv", "scans": scans, "offset": 0.0, "heading_reference": "true"},
+            **{"T_vehicle_sensor": None, **log},
+        },
+        "fuse": {"scans": scans, "poses": TRUTH[:2], "voxel": 0.5, "covariances": result.covariances, "surveys": None},
+    }
+
+
+class TestBadArguments:
+    """Of each kind, in each place: what is not taken is refused by an error of ours, which names that argument and no
+    option of the command line."""
+
+    QUICK = ("choose_device", "choose_grid", "prepare", "read_scans", "optimize", "read_navigation")
+    SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("register", "map_scans", "export_map", "fuse")]
+
+    @pytest.mark.parametrize("name", [*QUICK, *SLOW])
+    def test_are_refused_by_an_error_of_ours(self, name: str, valid: dict[str, dict[str, Any]], tmp_path: Path) -> None:
+        def call(given: dict[str, Any]) -> object:
+            function = getattr(door, name)
+            return function(given.pop("paths"), **given) if "paths" in given else function(**given)
+
+        call({**valid[name]})
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(tmp_path)  # to which some write
+            refused: list[tuple[str, str]] = []
+            for argument in valid[name]:
+                for value in BAD:
+                    try:
+                        call({**valid[name], argument: value})
+                    except sonarmap.SonarmapError as error:
+                        refused.append((argument, str(error)))
+        assert len(refused) > len(BAD) / 2
+        for argument, words in refused:
+            assert "--" not in words
+            assert {*re.findall(r"`(\w+)=", words)} <= {argument, "edge", "units"}, words
+
+    @pytest.mark.parametrize("spoil", [np.nan, np.inf, -1.0])
+    def test_covariances_that_are_none(self, spoil: float, valid: dict[str, dict[str, Any]]) -> None:
+        given = valid["fuse"]["covariances"].copy()
+        given[1, 2, 2] = spoil
+        with pytest.raises(sonarmap.InputError, match="`covariances"):
+            door.fuse(**valid["fuse"] | {"covariances": given})

@@ -16,7 +16,17 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.result import Registrar, Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.given import ScanLike, as_scan, as_scans, as_survey, as_surveys, require, require_type
+from sonarmap.tools.given import (
+    ScanLike,
+    as_paths,
+    as_scan,
+    as_scans,
+    as_survey,
+    as_surveys,
+    public,
+    require,
+    require_type,
+)
 from sonarmap.tools.methods.registry import Setup, find_method, reused
 
 if TYPE_CHECKING:
@@ -56,6 +66,7 @@ class PreparedScan:
     content: Any
 
 
+@public
 def register(
     target: ScanLike | PreparedScan,
     source: ScanLike | PreparedScan,
@@ -95,13 +106,13 @@ def register(
         return target.registrar.register(target.content, source.content)
     if isinstance(target, PreparedScan) or isinstance(source, PreparedScan):
         raise InputError("only one of the two scans is prepared; prepare both in one call, or none")
-    require(method=method, device=device)
-    voxel, edge, max_tilt, seed = require(voxel=voxel, edge=edge, max_tilt=max_tilt, seed=seed)
+    require(method=method)
     pair = [as_scan(scan, f"scan {k}") for k, scan in enumerate((target, source))]
     with reused(method, _setup(method, choose_grid(pair, edge, voxel), max_tilt, device, seed)) as registrar:
         return registrar.register(*map(registrar.prepare, pair))
 
 
+@public
 def prepare(
     scans: Iterable[ScanLike],
     *,
@@ -122,14 +133,14 @@ def prepare(
         InputError: a scan, a file or an argument cannot be used.
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
-    require(method=method, device=device)
-    voxel, edge, max_tilt, seed = require(voxel=voxel, edge=edge, max_tilt=max_tilt, seed=seed)
+    require(method=method)
     points = as_scans(scans)
     setup = _setup(method, choose_grid(points, edge, voxel), max_tilt, device, seed)
     registrar = find_method(method).make(setup)
     return [PreparedScan(scan, registrar, registrar.prepare(scan)) for scan in points]
 
 
+@public
 def map_scans(
     scans: Iterable[ScanLike] | str | os.PathLike[str],
     *,
@@ -172,8 +183,6 @@ def map_scans(
     from sonarmap.slam.survey_grid import survey_grid
     from sonarmap.slam.tie import Tie
 
-    require(device=device, progress=progress, ties=ties, control=control)
-    voxel, edge, max_tilt, seed = require(voxel=voxel, edge=edge, max_tilt=max_tilt, seed=seed)
     if isinstance(method, type) or not all(hasattr(method, name) for name in ("prepare", "register")):
         require(method=method)
     require_type("settings", [settings], MapperSettings, None)
@@ -182,7 +191,6 @@ def map_scans(
     require_type("control", control, ControlPoint)
     turn_rates = None
     if isinstance(scans, str | os.PathLike):
-        require(path=scans)
         survey, odometry, turn_rates, lines = _read_survey(os.fspath(scans), odometry)
         surveys = lines if surveys is None else surveys
     else:
@@ -196,6 +204,7 @@ def map_scans(
     )
 
 
+@public
 def locate(
     folder: "Map | str | os.PathLike[str]",
     scans: Iterable[ScanLike] | str | os.PathLike[str],
@@ -222,24 +231,22 @@ def locate(
         InputError: the folder, a scan, a file or an argument cannot be used.
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
-
     from sonarmap.slam.locate.locator import Locator
     from sonarmap.tools.files.map_folder.surveyed import surveyed_map
     from sonarmap.tools.maps import opened_map
 
-    require(device=device)
-    voxel, edge, max_tilt = require(voxel=voxel, edge=edge, max_tilt=max_tilt)
     surveyed, listed = surveyed_map(opened_map(folder)), as_survey(scans)
     with _for_views(surveyed, edge, voxel, max_tilt, device) as registrar:
         locator = Locator(registrar, surveyed)
         return list(map(locator.locate, listed) if alone else locator.track(listed, [0] * len(listed)))
 
 
+@public
 def compare(
     old: "Map | str | os.PathLike[str] | np.ndarray",
     new: "Map | str | os.PathLike[str] | np.ndarray",
     *,
-    keep_frames: bool = False,
+    same_frame: bool = False,
     reach: float | None = None,
     cloud_sigma: float | None = None,
     voxel: float | None = None,
@@ -252,7 +259,8 @@ def compare(
     Args:
         old, new: folders that `sonarmap map` wrote, or maps; the largest part of each counts. One of them may be a
             point cloud of another program: its file, or (N, 3) points [m].
-        keep_frames: whether both lie on the Earth as they are; otherwise `new` is registered to `old`.
+        same_frame: whether both are in one frame, so that nothing is registered: by their places on the Earth where
+            both have one, else as they are. Otherwise `new` is registered to `old`.
         reach: how far from the old surface the new one is sought [m]; None for four voxels.
         cloud_sigma: standard deviation of a coordinate of the point cloud [m]; None for what its scatter says.
         voxel, edge, max_tilt, device: as of `register`; the voxel is chosen for the map, the old one of two, as its
@@ -266,26 +274,16 @@ def compare(
             (`NotAlignedError`).
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
-
     from sonarmap.tools.files.map_folder.surveyed import surveyed_map
-    from sonarmap.tools.given import in_arguments
     from sonarmap.tools.maps import Map, opened_map
     from sonarmap.tools.products.compare.cloud import opened_surveys
     from sonarmap.tools.products.compare.comparison import CompareSettings, compare_maps
 
-    require(device=device)
-    (keep_frames,) = require(keep_frames=keep_frames)
-    voxel, edge, max_tilt = require(voxel=voxel, edge=edge, max_tilt=max_tilt)
-    reach, cloud_sigma = *require(reach=reach), *require(reach=cloud_sigma)
-    for name, value in {"reach": reach, "cloud_sigma": cloud_sigma}.items():
-        if value is not None and not value > 0:
-            raise InputError(f"`{name}={value}` cannot be used; wanted a length in meters above zero, or None")
     require_type("old", [old], Map, np.ndarray, str, os.PathLike)
     require_type("new", [new], Map, np.ndarray, str, os.PathLike)
-    with in_arguments():
-        first, second, beside = opened_surveys(old, new, cloud_sigma, opened_map)
+    first, second, beside = opened_surveys(old, new, cloud_sigma, opened_map)
     settings = CompareSettings(reach)
-    if keep_frames:
+    if same_frame:
         return compare_maps(first, second, None, settings)
     with _for_views(surveyed_map(beside), edge, voxel, max_tilt, device) as registrar:
         return compare_maps(first, second, registrar, settings)
@@ -316,6 +314,7 @@ def _read_survey(
     return survey, odometry, turn_rates_of(files.files, survey), files.surveys if files.patches else None
 
 
+@public
 def optimize(
     graph: "PoseGraph | str | os.PathLike[str]",
     *,
@@ -342,8 +341,6 @@ def optimize(
     from sonarmap.tools.files.readers.poses.g2o import read_g2o, require_connected
     from sonarmap.tools.files.readers.poses.graph_json import read_graph_json
 
-    (robust,) = require(robust=robust)
-    require(objective=objective, start=start)
     if not isinstance(graph, PoseGraph):
         require(graph=graph)
         path = Path(graph)
@@ -352,6 +349,7 @@ def optimize(
     return optimize_graph(graph, objective, start, robust)
 
 
+@public
 def read_scans(
     *paths: str | os.PathLike[str],
     sound_speed: float | None = None,
@@ -380,12 +378,9 @@ def read_scans(
     from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
     from sonarmap.tools.files.readers.scans import read_scans as read
 
-    for path in paths:
-        require(path=path)
-    sound_speed, range_scale = require(sound_speed=sound_speed, range_scale=range_scale)
-    require(frame=frame, units=units)
+    names = as_paths("paths", paths)
     corrections = Corrections(sound_speed, range_scale, PointFrame(frame, units))
-    return list(read([os.fspath(path) for path in paths], corrections).scans)
+    return list(read(names, corrections).scans)
 
 
 def _setup(method: str, grid: Grid, max_tilt: float, device: str | None, seed: int) -> Setup:

@@ -3,49 +3,70 @@
 
 import os
 import re
-from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from functools import wraps
+from inspect import signature
 from numbers import Integral, Real
 from reprlib import repr as shortened
-from typing import Any, TypeAlias, cast
+from typing import Any, ParamSpec, TypeAlias, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.device.cache import LOGGER
+from sonarmap.kernels.errors import InputError, path_error
 from sonarmap.spectral.scan import Scan, refuse_mask
-from sonarmap.tools.files.readers.clouds.cloud import looks_like, refuse_map_coordinates
+from sonarmap.tools.files.readers.clouds.cloud import Cloud, looks_like, refuse_map_coordinates, scan_of_cloud
+from sonarmap.tools.files.user_file import naming
 
-ScanLike: TypeAlias = Scan | NDArray[Any] | str | os.PathLike[str]
+ScanLike: TypeAlias = Scan | NDArray[Any] | str | os.PathLike[str]  # or a point cloud of Open3D
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 _TEXT, _NONE, _PATHS = (str,), (type(None),), (str, os.PathLike)
 _PLAIN: dict[Any, Callable[[Any], object]] = {Integral: int, Real: float, bool: bool}  # Python's own of each kind
 _MOST = 2**63 - 1
 _COLUMNS = 32  # more of an array of three rows are points, one in each
 _FARTHEST = 2000.0  # of half of a scan's points [m]: sonars that map in 3D see tens of meters, or some hundreds
-_OPTION = re.compile(r"--(?:nav-)?([a-z][a-z-]*)")
-# Name of an argument -> its types, and what is wanted, in words. What a number may be, they say that use it.
+_OPTION = re.compile(r"--(?:nav-)?([a-z][a-z-]*)|`repairs`")
+# What options are called in Python, where their own name is not the argument's.
+_CALLED = {
+    **{"grid": "edge", "mount": "T_vehicle_sensor", "prior_sigmas": "sigmas", "origin_heading": "origin"},
+    **{"magnetic_declination": "declination", "vertical": "origin"},
+}
+_LENGTH = "a length in meters above zero, such as 0.5, or None"
+_CHECKED_WHERE_USED = {"method", "graph"}  # which may be objects, too
+_ABOVE_ZERO = {"reach", "cloud_sigma", "cell", "contours", "spacing", "rate"}
+# Name of an argument -> its types, and what is wanted, in words. What another number may be, they say that use it.
 _ARGUMENTS: dict[str, tuple[tuple[Any, ...], str]] = {
     "method": (_TEXT, "the name of a method, such as 'spectral', or for `map_scans` a Registrar of your own"),
     "voxel": ((Real, *_NONE), "a length in meters above zero, such as 0.5, or None to have it chosen"),
     "edge": ((Integral,), "a whole number of voxels, such as 64"),
-    "number": ((Real, *_NONE), "a number above zero, or None"),
     "max_tilt": ((Real,), "an angle in radians, such as 0.6"),
     "device": (_TEXT + _NONE, "the name of a device in quotes, such as 'cpu', 'gpu' or '0:0', or None to choose one"),
     "seed": ((Integral,), "a whole number from 0 to 2^63 - 1"),
-    "path": (_PATHS, "the path of a file or folder, or a pattern"),
+    **dict.fromkeys(("path", "to"), (_PATHS, "the path of a file or folder, or a pattern")),
     "progress": ((Callable, *_NONE), "a function of (steps done, steps planned so far, text), or None"),
     "ties": ((Sequence,), "a list of Tie"),
     "control": ((Sequence,), "a list of ControlPoint"),
     "graph": (_PATHS, "a PoseGraph, or the path of a file with one"),
     "objective": (_TEXT, "'full' or 'isotropic'"),
     "start": (_TEXT, "'chordal', 'given' or 'incremental'"),
-    "robust": ((bool, np.bool_), "True or False"),
-    "keep_frames": ((bool, np.bool_), "True or False"),
-    "reach": ((Real, *_NONE), "a length in meters above zero, such as 4.0, or None"),
+    **dict.fromkeys(("robust", "same_frame", "alone", "report"), ((bool, np.bool_), "True or False")),
+    **dict.fromkeys(("reach", "cloud_sigma", "cell", "contours", "spacing"), ((Real, *_NONE), _LENGTH)),
+    "rate": ((Real, *_NONE), "a number of poses per second above zero, or None"),
+    "offset": ((Real,), "seconds, such as 37.0"),
+    "declination": ((Real, *_NONE), "an angle in radians, or None"),
+    "crs": (_TEXT + _NONE, "a projected CRS in quotes, such as 'EPSG:32632', or None"),
+    "clip": ((*_PATHS, *_NONE), "'W,S,E,N', the path of a GeoJSON file, or None"),
+    "columns": ((Mapping, *_NONE), "{quantity: heading of its column}, such as {'depth_m': 'KP_DEPTH'}, or None"),
+    "time_scale": (_TEXT + _NONE, "'utc', 'gps', 'tai' or None"),
+    "heading_reference": (_TEXT, "'true' or 'grid'"),
+    "height": (_TEXT, "the name of a height, such as 'top'"),
+    "points": (_TEXT, "'map' or 'all'"),
     "sound_speed": ((Real, *_NONE), "a speed in m/s, such as 1497, or None"),
     "range_scale": ((Real,), "a factor, such as 1.02"),
-    "frame": (_TEXT, "'flu', 'frd', 'rdf' or 'ned'"),
+    "frame": (_TEXT + _NONE, "the name of axes, such as 'frd'"),
     "units": (_TEXT, "'m', 'cm', 'mm', 'ft' or 'us-ft'"),
 }
 
@@ -63,9 +84,14 @@ def require(**arguments: object) -> list[Any]:
             values.append(value if value is None else _PLAIN.get(types[0], lambda same: same)(value))
         except (OverflowError, TypeError) as error:  # NumPy calls its time spans whole numbers
             raise _refusal(name, value, wanted) from error
-        if types[0] is Integral and not 0 <= values[-1] <= _MOST:
+        if (types[0] is Integral and not 0 <= values[-1] <= _MOST) or not _is_finite(name, values[-1]):
             raise _refusal(name, value, wanted)
     return values
+
+
+def _is_finite(name: str, value: object) -> bool:
+    """Whether a number, if it is one, is finite, and above zero where it has to be."""
+    return not isinstance(value, float) or (np.isfinite(value) and (value > 0 or name not in _ABOVE_ZERO))
 
 
 def require_type(name: str, values: Sequence[object], *types: type | None) -> None:
@@ -111,6 +137,43 @@ def as_surveys(surveys: Sequence[int] | None, count: int) -> list[int] | None:
     return [int(number) for number in numbers]
 
 
+def as_list(name: str, given: object, kinds: tuple[Any, ...], wanted: str) -> list[Any]:
+    """A value of some kinds, or an iterable of them, as a list. Raises InputError: it is neither."""
+    if isinstance(given, kinds) and not isinstance(given, bool):
+        return [given]
+    listed: list[Any] = list(cast("Any", given)) if np.iterable(given) else []
+    if not np.iterable(given) or not all(isinstance(each, kinds) and not isinstance(each, bool) for each in listed):
+        raise _refusal(name, given, wanted)
+    return listed
+
+
+def as_paths(name: str, given: object) -> list[str]:
+    """A path or several. Raises InputError: they are none."""
+    return [os.fspath(path) for path in as_list(name, given, _PATHS, "a path, or a list of paths")]
+
+
+def as_covariances(covariances: object, count: int) -> NDArray[Any]:
+    """(count, 6, 6) float64 covariances of poses. Raises InputError: another shape, not finite, or of no errors."""
+    matrices = as_numbers("covariances", covariances, (count, 6, 6))
+    scale = np.abs(matrices).max(initial=0.0)
+    if not np.allclose(matrices, matrices.transpose(0, 2, 1), rtol=0, atol=1e-9 * scale):
+        raise InputError("`covariances` are not symmetric; wanted those of poses, rotation first [rad, m]")
+    if np.linalg.eigvalsh(matrices).min(initial=0.0) < -1e-9 * scale:
+        raise InputError("`covariances` have negative variances; wanted those of poses, rotation first [rad, m]")
+    return matrices
+
+
+def as_numbers(name: str, given: object, shape: tuple[int, ...], finite: bool = True) -> NDArray[Any]:
+    """float64 of a shape. Raises InputError: it is none."""
+    try:
+        numbers: NDArray[Any] = np.asarray(given, np.float64)
+    except (TypeError, ValueError) as error:
+        raise _refusal(name, given, f"numbers of shape {shape}") from error
+    if numbers.shape != shape or (finite and not np.isfinite(numbers).all()):
+        raise _refusal(name, given, f"finite numbers of shape {shape}")
+    return numbers
+
+
 def as_survey(scans: Iterable[ScanLike] | str | os.PathLike[str]) -> Sequence[Scan]:
     """Scans as `as_scans` takes them, or all of a folder, file or pattern. Raises InputError: as these and files do."""
     if not isinstance(scans, _PATHS):
@@ -120,18 +183,43 @@ def as_survey(scans: Iterable[ScanLike] | str | os.PathLike[str]) -> Sequence[Sc
     return read_scans([os.fspath(scans)]).scans
 
 
-@contextmanager
-def in_arguments() -> Generator[None]:
-    """Have errors name arguments where they would name options."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(as_arguments(str(error))) from error
+def public(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """A function of `import sonarmap`: its arguments are those that `require` gives, its errors name them where they
+    would name options, and a path that the system refuses is an error that the caller can fix."""
+    called = signature(function)
+
+    @wraps(function)
+    def call(*arguments: _P.args, **named: _P.kwargs) -> _R:
+        given = called.bind(*arguments, **named)
+        try:
+            for name in given.arguments.keys() & _ARGUMENTS.keys() - _CHECKED_WHERE_USED:
+                (given.arguments[name],) = require(**{name: given.arguments[name]})
+            return function(*given.args, **given.kwargs)
+        except InputError as error:
+            error.args = (as_arguments(str(error), called.parameters),)
+            raise
+        except OSError as error:
+            if (refused := path_error(error)) is None:
+                raise
+            raise refused from error
+
+    return call
 
 
-def as_arguments(message: str) -> str:
-    """The message with every option of the command line as an argument: `crs` for --crs, --nav-crs."""
-    return _OPTION.sub(lambda name: f"`{name[1].replace('-', '_')}`", message)
+def as_arguments(message: str, known: Container[str]) -> str:
+    """The message with every option of the command line as the argument of a function that has those known: `crs` for
+    --crs, --nav-crs; what it does not have is an argument of `read_scans`, or stays an option of the command."""
+
+    def named(option: "re.Match[str]") -> str:
+        if option[1] is None:
+            return "`sonarmap optimize --repair`"
+        name = option[1].replace("-", "_")
+        name = _CALLED.get(name, name)
+        if name in known:
+            return f"`{name}`"
+        return f"`{name}` of `read_scans`" if name in _ARGUMENTS else f"sonarmap's option {option[0]}"
+
+    return _OPTION.sub(named, message)
 
 
 def as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
@@ -144,26 +232,29 @@ def as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
         from sonarmap.tools.files.readers.scans import only_scan, read_scans
 
         return only_scan(os.fspath(scan), read_scans([os.fspath(scan)]))
-    return Scan(_points(scan, name).astype(np.float32), stamp=stamp, name=name)
+    with naming(name):
+        usable, notes = scan_of_cloud(Cloud(_points(scan, name)), name, stamp)
+    for note in notes:
+        LOGGER.warning(f"{name}: {note}")
+    if (far := float(np.median(np.abs(usable.points).max(axis=1)))) > _FARTHEST:
+        raise InputError(
+            f"{name}: half of its points lie beyond {far:,.0f} m: {looks_like(usable.points)}; if that is meant, give "
+            "them as a `Scan`"
+        )
+    return usable
 
 
-def _points(given: object, name: str) -> NDArray[Any]:
-    """(N, 3) float64 [m] of (N, 3 or more), near enough for float32; those not finite are left to `Scan`."""
+def _points(given: Any, name: str) -> NDArray[Any]:
+    """(N, 3) of (N, 3 or more) points, also of a point cloud of Open3D."""
     refuse_mask(given, name)
     try:
-        points: NDArray[Any] = np.asarray(given)
+        if hasattr(given, "point"):  # with tensors
+            given = given.point.positions.cpu().numpy()
+        points: NDArray[Any] = np.asarray(given.points if hasattr(given, "points") else given)
     except Exception as error:  # lists of several lengths, or whatever an object's own `__array__` raises
         raise InputError(f"{name} is not an array ({error}); wanted points of shape (N, 3) in meters") from error
     if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind not in "fiu":
         raise InputError(f"{name} is {points.dtype} of shape {points.shape}; wanted points of shape (N, 3) in meters")
     if len(points) == 3 and points.shape[1] > _COLUMNS:
         raise InputError(f"{name} has shape {points.shape}; is it transposed? Wanted (N, 3): give `points.T`")
-    points = points[:, :3].astype(np.float64)
-    if len(points) and np.isfinite(points).all():
-        refuse_map_coordinates(points, f"points of {name}")
-        if (far := float(np.median(np.abs(points).max(axis=1)))) > _FARTHEST:
-            raise InputError(
-                f"{name}: half of its points lie beyond {far:,.0f} m: {looks_like(points)}; if that is meant, give "
-                "them as a `Scan`"
-            )
-    return points
+    return points[:, :3]

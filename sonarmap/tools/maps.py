@@ -7,6 +7,8 @@ In: results, scans, folders. Out: the same files as the command line's, and the 
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from inspect import signature
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +21,18 @@ from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.writers.folder_lock import locked
-from sonarmap.tools.given import ScanLike, as_arguments, as_survey, as_surveys, in_arguments, require, require_type
+from sonarmap.tools.given import (
+    ScanLike,
+    as_arguments,
+    as_covariances,
+    as_list,
+    as_numbers,
+    as_paths,
+    as_survey,
+    as_surveys,
+    public,
+    require_type,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,6 +59,7 @@ __all__ = [
 _ORTHONORMAL = 1e-3  # by how much a rotation's rows may not be, as of numbers that were rounded
 
 
+@public
 def write_map(
     result: SurveyResult,
     folder: str | os.PathLike[str],
@@ -81,11 +95,10 @@ def write_map(
     from sonarmap.tools.products.output.folder import write_survey
     from sonarmap.tools.products.output.run import SurveyRun
 
-    require(path=folder)
+    require_type("folder", [folder], str, os.PathLike)
     require_type("result", [result], SurveyResult)
     require_type("georeference", [georeference], Georeference, None)
-    out, given = Path(folder), [inputs] if isinstance(inputs, str | os.PathLike) else list(inputs)
-    paths = [os.fspath(path) for path in given]
+    out, paths = Path(folder), as_paths("inputs", inputs)
     files = files_of(select_files(paths, FORMATS)) if paths else ()
     require_apart(out, files)
     settings = {"inputs": paths} if paths else {}
@@ -99,6 +112,7 @@ def write_map(
     return Map.open(out)
 
 
+@public
 def write_report(folder: Map | str | os.PathLike[str]) -> Path:
     """Write report.html of a finished map into its folder, as `sonarmap view --write` does: the map in 3D, its loops
     and its uncertainty.
@@ -119,6 +133,7 @@ def write_report(folder: Map | str | os.PathLike[str]) -> Path:
         return write_page(finished)
 
 
+@public
 def export_map(
     folder: Map | str | os.PathLike[str],
     to: str | os.PathLike[str],
@@ -163,29 +178,27 @@ def export_map(
     from sonarmap.tools.products.export.run import ExportSettings
     from sonarmap.tools.products.export.run import export_map as export
 
-    require(path=to)
     require_type("origin", [origin], Georeference, None)
     for name, value, known in (("height", height, tuple(HEIGHTS)), ("points", points, ("map", "all"))):
         if value not in known:
             raise InputError(f"`{name}={value!r}` is not known; choose one of {', '.join(known)}")
-    for name, value in {"cell": cell, "contours": contours, "spacing": spacing, "rate": rate}.items():
-        (number,) = require(number=value)
-        if number is not None and not 0 < number < np.inf:
-            raise InputError(f"`{name}={value}` cannot be used; wanted a number above zero, or None")
     finished = opened_map(folder)
     finished = finished if origin is None else replace(finished, georeference=origin)
     settings = ExportSettings(
-        tuple(known_formats([formats] if isinstance(formats, str) else formats)),
+        tuple(known_formats(as_list("formats", formats, (str,), "the name of a format, or a list of names"))),
         *(crs, cell, rate, height, contours, clip, points == "all"),
-        None if scans is None else tuple(sorted(set(scans))),
-        tuple(os.fspath(path) for path in scans_from),
+        None if scans is None else tuple(sorted({*as_list("scans", scans, (Integral,), "numbers of scans")})),
+        tuple(as_paths("scans_from", scans_from)),
         spacing,
     )
-    with in_arguments(), locked(finished.path, writing=Path(to).resolve() == finished.path.resolve()):
+    with locked(finished.path, writing=Path(to).resolve() == finished.path.resolve()):
         exported = export(finished, Path(to), settings, progress)
-    return replace(exported, notes=tuple(map(as_arguments, exported.notes)))
+    return replace(
+        exported, notes=tuple(as_arguments(note, signature(export_map).parameters) for note in exported.notes)
+    )
 
 
+@public
 def read_navigation(
     path: str | os.PathLike[str],
     scans: Iterable[ScanLike] | str | os.PathLike[str],
@@ -230,29 +243,29 @@ def read_navigation(
     from sonarmap.tools.files.readers.navigation.priors import navigate
     from sonarmap.tools.files.readers.navigation.settings import Mount, NavigationSettings
 
-    require(path=path)
     require_type("T_vehicle_sensor", [T_vehicle_sensor], RigidTransform, None)
-    given = np.full(6, np.nan) if sigmas is None else np.asarray(sigmas, np.float64)
-    if given.shape != (6,) or not (np.isnan(given) | (given > 0)).all():
+    require_type("origin", [origin], Georeference, None)
+    given = np.full(6, np.nan) if sigmas is None else as_numbers("sigmas", sigmas, (6,), finite=False)
+    if not (np.isnan(given) | (given > 0)).all():
         raise InputError(f"`sigmas={sigmas!r}` cannot be used; wanted six numbers above zero: [rad] x 3, [m] x 3")
     degrees: list[float] = [*np.rad2deg(given[:3]).tolist(), *given[3:].tolist()]
     defaults: dict[str, float] = {} if sigmas is None else dict(zip(COLUMNS, degrees, strict=True))
-    with in_arguments():
-        settings = NavigationSettings(
-            columns=MappingProxyType(columns or {}),
-            time_scale=time_scale,
-            offset=offset,
-            crs=crs,
-            origin=origin,
-            heading_reference=heading_reference,
-            declination=None if declination is None else float(np.rad2deg(declination)),
-            frame=frame,
-            mount=None if T_vehicle_sensor is None else Mount(T_vehicle_sensor),
-            sigmas=defaults,
-        )
-        return navigate(as_survey(scans), Path(path), settings)
+    settings = NavigationSettings(
+        columns=MappingProxyType(columns or {}),
+        time_scale=time_scale,
+        offset=offset,
+        crs=crs,
+        origin=origin,
+        heading_reference=heading_reference,
+        declination=None if declination is None else float(np.rad2deg(declination)),
+        frame=frame,
+        mount=None if T_vehicle_sensor is None else Mount(T_vehicle_sensor),
+        sigmas=defaults,
+    )
+    return navigate(as_survey(scans), Path(path), settings)
 
 
+@public
 def fuse(
     scans: Iterable[ScanLike] | str | os.PathLike[str],
     poses: "Trajectory | RigidTransform | NDArray[Any]",
@@ -276,7 +289,6 @@ def fuse(
     from sonarmap.slam.map.component_maps import clean_map
     from sonarmap.slam.map.placed import PlacedScans
 
-    (size,) = require(number=voxel)
     require_type("poses", [poses], Trajectory, RigidTransform, np.ndarray)
     listed = as_survey(scans)
     T_world_sensor = _rigid(poses) if isinstance(poses, np.ndarray) else poses
@@ -284,12 +296,12 @@ def fuse(
     if T_world_sensor.single or len(T_world_sensor) != len(listed):
         count = "one" if T_world_sensor.single else len(T_world_sensor)
         raise InputError(f"`poses` are {count}, and there are {len(listed)} scans; wanted a stack of one for each")
-    if size is None or not 0 < size < np.inf:
+    if voxel is None or not voxel > 0:  # pyright: ignore[reportUnnecessaryComparison]
         raise InputError(f"`voxel={voxel}` cannot be used; wanted a length in meters above zero, such as 0.5")
-    if covariances is not None and covariances.shape != (len(listed), 6, 6):
-        raise InputError(f"`covariances` are of shape {covariances.shape}; wanted ({len(listed)}, 6, 6)")
+    if covariances is not None:
+        covariances = as_covariances(covariances, len(listed))
     numbers = as_surveys(surveys, len(listed))
-    placed = PlacedScans.of(listed, T_world_sensor, size, covariances=covariances, surveys=numbers)
+    placed = PlacedScans.of(listed, T_world_sensor, voxel, covariances=covariances, surveys=numbers)
     return clean_map(placed).clean
 
 
@@ -307,5 +319,5 @@ def opened_map(folder: Map | str | os.PathLike[str]) -> Map:
     """The finished map, or that of a folder. Raises InputError: the folder is none that `sonarmap map` wrote."""
     if isinstance(folder, Map):
         return folder
-    require(path=folder)
+    require_type("folder", [folder], Map, str, os.PathLike)
     return Map.open(folder)

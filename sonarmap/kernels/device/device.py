@@ -250,8 +250,11 @@ def choose_device(selector: str | None = None) -> Device:
         The device; its `notes` say which ones were passed over, and why.
 
     Raises:
+        InputError: the selector is no text.
         DeviceError: nothing matches, or nothing that matches works; the message lists what is there.
     """
+    if not isinstance(selector, str | None):
+        raise InputError(f"`selector` is {type(selector).__name__}; wanted a name such as 'cpu' or '0:0', or None")
     wanted = selector or os.environ.get("PYOPENCL_CTX") or ""
     faults: list[str] = []
     for remembered in (True, False):  # what another process found may be out of date

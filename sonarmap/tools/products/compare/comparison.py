@@ -127,15 +127,15 @@ def compare_maps(
     settings: CompareSettings,
     step: Step = _silent,
 ) -> Comparison:
-    """The largest parts of two finished maps, or of one and a cloud. Without a registrar both frames on the Earth are
-    kept.
+    """The largest parts of two finished maps, or of one and a cloud. Without a registrar both are in one frame, by
+    their places on the Earth where both have one, else as they are.
 
     Raises:
         NotAlignedError: too few views of the new map were located in the old one, or they contradict one another.
-        InputError: a map cannot be used, or one has no place on the Earth though frames are kept.
+        InputError: a map cannot be used, or heights of maps on the Earth count from different levels.
     """
     if registrar is None:
-        alignment, placed = None, (_by_earth(old, new), _SURE)
+        alignment, placed = None, (_in_one_frame(old, new), _SURE)
     else:
         alignment = align(old, new, registrar, step)
         placed = alignment.T_old_new, alignment.covariance
@@ -173,7 +173,7 @@ def align(old: Map | PointCloud, new: Map | PointCloud, registrar: SpectralRegis
         sizes = "" if isinstance(target, Map) else _SIZES.format(*target.extents(source))
         raise NotAlignedError(
             f"{source.path} cannot be brought onto {target.path}: of {tried} views {len(answers)} were located in it, "
-            f"and too few of them agree. Are they of one place?{sizes} Where both lie on the Earth, --keep-frames does "
+            f"and too few of them agree. Are they of one place?{sizes} Where both are in one frame, --same-frame does "
             "without"
         )
     return alignment if source is new else alignment.inverse
@@ -193,24 +193,20 @@ def _compared(
     return Comparison(*names, alignment, distances, tuple(regions_of(distances)), old.points, new.points)
 
 
-def _on_earth(each: Map | PointCloud) -> Georeference:
-    """Where the frame is. Raises InputError: that is not known."""
-    georeference = each.georeference
-    if georeference is None or (isinstance(each, Map) and not each.on_earth(each.parts[0])):
-        raise InputError(
-            f"--keep-frames needs two maps placed on the Earth, or a map and a LAS or LAZ file with a CRS, and the "
-            f"place of {each.path} is not known; leave it out, and they are brought together by registration"
-        )
-    return georeference
+def _on_earth(each: Map | PointCloud) -> Georeference | None:
+    """Where the frame is; None where that is not known."""
+    return each.georeference if isinstance(each, PointCloud) or each.on_earth(each.parts[0]) else None
 
 
-def _by_earth(old: Map | PointCloud, new: Map | PointCloud) -> RigidTransform:
-    """T_old_new by the places of both frames on the Earth. Raises InputError: one is not known."""
+def _in_one_frame(old: Map | PointCloud, new: Map | PointCloud) -> RigidTransform:
+    """T_old_new where nothing is registered. Raises InputError: heights that count from different levels."""
     before, after = _on_earth(old), _on_earth(new)
+    if before is None or after is None:
+        return RigidTransform.identity()
     if before.vertical != after.vertical:
         raise InputError(
             f"heights of {old.path} count from {before.vertical!r}, those of {new.path} from "
-            f"{after.vertical!r}; leave --keep-frames out, or map one again with --vertical"
+            f"{after.vertical!r}; leave --same-frame out, or map one again with --vertical"
         )
     middle = (new.parts[0] if isinstance(new, Map) else new).points.mean(axis=0)
     arms = middle + _ARM * np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,7 +17,7 @@ from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say, warn
-from sonarmap.tools.command.verbs.finished.opened import locating_method, open_map
+from sonarmap.tools.command.verbs.finished.opened import SAME_FRAME, locating_method, open_map
 
 if TYPE_CHECKING:
     from sonarmap.spectral.registration import SpectralRegistrar
@@ -36,7 +35,7 @@ class Judging:
     """How both are brought together, and how distances are judged."""
 
     out: Path = option(OUTPUT, "OUT", "Folder for the results.", REQUIRED, "-o", "--out")
-    keep_frames: bool = flag(INPUT, "--keep-frames", "Keep both frames on the Earth; register nothing.")
+    same_frame: bool = flag(INPUT, "--same-frame", SAME_FRAME)
     surveys: bool = flag(INPUT, "--surveys", "Compare the surveys of OLD in pairs; give no NEW.")
     reach: float | None = length(INPUT, "How far from the old surface the new one is sought \\[m].", "four voxels")
     bound: float | None = length(
@@ -75,16 +74,15 @@ def command(
     from sonarmap.tools.products.compare.files import check_folder, write_comparison
 
     method = locating_method(method, context, "views")
-    opened = partial(open_map, of_largest="is compared")
     _check(old, new, judging)
     check_folder(judging.out, old, *([] if new is None else [new]))
     settings = CompareSettings(judging.reach, judging.bound)
     if new is not None and old.resolve() == new.resolve():
         warn(f"OLD and NEW are both {old}: nothing can have changed")
     if new is None:
-        first = second = folder = opened(old)
+        first = second = folder = open_map(old)
     else:
-        first, second, folder = opened_surveys(old, new, judging.cloud_sigma, opened)
+        first, second, folder = opened_surveys(old, new, judging.cloud_sigma, open_map)
     if isinstance(first, PointCloud) and earth.origin is not None:
         raise InputError(f"--origin has no effect on {old}: a point cloud lies where its CRS says; leave it out")
     first = replace(first, georeference=earth.georeference(first.georeference))
@@ -94,7 +92,7 @@ def command(
         if new is None:
             results = _surveys(folder, judging.out, settings)
         else:
-            registrar = None if judging.keep_frames else _registrar(folder, method)
+            registrar = None if judging.same_frame else _registrar(folder, method)
             with growing_progress("bringing NEW onto OLD", quiet or as_json) as step:
                 results = [(judging.out, compare_maps(first, second, registrar, settings, step))]
     except NotAlignedError as error:
@@ -118,8 +116,8 @@ def _check(old: Path, new: Path | None, judging: Judging) -> None:
         raise InputError(f"only {old} was given; wanted OLD and NEW, or --surveys to compare the surveys of one map")
     if new is not None and judging.surveys:
         raise InputError("--surveys compares the surveys of one map; leave NEW out, or leave --surveys out")
-    if judging.surveys and judging.keep_frames:
-        raise InputError("--keep-frames has no effect with --surveys, which share a frame; leave it out")
+    if judging.surveys and judging.same_frame:
+        raise InputError("--same-frame has no effect with --surveys, which share a frame; leave it out")
     if judging.surveys and judging.cloud_sigma is not None:
         raise InputError("--cloud-sigma has no effect with --surveys, which are no point clouds; leave it out")
 

@@ -76,7 +76,7 @@ def command(
     method = locating_method(method, context, "scans")
     if order.track is not None:
         require_writable(order.track.parent)
-    folder = open_map(source, "is searched", earth)
+    folder = open_map(source, earth)
     surveyed = surveyed_map(folder)
     projection = earth.projection(folder.georeference if folder.on_earth(folder.parts[0]) else None)
     if priors.priors is not None and not surveyed.measured.any():

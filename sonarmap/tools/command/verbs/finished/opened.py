@@ -18,14 +18,17 @@ if TYPE_CHECKING:
     from sonarmap.tools.files.map_folder.folder import Map
 
 
-def open_map(path: Path, of_largest: str, earth: EarthPlace | None = None) -> "Map":
-    """The map; of one of several parts it is said what becomes of the largest alone, as "is searched"."""
+SAME_FRAME = "Both are in one frame, by their places on the Earth or else as they are; register nothing."
+
+
+def open_map(path: Path, earth: EarthPlace | None = None) -> "Map":
+    """The map; of several parts the largest counts."""
     from sonarmap.tools.files.map_folder.folder import read_map_folder
 
     with locked(path, writing=False):
         folder = read_map_folder(path)
     if len(folder.parts) > 1:
-        say(f"{path} has {len(folder.parts)} parts; only the largest {of_largest}")
+        say(f"{path} has {len(folder.parts)} parts; using the largest")
     return folder if earth is None else replace(folder, georeference=earth.georeference(folder.georeference))
 
 

@@ -75,7 +75,7 @@ def command(
 
     check_names(files.out, source)
     ends = np.array([_place(name, text, line.degrees) for name, text in (("--from", line.start), ("--to", line.end))])
-    placed = PlacedMap.of(open_map(source, "is cut", earth))
+    placed = PlacedMap.of(open_map(source, earth))
     projection = earth.projection(placed.georeference)
     world = None if projection is None else Coordinates(placed.georeference, projection)
     given = _given(line, world, placed)

@@ -12,7 +12,7 @@ from sonarmap.tools.command.options.checks import checked, choice, length
 from sonarmap.tools.command.options.option import INPUT, flag, option
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.terminal import print_json, print_result, print_rows, say
-from sonarmap.tools.command.verbs.finished.opened import open_map
+from sonarmap.tools.command.verbs.finished.opened import SAME_FRAME, open_map
 
 if TYPE_CHECKING:
     from sonarmap.tools.products.section.placed import PlacedMap
@@ -31,7 +31,7 @@ class Target:
         callback=checked(math.isfinite, "--level is {}; wanted a height in meters"),
     )
     to: Path | None = option(INPUT, "OTHER", "Another folder that `sonarmap map` wrote.")
-    same_frame: bool = flag(INPUT, "--same-frame", "Both maps are in one frame, though not both on the Earth.")
+    same_frame: bool = flag(INPUT, "--same-frame", SAME_FRAME)
     cell: float | None = length(INPUT, "Edge of a cell of both grids \\[m].", "two voxels")
     height: str = choice(
         INPUT, "Height of a cell: median of its points, or top, the uppermost surface.", ("median", "top")
@@ -61,13 +61,13 @@ def command(
     first = _opened(source, target.seen)
     if target.to is not None:
         second = _opened(target.to, target.seen)
-        if target.same_frame:  # as they are
-            first, second = (replace(each, georeference=None) for each in (first, second))
-        elif None in (first.georeference, second.georeference):
-            raise InputError(
-                f"{source} and {target.to} are not both placed on the Earth; wanted two maps in one frame: map again "
-                "with positions or --origin, or give --same-frame if they are in one anyway"
-            )
+        if None in (first.georeference, second.georeference):
+            if not target.same_frame:
+                raise InputError(
+                    f"{source} and {target.to} are not both placed on the Earth; wanted two maps in one frame: map "
+                    "again with positions or --origin, or give --same-frame if they are in one anyway"
+                )
+            first, second = (replace(each, georeference=None) for each in (first, second))  # heights as they are, too
         cell = target.cell or _VOXELS * max(first.voxel, second.voxel)
         volume, words = volume_between(first, second, cell, kind), ("lost", "gained")
     else:
@@ -92,7 +92,7 @@ def _opened(path: Path, least: int) -> "PlacedMap":
     """The largest part of a map, with the points that so many scans saw."""
     from sonarmap.tools.products.section.placed import PlacedMap
 
-    placed = PlacedMap.of(open_map(path, "counts"))
+    placed = PlacedMap.of(open_map(path))
     if not placed.upright:
         say(f"no instrument measured which way is up in {path}; heights are along the z axis of its frame")
     return placed.seen_by(least)

@@ -126,7 +126,7 @@ def test_frames_on_the_earth_are_kept(tmp_path: Path) -> None:
     """The later map's frame has its origin 20 m farther north; its points are the same."""
     old = finished_map(tmp_path / "old", georeference=Georeference(60.0, 9.0, height=-3.0))
     north = Georeference(60.0 + 20 / 111_412, 9.0, height=-3.0)
-    given = ("--keep-frames", "--json")
+    given = ("--same-frame", "--json")
     same = printed(sonarmap("compare", old, old, "-o", tmp_path / "a", *given))
     assert same["alignment"] is None
     assert (same["regions"], same["areas_m2"]["new_only"]) == ([], 0)
@@ -135,6 +135,12 @@ def test_frames_on_the_earth_are_kept(tmp_path: Path) -> None:
     assert apart["areas_m2"]["unchanged"] < 0.2 * same["areas_m2"]["unchanged"]
     other = finished_map(tmp_path / "other", georeference=replace(north, vertical="MSL"))
     refused(sonarmap("compare", old, other, "-o", tmp_path / "c", *given[:1]), "count from 'surface'")
+
+
+def test_maps_of_one_frame_are_compared_as_they_are(maps: dict[str, Path], tmp_path: Path) -> None:
+    """None of them lies on the Earth."""
+    same = printed(sonarmap("compare", maps["old"], maps["old"], "-o", tmp_path, "--same-frame", "--json"))
+    assert (same["alignment"], same["regions"], same["areas_m2"]["new_only"]) == (None, [], 0)
 
 
 def test_another_place_is_refused(maps: dict[str, Path], tmp_path: Path) -> None:
@@ -152,8 +158,7 @@ def test_another_place_is_refused(maps: dict[str, Path], tmp_path: Path) -> None
         ((), "wanted OLD and NEW, or --surveys"),
         (("new", "--surveys"), "leave NEW out"),
         (("--surveys",), "is of one survey"),
-        (("new", "--keep-frames"), "--keep-frames needs two maps placed on the Earth"),
-        (("--surveys", "--keep-frames"), "--keep-frames has no effect"),
+        (("--surveys", "--same-frame"), "--same-frame has no effect"),
         (("new", "--reach", "0"), "above 0"),
         (("new", "--method", "icp"), "cannot locate views"),
         (("new", "--crs", "EPSG:32632"), "--crs has no effect"),

@@ -31,29 +31,27 @@ def placed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 def test_a_cloud_on_the_earth(placed: tuple[Path, Path], tmp_path: Path) -> None:
     folder, cloud = placed
-    result = done(sonarmap("compare", cloud, folder, "-o", tmp_path, "--keep-frames"))
+    result = done(sonarmap("compare", cloud, folder, "-o", tmp_path, "--same-frame"))
     said(result, "errors of the poses of", "are taken to count from 'surface'")
     assert "0 regions changed" in result.stdout
     assert {"changes.laz", "changes.tif"} <= set(files_in(tmp_path))
     ours, theirs = laspy.read(tmp_path / "changes.laz"), laspy.read(cloud)
     assert np.abs(ours.xyz.mean(axis=0) - theirs.xyz.mean(axis=0)).max() < 1
-    back = printed(sonarmap("compare", folder, cloud, "-o", tmp_path, "--keep-frames", "--json"))
+    back = printed(sonarmap("compare", folder, cloud, "-o", tmp_path, "--same-frame", "--json"))
     assert (back["new"], back["regions"], len(back["notes"])) == (str(cloud), [], 3)
 
 
 def test_what_cannot_be_compared(placed: tuple[Path, Path], tmp_path: Path) -> None:
     folder, cloud = placed
-    out, kept = ("-o", tmp_path / "out"), "--keep-frames"
+    out = ("-o", tmp_path / "out")
     points = read_map_folder(folder).parts[0].points
     write_ply(tmp_path / "mm.ply", points * 1000)
-    write_ply(tmp_path / "plain.ply", points)
     (tmp_path / "notes.doc").write_bytes(b"x")
     for given, words in (
         ((cloud, cloud), "both are point clouds"),
         ((folder, tmp_path / "mm.ply"), "are these millimeters"),
         ((folder, tmp_path / "missing.ply"), "cannot read"),
         ((folder, tmp_path / "notes.doc"), "nor a file of points"),
-        ((folder, tmp_path / "plain.ply", kept), "or a map and a LAS or LAZ file with a CRS"),
         ((folder, folder, "--cloud-sigma", "0.1"), "--cloud-sigma has no effect without"),
         ((folder, "--surveys", "--cloud-sigma", "0.1"), "--cloud-sigma has no effect with --surveys"),
         ((folder, cloud, "--cloud-sigma", "0"), "above 0"),
