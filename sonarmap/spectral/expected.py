@@ -14,6 +14,7 @@ from sonarmap.spectral.scan import PosePrior
 # Of what a world that is made for one pair knows by definition [rad, m].
 _EXACT = 1e-4
 _DIGITS = 6
+_UNMEASURED = 1e9  # [rad, m], in place of infinite sigmas
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,23 +52,26 @@ class ExpectedPose:
     def priors(self, target: PosePrior | None, source: PosePrior | None) -> tuple[PosePrior, PosePrior]:
         """Priors of both scans that say what is expected, and what instruments measured where that is surer.
 
-        Their world is one of the pair's own: the target's sensor is at its origin. Where both attitudes are measured it
-        is level, else its axes are the target's. Given is what instruments measured of the scans, None where nothing.
+        Their world is one of the pair's own: the target's sensor is at its origin and heads for its x axis. Where both
+        attitudes are measured it is level, else its axes are the target's. Given is what instruments measured of the
+        scans, None where nothing.
         """
         if target is not None and source is not None and target.knows_attitude and source.knows_attitude:
             return self._leveled(target, source)
         T = RigidTransform.identity()
-        return PosePrior(T, np.full(6, _EXACT)), PosePrior(self.T_target_source, self.sigmas.copy())
+        return PosePrior(T, np.full(6, _EXACT)), PosePrior(self.T_target_source, self.sigmas.copy(), turned=False)
 
     def _leveled(self, target: PosePrior, source: PosePrior) -> tuple[PosePrior, PosePrior]:
-        R_target, R_source = measured_rotation(target), measured_rotation(source)
+        ahead = Rotation.from_euler("Z", -twist(target.T_world_sensor.rotation))
+        R_target, R_source = (ahead * measured_rotation(each) for each in (target, source))
         # variances about and along the world's axes
         R: np.ndarray = R_target.as_matrix() ** 2
         expected = np.sqrt(np.concatenate([R @ self.sigmas[:3] ** 2, R @ self.sigmas[3:] ** 2]))[2:]
         shift = R_target.apply(self.translation)
-        measured = source.T_world_sensor.translation - target.T_world_sensor.translation
-        both = np.hypot(target.sigmas, source.sigmas)  # inf where not measured
-        sigmas = np.array([both[2], *both[3:]])
+        measured = ahead.apply(source.T_world_sensor.translation - target.T_world_sensor.translation)
+        both = np.minimum(np.hypot(target.sigmas, source.sigmas), _UNMEASURED)
+        turned: np.ndarray = ahead.as_matrix() ** 2
+        sigmas = np.array([both[2], *np.sqrt(turned @ both[3:] ** 2)])
         headed = sigmas[0] < expected[0]
         if not headed:
             expected_turn = twist(R_target * Rotation.from_rotvec(self.rotation))

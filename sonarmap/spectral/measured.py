@@ -25,7 +25,7 @@ def twist(R: Rotation) -> np.ndarray:
 
 def level_covariance(prior: PosePrior, turn: float | np.ndarray = 0.0) -> np.ndarray:
     """(2, 2), or (N, 2, 2) for N turns: of the errors of roll and pitch in the world [rad^2], turned about z."""
-    angle = np.asarray(turn) + twist(prior.T_world_sensor.rotation)
+    angle = (np.asarray(turn) + twist(prior.T_world_sensor.rotation)) * prior.turned
     axes = np.moveaxis(np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]), (0, 1), (-2, -1))
     return axes * prior.sigmas[:2] ** 2 @ np.swapaxes(axes, -1, -2)
 

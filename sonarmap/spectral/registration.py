@@ -103,6 +103,7 @@ class SpectralRegistrar(GridRegistrar):
         second = second_edge(grid.edge)
         plan = None if second is None else partial(SpectralRegistrar, device, Grid(second, 1.0), self.config)
         self._plan_second = None if plan is None else cache(plan)  # when a pair is first looked at again
+        self._voxel_of_survey: float | None = None  # [m], of the first look; None where this is it
 
     def prepare(self, scan: Scan) -> SpectralScan:
         """A scan's spectra, its layers' harmonics, its surface and its view; InputError where it shows too little."""
@@ -158,9 +159,8 @@ class SpectralRegistrar(GridRegistrar):
         if not (first.probability and covers(first.covariance, first.T_target_source, second.T_target_source)):
             return second
         believed = second.probability >= self.config.least_probability
-        return replace(
-            first, probability=second.probability, accepted=believed and first.is_fixed, reason=second.reason
-        )
+        merged = first.with_probability(second.probability)
+        return replace(merged, accepted=believed and first.is_fixed, reason=second.reason)
 
     def _looked_at_again(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration | None:
         """The answer on the coarser grid; None if there is none, or if a scan shows too little on it."""
@@ -178,7 +178,9 @@ class SpectralRegistrar(GridRegistrar):
         if self._plan_second is None:
             return None
         planned = self._plan_second()
-        return planned.with_voxel(self.grid.extent / planned.grid.edge)
+        second = planned.with_voxel(self.grid.extent / planned.grid.edge)
+        second._voxel_of_survey = self._voxel_of_survey or self.grid.voxel
+        return second
 
     def _prepare_second(self, scan: Scan) -> SpectralScan | None:
         """The scan for the second look; None where it shows too little on a coarser grid, as a low relief does."""
@@ -242,7 +244,8 @@ class SpectralRegistrar(GridRegistrar):
 
     def _conclude(self, test: HypothesisTest, hypotheses: Sequence[Hypothesis], seen: Observability) -> Registration:
         """The registration, from all that was measured of its hypotheses and, of the best, along its directions."""
-        return conclude(test, hypotheses, seen, self.config.least_probability)
+        voxel = self._voxel_of_survey or self.grid.voxel
+        return conclude(test, hypotheses, seen, self.config.least_probability, voxel)
 
     def _coarsen(self, volume: Prepared) -> CoarseVolume:
         """The scan on the coarse grid."""

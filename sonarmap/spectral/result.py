@@ -87,6 +87,12 @@ class Registration:
         """Whether it has found the place, though it may leave a direction open there."""
         return self.probability >= FITTED["acceptance"]["place"]
 
+    def with_probability(self, probability: float) -> Registration:
+        """The same answer with another probability; what that leaves, its alternatives share as before."""
+        left = (1 - probability) / (1 - self.probability) if self.probability < 1 else 0.0
+        others = tuple(replace(other, probability=left * other.probability) for other in self.alternatives)
+        return replace(self, probability=probability, alternatives=others)
+
     @property
     def by_scans(self) -> Registration:
         """The same registration without what instruments said of the pose; they still found it and judged it."""

@@ -20,7 +20,8 @@ class PosePrior:
       is the twist of R_measured about the vertical (R_measured = Rz(h) S, S about a level axis). The roll error is
       thus about the sensor's x axis brought level by the shortest turn, the pitch error about its y axis brought level
       likewise, the heading error about the world's vertical. Near level these are the errors of roll, pitch and yaw;
-      unlike those the three stay perpendicular however the sensor is tilted (but for upside down).
+      unlike those the three stay perpendicular however the sensor is tilted (but for upside down). Where `turned` is
+      False, h is 0: the errors are about the world's axes.
     - translation: along the world's East, North and Up [m].
 
     This is not the tangent of a `Registration`'s covariance, which perturbs on the right, in the sensor's own frame.
@@ -30,6 +31,7 @@ class PosePrior:
             is not used, and best left at 0.
         sigmas: (6,) float64 standard deviations, rotation first: roll, pitch, heading [rad], then East, North, Up [m];
             inf where not measured. Roll and pitch are known both or neither, East and North likewise.
+        turned: whether roll and pitch err about axes that are turned with the heading, as instruments do.
 
     Raises:
         InputError: a stack of poses, a pose that is not finite, or sigmas of another shape, NaN, not above 0, or of
@@ -38,6 +40,7 @@ class PosePrior:
 
     T_world_sensor: RigidTransform
     sigmas: np.ndarray
+    turned: bool = True
 
     def __post_init__(self) -> None:
         T = self.T_world_sensor

@@ -1,6 +1,7 @@
 """A fine grid's second look at a pair, with voxels twice as large, which noise hides less."""
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from sonarmap.spectral.judge.judgement import no_candidates
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
 from tests.samples.scenes.structures import assert_near, structure
 
 EDGE, EXTENT = 192, 25.6
@@ -102,7 +104,8 @@ def test_of_the_same_place_the_finer_grid_knows_the_pose(monkeypatch: pytest.Mon
         T = RigidTransform.from_translation([0.0, 0.1 if fine else 0.4, 0.0])
         covariance = np.diag(np.full(6, sigma**2))
         answered = replace(no_candidates(1.0), T_target_source=T, covariance=covariance, evidence=(("fixed", 0.99),))
-        return replace(answered, probability=0.3 if fine else 0.95, accepted=not fine)
+        other = replace(answered, probability=0.6 if fine else 0.04)
+        return replace(answered, probability=0.3 if fine else 0.95, accepted=not fine, alternatives=(other,))
 
     registrar = SpectralRegistrar(choose_device(), Grid(64, EXTENT / 64))
     registrar._warm = True  # pyright: ignore[reportPrivateUsage]
@@ -111,4 +114,21 @@ def test_of_the_same_place_the_finer_grid_knows_the_pose(monkeypatch: pytest.Mon
     found = registrar.register(scan, scan)
     np.testing.assert_allclose(found.T_target_source.translation[1], 0.1 if same else 0.4)
     assert (found.probability, found.accepted) == (0.95, True)
+    assert found.probability + sum(other.probability for other in found.alternatives) <= 1
     assert found.reason.startswith("with voxels of 0.8 m")
+
+
+def test_a_pose_is_fixed_by_the_survey_s_voxel_on_both_grids(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is accepted promises the same number of meters, whichever look accepts it."""
+    monkeypatch.setattr("sonarmap.spectral.registration.second_edge", {64: 32, 32: None}.get)
+    judged: list[tuple[int, float]] = []
+
+    def conclude(test: HypothesisTest, *_: object) -> Registration:
+        judged.append((test.grid.edge, cast(float, _[-1])))
+        return replace(no_candidates(1.0), probability=0.1)
+
+    monkeypatch.setattr("sonarmap.spectral.registration.conclude", conclude)
+    registrar = SpectralRegistrar(choose_device(), Grid(64, EXTENT / 64)).with_voxel(0.3)
+    scan = registrar.prepare(Scan(structure(4, 3000)))
+    registrar.register(scan, scan)
+    assert set(judged) == {(64, 0.3), (32, 0.3)}

@@ -4,10 +4,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.tangent import propagated
+from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior, Scan
 
 _FEWEST = 50  # points of a key scan's own
@@ -92,7 +93,9 @@ class SurveyedMap:
         if not self.measured.any():
             return None
         R = np.zeros((6, 6))
-        R[:3, :3] = R[3:, 3:] = T_map_sensor.rotation.as_matrix()
+        R[3:, 3:] = T_map_sensor.rotation.as_matrix()
+        heading = Rotation.from_euler("Z", twist(T_map_sensor.rotation))  # a prior's roll and pitch are turned by it
+        R[:3, :3] = heading.as_matrix().T @ R[3:, 3:]
         sigmas = np.hypot(np.sqrt(np.maximum(np.diag(R @ self.covariance_at(T_map_sensor) @ R.T), 0.0)), LEAST)
         known = self.measured.copy()
         known[:2], known[3:5] = known[:2].all(), known[3:5].all()

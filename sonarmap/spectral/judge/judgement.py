@@ -19,19 +19,21 @@ from sonarmap.spectral.verify.pair_frames import PairFrames
 _POSSIBLE = 0.01
 
 
-def conclude(pair: PairFrames, hypotheses: Sequence[Hypothesis], seen: Observability, least: float) -> Registration:
+def conclude(
+    pair: PairFrames, hypotheses: Sequence[Hypothesis], seen: Observability, least: float, voxel: float
+) -> Registration:
     """The registration: the best hypothesis, the first, and beside it every other that cannot be excluded.
 
-    It is accepted where its place has a probability of `least` or more, and its pose is fixed there. The best was
-    `seen` so.
+    It is accepted where its place has a probability of `least` or more, and its pose is fixed there, as the survey's
+    voxel [m] has it, on whichever grid the pair is. The best was `seen` so.
     """
     T = [pair.transform(hypothesis.fit) for hypothesis in hypotheses]
     search = pair.bounds.search(pair.grid.extent)
     covariance = _covariance(pair, hypotheses[0], seen)
     kept, probabilities, given = judge(hypotheses, T, covariance.posterior, seen, pair.grid, search)
-    best = _registration(pair, hypotheses[0], covariance, probabilities[0], least)
+    best = _registration(pair, hypotheses[0], covariance, probabilities[0], least, voxel)
     others = [
-        _registration(pair, hypotheses[n], _covariance(pair, hypotheses[n]), probability, least)
+        _registration(pair, hypotheses[n], _covariance(pair, hypotheses[n]), probability, least, voxel)
         for n, probability in zip(kept[1:], probabilities[1:], strict=True)
         if probability >= _POSSIBLE
     ]
@@ -62,13 +64,18 @@ def judge(
 
 
 def _registration(
-    pair: PairFrames, hypothesis: Hypothesis, covariance: PoseCovariance, probability: float, least: float
+    pair: PairFrames,
+    hypothesis: Hypothesis,
+    covariance: PoseCovariance,
+    probability: float,
+    least: float,
+    voxel: float,
 ) -> Registration:
     """One hypothesis, right with this probability, as a registration between the sensor frames."""
     fit, evidence = hypothesis.fit, hypothesis.evidence
     T, measured = pair.transform(fit), fit.prior is not None
     refusal = pair.bounds.refusal(T)
-    fixed = fixed_probability(covariance.posterior, pair.grid.voxel, covariance.by_instruments)
+    fixed = fixed_probability(covariance.posterior, voxel, covariance.by_instruments)
     is_fixed = fixed >= FITTED["acceptance"]["fixed"]
     stretch = () if fit.stretch is None else (("stretch", float(fit.stretch[0] - fit.stretch[1])),)
     words = explain(hypothesis, probability, least, is_fixed)

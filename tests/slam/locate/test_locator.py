@@ -10,7 +10,7 @@ from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.locate.located import Located
 from sonarmap.slam.locate.locator import Locator
-from sonarmap.slam.locate.surveyed_map import SurveyedMap, View
+from sonarmap.slam.locate.surveyed_map import LEAST, SurveyedMap, View
 from sonarmap.spectral.grid import choose_grid
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import PosePrior, Scan
@@ -145,3 +145,13 @@ def test_a_map_without_points_is_refused() -> None:
     few = map_of(clutter()[:90].astype(np.float64), T_WORLD_SENSOR[:3])
     with pytest.raises(InputError, match="50 points of its own"):
         few.key_scans()
+
+
+def test_a_prior_from_the_map_errs_about_axes_that_are_turned_with_the_heading() -> None:
+    """As every prior does: an error about the sensor's forward axis is one of roll wherever it heads."""
+    sigmas = np.array([0.01, 0.1, 0.05, 0.2, 1.0, 0.5])
+    at = RigidTransform.from_rotation(Rotation.from_euler("Z", [90.0], degrees=True))
+    surveyed = SurveyedMap(np.zeros((1, 3)), np.zeros(1, int), at, np.diag(sigmas**2)[None], VOXEL, np.full(6, True))
+    prior = surveyed.prior_at(at[0])
+    assert prior is not None
+    np.testing.assert_allclose(prior.sigmas, np.hypot(sigmas[[0, 1, 2, 4, 3, 5]], LEAST), rtol=1e-6)

@@ -122,3 +122,25 @@ def test_pose_and_covariance_are_those_of_the_scans_of_the_alternatives_too() ->
 def test_without_instruments_it_is_the_registration_itself() -> None:
     given = registration(0, by_scans=False, alternatives=(registration(1, by_scans=False),))
     assert given.by_scans is given
+
+
+@pytest.mark.parametrize("leveled", [False, True])
+@pytest.mark.parametrize("heading", [0.0, 45.0, 90.0, 200.0])
+def test_chi_squared_is_the_same_at_all_headings(leveled: bool, heading: float) -> None:
+    """An error of one standard deviation about or along an axis of the target counts 1, however both scans lie."""
+    turn = Rotation.from_euler("Z", heading, degrees=True)
+    expected = ExpectedPose(turn.as_rotvec(), np.array([2.0, -0.7, 0.3]), np.array([0.002, 0.06, 0.03, 0.1, 3.0, 0.5]))
+    own = {"sigma": 1e-3} if leveled else {"sigma": np.inf}
+    at = RigidTransform.from_rotation(turn)
+    target, source = expected.priors(measured(at, 0, 1, **own), measured(at, 0, 1, **own))
+    prior = relative_prior(target, source)
+    assert prior is not None
+    T = expected.T_target_source
+    for axis in range(6):
+        if leveled and axis < 2:
+            continue  # the instruments know the tilt
+        error = np.zeros(6)
+        error[axis] = expected.sigmas[axis]
+        off = RigidTransform.from_components(T.translation + error[3:], Rotation.from_rotvec(error[:3]) * T.rotation)
+        assert prior.normalized(off) == (pytest.approx(1.0, rel=0.02), 6), axis
+        assert prior.allows(off.rotation)
