@@ -213,6 +213,7 @@ def read_navigation(
     T_vehicle_sensor: RigidTransform | None = None,
     heading_reference: str = "true",
     declination: float | None = None,
+    nmea_talker: str | None = None,
 ) -> "Navigated":
     """Scans with what instruments measured of their poses, as `sonarmap map --priors` reads it (docs/navigation.md).
 
@@ -230,6 +231,7 @@ def read_navigation(
             navigation is the sonar's.
         heading_reference: North of its headings: "true" or "grid".
         declination: to be added to magnetic headings [rad], East positive; None where they are not.
+        nmea_talker: of NMEA sentences, those that count, as "GP,HE"; None for all, which have to agree.
 
     Returns:
         The scans, and where their world lies on the Earth, which `write_map` takes.
@@ -241,7 +243,7 @@ def read_navigation(
 
     from sonarmap.tools.files.readers.instruments import COLUMNS
     from sonarmap.tools.files.readers.navigation.priors import navigate
-    from sonarmap.tools.files.readers.navigation.settings import Mount, NavigationSettings
+    from sonarmap.tools.files.readers.navigation.settings import Mount, NavigationSettings, parse_talkers
 
     require_type("T_vehicle_sensor", [T_vehicle_sensor], RigidTransform, None)
     require_type("origin", [origin], Georeference, None)
@@ -261,6 +263,7 @@ def read_navigation(
         frame=frame,
         mount=None if T_vehicle_sensor is None else Mount(T_vehicle_sensor),
         sigmas=defaults,
+        talkers=() if nmea_talker is None else parse_talkers(nmea_talker),
     )
     return navigate(as_survey(scans), Path(path), settings)
 

@@ -155,6 +155,9 @@ class NavigationReading:
     heading_reference: str | None = _rare(
         "NAME", "North of its headings: true or grid.", shown="true", autocompletion=completes(("true", "grid"))
     )
+    nmea_talker: str | None = _rare(
+        "AA,...", "Of NMEA sentences, those whose places and headings count, as GP,HE.", shown="all that agree"
+    )
     magnetic_declination: float | None = _rare("DEG", "Its headings are magnetic: add DEG to them, East positive.")
 
     def settings(self, *files: Path | None, origin: "Georeference | None" = None) -> "NavigationSettings":
@@ -162,7 +165,12 @@ class NavigationReading:
 
         Raises InputError: what the options say cannot be, or there is no file that they could be of.
         """
-        from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns, parse_mount
+        from sonarmap.tools.files.readers.navigation.settings import (
+            NavigationSettings,
+            parse_columns,
+            parse_mount,
+            parse_talkers,
+        )
 
         if (said := given(self)) and not any(files):
             flag = f"--{next(iter(said)).replace('_', '-')}"
@@ -178,6 +186,8 @@ class NavigationReading:
             frame=frame,
             columns=parse_columns(self.nav_columns or ""),
             mount=None if self.mount is None else parse_mount(self.mount, frame),
+            talkers=() if self.nmea_talker is None else parse_talkers(self.nmea_talker),
+            are_shared=sum(file is not None for file in files) > 1,
         )
 
 

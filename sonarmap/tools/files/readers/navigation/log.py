@@ -11,7 +11,7 @@ from sonarmap.tools.files.readers.navigation.match import SAME_STAMP
 _SERIES = (np.array([0, 1]), np.array([2]), np.array([3, 4]), np.array([5]))
 _HEADING = 2
 # Two measurements this far apart tell what was between them [s].
-_MOST_BETWEEN = 5.0
+MOST_BETWEEN = 5.0
 # A single fix is one of the nearest scan, less sure by what a vehicle does in the time between [m/s].
 _SPEED = 1.0
 
@@ -79,7 +79,7 @@ def _interpolated(
     for near in (before, after):
         same = np.abs(times[near] - stamps) <= SAME_STAMP
         known[same], deviations[same] = values[near[same]], sigmas[near[same]]
-    between = (times[before] < stamps) & (stamps < times[after]) & (times[after] - times[before] <= _MOST_BETWEEN)
+    between = (times[before] < stamps) & (stamps < times[after]) & (times[after] - times[before] <= MOST_BETWEEN)
     between &= np.isnan(known[:, 0])
     a, b = before[between], after[between]
     share = ((stamps[between] - times[a]) / (times[b] - times[a]))[:, None]

@@ -1,13 +1,17 @@
-"""NMEA 0183 sentences: places of GGA or RMC, headings of HDT or THS, dates of RMC and ZDA.
+"""NMEA 0183 sentences: places of GGA and RMC, headings of HDT or THS, dates of RMC and ZDA.
 
-Whatever stands before the $ of a line, as a logger's own time, is passed over, and so are all other sentences.
+Whatever stands before the $ of a line, as a logger's own time, is passed over, and so are all other sentences. The
+first two letters of a sentence name its talker: a receiver, a gyrocompass, the navigation of a vehicle beside a ship.
 """
 
 import re
+from bisect import bisect_left, bisect_right
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import reduce
+from itertools import chain, combinations
 from operator import xor
 from pathlib import Path
 
@@ -16,46 +20,73 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.navigation.clocks.times import DAY, dated, time_of_day
 from sonarmap.tools.files.readers.navigation.earth import local_places
-from sonarmap.tools.files.readers.navigation.log import NavigationLog
+from sonarmap.tools.files.readers.navigation.log import MOST_BETWEEN, NavigationLog, at_scans
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
-from sonarmap.tools.files.readers.navigation.usual import usual_of
+from sonarmap.tools.files.readers.navigation.usual import usual_note, usual_of
 from sonarmap.tools.files.user_file import naming, reading
 
 SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3})((?:,[^,*$\r\n]*)*)\*([0-9A-Fa-f]{2})")
 _STARTS = re.compile(r"\$[A-Z]{5},")
 _COUNTER = re.compile(r"(\d{2,3})(\d\d(?:\.\d*)?)")  # degrees and minutes
 _USED = ("GGA", "RMC", "HDT", "THS", "ZDA")
-# What a fix of GGA is by its quality, as `usual` calls it; of other qualities GNSS.
-_QUALITIES = {"2": "dgnss", "4": "rtk", "5": "rtkfloat"}
+# What a fix is by the quality of GGA or the mode of RMC, as `usual` calls it; of others GNSS
+_KINDS = {"2": "dgnss", "4": "rtk", "5": "rtkfloat", "D": "dgnss", "R": "rtk", "F": "rtkfloat"}
+# Places that no receiver measured, likewise
+_NO_FIX = {"6": "estimated", "7": "manual", "8": "simulated", "E": "estimated", "M": "manual", "S": "simulated"}
+_COMPASS = "gyro"  # what sends headings, likewise
+_DEGREE = 111_195.0  # meters of latitude, on a sphere
+_CONTRADICTED = 3.0  # standard deviations between two talkers, in the median, that are not of one vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class _Said:
+    """What a sentence says of the place, or of the heading."""
+
+    line: int
+    talker: str
+    sentence: str  # the three letters behind the talker
+    values: tuple[float, float, float]  # heading, longitude, latitude [deg]; NaN where it says none
+    kind: str = ""  # of a fix, as `usual` calls it
+
+
+_Row = tuple[_Said, float]  # and its time [s, UTC]
 
 
 @dataclass(slots=True)
 class _Sentences:
-    """What was read so far: of each kind the lines, and what they say."""
+    """What was read so far, of the talkers that count (all if none is named)."""
 
+    talkers: tuple[str, ...]
     timed: list[tuple[int, float, float]] = field(default_factory=list)  # line, second of the day, Unix day or NaN
-    # line, latitude, longitude [deg], and what it is as `usual` calls it
-    places: dict[str, list[tuple[int, float, float, str]]] = field(default_factory=lambda: {"GGA": [], "RMC": []})
-    headings: list[tuple[int, float]] = field(default_factory=list)
+    said: list[_Said] = field(default_factory=list)
     left: Counter[str] = field(default_factory=Counter)
     damaged: int = 0
     unfixed: int = 0
+    unmeasured: Counter[str] = field(default_factory=Counter)  # by the words of _NO_FIX
 
 
 def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes: list[str]) -> NavigationLog:
-    """The places and headings of a file of sentences. `scans`: (N,) stamps of the scans [s], for sentences without a
-    date. Raises InputError: it cannot be read, or has neither places nor headings at times."""
+    """The places and headings of a file of sentences, with standard deviations as receivers and gyrocompasses usually
+    err, unless the settings have others. `scans`: (N,) stamps of the scans [s], for sentences without a date. Raises
+    InputError: it cannot be read, has neither places nor headings at times, or its talkers contradict each other."""
     settings.refuse_unused(path, "holds NMEA sentences")
-    read = _Sentences()
+    read = _Sentences(settings.talkers)
     with reading(path), path.open(encoding="latin-1") as file:
         for number, line in enumerate(file, 1):
             _read_line(number, line, read)
-    if not (any(read.places.values()) or read.headings) or not read.timed:
+    unmeasured = [f"{count} {kind}" for kind, count in sorted(read.unmeasured.items())]
+    if not read.said or not read.timed:
+        of = f" of {', '.join(read.talkers)} (--nmea-talker)" if read.talkers else ""
         raise InputError(
-            f"{path} has no sentence with a fix or a heading and a time ({read.damaged} have a wrong checksum, "
-            f"{read.unfixed} are without a fix); wanted GGA or RMC, and HDT"
+            f"{path} has no sentence{of} with a fix or a heading and a time ({read.damaged} have a wrong checksum, "
+            f"{', '.join([f'{read.unfixed} are without a fix', *unmeasured])}); wanted GGA or RMC, and HDT"
         )
-    _say(path, read, notes)
+    if read.damaged:
+        notes.append(f"{path}: {read.damaged} sentences have a wrong checksum or field and are left out")
+    if read.unfixed:
+        notes.append(f"{path}: {read.unfixed} sentences are without a fix, a heading or a time")
+    if unmeasured:
+        notes.append(f"{path}: places that no receiver measured are left out: {', '.join(unmeasured)}")
     return _log(path, read, settings, scans, notes)
 
 
@@ -64,35 +95,39 @@ def _read_line(number: int, line: str, read: _Sentences) -> None:
     whole = [match for match in matches if reduce(xor, match[0][1:-3].encode("latin-1"), 0) == int(match[4], 16)]
     read.damaged += max(len(_STARTS.findall(line)), len(matches)) - len(whole)
     for match in whole:
-        kind, fields = match[2], match[3].split(",")[1:]
-        if kind not in _USED:
-            read.left[kind] += 1
-            continue
+        talker, kind, fields = match[1], match[2], match[3].split(",")[1:]
         try:
-            _take(number, kind, fields, read)
+            said = _taken(number, kind, fields, read) if kind in _USED else None
         except (ValueError, IndexError, OverflowError):
             read.damaged += 1
+            continue
+        if kind not in _USED:
+            read.left[kind] += 1
+        elif said is not None and read.talkers and talker not in read.talkers:
+            read.left[f"{talker}{kind}"] += 1
+        elif said is not None:
+            read.said.append(replace(said, talker=talker))
 
 
-def _take(number: int, kind: str, fields: list[str], read: _Sentences) -> None:
-    """One sentence; ValueError, IndexError or OverflowError where its fields are not as they should be."""
+def _taken(number: int, kind: str, fields: list[str], read: _Sentences) -> _Said | None:
+    """What one sentence says, of no talker yet, and its time; ValueError, IndexError or OverflowError where its fields
+    are not as they should be."""
     if kind in ("HDT", "THS"):
         is_valid = kind == "HDT" or fields[1] == "A"
         heading = float(fields[0] or np.nan)
-        if not (is_valid and np.isfinite(heading)):
-            read.unfixed += 1
-        elif 0 <= heading <= 360:
-            read.headings.append((number, heading))
-        else:
+        if is_valid and 0 <= heading <= 360:
+            return _Said(number, "", kind, (heading, np.nan, np.nan))
+        if is_valid and np.isfinite(heading):
             raise ValueError
-        return
+        read.unfixed += 1
+        return None
     if not fields[0]:
         read.unfixed += 1  # before the receiver knows the time
-        return
+        return None
     of_day = time_of_day(fields[0])
     if of_day is None:
         raise ValueError
-    day, place, kind_of_fix = np.nan, None, "gnss"
+    day, said = np.nan, None
     if kind == "ZDA" and all(fields[1:4]):
         day = _day(int(fields[3]), int(fields[2]), int(fields[1]))
     if kind == "RMC" and fields[8]:
@@ -100,15 +135,22 @@ def _take(number: int, kind: str, fields: list[str], read: _Sentences) -> None:
         year = int(date[4:6])
         day = _day(year + (2000 if year < 80 else 1900), int(date[2:4]), int(date[:2]))
     if kind != "ZDA":
-        is_fixed, k = (fields[5] not in ("", "0"), 1) if kind == "GGA" else (fields[1] == "A", 2)
-        if kind == "GGA":
-            kind_of_fix = _QUALITIES.get(fields[5], "gnss")
-        if is_fixed:
-            place = (_angle(fields[k], fields[k + 1], "NS"), _angle(fields[k + 2], fields[k + 3], "EW"))
-        read.unfixed += not is_fixed
+        said = _place(number, kind, fields, read)
     read.timed.append((number, of_day, day))
-    if place is not None:
-        read.places[kind].append((number, *place, kind_of_fix))
+    return said
+
+
+def _place(number: int, kind: str, fields: list[str], read: _Sentences) -> _Said | None:
+    """Of GGA or RMC; None without a fix."""
+    k, quality = (1, fields[5]) if kind == "GGA" else (2, "".join(fields[11:12]))  # RMC has a mode since version 2.3
+    if quality in _NO_FIX:
+        read.unmeasured[_NO_FIX[quality]] += 1
+    elif (quality in ("", "0")) if kind == "GGA" else (fields[1] != "A"):
+        read.unfixed += 1
+    else:
+        latitude, longitude = _angle(fields[k], fields[k + 1], "NS"), _angle(fields[k + 2], fields[k + 3], "EW")
+        return _Said(number, "", kind, (np.nan, longitude, latitude), _KINDS.get(quality, "gnss"))
+    return None
 
 
 def _day(year: int, month: int, day: int) -> float:
@@ -125,53 +167,89 @@ def _angle(digits: str, half: str, halves: str) -> float:
     return angle if half == halves[0] else -angle
 
 
-def _say(path: Path, read: _Sentences, notes: list[str]) -> None:
-    if read.damaged:
-        notes.append(f"{path}: {read.damaged} sentences have a wrong checksum or field and are left out")
-    if read.unfixed:
-        notes.append(f"{path}: {read.unfixed} sentences are without a fix, a heading or a time")
-    left = dict(read.left)
-    if read.places["GGA"] and read.places["RMC"]:
-        left["places of RMC"] = len(read.places["RMC"])
-    if left:
-        notes.append(f"{path}: not used: {', '.join(f'{count} {kind}' for kind, count in sorted(left.items()))}")
-
-
 def _log(
     path: Path, read: _Sentences, settings: NavigationSettings, scans: np.ndarray, notes: list[str]
 ) -> NavigationLog:
     """Rows of places and of headings, each at its time."""
-    places = read.places["GGA"] or read.places["RMC"]
     timed = np.array(read.timed)
-    times = _dates(timed, path, scans, notes)
-    at = dict(zip(timed[:, 0].astype(int).tolist(), times.tolist(), strict=True))
-    values = np.full((len(places) + len(read.headings), 6), np.nan)
-    stamps = np.empty(len(values))
-    lines = np.array([row[0] for row in (*places, *read.headings)], np.int64)
-    sigmas = np.full_like(values, np.nan)
-    usual = {kind: usual_of("x_m", [kind]) for *_, kind in places} if "x_m" not in (settings.sigmas or {}) else {}
-    for k, (line, latitude, longitude, kind) in enumerate(places):
-        values[k, 3:5], stamps[k] = (longitude, latitude), at[line]
-        if (found := usual.get(kind)) is not None:
-            sigmas[k, 3:5] = found[1]
-    if usual:
-        counts = Counter(kind for *_, kind in places)
-        said = [f"{counts[kind]} of {found[0].name} ({found[1]:g} m)" for kind, found in usual.items() if found]
-        notes.append(f"{path}: fixes by what the receiver says of them: {', '.join(said)}; --prior-sigmas gives others")
-    if read.headings:
-        values[len(places) :, 2] = [heading for _, heading in read.headings]
-        # a heading has no time of its own: it is placed between the sentences that have one, by its line
-        stamps[len(places) :] = np.interp(lines[len(places) :], timed[:, 0], times)
+    # a heading has no time of its own: it is placed between the sentences that have one, by its line
+    times = np.interp([said.line for said in read.said], timed[:, 0], _dates(timed, path, scans, notes))
+    rows = list(zip(read.said, times.tolist(), strict=True))
+    count, talkers = len(rows), list(dict.fromkeys(said.talker for said in read.said))
+    by_talker = {talker: _without_rmc([row for row in rows if row[0].talker == talker]) for talker in talkers}
+    _refuse_contradictions(path, {talker: _arrays(own, settings) for talker, own in by_talker.items()})
+    rows = _without_rmc(sorted(chain.from_iterable(by_talker.values()), key=lambda row: row[0].line))
+    read.left["places of RMC"] += count - len(rows)
+    if left := sorted((+read.left).items()):
+        notes.append(f"{path}: not used: {', '.join(f'{count} {kind}' for kind, count in left)}")
+    _say_sigmas(path, [said for said, _ in rows], settings, notes)
+    (times, values, sigmas), georeference = _arrays(rows, settings), None
+    if np.isfinite(values[:, 3]).any():
+        with naming(path):
+            values, georeference = local_places(values, True, settings, notes)
+    lines, keys = np.array([said.line for said, _ in rows], np.int64), tuple(f"{time:.3f}" for time in times.tolist())
+    return NavigationLog("stamp", lines, keys, times, values, sigmas, georeference)
+
+
+def _without_rmc(rows: list[_Row]) -> list[_Row]:
+    """The rows without places of RMC at the time of a GGA, which says more of a fix, or between two near ones."""
+    gga = sorted(time for said, time in rows if said.sentence == "GGA")
+
+    def is_beside(time: float) -> bool:
+        before, after = bisect_right(gga, time) - 1, bisect_left(gga, time)
+        return before >= 0 and after < len(gga) and gga[after] - gga[before] <= MOST_BETWEEN
+
+    return [row for row in rows if row[0].sentence != "RMC" or not is_beside(row[1])]
+
+
+def _arrays(rows: Sequence[_Row], settings: NavigationSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times (n,), and values and standard deviations (n, 6) as `NavigationLog` has them, with longitude and latitude
+    [deg] in place of x and y."""
+    values = np.full((len(rows), 6), np.nan)
+    values[:, 2:5] = [said.values for said, _ in rows]
+    return np.array([time for _, time in rows]), values, np.array([_sigmas(said, settings) for said, _ in rows])
+
+
+def _sigmas(said: _Said, settings: NavigationSettings) -> list[float]:
+    """(6,) standard deviations of what was said, in the order of COLUMNS; NaN for all else."""
+    column, named = ("x_m", said.kind) if said.kind else ("heading_deg", _COMPASS)
+    sigma = settings.sigmas.get(column, np.nan)
+    if np.isnan(sigma) and (usual := usual_of(column, [named])) is not None:
+        sigma = usual[1]
+    return [np.nan, np.nan, *([np.nan, sigma, sigma] if said.kind else [sigma, np.nan, np.nan]), np.nan]
+
+
+def _say_sigmas(path: Path, kept: Sequence[_Said], settings: NavigationSettings, notes: list[str]) -> None:
+    counts = Counter(said.kind for said in kept)
+    if counts.pop("", 0):
         notes.append(
             f"{path}: its headings have no time; they are placed by their lines, between the sentences with times"
         )
-    georeference = None
-    if places:
-        with naming(path):
-            values, georeference = local_places(values, True, settings, notes)
-    order = np.argsort(lines, kind="stable")
-    keys = tuple(f"{stamp:.3f}" for stamp in stamps[order].tolist())
-    return NavigationLog("stamp", lines[order], keys, stamps[order], values[order], sigmas[order], georeference)
+        if "heading_deg" not in settings.sigmas and (usual := usual_of("heading_deg", [_COMPASS])) is not None:
+            notes.append(f"{path}: {usual_note({'heading_deg': usual})}")
+    if counts and "x_m" not in settings.sigmas:
+        usual = {kind: usual_of("x_m", [kind]) for kind in counts}
+        said = [f"{counts[kind]} of {each[0].name} ({each[1]:g} m)" for kind, each in usual.items() if each]
+        notes.append(f"{path}: fixes by what the receiver says of them: {', '.join(said)}; --prior-sigmas gives others")
+
+
+def _refuse_contradictions(path: Path, logs: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
+    """Refuse places, or headings, of two talkers that are not of one vehicle: at the times of one they differ by more
+    than their standard deviations allow, in the median. The logs are as of `_arrays`."""
+    for (a, of_a), (b, (times, values, sigmas)) in combinations(logs.items(), 2):
+        there, there_sigmas = at_scans(times, *of_a)
+        off, sigma = there - values, np.hypot(there_sigmas, sigmas)
+        off[:, 2] = (off[:, 2] + 180) % 360 - 180
+        off[:, 3:5] *= _DEGREE * np.column_stack([np.cos(np.radians(values[:, 4])), np.ones(len(off))])
+        for columns, what, unit in (([2], "headings", "degrees"), ([3, 4], "positions", "m")):
+            apart = np.linalg.norm(off[:, columns], axis=1)
+            both = np.isfinite(apart)
+            if both.any() and np.median(apart[both] / sigma[both, columns[0]]) > _CONTRADICTED:
+                raise InputError(
+                    f"{path}: the {what} of its talkers {a} and {b} are {np.median(apart[both]):.3g} {unit} apart, in "
+                    f"the median of {both.sum()}, as those of two vehicles are; choose the talkers that count, as in "
+                    f"--nmea-talker {b} (several are separated by commas)"
+                )
 
 
 def _dates(timed: np.ndarray, path: Path, scans: np.ndarray, notes: list[str]) -> np.ndarray:

@@ -3,7 +3,6 @@
 import codecs
 import warnings
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +11,8 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.instruments import COLUMNS, PRIOR_SIGMAS, values_of
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
 from sonarmap.tools.files.readers.navigation.nmea import SENTENCE, read_nmea
-from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings
+from sonarmap.tools.files.readers.navigation.settings import OF_NMEA, OF_TABLES, UP_FRAMES, NavigationSettings
 from sonarmap.tools.files.readers.navigation.table import read_table
-from sonarmap.tools.files.readers.navigation.usual import usual_note, usual_of
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.user_file import reading, require_file
 
@@ -29,27 +27,13 @@ def read_navigation(
     file has none; None where none is needed."""
     beginning = beginning_of(path)
     if SENTENCE.search(beginning):
-        log = _with_usual(read_nmea(path, settings, scans, notes), path, sigmas, notes)
-    elif path.suffix.lower() == ".tum" or _is_tum(beginning):
-        log = _of_tum(path, settings)
-    else:
+        return read_nmea(path, settings, scans, notes)
+    if path.suffix.lower() != ".tum" and not _is_tum(beginning):
+        settings.refuse_unused(path, "holds no NMEA sentences", OF_NMEA)
         return read_table(path, settings, sigmas, scans, notes)
-    unsure = np.isfinite(log.values) & np.isnan(log.sigmas)
-    measured = [COLUMNS[k] for k in np.flatnonzero(unsure.any(axis=0)).tolist()]
-    if sigmas is not None and not set(measured).issubset(sigmas):
+    if sigmas is not None and not set(COLUMNS).issubset(sigmas):
         raise InputError(f"{path} has no standard deviations; give {PRIOR_SIGMAS}")
-    return log
-
-
-def _with_usual(log: NavigationLog, path: Path, sigmas: Mapping[str, float] | None, notes: list[str]) -> NavigationLog:
-    """NMEA with headings as gyrocompasses send them."""
-    headings, found = log.values[:, 2], usual_of("heading_deg", ["gyro"])
-    if sigmas is None or "heading_deg" in sigmas or found is None or not np.isfinite(headings).any():
-        return log
-    notes.append(f"{path}: {usual_note({'heading_deg': found})}")
-    told = log.sigmas.copy()
-    told[np.isfinite(headings), 2] = found[1]
-    return replace(log, sigmas=told)
+    return _of_tum(path, settings)
 
 
 def beginning_of(path: Path) -> str:
@@ -73,7 +57,7 @@ def _is_tum(beginning: str) -> bool:
 
 def _of_tum(path: Path, settings: NavigationSettings) -> NavigationLog:
     """A trajectory: T_world_vehicle, East-North-Up, x forward, y left, z up."""
-    settings.refuse_unused(path, "is a TUM file", UP_FRAMES)
+    settings.refuse_unused(path, "is a TUM file", OF_TABLES + OF_NMEA, UP_FRAMES)
     trajectory = read_tum(path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of scipy: looking straight up or down a rotation has many headings and rolls

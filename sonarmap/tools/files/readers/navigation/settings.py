@@ -2,7 +2,8 @@
 
 import csv
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -22,6 +23,8 @@ NavFrame = Literal["frd", "ned", "flu", "enu"]
 DOWN_FRAMES: tuple[NavFrame, ...] = ("frd", "ned")
 UP_FRAMES: tuple[NavFrame, ...] = ("flu", "enu")
 NAV_FRAMES = DOWN_FRAMES + UP_FRAMES
+OF_TABLES = ("--time-scale", "--nav-columns", "--nav-crs", "--nav-frame", "--magnetic-declination")
+OF_NMEA = ("--nmea-talker",)
 HEADING_REFERENCES = ("true", "grid")
 _MOST_OFFSET = 1e10  # [s]: more than 300 years
 _NOTHING: MappingProxyType[str, str] = MappingProxyType({})
@@ -97,6 +100,9 @@ class NavigationSettings:
     # {column of `tools.files.readers.instruments.COLUMNS`: standard deviation}, of priors where the file has none
     sigmas: Mapping[str, float] = field(default_factory=lambda: _NO_SIGMAS)
     fastest: float = math.inf  # that the vehicle goes [m/s]; rows that ask for more are left out
+    talkers: tuple[str, ...] = ()  # of NMEA sentences, whose places and headings count, as "GP"; empty for all
+    # whether they are of several files, of some of which they may say nothing
+    are_shared: bool = False
 
     def __post_init__(self) -> None:
         _require_one_of("--time-scale", self.time_scale, TIME_SCALES)
@@ -125,16 +131,20 @@ class NavigationSettings:
         """Whether its axes are forward, left, up in East, North, Up: pitch nose down, yaw from East to North."""
         return self.frame in UP_FRAMES
 
-    def refuse_unused(self, path: Path, kind: str, frames: tuple[NavFrame, ...] = NAV_FRAMES) -> None:
-        """Refuse what says nothing of a file of this kind, in words, whose frame may be one of `frames`."""
+    def refuse_unused(
+        self, path: Path, kind: str, unused: Sequence[str] = OF_TABLES, frames: tuple[NavFrame, ...] = NAV_FRAMES
+    ) -> None:
+        """Refuse the options `unused`, which say nothing of a file of this kind, in words, whose frame may be one of
+        `frames`."""
         for option, given in (
             ("--time-scale", self.time_scale not in (None, "utc")),
             ("--nav-columns", bool(self.columns)),
             ("--nav-crs", self.crs is not None),
             ("--nav-frame", self.frame not in (None, *frames)),
             ("--magnetic-declination", self.declination is not None),
+            ("--nmea-talker", bool(self.talkers)),
         ):
-            if given:
+            if given and option in unused and not self.are_shared:
                 raise InputError(f"{path} {kind}, for which {option} has no effect; leave it out")
 
 
@@ -160,6 +170,14 @@ def parse_columns(text: str) -> MappingProxyType[str, str]:
             raise InputError(f"--nav-columns gives {quantity} twice; delete one")
         mapped[quantity] = heading
     return MappingProxyType(mapped)
+
+
+def parse_talkers(text: str) -> tuple[str, ...]:
+    """The talkers of "GP,HE". Raises InputError: not two letters each."""
+    talkers = tuple(part.strip().upper() for part in text.split(","))
+    if not all(re.fullmatch("[A-Z]{2}", talker) for talker in talkers):
+        raise InputError(f"--nmea-talker is {text!r}; wanted the two letters behind the $, as in --nmea-talker GP,HE")
+    return talkers
 
 
 def parse_mount(text: str, frame: NavFrame | None = None) -> Mount:

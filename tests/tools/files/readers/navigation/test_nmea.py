@@ -9,11 +9,14 @@ import pytest
 from pyproj import Geod
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.instruments import COLUMNS
 from sonarmap.tools.files.readers.navigation.priors import navigate
-from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns
+from sonarmap.tools.files.readers.navigation.read import read_navigation
+from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns, parse_talkers
 from sonarmap.tools.files.writers.trajectory import write_tum
+from tests.samples.places import DATA
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import START, read, scans_at
 
@@ -39,7 +42,8 @@ def dive(first: float = START, count: int = 11, dated: bool = True, headings: in
         lines.append(sentence(f"GPGGA,{of_day},6023.{478 + 10 * k:03d}0,N,00519.3260,E,4,12,0.6,2.1,M,44.0,M,,"))
         if dated:
             date = clock.strftime("%d%m%y")
-            lines.append(sentence(f"GNRMC,{of_day},A,6023.4780,N,00519.3260,E,1.0,0.0,{date},,,R"))
+            place = f"6023.{478 + 10 * k:03d}0,N,00519.3260,E"
+            lines.append(sentence(f"GNRMC,{of_day},A,{place},1.0,0.0,{date},,,R"))
         lines += [sentence(f"HEHDT,{(355 + k + (j + 1) / (headings + 1)) % 360:.3f},T") for j in range(headings)]
         lines.append(sentence("SDDBT,30.1,f,9.2,M,5.0,F"))
     return "\r\n".join(lines) + "\r\n"
@@ -154,3 +158,77 @@ def test_receivers_and_gyrocompasses_err_as_usual(tmp_path: Path) -> None:
     assert any("heading 1 degrees (gyrocompass); --prior-sigmas" in note for note in notes)
     given = priors([], NavigationSettings(sigmas={"x_m": 0.7, "y_m": 0.7, "heading_deg": 2.0}))
     np.testing.assert_allclose(given[:, 2:5], [[np.radians(2.0), 0.7, 0.7]] * 3)
+
+
+def _fixes(talker: str, north: float, quality: int = 1, count: int = 20, kind: str = "GGA", first: int = 0) -> str:
+    """Fixes of a second each, so many minutes north of a dive's start."""
+    lines: list[str] = []
+    for k in range(first, first + count):
+        clock = np.datetime64(round((START + k) * 1000), "ms").item()
+        place = f"60{23.478 + north:07.4f},N,00519.3260,E"
+        rmc = f"A,{place},1.0,0.0,{clock.strftime('%d%m%y')},,,{'NADPRFEMS'[quality]}"
+        body = f"{place},{quality},12,0.6,2.1,M,44.0,M,," if kind == "GGA" else rmc
+        lines.append(sentence(f"{talker}{kind},{clock.strftime('%H%M%S.00')},{body}"))
+    return "\n".join([*lines, ""])
+
+
+def _headings(talker: str, heading: float) -> str:
+    return "".join(f"{sentence(f'{talker}HDT,{heading:.1f},T')}\n{_fixes('GP', 0, 4, 1, first=k)}" for k in range(20))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (_fixes("GP", 0) + _fixes("IN", 0.1), "positions of its talkers GP and IN are 185 m apart"),
+        (_fixes("GP", 0) + _fixes("IN", 0.1, kind="RMC"), "positions of its talkers GP and IN are 185 m apart"),
+        (_fixes("GP", 0, 4) + _fixes("GN", 0.001, 4), "positions of its talkers GP and GN are 1.85 m apart"),
+        (_headings("HE", 350) + _headings("IN", 20), "headings of its talkers HE and IN are 30 degrees apart"),
+    ],
+)
+def test_two_vehicles_in_a_log_are_refused(path: Path, text: str, words: str) -> None:
+    given = NavigationSettings(sigmas={})
+    path.write_text(text)
+    with pytest.raises(InputError, match=f"{words}.*--nmea-talker"):
+        navigate(scans_at(START + 3), path, given)
+
+
+def test_the_talkers_of_one_vehicle(path: Path) -> None:
+    """One that is chosen, and receivers that agree."""
+    both, scans = _fixes("GP", 0) + _fixes("IN", 0.1), scans_at(START + 3)
+    _, navigated, notes = read(path, both, NavigationSettings(talkers=parse_talkers("in")), scans=scans)
+    assert navigated.georeference is not None
+    assert navigated.georeference.latitude == pytest.approx(60 + 23.578 / 60, abs=1e-5)
+    assert any("not used: 20 GPGGA" in note for note in notes)
+    values, *_ = read(path, _fixes("GP", 0) + _fixes("GN", 0.001), scans=scans)
+    assert np.abs(values[0, 3:5]).max() < 2.5
+    refuses("no sentence of HE .*with a fix", read, path, both, NavigationSettings(talkers=("HE",)), scans=scans)
+    refuses("--nmea-talker is 'GPS'", parse_talkers, "GPS")
+    table = "stamp,depth_m,depth_sigma_m\n1,2,3\n"
+    refuses("no NMEA sentences.*--nmea-talker has no", read, path, table, NavigationSettings(talkers=("GP",)))
+
+
+@pytest.mark.parametrize("kind", ["GGA", "RMC"])
+def test_places_that_no_receiver_measured(path: Path, kind: str) -> None:
+    false = "".join(_fixes("GP", 9, quality, 3, kind, first=20 + 3 * quality) for quality in (6, 7, 8))
+    scans = scans_at(START + 3, START + 39)
+    values, _, notes = read(path, _fixes("GP", 0, kind=kind) + false, scans=scans)
+    assert np.isfinite(values[:, 3]).tolist() == [True, False]
+    assert any("no receiver measured are left out: 3 estimated, 3 manual, 3 simulated" in note for note in notes)
+    refuses("3 estimated, 3 manual, 3 simulated", read, path, false, scans=scans)
+
+
+def test_rmc_counts_where_gga_is_missing(path: Path) -> None:
+    text = _fixes("GP", 0, 4, 1, first=25) + _fixes("GP", 0, count=50, kind="RMC")
+    values, _, notes = read(path, text, scans=scans_at(START, START + 25, START + 49))
+    assert np.isfinite(values[:, 3:5]).all()
+    assert any("not used: 1 places of RMC" in note for note in notes)
+
+
+def test_a_real_log_of_two_talkers_that_agree() -> None:
+    log = DATA / "real" / "navigation" / "pygpsdata-nmea4.log"
+    if not log.is_file():
+        pytest.skip("shared/data/real/navigation is not beside the checkout")
+    notes = list[str]()
+    found = read_navigation(log, NavigationSettings(), None, np.zeros(0), notes)
+    assert any("2 of GNSS (3 m)" in note for note in notes)
+    assert np.isfinite(found.values[:, 3]).sum() == 2
