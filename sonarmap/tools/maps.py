@@ -200,7 +200,7 @@ def export_map(
 
 @public
 def read_navigation(
-    path: str | os.PathLike[str],
+    logs: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     scans: Iterable[ScanLike] | str | os.PathLike[str],
     *,
     origin: Georeference | None = None,
@@ -218,7 +218,7 @@ def read_navigation(
     """Scans with what instruments measured of their poses, as `sonarmap map --priors` reads it (docs/navigation.md).
 
     Args:
-        path: a CSV, TUM or NMEA 0183 log.
+        logs: a CSV, TUM or NMEA 0183 log, or several, which measured something else or other scans.
         scans: as `map_scans` takes them; rows belong to them by name, stamp or time.
         origin: of the map's frame; None for the first fix, if the file has any on the Earth.
         sigmas: standard deviations where the file has none: roll, pitch, heading [rad], East, North, Up [m].
@@ -245,6 +245,8 @@ def read_navigation(
     from sonarmap.tools.files.readers.navigation.priors import navigate
     from sonarmap.tools.files.readers.navigation.settings import Mount, NavigationSettings, parse_talkers
 
+    paths: list[Any] = [*logs] if isinstance(logs, list | tuple) else [logs]
+    require_type("logs", paths, str, os.PathLike)
     require_type("T_vehicle_sensor", [T_vehicle_sensor], RigidTransform, None)
     require_type("origin", [origin], Georeference, None)
     given = np.full(6, np.nan) if sigmas is None else as_numbers("sigmas", sigmas, (6,), finite=False)
@@ -265,7 +267,7 @@ def read_navigation(
         sigmas=defaults,
         talkers=() if nmea_talker is None else parse_talkers(nmea_talker),
     )
-    return navigate(as_survey(scans), Path(path), settings)
+    return navigate(as_survey(scans), [Path(each) for each in paths], settings)
 
 
 @public

@@ -56,9 +56,9 @@ def navigated_lines(read: "ReadScans", file: PriorsFile, settings: "NavigationSe
     from sonarmap.tools.files.readers.navigation.priors import Navigated
     from sonarmap.tools.files.readers.pings.patches import placed
 
-    if file.priors is not None:
+    if file.priors:
         raise InputError(
-            f"lines of pings bring their own navigation, and --priors {file.priors} would be another; leave it out"
+            f"lines of pings bring their own navigation, and --priors {file.named} would be another; leave it out"
         )
     navigated = Navigated(*placed(read.scans, read.patches, settings.origin, file.sigmas))
     say(f"{len(read.patches):,} of {len(read.scans):,} scans are patches of lines, placed by the lines' navigation")

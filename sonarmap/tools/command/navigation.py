@@ -63,10 +63,12 @@ def parse_prior_sigmas(text: str) -> dict[str, float]:
 class PriorsFile:
     """--priors and --prior-sigmas: what instruments measured of the scans' poses."""
 
-    priors: Path | None = _nav(
+    priors: list[Path] = _nav(
         "FILE",
         "Measured poses: a CSV, TUM or NMEA 0183 log. CSV has name or stamp; roll_deg, pitch_deg, heading_deg, x_m, "
-        "y_m, depth_m; roll_sigma_deg and so on. `sonarmap template` writes such a table to fill in.",
+        "y_m, depth_m; roll_sigma_deg and so on. `sonarmap template` writes such a table to fill in. It may be "
+        "repeated for files that measured something else, or other scans.",
+        [],
     )
     prior_sigmas: str | None = _rare(
         "A,H,D,P",
@@ -78,6 +80,11 @@ class PriorsFile:
     def sigmas(self) -> dict[str, float] | None:
         """What --prior-sigmas says, by the columns' names; None without it."""
         return parse_prior_sigmas(self.prior_sigmas) if self.prior_sigmas else None
+
+    @property
+    def named(self) -> str:
+        """The files, for a message."""
+        return " and ".join(map(str, self.priors))
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,18 +227,17 @@ def scans_with_priors(
     """
     from sonarmap.tools.files.readers.navigation.priors import Navigated, navigate
 
-    priors = file.priors
     own = sum(scan.prior is not None for scan in scans)
-    if priors is None:
+    if not file.priors:
         refuse_without("--priors", {"--prior-sigmas": file.prior_sigmas})
         note = "roll and pitch are those of the recording's own IMU" if use_imu else "their own IMU is not used"
     else:
-        note = f"the recording's own IMU is not used, as {priors} is given"
+        note = f"the recording's own IMU is not used, as {file.named} is given"
     if own:
         say(f"{own:,} of {len(scans):,} scans: {note}")
-    if priors is not None or not use_imu:
+    if file.priors or not use_imu:
         scans = [scan if scan.prior is None else replace(scan, prior=None) for scan in scans]
-    if priors is None:
+    if not file.priors:
         return Navigated(tuple(scans), settings.origin)
     settings = replace(settings, sigmas=file.sigmas or settings.sigmas)
     notes, turn_rates = list[str](), None
@@ -239,11 +245,11 @@ def scans_with_priors(
         from sonarmap.tools.files.readers.sonar.imu import vertical_turn_rates
 
         turn_rates = vertical_turn_rates(files)
-    navigated = navigate(scans, priors, settings, allow_unknown, notes, turn_rates)
+    navigated = navigate(scans, file.priors, settings, allow_unknown, notes, turn_rates)
     bare = [scan.name for scan in navigated.scans if scan.prior is None]
     if bare:
         more = " ..." if len(bare) > 1 else ""
-        notes.append(f"{len(bare)} of {len(scans)} scans have no prior in {priors}: {bare[0]}{more}")
+        notes.append(f"{len(bare)} of {len(scans)} scans have no prior in {file.named}: {bare[0]}{more}")
     for note in notes:
         say(note)
     return navigated

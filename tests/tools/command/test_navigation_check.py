@@ -80,7 +80,7 @@ def test_a_clock_37_seconds_ahead(dive: tuple[tuple[Scan, ...], Path], capsys: p
     scans, path = dive
     nav = path.with_name("nav.csv")
     settings = NavigationReading(nav_offset="auto").settings(nav)
-    navigated = scans_with_priors(scans, PriorsFile(nav), settings, files=[path])
+    navigated = scans_with_priors(scans, PriorsFile([nav]), settings, files=[path])
     priors = [scan.prior for scan in navigated.scans if scan.prior is not None]
     assert len(priors) == len(scans)
     headings = [np.degrees(prior.T_world_sensor.rotation.as_euler("ZYX")[0]) for prior in priors]
@@ -98,4 +98,4 @@ def test_without_an_imu_it_is_refused(dive: tuple[tuple[Scan, ...], Path]) -> No
     bare = written(path.with_name("bare.sonar"), recording(4))
     for files in ((), (bare,), (nav,)):
         with pytest.raises(InputError, match="--nav-offset auto needs the sonar's own turn rates"):
-            scans_with_priors(scans, PriorsFile(nav), settings, files=files)
+            scans_with_priors(scans, PriorsFile([nav]), settings, files=files)

@@ -3,7 +3,7 @@
 
 import tempfile
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -35,16 +35,17 @@ class Navigation:
         """The scans with their priors, and the dead reckoning at their times, as far as the files go. Where one says
         nothing yet, or cannot be read now, the scans stay as they are: the map at the end says what is wrong."""
         odometry, settings = None, self._settings()
-        if self.priors.priors is not None:
-            with suppress(InputError, OSError), _whole_lines(self.priors.priors) as path:
-                scans = navigate(scans, path, settings, allow_unknown=True).scans
+        if self.priors.priors:
+            with suppress(InputError, OSError), ExitStack() as stack:
+                paths = [stack.enter_context(_whole_lines(path)) for path in self.priors.priors]
+                scans = navigate(scans, paths, settings, allow_unknown=True).scans
         if self.odometry.odometry is not None:
             with suppress(InputError, OSError), _whole_lines(self.odometry.odometry) as path:
                 odometry = read_odometry(path, scans, *self.odometry.drift, settings=settings)
         return scans, odometry
 
     def _settings(self) -> NavigationSettings:
-        settings = self.reading.settings(self.priors.priors, self.odometry.odometry)
+        settings = self.reading.settings(*self.priors.priors, self.odometry.odometry)
         return replace(settings, sigmas=self.priors.sigmas or settings.sigmas, fastest=self.fastest)
 
 

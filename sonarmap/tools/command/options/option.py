@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, field, fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, get_origin
+from typing import Annotated, Any, cast, get_origin
 
 import typer
 
@@ -98,10 +98,18 @@ def completes_list(names: Iterable[str]) -> Callable[[str], list[str]]:
 
 
 def given(options: Any) -> dict[str, Any]:
-    """The options of a dataclass, or of a mapping, that were given, by their names and as a summary holds them."""
+    """The options of a dataclass, or of a mapping, that were given, by their names and as a summary holds them: of a
+    list with one entry that."""
     is_mapping = isinstance(options, Mapping)
     values = options if is_mapping else {each.name: getattr(options, each.name) for each in fields(options)}
-    return {name: str(it) if isinstance(it, Path) else it for name, it in values.items() if it is not None}
+    return {name: _held(it) for name, it in values.items() if it is not None and it != []}
+
+
+def _held(value: Any) -> Any:
+    if isinstance(value, list):
+        held = [_held(each) for each in cast("list[Any]", value)]
+        return held[0] if len(held) == 1 else held
+    return str(value) if isinstance(value, Path) else value
 
 
 def refuse_without(needed: str, options: Mapping[str, Any]) -> None:

@@ -109,10 +109,10 @@ def command(
 
     inputs, out = source or [], output.out
     _require_source(inputs, live.replay)
-    if live.nmea is not None and priors.priors is not None:
+    if live.nmea is not None and priors.priors:
         raise InputError("--nmea and --priors both give navigation; leave one out")
     mapper = survey.mapper_settings()
-    known = priors if live.nmea is None else replace(priors, priors=out / NAME)
+    known = priors if live.nmea is None else replace(priors, priors=[out / NAME])
     navigation = Navigation(known, odometry, reading, mapper.limits.speed)
     settings = MappingSettings(
         out,

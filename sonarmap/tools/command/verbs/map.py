@@ -90,9 +90,8 @@ class SurveyInput:
     @property
     def files(self) -> list[Path]:
         """All that are read: scans, navigation, and what a person says."""
-        said = [
-            Path(self.settings[name]) for name in ("priors", "odometry", "ties", "control") if name in self.settings
-        ]
+        values = [self.settings[name] for name in ("priors", "odometry", "ties", "control") if name in self.settings]
+        said = [Path(each) for value in values for each in (value if isinstance(value, list) else [value])]
         return [*self.read.files, *said]
 
 
@@ -155,7 +154,7 @@ def command(
     telling = Telling(time.monotonic(), as_json, verbose, quiet)
     method = checked_method(method, context)
     mapper = survey.mapper_settings()
-    navigation = reading.settings(priors.priors, odometry.odometry, origin=earth.georeference())
+    navigation = reading.settings(*priors.priors, odometry.odometry, origin=earth.georeference())
     navigation = replace(navigation, fastest=mapper.limits.speed)
     corrections = points.corrections()
     if patch_test:
@@ -172,7 +171,7 @@ def command(
     if patch_test:
         settings["patch_test"] = corrections.lines.biases.to_json()
     rates = turn_rates_of(read.files, read.scans) if imu and mapper.straighten else None
-    vet = refusing(read.scans, priors.priors or "what recordings measured") if check_priors else None
+    vet = refusing(read.scans, priors.named or "what recordings measured") if check_priors else None
     survey_input = SurveyInput(
         read, reckoned, ties, control, georeference, configured, settings, vet, corrections.lines, rates
     )
@@ -207,14 +206,14 @@ def _map_and_tell(
 
 
 def _read_scans(
-    inputs: list[str], priors: Path | None, corrections: "Corrections", out: Path, quiet: bool
+    inputs: list[str], priors: list[Path], corrections: "Corrections", out: Path, quiet: bool
 ) -> "ReadScans":
     """The scans that can be read, and a warning for each that cannot."""
     from sonarmap.tools.files.map_folder.names import require_apart
     from sonarmap.tools.files.readers.scans import read_survey
 
     with growing_progress("reading", quiet) as step:
-        read = read_survey(inputs, [priors] if priors else [], step, corrections)
+        read = read_survey(inputs, priors, step, corrections)
     for note in read.notes:
         say(note)
     if read.unread and len(read.scans) < 2:

@@ -66,7 +66,7 @@ def command(
     2 for bad input.
     """
     method = checked_method(method, context)
-    navigation = reading.settings(priors.priors)
+    navigation = reading.settings(*priors.priors)
     pair = _read((target, source), points.corrections(), write)
     scans = scans_with_priors(pair, priors, navigation, imu and method.uses_priors, allow_unknown=True).scans
     configured = configure_method(scans, method)

@@ -26,7 +26,7 @@ def navigation(priors: Path | None = None, odometry: Path | None = None) -> Navi
     return pickle.loads(
         pickle.dumps(
             Navigation(
-                PriorsFile(priors, None if priors is None else "0.5,3,0.1,3"),
+                PriorsFile([] if priors is None else [priors], None if priors is None else "0.5,3,0.1,3"),
                 OdometryFile(odometry),
                 NavigationReading(),
             )

@@ -154,7 +154,7 @@ class TestImuOption:
         self, pair: Path, imu: bool, nav: str | None, words: str, capsys: pytest.CaptureFixture[str]
     ) -> None:
         scans, priors = read_scans([pair / "dive.sonar"]).scans, nav and pair / nav
-        navigated = scans_with_priors(scans, PriorsFile(priors or None), AS_IT_SAYS, imu)
+        navigated = scans_with_priors(scans, PriorsFile([priors] if priors else []), AS_IT_SAYS, imu)
         used = [scan.prior for scan in navigated.scans]
         assert words.format(priors) in " ".join(capsys.readouterr().err.split())
         if nav or not imu:

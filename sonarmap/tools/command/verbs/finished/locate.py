@@ -79,12 +79,12 @@ def command(
     folder = open_map(source, earth)
     surveyed = surveyed_map(folder)
     projection = earth.projection(folder.georeference if folder.on_earth(folder.parts[0]) else None)
-    if priors.priors is not None and not surveyed.measured.any():
+    if priors.priors and not surveyed.measured.any():
         raise InputError(f"--priors has no effect in {source}, whose frame no instrument measured; leave it out")
     read = read_scans(inputs, points.corrections())
     for note in read.notes:
         say(note)
-    navigation = reading.settings(priors.priors, origin=folder.georeference)
+    navigation = reading.settings(*priors.priors, origin=folder.georeference)
     scans = scans_with_priors(read.scans, priors, navigation, imu, allow_unknown=True, files=read.files).scans
     configured = configure_method(surveyed.key_scans(), method, survey=True)
     assert isinstance(configured.registrar, SpectralRegistrar)  # as other methods are refused

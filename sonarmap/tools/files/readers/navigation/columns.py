@@ -41,14 +41,14 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     a misspelled one and refused. In a log other columns are left out, but for those nearly spelled as an own one.
     `sigmas` are {quantity of COLUMNS: standard deviation}, where the file has none; None where none is needed. Raises
     InputError: a column that may be two things, is there twice, or is missing."""
-    mapped = _mapped(header, settings.columns)
+    notes: list[str] = []
+    mapped = _mapped(header, settings, notes)
     taken = {column.index for column in mapped.values()}
     read = (column_of(k, heading) for k, heading in enumerate(header) if k not in taken and heading)
     known = [column for column in read if column is not None and column.quantity not in mapped]
     is_own = not mapped and all(column.is_own for column in known)
     _refuse_misspelled(header, known, mapped, is_own)
     of = {**_each_once(known, is_own), **mapped}
-    notes: list[str] = []
     _choose_heading(of, settings, notes)
     _choose_depth(of, settings)
     _choose_place(of, settings, mapped, notes)
@@ -67,12 +67,15 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     return Columns(of, is_own, tuple(notes), {column: sigma for column, (_, sigma) in usual.items()})
 
 
-def _mapped(header: Sequence[str], wanted: Mapping[str, str]) -> dict[str, Column]:
+def _mapped(header: Sequence[str], settings: NavigationSettings, notes: list[str]) -> dict[str, Column]:
     """What --nav-columns says."""
     of: dict[str, Column] = {}
-    for quantity, heading in wanted.items():
+    for quantity, heading in settings.columns.items():
         exact = [k for k, each in enumerate(header) if each == heading]
         places = exact or [k for k, each in enumerate(header) if each.casefold() == heading.casefold()]
+        if not places and settings.are_shared:
+            notes.append(f"it has no column {heading!r}, of which --nav-columns says that it is {quantity}")
+            continue
         if len(places) != 1:
             raise InputError(
                 f"--nav-columns: {len(places)} columns are called {heading!r}; there are "
@@ -170,9 +173,10 @@ def _choose_place(
     there = [pair for pair in PLACES if pair[0] in of or pair[1] in of]
     wanted = [pair for pair in there if pair[0] in mapped]
     if settings.crs is not None:
-        if PLACES[1] not in there:
+        if PLACES[1] in there:
+            wanted = [PLACES[1]]
+        elif not settings.are_shared:
             raise InputError("--nav-crs has no effect without columns of easting and northing; leave it out")
-        wanted = [PLACES[1]]
     if len(there) > 1 and not wanted and any(of[name].is_own for name in PLACES[2] if name in of):
         raise InputError(
             "there are x_m and y_m beside places on the Earth; say which are meant, as in --nav-columns "

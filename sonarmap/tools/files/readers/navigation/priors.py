@@ -14,7 +14,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.readers.instruments import COLUMNS, prior_of
+from sonarmap.tools.files.readers.instruments import COLUMNS, prior_of, sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.clocks.time_offset import estimate_offset, heading_rates, why_apart
 from sonarmap.tools.files.readers.navigation.columns import some
 from sonarmap.tools.files.readers.navigation.earth import by_the_maps_north, grid_of
@@ -40,23 +40,66 @@ class Navigated:
 
 def navigate(
     scans: Sequence[Scan],
-    path: Path,
+    paths: Path | Sequence[Path],
     settings: NavigationSettings = AS_IT_SAYS,
     allow_unknown: bool = False,
     notes: list[str] | None = None,
     turn_rates: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Navigated:
-    """The scans with their priors from a file of navigation; a scan of which it says nothing has none.
+    """The scans with their priors from one or several files of navigation; a scan of which they say nothing has none.
 
     Args:
+        paths: the files. Each may say something else of a scan, or something of other scans.
         allow_unknown: whether rows may belong to scans that are not among these.
         turn_rates: times by the scans' clock (m,) [s], and the sonar's turn rates about the vertical (m,) [rad/s], from
             which the offset of the navigation's clock is estimated if the settings ask for it.
 
     Raises InputError: naming the file and the line: a column or cell that cannot be used, two rows for one scan, a row
-    that fits no scan or several, or not one that fits any.
+    that fits no scan or several, or not one that fits any; or two files that say the same of a scan.
     """
     notes = [] if notes is None else notes
+    paths = [paths] if isinstance(paths, Path) else paths
+    if len(paths) > 1:
+        scans = [replace(scan, prior=None) for scan in in_turn(scans)]
+    read: list[_OfScans] = []
+    origin = settings.origin
+    for path in paths:
+        own = replace(settings, origin=origin, are_shared=settings.are_shared or len(paths) > 1)
+        read.append(_of_scans(scans, path, own, allow_unknown, notes, turn_rates))
+        origin = read[-1].georeference or origin
+    priors = _merged(scans, paths, [each.priors for each in read])
+    grid = grid_of(settings, origin) if settings.heading_reference == "grid" else None
+    on_earth = [path for path, each in zip(paths, read, strict=True) if each.georeference is not None]
+    for path, each in zip(paths, read, strict=True) if on_earth and settings.origin is None else ():
+        if path not in on_earth and any(prior is not None and prior.knows_position for prior in each.priors):
+            raise InputError(
+                f"{on_earth[0]} has positions on the Earth, and those of {path} count from an origin that it does not "
+                "name; give that, --origin LAT,LON"
+            )
+    if origin is not None and (grid is not None or on_earth):
+        priors = by_the_maps_north(priors, origin, grid)
+    if settings.mount is not None:
+        priors = [prior and settings.mount.of_sensor(prior) for prior in priors]
+    placed = tuple(replace(scan, prior=prior) for scan, prior in in_turn(zip(scans, priors, strict=True)))
+    return Navigated(placed, origin)
+
+
+@dataclass(frozen=True, slots=True)
+class _OfScans:
+    """What one file says."""
+
+    priors: list[PosePrior | None]  # of each scan; of the vehicle, if the sonar's mount is known
+    georeference: Georeference | None  # of x and y; None where the file does not say it
+
+
+def _of_scans(
+    scans: Sequence[Scan],
+    path: Path,
+    settings: NavigationSettings,
+    allow_unknown: bool,
+    notes: list[str],
+    turn_rates: tuple[np.ndarray, np.ndarray] | None,
+) -> _OfScans:
     stamps = np.array([scan.stamp for scan in scans], np.float64)
     log = read_navigation(path, settings, settings.sigmas, stamps, notes)
     offset = _estimated_offset(path, log, turn_rates, notes) if settings.offset is None else settings.offset
@@ -69,14 +112,34 @@ def navigate(
         priors = _from_series(path, log, stamps, notes)
     else:
         priors = _from_rows(scans, path, log, allow_unknown)
-    georeference = log.georeference or settings.origin
-    grid = grid_of(settings, georeference) if settings.heading_reference == "grid" else None
-    if georeference is not None and (grid is not None or log.georeference is not None):
-        priors = by_the_maps_north(priors, georeference, grid)
-    if settings.mount is not None:
-        priors = [prior and settings.mount.of_sensor(prior) for prior in priors]
-    placed = tuple(replace(scan, prior=prior) for scan, prior in in_turn(zip(scans, priors, strict=True)))
-    return Navigated(placed, georeference)
+    return _OfScans(priors, log.georeference)
+
+
+def _merged(
+    scans: Sequence[Scan], paths: Sequence[Path], of_files: Sequence[Sequence[PosePrior | None]]
+) -> list[PosePrior | None]:
+    """The priors of all files together. Raises InputError: two of them measure the same of a scan."""
+    if len(of_files) == 1:
+        return list(of_files[0])
+    values, sigmas = np.full((2, len(paths), len(scans), 6), np.nan)
+    for f, priors in enumerate(of_files):
+        for k, prior in enumerate(priors):
+            if prior is not None:
+                known = np.isfinite(prior.sigmas)
+                values[f, k, known], sigmas[f, k, known] = (
+                    values_of(prior.T_world_sensor)[known],
+                    sigmas_of(prior)[known],
+                )
+    for k, column in np.argwhere(np.isfinite(values).sum(axis=0) > 1).tolist():
+        one, other = [str(path) for path, value in zip(paths, values[:, k, column], strict=True) if np.isfinite(value)][
+            :2
+        ]
+        raise InputError(
+            f"{one} and {other} both give {COLUMNS[column]} of the scan {scans[k].name}; delete that column, or the "
+            "rows, from one of them"
+        )
+    together = zip(np.fmax.reduce(values), np.fmax.reduce(sigmas), strict=True)
+    return [prior_of(*row) if np.isfinite(row[0]).any() else None for row in together]
 
 
 def _estimated_offset(

@@ -4,7 +4,7 @@
 import math
 import shlex
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.report.naming import inputs_of
@@ -38,8 +38,9 @@ def map_command(settings: Mapping[str, Any], georeference: Georeference | None =
     if isinstance(grid, Mapping):
         words += ["--grid", str(grid["edge"]), "--voxel", str(grid["voxel"])]  # pyright: ignore[reportUnknownArgumentType]
     for name, value in settings.items():
-        if name not in _NOT_OPTIONS and isinstance(value, str | int | float):
-            words += _option(f"--{name.replace('_', '-')}", value)
+        for each in cast("list[Any]", value) if isinstance(value, list) else [value]:
+            if name not in _NOT_OPTIONS and isinstance(each, str | int | float):
+                words += _option(f"--{name.replace('_', '-')}", each)
     words += _mapper_words(settings.get("mapper"))
     if georeference is not None and "priors" not in settings:
         words += _origin_words(georeference)

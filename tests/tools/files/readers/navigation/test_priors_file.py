@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, poses_of, prior_of, sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.priors import navigate
-from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
+from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, Mount, NavigationSettings, parse_columns
 from sonarmap.tools.files.writers.priors import write_priors
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import read as read_log
@@ -256,3 +256,52 @@ def test_rows_of_the_scans_themselves_are_no_series(tmp_path: Path) -> None:
     """One row whose stamp is wrong is interpolated, as it was."""
     rows = "0,90,1,,,,,,\n1,91,1,,,,,,\n2.5,92,1,,,,,,\n"
     refuses(r"line 4: no scan has the stamp '2\.5'", interpolated, tmp_path, rows, 0.0, 1.0, 2.0)
+
+
+class TestSeveralFiles:
+    ATTITUDE = f"name,{ATTITUDE}\nfirst,1,2,0.5,0.5\na.ply,3,4,0.5,0.5\n"  # for some of the scans
+    DEPTH = "Time [s],Depth [m],Depth SD [m]\n" + "".join(f"{95 + 2 * k},{k},0.1\n" for k in range(20))
+    PLACES = "stamp,Latitude,Longitude,lat_sigma_m,lon_sigma_m\n100,60,5,1,1\n110,60.001,5,1,1\n120,60.002,5,1,1\n"
+
+    def written(self, folder: Path, *texts: str) -> list[Path]:
+        for k, text in enumerate(texts):
+            (folder / f"log{k}.csv").write_text(text)
+        return [folder / f"log{k}.csv" for k in range(len(texts))]
+
+    @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0)])
+    def test_each_kind_is_taken_from_the_file_that_has_it(self, tmp_path: Path, order: tuple[int, ...]) -> None:
+        paths = self.written(tmp_path, self.ATTITUDE, self.DEPTH, self.PLACES)
+        mount = Mount.of(np.zeros(3), np.array([0.0, 0.0, 1.0]), up=False)
+        navigated = navigate(SCANS, [paths[k] for k in order], NavigationSettings(mount=mount))
+        assert navigated.georeference is not None
+        first, second, third = map(told, navigated.scans)
+        assert [prior.knows_attitude for prior in (first, second, third)] == [True, False, True]
+        np.testing.assert_allclose(values_of(third.T_world_sensor)[:2], [3, 4], atol=1e-9)
+        np.testing.assert_allclose(
+            [values_of(prior.T_world_sensor)[5] for prior in (first, second)], [3.5, 8.5], atol=1e-3
+        )
+        north = [prior.T_world_sensor.translation[1] for prior in (second, third)]
+        np.testing.assert_allclose(north, [111.42, 222.84], atol=0.2)
+
+    @pytest.mark.parametrize(
+        ("texts", "words"),
+        [
+            (
+                (DEPTH, "name,depth_m,depth_sigma_m\na.ply,3,1\n"),
+                "log0.csv and .*log1.csv both give depth_m of the scan a",
+            ),
+            ((DEPTH, DEPTH), "both give depth_m of the scan first"),
+            ((PLACES, "name,x_m,y_m,x_sigma_m,y_sigma_m\na.ply,1,1,1,1\n"), "both give x_m of the scan a"),
+            (
+                (PLACES.replace("100,60,5,1,1\n", ""), "name,x_m,y_m,x_sigma_m,y_sigma_m\nfirst,1,1,1,1\n"),
+                "log0.csv has positions on the Earth, and those of .*log1.csv count from an origin .*--origin",
+            ),
+        ],
+    )
+    def test_files_that_contradict_each_other(self, tmp_path: Path, texts: tuple[str, ...], words: str) -> None:
+        refuses(words, navigate, SCANS, self.written(tmp_path, *texts))
+
+    def test_an_option_of_one_file_is_of_no_other(self, tmp_path: Path) -> None:
+        paths = self.written(tmp_path, self.ATTITUDE, self.DEPTH.replace("Depth [m]", "KP"))
+        navigated = navigate(SCANS, paths, NavigationSettings(columns=parse_columns("depth_m=KP")))
+        assert told(navigated.scans[1]).knows_depth
