@@ -122,8 +122,10 @@ class GrowingMap:
         Raises:
             DeviceError, InputError: the machine failed, or the journal cannot be used.
         """
-        begun, starts = perf_counter(), set(self.tracker.starts)
+        begun = perf_counter()
+        # keys first: the tracker says of a part that it starts before it adds its key scan
         keys: Sequence[Scan] = list(self.tracker.keys)
+        starts = set(self.tracker.starts)
         known = [step for k in range(1, len(keys)) if k not in starts and (step := self.tracker.steps.get(k))]
         if not known:  # nothing that could be joined
             return

@@ -1,6 +1,6 @@
 """Scans placed as they come, by a registrar that knows the truth: the map that grows is that of the poses."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from threading import Thread
 from typing import Any
@@ -286,3 +286,47 @@ def test_too_few_key_scans_decide_nothing(count: int) -> None:
         grown.add(scan)
     grown.decide()
     assert not grown.take_over()
+
+
+class _Watched(list[Any]):
+    """A list that lets another thread go on, once, right after it was copied."""
+
+    then: Callable[[], object] | None = None
+
+    def __iter__(self) -> Iterator[Any]:
+        copy, then, self.then = list[Any](super().__iter__()), self.then, None
+        if then is not None:
+            then()
+        return iter(copy)
+
+
+@pytest.mark.parametrize("copied", ["keys", "starts"])
+def test_no_step_is_taken_over_what_came_between_whenever_a_part_begins(
+    monkeypatch: pytest.MonkeyPatch, copied: str
+) -> None:
+    truth = ring_poses(30, turns=0.6)
+    scans = scans_of(truth)
+    grown, surveys = growing(truth), list[Any]()
+    for scan in scans[:20]:
+        grown.add(scan)
+
+    def begin_part() -> None:
+        grown.tracker.anew = True
+        grown.add(scans[25])
+
+    watched = _Watched(getattr(grown.tracker, copied))
+    watched.then = begin_part
+    setattr(grown.tracker, copied, watched)
+
+    def decided(_: Mapper, keys: Sequence[Scan], of: Sequence[int], *__: object) -> None:
+        surveys.append([(scan.name, int(survey)) for scan, survey in zip(keys, of, strict=True)])
+        raise InterruptedError
+
+    monkeypatch.setattr(Mapper, "decided", decided)
+    with pytest.raises(InterruptedError):
+        grown.decide()
+    assert len(grown.tracker.starts) == 2
+    first = [survey for name, survey in surveys[0] if name != scans[25].name]
+    other = [survey for name, survey in surveys[0] if name == scans[25].name]
+    assert set(first) == {0}
+    assert set(other) <= {1}
