@@ -5,6 +5,7 @@ import asyncio
 import logging
 import secrets
 import socket
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
@@ -26,6 +27,8 @@ from sonarmap.tools.products.live.page import live_page
 MOST_BROWSERS = 8
 LARGEST = 1024  # message from a browser, which has nothing to say [bytes]
 _PATIENCE = 20.0  # for a browser that takes nothing [s]
+_AGAIN = 1.0  # after which a server that has ended begins again [s]
+_ADDRESS_OF = 0x8915  # SIOCGIFADDR of Linux: the address of an interface
 _FAREWELL = 2.0  # for browsers to get the end of the dive [s]
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -54,9 +57,14 @@ class LivePage:
     @property
     def address(self) -> str:
         """What to open in a browser."""
-        host = socket.gethostname() if self._bind in ("0.0.0.0", "::") else self._bind
+        return self.addresses[0]
+
+    @property
+    def addresses(self) -> list[str]:
+        """All under which other computers reach the page; names of computers are known to few networks."""
+        hosts = (_own_addresses() if self._bind in ("0.0.0.0", "::") else []) or [self._bind]
         token = f"?token={self._token}" if self._token else ""
-        return f"http://{f'[{host}]' if ':' in host else host}:{self._port}/{token}"
+        return [f"http://{f'[{host}]' if ':' in host else host}:{self._port}/{token}" for host in hosts]
 
     def __enter__(self) -> Self:
         started: Future[int] = Future()
@@ -91,19 +99,22 @@ class LivePage:
         self._news = asyncio.Event()
 
     def _run(self, started: Future[int]) -> None:
-        try:
-            asyncio.run(self._serve(started))
-        except BaseException as error:  # for whoever waits for the start
-            if started.done():
-                raise
-            started.set_exception(error)
+        """Serve until the end, and again after whatever ends it before."""
+        while not self._ending:
+            try:
+                asyncio.run(self._serve(started))
+            except BaseException as error:  # noqa: BLE001 - at first it is for whoever waits for the start
+                if not started.done():
+                    return started.set_exception(error)
+                time.sleep(_AGAIN)
 
     async def _serve(self, started: Future[int]) -> None:
         self._loop, self._stop, self._news = asyncio.get_running_loop(), asyncio.Event(), asyncio.Event()
         options: dict[str, Any] = {"compression": None, "max_size": LARGEST, "max_queue": 1, "server_header": None}
         options |= {"open_timeout": 5, "close_timeout": 2, "process_request": self._answer, "logger": _quiet}
         async with serve(self._feed, self._bind, self._port, **options) as server:
-            started.set_result(next(iter(server.sockets)).getsockname()[1])
+            if not started.done():
+                started.set_result(next(iter(server.sockets)).getsockname()[1])
             await self._stop.wait()
             self._wake()
             if left := [asyncio.ensure_future(browser.wait_closed()) for browser in server.connections]:
@@ -113,7 +124,7 @@ class LivePage:
         """The page or a refusal; None for a browser that may have the feed."""
         asked = urlsplit(request.path)
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
-        if len(hosts) != 1 or _name_of(hosts[0]) not in self._names(connection):
+        if len(hosts) != 1 or not self._is_own(_name_of(hosts[0]), connection):
             return connection.respond(HTTPStatus.FORBIDDEN, "This page is at another address.\n")
         if self._token is not None:
             given = parse_qs(asked.query).get("token", [""])[0]
@@ -132,10 +143,12 @@ class LivePage:
             return connection.respond(HTTPStatus.FORBIDDEN, "Only the page itself may ask for its feed.\n")
         return None
 
-    def _names(self, connection: ServerConnection) -> set[str]:
-        """By what a browser may call this host: a page of strangers that leads here by DNS has another name."""
+    def _is_own(self, name: str, connection: ServerConnection) -> bool:
+        """Whether a browser may call this host so: a page of strangers that leads here by DNS has another name. Who has
+        the token may call it by its name in any domain, as host.local."""
         reached = str(connection.local_address[0]).removeprefix("::ffff:")
-        return {self._bind.lower(), reached, "localhost"} | ({socket.gethostname().lower()} if self._token else set())
+        own = socket.gethostname().lower().partition(".")[0]
+        return name in {self._bind.lower(), reached, "localhost"} or bool(self._token and name.partition(".")[0] == own)
 
     async def _feed(self, connection: ServerConnection) -> None:
         """Send one browser what it lacks, as fast as it takes it."""
@@ -169,6 +182,19 @@ def _is_loopback(bind: str) -> bool:
     with suppress(ValueError):
         return bind == "localhost" or ip_address(bind).is_loopback
     return False
+
+
+def _own_addresses() -> list[str]:
+    """Of this computer's interfaces, IPv4, but for the loopback's."""
+    addresses = list[str]()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking, suppress(ImportError, OSError):
+        from fcntl import ioctl
+
+        for _, name in socket.if_nameindex():
+            with suppress(OSError):  # without an address
+                answer = ioctl(asking.fileno(), _ADDRESS_OF, name.encode().ljust(40, b"\0"))
+                addresses.append(socket.inet_ntoa(answer[20:24]))
+    return [address for address in addresses if not _is_loopback(address)]
 
 
 def _name_of(host: str) -> str:

@@ -112,6 +112,43 @@ def test_beyond_this_machine_a_token_is_asked_for() -> None:
             pass
 
 
+@pytest.mark.parametrize("name", ["ship", "SHIP", "ship.local", "ship.lan", "ship.boat.example.org"])
+def test_who_has_the_token_may_use_any_name_of_this_computer(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(socket, "gethostname", lambda: "Ship.example")
+    with LivePage("0.0.0.0") as live, LivePage() as alone:
+        parts = urlsplit(live.address)
+        assert answer(live, f"/?{parts.query}", Host=f"{name}:{parts.port}")[0] == 200
+        assert answer(live, "/", Host=name)[0] == 403
+        assert answer(live, f"/?{parts.query}", Host=f"ship7.{name}")[0] == 403
+        assert answer(alone, Host=name)[0] == 403
+
+
+def test_the_addresses_of_a_shared_page_are_numbers_that_reach_it() -> None:
+    with LivePage("0.0.0.0") as live:
+        for address in live.addresses:
+            parts = urlsplit(address)
+            assert re.fullmatch(r"[\d.]+", parts.hostname or "")
+            connection = HTTPConnection(parts.hostname or "", parts.port, timeout=10)
+            connection.request("GET", f"/?{parts.query}")
+            assert connection.getresponse().status == 200
+
+
+def test_a_server_that_has_ended_begins_again_at_the_same_address(
+    live: LivePage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "_AGAIN", 0.1)
+    for _ in range(2):
+        live._loop.call_soon_threadsafe(live._loop.stop)  # asyncio.run raises RuntimeError then
+        live._thread.join(0.3)
+        end = time.monotonic() + 10
+        while time.monotonic() < end:
+            with suppress(OSError):
+                assert still_serves(live)
+                break
+            time.sleep(0.05)
+        assert still_serves(live)
+
+
 def test_garbage_is_refused_and_nothing_falls(live: LivePage, capfd: pytest.CaptureFixture[str]) -> None:
     garbage = os.urandom(1_000_000)
     for sent, why in ((garbage, "."), ("hello", "1008")):
