@@ -30,7 +30,7 @@ _ALL = "config"  # the verb that looks at the settings of all
 # it, as the one that is found in a folder may have come with somebody's scans.
 _WRITES = ("log-file", "out", "to", "write", "picture", "page", "plot", "track")
 _DISCARDS = ("fresh", "overwrite")
-_CONNECTS = ("scheduler", "multicast", "unicast", "interface", "sonar")
+_CONNECTS = ("scheduler", "multicast", "unicast", "interface", "sonar", "nmea", "bind", "port")
 NAMED_ONLY = frozenset((*_WRITES, *_DISCARDS, *_CONNECTS))
 # What a setting of a file needs, so as to say anything: one of these.
 NEEDS: Mapping[str, tuple[str, ...]] = {

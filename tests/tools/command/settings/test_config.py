@@ -177,6 +177,9 @@ class TestInForce:
         assert "sets interface, multicast, overwrite, sonar, unicast, which is left out" in found.stderr
         assert "settings from" not in found.stderr
         assert "sets fresh, which is left out" in run("map", "nowhere", "-o", "out").stderr
+        sets("[live]\nbind = '0.0.0.0'\nnmea = '0.0.0.0:10110'\nport = 8080\n")
+        assert "sets bind, nmea, port, which is left out" in run("live", "nowhere", "-o", "out").stderr
+        sets("[map]\nfresh = true\n")
         named = run("--config", "sonarmap.toml", "map", "nowhere", "-o", "out")
         assert "settings from sonarmap.toml: fresh true\n" in named.stderr
 
@@ -205,6 +208,8 @@ class TestInForce:
         """A new option that writes belongs to NAMED_ONLY; one that reads belongs here."""
         read = {"priors", "odometry", "ties", "control", "like", "map", "surface", "summary", "compare", "from", "onto"}
         assert {entry.key for entry in SETTINGS if entry.kind is Path} - NAMED_ONLY == read
+        network = {entry.key for entry in SETTINGS if re.search("ADDRESS|PORT", entry.parameter.metavar or "")}
+        assert {"bind", "port", "nmea", "multicast", "scheduler"} <= network <= NAMED_ONLY
         assert {entry.key for entry in SETTINGS} >= NAMED_ONLY
 
     @pytest.mark.slow
