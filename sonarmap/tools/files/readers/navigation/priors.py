@@ -176,14 +176,22 @@ def _from_rows(scans: Sequence[Scan], path: Path, log: NavigationLog, allow_unkn
     return priors
 
 
+def _beyond(stamps: np.ndarray, log: NavigationLog) -> np.ndarray:
+    """(n,) bool: rows before the first scan or after the last, as a log has and a table of scans does not."""
+    return (log.times < stamps.min() - SAME_STAMP) | (log.times > stamps.max() + SAME_STAMP)
+
+
 def _is_series(stamps: np.ndarray, log: NavigationLog) -> bool:
-    """Whether rows have times of their own: some that are no scan's, of more than half of the rows."""
+    """Whether rows have times of their own: some are beyond the scans, or they outnumber these, or more than half are
+    at no scan's time."""
     sorted_stamps = np.sort(stamps)
     after = np.clip(np.searchsorted(sorted_stamps, log.times), 0, len(stamps) - 1)
     nearest = np.minimum(
         np.abs(sorted_stamps[after] - log.times), np.abs(sorted_stamps[np.maximum(after - 1, 0)] - log.times)
     )
-    return int((nearest > SAME_STAMP).sum()) > len(log.times) / 2
+    of_no_scan = int((nearest > SAME_STAMP).sum())
+    more = of_no_scan > 0 and len(log.times) > len(stamps)
+    return bool(_beyond(stamps, log).any()) or more or of_no_scan > len(log.times) / 2
 
 
 def _from_series(path: Path, log: NavigationLog, stamps: np.ndarray, notes: list[str]) -> list[PosePrior | None]:
@@ -193,5 +201,7 @@ def _from_series(path: Path, log: NavigationLog, stamps: np.ndarray, notes: list
     measured = np.any(np.isfinite(values), axis=1)
     if not measured.any():
         raise InputError(f"{path}: no row is at the time of a scan, or near it: {why_apart(log.times, stamps)}")
-    notes.append(f"{path} has times of its own; it was interpolated to those of the scans")
+    beyond = int(_beyond(stamps, log).sum())
+    count = f"; {beyond:,} of its {len(rows):,} rows are before the first scan or after the last" if beyond else ""
+    notes.append(f"{path} has times of its own; it was interpolated to those of the scans{count}")
     return [prior_of(values[k], sigmas[k]) if measured[k] else None for k in range(len(stamps))]

@@ -254,8 +254,26 @@ def test_a_single_fix_is_one_of_the_scan_next_to_it(tmp_path: Path) -> None:
 
 def test_rows_of_the_scans_themselves_are_no_series(tmp_path: Path) -> None:
     """One row whose stamp is wrong is interpolated, as it was."""
-    rows = "0,90,1,,,,,,\n1,91,1,,,,,,\n2.5,92,1,,,,,,\n"
-    refuses(r"line 4: no scan has the stamp '2\.5'", interpolated, tmp_path, rows, 0.0, 1.0, 2.0)
+    rows = "0,90,1,,,,,,\n1.5,91,1,,,,,,\n2,92,1,,,,,,\n"
+    refuses(r"line 3: no scan has the stamp '1\.5'", interpolated, tmp_path, rows, 0.0, 1.0, 2.0)
+
+
+@pytest.mark.parametrize("first", [-30, 0])
+@pytest.mark.parametrize("every", [1.0, 2.0])
+@pytest.mark.parametrize("late", [0.0, 0.1])
+def test_a_log_may_be_at_the_scans_times(first: int, every: float, late: float, tmp_path: Path) -> None:
+    """A row per second says the same at the scans' times and beside them, from before the dive on or during it."""
+    rows = "".join(f"{t + late:g},,,,,,,{20 + 0.1 * np.sin(t):.3f},0.1\n" for t in range(first, 41))
+    stamps = np.arange(0.0, 40.0, every)
+    values, navigated, notes = read_log(tmp_path / "nav.csv", SERIES + rows, scans=scans_at(*stamps))
+    expected = 20 + 0.1 * np.sin(stamps - late)
+    measured = np.isfinite(values[:, 5])
+    assert measured[1:].all()
+    np.testing.assert_allclose(values[measured, 5], expected[measured], atol=0.03)
+    assert all(scan.prior is not None for scan in navigated.scans[1:])
+    beyond = sum(not -0.001 <= t + late <= stamps[-1] + 0.001 for t in range(first, 41))
+    count = f"{beyond} of its {41 - first} rows are before the first scan or after the last"
+    assert any(count in note for note in notes)
 
 
 class TestSeveralFiles:
