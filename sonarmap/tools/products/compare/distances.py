@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 from scipy.linalg import block_diag
-from scipy.spatial import KDTree
 
 from sonarmap.tools.products.compare.epoch import Epoch, levers
 from sonarmap.tools.products.compare.surface import RADIUS, Cores, cores_of, faced, layer_of, planes_at
@@ -123,7 +122,7 @@ def distances_between(
     verdict[count:] = Verdict.NEW_ONLY
     verdict[both] = np.where(level[both] <= bound, Verdict.UNCHANGED, Verdict.UNSURE)
     beyond = np.abs(distance) > level  # NaN is not
-    doubtful = both[beyond[both] & _on_both(old, new, cores.take(both), moved, voxel)]
+    doubtful = both[beyond[both] & _doubtful(old, new, cores.take(both), moved, voxel)]
     beyond[doubtful] = False
     verdict[doubtful] = Verdict.UNSURE
     verdict[beyond] = np.where(distance[beyond] > 0, Verdict.GAINED, Verdict.LOST)
@@ -178,14 +177,15 @@ def _shape(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: fl
     return voxel * (beyond + tilt * (_TILTED + _TILTED_ROUGH * beyond)), tilt
 
 
-def _on_both(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: float) -> np.ndarray:
-    """(m,) bool: where both surveys have points on the surface in front, so that what lies far behind it in one of them
-    is no change: a ghost, or another side of a thin wall. Of a cloud whose sides are not known no wall tells."""
+def _doubtful(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: float) -> np.ndarray:
+    """(m,) bool: where surfaces far apart need not be one that changed. The survey that has the one behind has to have
+    looked through the place of the one in front: it did not below a pontoon whose top the other survey saw, nor beside
+    a ghost, nor at the other side of a thin wall. Of a cloud whose sides are not known no wall tells."""
     far = np.abs(distance) > _FAR * voxel
-    result = np.zeros(len(distance), bool)
-    for chosen, other in ((far & (distance > 0), old), (far & (distance < 0), new)):
+    result = far.copy()
+    for chosen, behind in ((far & (distance > 0), old), (far & (distance < 0), new)):
         front = cores.points[chosen] + np.maximum(distance[chosen], 0.0)[:, None] * cores.normals[chosen]
-        result[chosen] = np.isfinite(KDTree(other.points).query(front, distance_upper_bound=voxel)[0])
+        result[chosen] = ~behind.passes(front, voxel)
     if not (old.sides_known and new.sides_known):
         result |= far & (np.abs(cores.normals[:, 2]) < _STEEP)
     return result

@@ -16,6 +16,7 @@ from sonarmap.tools.files.map_folder.names import FULL_GRAPH
 from sonarmap.tools.files.readers.poses.graph_json import read_graph_json
 
 _LEAST_NOISE = 1e-3  # [m]
+_PASSING = 2  # sight lines that say that a place is free: a single one may end at a stray echo
 _MOST = 300  # poses whose errors are told apart; of a longer survey so many stand for those about them
 
 
@@ -71,6 +72,21 @@ class Epoch:
         near = KDTree(beside.points).query(points)[1]
         scan, exact = np.zeros(len(points), np.int64), np.zeros((6, 6))
         return cls(points, noise, weight, scan, beside.origins[near], exact, sides_known=False)
+
+    def passes(self, places: np.ndarray, voxel: float) -> np.ndarray:
+        """(n,) bool: which places (n, 3) [m] the survey saw free: it has no point within a voxel, and sight lines to
+        points behind go through there."""
+        free = ~np.isfinite(KDTree(self.points).query(places, distance_upper_bound=voxel)[0])
+        viewpoints, which = np.unique(self.origins, axis=0, return_inverse=True)
+        passing = np.zeros(len(places), np.int64)
+        for number, viewpoint in enumerate(viewpoints):
+            toward, offset = places - viewpoint, self.points[which.ravel() == number] - viewpoint
+            away, ranges = np.linalg.norm(toward, axis=1), np.linalg.norm(offset, axis=1)
+            lines = KDTree(offset / ranges[:, None])
+            for at in np.flatnonzero(free & (away > voxel) & (away + voxel < ranges.max())).tolist():
+                near = lines.query_ball_point(toward[at] / away[at], voxel / away[at])
+                passing[at] += np.count_nonzero(ranges[near] > away[at] + voxel)
+        return passing >= _PASSING
 
     def moved(self, T_other_this: RigidTransform) -> "Epoch":
         """The same in another frame."""

@@ -93,6 +93,23 @@ def test_a_heap_of_which_one_side_was_hidden() -> None:
     assert whole.sigma < 3 < abs(half.volume + 36 * 0.6) < 2.5 * half.sigma  # as all that is hidden is as high
 
 
+@pytest.mark.parametrize("looked_through", [False, True])
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_surface_above_another_is_a_change_where_the_other_survey_looked_through_it(
+    looked_through: bool, lost: bool
+) -> None:
+    """A pontoon above the bed: a survey from beside it sees the bed below, and another from above the top alone."""
+    bare, covered = surveyed(5), surveyed(6, change=1.9)
+    if not looked_through:
+        bare = replace(bare, origins=np.tile([-16.0, 0.0, 1.5], (len(bare.points), 1)))
+    distances = compared(covered, bare) if lost else compared(bare, covered)
+    within = np.isfinite(distances.distance) & (np.abs(distances.cores.points[:, :2]) < 2).all(axis=1)
+    assert np.median(np.abs(distances.distance[within])) == pytest.approx(1.9, abs=0.1)
+    assert bool(regions_of(distances)) == looked_through
+    doubtful = distances.verdict[within] == Verdict.UNSURE
+    assert doubtful.mean() < 0.5 if looked_through else doubtful.all()  # strips of two scans meet below
+
+
 def test_a_change_is_not_absorbed_by_its_scan() -> None:
     """A third of the place moves, more than any pose's error: the others say where it is."""
     distances = compared(surveyed(7), surveyed(8, change=0.5, half=7.5))
