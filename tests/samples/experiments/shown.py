@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Section
-from sonarmap.tools.lab.reproduce.pages.folder import verdicts
+from sonarmap.tools.lab.reproduce.folder import verdicts
 
 
 def run_all(experiment: Experiment) -> tuple[list[Row], list[Row]]:

@@ -21,7 +21,7 @@ from sonarmap.tools.command.options.option import (
     option,
 )
 from sonarmap.tools.command.options.registration import VoxelOption, check_seed, check_tilt
-from sonarmap.tools.lab.reproduce.experiments import EVERY, EXPERIMENTS, groups, members
+from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, groups, members
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.methods.registry import METHODS, find_method
 
@@ -39,10 +39,10 @@ _rare = partial(_experiment, rare=True)
 NameArgument = Annotated[
     str,
     typer.Argument(
-        help=f"An experiment, or a group of them. {_NAMES}; {_ALONE}; '{EVERY}' runs all.",
+        help=f"An experiment, or a group of them. {_NAMES}; {_ALONE}.",
         metavar="NAME",
         rich_help_panel=INPUT,
-        autocompletion=completes((*EXPERIMENTS, *groups(), EVERY)),
+        autocompletion=completes((*EXPERIMENTS, *groups())),
     ),
 ]
 FolderArgument = Annotated[
@@ -127,13 +127,6 @@ class ExperimentRun:
         "--out",
     )
     fresh: bool = flag(RUNNING, "--fresh", "Run all jobs again, finished ones too.")
-    page: Path | None = option(
-        OUTPUT,
-        "FILE",
-        "Also write a page, such as docs/reproduction.md, on all experiments of the group with results in OUT. For "
-        "'pages': a folder for all pages.",
-        rare=True,
-    )
     workers: int = option(
         RUNNING, "N", "Processes that share the jobs. The results are the same.", 1, min=1, max=MOST_WORKERS
     )

@@ -13,10 +13,10 @@ from sonarmap.tools.command.options.running import DeviceOption, JsonOption, Qui
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.stops import when_stopped
 from sonarmap.tools.command.terminal import print_json, printable, result_console, say
-from sonarmap.tools.lab.reproduce.experiments import Request, chosen, create, entry_of, group_of
+from sonarmap.tools.lab.reproduce.experiments import Request, chosen, create, entry_of
 
 if TYPE_CHECKING:
-    from sonarmap.tools.lab.reproduce.pages.folder import Record
+    from sonarmap.tools.lab.reproduce.folder import Record
     from sonarmap.tools.lab.reproduce.worker import WorkerProcesses
 
 
@@ -41,7 +41,6 @@ def command(
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.spectral.grid import Grid
     from sonarmap.tools.files.writers.atomic import require_writable
-    from sonarmap.tools.lab.reproduce.pages.page import write_pages
 
     if options.grid is not None:
         Grid(options.grid, 1.0)
@@ -54,11 +53,8 @@ def command(
         say(note)
     job = ExperimentJob(replace(asked, device=opened), run, quiet or as_json)
     records = [_reproduce(experiment, job, printed=not as_json) for experiment in names]
-    written = write_pages(run.page, run.out, group_of(name)) if run.page else []
     if as_json:
-        print_json(_as_json(records, run.out, written), indent=2)
-    elif run.page:
-        typer.echo(f"the {'pages are in' if run.page.is_dir() else 'page is'} {printable(str(run.page))}")
+        print_json(_as_json(records, run.out), indent=2)
 
 
 def _each_once(values: Sequence[Any] | None) -> tuple[Any, ...] | None:
@@ -81,7 +77,7 @@ class ExperimentJob:
 
 def _reproduce(name: str, job: ExperimentJob, printed: bool) -> "Record":
     """Run one experiment and write its files; its memory on the device is freed before the next."""
-    from sonarmap.tools.lab.reproduce.pages.folder import write_experiment
+    from sonarmap.tools.lab.reproduce.folder import write_experiment
     from sonarmap.tools.lab.reproduce.provenance import provenance
     from sonarmap.tools.lab.reproduce.run import RunOptions, run
 
@@ -114,7 +110,7 @@ def _workers(name: str, job: ExperimentJob) -> "WorkerProcesses | None":
 
 
 def _print(record: "Record", out: Path) -> None:
-    from sonarmap.tools.lab.reproduce.pages.folder import duration
+    from sonarmap.tools.lab.reproduce.folder import duration
 
     console, section = result_console(), record.section
     console.print(section.title, style="bold", markup=False)
@@ -129,10 +125,7 @@ def _print(record: "Record", out: Path) -> None:
     typer.echo(f"{record.jobs} jobs in {duration(record.seconds)}; in {files}")
 
 
-def _as_json(records: "Sequence[Record]", out: Path, page: Sequence[Path]) -> dict[str, object]:
+def _as_json(records: "Sequence[Record]", out: Path) -> dict[str, object]:
     from sonarmap.tools.files.writers.json_text import to_json
 
-    return {
-        "experiments": [to_json(record) | {"files": [out / name for name in record.files]} for record in records],
-        "page": page,
-    }
+    return {"experiments": [to_json(record) | {"files": [out / name for name in record.files]} for record in records]}

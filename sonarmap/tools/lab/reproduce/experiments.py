@@ -32,7 +32,6 @@ KINDS = "kinds"  # on every kind of scan that is simulated
 EVIDENCE = "evidence"  # of what registrations measure
 FITTING = "judge"  # of how far to believe them
 DECIDING = "decisions"  # of what maps are made of them
-EVERY = "pages"  # all experiments, for all pages of one state; those on a folder where one is given
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,11 +166,6 @@ def groups() -> tuple[str, ...]:
     return tuple(dict.fromkeys(entry.group for entry in EXPERIMENTS.values()))
 
 
-def group_of(name: str) -> str:
-    """The group that an experiment is in; of a group, itself."""
-    return EXPERIMENTS[name].group if name in EXPERIMENTS else name
-
-
 def members(group: str) -> tuple[str, ...]:
     """The names of a group's experiments, in order."""
     return tuple(name for name, entry in EXPERIMENTS.items() if entry.group == group)
@@ -184,15 +178,9 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
         InputError: there is no such experiment, an option or a folder that was given has no effect on it, or it needs a
             folder and none was given.
     """
-    if name not in (*EXPERIMENTS, *groups(), EVERY):
-        raise InputError(f"no experiment is called {name!r}; there are {', '.join((*EXPERIMENTS, *groups(), EVERY))}")
+    if name not in (*EXPERIMENTS, *groups()):
+        raise InputError(f"no experiment is called {name!r}; there are {', '.join((*EXPERIMENTS, *groups()))}")
     names = (name,) if name in EXPERIMENTS else members(name)
-    if name == EVERY:
-        names = tuple(
-            each
-            for each, entry in EXPERIMENTS.items()
-            if entry.group not in (EVIDENCE, FITTING, DECIDING) and (request.folder is not None or not entry.on_folder)
-        )
     _check_folder(name, names, request.folder)
     options = [option for option in OPTIONS if all(option in EXPERIMENTS[member].options for member in names)]
     idle = [_flag(option) for option in request.given if option not in options]

@@ -16,8 +16,8 @@ from sonarmap.tools.lab.reproduce.evaluation.pair_set import Pairs, related, unr
 from sonarmap.tools.lab.reproduce.evaluation.settings import PairsSettings
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Row
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create
+from sonarmap.tools.lab.reproduce.folder import section_text
 from sonarmap.tools.lab.reproduce.methods import EVALUATED
-from sonarmap.tools.lab.reproduce.pages.folder import section_text
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.run import RunOptions, run
 from sonarmap.tools.lab.reproduce.worker import WorkerProcesses

@@ -20,6 +20,7 @@ from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.answer import PARAMETERS, parameters
 from sonarmap.tools.lab.reproduce.experiment import Row, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.folder import section_text, verdicts
 from sonarmap.tools.lab.reproduce.gaussian.run import Gaussian, GaussianSettings, create
 from sonarmap.tools.lab.reproduce.gaussian.section import (
     detail_table,
@@ -36,7 +37,6 @@ from sonarmap.tools.lab.reproduce.gaussian.series import (
     row_of,
     yaw_rank,
 )
-from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.rows import last_right, where
 from sonarmap.tools.lab.reproduce.run import JOURNAL

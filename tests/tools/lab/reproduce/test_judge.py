@@ -16,11 +16,11 @@ from sonarmap.tools.lab.reproduce.evidence.pairs import ELSEWHERE, EXPECTED, dra
 from sonarmap.tools.lab.reproduce.evidence.recorder import Recorder, fit_of, seen_of
 from sonarmap.tools.lab.reproduce.evidence.settings import SURVEY, UNRELATED, EvidenceSettings
 from sonarmap.tools.lab.reproduce.experiments import Request, create
+from sonarmap.tools.lab.reproduce.folder import write_rows
 from sonarmap.tools.lab.reproduce.judge.fit import CLUES, fit_logistic, fit_odds, judged
 from sonarmap.tools.lab.reproduce.judge.recorded import read_recorded
 from sonarmap.tools.lab.reproduce.judge.reference import reference
 from sonarmap.tools.lab.reproduce.judge.run import RULES, Judge, JudgeSettings
-from sonarmap.tools.lab.reproduce.pages.folder import write_rows
 
 SEED = 5
 

@@ -14,7 +14,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.experiments import create
-from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts, write_experiment
+from sonarmap.tools.lab.reproduce.folder import section_text, verdicts, write_experiment
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.real.real_set import RealSet, read_sets, without_truth
 from sonarmap.tools.lab.reproduce.real.run import Real
@@ -237,18 +237,17 @@ class TestTables:
 
 
 class TestCommand:
-    def test_a_folder_and_a_page(self, tmp_path: Path, device: Device) -> None:
+    def test_a_folder(self, tmp_path: Path, device: Device) -> None:
         put(tmp_path / "in" / "quay")
         arguments = ["reproduce", "real", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--grid", "32", "-q"]
-        arguments += ["--method", "planes", "--page", str(tmp_path / "page.md"), "--device", device.selector]
+        arguments += ["--method", "planes", "--device", device.selector]
         result = CliRunner().invoke(app, arguments)
         assert result.exit_code == 0, result.output
-        page = (tmp_path / "page.md").read_text()
-        assert page.startswith("# Real scans\n")
-        assert "## What was used to choose anything" in page
+        page = (tmp_path / "out" / "real.md").read_text()
+        assert page.startswith("# Pairs of real scans\n")
         assert "\nsonarmap reproduce real DIR --grid 32 --method planes\n" in page
         assert str(tmp_path) not in page
-        assert (tmp_path / "page" / "real.png").is_file()
+        assert (tmp_path / "out" / "real.png").is_file()
 
     def test_a_tilt_beyond_half_a_turn_is_refused(self, tmp_path: Path) -> None:
         arguments = ["reproduce", "real", str(tmp_path), "--max-tilt", "200", "-o", str(tmp_path / "out")]

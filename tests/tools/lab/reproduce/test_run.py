@@ -18,8 +18,8 @@ from sonarmap.slam.execute.journal import Journal, JournalEntry
 from sonarmap.tools.files.writers.json_text import to_json
 from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create
+from sonarmap.tools.lab.reproduce.folder import write_experiment
 from sonarmap.tools.lab.reproduce.methods import EVALUATED
-from sonarmap.tools.lab.reproduce.pages.folder import write_experiment
 from sonarmap.tools.lab.reproduce.provenance import SHOWING, Provenance, provenance
 from sonarmap.tools.lab.reproduce.rows import wilson
 from sonarmap.tools.lab.reproduce.run import JOURNAL, RunOptions, run

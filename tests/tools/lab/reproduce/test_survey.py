@@ -13,7 +13,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.pairs import TriedPair
 from sonarmap.tools.lab.reproduce.experiment import Row
-from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
+from sonarmap.tools.lab.reproduce.folder import section_text, verdicts
 from sonarmap.tools.lab.reproduce.rows import column, where
 from sonarmap.tools.lab.reproduce.scale.made_up import MadeUpRegistrar, make_up
 from sonarmap.tools.lab.reproduce.scale.run import WHOLE, Scale, ScaleSettings

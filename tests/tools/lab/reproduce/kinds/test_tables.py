@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from sonarmap.tools.lab.reproduce.folder import section_text, verdicts
 from sonarmap.tools.lab.reproduce.kinds import tables
 from sonarmap.tools.lab.reproduce.kinds.calibration_tables import (
     calibration_beside,
@@ -14,7 +15,6 @@ from sonarmap.tools.lab.reproduce.kinds.calibration_tables import (
 )
 from sonarmap.tools.lab.reproduce.kinds.run import Kinds
 from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NAVIGATION, KindsSettings
-from sonarmap.tools.lab.reproduce.pages.folder import section_text, verdicts
 from tests.samples.experiments.shown import show
 from tests.tools.lab.reproduce.kinds.rows import fixed, row
 

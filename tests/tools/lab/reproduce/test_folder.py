@@ -1,7 +1,6 @@
-"""The files of an experiment, the page on all of them, and the verb that makes both."""
+"""The files of an experiment, and the verb that makes them."""
 
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from typer.testing import CliRunner, Result
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce import experiments
-from sonarmap.tools.lab.reproduce.pages.folder import (
+from sonarmap.tools.lab.reproduce.folder import (
     Verdict,
     duration,
     read_record,
@@ -19,7 +18,6 @@ from sonarmap.tools.lab.reproduce.pages.folder import (
     verdicts,
     write_experiment,
 )
-from sonarmap.tools.lab.reproduce.pages.page import write_page
 from sonarmap.tools.lab.reproduce.run import JOURNAL, run
 from sonarmap.tools.lab.reproduce.table import Table
 from tests.samples.experiments.fake_experiment import JOBS, Fake, origin
@@ -132,36 +130,6 @@ class TestVerdicts:
         ]
 
 
-class TestPage:
-    def test_pictures_lie_where_its_links_say(self, tmp_path: Path) -> None:
-        complete(tmp_path / "out")
-        page = tmp_path / "docs" / "reproduction.md"
-        written = write_page(page, tmp_path / "out", ["absent", "fake"])
-        assert written == [page, *(page.parent / "reproduction" / name for name in ("fake.png", "fake-2.png"))]
-        text = page.read_text()
-        links = re.findall(r"\]\(([^)]*)\)", text)
-        assert links == ["reproduction/fake.png", "reproduction/fake-2.png"]
-        for link in links:
-            assert (page.parent / link).read_bytes() == (tmp_path / "out" / Path(link).name).read_bytes()
-        assert str(tmp_path) not in text
-
-    def test_verdicts_machine_time_command_and_other_methods(self, tmp_path: Path) -> None:
-        complete(tmp_path)
-        write_page(tmp_path / "p.md", tmp_path, ["fake"])
-        write_page(tmp_path / "e.md", tmp_path, ["fake"], experiments.EVALUATION)
-        text, evaluation = (tmp_path / "p.md").read_text(), (tmp_path / "e.md").read_text()
-        assert evaluation.startswith("# Evaluation on unseen pairs\n")
-        assert "| experiment | measure | others | ours | what follows |" in evaluation
-        assert re.search(r"\| fake \| mean \| 0 \| -?[0-9.]+ \| so \|", text)
-        assert "| fake | 5 | 0 s | a device (OpenCL 3.0 X; a processor, 2 cores) | `sonarmap reproduce fake` |" in text
-        assert text.index("**All in short**") < text.index("## A fake, Fig. 0") < text.index("**Times**")
-
-    def test_nothing_to_show(self, tmp_path: Path) -> None:
-        with pytest.raises(InputError, match="no complete experiment"):
-            write_page(tmp_path / "p.md", tmp_path, ["fake"])
-        assert not (tmp_path / "p.md").exists()
-
-
 class TestOptions:
     def test_what_is_made_is_what_was_asked_for(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": FAKE})
@@ -174,21 +142,15 @@ class TestCommand:
     def _fakes(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": FAKE})
 
-    def test_all_with_a_page(self, tmp_path: Path) -> None:
-        arguments = ["all", "--seed", "3", "-o", str(tmp_path / "out"), "--page", str(tmp_path / "p.md")]
+    def test_all(self, tmp_path: Path) -> None:
+        arguments = ["all", "--seed", "3", "-o", str(tmp_path / "out")]
         shown = reproduce(*arguments)
         assert (shown.exit_code, shown.exception) == (0, None)
         assert "fake: 5 of 5" in shown.stderr
         assert "A fake, Fig. 0" in shown.stdout
         assert files_in(tmp_path / "out") == FILES
-        assert "`sonarmap reproduce fake --seed 3`" in (tmp_path / "p.md").read_text()
+        assert "\nsonarmap reproduce fake --seed 3\n" in (tmp_path / "out" / "fake.md").read_text()
         assert reproduce(*arguments).stderr == "fake: 5 of 5 jobs were done before\n"
-
-    def test_all_pages_by_one_command(self, tmp_path: Path) -> None:
-        shown = reproduce("pages", "-o", str(tmp_path / "out"), "--page", str(tmp_path / "docs"), "-q")
-        assert (shown.exit_code, shown.exception) == (0, None)
-        assert {path.name for path in (tmp_path / "docs").iterdir()} == {"reproduction.md", "reproduction"}
-        assert experiments.chosen("pages", experiments.Request()) == ("fake",)
 
     def test_json(self, tmp_path: Path) -> None:
         shown = reproduce("fake", "-o", str(tmp_path), "--json")
