@@ -52,13 +52,11 @@ class Fake(Experiment):
         mean = np.mean(column(rows, "value"))
         return Section(
             title="A fake, Fig. 0",
-            introduction="Seeded numbers.",
             tables=(
                 Table("Claims", ("what", "paper", "ours, mean", "verdict"), (("mean", "0", f"{mean:.6f}", "so"),)),
             ),
             times=(Table("Times", ("jobs", "s"), (("5", "1.25"),)),),
             pictures={"fake.png": "The numbers.", "fake-2.png": "The numbers | again."},
-            remarks="The numbers are small.",
         )
 
     def draw(self, folder: Path, rows: Sequence[Row]) -> None:

@@ -110,16 +110,13 @@ def _workers(name: str, job: ExperimentJob) -> "WorkerProcesses | None":
 
 
 def _print(record: "Record", out: Path) -> None:
-    from sonarmap.tools.lab.reproduce.folder import duration
+    from sonarmap.tools.lab.reproduce.folder import duration, settings_table
 
     console, section = result_console(), record.section
     console.print(section.title, style="bold", markup=False)
     console.print()
-    for table in (*section.tables, *section.times):
+    for table in (settings_table(record), *section.tables, *section.times):
         console.print(table.rich())
-        console.print()
-    if section.remarks:
-        console.print(section.remarks, markup=False)
         console.print()
     files = ", ".join(printable(str(out / name)) for name in record.files)
     typer.echo(f"{record.jobs} jobs in {duration(record.seconds)}; in {files}")

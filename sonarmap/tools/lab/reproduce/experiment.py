@@ -23,15 +23,13 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """The text, tables and pictures of an experiment, for its page."""
+    """The tables and pictures of an experiment, for its page."""
 
     title: str  # a heading, with the paper's figures and tables in it
-    introduction: str  # Markdown: what was done, what counts as right
     tables: tuple[Table, ...]  # the first has the paper's values, or the other methods', beside ours, and what follows
     times: tuple[Table, ...] = ()  # tables of run times; they differ between runs and stand in a file of their own
     # file names of the figures -> captions, in order
     pictures: Mapping[str, str] = field(default_factory=dict)
-    remarks: str = ""  # Markdown: what the figures show, computed from the rows
 
 
 class Experiment(ABC):

@@ -1,5 +1,6 @@
 """The files that an experiment leaves: its rows, its pictures, its page, its times, and a record of it all."""
 
+import json
 import re
 import tempfile
 from collections.abc import Iterable
@@ -89,11 +90,17 @@ def times_text(record: Record) -> str:
     return f"{tables}{record.jobs} jobs in {duration(record.seconds)} on {record.provenance.place}, with {installed}.\n"
 
 
+def settings_table(record: Record) -> Table:
+    """What the experiment was run with."""
+    rows = tuple((name, json.dumps(value)) for name, value in record.provenance.settings.items())
+    return Table("Settings", ("setting", "value"), rows)
+
+
 def _page(record: Record) -> str:
     rows = f"[{record.name}.csv]({record.name}.csv)"
     times = f"[{record.name}-times.md]({record.name}-times.md)"
     made = f"Every row: {rows}. Times: {times}. Made by\n\n```sh\n{record.command}\n```\n"
-    return f"{section_text(record.section, 1)}\n{made}"
+    return f"{section_text(record.section)}\n{settings_table(record).markdown()}\n{made}"
 
 
 def _copy_pictures(drawn: Path, folder: Path, name: str, section: Section) -> None:
@@ -136,17 +143,14 @@ def verdicts(section: Section) -> tuple[Verdict, ...]:
     )
 
 
-def section_text(section: Section, level: int, pictures: str = "") -> str:
-    """Markdown of a section without its times: a heading of a level, 1 for a page of its own, and what to put before
-    the pictures' file names, as in "reproduction/"."""
+def section_text(section: Section) -> str:
+    """Markdown of a section without its times."""
     parts = [
-        f"{'#' * level} {section.title}",
-        section.introduction.strip(),
+        f"# {section.title}",
         *(table.markdown().strip() for table in section.tables),
-        *(f"![{caption}]({pictures}{name})\n\n*{caption}*" for name, caption in section.pictures.items()),
-        section.remarks.strip(),
+        *(f"![{caption}]({name})\n\n*{caption}*" for name, caption in section.pictures.items()),
     ]
-    return "\n\n".join(part for part in parts if part) + "\n"
+    return "\n\n".join(parts) + "\n"
 
 
 def duration(seconds: float) -> str:

@@ -23,13 +23,6 @@ class ComparedMethods:
     methods: tuple[str, ...] = EVALUATED  # keys of METHODS, in the order in which they are shown
     left_out: tuple[str, ...] = ()  # methods whose packages are not installed
 
-    @property
-    def words(self) -> str:
-        """For an introduction, Markdown."""
-        names, left_out = (", ".join(f"`{name}`" for name in some) for some in (self.methods, self.left_out))
-        missing = f" Left out, as their packages are not installed: {left_out}." if left_out else ""
-        return f"Methods: {names}.{missing}"
-
 
 def compared_methods(request: Request) -> ComparedMethods:
     """The methods that were asked for, or all that are installed.

@@ -30,7 +30,6 @@ from sonarmap.tools.lab.reproduce.floodgate.run import (
     Floodgate,
     FloodgateSettings,
 )
-from sonarmap.tools.lab.reproduce.floodgate.section import remarks
 from tests.samples.experiments.floodgate_rows import POSES, SCANS, STEPS, flat_survey, off, rows_of, turn
 from tests.samples.experiments.shown import run_all, show
 
@@ -141,19 +140,6 @@ class TestTables:
         assert rows["spectral 128³ beside spectral 256³"] == "does not hold"
         assert rows["the map by spectral 256³"] == "holds"
         assert rows["the map by spectral 128³"] == "does not hold"
-
-    def test_remarks_name_the_wrong_pairs_and_the_order(self, made: list[Row]) -> None:
-        text = remarks(made)
-        for words in (
-            "**icp**: 6/8",
-            "Wrong: 1 → 2 of seed 1 (80 % shared view)",
-            "Of what a scan shows, 60 to 90 % is in view",
-            "Accepted though wrong: 2 of 2.",
-        ):
-            assert words in text
-        order = text[text.index("best first") :]
-        named = [order.index(name) for name in ("spectral 256³", "planes", "hemisphere 256³", "icp")]
-        assert named == sorted(named)
 
     def test_times_beside_the_papers_table(self) -> None:
         """As printed: seventeen pairs; least and largest as the text says."""

@@ -47,8 +47,9 @@ class TestFolder:
         assert lines[2].endswith(",")  # NaN
         assert (tmp_path / "fake-seconds.csv").read_text().startswith("job,seconds\na,0.2500\n")
         words = (tmp_path / "fake.md").read_text()
-        assert words.startswith("# A fake, Fig. 0\n\nSeeded numbers.\n\n**Claims**\n")
+        assert words.startswith("# A fake, Fig. 0\n\n**Claims**\n")
         assert "```sh\nsonarmap reproduce fake\n```\n" in words
+        assert "| setting | value |\n" in words
         assert "a device" not in words
         assert (
             "5 jobs in 0 s on a device (OpenCL 3.0 X; a processor, 2 cores), with numpy 2."
@@ -120,11 +121,10 @@ class TestVerdicts:
         with pytest.raises(ValueError, match="begins with the word 'verdict"):
             verdicts(replace(self.SECTION, tables=(Table("t", ("paper", "ours"), ()),)))
 
-    def test_a_section_at_any_level_and_durations(self) -> None:
-        text = section_text(self.SECTION, 2, "there/")
-        assert text.startswith("## A fake, Fig. 0\n")
-        assert "![The numbers.](there/fake.png)" in text
-        assert "The numbers are small." in text
+    def test_a_section_and_durations(self) -> None:
+        text = section_text(self.SECTION)
+        assert text.startswith("# A fake, Fig. 0\n")
+        assert "![The numbers.](fake.png)" in text
         assert [duration(seconds) for seconds in (0.4, 99.4, 130, 3599, 11100)] == [
             *("0 s", "99 s", "2 min", "1 h 00 min", "3 h 05 min")
         ]

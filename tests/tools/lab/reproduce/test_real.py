@@ -14,7 +14,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.experiments import create
-from sonarmap.tools.lab.reproduce.folder import section_text, verdicts, write_experiment
+from sonarmap.tools.lab.reproduce.folder import verdicts, write_experiment
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.real.real_set import RealSet, read_sets, without_truth
 from sonarmap.tools.lab.reproduce.real.run import Real
@@ -226,12 +226,9 @@ class TestTables:
         ]
         assert beside_others(self.ROWS[1:2]).rows == ()
 
-    def test_the_section_says_what_was_known(self) -> None:
+    def test_the_section_has_claims_and_times(self) -> None:
         settings = RealSettings({"a": "", "b": ""}, known=("attitude", "depth"), seeds=2, seed=4, left_out=("c",))
         section = Real((), settings, None).section(self.ROWS, [line | {"seconds": 0.5} for line in self.ROWS])
-        text = section_text(section, 1)
-        assert "Sets: `a` (2 pairs), `b` (1 pair). Left out, as they have no gt.log: `c`." in text
-        assert "deviations attitude 1.5 degrees, depth 0.15 m (seeds 4 to 5" in text
         assert len(verdicts(section)) == 4
         assert section.times[0].rows[0] == ("a", "spectral", "nothing", "2", "0.50", "0.50")
 

@@ -29,12 +29,7 @@ def decisions_section(rows: Sequence[Row], _: Sequence[Row], settings: Any) -> S
             "The worst maps", ("survey",), [((f"{row['scene']} {row['seed']}",), [row]) for row in surveys], _COLUMNS
         ),
     )
-    introduction = (
-        f"{len(usual)} surveys of {settings.scans} scans, simulated with a sensor at rest and mapped by their scans "
-        "alone. A pair is wrong if it is off by more than 3 voxels or 6 degrees. Errors of a map are those of its "
-        "largest part, aligned."
-    )
-    return Section("Decisions of the graph", introduction, tables)
+    return Section("Decisions of the graph", tables)
 
 
 _WORST = 10

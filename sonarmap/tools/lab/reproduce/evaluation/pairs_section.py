@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
-from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from sonarmap.tools.lab.reproduce.beside import Line, Measure, beside_table, others_of
 from sonarmap.tools.lab.reproduce.calibration_tables import (
     FREEDOM,
@@ -74,35 +73,8 @@ def pairs_section(rows: Sequence[Row], _seconds: Sequence[Row], settings: PairsS
         }
     return Section(
         title="Pairs of every overlap",
-        introduction=_introduction(rows, settings),
         tables=(beside_others(yaw, free), *(table for table in tables if table.rows)),
         pictures=pictures,
-    )
-
-
-def _introduction(rows: Sequence[Row], settings: PairsSettings) -> str:
-    available = {turn: len({row["number"] for row in where(rows, turn=turn)}) for turn in settings.counts}
-    short = [
-        f"{count - available[turn]} of {count} ({turn})"
-        for turn, count in settings.counts.items()
-        if available[turn] < count
-    ]
-    peers = {min(settings.registers(method, turn) for method in settings.compared.methods) for turn in settings.counts}
-    fewer = ""
-    if min(peers) < min(settings.counts.values()):
-        numbers = " and ".join(str(n) for n in sorted(peers, reverse=True))
-        fewer = f" The methods other than `{OURS}` register only the first {numbers} of these pairs."
-    scenes = ", ".join(f"`{scene}`" for scene in dict.fromkeys(row["scene"] for row in rows))
-    return (
-        f"{available['yaw']} pairs whose source is turned by any yaw and tilted by up to 35 degrees of roll and pitch, "
-        f"and {available['any']} pairs whose source is turned by any rotation (for these, `{OURS}` runs without its "
-        f"limit on roll and pitch; the other methods run unchanged). The scenes are {scenes}; each pair has a "
-        f"scene seed of its own (set {settings.seed}). The scans of a pair share 5 to 100 % of their points, with "
-        "equally many pairs in each fifth. The variance of the range noise is 0, 1 or 2 m² at the largest range of a "
-        "scene of 256 m, and less in smaller scenes; there are also outliers, dropouts, ghosts and speckle. The grid "
-        f"has {settings.edge} voxels along each edge; their size is chosen from the two scans. A registration is right "
-        f"if it is within {RIGHT_DEG:g} degrees and {RIGHT_VOXELS:g} voxels of the truth. {settings.compared.words}"
-        f"{fewer}" + (f" Left out, because the scene has no such pair: {', '.join(short)}." if short else "")
     )
 
 

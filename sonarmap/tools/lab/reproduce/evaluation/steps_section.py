@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from statistics import median_low
 
-from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from sonarmap.tools.lab.reproduce.beside import Measure, beside_table
 from sonarmap.tools.lab.reproduce.evaluation.settings import StepsSettings
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
@@ -42,7 +41,6 @@ def steps_section(rows: Sequence[Row], _seconds: Sequence[Row], settings: StepsS
     tables.append(table_of(title, ("method",), by_method(_through(rows), methods), scenes))
     return Section(
         title="Table 1, extended to S12",
-        introduction=_introduction(settings),
         tables=tuple(tables),
         pictures={
             PICTURE: f"Share of the seeds that are right at each step of Table 1. The band is the 95 % interval of "
@@ -115,22 +113,3 @@ def _reach(rows: Sequence[Row], settings: StepsSettings) -> Table:
 def _through(rows: Sequence[Row]) -> list[Row]:
     """The steps of the paper's Table 1."""
     return [row for row in rows if int(row["step"]) < TABLE1_COUNT]
-
-
-def _introduction(settings: StepsSettings) -> str:
-    first, last = settings.first_seed, settings.first_seed + settings.seeds - 1
-    others = settings.compared.methods != (OURS,)
-    fewer = (
-        f" The methods other than `{OURS}` register only the first {settings.peers} seeds."
-        if settings.peers < settings.seeds and others
-        else ""
-    )
-    seeds = f"{first} to {last}" if last > first else f"{first}"
-    return (
-        "Scans S0 to S9 of the paper's Table 1, each farther from the reference scan and turned more than the one "
-        "before, and S10 to S12, which continue with the same steps. The noise is Gaussian along the beams (Sect. 3 of "
-        f"the paper; σ² is the variance at the largest range). Seeds: {seeds}. Scenes, in turn: "
-        f"{', '.join(settings.scenes)}. The grid has {settings.edge} voxels of {settings.grid.voxel:g} m along each "
-        f"edge. A registration is right if it is within {RIGHT_DEG:g} degrees and {RIGHT_VOXELS:g} voxels of the "
-        f"truth, between the sensors' frames. {settings.compared.words}{fewer}"
-    )

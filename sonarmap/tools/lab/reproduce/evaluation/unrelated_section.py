@@ -42,7 +42,6 @@ def unrelated_section(rows: Sequence[Row], _seconds: Sequence[Row], settings: Pa
     by_scene = for_each("scene", distinct(rows, "scene"), lambda some: f"{len(accepted(some))}/{len(some)}")
     return Section(
         title="Pairs that share nothing",
-        introduction=_introduction(rows, settings),
         tables=(
             beside_table([measure.line(rows)] if where(rows, method=OURS) else []),
             table_of(title, ("method",), methods, highest),
@@ -54,16 +53,6 @@ def unrelated_section(rows: Sequence[Row], _seconds: Sequence[Row], settings: Pa
 
 def _highest(key: str, digits: int, rows: Sequence[Row]) -> str:
     return number(max(column(known(rows, key), key), default=math.nan), digits)
-
-
-def _introduction(rows: Sequence[Row], settings: PairSetSettings) -> str:
-    count = len({row["number"] for row in rows})
-    return (
-        f"{count} pairs of scans that share nothing: their scenes are of different kinds, or of the same kind with "
-        "different random plans. Both scans of a pair come from the same sensor, and the noise is that of the pairs "
-        f"that overlap (set {settings.seed}). The grid has {settings.edge} voxels along each edge; their size is "
-        f"chosen from the two scans. Every registration is wrong, so none should be accepted. {settings.compared.words}"
-    )
 
 
 _MARKS = {"psr": "peak-to-sidelobe ratio", "probability": "reported probability", "overlap": "estimated overlap"}

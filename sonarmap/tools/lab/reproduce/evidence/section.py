@@ -29,9 +29,5 @@ def evidence_section(rows: Sequence[Row], _: Sequence[Row], settings: EvidenceSe
             "best within 8 voxels and 12 degrees": lambda some: percent([row for row in some if near(row)], some),
         },
     )
-    introduction = (
-        f"What a registration measures of pairs of every sort, drawn with the seed {settings.seed}, beside the truth: "
-        "`sonarmap reproduce judge` fits to it how probable a registration is, and how sure."
-    )
     beside = in_short([("pairs", str(len(best)), "what judging is fitted to")])
-    return Section("Evidence", introduction, (beside, table))
+    return Section("Evidence", (beside, table))

@@ -18,14 +18,7 @@ def judge_section(rows: Sequence[Row], _: Sequence[Row], settings: Any) -> Secti
     tables = [table_of("What each rule is worth", ("rule",), rules, _COLUMNS)]
     tables += [_by(where(rows, rule=whole, by=by), by) for by in ("known", "set", "scene", "edge")]
     tables.append(_by(where(rows, rule=LEFT_OUT, by="set"), "set left out of the fit"))
-    introduction = (
-        f"Judged are {rows[0]['pairs']} pairs of `sonarmap reproduce evidence`. A place is right if it is within 12 "
-        "degrees and 8 voxels of the truth, or as far off as its covariance says. It is believed at a probability of "
-        f"{settings.least:g} or more, and accepted if its pose is fixed as well. Probabilities are of a fit to four "
-        "fifths of the draws, for the fifth that it did not see. Ellipsoids are of places within 12 degrees and 8 "
-        "voxels; open are those with a standard deviation above 5 voxels."
-    )
-    return Section("Judgement", introduction, (_beside(rows[0]), *tables))
+    return Section("Judgement", (_beside(rows[0]), *tables))
 
 
 def _beside(row: Row) -> Table:

@@ -29,7 +29,6 @@ def scale_section(rows: Sequence[Row], seconds: Sequence[Row], settings: Any) ->
     by_stage = {f"{int(count):,} scans": cell for count, cell in counts.items()}
     return Section(
         title="Thousands of scans",
-        introduction=_introduction(settings),
         tables=(
             _measured(rows, settings.voxel),
             table_of("What became of the loops", ("scans", "seed"), surveys, loops),
@@ -40,16 +39,6 @@ def scale_section(rows: Sequence[Row], seconds: Sequence[Row], settings: Any) ->
 
 def _time_and_memory(rows: Sequence[Row]) -> str:
     return f"{float(rows[0]['processor_s']):.1f} s, {float(rows[0]['memory_mib']):.0f} MiB" if rows else ""
-
-
-def _introduction(settings: Any) -> str:
-    return (
-        f"Surveys in lanes over a rough bed, of {', '.join(f'{count:,}' for count in settings.counts)} scans of "
-        f"{settings.points:,} points, which lie on disk. Registrations are made up from the truth, with errors of the "
-        "size that they tell; 2 % of them are refused, and of 1,000 loops 2 are wrong. So what is measured is the "
-        "mapper's own work: which pairs are tried, which are believed, where the poses are, and the fused map. "
-        f"The survey's voxels are of {settings.voxel:g} m. Memory is what the process holds beside files."
-    )
 
 
 def _measured(rows: Sequence[Row], voxel: float) -> Table:

@@ -26,7 +26,6 @@ def limits_section(rows: Sequence[Row], _seconds: Sequence[Row], settings: Limit
     """What the paper says about the limits, next to our results."""
     return Section(
         title="The limits of the resampling: Figs. 7, 8, 9",
-        introduction=_introduction(settings),
         tables=(deviation_table(rows), step_table(rows)),
         pictures={
             PEAKS: "The correlations of both steps as roll and pitch grow, as Figs. 7 and 8. Circles and dotted lines "
@@ -111,17 +110,6 @@ def _ours_and_verdict(rows: Sequence[Row], name: str) -> tuple[str, str]:
 
 def _sizes(rows: Sequence[Row], name: str) -> np.ndarray:
     return np.abs(column(rows, f"{name}_off_deg"))
-
-
-def _introduction(settings: LimitsSettings) -> str:
-    return (
-        "The structures of the rotation experiment, without noise, are turned by roll, by pitch, or by both through "
-        f"the same angle, up to {settings.tilts_deg[-1]:g} degrees, and by yaws from {settings.yaws_deg[0]:g} to "
-        f"{settings.yaws_deg[-1]:g} degrees. Grid: {settings.edge} voxels of {settings.grid.voxel:g} m. The paper's "
-        "steps are tested one at a time: first yaw, from its highest peak; then roll and pitch, with the true yaw "
-        "given; then the whole chain. As there is no noise, the errors that remain come from the resampling. Seeds "
-        f"per scene: {settings.seeds}, from {settings.first_seed} on."
-    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,10 +7,8 @@ from types import MappingProxyType
 from sonarmap.tools.lab.reproduce.answer import less_turns
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.figure import draw_series
-from sonarmap.tools.lab.reproduce.rows import accepted, column, grouped, middle, number, rate, right, where, wrong
+from sonarmap.tools.lab.reproduce.rows import accepted, column, middle, number, rate, right, where, wrong
 from sonarmap.tools.lab.reproduce.structures.settings import (
-    RIGHT_DEG,
-    RIGHT_VOXELS,
     RotationSettings,
     StructureSettings,
     TranslationSettings,
@@ -41,10 +39,8 @@ def translation_section(rows: Sequence[Row], _seconds: Sequence[Row], settings: 
     """The reach under every noise, next to the paper's."""
     return Section(
         title="Translation under noise of the voxels: Figs. 12, 14, 15",
-        introduction=_on_shifts(settings),
         tables=(_reach_table(rows, settings), _quality_table(rows, settings)),
         pictures={name: caption for name, (caption, noises) in _SHIFTED.items() if set(noises) & set(settings.noises)},
-        remarks=_what_is_left(rows, settings),
     )
 
 
@@ -59,10 +55,8 @@ def rotation_section(rows: Sequence[Row], _seconds: Sequence[Row], settings: Rot
     """The deviations under every noise, next to the paper's."""
     return Section(
         title="Rotation under noise of the voxels: Figs. 16, 17",
-        introduction=_on_turns(settings),
         tables=(_deviation_table(rows, settings),),
         pictures={_TURNED: _LEGEND.format(f"The first seed of `{settings.scenes[0]}`, as Figs. 16 and 17")},
-        remarks=_beyond(rows),
     )
 
 
@@ -131,14 +125,6 @@ def _quality_table(rows: Sequence[Row], settings: TranslationSettings) -> Table:
     )
 
 
-def _what_is_left(rows: Sequence[Row], settings: TranslationSettings) -> str:
-    left = {scene: min(column(some, "common")) for (scene,), some in grouped(rows, "scene").items()}
-    shares = ", ".join(f"{left[scene]:.0%} of `{scene}`" for scene in settings.scenes)
-    turned = sum(column(wrong(rows), "rotation_deg") > RIGHT_DEG)
-    why = f" Of the {len(wrong(rows))} wrong registrations, {turned} have a wrong rotation." if wrong(rows) else ""
-    return f"At the farthest shift, the share of the structure left in the grid is {shares} (lowest of all seeds).{why}"
-
-
 def deviation(row: Row, name: str) -> float:
     """How far an estimated angle is from the true one [degrees], -180..180."""
     return less_turns(float(row[f"found_{name}_deg"]) - float(row[f"true_{name}_deg"]))
@@ -174,47 +160,4 @@ def _deviation_table(rows: Sequence[Row], settings: RotationSettings) -> Table:
             "largest shift [voxels]": lambda some: f"{max(column(some, 'translation_voxels')):.1f}",
             "lowest PSR": lambda some: f"{min(column(some, 'psr')):.0f}",
         },
-    )
-
-
-def _beyond(rows: Sequence[Row]) -> str:
-    beyond = [row for row in rows if not within_limits(row)]
-    if not beyond:
-        return "All registrations are within the limits."
-    named = ", ".join(
-        f"`{row['scene']}` {row['noise']} seed {row['seed']} at {float(row['true_yaw_deg']):.0f}° of yaw"
-        for row in beyond
-    )
-    return f"Beyond the limits: {named}. {len(accepted(beyond))} of these were accepted."
-
-
-def _on_shifts(settings: TranslationSettings) -> str:
-    scenes = " and of ".join(f"`{scene}`" for scene in settings.scenes)
-    grid = settings.grid
-    return (
-        f"A whole structure (all surfaces of {scenes}, not only what a sensor sees of them) is put into a grid of "
-        f"{grid.edge} voxels of {grid.voxel:g} m, with the middle of its height in the middle of the grid. It is then "
-        f"shifted by {settings.steps[0]} to {settings.steps[-1]} steps of (1, 2, 3) m, so that more and more of it "
-        "leaves the grid. As in Sect. 3 of the paper, a share of the voxels is swapped between occupied and empty, "
-        "independently in both volumes: none in D0; 1/100 in D1, D3 and D5; 1/25 in D2, D4 and D6. D1 and D2 swap only "
-        "among voxels within 5 voxels of the structure, D3 and D4 within 10 voxels, D5 and D6 among all voxels.\n\n"
-        "The paper's method registers the two volumes. It searches all six parameters, starting from one yaw peak. A "
-        f"registration is right if it is within {RIGHT_VOXELS:g} voxels and {RIGHT_DEG:g} degrees of the truth. Seeds "
-        f"per scene: {settings.seeds}, from {settings.first_seed} on. In a grid of 256 voxels the shifts are whole "
-        "voxels, as in the paper; so without noise, the part of the structure that is left in the grid is the same in "
-        "both volumes, voxel by voxel."
-    )
-
-
-def _on_turns(settings: RotationSettings) -> str:
-    yaws, bounds, grid = settings.yaws_deg, PAPER_DEVIATION, settings.grid
-    return (
-        "The structures of the translation experiment are turned about the middle of the grid by R = Rz(yaw) Ry(pitch) "
-        f"Rx(roll), with roll and pitch of {settings.tilt_deg:g} degrees and yaw from {yaws[0]:g} to {yaws[-1]:g} "
-        f"degrees, and put into the grid of {grid.edge} voxels of {grid.voxel:g} m again; what leaves the grid is "
-        "lost. The noise is that of the translation experiment, independent in both volumes. The method is the "
-        "paper's, with one yaw peak.\n\nThe paper gives no numbers. Its figures show deviations of up to about "
-        f"{bounds['yaw']:g} degrees in yaw and {bounds['roll']:g} degrees in roll and pitch; these are the limits "
-        "here. A registration is within the limits only if its shift, which is zero in truth, is also within "
-        f"{_SHIFT_VOXELS:g} voxels. Seeds per scene: {settings.seeds}, from {settings.first_seed} on."
     )

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from sonarmap.tools.lab.evaluate.place_recall import AMONG, GAP, OVERLAP
-from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from sonarmap.tools.lab.reproduce.beside import HEADINGS
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.figure import legend_below, new_figure
@@ -35,36 +34,12 @@ def survey_section(rows: Sequence[Row], seconds: Sequence[Row], settings: Survey
     by_system = [((str(row["system"]),), row) for row in where(seconds, survey=longest)]
     return Section(
         title="Maps of whole surveys",
-        introduction=_introduction(maps, settings),
         tables=tables,
         times=(
             _survey_by_survey(where(seconds, system=OURS), whole | parts | memory),
             table_of(title, ("system",), by_system, _numbers(whole | memory)),
         ),
         pictures={PICTURE: f"Estimated paths on the survey of {longest} scans, over the true plan"},
-    )
-
-
-def _introduction(maps: Sequence[Row], settings: SurveySettings) -> str:
-    voxels = sorted({f"{float(row['voxel_m']):.2f}" for row in maps})
-    left_out = ", ".join(f"`{system}`" for system in settings.left_out)
-    dives = (
-        f" Two dives of {settings.dive} scans each over one place are given to the mapper as two surveys, the later "
-        "first; their relative pose is not given."
-        if settings.dive
-        else ""
-    )
-    return (
-        f"A sonar moves to and fro over {settings.scene} in lanes and takes a scan every 9 m, with speckle, ghosts, "
-        f"outliers and dropouts; {settings.unusable:.0%} of the scans show nothing of the scene. ".replace("%", " %")
-        + f"Seeds: {settings.seeds}, from {settings.first_seed} on. Grids of {settings.edge} voxels along each edge, "
-        f"of {' or '.join(voxels)} m, as `sonarmap map` chooses them; the system `sonarmap` is this command with its "
-        "default settings. Poses and maps are aligned with the truth by all usable poses of the largest component. A "
-        f"pair is right if it is within {RIGHT_DEG:g} degrees and {RIGHT_VOXELS:g} voxels of the truth. The maps of "
-        "the other systems are fused from their poses in the same way as ours. The error of a map is the distance of "
-        "its points to the true surface, noise included."
-        + dives
-        + (f" Left out, as their packages are not installed: {left_out}." if left_out else "")
     )
 
 
