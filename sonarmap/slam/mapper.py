@@ -2,7 +2,6 @@
 """The mapper: scans in, one consistent map out, on one screen."""
 
 from collections.abc import Callable, Sequence
-from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -200,9 +199,7 @@ class Mapper:
                 break
             if progress is not None:
                 progress.begin_again()
-            # a scan that fitted as it was taken is not odd, but not straight yet
-            fitted = set(range(len(taken))) - {each.scan for each in result.odd}
-            again = self._mapped(replace(measurements, scans=straight.scans), progress, fitted=fitted)
+            again = self._mapped(replace(measurements, scans=straight.scans), progress)
             fewer = max(map(len, again.components)) < max(map(len, result.components))
             if fewer or sharper(again.pairs, result.pairs) <= 0:
                 break
@@ -215,9 +212,8 @@ class Mapper:
         measurements: Measurements,
         progress: Progress | None,
         vet: Callable[[Sequence[RegisteredPair]], None] | None = None,
-        fitted: AbstractSet[int] = frozenset(),
     ) -> SurveyResult:
-        """The map of the scans as they are; those that `fitted` before are not looked at for what is odd."""
+        """The map of the scans as they are."""
         scans, number, control = measurements.scans, measurements.surveys, measurements.control
         ties = tuple(measurements.ties.values())
         try:
@@ -226,7 +222,7 @@ class Mapper:
             odd: tuple[OddScan, ...] = ()
             if len(keys) == len(scans):
                 known = register_steps(runner, measurements.runs, known)
-                vouched = {k for tie in ties for k in tie.scans} | {point.scan for point in control} | fitted
+                vouched = {k for tie in ties for k in tie.scans} | {point.scan for point in control}
                 odd = find_odd(runner, searched, measurements.runs.tolist(), known, self.voxel, vouched)
                 keys = [k for k in keys if k not in {each.scan for each in odd}]
             if len(keys) == len(scans):

@@ -50,6 +50,8 @@ class RegisteredPair(Candidate):
 
     registration: Registration | None = None  # the result; None where the pair could not be registered
     failure: str = ""  # why it could not
+    # of a step that the scans hardly show, where the usual motion has it, as wide as that may be
+    guess: Registration | None = None
 
     @property
     def accepted(self) -> bool:
@@ -76,7 +78,7 @@ class Pair(RegisteredPair):
         role: "sequential" (consecutive), "bridge" (over a gap) or "loop" (any others).
         predicted_overlap: expected before it was registered, 0..1; NaN where no estimate existed.
         alike: distance of the scans' signatures, without a unit; NaN where these were not compared.
-        expected, registration, failure: as of a `Candidate` and a `RegisteredPair`.
+        expected, registration, failure, guess: as of a `Candidate` and a `RegisteredPair`.
         edge: what it contributes to the graph, of the registration or of one of its alternatives; None where it was
             not kept.
         reason: in words, why it was kept or not.

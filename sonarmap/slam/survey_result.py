@@ -3,8 +3,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
+from scipy.cluster.hierarchy import DisjointSet
 
 from sonarmap.kernels.counted import counted
 from sonarmap.slam.decide.systematic import Systematic
@@ -51,7 +53,7 @@ class SurveyResult:
         ties: what a person said of pairs; what came of each is with its pair.
         displaced: scans of pairs that are kept without ties and control points, and refused for these.
         control: where control and check points are in the map.
-        odd: the scans that are mirrored, in another unit, or whose ranges are off by a share; they were left out.
+        odd: the scans that fit no other as they are, being mirrored or in another unit; they were left out.
         names: of the N scans.
     """
 
@@ -118,6 +120,22 @@ class SurveyResult:
         held = {scan for edge in self.edges for scan in (edge.i, edge.j)}
         asked = set(range(len(self.trajectory)) if self.keys is None else self.keys) - held
         return tuple(sorted(k for members in self.components if len(members) > 1 for k in asked.intersection(members)))
+
+    @property
+    def unconfirmed(self) -> tuple[Pair, ...]:
+        """Gaps, and steps that were guessed, of which both sides lie in one map for nothing but pairs that were sought
+        where the motion, or an estimate that follows from it, has them. Such pairs are found there, rightly or not."""
+        graph = self.solution.graph
+        sought = {pair.scans for pair in self.pairs if pair.expected is not None and pair.role != "sequential"}
+        joined = DisjointSet(range(len(self.trajectory)))
+        for edge in graph.edges:
+            if edge.kind not in ("guess", "prior") and (edge.i, edge.j) not in sought:
+                joined.merge(edge.i, edge.j)
+        for one, other in pairwise(graph.gauge.in_world):
+            joined.merge(one, other)
+        part = {k: n for n, members in enumerate(self.components) for k in members}
+        steps = (pair for pair in self.pairs if pair.role == "sequential" and part[pair.i] == part[pair.j])
+        return tuple(step for step in steps if not joined.connected(*step.scans))
 
     @property
     def maps(self) -> tuple[PointMap, ...]:

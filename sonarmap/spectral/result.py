@@ -73,11 +73,6 @@ class Registration:
         return self.fixed >= FITTED["acceptance"]["fixed"]
 
     @property
-    def is_assumed(self) -> bool:
-        """Whether it is what is usual rather than what the scans show."""
-        return "assumed" in dict(self.evidence)
-
-    @property
     def is_only_likely(self) -> bool:
         """Whether it is believed as scans that follow each other nearly always share a place, and not by itself."""
         return "likely" in dict(self.evidence)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.result import Registration
 
-Kind = Literal["sequential", "odometry", "tie", "loop", "prior"]
+Kind = Literal["sequential", "odometry", "tie", "loop", "guess", "prior"]
 SYMMETRY = 1e-9  # largest asymmetry of a covariance or information, as a share of its largest element
 
 
@@ -27,7 +27,8 @@ class Edge:
         registration: `T_target_source` is T_i_j; for a prior it is T_world_i. The covariance is (6, 6),
             rotation first [rad, m], body tangent of j.
         kind: "sequential" (consecutive scans), "loop" (any others), "odometry" (by dead reckoning), "tie" (a person
-            measured it) or "prior" (of one pose, against the world).
+            measured it), "guess" (consecutive scans, where the usual motion has them) or "prior" (of one pose, against
+            the world).
         by_hand: whether a person vouches for it: then no other edge outweighs it.
 
     Raises:
@@ -60,8 +61,8 @@ class Edge:
 
     @property
     def is_of_pair(self) -> bool:
-        """Whether it is what became of a pair of scans: registered, or measured by a person."""
-        return self.is_registered or self.kind == "tie"
+        """Whether it is what became of a pair of scans: registered, measured by a person, or guessed."""
+        return self.kind not in ("odometry", "prior")
 
     def with_scale_factor(self, factor: float) -> "Edge":
         """The edge with its covariance multiplied, whatever took part in it: it contradicts others as it is."""
@@ -137,7 +138,7 @@ def inverse_definite(matrix: np.ndarray) -> np.ndarray:
 
 def spanning_tree(count: int, edges: Sequence[Edge]) -> list[Edge]:
     """Edges that join every component of `count` poses without a cycle: consecutive scans, odometry, ties, then
-    loops."""
+    loops, and guesses last."""
     joined = DisjointSet(range(count))
     between = [edge for edge in edges if edge.kind != "prior"]
     order = get_args(Kind)

@@ -32,6 +32,10 @@ class MeasuredMotion:
             return self.learned.expected(i, j)
         return ExpectedPose(np.zeros(3), np.zeros(3), _ANYWHERE)
 
+    def reach(self, i: int, j: int) -> ExpectedPose:
+        """As learned, for scans that dead reckoning does not tell of."""
+        return self.expected(i, j) if self.learned is None else self.learned.reach(i, j)
+
     def way(self, i: int, j: int) -> tuple[float, float] | None:
         """As learned, where dead reckoning does not tell it better."""
         return None if self.learned is None or self.is_measured(i, j) else self.learned.way(i, j)

@@ -28,9 +28,9 @@ _STEP_ODDS = 4.0
 # Where nearly all others are believed by themselves, one that is not is less usual: then only by so much. At five of 35
 # places where two dives met, the step had a probability of 0.62 to 0.66, as 4 of 1,459 right steps over rich relief.
 _LONE_ODDS = 2.5
-# Less probable ones, down to this, are assumed to be as usual: 99 of 100 pairs that share nothing are below it about an
-# expected place. So probable is then that the step is as far off as it says.
-_POSSIBLE_STEP, _SUREST_ASSUMPTION = 0.2, 0.9
+# Of less probable ones, down to this, the usual motion is a guess: about an expected place, 99 of 100 pairs that share
+# nothing are below it.
+_POSSIBLE_STEP = 0.2
 # Only where so many steps, and such a share of all, are doubtful: of 26 folders of two dives two were joined by one.
 _FEW_DOUBTS, _DOUBTED = 2, 0.1
 
@@ -91,8 +91,9 @@ def expected_by(solution: Solution, pairs: Sequence[RegisteredPair], floor: np.n
 def believing_steps(pairs: Sequence[RegisteredPair], motion: AnyMotion | None) -> list[RegisteredPair]:
     """The pairs, those of consecutive scans believed as far as they are likely: these nearly always share a place.
 
-    What is likely is accepted. What is only possible becomes as wide as the usual motion leaves it, and what the scans
-    say counts in it as much as it is probable; but not where nearly all other steps are believed: there two dives meet.
+    What is likely is accepted; where the scans leave its pose open, as wide as the usual motion leaves it. What is only
+    possible stays refused, with the usual motion beside it as a guess; but not where nearly all other steps are
+    believed: there two dives meet.
     """
     steps = [pair for pair in pairs if pair.role == "sequential"]
     doubtful = sum(not step.accepted for step in steps)
@@ -107,31 +108,42 @@ def _as_step(pair: RegisteredPair, motion: AnyMotion | None, alone: bool) -> Reg
     if registration is None or not registration.probability >= _POSSIBLE_STEP:
         return pair
     odds = (_LONE_ODDS if alone else _STEP_ODDS) * registration.probability
-    as_step = replace(registration, probability=odds / (odds + 1 - registration.probability))
-    if as_step.placed and registration.is_fixed:
-        reason = f"likely enough for a step between consecutive scans; {registration.reason}"
-        evidence = (*registration.evidence, ("likely", registration.probability))
-        return replace(pair, registration=replace(as_step, accepted=True, reason=reason, evidence=evidence))
-    if motion is None or motion.is_measured(*pair.scans) or (alone and not as_step.placed):
-        return pair
-    return replace(pair, registration=_assumed(registration, motion.expected(*pair.scans)))
+    as_step = registration.with_probability(odds / (odds + 1 - registration.probability))
+    usual = None if motion is None or motion.is_measured(*pair.scans) else motion
+    if not as_step.placed:
+        return pair if usual is None or alone else replace(pair, guess=_guess(registration, usual.reach(*pair.scans)))
+    why, evidence = "likely enough for a step between consecutive scans", (("likely", registration.probability),)
+    if registration.placed:
+        why, evidence = "the usual motion holds what the scans leave open", ()
+    if not registration.is_fixed:
+        if usual is None:
+            return pair
+        as_step = _either(as_step, usual.expected(*pair.scans), registration.probability)
+    evidence = (*registration.evidence, *evidence)
+    accepted = replace(as_step, accepted=True, reason=f"{why}; {registration.reason}", evidence=evidence)
+    return replace(pair, registration=accepted)
 
 
-def _assumed(registration: Registration, expected: ExpectedPose) -> Registration:
-    """Mean and covariance of either the registration, as probable as it says, or what is expected."""
-    share, (away, window) = registration.probability, _window(registration, expected)
-    spread = share * (1 - share) * np.outer(away, away)
+def _guess(registration: Registration, reach: ExpectedPose) -> Registration:
+    """Where a registration that is hardly probable, or else the motion has the step."""
+    share = registration.probability
     return replace(
-        registration,
-        T_target_source=registration.T_target_source * RigidTransform.from_exp_coords((1 - share) * away),
-        covariance=share * registration.covariance + (1 - share) * window + spread,
-        T_by_scans=None,
-        covariance_by_scans=None,
-        probability=_SUREST_ASSUMPTION,
-        accepted=True,
+        _either(registration, reach, share),
         alternatives=(),
         evidence=(("assumed", share),),
         reason=f"assumed from the usual motion, as the scans show it with a probability of {share:.0%} only",
+    )
+
+
+def _either(registration: Registration, expected: ExpectedPose, share: float) -> Registration:
+    """Mean and covariance of either the registration, which has this share, or what is expected."""
+    away, window = _window(registration, expected)
+    return replace(
+        registration,
+        T_target_source=registration.T_target_source * RigidTransform.from_exp_coords((1 - share) * away),
+        covariance=share * registration.covariance + (1 - share) * window + share * (1 - share) * np.outer(away, away),
+        T_by_scans=None,
+        covariance_by_scans=None,
     )
 
 

@@ -26,7 +26,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class OddScan:
-    """A scan that was left out.
+    """A scan that no other fits, and that was left out.
 
     Attributes:
         scan: its number.
@@ -38,7 +38,7 @@ class OddScan:
 
     @property
     def kind(self) -> str:
-        """What it seems to be: "mirrored", "feet" or "meters" where the others are in feet, or "ranges"."""
+        """What it seems to be: "mirrored", "feet", or "meters" where the others are in feet."""
         if self.change.axes:
             return "mirrored"
-        return {FOOT: "feet", 1 / FOOT: "meters"}.get(self.change.factor, "ranges")
+        return "feet" if self.change.factor < 1 else "meters"

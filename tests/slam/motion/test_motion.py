@@ -1,6 +1,7 @@
 """The usual motion, learned from steps that are sure, and dead reckoning: what they expect and contradict."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -271,13 +272,25 @@ def possible(probability: float, off: np.ndarray, fixed: float = 1.0) -> Registe
     return replace(given, registration=replace(given.registration, probability=probability, evidence=evidence))
 
 
-@pytest.mark.parametrize(("probability", "accepted"), [(0.1, False), (0.3, True), (0.7, True)])
-def test_a_step_is_believed_as_far_as_it_is_likely(probability: float, accepted: bool) -> None:
-    off = np.array([0, 0, 0, 0, 2.0, 0])
-    step, _ = believing_steps([possible(probability, off), possible(0.1, off)], learned(steps(20)))
+@pytest.mark.parametrize("probability", [0.1, 0.3, 0.7])
+def test_a_step_is_believed_as_far_as_it_is_likely(probability: float) -> None:
+    """A guess is never accepted, nor more probable than the scans say; and probabilities sum to less than 1."""
+    off, given = np.array([0, 0, 0, 0, 2.0, 0]), possible(probability, np.zeros(6)).registration
+    assert given is not None
+    doubtful = possible(probability, off)
+    assert doubtful.registration is not None
+    others = (replace(given, probability=0.9 * (1 - probability)),)
+    doubtful = replace(doubtful, registration=replace(doubtful.registration, alternatives=others))
+    step, _ = believing_steps([doubtful, possible(0.1, off)], learned(steps(20)))
     assert step.registration is not None
-    assert step.accepted == accepted
-    assert step.registration.is_assumed == (probability == 0.3)
+    assert step.accepted == (probability == 0.7)
+    assert (step.guess is not None) == (probability == 0.3)
+    if not step.accepted:
+        assert step.registration == doubtful.registration
+    if step.guess is not None:
+        assert step.guess.probability == probability
+        assert not step.guess.accepted
+    assert step.registration.probability + step.registration.alternatives[0].probability < 1
     loops = [replace(possible(probability, off), role="loop")]
     assert believing_steps(loops, learned(steps(20))) == loops
 
@@ -300,12 +313,13 @@ def test_a_lone_doubtful_step_is_not_assumed_as_two_dives_may_meet_there() -> No
 def test_an_assumed_step_lies_between_the_scans_and_the_motion_and_is_as_wide_as_both() -> None:
     off, motion = np.array([0, 0, 0, 0, 2.0, 0]), learned(steps(20))
     step, _ = believing_steps([possible(0.4, off), possible(0.1, off)], motion)
-    assert step.registration is not None
-    expected = motion.expected(3, 4)
+    assert step.guess is not None
+    expected = motion.reach(3, 4)
+    assert (expected.sigmas > motion.expected(3, 4).sigmas).all()
     between = moved(USUAL + off).translation - expected.translation
-    found = step.registration.T_target_source.translation
+    found = step.guess.T_target_source.translation
     np.testing.assert_allclose(found, expected.translation + 0.4 * between, atol=0.05)
-    covariance = step.registration.covariance
+    covariance = step.guess.covariance
     assert np.linalg.eigvalsh(covariance).min() > 0
     least = 0.4 * 0.6 * np.linalg.norm(between) ** 2
     assert np.trace(covariance[3:, 3:]) > least + 0.6 * (expected.sigmas[3:] ** 2).sum()
@@ -317,4 +331,19 @@ def test_an_assumed_step_lies_between_the_scans_and_the_motion_and_is_as_wide_as
 def test_a_likely_step_that_leaves_a_direction_open_is_as_wide_as_the_motion() -> None:
     (step,) = believing_steps([possible(0.8, np.zeros(6), fixed=0.1)], learned(steps(20)))
     assert step.registration is not None
-    assert step.registration.is_assumed
+    assert step.accepted
+    assert step.registration.probability == pytest.approx(2 / 2.2)
+    assert step.registration.covariance.trace() > COVARIANCE.trace()
+    given = possible(0.8, np.zeros(6), fixed=0.1)
+    assert believing_steps([given], None) == [given]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_scans_in_no_order_have_no_usual_motion(seed: int) -> None:
+    """Nor has a vehicle that goes to and fro at random; one that stops now and then has."""
+    order, rng = np.argsort(np.random.default_rng(seed).random(20)), np.random.default_rng(seed)
+    places = [RigidTransform.from_translation([1.5 * k, 0.1 * k, 0.0]) for k in range(20)]
+    shuffled = [step_pair(k, places[a].inv() * places[b], COVARIANCE) for k, (a, b) in enumerate(pairwise(order))]
+    assert Motion.learn(shuffled, np.arange(20.0), np.zeros(20, int), FLOOR) is None
+    stops = [step_pair(k, moved(USUAL * (rng.random() < 0.7)), COVARIANCE) for k in range(19)]
+    assert Motion.learn(stops, np.arange(20.0), np.zeros(20, int), FLOOR) is not None

@@ -2,26 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap import map_scans
-from sonarmap.slam import mapper
-from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.motion.straighten import Straightened, sharper, straightened, ways
 from sonarmap.slam.motion.turn_rates import TurnRates
-from sonarmap.slam.odd.odd_scan import Change, OddScan
 from sonarmap.slam.pair import Pair
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES, simulate
-from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 
 COUNT, DOTS = 12, 200
 TIMES = np.linspace(0.0, 0.8, DOTS, dtype=np.float32)
@@ -137,23 +131,6 @@ def test_peaks_of_the_same_pairs_are_compared() -> None:
     assert sharper(pairs((0, 110.0, True), (1, 60.0, True), (2, 8.0, True)), before) > 0
     assert sharper(pairs((0, 90.0, True), (1, 60.0, False)), before) < 0
     assert sharper(pairs((7, 90.0, True)), before) == 0
-
-
-def test_what_fitted_as_it_was_taken_is_not_odd_when_straightened(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The end of a way is known least: what is not straight yet may look stretched, and is mapped again."""
-    spared: list[set[int]] = []
-
-    def find(*args: Any) -> tuple[OddScan, ...]:
-        spared.append(set(args[-1]))
-        return (OddScan(5, Change("y")),) if len(spared) == 1 else ()
-
-    monkeypatch.setattr(mapper, "find_odd", find)
-    truth, times = ring_poses(8, turns=0.4), np.linspace(0.0, 0.8, 9000, dtype=np.float32)
-    scans = [replace(scan, times=times[: len(scan.points)]) for scan in scans_of(truth)]
-    settings = MapperSettings(loops=LoopSettings(per_scan=0))
-    registrar = KnowingRegistrar(truth, random_covariance(np.random.default_rng(0), 0.004, 0.03))
-    Mapper(registrar, 0.5, settings).run(scans)
-    assert spared == [set(), {0, 1, 2, 3, 4, 6, 7}]
 
 
 @pytest.mark.slow

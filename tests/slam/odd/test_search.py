@@ -1,4 +1,4 @@
-"""Scans that are mirrored, in feet, or whose ranges are off: which are named, and what is left of the map."""
+"""Scans that are mirrored or in feet: which are named, and what is left of the map."""
 
 from dataclasses import replace
 from typing import Any
@@ -22,15 +22,14 @@ COUNT, VOXEL = 12, 0.5
 TRUTH = ring_poses(COUNT, turns=0.4)
 SCANS = scans_of(TRUTH)
 NAMES = [scan.name for scan in SCANS]
-FOLLOWED = 0.1  # share of a scan's scale that a registration follows
 
 
 class Seeing(KnowingRegistrar):
     """Right about scans that are as they were; as unsure of others as a registration is; `blind` to what is wrong."""
 
-    def __init__(self, blind: bool = False, spread: float = 0.0) -> None:
+    def __init__(self, blind: bool = False) -> None:
         super().__init__(TRUTH, 1e-6 * np.eye(6))
-        self.blind, self.spread = blind, spread
+        self.blind = blind
 
     def prepare(self, scan: Scan) -> Any:
         prepared: Any = super().prepare(scan)
@@ -39,10 +38,9 @@ class Seeing(KnowingRegistrar):
 
     def register(self, target: Any, source: Any) -> Registration:
         given = super().register(target, source)
-        by, chance = source.by / target.by, np.random.default_rng([target.index, source.index]).normal()
+        by = source.by / target.by
         fits = self.blind or (by.min() > 0.7 and by.max() < 1.4)
-        stretch = self.spread * chance - FOLLOWED * float(np.log(np.abs(by).mean()))
-        return replace(given, accepted=bool(fits), probability=0.98 if fits else 0.1, evidence=(("stretch", stretch),))
+        return replace(given, accepted=bool(fits), probability=0.98 if fits else 0.1)
 
 
 def with_odd(changes: dict[int, Change]) -> list[Scan]:
@@ -61,8 +59,6 @@ def mapped(scans: list[Scan], registrar: KnowingRegistrar | None = None, **argum
         (Change("z"), "mirrored", "the sign of z changed"),
         (Change(factor=1 / FOOT), "feet", "in feet"),
         (Change(factor=FOOT), "meters", "the others in feet"),
-        (Change(factor=0.95), "ranges", "5% too short"),
-        (Change(factor=1.05), "ranges", "5% too long"),
     ],
 )
 def test_an_odd_scan_is_named_and_left_out(scan: int, change: Change, kind: str, words: str) -> None:
@@ -89,58 +85,32 @@ def test_the_rest_of_the_map_is_as_without_it() -> None:
 
 
 def test_several_are_named_also_side_by_side() -> None:
-    changes = {3: Change("y"), 4: Change("y"), 8: Change(factor=0.95)}
+    changes = {3: Change("y"), 4: Change("z"), 8: Change(factor=FOOT)}
     assert [odd.scan for odd in mapped(with_odd(changes)).odd] == [3, 4, 8]
 
 
-def test_what_fits_as_it_is_is_not_odd() -> None:
-    """As a mirrored scan of a symmetric place, and ranges that nothing tells."""
-    registrar = Seeing(blind=True)
-    result = mapped(with_odd({5: Change("y")}), registrar)
+@pytest.mark.parametrize("fitting", [set(range(COUNT)), {5, 6}, {3, 5}])
+def test_what_any_neighbor_fits_as_it_is_is_not_odd(fitting: set[int]) -> None:
+    """As a mirrored scan of a symmetric place: what registrations fit is never left out."""
+
+    class Partly(Seeing):
+        def register(self, target: Any, source: Any) -> Registration:
+            self.blind = {target.index, source.index} <= fitting
+            return super().register(target, source)
+
+    result = mapped(with_odd({5: Change("y")}), Partly())
     assert result.odd == ()
     assert len(result.components) == 1
 
 
-def test_a_scan_that_jumps_away_and_back_fits_nowhere() -> None:
-    """As a mirrored scan of a symmetric place, which lies on its other side for all neighbors."""
-    away = RigidTransform.from_translation([40.0, -25.0, 1.0])
-
-    class Symmetric(Seeing):
-        def register(self, target: Any, source: Any) -> Registration:
-            given = replace(super().register(target, source), accepted=True, probability=0.95)
-            T = [away * TRUTH[scan.index] if scan.by.min() < 0 else TRUTH[scan.index] for scan in (target, source)]
-            return replace(given, T_target_source=T[0].inv() * T[1])
-
-    assert [(odd.scan, odd.kind) for odd in mapped(with_odd({6: Change("y")}), Symmetric()).odd] == [(6, "mirrored")]
-
-
-@pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("spread", [0.0, 0.001, 0.004])
-def test_ordinary_surveys_have_none(spread: float) -> None:
-    """By however much what registrations say of the ranges varies by chance; and none of its steps is tried twice."""
-    registrar = Seeing(spread=spread)
+def test_ordinary_surveys_have_none_and_no_pair_is_tried_twice() -> None:
+    registrar = Seeing()
     assert mapped(SCANS, registrar).odd == ()
-    if spread <= 0.001:
-        assert len(set(registrar.pairs)) == len(registrar.pairs)
-
-
-def test_scans_on_one_side_alone_do_not_tell_the_ranges() -> None:
-    """As where the vehicle's place is wrong behind a gap."""
-
-    class Torn(Seeing):
-        def register(self, target: Any, source: Any) -> Registration:
-            given, ends = super().register(target, source), sorted((target.index, source.index))
-            return replace(given, accepted=False) if ends[0] <= 5 < ends[1] else given
-
-    assert mapped(with_odd({5: Change(factor=0.95)}), Torn()).odd == ()
-
-
-def test_small_shares_are_left_to_the_fit() -> None:
-    assert mapped(with_odd({5: Change(factor=0.985)})).odd == ()
+    assert len(set(registrar.pairs)) == len(registrar.pairs)
 
 
 def test_a_person_may_vouch_for_a_scan() -> None:
-    result = mapped(with_odd({5: Change(factor=0.95)}), ties=(Tie(5, 6, "accept"),))
+    result = mapped(with_odd({5: Change("y")}), ties=(Tie(5, 6, "accept"),))
     assert result.odd == ()
     assert len(result.components) == 1
 

@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.command.words.pairs import print_pairs
 from sonarmap.tools.command.words.survey import Mapped, warn_of_faults, way_length
@@ -98,6 +100,19 @@ def test_an_error_of_the_method_is_named_and_the_map_is_not_whole() -> None:
     )
     assert not Mapped(survey, NAMES, Path(), [], 0).whole
     assert Mapped(refusing({(4, 5)}), NAMES, Path(), [], 0).whole
+
+
+def test_a_map_that_only_the_usual_motion_joins_is_not_whole() -> None:
+    """Pairs sought where the motion has them are found there, as in the second of two pools in one folder."""
+    survey, away = refusing({(4, 5)}), ExpectedPose.of(RigidTransform.identity(), np.ones(6))
+    sought = [replace(pair, expected=away) if pair.i < 5 <= pair.j else pair for pair in survey.pairs]
+    joined = replace(survey, pairs=tuple(sought))
+    assert [step.scans for step in joined.unconfirmed] == [(4, 5)]
+    assert not Mapped(joined, NAMES, Path(), [], 0).whole
+    assert faults(joined, NAMES)[0].startswith("between scan4 and scan5 only the usual motion joins the map, and pairs")
+    assert faults(survey, NAMES)[0].startswith("gap between scan4 and scan5")
+    free = next(pair for pair in survey.pairs if pair.role != "sequential" and pair.kept and pair.i < 5 <= pair.j)
+    assert not replace(joined, pairs=(*(p for p in sought if p.scans != free.scans), free)).unconfirmed
 
 
 def test_the_most_important_stand_first_and_few_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -40,9 +40,10 @@ class Mapped:
 
     @property
     def whole(self) -> bool:
-        """Whether every scan is in one map, no pair ended by an error of the method, and instruments fit them."""
+        """Whether every scan is in one map, by more than the usual motion, no pair ended by an error of the method, and
+        instruments fit them."""
         defects = any(pair.is_defect for pair in self.result.pairs)
-        trusted = not (self.result.contradicted or self.result.unclear)
+        trusted = not (self.result.contradicted or self.result.unclear or self.result.unconfirmed)
         return trusted and not self.unread and not defects and len(self.result.components) == 1
 
 

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from statistics import median
 from typing import Any
 
 from sonarmap.slam.decide.lone import lone_steps
@@ -18,8 +17,6 @@ from sonarmap.tools.products.output.hand import has_no_effect, is_contradicted, 
 
 UNMOVED = 0.001  # poses moved by less than this were not moved [voxels]
 LISTED = 10  # names of scans in a sentence
-_FEWEST_STEPS = 4  # that tell what is usual
-_FAR_OFF, _LITTLE = 6.0, 3 / 4  # median absolute deviations below the median, and a share of it: a step to look at
 FAR = 4.0  # sigmas beyond which a point that holds the map is warned of
 _PAIRS = 5  # in a sentence
 _OPEN = {
@@ -85,7 +82,6 @@ def odd_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]
 def _oddness(odd: OddScan) -> str:
     """What a scan seems to be, and what to do."""
     axis, factor = odd.change.axes, odd.change.factor
-    short = "too short" if factor > 1 else "too long"
     seems, change, what_to_do = {
         "mirrored": ("is mirrored", f"the sign of {axis} changed", "write it with x forward, y left, z up"),
         "feet": ("is in feet", f"its lengths multiplied by {factor:.4f}", "write all scans in one unit"),
@@ -93,11 +89,6 @@ def _oddness(odd: OddScan) -> str:
             "is in meters and the others in feet",
             f"its lengths multiplied by {factor:.4f}",
             "write all scans in one unit",
-        ),
-        "ranges": (
-            f"has ranges that are {abs(1 / factor - 1):.0%} {short}, as by a wrong speed of sound",
-            f"its ranges multiplied by {factor:.3f}",
-            "correct them in its file",
         ),
     }[odd.kind]
     return f"{seems}: with {change} it fits its neighbors, and not as it is. It was left out of the map; {what_to_do}"
@@ -137,6 +128,14 @@ def _of_parts(result: SurveyResult, names: Sequence[str], unusable: dict[int, st
         yield (
             f"no reliable registration joins all the scans: there are {len(parts)} separate parts, each with its own "
             "map; the largest is map.ply"
+        )
+    if unconfirmed := result.unconfirmed:
+        step = unconfirmed[0]
+        more = f" (gaps like this: {len(unconfirmed)})" if unconfirmed[1:] else ""
+        yield (
+            f"between {names[step.i]} and {names[step.j]} only the usual motion joins the map, and pairs sought where "
+            f"it expects them{more}: two dives or two tanks in one folder give this too. If the vehicle was moved "
+            "meanwhile, give the scans before and after in folders of their own"
         )
     yield from _of_scans(outside, ("is in no map", "are in no map"), names, unusable)
     alone = ("lies in the map by navigation alone", "lie in the map by navigation alone")
@@ -184,42 +183,16 @@ def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str
 
 
 def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
-    """Steps that the scans alone did not show, and steps that share far less than the others: a vehicle that was moved
-    between two scans gives these, as two dives in one folder do."""
+    """Steps that the scans alone did not show surely: a vehicle that was moved between two scans gives these."""
     steps = [pair for pair in result.pairs if pair.role == "sequential" and pair.edge is not None]
-    assumed = [step for step in steps if step.edge is not None and step.edge.registration.is_assumed]
-    if assumed:
-        where = f"as between {names[assumed[0].i]} and {names[assumed[0].j]}"
-        yield (
-            f"{len(assumed)} of {len(steps)} steps between consecutive scans, {where}, are assumed from the usual "
-            "motion, as the scans hardly show them: the map may be bent or torn there. If the vehicle was moved "
-            "meanwhile, give the scans before and after in folders of their own"
-        )
     lone = lone_steps(result.pairs, free=True)
-    alone = [s for s in steps if s not in assumed and (s.scans in lone or _is_only_likely(s, result.pairs))]
+    alone = [step for step in steps if step.scans in lone or _is_only_likely(step, result.pairs)]
     if alone:
         first = alone[0]
         yield (
             f"{len(alone)} of {len(steps)} steps between consecutive scans, as between {names[first.i]} and "
             f"{names[first.j]}, are not sure, and no other pair that was found without the estimate confirms them. If "
             "the vehicle was moved meanwhile, give the scans before and after in folders of their own"
-        )
-    overlaps = [(step.edge.registration.overlap, step) for step in steps if step.edge is not None]
-    usual = [overlap for overlap, step in overlaps if step.expected is None]
-    if len(usual) < _FEWEST_STEPS:
-        return
-    middle = median(usual)
-    deviation = median(abs(overlap - middle) for overlap in usual)
-    least = min(middle - _FAR_OFF * deviation, _LITTLE * middle)
-    apart = sorted((each for each in overlaps if each[0] < least), key=lambda each: each[0])
-    if apart:
-        overlap, step = apart[0]
-        others = f" (steps that share as little: {len(apart)})" if apart[1:] else ""
-        yield (
-            f"{names[step.i]} and {names[step.j]} share {overlap:.0%}, where consecutive scans usually share "
-            f"{middle:.0%}{others}. A sharp turn does this, and so does a vehicle that was moved, even to another "
-            "place of one build: then give the scans before and after in folders of their own, or reject the pair "
-            "(docs/ties.md)"
         )
 
 
