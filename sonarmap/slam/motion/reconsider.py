@@ -52,10 +52,11 @@ def with_both(first: RegisteredPair, second: RegisteredPair, motion: AnyMotion |
     """
     if first.registration is None or second.registration is None:
         return first
-    left = 1.0 - second.registration.probability
-    answers = (first.registration, *first.registration.alternatives)
-    earlier = tuple(_less(answer, left, first, motion) for answer in answers)
     answer = second.registration
+    left = 1.0 - answer.probability
+    beside = left - sum(other.probability for other in answer.alternatives)
+    answers = (first.registration, *first.registration.alternatives)
+    earlier = tuple(_less(each, beside, first, motion) for each in answers)
     if motion is None and second.expected is not None:
         away, window = _window(answer, second.expected)
         answer = replace(answer, covariance=answer.covariance + left * (window + np.outer(away, away)))

@@ -150,7 +150,7 @@ def test_a_map_without_points_is_refused() -> None:
 def test_a_prior_from_the_map_errs_about_axes_that_are_turned_with_the_heading() -> None:
     """As every prior does: an error about the sensor's forward axis is one of roll wherever it heads."""
     sigmas = np.array([0.01, 0.1, 0.05, 0.2, 1.0, 0.5])
-    at = RigidTransform.from_rotation(Rotation.from_euler("Z", [90.0], degrees=True))
+    at = RigidTransform.from_rotation(Rotation.from_euler("Z", [[90.0]], degrees=True))
     surveyed = SurveyedMap(np.zeros((1, 3)), np.zeros(1, int), at, np.diag(sigmas**2)[None], VOXEL, np.full(6, True))
     prior = surveyed.prior_at(at[0])
     assert prior is not None

@@ -162,16 +162,21 @@ def test_what_is_refused_or_contradicted_is_doubtful() -> None:
 
 def test_the_second_look_leads_and_the_first_stays_possible() -> None:
     first = pair(replace(answer(JUMP, 0.9, accepted=True), alternatives=(answer(moved(USUAL), 0.1),)))
-    second = pair(answer(moved(1.1 * USUAL), 0.8))
+    rival = answer(moved(0.5 * USUAL), 0.15)
+    second = pair(replace(answer(moved(1.1 * USUAL), 0.8), alternatives=(rival,)))
     second = replace(second, expected=EXPECTED)
     both = with_both(first, second, MOTION)
     assert both.registration is not None
     assert both.registration.probability == 0.8
     assert both.expected is EXPECTED
-    jump, usual = both.registration.alternatives
-    assert jump.probability == pytest.approx(0.9 * 0.2 * 0.1)
-    assert usual.probability == pytest.approx(0.1 * 0.2)
+    kept, jump, usual = both.registration.alternatives
+    assert kept is rival
+    assert jump.probability == pytest.approx(0.9 * 0.05 * 0.1)
+    assert usual.probability == pytest.approx(0.1 * 0.05)
     assert not jump.accepted
+    plain = with_both(first, second).registration
+    assert plain is not None
+    assert plain.probability + sum(each.probability for each in plain.alternatives) <= 1 + 1e-12
     # one that fails changes nothing
     assert with_both(first, pair(None), MOTION) is first
 
