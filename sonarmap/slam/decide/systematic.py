@@ -74,7 +74,7 @@ def fit_error(
     Args:
         at: the estimate.
         poses: (n,) which of its poses the fixes are of.
-        residuals: (n, 6) how far they are from what was measured, in the world's axes [rad, m].
+        residuals: (n, 6) how far they are from what was measured, as errors of a `PosePrior` [rad, m].
         sigmas: (n, 6) standard deviations of what was measured.
         known: (n,) bool each, which headings and which places were measured.
         free: which of the error's numbers are fitted.

@@ -13,9 +13,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import chdtri, gammaincinv
 
 from sonarmap.slam.decide.systematic import KINDS_OF_ERROR, Systematic, fit_error
+from sonarmap.slam.graph.known_pose import MeasuredPoses
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.spectral.measured import measured_rotation, twist
+from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior
 
 # What an instrument tells, and its numbers among a prior's sigmas.
@@ -126,7 +127,7 @@ def _explained(
     tried: list[tuple[float, _Fixes, Solution, np.ndarray, Systematic]] = []
     looks = [solution]
     if len(graph.trajectory) <= _NO_DRIFT:
-        looks.append(replace(graph, priors=(), control=()).optimize())
+        looks.append(replace(graph, priors=(), control=()).optimize(covariances=False))
     for free in KINDS_OF_ERROR:
         fall, numbers = max((fixes.fit_error(at.trajectory, free) for at in looks), key=lambda look: look[0])
         if fall < _LOOKED_AT:
@@ -186,9 +187,11 @@ def reweighted(
 ) -> tuple[Solution, np.ndarray]:
     """The optimum, and the measurements' weights there: `weighed` gives a graph whose measurements count by these, and
     `weights_at` the weights by how far a graph's poses are from what was measured."""
-    solution, of_edges = None, np.ones(len(graph.edges))
+    solution, scale_factors = None, np.ones(len(graph.edges))
+    of_edges = 1 / scale_factors
     for _ in range(_REWEIGHTED):
-        solution = weighed(graph, weights).optimize(scale_factors=1 / of_edges)
+        scale_factors = 1 / of_edges
+        solution = weighed(graph, weights).optimize(covariances=False, scale_factors=scale_factors)
         graph = graph.at(solution.trajectory.T_world_sensor)
         if edges_too:
             of_edges = np.minimum(1.0, (TAILS + 6) / (TAILS + solution.residuals**2 / of_edges))
@@ -196,7 +199,7 @@ def reweighted(
         if np.abs(weights - before).max() < _SETTLED:
             break
     assert solution is not None
-    return solution, weights
+    return solution.with_covariances(scale_factors), weights
 
 
 def sigmas_if_wrong(apart: np.ndarray, covariance: np.ndarray) -> float | None:
@@ -211,24 +214,17 @@ class _Fixes:
 
     poses: np.ndarray  # (n,) int
     priors: tuple[PosePrior, ...]  # n
-    R: Rotation  # n measured rotations, level where the attitude is not measured
-    places: np.ndarray  # (n, 3) measured translations [m]
+    measured: MeasuredPoses
     sigmas: np.ndarray  # (n, 6) as of a `PosePrior`
     known: np.ndarray  # (n, K) bool, what was measured
 
     @classmethod
     def of(cls, priors: Mapping[int, PosePrior]) -> "_Fixes":
-        poses = sorted(priors)
-        those = tuple(priors[k] for k in poses)
+        measured = MeasuredPoses.of(priors)
+        those = tuple(priors[k] for k in measured.poses.tolist())
         sigmas = np.stack([prior.sigmas for prior in those])
-        return cls(
-            np.array(poses, np.intp),
-            those,
-            Rotation.concatenate([measured_rotation(prior) for prior in those]),
-            np.stack([prior.T_world_sensor.translation for prior in those]),
-            sigmas,
-            np.column_stack([np.isfinite(sigmas[:, numbers]).all(axis=1) for numbers in KINDS.values()]),
-        )
+        known = np.column_stack([np.isfinite(sigmas[:, numbers]).all(axis=1) for numbers in KINDS.values()])
+        return cls(measured.poses, those, measured, sigmas, known)
 
     def weighed(self, weights: np.ndarray) -> list[PosePrior]:
         """The priors with what weighs less, (n, K), less sure."""
@@ -308,12 +304,8 @@ class _Fixes:
         return np.where(enough, np.array(middle) / _MIDDLE, 1.0)
 
     def residuals(self, T_world_sensor: RigidTransform) -> np.ndarray:
-        """(n, 6) how far poses are from what was measured, in the world's axes [rad, m]."""
-        T = T_world_sensor[self.poses]
-        up, there = (R.inv().apply([0.0, 0.0, 1.0]) for R in (self.R, T.rotation))
-        turned = T.rotation.apply(np.cross(there, up))
-        turned[:, 2] = twist(T.rotation * self.R.inv())
-        return np.hstack([turned, T.translation - self.places])
+        """(n, 6) how far poses are from what was measured, as errors of a `PosePrior` [rad, m]."""
+        return self.measured.residuals(T_world_sensor[self.poses])
 
 
 def _wrong_fixes(solution: Solution, fixes: _Fixes, weights: np.ndarray) -> tuple[WrongFix, ...]:
@@ -324,12 +316,13 @@ def _wrong_fixes(solution: Solution, fixes: _Fixes, weights: np.ndarray) -> tupl
     residuals, names = fixes.residuals(T), list(KINDS)
     for n, kind in suspects.tolist():
         numbers, k = KINDS[names[kind]], int(fixes.poses[n])
-        R = T[k].rotation.as_matrix()
-        in_world = block_diag(R, R)[numbers]  # by the pose's body tangent
-        together = in_world @ covariances[k] @ in_world.T + np.diag(fixes.sigmas[n, numbers] ** 2)
+        R = T[k].rotation
+        own = Rotation.from_euler("Z", -twist(R)) * R  # the axes of errors of roll, pitch and heading
+        J = block_diag(own.as_matrix(), R.as_matrix())[numbers]  # by the pose's body tangent
+        together = J @ covariances[k] @ J.T + np.diag(fixes.sigmas[n, numbers] ** 2)
         if (sigmas := sigmas_if_wrong(residuals[n, numbers], together)) is not None:
-            place = tuple(fixes.places[n, :2].tolist()) if names[kind] == "position" else None
-            wrong.append(WrongFix(k, names[kind], sigmas, place))
+            place = tuple(fixes.measured.T_world_pose.translation[n, :2].tolist())
+            wrong.append(WrongFix(k, names[kind], sigmas, place if names[kind] == "position" else None))
     return tuple(sorted(wrong, key=lambda fix: (fix.scan, fix.kind)))
 
 

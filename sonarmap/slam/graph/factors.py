@@ -82,7 +82,7 @@ def gauge_factors(gauge: Gauge, sigma: float) -> list[gtsam.NonlinearFactor]:
     held, measured = gtsam.noiseModel.Isotropic.Sigma(6, sigma), gauge.by_priors
     return [
         *(gtsam.PriorFactorPose3(pose, to_pose3(gauge.T_world[pose]), held) for pose in gauge.anchors),
-        *(() if measured is None else measured.factors()),
+        *(() if measured is None else measured.factors(gauge.T_world)),
         *(point.factor() for point in gauge.control),
         *(factor for each in gauge.beside_priors for factor in each.factors()),
     ]

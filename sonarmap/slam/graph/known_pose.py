@@ -9,14 +9,12 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.covariance_at_sensor import cross_matrices
 from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior
 
 # Of a pose that ties a component to the world [rad, m]: far below any registration's.
 GAUGE_SIGMA = 1e-6
-# Of what is held of a pose beside what is measured of it [rad, m]: GTSAM takes a pivot 4096 times below its neighbor
-# for none.
-_HELD = 1e-4
 # Eigenvalues of an information matrix down to this share of the largest below 0 are rounded.
 _ROUNDED = 1e-9
 
@@ -58,11 +56,6 @@ class KnownPose:
         return _prior_factors(self.pose, R, t, _root(turn), _root(shift))
 
 
-def held_pose(pose: int, T_world_pose: RigidTransform, free: np.ndarray) -> KnownPose:
-    """One pose held where it is along what is `free`, (6, k) orthonormal columns of (w, v) as `KnownPose` has them."""
-    return KnownPose(pose, T_world_pose, free @ free.T / _HELD**2)
-
-
 def _root(information: np.ndarray) -> np.ndarray:
     """(..., k, k) roots S of semidefinite matrices S'S."""
     values, axes = np.linalg.eigh(information)
@@ -98,60 +91,64 @@ class MeasuredPoses:
     """What was measured of n poses, as arrays."""
 
     poses: np.ndarray  # (n,) int, ascending
-    # n, as measured: rotations level where the attitude is not, with the estimate's heading where that is not;
-    # translations 0 where they are not
-    T_world_pose: RigidTransform
-    turn: np.ndarray  # (n, 3, 3) information about w of R_true = R Exp(w) [1/rad^2]
-    shift: np.ndarray  # (n, 3) information about the translation along East, North and Up [1/m^2]
+    T_world_pose: RigidTransform  # n, as measured; rotations level where the attitude is not measured
+    precisions: np.ndarray  # (n, 6) of the errors that `PosePrior` has [1/rad^2, 1/m^2]; 0 where not measured
 
     @classmethod
-    def of(cls, priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> "MeasuredPoses":
-        """Rotation: PosePrior's errors of roll, pitch and heading, those not measured with no weight; an unmeasured
-        heading is taken from the estimate, so that only the tilt is left to compare.
+    def of(cls, priors: Mapping[int, PosePrior]) -> "MeasuredPoses":
+        """Of at least one prior, by pose."""
+        poses = sorted(priors)
+        T = RigidTransform.concatenate([priors[k].T_world_sensor for k in poses])
+        precisions = 1 / np.stack([priors[k].sigmas for k in poses]) ** 2
+        level = Rotation.from_euler("Z", twist(T.rotation)[:, None])
+        R = _chosen(precisions[:, 0] > 0, T.rotation, level)
+        return cls(np.array(poses, np.intp), RigidTransform.from_components(T.translation, R), precisions)
 
-        Args:
-            priors: by pose, at least one.
-            T_world_sensor: N poses, the estimate to start from, in the same world.
-        """
-        poses = np.array(sorted(priors), np.intp)
-        known = [priors[k] for k in poses.tolist()]
-        precisions = 1 / np.stack([prior.sigmas for prior in known]) ** 2  # 0 where not measured
-        T = RigidTransform.concatenate([prior.T_world_sensor for prior in known])
-        tilted = _chosen(precisions[:, 0] > 0, T.rotation, Rotation.from_euler("Z", twist(T.rotation)[:, None]))
-        turned = Rotation.from_euler("Z", twist(T_world_sensor[poses].rotation * tilted.inv())[:, None]) * tilted
-        R = _chosen(precisions[:, 2] > 0, tilted, turned)
-        return cls(
-            poses,
-            RigidTransform.from_components(T.translation, R),
-            turn_information(R, precisions[:, :3]),
-            precisions[:, 3:],
-        )
+    def residuals(self, T_world_pose: RigidTransform) -> np.ndarray:
+        """(n, 6) the errors that `PosePrior` has of the measured poses, were these n poses the true ones [rad, m];
+        those of what was not measured mean nothing."""
+        R = self.headed(T_world_pose)
+        w = Rotation.from_euler("Z", twist(R)[:, None]).inv().apply((T_world_pose.rotation * R.inv()).as_rotvec())
+        return np.hstack([w, T_world_pose.translation - self.T_world_pose.translation])
 
-    def known(self) -> list[KnownPose]:
-        """Pose by pose."""
-        R: np.ndarray = self.T_world_pose.rotation.as_matrix()
+    def jacobian(self, T_world_pose: RigidTransform, about: np.ndarray) -> np.ndarray:
+        """(n, 6, 6) of `residuals` by a motion of all n poses: a turn about a place (3,) and a shift, along the world's
+        axes. A heading that was not measured turns along."""
+        R = self.headed(T_world_pose)
+        phi = (T_world_pose.rotation * R.inv()).as_rotvec()
+        cross, angle = cross_matrices(phi), np.maximum(np.linalg.norm(phi, axis=1), 1e-6)[:, None, None]
+        # of the logarithm of Exp(w) Exp(phi), by w
+        second = 1 / angle**2 - (1 + np.cos(angle)) / (2 * angle * np.sin(np.minimum(angle, np.pi - 1e-6)))
+        turns = np.eye(3) - cross / 2 + second * cross @ cross
+        turns[self.precisions[:, 2] == 0, :, 2] = 0.0
+        J = np.zeros((len(phi), 6, 6))
+        J[:, :3, :3] = Rotation.from_euler("Z", twist(R)[:, None]).inv().as_matrix() @ turns
+        J[:, 3:, :3], J[:, 3:, 3:] = -cross_matrices(T_world_pose.translation - about), np.eye(3)
+        return J
+
+    def headed(self, T_world_pose: RigidTransform) -> Rotation:
+        """The n measured rotations; a heading that was not measured is that of these n poses."""
+        R = self.T_world_pose.rotation
+        turned = Rotation.from_euler("Z", twist(T_world_pose.rotation * R.inv())[:, None]) * R
+        return _chosen(self.precisions[:, 2] > 0, R, turned)
+
+    def known(self, T_world_sensor: RigidTransform) -> list[KnownPose]:
+        """Pose by pose, headings as `headed` has them at an estimate of all N poses."""
+        rotation = self.headed(T_world_sensor[self.poses])
+        T = RigidTransform.from_components(self.T_world_pose.translation, rotation)
+        R: np.ndarray = rotation.as_matrix()
         information = np.zeros((len(self.poses), 6, 6))
-        information[:, :3, :3] = self.turn
-        information[:, 3:, 3:] = R.swapaxes(1, 2) @ (self.shift[:, :, None] * R)
-        return [KnownPose(k, self.T_world_pose[n], information[n]) for n, k in enumerate(self.poses.tolist())]
+        information[:, :3, :3] = turn_information(rotation, self.precisions[:, :3])
+        information[:, 3:, 3:] = R.swapaxes(1, 2) @ (self.precisions[:, 3:, None] * R)
+        return [KnownPose(k, T[n], information[n]) for n, k in enumerate(self.poses.tolist())]
 
-    def factors(self) -> list[gtsam.NonlinearFactor]:
-        """For GTSAM: of the rotation and of the translation of each."""
-        R, t = self.T_world_pose.rotation.as_matrix(), self.T_world_pose.translation
-        rows = zip(
-            self.poses.tolist(), R, t, _root(self.turn), np.sqrt(self.shift)[:, :, None] * np.eye(3), strict=True
-        )
+    def factors(self, T_world_sensor: RigidTransform) -> list[gtsam.NonlinearFactor]:
+        """For GTSAM: of the rotation and of the translation of each, headings as for `known`."""
+        rotation = self.headed(T_world_sensor[self.poses])
+        turns = _root(turn_information(rotation, self.precisions[:, :3]))
+        shifts = np.sqrt(self.precisions[:, 3:, None]) * np.eye(3)
+        rows = zip(self.poses.tolist(), rotation.as_matrix(), self.T_world_pose.translation, turns, shifts, strict=True)
         return [factor for row in rows for factor in _prior_factors(*row)]
-
-
-def known_at(priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> list[KnownPose]:
-    """What instruments tell of poses, as if they had measured an estimate of all N: nothing at all of what they do not
-    measure."""
-    if not priors:
-        return []
-    poses = np.array(sorted(priors), np.intp)
-    T, precisions = T_world_sensor[poses], 1 / np.stack([priors[k].sigmas for k in poses.tolist()]) ** 2
-    return MeasuredPoses(poses, T, turn_information(T.rotation, precisions[:, :3]), precisions[:, 3:]).known()
 
 
 def _chosen(which: np.ndarray, R: Rotation, other: Rotation) -> Rotation:

@@ -14,11 +14,20 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.control import ControlPoint
-from sonarmap.slam.graph.gauge import control_of, unmeasured
+from sonarmap.slam.graph.gauge import OPEN_TURN, MotionInformation
+from sonarmap.slam.graph.known_pose import MeasuredPoses
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.measured import measured_rotation, twist
 from sonarmap.spectral.scan import PosePrior
 
+# Tilts to begin with beside none, rotation vectors [rad].
+_TILTS = [
+    angle * np.array([np.cos(toward), np.sin(toward), 0.0])
+    for angle in np.deg2rad([45.0, 90.0])
+    for toward in np.deg2rad([0.0, 90.0, 180.0, 270.0])
+]
+_STEPS, _FALLEN = 20, 1e-3  # of least squares at most, and the share by which the last of them lessens chi-squared
+_FAR = 2.0  # residuals beyond so many sigmas count ever less
 # Points whose second extent is a smaller share of their first lie on a line.
 _FLAT = 0.02
 # Of all choices of the fewest points so many are tried.
@@ -34,6 +43,8 @@ def place_in_world(
 ) -> Trajectory:
     """Each part moved as a whole to where its priors say, as a start for an optimizer; unmoved without priors.
 
+    What they do not say stays as it is: the part's tilt, as its first sensor's, and its heading.
+
     Args:
         trajectory: N poses, each part's in a frame of its own.
         parts: the indices of their poses.
@@ -43,16 +54,77 @@ def place_in_world(
     for members in parts:
         known = {k: priors[k] for k in members if k in priors}
         if known:
-            T_world_part = _placement(known, {k: poses[k] for k in known})
+            T_world_part = _placement(known, trajectory.T_world_sensor)
             for k in members:
                 poses[k] = T_world_part * poses[k]
     return Trajectory(trajectory.stamps, RigidTransform.concatenate(poses))
 
 
-def _placement(known: Mapping[int, PosePrior], T_part: Mapping[int, RigidTransform]) -> RigidTransform:
-    """T_world_part: tilt first, then heading, then position."""
-    upright = _tilt(known, T_part)
-    R = Rotation.from_euler("Z", _heading(known, T_part, upright)) * upright
+def _placement(known: Mapping[int, PosePrior], T_part: RigidTransform) -> RigidTransform:
+    """T_world_part: the robust least squares of a motion of the part as a whole, from where tilt, then heading, then
+    position lead.
+
+    Depths and positions tell the tilt too, where the part is not on a line: where nobody measured it, several are the
+    beginning, and the part's own is as likely as an open one. That is left to this start: the graph does not know it.
+    """
+    measured, tilts = MeasuredPoses.of(known), [_tilt(known, T_part)]
+    if level := not any(prior.knows_attitude for prior in known.values()):
+        tilts += [Rotation.from_rotvec(tilt) for tilt in _TILTS]
+    starts = [_placed(known, T_part, tilt) for tilt in tilts]
+    T = T_part[measured.poses]
+    usual = min(float(np.median(np.abs(_off(measured, T, start, level)[0]))) for start in starts)
+    fits = [_fitted(measured, T, start, _FAR * max(1.0, usual), level) for start in starts]
+    return _fitted(measured, T, min(fits, key=lambda fit: fit[1])[0], _FAR, level)[0]
+
+
+def _fitted(
+    measured: MeasuredPoses, T_part_pose: RigidTransform, T_world_part: RigidTransform, scale: float, level: bool
+) -> tuple[RigidTransform, float]:
+    """T_world_part by robust least squares from a start, and chi-squared; residuals beyond `scale` count ever less.
+    With `level` it is tilted as little as the rest allows."""
+    residuals, J, about = _off(measured, T_part_pose, T_world_part, level)
+    cost, damping = _cost(residuals, scale), 1e-3
+    for _ in range(_STEPS):
+        weighed = J / (1 + (residuals / scale) ** 2)[:, None]
+        total = weighed.T @ J
+        total += np.diag(damping * np.diag(total) + 1e-12 * np.trace(total))
+        step = np.linalg.solve(total, -weighed.T @ residuals)
+        moved = about * RigidTransform.from_components(step[3:], Rotation.from_rotvec(step[:3])) * about.inv()
+        tried = _off(measured, T_part_pose, moved * T_world_part, level)
+        damping *= 10
+        if (less := _cost(tried[0], scale)) < cost:
+            fallen, cost, damping = cost - less, less, damping / 100
+            (residuals, J, about), T_world_part = tried, moved * T_world_part
+            if fallen < _FALLEN * cost:
+                break
+    return T_world_part, cost
+
+
+def _cost(residuals: np.ndarray, scale: float) -> float:
+    return float(scale**2 * np.log1p((residuals / scale) ** 2).sum())
+
+
+def _off(
+    measured: MeasuredPoses, T_part_pose: RigidTransform, T_world_part: RigidTransform, level: bool
+) -> tuple[np.ndarray, np.ndarray, RigidTransform]:
+    """How far poses are from each of m numbers that were measured, (m,) [sigmas]; (m, 6) by how much more with a turn
+    about their middle and a shift, along the world's axes; and T_world_middle. `level` counts the part's tilt too."""
+    T = T_world_part * T_part_pose
+    about = RigidTransform.from_translation(T.translation.mean(axis=0))
+    known, weights = measured.precisions > 0, np.sqrt(measured.precisions)
+    residuals = (measured.residuals(T) * weights)[known]
+    J = (measured.jacobian(T, about.translation) * weights[:, :, None])[known]
+    if level:
+        up = T_world_part.rotation.apply([0.0, 0.0, 1.0])
+        away, aside = np.arctan2(np.hypot(up[0], up[1]), up[2]) / OPEN_TURN, np.array([-up[1], up[0]])
+        residuals = np.append(residuals, away * aside / max(float(np.hypot(up[0], up[1])), 1e-12))
+        J = np.vstack([J, np.eye(2, 6) / OPEN_TURN])
+    return residuals, J, about
+
+
+def _placed(known: Mapping[int, PosePrior], T_part: RigidTransform, tilt: Rotation) -> RigidTransform:
+    """T_world_part with a tilt."""
+    R = Rotation.from_euler("Z", _heading(known, T_part, tilt)) * tilt
     offsets = np.array(
         [prior.T_world_sensor.translation - R.apply(T_part[k].translation) for k, prior in known.items()]
     )
@@ -62,7 +134,7 @@ def _placement(known: Mapping[int, PosePrior], T_part: Mapping[int, RigidTransfo
     return RigidTransform.from_components(np.array(middle), R)
 
 
-def _tilt(known: Mapping[int, PosePrior], T_part: Mapping[int, RigidTransform]) -> Rotation:
+def _tilt(known: Mapping[int, PosePrior], T_part: RigidTransform) -> Rotation:
     """A rotation that brings the parts' verticals upright, on the whole."""
     up = [
         T_part[k].rotation.apply(measured_rotation(prior).inv().apply([0.0, 0.0, 1.0]))
@@ -74,7 +146,7 @@ def _tilt(known: Mapping[int, PosePrior], T_part: Mapping[int, RigidTransform]) 
     return Rotation.align_vectors([[0.0, 0.0, 1.0]], [np.mean(up, axis=0)])[0]
 
 
-def _heading(known: Mapping[int, PosePrior], T_part: Mapping[int, RigidTransform], R: Rotation) -> float:
+def _heading(known: Mapping[int, PosePrior], T_part: RigidTransform, R: Rotation) -> float:
     """The turn about the vertical that is left [rad]: by the headings, else by positions."""
     turns = [
         twist(measured_rotation(prior) * (R * T_part[k].rotation).inv())
@@ -112,9 +184,11 @@ def place_by_control(
     """
     poses = trajectory.T_world_sensor.as_matrix()
     for members in parts:
-        points = control_of(control, members)
+        inside = set(members)
+        points = [point for point in control if point.holds and point.scan in inside]
         known = {k: priors[k] for k in members if k in priors}
-        if not points or (known and not unmeasured(members, known).any()):
+        motion = MotionInformation.of(trajectory.T_world_sensor, known).open_motion(members) if points else None
+        if not points or (motion is not None and not motion.axes.size):
             continue
         here = np.stack([trajectory.T_world_sensor[each.scan].apply(each.point) for each in points])
         there = np.stack([each.known for each in points])

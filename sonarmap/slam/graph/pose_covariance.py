@@ -68,7 +68,7 @@ def pose_covariances(solution: Solution) -> np.ndarray:
     measured = np.zeros_like(marginals)
     for known in graph.gauge.all_known:
         measured[known.pose] += _in_body(known, T[known.pose])
-    holding = {*graph.anchors, *(pose for pose, _ in graph.gauge.unconstrained)}
+    holding = {*graph.anchors, *graph.gauge.open_motions}
     result = np.empty_like(marginals)
     for component in graph.components:
         held = [k for k in component if k in holding]

@@ -219,6 +219,11 @@ class Solution:
         """The optimized poses."""
         return self.graph.trajectory
 
+    def with_covariances(self, scale_factors: np.ndarray) -> "Solution":
+        """The solution of `optimize` without covariances, with them; `scale_factors` as there."""
+        factors = factors_of(self.graph, scale_factors=scale_factors)
+        return replace(self, _linear=factors.linearize(to_values(self.trajectory.T_world_sensor)))
+
     def covariances(self) -> np.ndarray:
         """(N, 6, 6): each pose's, rotation first [rad, m], body tangent, against its component's anchor."""
         return self._marginals(np.empty((0, 2), np.intp)).single

@@ -10,11 +10,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.decide.contradiction import chi_squared, contradicted_edges
 from sonarmap.slam.decide.measurements import Measurements
-from sonarmap.slam.decide.wrong_measurements import NOTHING, judge_fixes
+from sonarmap.slam.decide.wrong_measurements import NOTHING, agreement, judge_fixes
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.surveys import chain_edges, chained_graph, drawn, edge, measured_edge, random_covariance, ring_poses
 
@@ -95,6 +96,19 @@ def test_a_run_of_a_third_of_the_fixes_is_found(seed: int) -> None:
     left, wrong = found(seed, priors)
     assert wrong == [(k, "position") for k in range(25, 45)]
     assert left[30].knows_heading
+
+
+@pytest.mark.parametrize("heading", [0.0, 45.0, 90.0, 200.0])
+def test_an_attitude_counts_alike_at_every_heading(heading: float) -> None:
+    """Errors of roll and pitch are about the sensor's own level axes, wherever it points: one sigma of pitch is one."""
+    sigmas = np.array([np.deg2rad(0.1), np.deg2rad(5.0), np.inf, np.inf, np.inf, np.inf])
+    R = Rotation.from_euler("ZYX", [heading, 20.0, 0.0], degrees=True)
+    priors = {k: PosePrior(RigidTransform.from_rotation(R), sigmas) for k in range(3)}
+    off = Rotation.from_rotvec(Rotation.from_euler("Z", twist(R)).apply([0.0, sigmas[1], 0.0]))
+    T = RigidTransform.from_rotation(Rotation.concatenate([off * R] * 3))
+    assert agreement(priors, (), T)["attitude"][2] == pytest.approx(np.sqrt(1 / 2), rel=1e-6)
+    graph = PoseGraph(Trajectory(np.arange(3.0), T), (), priors=tuple(priors.items()))
+    assert graph.chi_squared == pytest.approx(3.0, rel=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(3))
