@@ -64,6 +64,21 @@ def checked_method(options: MethodOptions, context: typer.Context) -> MethodOpti
     return replace(options, given=given)
 
 
+def require_method(options: MethodOptions) -> None:
+    """Look at the method, the grid and the device before scans are read, or come.
+
+    Raises InputError, DeviceError: one of them cannot be used.
+    """
+    from sonarmap.kernels.device.device import choose_device
+    from sonarmap.spectral.grid import Grid
+
+    method = find_method(options.method)
+    if "device" in method.options:
+        _require_memory(choose_device(options.device), options.grid or DEFAULT_EDGE)
+    else:
+        method.make(Setup(Grid(16, 1.0)))
+
+
 def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bool = False) -> ConfiguredMethod:
     """The method on the grid that the options ask for, or that suits the scans; on that of a `survey` if more scans may
     be added to them later.

@@ -56,12 +56,8 @@ class Backlog:
                     self._waiting.append(each)
                     self.missing = each.missing
                     self._changed.notify_all()
-        except InputError as error:
-            self.error = error
-        except OSError as error:
-            self.error = InputError(
-                f"the scans cannot be read any longer: {error}; look at the disk and its connection"
-            )
+        except BaseException as error:  # noqa: BLE001 - what ends this thread is for who waits for scans
+            self.error = error if isinstance(error, InputError) else InputError(f"scans cannot be read: {error!r}")
         finally:
             with self._changed:
                 self.ended = True

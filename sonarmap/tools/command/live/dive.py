@@ -1,11 +1,11 @@
 # pyright: strict
-"""A dive from its first scan to its last: who records, who maps, and what is shown of it."""
+"""A dive from its first scan to its last: what maps begins again until it ends, and what is shown of it."""
 
 import os
 import signal
-import time
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from collections import deque
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
@@ -13,15 +13,19 @@ from threading import Event, Thread
 from typing import Any
 
 from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.tools.command.live.again import Again, in_words
 from sonarmap.tools.command.live.mapping import MappingSettings, run_mapping
-from sonarmap.tools.command.live.recording import RecordingProcess
 from sonarmap.tools.products.live.server import LivePage
 from sonarmap.tools.products.live.state import State
 
 _TICK = 0.2  # seconds after which an end that was asked for is noticed, at the latest
-_MOST_BEGUN, _WITHIN = 5, 60.0  # so often the mapping is begun again within so long [s]
+_MOST_FAILURES = 5  # in a row, of a dive that somebody else records
 _MOST_ALERTS = 5
 _PATIENCE = 5.0  # until a process has ended [s]
+
+
+class KilledError(Exception):
+    """The process that maps has gone without a word."""
 
 
 @dataclass(slots=True)
@@ -30,73 +34,71 @@ class Dive:
 
     Attributes:
         settings: of the mapping.
-        recording: who records; None of an input that somebody else writes.
         page: where it is shown.
         tell: called with what to say on the terminal: the state, and what is new and wrong.
+        is_recorded: whether a recording goes on beside, so that nothing but the user ends the dive.
+        said: what those at work beside have to say; taken from there when it is shown.
     """
 
     settings: MappingSettings
-    recording: RecordingProcess | None
     page: LivePage
     tell: Callable[[State, list[str]], None]
+    is_recorded: bool
+    said: Sequence[deque[str]] = ()
+    _state: State = field(default_factory=State)
     _alerts: list[str] = field(default_factory=list[str])
+    _of_mapping: set[str] = field(default_factory=set[str])  # alerts, which it repeats
     _new: list[str] = field(default_factory=list[str])
-    _begun: list[float] = field(default_factory=list[float])
 
     def follow(self, stop: Event) -> None:
-        """Until the input has ended, or `stop` is set; a recording goes on until then, mapped or not.
+        """Map until `stop` is set, or the input has ended. What fails begins again.
 
         Raises:
             InputError, DeviceError: nothing can be mapped, and nothing is recorded.
         """
-        try:
-            while not stop.is_set() and self._map_until(stop):
-                self._alert("the mapping was killed, and goes on from the last key scan")
-        except (InputError, DeviceError) as error:
-            if self.recording is None:
-                raise
-            self._alert(f"nothing more is mapped until the dive ends: {error}")
-            self._only_record(stop)
-        finally:
-            if self.recording is not None:
-                self.recording.end()
+        again = Again()
+        while not stop.is_set():
+            again.begins()
+            try:
+                if self._map_until(stop) and not self.is_recorded:
+                    return
+                error: Exception = InputError("no more scans came")
+            except Exception as failure:  # noqa: BLE001 - a recording goes on beside, whatever this is
+                error = failure
+            if not stop.is_set():
+                self._pause(again, error, stop)
 
-    def _only_record(self, stop: Event) -> None:
-        while not stop.is_set() and self.recording is not None:
-            self._look_at_recording()
-            if self._new:
-                self._show(State("recording"))
-            stop.wait(_TICK)
-
-    def _show(self, state: State) -> None:
-        """On the terminal and the page, with what is wrong."""
-        for alert in state.alerts:
-            self._alert(alert)
-        self.tell(state, self._new)
-        self._new = []
-        self.page.publish(("state", replace(state, alerts=tuple(self._alerts)).message))
+    def _pause(self, again: Again, error: Exception, stop: Event) -> None:
+        """Say what ended the mapping, and wait until it is to begin again, if it is."""
+        pause, was_killed = again.pause(), isinstance(error, KilledError)
+        if not self.is_recorded and (isinstance(error, InputError | DeviceError) or again.failures > _MOST_FAILURES):
+            raise InputError(f"{error}; 'sonarmap doctor' says what fits") if was_killed else error
+        why = str(error) if was_killed else f"the mapping ended ({error})"
+        self._alert(f"{why}, and goes on from the last key scan{in_words(pause)}")
+        self._state = State("recording" if self.is_recorded else "waiting")
+        for _ in range(int(pause / _TICK) + 1):
+            self._look()
+            if stop.wait(_TICK):
+                return
 
     def _map_until(self, stop: Event) -> bool:
-        """Map in a process of its own; whether this was killed, and can be begun again."""
+        """Map in a process of its own; whether all that came is mapped, or else `stop` is set.
+
+        Raises:
+            KilledError: the process has gone.
+            Exception: what ended it.
+        """
         context = get_context("spawn")
         pipe, other = context.Pipe()
         process = context.Process(target=_map, args=(self.settings, other), daemon=True)
         with _without_interrupts():
             process.start()
         other.close()
-        self._begun = [begun for begun in self._begun if time.monotonic() - begun < _WITHIN] + [time.monotonic()]
         try:
             while not stop.is_set():
-                self._look_at_recording()
+                self._look()
                 if pipe.poll(_TICK) and self._took(pipe):
-                    return False
-        except EOFError:
-            if len(self._begun) > _MOST_BEGUN:
-                raise InputError(
-                    f"the process that maps ended {_MOST_BEGUN} times within a minute, as where memory is short; "
-                    "'sonarmap doctor' says what fits"
-                ) from None
-            return True
+                    return True
         finally:
             pipe.close()
             process.join(_PATIENCE)
@@ -105,36 +107,44 @@ class Dive:
         return False
 
     def _took(self, pipe: Connection) -> bool:
-        """Take a message; whether it is the last one. Raises EOFError: the mapping has gone."""
+        """Take a message; whether it is the last one. Raises what ended the mapping."""
         try:
             message: Any = pipe.recv()
-        except OSError as error:  # in the middle of a message
-            raise EOFError from error
+        except (EOFError, OSError) as error:  # the second in the middle of a message
+            raise KilledError("the mapping was killed, as where memory is short") from error
         if message is None:
             return True
-        if isinstance(message, InputError | DeviceError):
+        if isinstance(message, Exception):
             raise message
         if isinstance(message, State):
-            self._show(message)
+            for alert in message.alerts:
+                if alert not in self._of_mapping:
+                    self._of_mapping.add(alert)
+                    self._alert(alert)
+            self._state = message
+            self._show()
         else:
             self.page.publish(message)
         return False
 
-    def _look_at_recording(self) -> None:
-        if self.recording is None:
-            return
-        try:
-            for line in self.recording.look():
-                self._alert(line.removeprefix("warning: "))
-        except InputError as error:
-            self._alert(str(error))
-            self.recording.end()
-            self.recording = None
+    def _look(self) -> None:
+        """Show what those at work beside have to say."""
+        for lines in self.said:
+            while lines:
+                self._alert(lines.popleft().removeprefix("warning: "))
+        if self._new:
+            self._show()
+
+    def _show(self) -> None:
+        """The state on the terminal and the page, with what is wrong. A terminal that has gone is no reason to end."""
+        with suppress(Exception):
+            self.tell(self._state, self._new)
+        self._new = []
+        self.page.publish(("state", replace(self._state, alerts=tuple(self._alerts)).message))
 
     def _alert(self, words: str) -> None:
-        if words and words not in self._alerts:
-            self._alerts = [*self._alerts, words][-_MOST_ALERTS:]
-            self._new.append(words)
+        self._alerts = [*(other for other in self._alerts if other != words), words][-_MOST_ALERTS:]
+        self._new.append(words)
 
 
 @contextmanager

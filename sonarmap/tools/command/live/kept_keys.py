@@ -3,8 +3,7 @@
 
 import json
 import shutil
-import zipfile
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -51,8 +50,8 @@ def keep_key(out: Path, number: int, key: KeptKey) -> None:
         np.savez(file, points=key.scan.points, said=np.frombuffer(json.dumps(said).encode(), np.uint8))
 
 
-def kept_keys(out: Path) -> Iterator[KeptKey]:
-    """The key scans of a map's folder, up to the first that is not there or damaged."""
+def kept_keys(out: Path, alert: Callable[[str], object] = len) -> Iterator[KeptKey]:
+    """The key scans of a map's folder, up to the first that is not there or damaged; `alert` hears of the second."""
     number = 0
     while (path := out / FOLDER / _name(number)).is_file():
         try:
@@ -64,7 +63,8 @@ def kept_keys(out: Path) -> Iterator[KeptKey]:
             )
             scan = Scan(points, stamp=said["stamp"], prior=prior, name=said["name"])
             yield KeptKey(scan, step, Mark(**said["behind"]), said["voxel"])
-        except (OSError, EOFError, ValueError, LookupError, TypeError, NotImplementedError, zipfile.BadZipFile):
+        except Exception:  # noqa: BLE001 - a damaged file can raise anything
+            alert(f"{path} is damaged and left out; what it held is mapped again")
             return
         number += 1
 

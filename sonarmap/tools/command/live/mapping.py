@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from signal import SIG_IGN, SIGINT, signal
+from traceback import extract_tb
 
 import numpy as np
 
@@ -65,7 +66,8 @@ class MappingSettings:
 def run_mapping(settings: MappingSettings, pipe: Connection) -> None:
     """Map until the input has ended, or nobody reads the pipe any more; what is to be shown goes through it.
 
-    Sends states and messages of `tools.products.live`, and None at the end, when all that came is placed.
+    Sends states and messages of `tools.products.live`, and at the end None, when all that came is placed, or what
+    ended it.
     """
     signal(SIGINT, SIG_IGN)  # it is for who shows
     try:
@@ -73,8 +75,14 @@ def run_mapping(settings: MappingSettings, pipe: Connection) -> None:
         pipe.send(None)
     except (BrokenPipeError, ConnectionResetError, KeyboardInterrupt):
         pass  # the one who shows has gone; who comes next goes on
-    except (InputError, DeviceError) as error:
-        pipe.send(error)
+    except Exception as error:  # noqa: BLE001 - it is for who shows, who begins again
+        pipe.send(error if isinstance(error, InputError | DeviceError) else RuntimeError(_described(error)))
+
+
+def _described(error: Exception) -> str:
+    """As in "ValueError: why (mapping.py, line 99)"; the error itself may not pass through a pipe."""
+    last = extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {error} ({Path(last.filename).name}, line {last.lineno})"
 
 
 class _Mapping:
@@ -95,7 +103,7 @@ class _Mapping:
 
     def run(self) -> None:
         """As `run_mapping`."""
-        kept = list(kept_keys(self._settings.out))
+        kept = list(kept_keys(self._settings.out, self._alert))
         self._behind = kept[-1].behind if kept else Mark()
         self._backlog = Backlog(self._incoming(self._behind))
         self._pipe.send(messages.RESET)
@@ -127,13 +135,13 @@ class _Mapping:
             self._decide_if_due(growing)
             self._say(growing)
         growing.idle.set()
-        if self._deciding is not None:
-            self._deciding.result()
-        self._decide(growing)
+        self._end_deciding()
+        self._deciding = self._beside.submit(self._decide, growing)
+        self._end_deciding()
         if growing.take_over():
             self._show_poses(growing)
         self._show_keys(growing)
-        self._say(growing, ended=True)
+        self._say(growing, ended=self._backlog.error is None)
 
     def _incoming(self, after: Mark) -> Iterator[Incoming]:
         settings = self._settings
@@ -197,14 +205,24 @@ class _Mapping:
             growing.forget_journal()
             growing.decide()
 
+    def _end_deciding(self) -> None:
+        """Wait until all is decided, if it is being decided. Where that fails, poses go on by the scans' steps."""
+        if self._deciding is None:
+            return
+        try:
+            self._deciding.result()
+        except DeviceError:
+            raise
+        except Exception as error:  # noqa: BLE001 - as navigation that is wrong; later there is more of it
+            self._alert(f"loops are not closed: {error}")
+        self._deciding, self._decided = None, time.monotonic()
+
     def _decide_if_due(self, growing: GrowingMap) -> None:
         """Decide all anew, beside, where enough is new; and show what came of it."""
         if self._deciding is not None and not self._deciding.done():
             return
+        self._end_deciding()
         now = time.monotonic()
-        if self._deciding is not None:
-            self._deciding.result()  # or what it ended by
-            self._deciding, self._decided = None, now
         if growing.take_over():
             self._show_poses(growing)
         new = len(growing.poses) - growing.decided

@@ -7,10 +7,10 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.navigation import NavigationReading, OdometryFile, PriorsFile
+from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.navigation.odometry import read_odometry
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
@@ -26,6 +26,7 @@ class Navigation:
     odometry: OdometryFile
     reading: NavigationReading
     fastest: float | None = None  # that the vehicle goes [m/s]
+    origin: Georeference | None = None  # of the map; None for the first fix
 
     def __post_init__(self) -> None:
         self._settings()
@@ -36,16 +37,16 @@ class Navigation:
         nothing yet, or cannot be read now, the scans stay as they are: the map at the end says what is wrong."""
         odometry, settings = None, self._settings()
         if self.priors.priors:
-            with suppress(InputError, OSError), ExitStack() as stack:
+            with suppress(Exception), ExitStack() as stack:
                 paths = [stack.enter_context(_whole_lines(path)) for path in self.priors.priors]
                 scans = navigate(scans, paths, settings, allow_unknown=True).scans
         if self.odometry.odometry is not None:
-            with suppress(InputError, OSError), _whole_lines(self.odometry.odometry) as path:
+            with suppress(Exception), _whole_lines(self.odometry.odometry) as path:
                 odometry = read_odometry(path, scans, *self.odometry.drift, settings=settings)
         return scans, odometry
 
     def _settings(self) -> NavigationSettings:
-        settings = self.reading.settings(*self.priors.priors, self.odometry.odometry)
+        settings = self.reading.settings(*self.priors.priors, self.odometry.odometry, origin=self.origin)
         return replace(settings, sigmas=self.priors.sigmas or settings.sigmas, fastest=self.fastest)
 
 

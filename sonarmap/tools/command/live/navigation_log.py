@@ -3,52 +3,119 @@
 
 import re
 import socket
+import time
+from collections import deque
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import reduce
 from pathlib import Path
 from threading import Event, Thread
-from typing import Any
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.live.again import Again
 from sonarmap.tools.extras import load_package
 
 NAME = "navigation.nmea"  # within the map's folder
 _SENTENCE = re.compile(rb"[$!]([A-Z][^*\r\n]{5,110})\*([0-9A-Fa-f]{2})")
 _LARGEST = 1 << 16  # bytes that are looked at together
+_MOST_WAITING = 1 << 24  # bytes of sentences that wait for the disk: an hour and more
+_MOST_SAID = 64  # lines that wait to be shown
 _WAIT = 0.3  # seconds after which the end is noticed, at the latest
+_SILENT = 10.0  # seconds without a sentence that are worth a word
 _BAUD = 4800  # of NMEA 0183
 _LISTENS = "navigation by --nmea"
+_LOCAL = "127.0.0.1"
+_ADDRESS = re.compile(r"(?:\[?([^/\\]*?)\]?:)?(\d+)")  # HOST:PORT, or PORT
 
 
-@contextmanager
-def kept_navigation(source: str | None, out: Path) -> Generator[None]:
-    """Within the block sentences that come are added to a file of the map's folder; None for no source.
+class NavigationLog:
+    """Sentences that come are added to a file of the map's folder, as long as it is open as a context. A device that
+    was unplugged is opened again, and what a full disk does not take waits in memory.
 
     Args:
-        source: a UDP port, as 10110, or a serial device, as /dev/ttyUSB0 or COM3@38400 (4800 baud without a number).
+        source: a UDP port of this computer alone, as 10110, one of an address that others reach too, as 0.0.0.0:10110,
+            or a serial device, as /dev/ttyUSB0 or COM3@38400 (4800 baud without a number).
         out: the map's folder.
 
+    Attributes:
+        said: what there is to say, a line each, for who shows it.
+
     Raises:
-        InputError: nothing can be received there, or the file cannot be written.
+        InputError: on entry: nothing can be received there, or the file cannot be written.
     """
-    if source is None:
-        yield
-        return
-    ends = Event()
-    with _opened(source) as receive:
+
+    def __init__(self, source: str, out: Path) -> None:
+        self.said = deque[str](maxlen=_MOST_SAID)
+        self._source, self._path = source, out / NAME
+        self._waiting = b""
+        self._faults = dict[str, str]()  # what is wrong now, by what it is of
+        self._came = time.monotonic()
+        self._ends = Event()
+        self._thread = Thread(target=self._run, name="navigation", daemon=True)
+
+    def __enter__(self) -> "NavigationLog":
+        with _opened(self._source):
+            pass
         try:
-            file = (out / NAME).open("ab", buffering=0)
+            self._path.open("ab").close()
         except OSError as error:
-            raise InputError(f"cannot write {out / NAME}: {error.strerror}; choose another output folder") from error
-        with file:
-            thread = Thread(target=_keep, args=(receive, file.write, ends), name="navigation", daemon=True)
-            thread.start()
+            raise InputError(f"cannot write {self._path}: {error.strerror}; choose another output folder") from error
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ends.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        again = Again()
+        while not self._ends.is_set():
+            again.begins()
             try:
-                yield
-            finally:
-                ends.set()
-                thread.join()
+                with _opened(self._source) as receive:
+                    self._keep(receive)
+            except Exception as error:  # noqa: BLE001 - pyserial raises many kinds; all are tried again
+                self._set("device", f"{self._source} has gone ({error}), and is opened again when it is back")
+                self._ends.wait(max(_WAIT, again.pause()))
+        self._store()
+
+    def _keep(self, receive: Callable[[], bytes]) -> None:
+        """Until the end; a serial line gives parts of sentences."""
+        left = b""
+        while not self._ends.is_set():
+            with suppress(TimeoutError):
+                left = (left + receive())[-_LARGEST:]
+            end = max(left.rfind(b"\n"), left.rfind(b"\r")) + 1
+            sentences, left = b"".join(sentences_in(left[:end])), left[end:]
+            self._waiting = (self._waiting + sentences)[-_MOST_WAITING:]
+            now = time.monotonic()
+            self._came = now if sentences else self._came
+            self._set("device", "")
+            silent = f"no sentence has come at {self._source} for {_SILENT:.0f} s{_hint(self._source)}"
+            self._set("silence", silent if now - self._came > _SILENT else "")
+            self._store()
+
+    def _store(self) -> None:
+        """Write what waits, as far as the disk takes it."""
+        try:
+            if self._waiting:
+                with self._path.open("ab", buffering=0) as file:
+                    while self._waiting:
+                        self._waiting = self._waiting[file.write(self._waiting) :]
+        except OSError as error:
+            words = f"{self._path} cannot be written ({error.strerror}); sentences wait in memory until there is room"
+            self._set("disk", words)
+        else:
+            self._set("disk", "")
+
+    def _set(self, what: str, fault: str) -> None:
+        """Say that something is wrong, or no longer."""
+        before = self._faults.get(what, "")
+        self._faults[what] = fault
+        if fault and not before:
+            self.said.append(f"{_LISTENS}: {fault}")
+        elif before and not fault:
+            self.said.append(f"{_LISTENS}: comes again after: {before}")
 
 
 def sentences_in(received: bytes) -> list[bytes]:
@@ -59,28 +126,19 @@ def sentences_in(received: bytes) -> list[bytes]:
     return [match[0] + b"\r\n" for match in found]
 
 
-def _keep(receive: Callable[[], bytes], write: Callable[[bytes], Any], ends: Event) -> None:
-    """Until the end; a serial line gives parts of sentences."""
-    left = b""
-    while not ends.is_set():
-        try:
-            left = (left + receive())[-_LARGEST:]
-            end = max(left.rfind(b"\n"), left.rfind(b"\r")) + 1
-            write(b"".join(sentences_in(left[:end])))
-            left = left[end:]
-        except TimeoutError:
-            continue
-        except OSError:  # the disk is full, or the device has gone
-            ends.wait(_WAIT)
+def _hint(source: str) -> str:
+    """What to look at where nothing comes."""
+    return f"; senders on other computers need --nmea 0.0.0.0:{source}" if source.isdecimal() else ""
 
 
 @contextmanager
 def _opened(source: str) -> Generator[Callable[[], bytes]]:
     """A function that gives what has come, or raises TimeoutError."""
-    if source.isdecimal():
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listening:
+    if address := _ADDRESS.fullmatch(source):
+        host, port = address[1] or _LOCAL, int(address[2])
+        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM) as listening:
             try:
-                listening.bind(("", int(source)))
+                listening.bind((host, port))
             except (OSError, OverflowError) as error:
                 raise InputError(f"{_LISTENS}: UDP port {source} cannot be used ({error}); choose another") from error
             listening.settimeout(_WAIT)
@@ -92,7 +150,8 @@ def _opened(source: str) -> Generator[Callable[[], bytes]]:
         line = serial.Serial(name, int(baud or _BAUD), timeout=_WAIT)
     except (OSError, ValueError) as error:
         raise InputError(
-            f"{_LISTENS}: {source} cannot be opened ({error}); give a UDP port or a serial device"
+            f"{_LISTENS}: {source} cannot be opened ({error}); give a UDP port, as 10110 or 0.0.0.0:10110, or a serial "
+            "device"
         ) from error
     with line:
         yield lambda: line.read(max(1, line.in_waiting))

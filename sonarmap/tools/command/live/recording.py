@@ -1,20 +1,25 @@
 # pyright: strict
-"""The process that records: it knows nothing of the others, and goes on whatever becomes of them."""
+"""The process that records: it knows nothing of the others, and goes on whatever becomes of them. Only the user's stop
+ends it."""
 
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
+from threading import Event
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.live.again import Again, in_words
 
 FOLDER = "recording"  # within the map's folder
 _LOG = "recorder.log"
-_MOST_BEGUN, _WITHIN = 5, 60.0  # so often it is begun again within so long [s]
+_TICK = 0.2  # seconds between looks
+_MOST_SAID = 64  # lines that wait to be shown
 _PATIENCE = 10.0  # until it has ended [s]
 
 
@@ -25,37 +30,49 @@ class RecordingProcess:
     Args:
         out: the map's folder.
         options: of `sonarmap record`, which say where packets come in.
+
+    Attributes:
+        said: what there is to say, a line each, for who shows it.
     """
 
     def __init__(self, out: Path, options: Sequence[str]) -> None:
         self._folder, self._options = (out / FOLDER).resolve(), list(options)
-        self._begun: list[float] = []
+        self.said = deque[str](maxlen=_MOST_SAID)
+        self._again = Again()
+        self._due: float | None = None  # when it begins again; None while it is at work
         self._process: subprocess.Popen[bytes] | None = None
         self._read = 0
-        self._elsewhere = ""  # options of one that was taken over, if they are others
-        self._id = self._left_at_work()
+        self._id = recorder_of(out)
         if self._id is None:
             self._begin()
         elif (own := _options_of(self._id, self._folder)) != self._options:
-            self._elsewhere = " ".join(own or []) or "its defaults"
+            listens = " ".join(own or []) or "its defaults"
+            self.said.append(f"the recording of an earlier run goes on, listening by {listens}; to change that, end it")
 
-    def look(self) -> Iterator[str]:
-        """What it says, a line each; it is begun again where it was killed. Raises InputError: it cannot record."""
-        code = self._exit_code()
-        if self._elsewhere:
-            yield f"the recording of an earlier run goes on, listening by {self._elsewhere}; to change that, end it"
-            self._elsewhere = ""
-        yield from self._lines()
+    def keep_on(self, stop: Event) -> None:
+        """Begin it again whenever it has ended, and end it when `stop` is set."""
+        while not stop.wait(_TICK):
+            with suppress(Exception):
+                self.look()
+        self.end()
+
+    def look(self) -> None:
+        """Take what it says, and begin it again where it is due."""
+        code, now = self._exit_code(), time.monotonic()
+        self.said.extend(self._lines())
         if code is None:
             return
-        self._begun = [begun for begun in self._begun if time.monotonic() - begun < _WITHIN]
-        if code in (0, 2, 3):
-            raise InputError("the recording has ended; the map goes on with what came until then")
-        if len(self._begun) >= _MOST_BEGUN:
-            yield f"the recording was killed {_MOST_BEGUN} times within a minute, and begins again when that is over"
-            return
-        yield "the recording was killed, and begins again in another file; what came meanwhile is lost"
-        self._begin()
+        if self._due is None:
+            pause = self._again.pause()
+            self._due = now + pause
+            ended = "was killed" if code < 0 else "has ended"
+            self.said.append(f"the recording {ended}, and begins again in another file{in_words(pause)}")
+        if now >= self._due:
+            try:
+                self._begin()
+            except InputError as error:
+                self._due = now + self._again.pause()
+                self.said.append(str(error))
 
     def end(self) -> None:
         """End the recording, which gives its file its name. Where one was killed before anything came no file stays."""
@@ -87,13 +104,8 @@ class RecordingProcess:
                 f"cannot record to {self._folder}: {error.strerror or error}. Choose another output folder, or make "
                 "room and check its permissions"
             ) from error
-        self._id = self._process.pid
-        self._begun.append(time.monotonic())
-
-    def _left_at_work(self) -> int | None:
-        """The number of a process that records to the folder; None where there is none."""
-        numbers = (int(process.name) for process in Path("/proc").glob("[0-9]*"))
-        return next((number for number in numbers if _options_of(number, self._folder) is not None), None)
+        self._id, self._due = self._process.pid, None
+        self._again.begins()
 
     def _exit_code(self) -> int | None:
         """None while it is at work; -1 of one that was taken over and has gone."""
@@ -108,6 +120,12 @@ class RecordingProcess:
             whole = text[: text.rfind(b"\n") + 1]
             self._read += len(whole)
             yield from whole.decode("utf-8", "replace").splitlines()
+
+
+def recorder_of(out: Path) -> int | None:
+    """The number of a process that records to a map's folder; None where there is none."""
+    numbers, folder = (int(process.name) for process in Path("/proc").glob("[0-9]*")), (out / FOLDER).resolve()
+    return next((number for number in numbers if _options_of(number, folder) is not None), None)
 
 
 def _options_of(number: int, folder: Path) -> list[str] | None:

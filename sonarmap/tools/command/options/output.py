@@ -27,7 +27,6 @@ from sonarmap.tools.files.map_folder.names import EXPORTS
 from sonarmap.tools.products.export.formats import FORMATS, known_formats
 
 if TYPE_CHECKING:
-    from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo.georeference import Georeference
     from sonarmap.tools.files.geo.projection import Projection
     from sonarmap.tools.files.map_folder.folder import Map
@@ -85,9 +84,16 @@ class MapOutput:
     export: FormatsOption = field(default_factory=list[str])
 
     def export_settings(
-        self, crs: str | None, georeference: "Georeference | None", scans: "Sequence[Scan]"
+        self, crs: str | None, georeference: "Georeference | None", stamps: "Sequence[float]", later: bool = False
     ) -> "ExportSettings":
-        """What --export and --crs ask for, refused now where it could not be done when the map is there."""
+        """What --export and --crs ask for, refused now where it could not be done when the map is there.
+
+        Args:
+            crs: of --crs.
+            georeference: where the map lies, if that is known.
+            stamps: of the scans; none where they are not read yet.
+            later: whether the navigation, which is not read yet, may tell where the map lies.
+        """
         from sonarmap.tools.files.map_folder.names import OF_EACH
         from sonarmap.tools.products.export.run import ExportSettings, check_files, check_settings
 
@@ -95,7 +101,7 @@ class MapOutput:
         if crs is not None and not formats:
             raise InputError("--crs has no effect without --export; leave it out, or name a format")
         settings = ExportSettings(tuple(formats), crs)
-        check_settings(settings, georeference, [scan.stamp for scan in scans] if formats else [])
+        check_settings(settings, georeference, stamps, later)
         if both := [name for name in self.also if EXPORTS[name] in {FORMATS[chosen].file for chosen in formats}]:
             raise InputError(f"--also and --export would both write {EXPORTS[both[0]].format('')}; leave one out")
         if own := [name for name in formats if FORMATS[name].file in OF_EACH]:

@@ -41,7 +41,7 @@ class Receiver:
         self._socket = listening
         self._waiting: queue.Queue[Datagram] = queue.Queue(MOST_WAITING)
         self._ends = threading.Event()
-        self._error: OSError | None = None
+        self._error: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="receiver", daemon=True)
 
     def __enter__(self) -> "Receiver":
@@ -60,7 +60,7 @@ class Receiver:
             return self._waiting.get(timeout=timeout)
         except queue.Empty:
             if self._error is not None:
-                raise InputError(f"receiving ended: {self._error.strerror}; look at the network") from self._error
+                raise InputError(f"receiving ended: {self._error}; look at the network") from self._error
             return None
 
     def end(self) -> None:
@@ -82,7 +82,7 @@ class Receiver:
             for _ in range(MOST_WAITING):  # of a stream that does not end there is a last one too
                 if not self._receive():
                     break
-        except OSError as error:
+        except Exception as error:  # noqa: BLE001 - it is for who asks for datagrams
             self._error = error
 
     def _receive(self) -> bool:

@@ -137,6 +137,7 @@ class Status:
     disk: int = 0  # bytes that the disk can still take
     unsaved: int = 0  # datagrams that came and were lost here, as the disk was too slow
     overflow: int = 0  # datagrams that the system lost, as this computer was too slow
+    ticks: int = 0  # how often it was shown before
 
     @property
     def disk_lasts(self) -> float | None:
@@ -169,7 +170,8 @@ def record(settings: RecordSettings, follow: Callable[[Status], None], stop: Eve
                 status.path = part.out
         finally:
             part.close()
-        follow(status)
+        with suppress(Exception):
+            follow(status)
         return status
 
 
@@ -178,7 +180,6 @@ class _Recording:
         self._status, self._part, self._follow = status, part, follow
         self._start = self._latest = time.monotonic()
         self._ticks = deque[tuple[float, int, int, int]](maxlen=_OVER + 1)  # with shots, packets, bytes until then
-        self._count = 0
 
     def run(self, receiver: Receiver, stop: Event, rejoin: Callable[[], object]) -> None:
         """Until the end; `rejoin` is called while nothing comes, as an interface may have gone and come back."""
@@ -189,7 +190,8 @@ class _Recording:
                 self._tick(receiver, now)
                 due += _TICK * (1 + (now - due) // _TICK)  # a tick that is missed is not made up for
                 if self._status.silence > _OVER:
-                    rejoin()
+                    with suppress(OSError):
+                        rejoin()
             self._take(receiver.next(max(0.0, min(_WAIT, due - now, end - now))))
         receiver.end()
         for datagram in receiver.rest():
@@ -221,7 +223,8 @@ class _Recording:
         if now > then:
             rates = ((total - past) / (now - then) for total, past in zip(totals, before, strict=True))
             status.shot_rate, status.packet_rate, status.byte_rate = rates
-        self._count += 1
-        if self._count % _OVER == 0:
+        with suppress(Exception):  # what is shown ends no recording
+            self._follow(status)
+        status.ticks += 1
+        if status.ticks % _OVER == 0:
             self._part.sync()
-        self._follow(status)

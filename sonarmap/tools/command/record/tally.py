@@ -7,7 +7,6 @@ from typing import Any
 from google.protobuf.message import Message
 from wlsonar import range_image_protocol as rip
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.sonar.messages import STRENGTH, message_of, range_image_type, stamp_of
 from sonarmap.tools.files.readers.sonar.shots import Remembered, ShotNumbers
 
@@ -78,10 +77,12 @@ class Tally:
         """A whole packet has come, at a time by this computer's clock [s, UTC]."""
         self.packets += 1
         try:
-            message = message_of(packet, range_image_type(), rip.BitmapImageGreyscale8, rip.ImuBatch)
-        except InputError:
+            self._count(packet, arrival)
+        except Exception:  # noqa: BLE001 - the packet is recorded, whatever its content is
             self.unreadable += 1
-            return
+
+    def _count(self, packet: bytes, arrival: float) -> None:
+        message = message_of(packet, range_image_type(), rip.BitmapImageGreyscale8, rip.ImuBatch)
         if message is None:
             self.undocumented += 1
         elif isinstance(message, rip.ImuBatch):

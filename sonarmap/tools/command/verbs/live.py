@@ -1,36 +1,37 @@
 """`sonarmap live`: the map while the vehicle dives."""
 
-import math
+import sys
 import time
 import webbrowser
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from threading import Event, Thread
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.live import Live
-from rich.text import Text
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.execution import ExecutionOptions
+from sonarmap.tools.command.failures import discard
 from sonarmap.tools.command.method import checked_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile
-from sonarmap.tools.command.options.option import INPUT, NAVIGATION, OUTPUT, RUNNING, flag, option
+from sonarmap.tools.command.options.option import INPUT, NAVIGATION, OUTPUT, RUNNING, flag, given, option
 from sonarmap.tools.command.options.output import EarthPlace, MapOutput
 from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.options.scan import PointReading
 from sonarmap.tools.command.options.survey import SurveyOptions, TiesAndControl
-from sonarmap.tools.command.terminal import error_console, printable, say, warn
+from sonarmap.tools.command.status_line import status_line
+from sonarmap.tools.command.terminal import say, warn
 from sonarmap.tools.command.verbs import map as map_verb
-from sonarmap.tools.command.verbs.record import SECONDS_BETWEEN_LINES, Listening, ending
+from sonarmap.tools.command.verbs.record import Listening, ending
 
 if TYPE_CHECKING:
     from sonarmap.tools.command.live.mapping import MappingSettings
-    from sonarmap.tools.products.live.state import State
+    from sonarmap.tools.command.live.recording import RecordingProcess
 
 NOTHING_CAME = 3
 _running = partial(option, RUNNING)
@@ -60,13 +61,15 @@ class LiveOptions:
     nmea: str | None = option(
         NAVIGATION,
         "PORT|DEVICE",
-        "Take NMEA from a UDP port or a device. It is kept in OUT/navigation.nmea, as of --priors.",
+        "Take NMEA from a UDP port of this computer or a serial device. HOST:PORT, as 0.0.0.0:10110, also hears other "
+        "computers. It is kept in OUT/navigation.nmea, as of --priors.",
     )
     browser: bool = flag(RUNNING, "--browser/--no-browser", "Open the page in the browser.", True)
-    port: int = _running("N", "Of the page.", 0, shown="any that is free", min=0, max=65535, rare=True)
+    port: int = _running("PORT", "Of the page.", 0, shown="any that is free", min=0, max=65535, rare=True)
     bind: str = _running(
         "ADDRESS",
-        "Show the page to other computers, at this address of this one. It has a token in its address then.",
+        "Show the page to other computers, at this address of this one, 0.0.0.0 for all. It has a token in its address "
+        "then.",
         "127.0.0.1",
         rare=True,
     )
@@ -84,6 +87,7 @@ def command(
     odometry: OdometryFile,
     reading: NavigationReading,
     survey: SurveyOptions,
+    earth: EarthPlace,
     source: SourceArgument = None,
     imu: ImuOption = True,
     as_json: JsonOption = False,
@@ -106,67 +110,113 @@ def command(
     from sonarmap.tools.command.live.navigation_log import NAME
     from sonarmap.tools.command.live.recording import FOLDER
     from sonarmap.tools.files.readers.incoming import final_path
+    from sonarmap.tools.products.export.run import NoPlaceError
 
     inputs, out = source or [], output.out
     _require_source(inputs, live.replay)
     if live.nmea is not None and priors.priors:
         raise InputError("--nmea and --priors both give navigation; leave one out")
-    mapper = survey.mapper_settings()
+    mapper, method, place = survey.mapper_settings(), checked_method(method, context), earth.georeference()
     known = priors if live.nmea is None else replace(priors, priors=[out / NAME])
-    navigation = Navigation(known, odometry, reading, mapper.limits.speed)
+    navigation = Navigation(known, odometry, reading, mapper.limits.speed, place)
     settings = MappingSettings(
         out,
         tuple(inputs) or (str(out / FOLDER),),
         live.replay,
         points.corrections(),
-        checked_method(method, context),
+        method,
         mapper,
         None if live.onto is not None else navigation,
     )
-    _follow(settings, live, None if inputs else listening.as_options(), listening.seconds, quiet or as_json)
+    may_be_placed = bool(inputs) or known.priors is not None
+    stamps = () if inputs else (time.time(),)
+    map_verb.check_options(output, method, earth, given(known) | given(odometry), stamps, may_be_placed)
+    _follow(settings, live, None if inputs else listening, listening.seconds, quiet or as_json)
     mapped = [str(final_path(Path(name))) for name in settings.inputs]
     if not _has_scans(mapped):
         clear(out)
         warn("no scan came, and there is no map")
         raise typer.Exit(NOTHING_CAME)
-    if live.finish:
-        if live.nmea is not None and not _tells(out / NAME):
-            known = priors
+    if not live.finish:
+        return
+    if live.nmea is not None and not _tells(out / NAME):
+        known, reading = PriorsFile(), NavigationReading() if odometry.odometry is None else reading
+
+    def finish(output: MapOutput, earth: EarthPlace) -> None:
         map_verb.command(
             context, mapped, output, method, known, points, odometry, reading, survey,
-            TiesAndControl(), EarthPlace(), ExecutionOptions(), imu=imu, as_json=as_json, quiet=quiet,
+            TiesAndControl(), earth, ExecutionOptions(), imu=imu, as_json=as_json, quiet=quiet,
         )  # fmt: skip
-        clear(out)
+
+    try:
+        finish(output, earth)
+    except NoPlaceError as error:
+        warn(f"{error}. The map is made without --export; 'sonarmap export {out}' writes it for other programs")
+        finish(replace(output, export=[]), replace(earth, crs=None))
+    except InputError as error:
+        again = f"sonarmap map {' '.join(mapped)} -o {out}"
+        raise InputError(f"{error}. What came is kept, and '{again}' with other options makes the map") from error
+    clear(out)
 
 
 def _follow(
-    settings: "MappingSettings", live: LiveOptions, recorded: list[str] | None, seconds: float | None, quiet: bool
+    settings: "MappingSettings", live: LiveOptions, listening: Listening | None, seconds: float | None, quiet: bool
 ) -> None:
-    """Show a dive until it ends, of so many seconds at most; `recorded` are the options of what records it, None where
-    somebody else does."""
+    """Show a dive until it ends, after so many seconds at most; `listening` says what is recorded, None where somebody
+    else records."""
     from sonarmap.tools.command.live.dive import Dive
     from sonarmap.tools.command.live.kept_keys import has_keys, kept_for
-    from sonarmap.tools.command.live.navigation_log import kept_navigation
-    from sonarmap.tools.command.live.recording import RecordingProcess
+    from sonarmap.tools.command.live.navigation_log import NavigationLog
     from sonarmap.tools.products.live.server import LivePage
 
     out, onto = settings.out, [] if live.onto is None else [str(live.onto)]
     decides = [settings.corrections, settings.method, settings.mapper]
-    with (
-        kept_for(out, (*settings.inputs, *onto), decides),
-        kept_navigation(live.nmea, out),
-        ending(seconds) as stop,
-        LivePage(live.bind, live.port) as page,
-    ):
+    with ExitStack() as beside:
+        beside.enter_context(kept_for(out, (*settings.inputs, *onto), decides))
+        navigation = None if live.nmea is None else beside.enter_context(NavigationLog(live.nmea, out))
+        stop = beside.enter_context(ending(seconds))
+        page = beside.enter_context(LivePage(live.bind, live.port))
         if live.onto is not None and not has_keys(out):
             _keep_map(live.onto, out)
-        say(f"the map is shown at {page.address}; Ctrl-C ends the dive")
+        show = beside.enter_context(status_line(quiet))
+        recording = None if listening is None else beside.enter_context(_recording(out, listening, stop))
+        # whatever fails from here on, the recording goes on
+        with suppress(OSError):
+            say(f"the map is shown at {' or '.join(page.addresses)}; Ctrl-C ends the dive")
         if live.browser:
-            with suppress(webbrowser.Error):
-                webbrowser.open(page.address)
-        with _shown(quiet) as tell:
-            recording = None if recorded is None else RecordingProcess(out, recorded)
-            Dive(settings, recording, page, tell).follow(stop)
+            Thread(target=_open_browser, args=(page.address,), daemon=True).start()
+        news = [each.said for each in (recording, navigation) if each is not None]
+        tell = lambda state, warnings: show([state.sentence], warnings, state.status)  # noqa: E731
+        Dive(settings, page, tell, recording is not None, news).follow(stop)
+    try:
+        say("the dive has ended")
+    except OSError:  # the terminal has gone, and the map is made all the same
+        discard(sys.stderr)
+
+
+@contextmanager
+def _recording(out: Path, listening: Listening, stop: Event) -> "Iterator[RecordingProcess]":
+    """A recording that goes on until `stop` is set. Where the block ends before, it goes on beyond, and the next
+    `sonarmap live` takes it over."""
+    from sonarmap.tools.command.live.recording import RecordingProcess, recorder_of
+    from sonarmap.tools.command.record.source import open_socket
+
+    if recorder_of(out) is None:
+        open_socket(listening.source).close()  # a wrong address is refused now
+    recording = RecordingProcess(out, listening.as_options())
+    keeping = Thread(target=recording.keep_on, args=(stop,), name="recording", daemon=True)
+    keeping.start()
+    try:
+        yield recording
+    finally:
+        if stop.is_set():
+            keeping.join()
+
+
+def _open_browser(address: str) -> None:
+    """In a thread: a browser of the terminal returns when it is closed."""
+    with suppress(webbrowser.Error, OSError):
+        webbrowser.open(address)
 
 
 def _has_scans(inputs: list[str]) -> bool:
@@ -227,24 +277,3 @@ def _require_source(inputs: list[str], replay: float | None) -> None:
                 f"{name} is neither a folder nor a recording that may grow ({', '.join(GROWING)}); give --replay 1 to "
                 "take a finished file at the pace of its times"
             )
-
-
-@contextmanager
-def _shown(quiet: bool) -> Iterator[Callable[["State", list[str]], None]]:
-    """A function that shows how a dive goes."""
-    console, shown_at, shown_status = error_console(), -math.inf, ""
-
-    def tell(state: "State", warnings: list[str]) -> None:
-        nonlocal shown_at, shown_status
-        for warning in warnings:
-            warn(warning)
-        if line is not None:
-            text = Text(printable(state.sentence), style="bold red" if state.status == "lost" else "")
-            line.update(text, refresh=True)
-        elif not quiet and (state.status != shown_status or time.monotonic() - shown_at >= SECONDS_BETWEEN_LINES):
-            say(state.sentence)
-            shown_at, shown_status = time.monotonic(), state.status
-
-    line = Live(console=console, auto_refresh=False) if console.is_terminal and not quiet else None
-    with line or nullcontext():
-        yield tell

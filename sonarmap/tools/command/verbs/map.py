@@ -13,10 +13,10 @@ from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.execution import ExecutionOptions, open_execution
 from sonarmap.tools.command.failures import print_failure
 from sonarmap.tools.command.lines import give_back, navigated_lines, without_biases
-from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
+from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method, require_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile, scans_with_priors
 from sonarmap.tools.command.navigation_check import ContradictedError, refusing
-from sonarmap.tools.command.options.option import NAVIGATION, RUNNING, given, switch
+from sonarmap.tools.command.options.option import NAVIGATION, RUNNING, given, refuse_without, switch
 from sonarmap.tools.command.options.output import EarthPlace, MapOutput, export_with_progress
 from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
@@ -153,6 +153,9 @@ def command(
 
     telling = Telling(time.monotonic(), as_json, verbose, quiet)
     method = checked_method(method, context)
+    files = given(priors) | given(odometry) | given(person)
+    _require_files(files)
+    check_options(output, method, earth, files)
     mapper = survey.mapper_settings()
     navigation = reading.settings(*priors.priors, odometry.odometry, origin=earth.georeference())
     navigation = replace(navigation, fastest=mapper.limits.speed)
@@ -163,10 +166,10 @@ def command(
     read, georeference = _navigate(read, priors, navigation, imu and method.uses_priors, earth.origin_heading)
     ties = person.read_ties(read.scans)
     control, georeference = person.read_control(read.scans, georeference)
-    exports = output.export_settings(earth.crs, georeference, read.scans)
+    exports = output.export_settings(earth.crs, georeference, [scan.stamp for scan in read.scans])
     reckoned = odometry.read(read.scans, navigation) or way_within(read.scans, read.patches)
     configured = configure_method(read.scans, method, survey=True)
-    described = given(priors) | given(odometry) | given(reading) | given(points) | given(person)
+    described = files | given(reading) | given(points)
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapper}
     if patch_test:
         settings["patch_test"] = corrections.lines.biases.to_json()
@@ -183,6 +186,30 @@ def command(
         raise typer.Exit(INCOMPLETE) from None
     if not whole:
         raise typer.Exit(INCOMPLETE)
+
+
+def check_options(
+    output: MapOutput,
+    method: MethodOptions,
+    earth: EarthPlace,
+    files: Mapping[str, str],
+    stamps: Sequence[float] = (),
+    later: bool = True,
+) -> None:
+    """Refuse what cannot be done before hours of scans are read, or come; `files` are the options that name them, and
+    what goes with these, the others are of `MapOutput.export_settings`."""
+    for needed, option in (("priors", "prior_sigmas"), ("odometry", "odometry_drift"), ("control", "control_crs")):
+        if needed not in files:
+            refuse_without(f"--{needed}", {f"--{option.replace('_', '-')}": files.get(option)})
+    require_method(method)
+    output.export_settings(earth.crs, earth.georeference(), stamps, later)
+    require_writable(output.out)
+
+
+def _require_files(files: Mapping[str, str]) -> None:
+    for name in ("priors", "odometry", "ties", "control"):
+        if name in files and not Path(files[name].partition("::")[0]).exists():
+            raise InputError(f"--{name}: cannot read {files[name]}: there is no such file; check its name")
 
 
 def _map_and_tell(

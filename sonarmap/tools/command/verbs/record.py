@@ -1,10 +1,9 @@
 """`sonarmap record`: what a Sonar 3D-15 sends, from the network to a file."""
 
-import math
 import re
 import signal
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from ipaddress import AddressValueError, IPv4Address
@@ -13,20 +12,19 @@ from threading import Event, Timer
 from typing import TYPE_CHECKING
 
 import typer
-from rich.live import Live
-from rich.text import Text
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.checks import checked, refused_by
 from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, RUNNING, flag, option
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
-from sonarmap.tools.command.terminal import error_console, print_json, printable, say, warn
+from sonarmap.tools.command.status_line import status_line
+from sonarmap.tools.command.terminal import print_json, printable, say, warn
 
 if TYPE_CHECKING:
     from sonarmap.tools.command.record.recorder import Status
+    from sonarmap.tools.command.record.source import Source
 
 NOTHING_CAME = 3
-SECONDS_BETWEEN_LINES = 10.0  # where no terminal shows them in place
 _UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "h": 3600.0}
 
 
@@ -77,6 +75,13 @@ class Listening:
     )
 
     @property
+    def source(self) -> "Source":
+        """Where packets come in. Raises InputError: an address that is none, or options that exclude each other."""
+        from sonarmap.tools.command.record.source import source_of
+
+        return source_of(self.multicast, self.unicast, self.interface)
+
+    @property
     def seconds(self) -> float | None:
         """How long; None for no end but the one that is asked for."""
         return None if self.duration is None else _seconds(self.duration)
@@ -104,13 +109,18 @@ def command(file: RecordedFile, listening: Listening, as_json: JsonOption = Fals
     leaves it so, and it can be read. The exit code is 3 if nothing came.
     """
     from sonarmap.tools.command.record.recorder import RecordSettings, record
-    from sonarmap.tools.command.record.source import source_of
+    from sonarmap.tools.command.record.words import Watch, end_lines, status_lines
     from sonarmap.tools.command.record.words import as_json as in_json
-    from sonarmap.tools.command.record.words import end_lines
 
-    source = source_of(listening.multicast, listening.unicast, listening.interface)
+    source, watch, silent = listening.source, Watch(), quiet or as_json
     settings = RecordSettings(source, file.out, listening.seconds, listening.sonar, file.overwrite)
-    with ending() as stop, _shown(quiet or as_json) as follow:
+
+    def follow(status: "Status") -> None:
+        if not status.ticks and not silent:
+            say(f"listening at {source.words}; until the end the recording is in {status.path}")
+        show(status_lines(status), list(watch.warnings(status)), "recording")
+
+    with ending() as stop, status_line(silent) as show:
         status = record(settings, follow, stop)
     if as_json:
         print_json(in_json(status))
@@ -142,30 +152,3 @@ def ending(after: float | None = None) -> Iterator[Event]:
         timer.cancel()
         for each in heard:
             signal.signal(each, before[each])
-
-
-@contextmanager
-def _shown(quiet: bool) -> Iterator[Callable[["Status"], None]]:
-    """A function that shows how a recording goes. A terminal that has gone ends what is shown, not the recording."""
-    from sonarmap.tools.command.record.words import Watch, status_lines
-
-    console, watch, shown_at = error_console(), Watch(), -math.inf
-
-    def follow(status: "Status") -> None:
-        nonlocal shown_at
-        with suppress(OSError):
-            if not quiet and shown_at < 0:
-                say(f"listening at {status.settings.source.words}; until the end the recording is in {status.path}")
-            for warning in watch.warnings(status):
-                warn(warning)
-            lines = [printable(line) for line in status_lines(status)]
-            if live is not None:
-                live.update(Text("\n".join(lines), no_wrap=True, overflow="crop"), refresh=True)
-            elif not quiet and status.seconds - shown_at >= SECONDS_BETWEEN_LINES:
-                say("; ".join(lines))
-            if status.seconds - shown_at >= SECONDS_BETWEEN_LINES:
-                shown_at = status.seconds
-
-    live = Live(console=console, auto_refresh=False) if console.is_terminal and not quiet else None
-    with live or nullcontext():
-        yield follow

@@ -75,22 +75,31 @@ class Exported:
     notes: tuple[str, ...]
 
 
-def check_settings(settings: ExportSettings, georeference: Georeference | None, stamps: Sequence[float]) -> None:
-    """Refuse, before a map is computed, what cannot be exported of scans with these stamps [s] at this place, if any.
+class NoPlaceError(InputError):
+    """It is not known where the map lies on the Earth, and a format needs that."""
+
+
+def check_settings(
+    settings: ExportSettings, georeference: Georeference | None, stamps: Sequence[float], later: bool = False
+) -> None:
+    """Refuse, before a map is computed, what cannot be exported of scans with these stamps [s] at this place, if any;
+    `later`: the place may become known.
 
     Raises InputError: formats that need a place without one, or other stamps, or a CRS that cannot be used there."""
     _require_fitting(settings)
     for name in settings.formats:
-        low, high, (first, end) = min(stamps), max(stamps), FORMATS[name].stamps
-        if not first <= low <= high < end:
+        low, high, (first, end) = min(stamps, default=0.0), max(stamps, default=0.0), FORMATS[name].stamps
+        if stamps and not first <= low <= high < end:
             raise InputError(
                 f"{name} needs stamps from {first:.0f} to {end:.0f} s, and those of the scans are {low:g} to {high:g}. "
                 "Give scans that carry times (Unix seconds), or leave this format out"
             )
     if georeference is not None:
         Projection.of(georeference, settings.projected)
+    elif later:
+        return
     elif settings.needing_place:
-        raise InputError(
+        raise NoPlaceError(
             f"it is not known where the map lies on the Earth, which {' and '.join(settings.needing_place)} "
             f"need{'s' if len(settings.needing_place) == 1 else ''}; say it with --origin LAT,LON[,HEIGHT]"
             f"{', or --crs map for points in the frame of the map' if any(map(_of_points, settings.formats)) else ''}"

@@ -157,6 +157,5 @@ def _unmeasured(result: SurveyResult, c: int) -> tuple[str, ...] | None:
     graph, members = result.solution.graph, result.components[c]
     if {pose for pose, _ in graph.priors}.union(known.pose for known in graph.known).isdisjoint(members):
         return None
-    unconstrained = dict(graph.gauge.unconstrained)
-    free = next((unconstrained[pose] for pose in members if pose in unconstrained), np.zeros(len(MEASURED), dtype=bool))
+    free = graph.gauge.unmeasured.get(members[0], np.zeros(len(MEASURED), dtype=bool))
     return tuple(name for name, unknown in zip(MEASURED, free, strict=True) if unknown)

@@ -6,17 +6,17 @@ import signal
 import struct
 import subprocess
 import time
-from collections.abc import Iterator
 from multiprocessing import Pipe
 from pathlib import Path
-from threading import Event, Thread
+from threading import Event
 from typing import Any, cast
 
 import pytest
 
-from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.tools.command.live import dive as module
-from sonarmap.tools.command.live.dive import Dive
+from sonarmap.tools.command.live.again import Again
+from sonarmap.tools.command.live.dive import Dive, KilledError
 from sonarmap.tools.products.live.state import State
 from tests.samples.clutter_scans import done, refused, scan, sonarmap, write
 from tests.samples.command_line import ROOT, SONARMAP
@@ -26,7 +26,7 @@ from tests.tools.command.live.waiting import until
 
 OPTIONS = ("--grid", "64", "--voxel", "0.35")
 VARYING = {"times.json", "journal.sqlite"}
-KILLED = "the mapping was killed, and goes on from the last key scan"
+KILLED = "the mapping was killed, as where memory is short, and goes on from the last key scan"
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -186,6 +186,14 @@ def test_a_recording_of_someone_else_ends_the_dive_when_it_is_given_its_name(swi
         (("empty", "--replay", "0"), "holds no scans"),
         (("--duration", "soon"), "soon"),
         (("--bind", "192.0.2.7", "--duration", "9"), "192.0.2.7 cannot be used for the page"),
+        (("--unicast", "192.0.2.7:4747"), "cannot listen at 192.0.2.7:4747"),
+        (("--interface", "none7"), "none7"),
+        (("--export", "laz"), "say it with --origin"),
+        (("--export", "laz", "--origin", "91,5"), "91"),
+        (("--export", "laz", "--origin", "60,5", "--crs", "EPSG:7"), "EPSG:7"),
+        (("--device", "none7"), "none7"),
+        (("--onto", "empty"), "empty"),
+        (("--nmea", "192.0.2.7:10110"), "192.0.2.7:10110 cannot be used"),
     ],
 )
 def test_what_cannot_be_mapped_is_refused(
@@ -198,31 +206,23 @@ def test_what_cannot_be_mapped_is_refused(
     refused(sonarmap("live", *arguments, "-o", "out", "--no-browser"), words)
 
 
-def a_dive(tmp_path: Path) -> Dive:
-    """One that shows nothing."""
-    return Dive(cast(Any, tmp_path), None, cast(Any, None), lambda *_: None)
+def a_dive(is_recorded: bool = False, page: Any = None, said: list[str] | None = None) -> Dive:
+    """One that maps nothing; what is new goes to `said`."""
+
+    def tell(_: State, new: list[str]) -> None:
+        if said is None:
+            raise OSError(28, "No space left on device")  # the terminal has gone
+        said.extend(new)
+
+    return Dive(cast(Any, None), page or Shows(), tell, is_recorded)
 
 
-def test_a_message_that_was_cut_is_the_end_of_the_mapping(tmp_path: Path) -> None:
+def test_a_message_that_was_cut_is_the_end_of_the_mapping() -> None:
     pipe, other = Pipe()
     os.write(other.fileno(), struct.pack("!i", 1000) + b"cut")
     other.close()
-    with pytest.raises(EOFError):
-        a_dive(tmp_path)._took(pipe)
-
-
-class Records:
-    """A recording that goes on."""
-
-    looks = 0
-    ended = False
-
-    def look(self) -> Iterator[str]:
-        self.looks += 1
-        yield "warning: 3 shots missing"
-
-    def end(self) -> None:
-        self.ended = True
+    with pytest.raises(KilledError):
+        a_dive()._took(pipe)
 
 
 class Shows:
@@ -235,27 +235,40 @@ class Shows:
         self.states.append(json.loads(message[1]))
 
 
-def test_a_recording_goes_on_where_nothing_can_be_mapped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("error", [InputError("no memory for 7 scans"), ValueError("7"), MemoryError(), OSError(5, "")])
+def test_beside_a_recording_the_mapping_begins_again_whatever_ended_it(
+    monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    begun, stop = list[int](), Event()
+
     def fails(_: Dive, __: Event) -> bool:
-        raise InputError("there is no memory for 7 scans")
+        begun.append(7)
+        if len(begun) == 3:
+            stop.set()
+        raise error
 
     monkeypatch.setattr(Dive, "_map_until", fails)
-    said, stop, recording, page = list[str](), Event(), Records(), Shows()
-
-    def tell(_: State, new: list[str]) -> None:
-        said.extend(new)
-
-    dive = Dive(cast(Any, tmp_path), cast(Any, recording), cast(Any, page), tell)
-    following = Thread(target=dive.follow, args=(stop,))
-    following.start()
-    until(lambda: recording.looks > 2)
-    assert not recording.ended
-    stop.set()
-    following.join()
-    assert recording.ended
-    expected = ["nothing more is mapped until the dive ends: there is no memory for 7 scans", "3 shots missing"]
-    assert said == page.states[-1]["alerts"] == expected
+    monkeypatch.setattr(Again, "pause", lambda _: 0.0)
+    said, page = list[str](), Shows()
+    a_dive(True, page, said).follow(stop)
+    assert said == [f"the mapping ended ({error}), and goes on from the last key scan"] * 2
+    assert page.states[-1]["alerts"] == said[:1]
     assert page.states[-1]["sentence"].startswith("The recording goes on")
+
+
+@pytest.mark.parametrize(("error", "most"), [(InputError("no scans"), 1), (DeviceError("gone"), 1), (ValueError(), 6)])
+def test_without_a_recording_it_is_given_up(monkeypatch: pytest.MonkeyPatch, error: Exception, most: int) -> None:
+    begun = list[int]()
+
+    def fails(_: Dive, __: Event) -> bool:
+        begun.append(7)
+        raise error
+
+    monkeypatch.setattr(Dive, "_map_until", fails)
+    monkeypatch.setattr(Again, "pause", lambda again: setattr(again, "failures", again.failures + 1) or 0.0)
+    with pytest.raises(type(error)):
+        a_dive().follow(Event())
+    assert len(begun) == most
 
 
 def dies(_: object, __: object) -> None:
@@ -263,7 +276,7 @@ def dies(_: object, __: object) -> None:
 
 
 @pytest.mark.slow
-def test_a_mapping_that_is_killed_again_and_again_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mapping_that_is_killed_again_and_again_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_map", dies)
-    with pytest.raises(InputError, match="ended 5 times within a minute"):
-        a_dive(tmp_path).follow(Event())
+    with pytest.raises(InputError, match="memory is short; 'sonarmap doctor'"):
+        a_dive().follow(Event())

@@ -1,20 +1,21 @@
 """NMEA sentences that come by UDP and by a serial line: whole ones are kept, whatever else comes."""
 
+import io
 import os
 import socket
 import time
 import tty
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.live.navigation_log import NAME, kept_navigation, sentences_in
+from sonarmap.tools.command.live.navigation_log import NAME, NavigationLog, sentences_in
 from sonarmap.tools.files.readers.navigation.nmea import read_nmea
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 from tests.samples.live.sender import LOOPBACK, free_port, send
+from tests.tools.command.live.waiting import until
 
 FIX = b"$GPGGA,093001.00,6023.478,N,00519.326,E,1,09,0.9,-3.2,M,45.1,M,,*"
 HEADING = b"$HEHDT,123.4,T*"
@@ -30,12 +31,6 @@ def sentence(body: bytes) -> bytes:
 GOOD = [sentence(FIX), sentence(HEADING)]
 
 
-def until(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + 10
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.02)
-
-
 def test_sentences_with_a_wrong_checksum_and_other_bytes_are_left_out() -> None:
     wrong = GOOD[0].replace(b"6023", b"6024")
     received = b"\x00\xff" + GOOD[0] + wrong + b"17:30:01 " + GOOD[1] + b"$GPXXX,no end"
@@ -45,7 +40,7 @@ def test_sentences_with_a_wrong_checksum_and_other_bytes_are_left_out() -> None:
 
 def test_what_comes_by_udp_is_read_as_any_log(tmp_path: Path) -> None:
     port = free_port()
-    with kept_navigation(str(port), tmp_path):
+    with NavigationLog(str(port), tmp_path):
         send([b"".join(GOOD), np.random.default_rng(1).bytes(60_000), GOOD[1].strip()], (LOOPBACK, port))
         until(lambda: (tmp_path / NAME).stat().st_size >= sum(map(len, GOOD)) + len(GOOD[1]))
     assert (tmp_path / NAME).read_bytes() == b"".join([*GOOD, GOOD[1]])
@@ -53,30 +48,109 @@ def test_what_comes_by_udp_is_read_as_any_log(tmp_path: Path) -> None:
     assert log is not None
 
 
-def test_a_serial_line_gives_sentences_in_pieces(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("host", "heard"), [("", 1), ("127.0.0.1:", 1), ("0.0.0.0:", 2)])
+def test_other_computers_are_heard_only_where_an_address_says_so(tmp_path: Path, host: str, heard: int) -> None:
+    """What is sent to 127.0.0.2 stands for them: it does not reach 127.0.0.1."""
+    port = free_port()
+    with NavigationLog(f"{host}{port}", tmp_path):
+        for address in ("127.0.0.2", LOOPBACK):
+            send(GOOD[:1], (address, port))
+        until(lambda: (tmp_path / NAME).stat().st_size >= heard * len(GOOD[0]))
+    assert (tmp_path / NAME).read_bytes() == GOOD[0] * heard
+
+
+def test_silence_is_said_and_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sonarmap.tools.command.live.navigation_log._SILENT", 0.5)
+    port = free_port()
+    with NavigationLog(str(port), tmp_path) as log:
+        until(lambda: log.said)
+        assert f"no sentence has come at {port}" in log.said[0]
+        assert f"--nmea 0.0.0.0:{port}" in log.said[0]
+        send(GOOD, (LOOPBACK, port))
+        until(lambda: len(log.said) > 1)
+        assert "comes again" in log.said[1]
+
+
+class Line:
+    """A serial device under a name that stays, as /dev/ttyUSB0, while it is plugged out and in."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / "ttyUSB7"
+        self.plug()
+
+    def plug(self) -> None:
+        self.ours, self._theirs = os.openpty()
+        tty.setraw(self._theirs)
+        self.path.symlink_to(os.ttyname(self._theirs))
+
+    def unplug(self) -> None:
+        self.path.unlink()
+        os.close(self.ours)
+        os.close(self._theirs)
+
+
+@pytest.fixture
+def line(tmp_path: Path) -> Line:
     pytest.importorskip("serial", reason="pyserial is not installed")
-    ours, theirs = os.openpty()
-    tty.setraw(theirs)
-    with kept_navigation(f"{os.ttyname(theirs)}@38400", tmp_path):
+    return Line(tmp_path)
+
+
+def test_a_serial_line_gives_sentences_in_pieces(tmp_path: Path, line: Line) -> None:
+    with NavigationLog(f"{line.path}@38400", tmp_path):
         for piece in (GOOD[0][:20], GOOD[0][20:] + GOOD[1][:5], GOOD[1][5:]):
-            os.write(ours, piece)
+            os.write(line.ours, piece)
             time.sleep(0.05)
         until(lambda: (tmp_path / NAME).stat().st_size >= sum(map(len, GOOD)))
-    os.close(ours)
-    os.close(theirs)
+    line.unplug()
+    assert (tmp_path / NAME).read_bytes() == b"".join(GOOD)
+
+
+def test_a_device_that_was_unplugged_is_opened_again(tmp_path: Path, line: Line) -> None:
+    with NavigationLog(str(line.path), tmp_path) as log:
+        for count in (1, 2, 3):
+            os.write(line.ours, GOOD[0])
+            until(lambda count=count: (tmp_path / NAME).stat().st_size >= count * len(GOOD[0]))
+            line.unplug()
+            until(lambda count=count: len(log.said) == 2 * count - 1)
+            assert f"{line.path} has gone" in log.said[-1]
+            line.plug()
+            until(lambda count=count: len(log.said) == 2 * count)
+            assert "comes again" in log.said[-1]
+    assert (tmp_path / NAME).read_bytes() == 3 * GOOD[0]
+
+
+def test_a_full_disk_is_said_and_nothing_is_lost_when_there_is_room(tmp_path: Path) -> None:
+    port, path = free_port(), tmp_path / NAME
+    path.symlink_to("/dev/full")
+    with NavigationLog(str(port), tmp_path) as log:
+        send(GOOD, (LOOPBACK, port))
+        until(lambda: log.said)
+        assert "No space left on device" in log.said[0]
+        path.unlink()
+        send(GOOD[:1], (LOOPBACK, port))
+        until(lambda: path.exists() and path.stat().st_size >= sum(map(len, GOOD)) + len(GOOD[0]))
+        until(lambda: len(log.said) == 2)
+    assert path.read_bytes() == b"".join([*GOOD, GOOD[0]])
+
+
+def test_a_write_that_takes_a_part_goes_on_with_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Slow(io.FileIO):
+        def write(self, content: bytes) -> int:  # type: ignore[override]
+            return super().write(content[:7])
+
+    monkeypatch.setattr(Path, "open", lambda path, mode, buffering=0: Slow(path, mode.replace("b", "")))
+    port = free_port()
+    with NavigationLog(str(port), tmp_path):
+        send(GOOD, (LOOPBACK, port))
+        until(lambda: (tmp_path / NAME).stat().st_size >= sum(map(len, GOOD)))
     assert (tmp_path / NAME).read_bytes() == b"".join(GOOD)
 
 
 def test_a_port_in_use_and_a_device_that_is_not_there_are_refused(tmp_path: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("", 0))
-        with pytest.raises(InputError, match="cannot be used"), kept_navigation(str(other.getsockname()[1]), tmp_path):
+        with pytest.raises(InputError, match="cannot be used"), NavigationLog(str(other.getsockname()[1]), tmp_path):
             pass
-    with pytest.raises(InputError, match="--nmea"), kept_navigation(str(tmp_path / "ttyNONE"), tmp_path):
-        pass
-
-
-def test_without_a_source_there_is_no_file(tmp_path: Path) -> None:
-    with kept_navigation(None, tmp_path):
-        pass
-    assert not (tmp_path / NAME).exists()
+    for source in (str(tmp_path / "ttyNONE"), "192.0.2.77:10110", "70000"):
+        with pytest.raises(InputError, match="--nmea"), NavigationLog(source, tmp_path):
+            pass

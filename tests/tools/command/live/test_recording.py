@@ -4,10 +4,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from threading import Event, Thread
 
 import pytest
 
@@ -27,8 +27,9 @@ from pathlib import Path
 from sonarmap.tools.command.live.recording import RecordingProcess
 owner = RecordingProcess(Path(sys.argv[1]), sys.argv[2:])
 while True:
-    for line in owner.look():
-        print(line, flush=True)
+    owner.look()
+    while owner.said:
+        print(owner.said.popleft(), flush=True)
     time.sleep(0.1)
 """
 
@@ -75,6 +76,14 @@ def sent(out: Path, name: str, packets: list[bytes], to: tuple[str, int]) -> Non
     until(lambda: size(out, name) >= whole)
 
 
+def heard(process: RecordingProcess) -> list[str]:
+    """What there is to say by now."""
+    process.look()
+    lines = list(process.said)
+    process.said.clear()
+    return lines
+
+
 def begun(out: Path, to: tuple[str, int]) -> RecordingProcess:
     """One that listens."""
     process = RecordingProcess(out, options(to))
@@ -85,7 +94,7 @@ def begun(out: Path, to: tuple[str, int]) -> RecordingProcess:
 def test_one_that_was_killed_before_anything_came_leaves_no_file(tmp_path: Path, to: tuple[str, int]) -> None:
     process = begun(tmp_path, to)
     os.kill(recorders(tmp_path)[0], signal.SIGKILL)
-    until(lambda: bool(list(process.look())))
+    until(lambda: heard(process))
     sent(tmp_path, "002.part.sonar", PACKETS[:6], to)
     assert size(tmp_path, "001.part.sonar") == 0
     process.end()
@@ -106,7 +115,7 @@ def shots_in(path: Path) -> int:
 def test_what_is_sent_is_in_the_file_which_has_its_name_at_the_end(tmp_path: Path, to: tuple[str, int]) -> None:
     process = begun(tmp_path, to)
     sent(tmp_path, "001.part.sonar", PACKETS[:15], to)
-    assert list(process.look()) == []
+    assert heard(process) == []
     sent(tmp_path, "001.part.sonar", PACKETS[15:], to)
     process.end()
     assert files(tmp_path) == ["001.sonar"]
@@ -121,32 +130,33 @@ def test_killed_it_begins_again_in_another_file(tmp_path: Path, to: tuple[str, i
     (number,) = recorders(tmp_path)
     os.kill(number, signal.SIGKILL)
     said = list[str]()
-    until(lambda: said.extend(process.look()) or bool(said))
-    assert said == ["the recording was killed, and begins again in another file; what came meanwhile is lost"]
+    until(lambda: said.extend(heard(process)) or bool(said))
+    assert said == ["the recording was killed, and begins again in another file"]
     sent(tmp_path, "002.part.sonar", PACKETS[16:], to)
-    assert list(process.look()) == []
+    assert heard(process) == []
     process.end()
     assert files(tmp_path) == ["001.part.sonar", "002.sonar"]
     assert [shots_in(tmp_path / "recording" / name) for name in files(tmp_path)] == [7, 12]
 
 
 @pytest.mark.slow
-def test_killed_again_and_again_it_waits_and_then_goes_on(
-    tmp_path: Path, to: tuple[str, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    process, said = begun(tmp_path, to), list[str]()
-    for count in range(1, 6):
-        until(lambda: len(recorders(tmp_path)) == 1)
-        os.kill(recorders(tmp_path)[0], signal.SIGKILL)
-        until(lambda count=count: said.extend(process.look()) or len(said) == count)
-    assert said[-1] == "the recording was killed 5 times within a minute, and begins again when that is over"
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_ended_by_others_again_and_again_it_begins_again(tmp_path: Path, to: tuple[str, int], number: int) -> None:
+    """At once, and then after one, three and seven seconds: only `stop` ends it."""
+    process, said, stop = begun(tmp_path, to), list[str](), Event()
+    keeping = Thread(target=process.keep_on, args=(stop,))
+    keeping.start()
+    for count in range(1, 4):
+        until(lambda name=f"{count:03d}.part.sonar": len(recorders(tmp_path)) == 1 and size(tmp_path, name) >= 0)
+        os.kill(recorders(tmp_path)[0], number)
+        until(lambda count=count: len(process.said) == count)
+    sent(tmp_path, "004.part.sonar", PACKETS, to)
+    stop.set()
+    keeping.join()
+    said = list(process.said)
+    assert [line.rpartition(" file")[2] for line in said] == ["", " in 1 s", " in 3 s"]
+    assert (tmp_path / "recording" / "004.sonar").read_bytes() == b"".join(PACKETS)
     assert recorders(tmp_path) == []
-    later = time.monotonic() + 60.0
-    monkeypatch.setattr("sonarmap.tools.command.live.recording.time.monotonic", lambda: later)
-    assert "begins again" in "".join(process.look())
-    monkeypatch.undo()
-    until(lambda: len(recorders(tmp_path)) == 1)
-    process.end()
 
 
 @pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="where processes cannot be looked at")
@@ -162,7 +172,7 @@ def test_it_outlives_its_owner_and_the_next_one_takes_it_over(
     monkeypatch.chdir(tmp_path.parent)
     process = RecordingProcess(Path(tmp_path.name), options(to))  # the same folder by another path
     assert recorders(tmp_path) == before
-    assert list(process.look()) == []
+    assert heard(process) == []
     sent(tmp_path, "001.part.sonar", PACKETS[10:], to)
     process.end()
     assert files(tmp_path) == ["001.sonar"]
@@ -180,39 +190,44 @@ def test_taken_over_and_killed_it_begins_again(tmp_path: Path, to: tuple[str, in
     process = RecordingProcess(tmp_path, ["--sonar", LOOPBACK, *options(to)])
     own = f"--unicast {to[0]}:{to[1]}"
     said = f"the recording of an earlier run goes on, listening by {own}; to change that, end it"
-    assert list(process.look()) == [said]
-    assert list(process.look()) == []
+    assert heard(process) == [said]
+    assert heard(process) == []
     (number,) = recorders(tmp_path)
     os.kill(number, signal.SIGKILL)
-    until(lambda: bool(list(process.look())))
+    until(lambda: heard(process))
     sent(tmp_path, "002.part.sonar", PACKETS[8:12], to)
     process.end()
     assert [shots_in(tmp_path / "recording" / name) for name in files(tmp_path)] == [3, 2]
 
 
-def test_it_is_not_begun_again_where_it_cannot_record(tmp_path: Path, to: tuple[str, int]) -> None:
-    """As its file is at the limit of its size, within the twelfth packet."""
+def test_where_a_file_cannot_grow_it_begins_another(tmp_path: Path, to: tuple[str, int]) -> None:
+    """As the file is at the limit of its size, within the twelfth packet."""
     most = sum(map(len, PACKETS[:11])) + 5
     limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({most}, {most}))"
     owner = owned(tmp_path, to, f"{limited}\n{OWNER}")
     until(lambda: size(tmp_path, "001.part.sonar") >= 0)
-    send(PACKETS, to)
-    out, errors = owner.communicate()
+    send(PACKETS[:12], to)
+    until(lambda: size(tmp_path, "002.part.sonar") >= 0)
+    sent(tmp_path, "002.part.sonar", PACKETS[12:20], to)
+    owner.kill()
+    out, _ = owner.communicate()
     assert "001.part.sonar cannot grow: File too large" in out
-    assert "InputError: the recording has ended; the map goes on with what came until then" in errors
-    assert (tmp_path / "recording" / "001.part.sonar").read_bytes() == b"".join(PACKETS[:11])
-    assert files(tmp_path) == ["001.part.sonar"]
+    assert "the recording has ended, and begins again in another file" in out
+    content = [(tmp_path / "recording" / name).read_bytes() for name in files(tmp_path)]
+    assert content == [b"".join(PACKETS[:11]), b"".join(PACKETS[12:20])]
 
 
-def test_a_port_that_another_program_has_is_said_and_not_tried_again(tmp_path: Path, to: tuple[str, int]) -> None:
+@pytest.mark.slow
+def test_it_begins_when_the_port_is_free(tmp_path: Path, to: tuple[str, int]) -> None:
     first = begun(tmp_path, to)
     other = RecordingProcess(tmp_path / "other", options(to))
     said = list[str]()
-    with pytest.raises(InputError, match="the recording has ended"):
-        until(lambda: said.extend(other.look()) or False)
+    until(lambda: said.extend(heard(other)) or any("begins again" in line for line in said))
     assert f"cannot listen at {to[0]}:{to[1]}" in " ".join(said)
     assert files(tmp_path / "other") == []
     first.end()
+    until(lambda: heard(other) or size(tmp_path / "other", "001.part.sonar") >= 0)
+    other.end()
 
 
 def test_a_folder_that_cannot_be_is_said(tmp_path: Path, to: tuple[str, int]) -> None:
