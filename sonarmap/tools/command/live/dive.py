@@ -73,7 +73,8 @@ class Dive:
         pause, was_killed = again.pause(), isinstance(error, KilledError)
         if not self.is_recorded and (isinstance(error, InputError | DeviceError) or again.failures > _MOST_FAILURES):
             raise InputError(f"{error}; 'sonarmap doctor' says what fits") if was_killed else error
-        why = str(error) if was_killed else f"the mapping ended ({error})"
+        reason = next(iter(str(error).splitlines()), "")
+        why = reason if was_killed else f"the mapping ended ({reason})"
         self._alert(f"{why}, and goes on from the last key scan{in_words(pause)}")
         self._state = State("recording" if self.is_recorded else "waiting")
         for _ in range(int(pause / _TICK) + 1):

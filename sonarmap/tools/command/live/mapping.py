@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -112,7 +113,7 @@ class _Mapping:
             options = self._settings.method
             method = configure_method(first, replace(options, voxel=kept[0].voxel) if kept else options, survey=True)
             prepared = prepared_limit(method.registrar)
-            with Journal(self._settings.out / JOURNAL) as journal:
+            with self._journal() as journal:
                 key = method_key(method.name, method.setup, method.registrar)
                 execution = Execution(Worker(method.registrar, prepared), journal=journal, method=key)
                 mapper = Mapper(method.registrar, method.grid.voxel, self._settings.mapper, execution)
@@ -122,6 +123,14 @@ class _Mapping:
                 self._map(growing)
         if self._backlog.error is not None:
             raise self._backlog.error
+
+    def _journal(self) -> "Journal | nullcontext[None]":
+        """The folder's, or none where the disk takes no more."""
+        try:
+            return Journal(self._settings.out / JOURNAL)
+        except InputError as error:
+            self._alert(f"what is registered is not stored: {error}")
+            return nullcontext()
 
     def _map(self, growing: GrowingMap) -> None:
         self._show_keys(growing)

@@ -45,7 +45,7 @@ class State:
         """The status, and what is known."""
         first = {
             "waiting": "Waiting for scans",
-            "recording": "The recording goes on; nothing more is mapped until the dive ends",
+            "recording": "The recording goes on, and the mapping begins again",
             "placed": f"Placed to within {_length(self.sigma)}" if self.sigma else "Placed",
             "uncertain": f"Placed, but only to within {_length(self.sigma)}",
             "lost": f"Lost{'' if self.lost_for is None else f' for {self.lost_for:.0f} s'}: {self._where_to_go()}",

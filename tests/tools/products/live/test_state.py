@@ -73,4 +73,4 @@ def test_a_state_is_a_message_of_its_own_names() -> None:
 
 
 def test_a_dive_that_is_only_recorded_says_so() -> None:
-    assert State("recording").sentence == "The recording goes on; nothing more is mapped until the dive ends."
+    assert State("recording").sentence == "The recording goes on, and the mapping begins again."
