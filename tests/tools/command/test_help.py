@@ -10,7 +10,7 @@ from sonarmap.tools.command.main import VERBS, app
 from sonarmap.tools.command.options.option import GROUPS
 
 COMMANDS = typer.main.get_command(app).commands  # pyright: ignore[reportAttributeAccessIssue]
-MOST_ROWS = {"map": 45, "live": 52, "register": 40, "locate": 40, "compare": 36, "simulate": 40}
+MOST_ROWS = {"map": 45, "live": 55, "register": 40, "locate": 40, "compare": 36, "simulate": 40}
 
 
 def page(*arguments: str, columns: int = 80) -> list[str]:

@@ -61,8 +61,8 @@ class LiveOptions:
     nmea: str | None = option(
         NAVIGATION,
         "PORT|DEVICE",
-        "Take NMEA from a UDP port of this computer or a serial device. HOST:PORT, as 0.0.0.0:10110, also hears other "
-        "computers. It is kept in OUT/navigation.nmea, as of --priors.",
+        "Take NMEA from a UDP port of this computer or a serial device. HOST:PORT, as 0.0.0.0:10110, also takes other "
+        "computers'. It is kept in OUT/navigation.nmea, as of --priors.",
     )
     browser: bool = flag(RUNNING, "--browser/--no-browser", "Open the page in the browser.", True)
     port: int = _running("PORT", "Of the page.", 0, shown="any that is free", min=0, max=65535, rare=True)

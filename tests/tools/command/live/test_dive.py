@@ -214,7 +214,7 @@ def a_dive(is_recorded: bool = False, page: Any = None, said: list[str] | None =
             raise OSError(28, "No space left on device")  # the terminal has gone
         said.extend(new)
 
-    return Dive(cast(Any, None), page or Shows(), tell, is_recorded)
+    return Dive(cast(Any, None), cast(Any, page or Shows()), tell, is_recorded)
 
 
 def test_a_message_that_was_cut_is_the_end_of_the_mapping() -> None:
