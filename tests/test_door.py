@@ -454,7 +454,7 @@ class TestBadArguments:
     option of the command line."""
 
     QUICK = ("choose_device", "choose_grid", "prepare", "read_scans", "optimize", "read_navigation")
-    SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("register", "map_scans", "export_map", "fuse")]
+    SLOW = tuple(pytest.param(name, marks=pytest.mark.slow) for name in ("register", "map_scans", "export_map", "fuse"))
 
     @pytest.mark.parametrize("name", [*QUICK, *SLOW])
     def test_are_refused_by_an_error_of_ours(self, name: str, valid: dict[str, dict[str, Any]], tmp_path: Path) -> None:

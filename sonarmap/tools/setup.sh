@@ -5,7 +5,7 @@
 # PYTHON=/path/to/python3 chooses the interpreter; by default it is the first python3 that is new enough.
 set -euo pipefail
 cd -P "$(dirname "${BASH_SOURCE[0]}")/../.." # the root of the checkout, also through its link tools
-readonly mark=.venv/.sonarmap-setup
+readonly mark=.venv/.sonarmap-setup no_browser=.venv/.sonarmap-no-browser
 export PIP_DISABLE_PIP_VERSION_CHECK=1
 
 fail() {
@@ -94,6 +94,19 @@ system_libraries() {
     echo "setup:     sudo apt-get install ${missing[*]}" >&2
 }
 
+# Chromium, without which the tests of pages are skipped; where it cannot be had, that is tried once.
+browser() {
+    local name
+    for name in chromium chromium-browser google-chrome google-chrome-stable; do
+        command -v "$name" >/dev/null && return
+    done
+    { can_install && [ ! -e "$no_browser" ]; } || return 0
+    echo "setup: installing chromium, for tests of pages"
+    install_packages chromium && return
+    echo "setup: chromium cannot be installed; the tests of pages are skipped" >&2
+    mkdir -p .venv && touch "$no_browser"
+}
+
 # What the environment depends on. If this differs from what the mark in .venv says, the environment is out of date.
 wanted_state() {
     { pwd -P; version_of "$python"; cat pyproject.toml constraints.txt; echo "$extras" "${from_pip[@]}"; } | sha256sum
@@ -135,6 +148,7 @@ flock 9 || fail "cannot lock tools/setup.sh" # two runs at once would break the 
 
 python=$(find_python)
 system_libraries
+browser
 if [ "$(cat $mark 2>/dev/null)" = "$(wanted_state)" ] && .venv/bin/python -c '' 2>/dev/null; then
     echo "setup: .venv is up to date"
     exit 0

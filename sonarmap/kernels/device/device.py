@@ -19,7 +19,7 @@ from pyopencl.array import Array
 from sonarmap.kernels.device.cache import LOGGER
 from sonarmap.kernels.device.compiled import compile_program, identity
 from sonarmap.kernels.device.device_info import DeviceInfo, kind
-from sonarmap.kernels.device.loaded import load_devices, loaded_driver
+from sonarmap.kernels.device.loaded import load_devices, loaded_driver, refuse_fork
 from sonarmap.kernels.device.selection import by_preference, matching
 from sonarmap.kernels.device.source import KERNEL_FOLDER, literal
 from sonarmap.kernels.device.trial import TEST_FAILED, driver_of, known_devices, run_self_test, try_devices
@@ -192,8 +192,9 @@ class Device:
             hint: what the message says to use instead.
 
         Raises:
-            DeviceError: saying what is needed and what the device has.
+            DeviceError: saying what is needed and what the device has, or that this process was forked.
         """
+        refuse_fork()
         limit, memory = self.cl_device.max_mem_alloc_size, self.memory
         if largest > limit or total > memory:
             raise DeviceError(
@@ -255,6 +256,7 @@ def choose_device(selector: str | None = None) -> Device:
     """
     if not isinstance(selector, str | None):
         raise InputError(f"`selector` is {type(selector).__name__}; wanted a name such as 'cpu' or '0:0', or None")
+    refuse_fork()
     wanted = selector or os.environ.get("PYOPENCL_CTX") or ""
     faults: list[str] = []
     for remembered in (True, False):  # what another process found may be out of date

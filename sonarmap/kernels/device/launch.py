@@ -10,6 +10,7 @@ from pyopencl import cltypes
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.groups import arrange
+from sonarmap.kernels.device.loaded import refuse_fork
 from sonarmap.kernels.errors import InputError
 
 # PyOpenCL makes a new kernel object at every `program.name`, and reading a source costs more than a launch.
@@ -65,6 +66,7 @@ def enqueue(
     group: tuple[int, ...] | None,
 ) -> None:
     """Enqueue a kernel of a program that was generated; arguments and errors as in `launch`."""
+    refuse_fork()
     values = [buffer_of(device, value) if isinstance(value, cla.Array) else value for value in arguments]
     try:
         kernel(device.queue, size, group, *values)

@@ -16,11 +16,26 @@ from sonarmap.kernels.errors import DeviceError
 
 _lock = Lock()
 _loaded: Driver | None = None
+_owner = 0  # the process that loaded it
 
 
 def loaded_driver() -> Driver | None:
     """The driver of this process, once it has one."""
     return _loaded
+
+
+def refuse_fork() -> None:
+    """Refuse a process that was forked from one that had loaded a driver: the driver's threads are not in it, and what
+    waits for them waits for ever.
+
+    Raises:
+        DeviceError: saying how to start it instead.
+    """
+    if _loaded is not None and os.getpid() != _owner:
+        raise DeviceError(
+            "this process was forked from one that had used an OpenCL device, which cannot work here; start it anew, "
+            "as by multiprocessing.get_context('spawn')"
+        )
 
 
 def load_devices(driver: Driver, folder: str | None = None) -> list[list[cl.Device]]:
@@ -34,7 +49,8 @@ def load_devices(driver: Driver, folder: str | None = None) -> list[list[cl.Devi
     Raises:
         DeviceError: this process has another one.
     """
-    global _loaded
+    global _loaded, _owner
+    refuse_fork()
     with _lock:
         if _loaded not in (None, driver):
             raise DeviceError(f"this process has loaded the OpenCL driver {_loaded.file}, not {driver.file}")
@@ -45,7 +61,7 @@ def load_devices(driver: Driver, folder: str | None = None) -> list[list[cl.Devi
                 platforms = cl.get_platforms()
             except cl.Error:  # there is none
                 platforms = []
-            _loaded = driver
+            _loaded, _owner = driver, os.getpid()
             return [_devices(platform) for platform in platforms]
 
 

@@ -1,6 +1,7 @@
 """Building programs, choosing devices and refusing what does not fit, where a driver says no too."""
 
 import logging
+import os
 import shutil
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import pytest
 from sonarmap.kernels.device.device import Device, choose_device, list_devices
 from sonarmap.kernels.device.device_info import DeviceInfo, describe
 from sonarmap.kernels.device.drivers import Driver
+from sonarmap.kernels.device.launch import zero
 from sonarmap.kernels.device.loaded import load_devices, loaded_driver
 from sonarmap.kernels.device.selection import by_preference, matching
 from sonarmap.kernels.device.source import informative_line
@@ -218,3 +220,27 @@ def test_the_line_that_tells_is_found_in_a_build_log(log: str, line: str) -> Non
     text = f"clBuildProgram failed: INVALID_BUILD_OPTIONS\n\nBuild on <pyopencl.Device 'x'>:\n\n{log}\n(options: -I /a)"
     assert informative_line(text) == line
     assert informative_line(f"{text}\n(source saved as /tmp/x.cl)") == line
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+@pytest.mark.filterwarnings("ignore:.*multi-threaded:DeprecationWarning")
+def test_a_process_forked_after_a_driver_was_loaded_refuses_instead_of_waiting_for_ever() -> None:
+    device = choose_device()
+    array = device.to_device(np.ones(4096, np.float32))
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        refused: list[str] = []
+        for use in (choose_device, lambda: device.empty((4,)), lambda: zero(device, array)):
+            try:
+                use()
+            except DeviceError as error:
+                refused.append(str(error))
+        os.write(writing, "\n".join(refused).encode())
+        os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading) as answer:
+        refusals = answer.read().splitlines()
+    os.waitpid(child, 0)
+    assert [refusal for refusal in refusals if "get_context('spawn')" in refusal] == refusals
+    assert len(refusals) == 3
