@@ -5,11 +5,10 @@ import functools
 import json
 import os
 import re
-import shlex
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from typing import Any, TextIO
@@ -18,7 +17,6 @@ import typer
 
 from sonarmap.kernels.errors import SonarmapError, path_error
 from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.log import log, logged, results_to
 from sonarmap.tools.command.stops import terminated_as_interrupted, what_became
 from sonarmap.tools.command.terminal import quietly, say, shortened
 from sonarmap.tools.extras import EXTRA_OF, how_to_install
@@ -49,57 +47,22 @@ _TOO_MUCH = re.compile(r"Got unexpected extra argument\(?s?\)? \((.*)\)", re.DOT
 
 
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The command, with what it raises turned into a message and an exit code.
-
-    It takes `log_file` beside its own options; its `quiet` and `as_json` say who hears what.
-    """
+    """The command, with what it raises turned into a message and an exit code; its `quiet` and `as_json` say who
+    hears what."""
 
     @functools.wraps(command)
-    def guard(*args: Any, log_file: Path | None = None, **options: Any) -> Any:
+    def guard(*args: Any, **options: Any) -> Any:
         as_json = bool(options.get("as_json", "--json" in sys.argv[1:]))  # before the verb, none knows it yet
-        quiet = bool(options.get("quiet"))
         written = len(appeared)
-        try:
-            with _heard(log_file, quiet, as_json), terminated_as_interrupted(), _logged_end():
-                try:
-                    return command(*args, **options)
-                except (typer.Exit, typer.Abort, typer.BadParameter):
-                    raise
-                except BaseException as error:  # noqa: BLE001 - the last place where a defect can be reported
-                    raise typer.Exit(failed(error, as_json, appeared[written:])) from None
-        except SonarmapError as error:  # of the log file
-            raise typer.Exit(failed(error, as_json, ())) from None
+        with quietly(bool(options.get("quiet")), as_json), terminated_as_interrupted():
+            try:
+                return command(*args, **options)
+            except (typer.Exit, typer.Abort, typer.BadParameter):
+                raise
+            except BaseException as error:  # noqa: BLE001 - the last place where a defect can be reported
+                raise typer.Exit(failed(error, as_json, appeared[written:])) from None
 
     return guard
-
-
-@contextmanager
-def _heard(log_file: Path | None, quiet: bool, as_json: bool) -> Iterator[None]:
-    """What is said within the block goes where the options say: to a log, and not to the user who wants it quiet."""
-    version, words = metadata.version("sonarmap"), shlex.join(sys.argv[1:])
-    with (
-        logged(log_file, f"sonarmap {version}: sonarmap {words}"),
-        quietly(quiet),
-        results_to(shown=as_json or not quiet, copied=not as_json),
-    ):
-        yield
-
-
-@contextmanager
-def _logged_end() -> Iterator[None]:
-    code = DEFECT
-    try:
-        yield
-        code = 0
-    except typer.Exit as ending:
-        code = ending.exit_code
-        raise
-    except typer.BadParameter as error:
-        code = error.exit_code
-        log(f"error: {shortened(usage_words(error))}")
-        raise
-    finally:
-        log(f"ended with exit code {code}")
 
 
 def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:

@@ -16,14 +16,14 @@ from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 from sonarmap.tools.command.failures import UsageError, print_failure, usage_words
 from sonarmap.tools.command.options.option import GROUPS, INPUT, RUNNING
-from sonarmap.tools.command.terminal import say
+from sonarmap.tools.command.terminal import PipedConsole, say
 
 _NAMES = 26  # columns for the names of options
 _NARROW = 60  # below, words stand below the names
 _WIDEST = 110  # columns of a page; longer lines are hard to read
 _SENTENCE = re.compile(r"(.*?\.)(?:\s|$)", re.DOTALL)
 _CLAUSE = re.compile(r"(.*?)[.:](?:\s|$)", re.DOTALL)
-_FEW = 14  # options, all of which the short help shows
+_FEW = 13  # options, all of which the short help shows
 _INDENT = 2
 
 
@@ -185,6 +185,6 @@ def _print_entry(console: Console, names: str, markup: str, names_width: int = _
 
 
 def _console() -> Console:
-    console = Console(highlight=False)
+    console = PipedConsole(highlight=False)
     console.width = min(console.width, _WIDEST)
     return console

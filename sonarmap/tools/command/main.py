@@ -12,9 +12,8 @@ import typer
 from sonarmap.tools.command.failures import discard, failed, guarded, output_lost
 from sonarmap.tools.command.help import HelpAllOption, VerbGroup
 from sonarmap.tools.command.options.option import spread
-from sonarmap.tools.command.options.running import LogFileOption
 from sonarmap.tools.command.settings.in_force import ConfigOption, VerbWithSettings, use_settings
-from sonarmap.tools.command.terminal import show_messages
+from sonarmap.tools.command.terminal import print_result, show_messages
 
 # A verb is the function `command` in tools/command/verbs/<verb>.py; its docstring is the help.
 # A new verb is a new line here; the help lists them in this order. Those of a finished map are in verbs/finished.
@@ -91,7 +90,7 @@ def _open_missing_streams() -> None:
 
 def _version(print_it: bool) -> None:
     if print_it:
-        typer.echo(f"sonarmap {metadata.version('sonarmap')}")
+        print_result(f"sonarmap {metadata.version('sonarmap')}")
         raise typer.Exit
 
 
@@ -117,7 +116,7 @@ def _flowing(docstring: str) -> str:
     return re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(docstring))
 
 
-_COMMON = {"log_file": (LogFileOption, None), "help_all": (HelpAllOption, False)}  # the guard takes the first
+_COMMON = {"help_all": (HelpAllOption, False)}
 
 for _verb in VERBS:
     _module = f"finished.{_verb}" if _verb in FINISHED else _verb

@@ -11,7 +11,6 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn,
 from rich.table import Column
 from rich.text import Text
 
-from sonarmap.tools.command.log import log
 from sonarmap.tools.command.terminal import below_messages, error_console, printable, say
 
 SECONDS_BETWEEN_LINES = 5.0
@@ -54,18 +53,20 @@ def growing_progress(label: str, quiet: bool = False) -> Iterator[Step]:
     """
     console = error_console()
     on_terminal = console.is_terminal and not quiet
-    pace, lines = _Pace(), _Lines(label, log if quiet or on_terminal else say)
+    pace, lines = _Pace(), None if quiet or on_terminal else _Lines(label)
 
     def step(done: int, planned: int, note: str) -> None:
         pace.step(done, planned)
-        lines.step(pace, note)
+        if lines is not None:
+            lines.step(pace, note)
         if bar is not None:
             bar.show(done, planned, note)
 
     bar = _Bar(console, printable(label), pace) if on_terminal else None
     with nullcontext() if bar is None else bar.shown():
         yield step
-    lines.end()
+    if lines is not None:
+        lines.end()
 
 
 class _Pace:
@@ -153,9 +154,8 @@ class _Left(ProgressColumn):
 class _Lines:
     """Says how far the work is, at most every few seconds and at the end."""
 
-    def __init__(self, label: str, show: Callable[[str], None]) -> None:
-        self._label, self._show = label, show
-        self._pending, self._shown_at = "", time.monotonic()
+    def __init__(self, label: str) -> None:
+        self._label, self._pending, self._shown_at = label, "", time.monotonic()
 
     def step(self, pace: _Pace, note: str) -> None:
         left = pace.seconds_left if pace.done < pace.planned else None
@@ -168,5 +168,5 @@ class _Lines:
 
     def end(self) -> None:
         if self._pending:
-            self._show(self._pending)
+            say(self._pending)
             self._pending = ""

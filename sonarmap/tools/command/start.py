@@ -1,15 +1,24 @@
 # pyright: strict
 """The `sonarmap` command, from its first line on: its libraries are loaded here, and a broken one is named."""
 
+import os
+import signal
 import sys
+
+_INTERRUPTED = 128 + 2  # as a shell reports SIGINT
 
 
 def start() -> None:
-    """Run the command line."""
+    """Run the command line. Ctrl-C ends it without a word until it can say what became of its work."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.default_int_handler:
+        signal.signal(signal.SIGINT, lambda *_: os._exit(_INTERRUPTED))
     try:
         from sonarmap.tools.command.main import run
     except Exception as error:  # noqa: BLE001 - a broken library can raise anything
         sys.exit(_without_a_library(error))
+    finally:
+        signal.signal(signal.SIGINT, before)
     run()
 
 

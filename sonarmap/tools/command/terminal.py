@@ -2,16 +2,15 @@
 
 import json
 import logging
+import os
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console
 from rich.text import Text
-
-from sonarmap.tools.command.log import log
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -22,7 +21,9 @@ _bars: list[Console] = []  # the consoles on stderr that show one: what is said 
 _quiet: list[bool] = []  # of this program, whatever thread speaks; the last counts
 
 
-class _Console(Console):
+class PipedConsole(Console):
+    """A console whose reader may leave."""
+
     def on_broken_pipe(self) -> None:
         """Leave it to the entry point, which knows the exit code."""
         raise BrokenPipeError
@@ -30,7 +31,7 @@ class _Console(Console):
 
 def error_console() -> Console:
     """A console on stderr as it is now (a test or a pipe may have replaced it since the start)."""
-    return _bars[-1] if _bars else _Console(stderr=True, highlight=False)
+    return _bars[-1] if _bars else PipedConsole(stderr=True, highlight=False)
 
 
 @contextmanager
@@ -45,7 +46,7 @@ def below_messages(console: Console) -> Iterator[None]:
 
 def result_console() -> Console:
     """A console on stdout for tables: as wide as the terminal, or wide if there is none."""
-    return _Console(width=result_width(), highlight=False)
+    return PipedConsole(width=result_width(), highlight=False)
 
 
 def result_width() -> int | None:
@@ -89,23 +90,27 @@ def number_table(*names: str, words: int = 0) -> "Table":
 
 
 @contextmanager
-def quietly(quiet: bool) -> Iterator[None]:
-    """Within the block, if `quiet`, only labeled messages are said: warnings and errors."""
+def quietly(quiet: bool, results: bool) -> Iterator[None]:
+    """Within the block, if `quiet`, only labeled messages are said, warnings and errors, and of what is printed on
+    stdout nothing but wanted `results`."""
     _quiet.append(quiet)
     try:
-        yield
+        if results or not quiet:
+            yield
+        else:
+            with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere):  # noqa: PTH123
+                yield
     finally:
         _quiet.pop()
 
 
 def say(message: str, label: str = "", style: str = "") -> None:
-    """Print a plain message on stderr, wrapped on a terminal and on one line elsewhere, and log it.
+    """Print a plain message on stderr, wrapped on a terminal and on one line elsewhere.
 
     Brackets are not markup, control characters are shown escaped, and what is too long for anybody to read is left out
     of its middle. The label, as "error: ", is printed before it in rich's `style`.
     """
     message = printable(shortened(message))
-    log(label + message)
     if any(_quiet[-1:]) and not label:
         return
     console = error_console()

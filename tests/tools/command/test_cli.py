@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import sys
 from collections.abc import Callable
 
 import pytest
@@ -57,15 +58,14 @@ class TestExitCodes:
     def test_a_verb_that_ends_well_returns(self) -> None:
         assert guarded(lambda: 7)() == 7
 
-    @pytest.mark.quick_cases(1)
-    @pytest.mark.parametrize(("arguments", "code"), [(["--version"], 1), (["devices", "--json"], 141)])
-    def test_a_closed_pipe_is_quiet(self, arguments: list[str], code: int) -> None:
-        """What is printed before a verb begins is typer's to end, with its own code."""
+    @pytest.mark.quick_cases(2)
+    @pytest.mark.parametrize("call", ["--version", "map --help-all", "--help", "devices --json"])
+    def test_a_closed_pipe_is_quiet(self, call: str) -> None:
         reader, writer = os.pipe()
         os.close(reader)
         with os.fdopen(writer, "w") as closed:
-            ended = subprocess.run([*SONARMAP, *arguments], cwd=ROOT, stdout=closed, stderr=subprocess.PIPE)
-        assert (ended.returncode, ended.stderr) == (code, b"")
+            ended = subprocess.run([*SONARMAP, *call.split()], cwd=ROOT, stdout=closed, stderr=subprocess.PIPE)
+        assert (ended.returncode, ended.stderr) == (141, b"")
 
 
 class TestMessages:
@@ -100,3 +100,20 @@ class TestEntry:
             run()
         assert ended.value.code == 130
         assert capsys.readouterr().err == "stopped: nothing was written\n"
+
+    def test_an_interruption_while_libraries_load_is_130_without_a_word(self) -> None:
+        """The interruption comes as the command line itself is looked for."""
+        program = """
+import os, signal, sys
+
+class Interrupting:
+    def find_spec(self, name, *_):
+        if name == "sonarmap.tools.command.main":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupting())
+from sonarmap.tools.command.start import start
+start()
+"""
+        ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+        assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")

@@ -1,7 +1,6 @@
 """The options that say where and how a command runs, and what it prints meanwhile."""
 
 from contextlib import suppress
-from pathlib import Path
 from typing import Annotated
 
 from sonarmap.tools.command.options.option import RUNNING, switch, value_option
@@ -26,12 +25,6 @@ DeviceOption = Annotated[
         "OpenCL device: cpu, gpu, or a part of its name. platform:device too; `sonarmap devices` lists them.",
         "--device",
         autocompletion=_devices,
-    ),
-]
-LogFileOption = Annotated[
-    Path | None,
-    value_option(
-        RUNNING, "FILE", "Add everything that is said, with times, to the end of FILE.", rare=True, dir_okay=False
     ),
 ]
 JsonOption = Annotated[bool, switch(RUNNING, "--json", "Print the result as JSON, without progress.")]

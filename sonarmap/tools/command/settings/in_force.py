@@ -28,7 +28,7 @@ _LONGEST = 80  # characters of a value that is said
 _ALL = "config"  # the verb that looks at the settings of all
 # What says where to write, what to discard, and whom to connect or listen to: only a file that the user names may set
 # it, as the one that is found in a folder may have come with somebody's scans.
-_WRITES = ("log-file", "out", "to", "write", "picture", "page", "plot", "track")
+_WRITES = ("out", "to", "write", "picture", "page", "plot", "track")
 _DISCARDS = ("fresh", "overwrite")
 _CONNECTS = ("scheduler", "multicast", "unicast", "interface", "sonar", "nmea", "bind", "port")
 NAMED_ONLY = frozenset((*_WRITES, *_DISCARDS, *_CONNECTS))

@@ -12,7 +12,6 @@ from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.log import log
 from sonarmap.tools.command.terminal import error_console, print_json, printable, result_console, warn
 
 if TYPE_CHECKING:
@@ -92,13 +91,11 @@ def warn_of_faults(mapped: Mapped, verbose: bool = False) -> None:
 
 
 def warn_of_some(messages: Sequence[str]) -> None:
-    """Warn of the first of several things of one kind, and say how many more there are; the log gets all."""
+    """Warn of the first of several things of one kind, and say how many more there are."""
     for message in messages[:MOST_OF_A_KIND]:
         warn(message)
-    if more := messages[MOST_OF_A_KIND:]:
-        for message in more:
-            log(f"warning: {message}")
-        warn(f"{len(more)} more like these")
+    if more := len(messages[MOST_OF_A_KIND:]):
+        warn(f"{more} more like these")
 
 
 def _shortened(fault: str) -> str:

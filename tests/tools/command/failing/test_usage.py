@@ -1,7 +1,6 @@
-"""What typer refuses; failures with --json are JSON, --quiet is quiet, and --log-file has all that was said."""
+"""What typer refuses; failures with --json are JSON, and --quiet is quiet."""
 
 import json
-import re
 from pathlib import Path
 
 import pytest
@@ -61,7 +60,6 @@ def test_without_a_verb_there_is_the_help() -> None:
 
 
 GRID = ("--grid", "64")
-LINE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ ")
 
 
 @pytest.fixture(scope="module")
@@ -142,41 +140,3 @@ class TestQuiet:
         assert "c" in again.stderr
         refused = sonarmap("map", "missing.ply", "-o", tmp_path, "--quiet")
         assert refused.stderr.startswith("error: ")
-
-
-class TestLogFile:
-    @pytest.mark.slow
-    def test_everything_said_is_added_with_times(self, scans: list[str], tmp_path: Path) -> None:
-        log = tmp_path / "logs" / "run.txt"
-        first = sonarmap("map", *scans, "-o", tmp_path / "out", *GRID, "--quiet", "--log-file", log)
-        assert (first.exit_code, first.stdout) == (3, "")
-        lines = log.read_text().splitlines()
-        assert all(LINE.match(line) for line in lines)
-        said_then = [LINE.sub("", line) for line in lines]
-        assert re.match(r"sonarmap \S+: sonarmap ", said_then[0])
-        assert said_then[-1] == "ended with exit code 3"
-        assert any(line.startswith("mapping: ") for line in said_then)
-        assert any(line.startswith("scans     2 of 3 placed in one map (1 in no map)") for line in said_then)
-        assert [line for line in first.stderr.splitlines() if line not in said_then] == []
-        refused = sonarmap("map", "missing.ply", "-o", tmp_path / "out", "--log-file", log)
-        assert refused.exit_code == 2
-        added = log.read_text().splitlines()[len(lines) :]
-        assert len(added) == 3
-        assert added[1].endswith(refused.stderr.strip())
-
-    def test_a_file_that_is_no_log_stays_as_it_is(self, scans: list[str], tmp_path: Path) -> None:
-        before = Path(scans[0]).read_bytes()
-        refused(sonarmap("devices", "--log-file", scans[0]), "is not a log of sonarmap; choose another")
-        assert Path(scans[0]).read_bytes() == before
-        unwritable = sonarmap("devices", "--json", "--log-file", Path(scans[0]) / "log")
-        refused(unwritable, "cannot write the log")
-        assert "cannot write the log" in str(failure(unwritable)["error"])
-        refused(sonarmap("devices", "--log-file", tmp_path))
-
-    @pytest.mark.slow
-    def test_a_full_disk_ends_the_log_and_not_the_work(self, scans: list[str], tmp_path: Path) -> None:
-        if not Path("/dev/full").exists():
-            pytest.skip("no /dev/full here")
-        result = sonarmap("map", *scans[:2], "-o", tmp_path, *GRID, "--log-file", "/dev/full", "--json", "--quiet")
-        assert (result.exit_code, result.stderr) == (0, "")
-        assert json.loads(result.stdout)["unplaced"] == []

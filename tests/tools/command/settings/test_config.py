@@ -155,20 +155,19 @@ class TestInForce:
 
     def test_a_file_that_nobody_named_says_not_where_to_write_or_connect(self, folder: Path, pair: list[str]) -> None:
         """It may have come with somebody's scans, and a scheduler runs what it is sent."""
-        settings = "[common]\nlog-file = 'log.txt'\n[register]\nmethod = 'icp'\nvoxel = 0.4\nwrite = 'moved.ply'\n"
+        settings = "[register]\nmethod = 'icp'\nvoxel = 0.4\nwrite = 'moved.ply'\n"
         sets(settings + "[map]\nscheduler = 'tcp://127.0.0.1:1'\nout = 'map'\n")
         found = run("register", *pair)
         assert found.exit_code in (0, 3)
-        assert "warning: sonarmap.toml sets log-file, write, which is left out" in found.stderr
+        assert "warning: sonarmap.toml sets write, which is left out" in found.stderr
         assert "settings from sonarmap.toml: method icp, voxel 0.4\n" in found.stderr
         assert sorted(path.name for path in folder.iterdir()) == ["sonarmap.toml", "source.ply", "target.ply"]
-        refused(run("map", *pair), "sets log-file, out, scheduler, which", "--out is missing")
+        refused(run("map", *pair), "sets out, scheduler, which", "--out is missing")
         listing = run("config")
-        assert "sets log-file, out, scheduler, write, which" in listing.stderr
-        assert "log.txt" not in listing.stdout
+        assert "sets out, scheduler, write, which" in listing.stderr
         named = run("--config", "sonarmap.toml", "register", *pair)
         assert "warning: sonarmap.toml sets" not in named.stderr
-        assert {"log.txt", "moved.ply"} <= {path.name for path in folder.iterdir()}
+        assert {"moved.ply"} <= {path.name for path in folder.iterdir()}
 
     def test_a_file_that_nobody_named_discards_nothing_and_says_not_whom_to_listen_to(self) -> None:
         listening = "multicast = '239.1.1.1:5'\nunicast = '0.0.0.0:5'\ninterface = 'lo'\nsonar = '10.0.0.7'\n"
