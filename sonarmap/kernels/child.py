@@ -20,6 +20,9 @@ _DONE = {"done": True}
 _PROGRAM = "import sys; from {} import main; main(sys.argv[1:])"
 
 
+LATE = "it did not answer within"
+
+
 @dataclass(frozen=True, slots=True)
 class Answers:
     """What a process said, step by step in JSON's types, and why it ended before its time, or ""."""
@@ -44,7 +47,7 @@ def ask(module: str, *arguments: str, seconds: float) -> Answers:
             check=False,
         )
     except subprocess.TimeoutExpired as late:
-        return Answers(_steps(late.stdout or b""), f"it did not answer within {seconds:.0f} s")
+        return Answers(_steps(late.stdout or b""), f"{LATE} {seconds:.0f} s")
     except OSError as error:
         return Answers((), f"no process can be started ({error.strerror or error})")
     steps = _steps(run.stdout)

@@ -209,11 +209,12 @@ def _opened(device: cl.Device) -> tuple[cl.Context, dict[tuple[str, tuple[str, .
     return cl.Context([device]), {}
 
 
-def list_devices(test: bool = False) -> list[DeviceInfo]:
+def list_devices(test: bool = False, again: bool = True) -> list[DeviceInfo]:
     """Every OpenCL device, each tried with a small kernel, in processes of their own.
 
     Args:
         test: run the self-test of each that works, which takes some seconds, and remember what came out.
+        again: try drivers once more that did not answer since the machine started, each of which takes a minute.
 
     Returns:
         In the order of the drivers; a device that does not work says why in its `fault`, and so does a driver that
@@ -222,7 +223,7 @@ def list_devices(test: bool = False) -> list[DeviceInfo]:
     Raises:
         DeviceError: there is no OpenCL driver.
     """
-    return _some(try_devices(test))
+    return _some(try_devices(test, again))
 
 
 def device_names() -> list[tuple[str, str]]:

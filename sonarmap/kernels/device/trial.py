@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pyopencl as cl
 
-from sonarmap.kernels.child import Answers, answer, ask
+from sonarmap.kernels.child import LATE, Answers, answer, ask
 from sonarmap.kernels.device.cache import LOGGER, digest, recall, remember, require_caches
 from sonarmap.kernels.device.device_info import DeviceInfo, describe
 from sonarmap.kernels.device.drivers import Driver, driver_fault, installed_drivers
@@ -32,11 +32,14 @@ _tried: dict[str, list[DeviceInfo]] = {}  # what is known to this process
 _recalled: set[str] = set()  # of these, what another process found
 
 
-def try_devices(test: bool = False) -> list[DeviceInfo]:
+def try_devices(test: bool = False, again: bool = False) -> list[DeviceInfo]:
     """Try every driver now, as `kernels.device.device.list_devices` says."""
     drivers = _drivers()
     for driver in drivers:
-        _try(driver, "all" if test else "")
+        if again or not (_is_known(driver, remembered=True) and _hung(driver)):
+            _try(driver)
+        if test and any(not info.fault for info in _tried[_memory_name(driver)]):
+            _try(driver, "all")
     return _numbered(drivers)
 
 
@@ -107,7 +110,8 @@ def _try(driver: Driver, tested: str = "") -> None:
         if first == len(infos):
             break
         answers = _ask(driver, infos, first, tested)
-    fault = f"{_FAILED}{answers.end}" if answers.end else "".join(answers.named("fault"))
+    again = "; 'sonarmap devices --test' tries it once more" if LATE in answers.end else ""
+    fault = f"{_FAILED}{answers.end}{again}" if answers.end else "".join(answers.named("fault"))
     if fault and not infos:
         name = Path(driver.file).name or "the system's loader"
         infos["0"] = DeviceInfo("0", name, fault=fault, driver_file=driver.file)
@@ -150,7 +154,7 @@ def _keep(driver: Driver, infos: list[DeviceInfo]) -> None:
 def _is_known(driver: Driver, remembered: bool) -> bool:
     """Whether a trial is known, perhaps by another process since the machine started and its drivers changed."""
     name = _memory_name(driver)
-    if name in _tried and (remembered or name not in _recalled):
+    if name in _tried and (remembered or name not in _recalled or _hung(driver)):
         return True
     content = recall(name) if remembered else {}
     devices = content.get("devices")
@@ -159,6 +163,11 @@ def _is_known(driver: Driver, remembered: bool) -> bool:
     _tried[name] = [DeviceInfo(**entry) for entry in devices]
     _recalled.add(name)
     return True
+
+
+def _hung(driver: Driver) -> bool:
+    """Whether a driver that was tried did not answer: each trial would take all of its time again."""
+    return any(LATE in info.fault for info in _tried[_memory_name(driver)])
 
 
 def _memory_name(driver: Driver) -> str:

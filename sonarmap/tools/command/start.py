@@ -12,7 +12,7 @@ def start() -> None:
     """Run the command line. Ctrl-C ends it without a word until it can say what became of its work."""
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
-        signal.signal(signal.SIGINT, lambda *_: os._exit(_INTERRUPTED))
+        signal.signal(signal.SIGINT, _leave)
     try:
         from sonarmap.tools.command.main import run
     except Exception as error:  # noqa: BLE001 - a broken library can raise anything
@@ -20,6 +20,10 @@ def start() -> None:
     finally:
         signal.signal(signal.SIGINT, before)
     run()
+
+
+def _leave(number: int, frame: object) -> None:
+    os._exit(_INTERRUPTED)
 
 
 def _without_a_library(error: Exception) -> int:

@@ -8,7 +8,6 @@ from sonarmap.kernels.errors import InputError
 
 _UNKNOWN = 4 << 30  # taken where the system does not say
 _GROUPS, _OWN_GROUP = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
-_UNLIMITED = 1 << 60  # control groups of version 1 say a number about as large for none
 _SHELL, _CONTAINER = "ulimit -v", "the control group"
 # Measured: what the program takes with its libraries, the OpenCL driver and its compiler, beside the arrays of a grid
 # [bytes]: of memory, and of addresses, which `ulimit -v` counts.
@@ -104,32 +103,24 @@ def _limit_of_shell() -> dict[str, tuple[int, int]]:
 
 
 def _limit_of_container() -> dict[str, tuple[int, int]]:
-    """Of a control group, as containers have it: version 2, or 1."""
-    for group in _groups():
-        for most, used in (("memory.max", "memory.current"), ("memory.limit_in_bytes", "memory.usage_in_bytes")):
-            try:
-                limit = int((group / most).read_text(encoding="ascii"))
-                taken = int((group / used).read_text(encoding="ascii")) - _given_back(group)
-            except (OSError, ValueError):  # there is none, or it says "max"
-                continue
-            if limit < _UNLIMITED:
-                return {_CONTAINER: (limit, max(0, taken))}
-    return {}
-
-
-def _groups() -> list[Path]:
-    """The folders of this process' group: as it is named, and, within a container, the top."""
-    tops = {"": _GROUPS, "memory": _GROUPS / "memory"}
+    """Of a control group of version 2, as containers have it: of this process, or, within a container, the top."""
     try:
-        lines = [line.split(":", 2) for line in _OWN_GROUP.read_text(encoding="ascii").splitlines()]
+        lines = _OWN_GROUP.read_text(encoding="ascii").splitlines()
     except (OSError, ValueError):
-        return []
-    own = [(controllers.split(","), path.lstrip("/")) for _, controllers, path in (x for x in lines if len(x) == 3)]
-    return [top / path for known, path in own for name, top in tops.items() if name in known] + [*tops.values()]
+        return {}
+    own = [_GROUPS / line.removeprefix("0::/") for line in lines if line.startswith("0::/")]
+    for group in (*own, _GROUPS):
+        try:
+            limit = int((group / "memory.max").read_text(encoding="ascii"))
+            taken = int((group / "memory.current").read_text(encoding="ascii")) - _given_back(group)
+        except (OSError, ValueError):  # there is none, or it says "max"
+            continue
+        return {_CONTAINER: (limit, max(0, taken))}
+    return {}
 
 
 def _given_back(group: Path) -> int:
     """The files in memory that a full group drops first, which its usage counts in [bytes]."""
     text = (group / "memory.stat").read_text(encoding="ascii")
-    match = re.search(r"^(?:total_)?inactive_file (\d+)$", text, re.MULTILINE)
+    match = re.search(r"^inactive_file (\d+)$", text, re.MULTILINE)
     return int(match[1]) if match else 0

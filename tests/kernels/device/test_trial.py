@@ -96,6 +96,22 @@ def found(*infos: DeviceInfo) -> dict[str, Any]:
     return {"found": [asdict(info) for info in infos]}
 
 
+def test_a_driver_that_hangs_is_waited_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Until its file changes or the machine starts anew; `devices --test` tries it again."""
+    asked = answering(monkeypatch, *[Answers((), "it did not answer within 60 s")] * 2)
+    for recalled in (False, True):
+        for look in (list_devices, lambda: list_devices(test=True, again=False)):
+            if not recalled or look is not list_devices:
+                (info,) = look()
+                assert "did not answer within 60 s; 'sonarmap devices --test' tries it once more" in info.fault
+        with pytest.raises(DeviceError, match="no OpenCL device works"):
+            choose_device()
+        assert len(asked) == 1
+        monkeypatch.setattr(trial, "_tried", {})  # as in another process
+    list_devices(test=True)
+    assert len(asked) == 2
+
+
 class TestDrivers:
     @pytest.mark.parametrize(
         "when", [pytest.param(n, marks=[] if n == "when it is asked" else pytest.mark.slow) for n in CRASHES]
@@ -159,7 +175,8 @@ class TestTrials:
     @pytest.mark.parametrize("done", [True, False])
     def test_a_crash_in_a_self_test_fails_it_and_one_after_it_harms_nothing(self, monkeypatch, done):
         steps = found(GPUS[0]), {"begins": "0:0"}, {"tried": ["0:0", ""]}, {"tested": ["0:0", "passed", ""]}
-        answering(monkeypatch, Answers(steps if done else steps[:-1], "it ended with SIGSEGV"))
+        ended = Answers(steps if done else steps[:-1], "it ended with SIGSEGV")
+        answering(monkeypatch, Answers(steps[:-1], ""), ended)
         (info,) = list_devices(test=True)
         reason = "" if done else "the process that tried it failed: it ended with SIGSEGV"
         fault = "" if done else f"its self-test failed: {reason}"

@@ -1,9 +1,6 @@
-"""What this process is given: memory and the largest grid that fits in it, cores, limits of the system, and text."""
+"""What this process is given: memory and the largest grid that fits in it, and cores."""
 
-import codecs
-import locale
 import os
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +11,6 @@ if TYPE_CHECKING:
 
 _USUAL_EDGE = 128  # of --grid
 _LESS = Remedy("end other programs, or give the machine or its control group (container) more memory")
-_FILES = 256  # that are open at once: recordings, journal, workers' pipes
-_BUFFER = Path("/proc/sys/net/core/rmem_max")
 
 
 def memory(answers: "Answers | None") -> Finding:
@@ -84,58 +79,3 @@ def cores() -> Finding:
     seen += f"; bound to {bound} (taskset)" if bound < there else ""
     seen += f"; {VARIABLE}={os.environ[VARIABLE]}" if VARIABLE in os.environ else ""
     return Finding("ok", seen, details=details | {"used": used})
-
-
-def open_files() -> Finding:
-    """How many files may be open at once."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return Finding("ok", "no limit is known")
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    endless = resource.RLIM_INFINITY
-    details = {"limit": None if soft == endless else soft, "hard limit": None if hard == endless else hard}
-    if soft == endless or soft >= _FILES:
-        return Finding("ok", "no limit" if soft == endless else f"up to {soft:,}", details=details)
-    most = 4096 if hard == endless else min(4096, hard)
-    seen = f"up to {soft:,}; many recordings or workers need {_FILES}"
-    return Finding("warning", seen, (Remedy("allow more:", f"ulimit -n {most}"),), details)
-
-
-def receive_buffer() -> Finding:
-    """What the system holds of a sonar's packets while the disk is busy (`sonarmap record`)."""
-    from sonarmap.tools.command.record.source import WANTED_BUFFER
-
-    try:
-        most = int(_BUFFER.read_text(encoding="ascii"))
-    except (OSError, ValueError):  # not Linux, or a container that does not show it
-        return Finding("ok", "the receive buffer's limit is not known here", details={"rmem_max": None})
-    details = {"rmem_max": most, "wanted": WANTED_BUFFER}
-    if most >= WANTED_BUFFER:
-        return Finding("ok", f"receive buffer up to {most / 2**20:.0f} MiB, as `record` wants", details=details)
-    # A system's own limit is always lower, and enough as long as the computer keeps up: `record` says if it was not.
-    seen = f"receive buffer up to {most / 1024:.0f} KiB; should `record` lose packets:"
-    command = f"sudo sysctl -w net.core.rmem_max={WANTED_BUFFER}"
-    return Finding("ok", f"{seen} {command}", details=details)
-
-
-def encoding() -> Finding:
-    """Whether file names and what is printed can hold every letter."""
-    used = {
-        "locale": locale.getpreferredencoding(False),
-        "file names": sys.getfilesystemencoding(),
-        "output": getattr(sys.stdout, "encoding", None) or "utf-8",
-    }
-    other = {name: coding for name, coding in used.items() if not _is_utf8(coding)}
-    if not other:
-        return Finding("ok", "UTF-8", details=used)
-    seen = ", ".join(f"{name} {coding}" for name, coding in other.items())
-    remedy = Remedy("letters such as ø or ° may be lost; use UTF-8:", "export PYTHONUTF8=1")
-    return Finding("warning", seen, (remedy,), used)
-
-
-def _is_utf8(coding: str) -> bool:
-    try:
-        return codecs.lookup(coding).name == "utf-8"
-    except LookupError:
-        return False

@@ -47,7 +47,7 @@ def main(arguments: Sequence[str]) -> None:
 
     try:
         answer(begins="testing the devices" if arguments else "trying the devices")
-        answer(devices=[asdict(info) for info in list_devices(test=bool(arguments))])
+        answer(devices=[asdict(info) for info in list_devices(test=bool(arguments), again=False)])
         answer(begins="choosing a device")
         device = choose_device()
         answer(chosen=device.selector)

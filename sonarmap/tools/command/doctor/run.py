@@ -73,9 +73,6 @@ def examine(folder: Path, quick: bool) -> Iterator[Finding]:
         "disk": lambda: storage.results(folder),
         "temporary": storage.temporary_folder,
         "caches": storage.caches,
-        "open files": machine.open_files,
-        "network": machine.receive_buffer,
-        "text": machine.encoding,
     }
     for name, check in checks.items():
         yield replace(_checked(check), check=name)

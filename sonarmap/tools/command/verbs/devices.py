@@ -34,7 +34,7 @@ def command(
     from sonarmap.kernels.device.device import choose_device, list_devices
     from sonarmap.kernels.device.trial import known_devices
 
-    list_devices(test)
+    list_devices(test, again=test)
     try:
         chosen, fault = choose_device(device).selector, None
     except DeviceError as error:

@@ -16,8 +16,7 @@ from sonarmap.tools.command.doctor.libraries import APT_PACKAGES, EXTRAS
 from sonarmap.tools.command.doctor.run import lines_of, summary
 from tests.tools.command.doctor.broken import ROOT, broken_module, has_own_loader, sonarmap, without_drivers
 
-CHECKS = ["Python", "libraries", "optional", "OpenCL", "memory", "cores", "disk", "temporary", "caches", "open files"]
-CHECKS += ["network", "text"]
+CHECKS = ["Python", "libraries", "optional", "OpenCL", "memory", "cores", "disk", "temporary", "caches"]
 own_loader = pytest.mark.skipif(not has_own_loader(), reason="PyOpenCL is not from a wheel, which brings a loader")
 
 
