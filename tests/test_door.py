@@ -216,6 +216,18 @@ class TestOtherDoors:
         assert result.components == (tuple(range(6)),)
         assert np.abs(result.trajectory.T_world_sensor.translation - truth.translation).max() < 0.2
 
+    def test_results_are_printed_in_a_few_lines(self, tmp_path: Path) -> None:
+        truth = ring_poses(5)
+        result = sonarmap.map_scans(scans_of(truth), method=KnowingRegistrar(truth, 1e-4 * np.eye(6)), voxel=0.5)
+        rows = "".join(f"{scan.name},3.0,0.1\n" for scan in scans_of(truth)[:4])
+        (tmp_path / "log.csv").write_text("name,depth_m,depth_sigma_m\n" + rows)
+        navigated = sonarmap.read_navigation(tmp_path / "log.csv", scans_of(truth))
+        written = sonarmap.write_map(result, tmp_path / "map", report=False)
+        assert str(navigated) == "<Navigated 5 scans: depth of 4>"
+        assert str(result.solution).startswith("<Solution of 5 poses and ")
+        for each in (navigated, result, result.solution, written):
+            assert len(str(each).splitlines()) <= 4
+
     def test_a_graph_and_its_file(self, tmp_path: Path) -> None:
         from sonarmap.tools.files.writers.g2o import write_g2o
 

@@ -22,6 +22,7 @@ _REMEDY = (
     "what is compiled and tested for a device is forgotten after this run, and done again in the next, which takes "
     "some seconds. Set {} to a folder that can be written. 'sonarmap doctor' looks at them."
 )
+_ROOM = 1 << 20  # bytes, of a compiled program
 _warned: set[Path] = set()
 
 
@@ -99,7 +100,8 @@ def _fault(folder: Path) -> str:
     """Why nothing can be written there, or ""; folders that are not there yet are not made."""
     try:
         there = next(parent for parent in (folder, *folder.parents) if parent.exists())
-        tempfile.TemporaryFile(dir=there).close()
+        with tempfile.TemporaryFile(dir=there) as file:
+            file.write(bytes(_ROOM))  # where it runs out, the compiler ends the whole process
     except OSError as error:
         return _reason(error)
     return ""

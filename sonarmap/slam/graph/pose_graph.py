@@ -13,6 +13,7 @@ import gtsam
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge, components, scaled
@@ -213,6 +214,15 @@ class Solution:
     converged: bool
     residuals: np.ndarray
     _linear: gtsam.GaussianFactorGraph | None
+
+    def __repr__(self) -> str:
+        poses, edges = counted(len(self.trajectory), "pose"), counted(len(self.graph.edges), "edge")
+        rest = "" if self.converged else ", not at rest"
+        return (
+            f"<Solution of {poses} and {edges}: chi-squared {self.chi_squared_before:.4g} before, "
+            f"{self.chi_squared_after:.4g} after {counted(self.iterations, 'iteration')}{rest}, "
+            f"{counted(self.degrees_of_freedom, 'degree')} of freedom>"
+        )
 
     @property
     def trajectory(self) -> Trajectory:

@@ -1,5 +1,6 @@
 """The cache folders: where they cannot be written that is said once, and everything goes on."""
 
+import io
 import os
 import subprocess
 import sys
@@ -8,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sonarmap.kernels.device import cache
-from sonarmap.kernels.device.cache import cache_folder, recall, remember
+from sonarmap.kernels.device.cache import cache_folder, kernel_cache, recall, remember
 from tests.samples.command_line import ROOT
 
 COMPUTE = """
@@ -36,6 +37,21 @@ def test_what_is_remembered_is_recalled_and_half_a_file_is_never_left(monkeypatc
     remember("of a device", {"state": "failed"})
     assert recall("of a device") == {"state": "passed", "n": [1, 2]}
     assert [path.name for path in cache_folder().iterdir()] == ["of a device.json"]
+
+
+def test_a_full_disk_has_compilers_write_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file can still be made there, and nothing be written: PoCL's compiler ends the process then."""
+
+    class Full(io.BytesIO):
+        def write(self, *_: object) -> int:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(cache.tempfile, "TemporaryFile", lambda dir: Full())
+    monkeypatch.setattr(cache, "_warned", set())
+    monkeypatch.delenv("POCL_CACHE_DIR", raising=False)
+    cache.require_caches()
+    assert "sonarmap-cache-" in os.environ["XDG_CACHE_HOME"]
+    assert not kernel_cache().is_relative_to(tmp_path)
 
 
 @pytest.mark.parametrize("content", ["", "[1, 2]", "3", '{"state": "pas', "\0", '"text"'])

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.scan import PosePrior, Scan
@@ -36,6 +37,17 @@ class Navigated:
 
     scans: tuple[Scan, ...]
     georeference: Georeference | None
+
+    def __repr__(self) -> str:
+        priors = [scan.prior for scan in self.scans if scan.prior is not None]
+        known = {
+            "attitude": [prior.knows_attitude for prior in priors],
+            "heading": [prior.knows_heading for prior in priors],
+            "depth": [prior.knows_depth for prior in priors],
+            "position": [prior.knows_position for prior in priors],
+        }
+        said = ", ".join(f"{name} of {sum(of_scans)}" for name, of_scans in known.items() if any(of_scans))
+        return f"<Navigated {counted(len(self.scans), 'scan')}: {said or 'nothing measured'}>"
 
 
 def navigate(
