@@ -261,7 +261,7 @@ def compare(
             point cloud of another program: its file, or (N, 3) points [m].
         same_frame: whether both are in one frame, so that nothing is registered: by their places on the Earth where
             both have one, else as they are. Otherwise `new` is registered to `old`.
-        reach: how far from the old surface the new one is sought [m]; None for four voxels.
+        reach: search distance along the old surface's normal [m]; None for four voxels.
         cloud_sigma: standard deviation of a coordinate of the point cloud [m]; None for what its scatter says.
         voxel, edge, max_tilt, device: as of `register`; the voxel is chosen for the map, the old one of two, as its
             scans saw it.

@@ -142,7 +142,7 @@ class Locator:
         """A place with the registration to the map as it is seen from there, anywhere in it: that has to lead back."""
         agreed = f"of the map's key scans {len(place.keys)} name the place (probability {place.probability:.1%})"
         if place.probability < _BELIEVED:
-            return Located(scan.name, scan.stamp, f"{agreed}, which is too doubtful", place)
+            return Located(scan.name, scan.stamp, f"{agreed}, below the threshold", place)
         if (target := self._seen(place.T_map_scan, View.of(scan.points))) is None:
             return Located(scan.name, scan.stamp, f"{agreed}, but the map shows too little there", place)
         found = self._registrar.register(target, prepared)

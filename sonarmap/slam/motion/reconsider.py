@@ -132,7 +132,7 @@ def _guess(registration: Registration, reach: ExpectedPose) -> Registration:
         _either(registration, reach, share),
         alternatives=(),
         evidence=(("assumed", share),),
-        reason=f"assumed from the usual motion, as the scans show it with a probability of {share:.0%} only",
+        reason=f"assumed from typical motion: the scans barely constrain it ({share:.0%} probable)",
     )
 
 

@@ -45,7 +45,7 @@ def without_biases(inputs: Sequence[str], corrections: "Corrections", quiet: boo
         here = lines[0].origin()
         step(len(files), len(files) + 1, "comparing the lines")
         test = estimate_biases([line.placed(here) for line in lines])
-    say(f"patch test: {test_words(test)}; what shows is taken out")
+    say(f"patch test: {test_words(test)}; the estimated biases are corrected")
     if not test.observable:
         raise InputError("--patch-test: where the lines overlap no bias shows; leave it out, or add lines")
     return replace(corrections, lines=replace(corrections.lines, biases=test.usable))
@@ -57,9 +57,7 @@ def navigated_lines(read: "ReadScans", file: PriorsFile, settings: "NavigationSe
     from sonarmap.tools.files.readers.pings.patches import placed
 
     if file.priors:
-        raise InputError(
-            f"lines of pings bring their own navigation, and --priors {file.named} would be another; leave it out"
-        )
+        raise InputError(f"multibeam lines contain their own navigation; leave --priors {file.named} out")
     navigated = Navigated(*placed(read.scans, read.patches, settings.origin, file.sigmas))
     say(f"{len(read.patches):,} of {len(read.scans):,} scans are patches of lines, placed by the lines' navigation")
     return navigated

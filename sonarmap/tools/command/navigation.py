@@ -65,9 +65,9 @@ class PriorsFile:
 
     priors: list[Path] = _nav(
         "FILE",
-        "Measured poses: a CSV, TUM or NMEA 0183 log. CSV has name or stamp; roll_deg, pitch_deg, heading_deg, x_m, "
-        "y_m, depth_m; roll_sigma_deg and so on. `sonarmap template` writes such a table to fill in. It may be "
-        "repeated for files that measured something else, or other scans.",
+        "Measured poses: a CSV, TUM or NMEA 0183 log. CSV columns: name or stamp, then any of roll_deg, pitch_deg, "
+        "heading_deg, x_m, y_m, depth_m; roll_sigma_deg and so on. `sonarmap template` writes such a table to fill in. "
+        "Repeat it for files that measured something else, or other scans.",
         [],
     )
     prior_sigmas: str | None = _rare(
@@ -135,7 +135,7 @@ class NavigationReading:
     )
     time_scale: str | None = _rare(
         "NAME",
-        "Of its times that name no zone: utc, gps or tai.",
+        "Time scale of log times without a time zone: utc, gps or tai.",
         shown="utc",
         autocompletion=completes(listed_in("sonarmap.tools.files.time_scales", "TIME_SCALES")),
     )
@@ -145,7 +145,7 @@ class NavigationReading:
         shown="0",
         autocompletion=completes((AUTO,)),
     )
-    nav_crs: str | None = _rare("CRS", "Of its eastings and northings, as EPSG:32632.")
+    nav_crs: str | None = _rare("CRS", "CRS of the log's eastings and northings, e.g. EPSG:32632.")
     nav_frame: str | None = _rare(
         "NAME",
         "Of its pitch, yaw, x, y, z, and of --mount: frd or ned (forward, right, down; North, East, Down), flu or enu "
@@ -155,7 +155,7 @@ class NavigationReading:
     )
     mount: str | None = _rare(
         "R,P,H[,X,Y,Z]",
-        "The sonar on the vehicle that the navigation is of: roll, pitch, heading \\[deg]; forward, starboard, down "
+        "How the sonar is mounted on the vehicle: roll, pitch, heading \\[deg], optionally forward, starboard, down "
         "\\[m].",
         shown="the navigation is of the sonar",
     )

@@ -210,7 +210,7 @@ class _Mapping:
         try:
             growing.decide()
         except InputError as error:  # the journal cannot be written
-            self._alert(f"what is registered is not stored: {error}")
+            self._alert(f"registrations cannot be saved: {error}")
             growing.forget_journal()
             growing.decide()
 

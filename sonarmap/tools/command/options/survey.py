@@ -42,7 +42,7 @@ class SurveyOptions:
     key_step: float | None = _limit(
         "M",
         "Distance of key scans \\[m]. Loops are sought among these; the others are registered to the nearest of them.",
-        shown="a dense stream: as suits it",
+        shown="automatic for dense streams",
     )
     max_speed: float | None = _limit(
         "M/S", "How fast the vehicle moves at most \\[m/s]; for scans whose stamps are times.", shown="learned"
@@ -54,8 +54,8 @@ class SurveyOptions:
     min_seen: int | None = option(
         OUTPUT,
         "N",
-        "Leave out false echoes: points that fewer than N scans saw and other scans contradict. map_all.ply keeps all "
-        "points; 1 leaves out none.",
+        "Drop points seen by fewer than N scans and contradicted by others. map_all.ply keeps all points; 1 drops "
+        "none.",
         rare=True,
         shown="2",
         min=1,
@@ -111,7 +111,7 @@ class TiesAndControl:
         "Hold points to known coordinates, by a CSV. Its columns are name, scan, x_m, y_m, z_m and east_m, north_m, "
         "up_m or others (docs/ties.md).",
     )
-    control_crs: str | None = option(EARTH, "CRS", "Of its easting_m and northing_m, as EPSG:25832.", rare=True)
+    control_crs: str | None = option(EARTH, "CRS", "CRS of the control file's coordinates, e.g. EPSG:25832.", rare=True)
 
     def read_ties(self, scans: "Sequence[Scan]") -> "tuple[Tie, ...]":
         """What --ties says of pairs of the scans; none without it. Raises InputError: the file cannot be used."""

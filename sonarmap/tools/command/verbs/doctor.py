@@ -18,7 +18,7 @@ def command(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Look at what sonarmap needs: libraries, OpenCL and its devices, memory, disks, caches.
+    """Check the installation and this machine: libraries, OpenCL and its devices, memory, disks, caches.
 
     Each is ok, a warning (part of it may not work) or wrong (something that is needed does not work), with what was
     seen and what to do, as a command that can be copied. The exit code is 2 if anything is wrong. It works where

@@ -42,9 +42,9 @@ def command(
 
     A scan at a time is in memory. The exit code is 3 if a file or scan cannot be read, 2 if none can.
 
-    If the first INPUT is a log of navigation (CSV, NMEA 0183, TUM), it shows what is in that, and which rows cannot be
-    and are left out, by their lines; with scans behind it also what it says at their times. The exit code is 3 if that
-    is nothing.
+    If the first INPUT is a log of navigation (CSV, NMEA 0183, TUM), it shows the log's contents and lists rejected
+    rows with their line numbers; with scans after it also what it says at their times. The exit code is 3 if no row
+    matches a scan.
     """
     from sonarmap.tools.command.overview import overview_of
     from sonarmap.tools.files.readers.navigation.overview import is_log

@@ -53,7 +53,7 @@ class LiveOptions:
     """How a dive is shown, and what ends it."""
 
     replay: float | None = option(
-        INPUT, "F", "Take finished scans faster than they were taken, by a factor F. 0 is as fast as it goes.", min=0.0
+        INPUT, "F", "Replay finished scans at F times real speed. 0 is as fast as possible.", min=0.0
     )
     onto: Path | None = option(
         INPUT, "MAP", "Find the place in a finished map, and show both. It is a folder that `sonarmap map` wrote."
@@ -65,11 +65,11 @@ class LiveOptions:
         "computers'. It is kept in OUT/navigation.nmea, as of --priors.",
     )
     browser: bool = flag(RUNNING, "--browser/--no-browser", "Open the page in the browser.", True)
-    port: int = _running("PORT", "Of the page.", 0, shown="any that is free", min=0, max=65535, rare=True)
+    port: int = _running("PORT", "TCP port of the web page.", 0, shown="any that is free", min=0, max=65535, rare=True)
     bind: str = _running(
         "ADDRESS",
-        "Show the page to other computers, at this address of this one, 0.0.0.0 for all. It has a token in its address "
-        "then.",
+        "Serve the page on this address, 0.0.0.0 for all, so that other computers can open it. Its URL then contains a "
+        "token.",
         "127.0.0.1",
         rare=True,
     )

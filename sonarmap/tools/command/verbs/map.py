@@ -56,7 +56,7 @@ CheckOption = Annotated[
     switch(
         NAVIGATION,
         "--check-priors/--no-check-priors",
-        "Make no map where scans contradict the priors and show why, as by exchanged columns.",
+        "Stop if the scans contradict the navigation, for example by swapped columns.",
         rare=True,
     ),
 ]
@@ -65,7 +65,7 @@ PatchTestOption = Annotated[
     switch(
         NAVIGATION,
         "--patch-test/--no-patch-test",
-        "Take latency, roll, pitch and heading biases, as overlapping lines of pings show them, out of these.",
+        "Estimate latency and mounting-angle biases from overlapping lines, and correct for them.",
         rare=True,
     ),
 ]

@@ -137,7 +137,9 @@ class Map:
         try:
             return [int(rows[scan]["survey"]) for scan in part.scans]
         except (LookupError, TypeError, ValueError) as error:
-            raise InputError(f"{self.path / SUMMARY} does not say of which survey its scans are; map again") from error
+            raise InputError(
+                f"{self.path / SUMMARY} does not say which survey each scan belongs to; run map again"
+            ) from error
 
 
 def read_map_folder(path: Path) -> Map:

@@ -43,7 +43,7 @@ def mapped_scans(
     try:
         read = read_survey(inputs, (), progress, _corrections(settings))
     except InputError as error:
-        raise InputError(f"the points of scans are read from the scans: {error}; {_ELSEWHERE}") from error
+        raise InputError(f"cannot read the scans again to get their points: {error}; {_ELSEWHERE}") from error
     _require_same(folder, read)
     return _straight(folder, read)
 

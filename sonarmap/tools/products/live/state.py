@@ -58,7 +58,7 @@ class State:
             rest.append(f"{counted(self.missing, 'shot')} missing")
         if self.late > _LATE:
             behind = f"{_MANY} or more scans" if self.behind >= _MANY else counted(self.behind, "scan")
-            rest.append(f"{behind}, {self.late:.0f} s, behind")
+            rest.append(f"{behind} ({self.late:.0f} s) behind")
         if self.silent > _SILENT and self.status != "ended":
             rest.append(f"nothing has come for {self.silent:.0f} s")
         return f"{first}; {', '.join(rest)}." if self.scans or self.silent > _SILENT else f"{first}."
@@ -70,8 +70,8 @@ class State:
 
     def _where_to_go(self) -> str:
         if self.alone:
-            return "what is seen now is a map of its own until a known place is seen again"
-        return "nothing that is seen fits the map; go back to the last sure place"
+            return "mapping a separate part until a known place is seen again"
+        return "no scan matches the map; return to the last confirmed position"
 
 
 def _length(meters: float) -> str:

@@ -97,8 +97,8 @@ def _oddness(odd: OddScan) -> str:
 def _of_stream(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     if left := [names[k] for k in result.interpolated]:
         listed = ", ".join(left[:LISTED]) + (f" and {len(left) - LISTED} more" if len(left) > LISTED else "")
-        what = "scan lies" if len(left) == 1 else "scans lie"
-        yield f"{len(left)} {what} where the motion between key scans has them, as no registration does: {listed}"
+        what = "scan was" if len(left) == 1 else "scans were"
+        yield f"{len(left)} {what} placed by interpolation, because no registration succeeded: {listed}"
 
 
 def _unusable(result: SurveyResult, names: Sequence[str]) -> dict[int, str]:
@@ -244,7 +244,7 @@ def _understated(what: str, times: float, left_out: bool) -> str:
             f"{what} contradict everything else: they err {times:.0f} times as much as their standard deviations say, "
             "and were left out; look for exchanged axes, another zone or unit, and times that are off"
         )
-    return f"{what} err {times:.1f} times as much as their standard deviations say, and count as so much less sure"
+    return f"{what} err {times:.1f} times as much as their standard deviations say, and are weighted down accordingly"
 
 
 def _of_fixes(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:

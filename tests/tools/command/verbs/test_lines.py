@@ -128,7 +128,7 @@ def test_options_that_lines_cannot_have_are_refused(mapped: Path, tmp_path: Path
     log = tmp_path / "log.csv"
     log.write_text("stamp,x_m,y_m\n0,0,0\n1,1,1\n")
     file = mapped / "0.gsf"
-    refused(sonarmap("map", file, "-o", tmp_path, "--priors", log), "bring their own navigation", "leave it out")
+    refused(sonarmap("map", file, "-o", tmp_path, "--priors", log), "contain their own navigation", "leave --priors")
     refused(sonarmap("map", file, "-o", tmp_path, "--patch-test"), "two lines", "1 given")
     refused(sonarmap("map", file, "-o", tmp_path, "--patch", "-3"), "above 0")
     refused(sonarmap("map", file, "-o", tmp_path, "--frame", "frd"), "says its own")

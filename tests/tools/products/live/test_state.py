@@ -27,29 +27,29 @@ MANY = {"scans": 3200, "placed": 3156, "loops": 41, "parts": 2, "behind": 7, "la
             "uncertain",
             MANY,
             "Placed, but only to within 1.3 m; 3,156 of 3,200 scans placed, 41 loops, 2 parts that nothing joins yet, "
-            "3 shots missing, 7 scans, 1 s, behind.",
+            "3 shots missing, 7 scans (1 s) behind.",
         ),
         (
             "placed",
             {"scans": 9, "placed": 8, "loops": 2, "missing": 1, "behind": 1, "late": 2.6, "sigma": 0.31},
-            "Placed to within 31 cm; 8 of 9 scans placed, 2 loops, 1 shot missing, 1 scan, 3 s, behind.",
+            "Placed to within 31 cm; 8 of 9 scans placed, 2 loops, 1 shot missing, 1 scan (3 s) behind.",
         ),
         (
             "placed",
             {"scans": 900, "placed": 800, "loops": 2, "behind": 256, "late": 51.2, "sigma": 0.31},
-            "Placed to within 31 cm; 800 of 900 scans placed, 2 loops, 256 or more scans, 51 s, behind.",
+            "Placed to within 31 cm; 800 of 900 scans placed, 2 loops, 256 or more scans (51 s) behind.",
         ),
         ("placed", {"scans": 9, "placed": 8, "behind": 4, "late": 1.0}, "Placed; 8 of 9 scans placed, 0 loops."),
         (
             "lost",
             {"scans": 12, "placed": 8, "loops": 1, "lost_for": 4.3},
-            "Lost for 4 s: nothing that is seen fits the map; go back to the last sure place; 8 of 12 scans placed, "
+            "Lost for 4 s: no scan matches the map; return to the last confirmed position; 8 of 12 scans placed, "
             "1 loop.",
         ),
         (
             "lost",
             {"scans": 12, "placed": 8, "loops": 2, "parts": 2, "alone": True},
-            "Lost: what is seen now is a map of its own until a known place is seen again; 8 of 12 scans placed, "
+            "Lost: mapping a separate part until a known place is seen again; 8 of 12 scans placed, "
             "2 loops, 2 parts that nothing joins yet.",
         ),
         (

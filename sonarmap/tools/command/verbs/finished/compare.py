@@ -37,7 +37,7 @@ class Judging:
     out: Path = option(OUTPUT, "OUT", "Folder for the results.", REQUIRED, "-o", "--out")
     same_frame: bool = flag(INPUT, "--same-frame", SAME_FRAME)
     surveys: bool = flag(INPUT, "--surveys", "Compare the surveys of OLD in pairs; give no NEW.")
-    reach: float | None = length(INPUT, "How far from the old surface the new one is sought \\[m].", "four voxels")
+    reach: float | None = length(INPUT, "Search distance along the old surface's normal \\[m].", "four voxels")
     bound: float | None = length(
         INPUT, "Largest level of detection of a place called unchanged \\[m].", "two voxels", rare=True
     )
@@ -64,10 +64,10 @@ def command(
 ) -> None:
     """Find what changed between two finished maps of a place.
 
-    One of both may be a point cloud of another program. NEW is brought onto OLD by registration of its views.
-    Distances along the surface have levels of detection, regions that changed have volumes with sigmas, and what one
-    survey did not see is never called unchanged. The exit code is 0 if they were compared, also if nothing changed, 3
-    if NEW was not found in OLD, 2 for bad input.
+    Either OLD or NEW may be a point cloud from another program. NEW is brought onto OLD by registration of its views.
+    Distances along the surface have levels of detection, regions that changed have volumes with sigmas, and areas
+    seen in only one survey are never reported as unchanged. The exit code is 0 if they were compared, also if nothing
+    changed, 3 if NEW was not found in OLD, 2 for bad input.
     """
     from sonarmap.tools.products.compare.cloud import PointCloud, opened_surveys
     from sonarmap.tools.products.compare.comparison import CompareSettings, NotAlignedError, compare_maps

@@ -69,7 +69,7 @@ class ExportedFiles:
         ("map", "all"),
     )
     scans: str | None = _output(
-        "NUMBERS", "Only all points of these scans, as 3,7-12.", callback=_check_scans, rare=True
+        "NUMBERS", "Export every point of these scans, e.g. 3,7-12.", callback=_check_scans, rare=True
     )
     scans_from: list[str] = _output(
         "PATH", "Where the scans are now; may be repeated.", [], shown="where `map` read them", rare=True

@@ -45,7 +45,7 @@ class Order:
             lambda path: path.suffix.lower() == ".tum", "{}; give a name that ends in .tum, as in -o track.tum"
         ),
     )
-    alone: bool = flag(INPUT, "--alone", "Each scan by itself: they do not follow one another.")
+    alone: bool = flag(INPUT, "--alone", "Locate each scan independently instead of as a track.")
 
 
 def command(

@@ -214,7 +214,9 @@ def _epoch(row: np.void, fraction: float) -> float:
 
 
 def _notes(header, channel, heads: np.ndarray) -> list[str]:
-    notes = [] if heads["SensorDepth"].any() else ["depths count from the transducer, whose depth pings do not have"]
+    notes = (
+        [] if heads["SensorDepth"].any() else ["depths are below the transducer; the file does not give its draught"]
+    )
     offsets = [channel.OffsetX, channel.OffsetY, channel.OffsetZ]
     if any(offsets):
         where = ", ".join(f"{offset:.2f}" for offset in offsets)

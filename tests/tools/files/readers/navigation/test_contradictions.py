@@ -84,7 +84,7 @@ def test_mistakes_are_named(name: str, seed: int) -> None:
     verdict = contradiction(priors(MISTAKES[name](measured(truth, rng))), registered(truth, rng, wrong=seed % 3))
     assert verdict is not None
     assert verdict.instead == (name,), verdict
-    assert str(verdict).startswith("the scans contradict the navigation by ")
+    assert str(verdict).startswith("the scans contradict the navigation (")
 
 
 @pytest.mark.parametrize(
