@@ -128,7 +128,7 @@ def command(
         mapper,
         None if live.onto is not None else navigation,
     )
-    may_be_placed = bool(inputs) or known.priors is not None
+    may_be_placed = bool(inputs or known.priors)
     stamps = () if inputs else (time.time(),)
     map_verb.check_options(output, method, earth, given(known) | given(odometry), stamps, may_be_placed)
     _follow(settings, live, None if inputs else listening, listening.seconds, quiet or as_json)

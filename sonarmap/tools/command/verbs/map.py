@@ -192,7 +192,7 @@ def check_options(
     output: MapOutput,
     method: MethodOptions,
     earth: EarthPlace,
-    files: Mapping[str, str],
+    files: Mapping[str, Any],
     stamps: Sequence[float] = (),
     later: bool = True,
 ) -> None:
@@ -206,10 +206,12 @@ def check_options(
     require_writable(output.out)
 
 
-def _require_files(files: Mapping[str, str]) -> None:
+def _require_files(files: Mapping[str, Any]) -> None:
     for name in ("priors", "odometry", "ties", "control"):
-        if name in files and not Path(files[name].partition("::")[0]).exists():
-            raise InputError(f"--{name}: cannot read {files[name]}: there is no such file; check its name")
+        values = files.get(name, [])
+        for value in values if isinstance(values, list) else [values]:
+            if not Path(value.partition("::")[0]).exists():
+                raise InputError(f"--{name}: cannot read {value}: there is no such file; check its name")
 
 
 def _map_and_tell(
