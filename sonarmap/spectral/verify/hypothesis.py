@@ -104,8 +104,8 @@ def same_poses(some: Sequence[Fit], others: Sequence[Fit]) -> np.ndarray:
 
 def elsewhere(some: Sequence[Hypothesis], others: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Those of some hypotheses whose pose is that of none of the others."""
-    same = same_poses([each.fit for each in some], [each.fit for each in others]).any(axis=1)
-    return [each for each, known in zip(some, same, strict=True) if not known]
+    same = same_poses([each.fit for each in some], [each.fit for each in others])
+    return [each for each, known in zip(some, same, strict=True) if not known.any()]
 
 
 def _poses(fits: Sequence[Fit]) -> tuple[np.ndarray, np.ndarray]:
