@@ -43,6 +43,7 @@ class SurveyResult:
         wrong_fixes: what instruments measured and all others contradict; it was left out.
         understated: by kind of `slam.decide.wrong_measurements`, or "odometry", how many times larger than stated the
             errors of all measurements are (a ratio); from NOTHING times on those of a kind were left out.
+        mistake: what would have instruments agree that contradict the map, and what to do, in words; "" for nothing.
         systematic: what all fixes were off by, without which they took part; None for nothing.
         covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose, or the world.
         solution: the optimized graph, with its chi-squared and residuals.
@@ -69,6 +70,7 @@ class SurveyResult:
     voxel: float
     wrong_fixes: tuple[WrongFix, ...] = ()
     understated: Mapping[str, float] = field(default_factory=dict[str, float])
+    mistake: str = ""
     systematic: Systematic | None = None
     keys: tuple[int, ...] | None = None
     interpolated: tuple[int, ...] = ()

@@ -115,6 +115,12 @@ def test_a_map_that_only_the_usual_motion_joins_is_not_whole() -> None:
     assert not replace(joined, pairs=(*(p for p in sought if p.scans != free.scans), free)).unconfirmed
 
 
+def test_a_mistake_of_the_navigation_stands_first_and_the_map_is_not_whole() -> None:
+    survey = replace(refusing(set()), mistake="they agree with depths in feet", understated={"depth": 4.0})
+    assert faults(survey, NAMES)[0] == "they agree with depths in feet"
+    assert not Mapped(survey, NAMES, Path(), [], 0).whole
+
+
 def test_the_most_important_stand_first_and_few_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     survey = refusing({(1, 2), (3, 4), (8, 9)}, ("scan6",))
     told = faults(survey, NAMES)

@@ -15,7 +15,7 @@ from sonarmap.tools.command.failures import print_failure
 from sonarmap.tools.command.lines import give_back, navigated_lines, without_biases
 from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method, require_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile, scans_with_priors
-from sonarmap.tools.command.navigation_check import ContradictedError, refusing
+from sonarmap.tools.command.navigation_check import ContradictedError, refusing, with_mistake
 from sonarmap.tools.command.options.option import NAVIGATION, RUNNING, given, refuse_without, switch
 from sonarmap.tools.command.options.output import EarthPlace, MapOutput, export_with_progress
 from sonarmap.tools.command.options.registration import MethodOptions
@@ -174,7 +174,7 @@ def command(
     if patch_test:
         settings["patch_test"] = corrections.lines.biases.to_json()
     rates = turn_rates_of(read.files, read.scans) if imu and mapper.straighten else None
-    vet = refusing(read.scans, priors.named or "what recordings measured") if check_priors else None
+    vet = refusing(read.scans, priors.named or "what recordings measured", georeference) if check_priors else None
     survey_input = SurveyInput(
         read, reckoned, ties, control, georeference, configured, settings, vet, corrections.lines, rates
     )
@@ -297,6 +297,8 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
                 survey.vet,
                 survey.turn_rates,
             )
+        file = settings.get("priors", "what recordings measured")
+        result = with_mistake(result, read.scans, file, survey.georeference)
         times = survey_times(execution.timings, options.place)
         names = [scan.name for scan in read.scans]
         run = SurveyRun(names, settings, method.device, read.unread, inputs, survey.georeference, times)

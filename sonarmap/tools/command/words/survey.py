@@ -42,7 +42,8 @@ class Mapped:
         """Whether every scan is in one map, by more than the usual motion, no pair ended by an error of the method, and
         instruments fit them."""
         defects = any(pair.is_defect for pair in self.result.pairs)
-        trusted = not (self.result.contradicted or self.result.unclear or self.result.unconfirmed)
+        unsure = self.result.contradicted or self.result.unclear or self.result.unconfirmed
+        trusted = not (unsure or self.result.mistake)
         return trusted and not self.unread and not defects and len(self.result.components) == 1
 
 

@@ -248,6 +248,8 @@ def _understated(what: str, times: float, left_out: bool) -> str:
 
 
 def _of_fixes(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
+    if result.mistake:
+        yield result.mistake
     yield from (row["reason"] for row in understated_rows(result))
     if result.systematic is not None:
         yield systematic_words(result.systematic)

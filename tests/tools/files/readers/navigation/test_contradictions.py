@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.spectral.prior_pair import PriorPair
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import poses_of, prior_of
-from sonarmap.tools.files.readers.navigation.contradictions import Registered, contradiction, pair_costs
+from sonarmap.tools.files.readers.navigation.check.contradictions import Registered, contradiction, pair_costs
 
 SIGMAS = np.array([0.5, 0.5, 3.0, 0.5, 0.5, 0.1])
 UNITS = np.array([np.pi / 180] * 3 + [1.0] * 3)
@@ -69,7 +69,9 @@ MISTAKES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "heading_deg turned by 90 degrees": lambda v: v - np.array([0, 0, 90, 0, 0, 0]),
     "roll_deg with its sign turned": signed(0),
     "pitch_deg with its sign turned": signed(1),
+    "roll_deg and pitch_deg exchanged": lambda v: v[:, [1, 0, 2, 3, 4, 5]],
     "East and North exchanged": exchanged,
+    "depths in feet": lambda v: v / np.array([1, 1, 1, 1, 1, 0.3048]),
     "depth_m with its sign turned": signed(5),
     "angles in radians": lambda v: v * np.array([np.pi / 180] * 3 + [1] * 3),
     "the rows of the scans before": lambda v: np.roll(v, 1, axis=0),
@@ -126,6 +128,21 @@ def test_costs_are_those_of_pairs_of_priors(known: np.ndarray) -> None:
         assert costs[row, 0] == pytest.approx(min(squared, 100), rel=0.2, abs=0.3)
 
 
+@pytest.mark.parametrize(("latitude", "longitude"), [(60.0, 10.0), (-33.0, 151.0 - 180), (44.0, 9.0)])
+def test_latitude_and_longitude_exchanged(latitude: float, longitude: float) -> None:
+    """Taken for each other: a meter North is as many degrees as one East is at latitude 0, and cos(latitude) less."""
+    rng, truth = drawn(12)
+    truth[:, 3:5] *= 4
+    values, pairs = measured(truth, rng), registered(truth, rng)
+    north, east = values[:, 4].copy(), values[:, 3].copy()
+    values[:, 4] = east / np.cos(np.radians(latitude))
+    values[:, 3] = north * np.cos(np.radians(longitude))
+    verdict = contradiction(priors(values), pairs, (longitude, latitude))
+    assert verdict is not None
+    assert verdict.instead[0] == "latitude and longitude exchanged"
+    assert verdict.remedy.startswith("exchange the columns' names, by --nav-columns")
+
+
 def test_what_cannot_be_told_apart_is_named_together() -> None:
     """Without places a heading of the other sign is a yaw as well."""
     rng, truth = drawn(5)
@@ -157,6 +174,15 @@ def test_places_in_feet_mirrored_or_at_other_times() -> None:
     opposite = contradiction(priors(values * np.array([1, 1, 1, -1, -1, 1])), pairs)
     assert opposite is not None
     assert set(opposite.instead) == {"East and North with their signs turned", "heading_deg turned by 180 degrees"}
+
+
+@pytest.mark.parametrize("times", [3, 10])
+def test_instruments_that_err_more_than_stated_have_no_mistake(times: float) -> None:
+    """Feet would make noisy depths and places agree better."""
+    for seed, kind in enumerate([[0, 1], [2], [3, 4], [5], [0, 1, 2, 3, 4, 5]]):
+        rng, truth = drawn([13, seed])
+        values = truth + rng.normal(size=truth.shape) * SIGMAS * np.where(np.isin(np.arange(6), kind), times, 1)
+        assert contradiction(priors(values), registered(truth, rng)) is None
 
 
 def test_right_navigation_is_not_doubted() -> None:

@@ -1,0 +1,1 @@
+"""What is wrong with navigation that scans contradict."""

@@ -1,0 +1,165 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""What is wrong with navigation that the scans contradict: a sign turned, axes exchanged, another unit, rows shifted.
+
+Pairs of scans, registered without it, are held against it as it is given and as each mistake would have it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.stats import chi2
+
+from sonarmap.spectral.covariance_at_sensor import cross_matrices
+from sonarmap.spectral.measured import twist
+from sonarmap.spectral.scan import PosePrior
+from sonarmap.tools.files.readers.instruments import poses_of
+from sonarmap.tools.files.readers.navigation.check.mistakes import (
+    LENGTHS,
+    SIZES,
+    TIMES,
+    Contradiction,
+    Values,
+    added,
+    best_of,
+    corrected,
+    measured_values,
+)
+
+LEAST_PAIRS = 6
+# Of 490 right surveys whose instruments err up to 10 times more than stated, none came to 3.6.
+_LEAST_SIGMAS = 4.5
+_CAP = 100.0  # of a pair's chi-squared: one wrong registration is not worth more
+_RARE = 0.999  # of right pairs this share is below the limit of agreement
+_AGREE = 0.8  # share of the pairs that have to agree
+# Beside any hypothesis some fixes may be wrong: of at most this share of the scans, each at this price of chi-squared.
+_MOST_WRONG, _WRONG = 0.25, 10.0
+# Headings are turned by whole degrees up to this, and no less than this.
+_MOST_TURNED, _LEAST_TURNED, _COARSE = 45, 3, 3
+_KINDS = ((0, 1), (2,), (3, 4), (5,))  # columns that an instrument measures
+
+
+@dataclass(frozen=True, slots=True)
+class Registered:
+    """What the scans alone say of n pairs."""
+
+    i: np.ndarray  # i, j: (n,) int64, targets and sources
+    j: np.ndarray
+    T_i_j: RigidTransform  # n registrations
+    covariances: np.ndarray  # (n, 6, 6), rotation first [rad, m], body tangent of j
+
+
+def contradiction(
+    priors: Sequence[PosePrior | None], registered: Registered, origin: tuple[float, float] | None = None
+) -> Contradiction | None:
+    """What is wrong with the navigation, as far as the scans tell it. Something is named only if most pairs agree with
+    it, and the evidence is overwhelming, also beside instruments that err more than stated or say nothing of the way;
+    hypotheses that agree alike are named together, or, where there are many, none is. `priors` are of the scans in the
+    order of their times, `registered` pairs that registrations without any prior are sure of, `origin` as of
+    `corrected`."""
+    values, sigmas = measured_values(priors)
+    given = pair_costs(values, sigmas, registered)
+    if (given[:, 1] > 0).sum() < LEAST_PAIRS:
+        return None
+    costs: dict[str, np.ndarray] = {}
+    for name, changed in corrected(values, origin):
+        # deviations stay with their columns and rows
+        costs[name] = pair_costs(changed, sigmas * np.where(LENGTHS, SIZES.get(name, 1.0), 1.0), registered)
+    turned: dict[int, np.ndarray] = {}
+    for step in (_COARSE, 1):
+        near = min(turned, key=lambda by: turned[by][:, 0].sum(), default=0)
+        reach = _COARSE if turned else _MOST_TURNED
+        for by in range(near - reach, near + reach + 1, step):
+            if by not in turned and abs(by) >= _LEAST_TURNED:
+                turned[by] = pair_costs(added(by, 2)(values), sigmas, registered)
+    by = min(turned, key=lambda by: turned[by][:, 0].sum())
+    costs[f"heading_deg turned by {by} degrees"] = turned[by]
+    return _verdict([given, *_ordinary(values, sigmas, registered)], costs, registered)
+
+
+def _ordinary(values: Values, sigmas: np.ndarray, registered: Registered) -> list[np.ndarray]:
+    """Costs of what is no mistake that has a name: an instrument errs more than it says, or does not see the way."""
+    rivals: list[np.ndarray] = []
+    for columns in _KINDS:
+        own = np.isin(np.arange(6), columns)
+        rivals += [pair_costs(values, np.where(own, times * sigmas, sigmas), registered) for times in TIMES]
+        rivals.append(pair_costs(np.where(own, 0.0 * values, values), sigmas, registered))
+    return rivals
+
+
+def _without_wrong(costs: np.ndarray, i: np.ndarray, j: np.ndarray) -> float:
+    """Chi-squared (n, 3) of pairs i, j (n,) if a few scans, those that explain most of it, have wrong fixes."""
+    left, price, scans = costs[:, 0].copy(), 0.0, np.union1d(i, j)
+    of_scan = (scans[:, None] == i) | (scans[:, None] == j)
+    for _ in range(int(_MOST_WRONG * len(scans))):
+        worth = of_scan @ left
+        worst = int(np.argmax(worth))
+        if worth[worst] <= _WRONG:
+            break
+        price += _WRONG
+        left[of_scan[worst]] = 0.0
+    return price + float(left.sum())
+
+
+def _verdict(
+    ordinary: Sequence[np.ndarray], costs: Mapping[str, np.ndarray], registered: Registered
+) -> Contradiction | None:
+    """The hypotheses that agree, of (n, 3) costs of the pairs under each; the first of those that are `ordinary` is of
+    the navigation as it is given."""
+    given, falls = ordinary[0], dict[str, float]()
+    for name, cost in costs.items():
+        both = (cost[:, 1] > 0) & (given[:, 1] > 0)  # rows shifted by one leave a pair at the end
+        if both.sum() >= LEAST_PAIRS and _agreeing(cost[both]) >= _AGREE:
+            i, j = registered.i[both], registered.j[both]
+            rivals = (_without_wrong(each[both], i, j) + float((each - given)[both, 2].sum()) for each in ordinary)
+            falls[name] = min(rivals) - _without_wrong(cost[both], i, j)
+    return best_of(falls, _LEAST_SIGMAS)
+
+
+def _agreeing(costs: np.ndarray) -> float:
+    """The share of pairs (n, 3) that agree."""
+    return float((costs[:, 0] <= chi2.ppf(_RARE, costs[:, 1])).mean())
+
+
+def pair_costs(values: Values, sigmas: np.ndarray, registered: Registered) -> np.ndarray:
+    """(n, 3) chi-squared, capped, its degrees of freedom, and the logarithm of the covariance's determinant, of each
+    registration beside what was measured of its scans. As `spectral.prior_pair.PriorPair` has them, for many pairs at
+    once; errors of roll and pitch are taken to be alike. `values` (N, 6) are in the order of COLUMNS, NaN where not
+    measured; `sigmas` (N, 6) [rad, m]."""
+    i, j, T = registered.i, registered.j, registered.T_i_j
+    measured = np.isfinite(values)
+    poses = poses_of(np.nan_to_num(values))
+    places, R_world = poses.translation, poses.rotation
+    R_target, R_source = (Rotation.from_quat(R_world.as_quat()[k]) for k in (i, j))
+    left = R_target * T.rotation * R_source.inv()
+    turn = twist(left)
+    tilt = (left * Rotation.from_euler("Z", -turn[:, None])).as_rotvec()[:, :2]
+    shift = R_target.apply(T.translation)
+    residual = np.column_stack([tilt, turn, shift - places[j] + places[i]])
+    both = measured[i] & measured[j]
+    attitude, turned = measured[i, :2].all(axis=1), both[:, :2].all(axis=1)
+    moved = both[:, 3:5].all(axis=1) & attitude & measured[i, 2]
+    known = np.column_stack([turned, turned, turned & both[:, 2], moved, moved, both[:, 5] & attitude])
+    covariance = _covariance(np.where(measured, sigmas, 0.0), shift, R_target * T.rotation, registered)
+    # what is not known stands apart from the rest, and is 0
+    covariance = np.where(known[:, :, None] & known[:, None, :], covariance, np.eye(6))
+    residual = np.where(known, residual, 0.0)
+    squared = np.einsum("nk,nk->n", residual, np.linalg.solve(covariance, residual[:, :, None])[:, :, 0])
+    return np.column_stack([np.minimum(squared, _CAP), known.sum(axis=1), np.linalg.slogdet(covariance)[1]])
+
+
+def _covariance(sigmas: np.ndarray, shift: np.ndarray, R_world_source: Rotation, registered: Registered) -> np.ndarray:
+    """(n, 6, 6) of tilt, tilt, turn, East, North, Up: of both scans' instruments and of the registrations."""
+    i, j = registered.i, registered.j
+    variances = sigmas**2
+    variances[:, :2] = variances[:, :2].max(axis=1, keepdims=True)
+    # an error of the target's rotation turns the pose and the shift
+    of_target = np.concatenate([np.broadcast_to(np.eye(3), (len(i), 3, 3)), -cross_matrices(shift)], axis=1)
+    covariance = of_target * variances[i, None, :3] @ of_target.transpose(0, 2, 1)
+    diagonal = np.concatenate([variances[j, :3], variances[i, 3:] + variances[j, 3:]], axis=1)
+    covariance += diagonal[:, :, None] * np.eye(6)
+    of_tangent = np.zeros((len(i), 6, 6))
+    of_tangent[:, :3, :3] = of_tangent[:, 3:, 3:] = R_world_source.as_matrix()
+    return covariance + of_tangent @ registered.covariances @ of_tangent.transpose(0, 2, 1)
