@@ -134,7 +134,7 @@ def corrected(values: Values, origin: tuple[float, float] | None = None) -> Iter
     geographic = {} if origin is None else {_GEOGRAPHIC: _geographic(origin)}
     for remedy, named in _MISTAKES.items():
         before = [values]
-        for name, change in (named | geographic if remedy == _COLUMNS else named).items():
+        for name, change in {**named, **(geographic if remedy == _COLUMNS else {})}.items():
             changed = change(values)
             if not any(np.array_equal(changed, other, equal_nan=True) for other in before):
                 before.append(changed)
