@@ -297,8 +297,9 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
                 survey.vet,
                 survey.turn_rates,
             )
-        file = settings.get("priors", "what recordings measured")
-        result = with_mistake(result, read.scans, file, survey.georeference)
+        files = settings.get("priors", "what recordings measured")
+        named = " and ".join(files) if isinstance(files, list) else files
+        result = with_mistake(result, read.scans, named, survey.georeference)
         times = survey_times(execution.timings, options.place)
         names = [scan.name for scan in read.scans]
         run = SurveyRun(names, settings, method.device, read.unread, inputs, survey.georeference, times)
