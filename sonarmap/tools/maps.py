@@ -91,7 +91,7 @@ def write_map(
     from sonarmap.tools.files.map_folder.names import require_apart
     from sonarmap.tools.files.readers.scans import FORMATS, files_of
     from sonarmap.tools.files.readers.selection import select_files
-    from sonarmap.tools.files.writers.atomic import clear_leftovers, require_writable
+    from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.products.output.folder import write_survey
     from sonarmap.tools.products.output.run import SurveyRun
 
@@ -105,7 +105,6 @@ def write_map(
     run = SurveyRun(result.names, settings, inputs=input_rows(files), georeference=georeference)
     require_writable(out)
     with locked(out, writing=True):
-        clear_leftovers(out)
         write_survey(out, result, run)
     if report:
         write_report(out)

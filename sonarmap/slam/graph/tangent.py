@@ -23,6 +23,16 @@ def propagated(T: RigidTransform, covariance: np.ndarray) -> np.ndarray:
     return A @ covariance @ A.swapaxes(-1, -2)
 
 
+def upward(T_world_body: RigidTransform, points: np.ndarray) -> np.ndarray:
+    """(n, 6) how small turns and shifts (w, v) of n poses, in the body tangent, move points (n, 3) of the world up.
+
+    With T Exp((w, v)) a point p of the body moves by R (w x p + v), whose third component is w . (p x up) + v . up.
+    """
+    T_body_world = T_world_body.inv()
+    up = T_body_world.rotation.apply([0.0, 0.0, 1.0])
+    return np.hstack([np.cross(T_body_world.apply(points), up), up])
+
+
 def lengths(xi: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """(m,) Mahalanobis lengths of tangents (m, 6) under their covariances (m, 6, 6) [sigmas]."""
     return np.sqrt(np.einsum("na,na->n", xi, np.linalg.solve(covariance, xi[:, :, None])[:, :, 0]))

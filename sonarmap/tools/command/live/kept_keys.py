@@ -16,7 +16,7 @@ from sonarmap.slam.execute.pair_text import from_text, to_text
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.readers.incoming import Mark
-from sonarmap.tools.files.writers.atomic import atomic_path, clear_leftovers, require_writable
+from sonarmap.tools.files.writers.atomic import atomic_path, require_writable
 from sonarmap.tools.files.writers.folder_lock import locked
 from sonarmap.tools.methods.fingerprint import fingerprint
 
@@ -96,7 +96,6 @@ def kept_for(out: Path, inputs: Sequence[str], settings: object = None) -> Gener
     require_writable(folder)
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder, writing=True):
-        clear_leftovers(folder)
         said = fingerprint([[str(Path(name).resolve()) for name in inputs], settings])
         try:
             same = (folder / _INPUTS).read_text(encoding="utf-8") == said

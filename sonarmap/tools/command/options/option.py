@@ -52,7 +52,16 @@ def value_option(panel: str, metavar: str, words: str, *names: str, rare: bool =
         more: of typer.Option, as min, max, `callback`, which returns the value or raises typer.BadParameter, and
             `autocompletion`, as `completes` makes it.
     """
+    if "--out" in names or metavar == "DIR":
+        more["parser"] = _named
     return typer.Option(*names, metavar=metavar, help=words, rich_help_panel=panel, hidden=rare, **more)
+
+
+def _named(text: str) -> Path:
+    """An output's path; without a name, as of a variable that is empty, it would be the current folder."""
+    if not str(text):
+        raise typer.BadParameter("is empty; give a name, or . for the current folder")
+    return Path(text)
 
 
 def switch(panel: str, names: str, words: str, rare: bool = False) -> Any:

@@ -33,7 +33,7 @@ from sonarmap.tools.command.words.survey import (
     warn_of_some,
     written_summary,
 )
-from sonarmap.tools.files.writers.atomic import clear_leftovers, require_writable
+from sonarmap.tools.files.writers.atomic import require_writable
 from sonarmap.tools.files.writers.folder_lock import locked
 
 if TYPE_CHECKING:
@@ -283,7 +283,6 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
     prepared = prepared_limit(method.registrar, options.processes)
     inputs = input_rows(survey.files)  # now: while the scans are mapped, files may change
     with open_execution(method, prepared, options, out / JOURNAL, quiet) as execution:
-        clear_leftovers(out)  # the folder and its journal are locked: no other run writes here
         mapper = Mapper(method.registrar, method.grid.voxel, settings["mapper"], execution)
         with growing_progress("mapping", quiet) as step:
             step(0, len(read.scans), "preparing the first scans")

@@ -4,7 +4,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +12,16 @@ import numpy as np
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.tangent import sigma_words
+from sonarmap.slam.graph.tangent import sigma_words, upward
 from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.map.placed import pose_variance
+from sonarmap.slam.map.surface import on_surface
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH, SUMMARY
+from sonarmap.tools.files.map_folder.whole import as_written, require_own
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
 from sonarmap.tools.files.readers.json_file import read_json
+from sonarmap.tools.files.readers.limits import LARGEST
 from sonarmap.tools.files.readers.poses.graph_json import trajectory_of
 from sonarmap.tools.files.user_file import naming, read_content
 
@@ -52,6 +56,26 @@ class MapPart:
     def point_stamps(self) -> np.ndarray:
         """(M,) float64 stamps [s] of the scans that the points are mostly from."""
         return self.trajectory.stamps[np.searchsorted(self.scans, self.columns["scan"])]
+
+    @property
+    def height_sigma(self) -> np.ndarray:
+        """(M,) float64 standard deviations of the points' heights [m]: that part of `sigma`, the root mean square of
+        three axes, which the errors of poses and of ranges bring along z."""
+        scan = np.searchsorted(self.scans, self.columns["scan"])
+        T, total = self.trajectory.T_world_sensor[scan], self.columns["sigma"].astype(np.float64) ** 2
+        J, by_poses = upward(T, self.points), np.empty(len(scan))
+        beams = T.inv().apply(self.points)
+        for pose in np.unique(scan).tolist():
+            by_poses[scan == pose] = pose_variance(beams[scan == pose], self.covariances[pose])
+        along_z = np.einsum("na,nab,nb->n", J, self.covariances[scan], J)
+        steep = (np.einsum("na,na->n", beams, J[:, 3:]) / np.linalg.norm(beams, axis=1)) ** 2
+        share = np.minimum(total / np.maximum(by_poses, 1e-30), 1.0)  # below 1 where scans err less together
+        return np.sqrt(share * along_z + 3 * steep * np.maximum(total - by_poses, 0.0))
+
+    def take(self, chosen: np.ndarray) -> "MapPart":
+        """With these of the points alone, (M,) bool."""
+        columns = {name: column[chosen] for name, column in self.columns.items()}
+        return replace(self, points=self.points[chosen], columns=columns)
 
     def knows(self, what: str) -> bool:
         """Whether instruments measured this name of `MEASURED`, so that the frame has it right."""
@@ -127,6 +151,10 @@ class Map:
         lone = part is self.parts[0] and not any(each.placed for each in self.parts)
         return self.georeference is not None and (part.placed or lone)
 
+    def surface(self, part: MapPart) -> MapPart:
+        """The part without stray echoes, for what is made of surfaces: grids, contours, meshes, sections, volumes."""
+        return part.take(on_surface(part.points, self.voxel))
+
     def surveys(self, part: MapPart) -> list[int]:
         """To which survey each scan of the part belongs; all to the first where the summary does not say.
 
@@ -150,15 +178,19 @@ def read_map_folder(path: Path) -> Map:
         raise InputError(f"{path} is not a folder; wanted {expected}")
     if not (path / SUMMARY).exists():
         raise InputError(f"{path} holds no map: it has no {SUMMARY}; wanted {expected}")
-    summary, graph = (read_json(path / name, f"a file of {expected}") for name in (SUMMARY, FULL_GRAPH))
-    try:
-        poses = graph["poses"]
-        everything = trajectory_of(poses)
-        covariances = np.array([pose["covariance"] for pose in poses], dtype=np.float64).reshape(-1, 6, 6)
+    summary = read_json(path / SUMMARY, f"a file of {expected}")
+    with as_written(path):
+        _require_types(summary)
         rows = summary["components"]
+        suffixes = ["" if rank == 1 else f"_{rank}" for rank in range(1, len(rows) + 1)]
+        require_own(path, summary, [FULL_GRAPH, *(f"map{suffix}.ply" for suffix in suffixes)])
+        graph = read_json(path / FULL_GRAPH, f"a file of {expected}")
+        poses = graph["poses"]
+        with naming(path / FULL_GRAPH):
+            everything = trajectory_of(poses)
+        covariances = np.array([pose["covariance"] for pose in poses], dtype=np.float64).reshape(-1, 6, 6)
         parts = []
-        for number, row in enumerate(rows, 1):
-            suffix = "" if number == 1 else f"_{number}"
+        for suffix, row in zip(suffixes, rows, strict=True):
             scans = tuple(int(scan) for scan in row["scans"])
             cloud = map_points(path / f"map{suffix}.ply", scans)
             placed = everything.take(scans), covariances[list(scans)], bool(poses[scans[0]]["in_world"])
@@ -178,8 +210,15 @@ def read_map_folder(path: Path) -> Map:
             georeference=None if where is None else Georeference.of_json(where),
             graph=graph,
         )
-    except (ValueError, LookupError, TypeError) as error:
-        raise InputError(f"{path / SUMMARY} and {FULL_GRAPH} do not go together ({error}); map again") from error
+
+
+def _require_types(summary: Any) -> None:
+    """Refuse a summary.json whose parts are of other types than `map` writes, as whoever uses them relies on these.
+    Raises TypeError."""
+    settings, inputs = summary.get("settings") or {}, summary.get("inputs") or []
+    texts = [*summary.get("files", []), *(settings.get("inputs") or []), *(row["sha256"] or "" for row in inputs)]
+    if strange := [text for text in texts if not isinstance(text, str)]:
+        raise TypeError(f"{strange[0]!r} where the name or the SHA-256 of a file belongs")
 
 
 def map_points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -190,10 +229,10 @@ def map_points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, 
     if missing := [name for name in (*"xyz", *COLUMNS) if name not in columns]:
         raise InputError(f"{path} has no column {missing[0]!r}; wanted a map that `sonarmap map` wrote")
     points = np.column_stack([columns.pop(axis).astype(np.float64) for axis in "xyz"])
-    usable = np.isfinite(points).all() and np.isin(columns["scan"], scans).all()
+    usable = (np.abs(points) <= LARGEST).all() and np.isin(columns["scan"], scans).all()
     if not (usable and all((columns[name] >= 0).all() for name in COLUMNS)):  # NaN is not
         raise InputError(
-            f"{path} holds points that are not finite, scans that the map does not have, or negative counts; it is "
-            "damaged: map again"
+            f"{path} holds coordinates that are NaN or beyond {LARGEST:g} m, scans that the map does not have, or "
+            "negative counts; it is damaged: map again"
         )
     return points, columns

@@ -15,6 +15,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.inputs import input_rows
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.map_folder.names import SUMMARY
+from sonarmap.tools.files.map_folder.whole import as_written
 from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
 from sonarmap.tools.files.readers.pings.patches import LineReading
 from sonarmap.tools.files.readers.scans import ReadScans, read_survey
@@ -40,12 +41,15 @@ def mapped_scans(
     inputs: list[str] | None = list(paths) or settings.get("inputs")
     if not inputs:
         raise InputError(f"{folder.path / SUMMARY} does not say where the map's scans are; {_ELSEWHERE}")
+    with as_written(folder.path):
+        corrections = _corrections(settings)
     try:
-        read = read_survey(inputs, (), progress, _corrections(settings))
+        read = read_survey(inputs, (), progress, corrections)
     except InputError as error:
         raise InputError(f"cannot read the scans again to get their points: {error}; {_ELSEWHERE}") from error
     _require_same(folder, read)
-    return _straight(folder, read)
+    with as_written(folder.path):
+        return _straight(folder, read)
 
 
 def _corrections(settings: dict[str, Any]) -> Corrections:
@@ -58,7 +62,7 @@ def _corrections(settings: dict[str, Any]) -> Corrections:
 
 def _require_same(folder: Map, read: ReadScans) -> None:
     """Refuse other files than those of the map, by their SHA-256, and another number of scans."""
-    known = [row["sha256"] for row in folder.summary.get("inputs", ())]
+    known = [row["sha256"] for row in folder.summary.get("inputs") or ()]
     files = [row["sha256"] for row in input_rows(read.files)]
     if files != known[: len(files)] or len(read.scans) != len(folder.names):
         raise InputError(

@@ -13,6 +13,7 @@ from pathlib import Path
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.csv_table import PAIRS, SUMMARY
 from sonarmap.tools.files.readers.instruments import PRIORS
+from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.user_file import require_file
 
 BAG_METADATA, BAG_TITLE = "metadata.yaml", "rosbag2_bagfile_information"  # of a ROS 2 bag that is a folder
@@ -29,7 +30,7 @@ class Selection:
     files: tuple[SelectedFile, ...]
     reordered: bool
     repeated: tuple[Path, ...] = ()
-    passed_over: tuple[str, ...] = ()  # folders within a folder that hold scans of its formats too, in words
+    passed_over: tuple[str, ...] = ()  # what else the folders hold in these formats, in words: scans in folders, a map
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +88,10 @@ def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_sca
     folders = [Path(path) for path in paths if Path(path).is_dir() and not is_bag_folder(Path(path))]
     named = {each.path.parent.resolve() for each in files}
     passed_over = [words for folder in folders if (words := _passed_over(folder, files, named, skipped))]
+    for folder in sorted({*folders, *(each.path.parent for each in files)}):
+        left = {path for path in _outputs(folder) if _is_scan(path, suffixes, ())} - {each.path for each in files}
+        if listed := ", ".join(sorted(path.name for path in left)):
+            passed_over.append(f"{folder} also holds a finished map, whose files are no scans: left out {listed}")
     return Selection(tuple(files), files != as_given, tuple(repeated), tuple(passed_over))
 
 
@@ -153,12 +158,26 @@ def _scans_among(
     where: str,
     folder: Path | None = None,
 ) -> list[SelectedFile]:
+    paths, named = list(paths), len(skipped)
+    skipped = {*skipped, *(path.resolve() for parent in {path.parent for path in paths} for path in _outputs(parent))}
     files = [SelectedFile(path) for path in paths if _is_scan(path, suffixes, skipped)]
     if files:
         return files
     if folder is not None and (below := _folders_below(folder, suffixes, skipped)):
         raise InputError(f"{where} holds no scans, but folders in it do: {_names(folder, below, suffixes)}")
-    raise InputError(f"{where} holds no scans; known formats are {', '.join(suffixes)}")
+    instead = ", but a finished map: give the scans that it was made of" if len(skipped) > named else ""
+    raise InputError(f"{where} holds no scans{instead}; known formats are {', '.join(suffixes)}")
+
+
+def _outputs(folder: Path) -> list[Path]:
+    """The files of the finished map that lies in a folder, and of its exports, as its summary lists them."""
+    if not (folder / SUMMARY).is_file():
+        return []
+    try:
+        names = read_json(folder / SUMMARY, "the summary.json of a map")["files"]
+        return [folder / name for name in names if Path(name).name == name and (folder / name).is_file()]
+    except (InputError, LookupError, TypeError):  # somebody else's
+        return []
 
 
 def _is_scan(path: Path, suffixes: Collection[str], skipped: Collection[Path]) -> bool:

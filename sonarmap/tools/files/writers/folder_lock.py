@@ -6,15 +6,19 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.writers.atomic import clear_leftovers
 
 
 @contextmanager
 def locked(folder: Path, writing: bool) -> Iterator[None]:
     """Keep other runs of sonarmap from a folder, whose files are to be of one run, while the block lasts; with
     `writing` those that read it too. The lock ends with the process at the latest. Nothing is locked where there is no
-    such folder, or no such locks, as on some network file systems. Raises InputError: another run has the folder."""
+    such folder, or no such locks, as on some network file systems. Who writes removes what killed runs left there.
+    Raises InputError: another run has the folder."""
     descriptor = _lock(folder, writing)
     try:
+        if writing and descriptor is not None:
+            clear_leftovers(folder)
         yield
     finally:
         if descriptor is not None:

@@ -14,8 +14,9 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
-from sonarmap.tools.files.map_folder.names import OF_ALL, SUMMARY, earlier_files, side_car
+from sonarmap.tools.files.map_folder.names import OF_ALL, earlier_files, side_car
 from sonarmap.tools.files.map_folder.scans import mapped_scans
+from sonarmap.tools.files.map_folder.whole import write_summary
 from sonarmap.tools.files.writers.atomic import all_or_none, require_writable
 from sonarmap.tools.files.writers.folder_lock import locked
 from sonarmap.tools.files.writers.json_text import write_json
@@ -193,8 +194,7 @@ def export_map(
             step(len(jobs), len(jobs), "")
         files = tuple(path for _, path in written)
         if in_map:
-            listed = dict.fromkeys([*folder.summary.get("files", []), *(path.name for path in files)])
-            write_json(to / SUMMARY, {**folder.summary, "files": list(listed)})
+            write_summary(to, folder.summary, [path.name for path in files])
     return Exported(files, tuple(_notes(folder, settings, earths)))
 
 
@@ -218,9 +218,7 @@ def _clipped(folder: Map, settings: ExportSettings) -> tuple[Map, dict[str, Clip
     }
     parts: list[MapPart] = []
     for part in folder.parts:
-        inside = clips[part.suffix].inside(part.points)
-        columns = {name: column[inside] for name, column in part.columns.items()}
-        parts.append(replace(part, points=part.points[inside], columns=columns))
+        parts.append(part.take(clips[part.suffix].inside(part.points)))
     if not any(len(part.points) for part in parts):
         raise InputError(
             f"--clip {settings.clip}: no point of the map lies there; a box is in degrees, or in the "

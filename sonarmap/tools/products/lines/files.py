@@ -12,6 +12,7 @@ from sonarmap.slam.pings.crossings import Crossings
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.names import LINES, NAVIGATION, OF_LINES, SOUNDINGS, SUMMARY
+from sonarmap.tools.files.map_folder.whole import write_summary
 from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.time_scales import are_times, utc_texts
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
@@ -49,12 +50,11 @@ def write_lines(
         "patch_test": None if test is None else test.to_json(),
     }
     summary = read_json(folder / SUMMARY, "the map's summary.json")
-    listed = dict.fromkeys([*summary["files"], *OF_LINES])
     with all_or_none():
         write_table(folder / NAVIGATION, COLUMNS, _rows(lines, georeference, projection))
         _write_soundings(folder / SOUNDINGS, lines, georeference, projection)
         write_json(folder / LINES, content)
-        write_json(folder / SUMMARY, summary | {"files": list(listed)})
+        write_summary(folder, summary, OF_LINES)
 
 
 def _summary(line: MovedLine) -> dict[str, Any]:

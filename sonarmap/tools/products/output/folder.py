@@ -22,6 +22,7 @@ from sonarmap.tools.files.map_folder.names import (
     TIMES,
     earlier_files,
 )
+from sonarmap.tools.files.map_folder.whole import checksums, write_summary
 from sonarmap.tools.files.readers.csv_table import PAIRS
 from sonarmap.tools.files.writers.atomic import all_or_none, discard
 from sonarmap.tools.files.writers.g2o import write_g2o
@@ -68,12 +69,14 @@ def write_survey(folder: Path, result: SurveyResult, run: SurveyRun, also: Seque
     earlier = earlier_files(folder)
     files = [part_files(result, rank, also) for rank in range(1, len(placed(result.components)) + 1)]
     summary = survey_summary(result, run)
-    with all_or_none():
+    with all_or_none() as written:
         _write_files(folder, result, run.names, files)
+        known = checksums(written)
         _draw_maps(folder, result, run, files)
-        write_json(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), *OF_ALL]})
         if run.times is not None:
             write_json(folder / TIMES, run.times)
+        listed = [*chain.from_iterable(files), *OF_ALL]
+        write_summary(folder, summary | {"files": listed, "checksums": known})  # last: it vouches for the others
     for name in earlier.difference(*files, OF_ALL, (TIMES, JOURNAL)):
         discard(folder / name)
     return folder / SUMMARY

@@ -30,6 +30,9 @@ from tests.samples.clutter_scans import refused, said, scan, sonarmap, write
         ("register a b c", "error: c is too much; `sonarmap register --help` shows how it is called."),
         ("devices --json=3", "error: --json takes no value; leave out what stands after it."),
         ("map a.ply -o x --grid many", "error: --grid: 'many'; give a whole number"),
+        *((f"{verb} --out=", "error: --out: is empty; give a name, or . for the current folder") for verb in (
+            "map a.ply", "simulate", "record", "compare a b", "section a", "optimize a.g2o", "bench", "template priors"
+        )),
         ("map a.ply -o x --loops 2.5", "error: --loops: '2.5'; give a whole number"),
         ("map a.ply -o x --max-speed fast", "error: --max-speed: 'fast'; give a number"),
         ("map a.ply -o x --workers 0", "error: --workers: '0'; give 1 or more"),

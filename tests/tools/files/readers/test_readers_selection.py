@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.scan_sizes import repeated_in_words, same_points, strange_sizes
 from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
+from sonarmap.tools.files.readers.selection import select_files
 from tests.samples.cloud_files import POINTS, npz, put
 from tests.samples.refusals import refuses
 
@@ -25,6 +27,24 @@ def test_a_folder_is_read_in_natural_order_and_strangers_are_passed_over(tmp_pat
         assert [scan.points[0, 0] for scan in scans] == [1, 2, 10, 33]
         assert [scan.stamp for scan in scans] == [0, 1, 2, 3]
         assert [scan.name for scan in scans] == ["scan1", "scan2", "scan10", "scan33"]
+
+
+def test_the_files_of_a_finished_map_are_no_scans(tmp_path):
+    for name in ("scan1.ply", "map.ply", "map_all.ply", "points.xyz"):
+        put(tmp_path / name, b"1 2 3\n")
+    put(tmp_path / "scan2.xyz", b"1 2 3\n")
+    put(tmp_path / "summary.json", b'{"files": ["map.ply", "map_all.ply", "points.xyz", "pairs.csv", "../scan2.xyz"]}')
+    selected = select_files([tmp_path], (".ply", ".xyz", ".csv"))
+    assert [each.path.name for each in selected.files] == ["scan1.ply", "scan2.xyz"]
+    (note,) = selected.passed_over
+    assert note.startswith(f"{tmp_path} also holds a finished map")
+    assert note.endswith("left out map.ply, map_all.ply, points.xyz")
+    by_name = select_files([tmp_path / "map.ply", tmp_path / "scan2.xyz"], (".ply", ".xyz"))  # as the user wants it
+    assert [each.path.name for each in by_name.files] == ["map.ply", "scan2.xyz"]
+    (tmp_path / "scan1.ply").unlink()
+    (tmp_path / "scan2.xyz").unlink()
+    with pytest.raises(InputError, match="holds no scans, but a finished map"):
+        select_files([str(tmp_path / "*")], (".ply", ".xyz"))
 
 
 def test_scans_of_one_folder_are_of_one_survey(tmp_path):

@@ -66,6 +66,16 @@ def test_leftovers_are_removed_and_what_a_link_among_them_leads_to_is_kept(tmp_p
     assert (elsewhere / "mine").read_text() == "1"
 
 
+@pytest.mark.parametrize("writing", [False, True])
+def test_who_writes_alone_in_a_folder_removes_what_killed_runs_left(tmp_path: Path, writing: bool) -> None:
+    (tmp_path / ".sonarmap.1.laz").write_text("half")
+    with locked(tmp_path, writing=False), pytest.raises(InputError, match="is in use"), locked(tmp_path, writing=True):
+        pass
+    assert list(tmp_path.iterdir())  # another run reads, and may write beside
+    with locked(tmp_path, writing=writing):
+        assert bool(list(tmp_path.iterdir())) != writing
+
+
 HOLD = """
 import sys
 from pathlib import Path

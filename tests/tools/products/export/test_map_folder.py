@@ -1,6 +1,9 @@
 """The folder of a map, read back: damage ends in an error that names what to do, or in a right result."""
 
+import json
+import re
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +12,8 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import read_map_folder
+from sonarmap.tools.files.map_folder.scans import mapped_scans
+from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.products.export.run import ExportSettings, export_map
 from tests.tools.products.export.finished import COUNT, START, STEP, finished_map
 
@@ -40,6 +45,67 @@ def test_a_missing_file_is_named(whole: Path, name: str, tmp_path: Path) -> None
     (tmp_path / "map" / name).unlink()
     with pytest.raises(InputError, match=name.replace(".", r"\.")):
         read_map_folder(tmp_path / "map")
+
+
+@pytest.mark.parametrize("name", ["map.ply", "graph.json", "pairs.csv"])
+def test_a_file_that_is_not_of_the_map_is_named(whole: Path, name: str, tmp_path: Path) -> None:
+    folder = shutil.copytree(whole, tmp_path / "map")
+    content = bytearray((folder / name).read_bytes())
+    if name == "pairs.csv":  # which is not read: its size tells
+        content += b"\n"
+    else:
+        content[-3] ^= 1
+    (folder / name).write_bytes(content)
+    with pytest.raises(InputError, match=rf"{re.escape(name)} does not belong to summary\.json"):
+        read_map_folder(folder)
+
+
+@pytest.mark.parametrize("renamed", range(1, 7))
+def test_a_run_that_was_killed_between_two_files_is_noticed(tmp_path: Path, renamed: int) -> None:
+    """Its files replace those of an earlier run one by one, summary.json last."""
+    folder, replace, done = finished_map(tmp_path, split=True), Path.replace, list[Path]()
+
+    def killed(path: Path, target: Path) -> Path:
+        if len(done) == renamed:
+            raise SystemExit
+        done.append(target)
+        return replace(path, target)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Path, "replace", killed)
+        with pytest.raises(SystemExit):
+            finished_map(folder)
+    assert folder / "summary.json" not in done
+    with pytest.raises(InputError, match=r"does not belong to summary\.json"):
+        read_map_folder(folder)
+    read_map_folder(finished_map(folder))
+
+
+STRANGE = (None, 3, "x", [], {}, [1], [{"sha256": 1}], {"inputs": [7], "frame": 5, "patch_test": 1}, True)
+
+
+@pytest.mark.parametrize("name", ["settings", "inputs", "files", "components", "scans", "straightened", "georeference"])
+def test_values_of_other_types_are_refused_or_without_effect(whole: Path, name: str, tmp_path: Path) -> None:
+    folder = shutil.copytree(whole, tmp_path / "map")
+    summary = json.loads((folder / "summary.json").read_text())
+    for value in STRANGE:
+        (folder / "summary.json").write_text(json.dumps({**summary, name: value}))
+        for scans in ([], ["gone"]):
+            with suppress(InputError):
+                mapped_scans(read_map_folder(folder), scans)
+
+
+def test_coordinates_beyond_any_use_are_refused(whole: Path, tmp_path: Path) -> None:
+    """Of a map without checksums, as earlier versions wrote it."""
+    folder = shutil.copytree(whole, tmp_path / "map")
+    summary = json.loads((folder / "summary.json").read_text())
+    del summary["checksums"]
+    (folder / "summary.json").write_text(json.dumps(summary))
+    part = read_map_folder(folder).parts[0]
+    part.points[3, 1] = 3e223
+    write_ply(folder / "map.ply", part.points, dict(part.columns))
+    with pytest.raises(InputError, match="beyond 1e\\+09 m"):
+        read_map_folder(folder)
 
 
 @pytest.mark.parametrize(

@@ -3,12 +3,11 @@
 
 from pathlib import Path
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.map_folder.folder import Map
-from sonarmap.tools.files.map_folder.names import FULL_GRAPH, REPORT, SUMMARY
+from sonarmap.tools.files.map_folder.names import REPORT
+from sonarmap.tools.files.map_folder.whole import as_written, write_summary
 from sonarmap.tools.files.user_file import naming
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
-from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.products.report.page.content import Content, content_of
 from sonarmap.tools.products.report.page.parts import REPORT_WEB, embedded, embedded_png, page_text
 
@@ -33,20 +32,12 @@ def write_report(folder: Map) -> Path:
     Raises:
         InputError: the map's files are damaged, or the page cannot be written.
     """
-    try:
-        with naming(folder.path):
-            page = report_text(content_of(folder))
-    except InputError:
-        raise
-    except (ValueError, LookupError, TypeError, ArithmeticError, AttributeError) as error:
-        raise InputError(
-            f"{folder.path / SUMMARY} and {FULL_GRAPH} are not as `sonarmap map` writes them ({error!r}); map again"
-        ) from error
+    with as_written(folder.path), naming(folder.path):
+        page = report_text(content_of(folder))
     with all_or_none():
         with atomic_path(folder.path / REPORT) as temporary:
             temporary.write_text(page, encoding="utf-8")
-        listed = dict.fromkeys([*folder.summary.get("files", []), REPORT])
-        write_json(folder.path / SUMMARY, {**folder.summary, "files": list(listed)})
+        write_summary(folder.path, folder.summary, [REPORT])
     return folder.path / REPORT
 
 

@@ -1,0 +1,30 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""Which points of a map are part of a surface, and which are stray echoes, for what is made of surfaces.
+
+By density, as DBSCAN does it (Ester, Kriegel, Sander and Xu, KDD 1996): points with enough neighbors that hang together
+are a surface, and so is what is beside them. An echo at a random range has few neighbors, or a clump of such has.
+"""
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
+
+_NEIGHBORS = 4  # that a point of a surface has within the radius
+_FEWEST = 12  # points that hang together
+_RADIUS, _SPARSE = 2.0, 1.5  # [voxels], and in usual distances of the last neighbor where voxels are finer than beams
+
+
+def on_surface(points: np.ndarray, voxel: float) -> np.ndarray:
+    """(M,) bool: which of a map's points (M, 3) [m] are part of a surface; all where none would be."""
+    if len(points) <= _NEIGHBORS:
+        return np.ones(len(points), bool)
+    distance, near = (each[:, 1:] for each in KDTree(points).query(points, _NEIGHBORS + 1))  # the first is itself
+    linked = distance <= max(_RADIUS * voxel, _SPARSE * float(np.median(distance[:, -1])))
+    dense = linked.all(axis=1)
+    row, column = np.nonzero(dense[:, None] & dense[near])
+    pairs = (np.ones(len(row), bool), (row, near[row, column]))
+    group = connected_components(sparse.coo_array(pairs, shape=(len(points),) * 2), directed=False)[1]
+    kept = dense & (np.bincount(group[dense], minlength=int(group.max()) + 1)[group] >= _FEWEST)
+    kept |= (linked & kept[near]).any(axis=1)
+    return kept if kept.any() else np.ones(len(points), bool)
