@@ -42,7 +42,13 @@ class PlaceIndex:
                 f"surveys have shape {self.surveys.shape} for {len(signatures)} scans; wanted one number for "
                 "each scan, ascending: the scans of one survey after those of another"
             )
-        self._places = _discriminate(signatures, np.diff(self.surveys) == 0)
+        self._middle = signatures.mean(axis=0)
+        self._places, self._axes = _discriminate(signatures, self._middle, np.diff(self.surveys) == 0)
+
+    def most_like(self, signature: np.ndarray) -> np.ndarray:
+        """The scans, (N,) int64, the most alike to another one's signature (K,) first."""
+        place = (np.asarray(signature, np.float64) - self._middle) @ self._axes
+        return np.argsort(np.linalg.norm(self._places - place, axis=1), kind="stable")
 
     def nearest(self, k: int, gap: int = 5, elsewhere: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """For each scan the k most alike others, best first; of equals the first in order.
@@ -99,17 +105,18 @@ class PlaceIndex:
         return [(i, j, d) for (i, j), d in zip(pairs.tolist(), apart.tolist(), strict=True)]
 
 
-def _discriminate(signatures: np.ndarray, consecutive: np.ndarray) -> np.ndarray:
-    """(N, D) float64: signatures along the directions that separate places, in units of how consecutive scans differ.
+def _discriminate(signatures: np.ndarray, middle: np.ndarray, consecutive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N, D) float64: signatures, less their middle, along the directions that separate places, in units of how
+    consecutive scans differ; and (K, D) what brings any signature there.
 
     Args:
         consecutive: (N - 1,) bool, whether a scan and the next are of one survey.
     """
-    centered = signatures - signatures.mean(axis=0)
-    left, spread, _ = np.linalg.svd(centered, full_matrices=False)
-    own = (left * spread)[:, spread > _NEGLIGIBLE * max(spread[0], np.abs(signatures).max())]
+    left, spread, axes = np.linalg.svd(signatures - middle, full_matrices=False)
+    kept = spread > _NEGLIGIBLE * max(spread[0], np.abs(signatures).max())
+    own, axes = (left * spread)[:, kept], axes[kept].T
     if not own.shape[1]:
-        return np.zeros((len(own), 1))
+        return np.zeros((len(own), 1)), np.zeros((len(axes), 1))
     steps = (own[1:] - own[:-1])[consecutive]
     within = steps.T @ steps / max(len(steps), 1)
     ridge = _RIDGE * np.trace(within) / len(within) or 1.0
@@ -117,4 +124,4 @@ def _discriminate(signatures: np.ndarray, consecutive: np.ndarray) -> np.ndarray
     _, directions = eigh(
         own.T @ own, within + ridge * np.eye(len(within)), subset_by_index=(max(0, last - _DIRECTIONS + 1), last)
     )
-    return own @ directions[:, ::-1]
+    return own @ directions[:, ::-1], axes @ directions[:, ::-1]

@@ -50,7 +50,7 @@ class Locator:
         keys = {key: registrar.signature(it) for key in surveyed.apart if (it := self._key(key)) is not None}
         if not keys:
             raise InputError("no scan has enough points of its own in the map; nothing to find a place by")
-        self._keys, self._signatures = list(keys), np.array(list(keys.values()))
+        self._keys, self._places = list(keys), PlaceIndex(np.array(list(keys.values())))
 
     def locate(self, scan: Scan, before: Sequence[Located] = ()) -> Located:
         """Where a scan was taken, by the scan and what instruments measured of it.
@@ -106,9 +106,7 @@ class Locator:
 
     def _alike(self, scan: Scan, prepared: SpectralScan) -> list[int]:
         """The key scans, most similar first, that lie where instruments allow it."""
-        signatures = np.vstack([self._signatures, self._registrar.signature(prepared)])
-        places = PlaceIndex(signatures, np.repeat([0, 1], [len(self._keys), 1]))
-        keys = [self._keys[n] for n in places.nearest(len(self._keys), elsewhere=True)[0][-1].tolist()]
+        keys = [self._keys[n] for n in self._places.most_like(self._registrar.signature(prepared)).tolist()]
         prior = scan.prior
         if prior is None or not prior.knows_position or not self._map.measured[3:5].all():
             return keys

@@ -57,6 +57,15 @@ class TestNearest:
             assert index.shape == (count, 2)
             assert (index >= 0).sum() == count * min(2, count - 1)
 
+    def test_another_scan_is_placed_as_those_of_the_index_are(self):
+        """What one of them says of itself is itself first, and then its neighbors in their order."""
+        given = laps(7)
+        places, count = PlaceIndex(given), len(given)
+        index, _ = places.nearest(count - 1, gap=0)
+        for k in (0, 31, 59):
+            np.testing.assert_array_equal(places.most_like(given[k]), [k, *index[k][index[k] >= 0]])
+        np.testing.assert_array_equal(PlaceIndex(given[:1]).most_like(given[5]), [0])
+
     def test_neither_the_unit_nor_the_origin_of_the_signatures_counts(self):
         given = laps(7)
         want, distance = PlaceIndex(given).nearest(5)
