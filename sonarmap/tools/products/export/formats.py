@@ -82,7 +82,7 @@ class ExportFormat:
         module, function = self.writer.split(":")
         write = getattr(import_module(f"sonarmap.tools.products.export.{module}"), function)
         if self.of_points or self.of_surface:
-            return write(path, *((cloud,) if self.of_points else (part, cell)))
+            return write(path, *((cloud,) if self.of_points else (folder.surface(part), cell)))
         return write(path, *((earth,) if self.needs_place else (folder, part, earth))) or {}
 
 

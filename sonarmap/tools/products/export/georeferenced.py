@@ -22,7 +22,7 @@ _ANY_ANGLE = 180.0
 
 @dataclass(frozen=True)  # without slots: what is computed is kept
 class Georeferenced:
-    """One part of a map whose place on the Earth is known, of M points and n scans.
+    """One part of a map whose place on the Earth is known, of n scans, and M points of their surface.
 
     Angles are the sensor's, as displays show them and as in `readers.instruments`: roll positive starboard down, pitch
     positive nose up, heading clockwise from North.
@@ -37,19 +37,24 @@ class Georeferenced:
     contours: float | None = None  # between contours in files that hold lines [m]; None for no contours
 
     @cached_property
+    def surface(self) -> MapPart:
+        """The part with the M points alone that are part of a surface."""
+        return self.folder.surface(self.part)
+
+    @cached_property
     def points(self) -> np.ndarray:
-        """(M, 3) latitude, longitude [deg], height [m] of the map's points."""
-        return self.georeference.geodetic(self.part.points)
+        """(M, 3) latitude, longitude [deg], height [m] of the surface's points."""
+        return self.georeference.geodetic(self.surface.points)
 
     @cached_property
     def projected_points(self) -> np.ndarray:
-        """(M, 3) easting, northing, height [m] of the map's points."""
+        """(M, 3) easting, northing, height [m] of the surface's points."""
         return self.projection.project(self.points)
 
     @cached_property
     def shown_heights(self) -> tuple[float, float]:
         """Between which heights [m] colors change."""
-        return shown_heights(self.points[:, 2], self.part.columns["seen"])
+        return shown_heights(self.points[:, 2], self.surface.columns["seen"])
 
     @property
     def cell_m(self) -> float:
@@ -68,10 +73,9 @@ class Georeferenced:
         return self.cells(row, column), left, top, shape
 
     def cells(self, row: np.ndarray, column: np.ndarray, chosen: np.ndarray | slice = slice(None)) -> Cells:
-        """The cells of a grid with the map's `chosen` points in row and column (M,) int64, none negative."""
-        height, columns = self.points[chosen, 2], self.part.columns
-        sigma, count = columns["sigma"][chosen], columns["count"][chosen]
-        return cells_of(self.height, row, column, height, sigma, count, self.folder.voxel)
+        """The cells of a grid with the surface's `chosen` points in row and column (M,) int64, none negative."""
+        height, count = self.points[chosen, 2], self.surface.columns["count"][chosen]
+        return cells_of(self.height, row, column, height, self.surface.height_sigma[chosen], count, self.folder.voxel)
 
     @cached_property
     def poses(self) -> np.ndarray:

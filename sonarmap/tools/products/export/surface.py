@@ -62,7 +62,7 @@ def _through_grid(part: MapPart, cell: float) -> tuple[np.ndarray, np.ndarray]:
     least = place.min(axis=0)
     column, row = (place - least).T
     check_size(int(row.max()) + 1, int(column.max()) + 1, cell)
-    cells = top_cells(row, column, part.points[:, 2], part.columns["sigma"], part.columns["count"], cell)
+    cells = top_cells(row, column, part.points[:, 2], part.height_sigma, part.columns["count"], cell)
     middles = (np.column_stack([cells.column, cells.row]) + least + 0.5) * cell
     vertices = np.column_stack([middles, cells.height])
     width = int(cells.column.max()) + 3  # a column more at both sides, so that squares do not reach round

@@ -23,11 +23,12 @@ class PlacedMap:
 
     @classmethod
     def of(cls, folder: Map) -> "PlacedMap":
-        """The largest part. Raises InputError: it has no points."""
-        part = folder.parts[0]
+        """The largest part, without stray echoes. Raises InputError: it has no points."""
+        part = folder.surface(folder.parts[0])
         if not len(part.points):
             raise InputError(f"the map of {folder.path} has no points; map again")
-        return cls(folder.path, part, folder.voxel, folder.georeference if folder.on_earth(part) else None)
+        here = folder.georeference if folder.on_earth(folder.parts[0]) else None
+        return cls(folder.path, part, folder.voxel, here)
 
     def seen_by(self, least: int) -> "PlacedMap":
         """With the points alone that so many scans saw. Raises InputError: there is none."""
@@ -37,8 +38,7 @@ class PlacedMap:
             raise InputError(
                 f"no point of {self.path} was seen by {least} scans, at most by {most}; give a smaller --seen"
             )
-        columns = {name: column[kept] for name, column in self.part.columns.items()}
-        return replace(self, part=replace(self.part, points=self.part.points[kept], columns=columns))
+        return replace(self, part=self.part.take(kept))
 
     @property
     def heights(self) -> np.ndarray:

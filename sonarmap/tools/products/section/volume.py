@@ -22,7 +22,7 @@ from typing import Literal
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.graph.tangent import upward
 from sonarmap.tools.products.export.grid import Cells, check_size, top_cells, weight_of
 from sonarmap.tools.products.section.placed import PlacedMap
 
@@ -129,7 +129,7 @@ class _Surface:
         spread = np.bincount(index, (height - cells.height[index]) ** 2) / count
         own, weight = index[used], weight_of(sure)
         scan = np.searchsorted(placed.part.scans, columns["scan"][used])
-        lever = _upward(placed.part.trajectory, placed.part.points[used], scan)
+        lever = upward(placed.part.trajectory.T_world_sensor[scan], placed.part.points[used])
         lever *= (weight / np.bincount(own, weight)[own])[:, None]
         return cls(key, cells, spread, own, scan, lever, placed.part.covariances)
 
@@ -153,15 +153,6 @@ def _lattice(cell: float, *points: np.ndarray) -> tuple[np.ndarray, int]:
     check_size(rows, columns, cell)
     low = np.floor(lower / cell).astype(np.int64)
     return low, int(np.floor(upper[0] / cell)) - int(low[0]) + 1
-
-
-def _upward(trajectory: Trajectory, points: np.ndarray, scan: np.ndarray) -> np.ndarray:
-    """(m, 6) how a small turn and shift of its pose, in the body tangent, moves each point (m, 3) upward: with
-    T Exp((w, v)) it moves by R (w x p + v), whose third component is w . (p x up) + v . up, p and up as the sensor has
-    them."""
-    T_sensor_world = trajectory.T_world_sensor.inv()[scan]
-    up = T_sensor_world.rotation.apply([0.0, 0.0, 1.0])
-    return np.hstack([np.cross(T_sensor_world.apply(points), up), up])
 
 
 def _summed(

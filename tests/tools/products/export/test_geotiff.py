@@ -10,6 +10,7 @@ import pytest
 import rasterio
 from pyproj import Transformer
 from rasterio.windows import Window
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
@@ -35,16 +36,16 @@ def test_every_cell_is_the_mean_of_its_uppermost_surface(place: tuple[float, flo
         height, sigma, count = raster.read()
         inverse = ~raster.transform
         # the file's own georeference, and degrees by pyproj alone
-        geodetic = here.geodetic(earth.part.points)
+        geodetic, sigmas = earth.points, earth.surface.height_sigma
         east, north = Transformer.from_crs(4326, epsg, always_xy=True).transform(geodetic[:, 1], geodetic[:, 0])
         cells: dict[tuple[int, int], list[int]] = {}
         for k, (column, row) in enumerate(zip(*(inverse @ (np.array(east), np.array(north))), strict=True)):
             cells.setdefault((math.floor(row), math.floor(column)), []).append(k)
-    columns = earth.part.columns
+    columns = earth.surface.columns
     for (row, column), members in cells.items():
         top = max(geodetic[k, 2] for k in members)
         used = [k for k in members if geodetic[k, 2] >= top - earth.folder.voxel]
-        weights = [1 / float(columns["sigma"][k]) ** 2 for k in used]
+        weights = [1 / float(sigmas[k]) ** 2 for k in used]
         mean = sum(w * geodetic[k, 2] for w, k in zip(weights, used, strict=True)) / sum(weights)
         squares = sum(1 + w * (geodetic[k, 2] - mean) ** 2 for w, k in zip(weights, used, strict=True))
         assert height[row, column] == pytest.approx(mean, abs=1e-4)
@@ -53,6 +54,47 @@ def test_every_cell_is_the_mean_of_its_uppermost_surface(place: tuple[float, flo
     empty = np.ones(height.shape, bool)
     empty[tuple(np.array(list(cells)).T)] = False
     assert (np.stack([height, sigma, count])[:, empty] == NODATA).all()
+
+
+def test_band_2_is_the_sigma_of_heights_alone() -> None:
+    """By drawn errors of poses that are unsure aside and sure in height, and of ranges along the beams."""
+    rng = np.random.default_rng(2)
+    T = RigidTransform.from_components(
+        [[5.0, -3, 2], [-8, 4, 1]], Rotation.from_euler("zyx", [[0.4, 0.3, -0.2], [2, 0, 0.5]])
+    )
+    part = replace(
+        georeferenced(Georeference(60.0, 9.1), T, points=30).part,
+        covariances=np.tile(np.diag([1e-5, 2e-5, 4e-3, 3.0, 2.5, 0.02]), (2, 1, 1)),
+    )
+    scan = part.columns["scan"]
+    beams = T[scan].inv().apply(part.points)
+    errors = rng.multivariate_normal(np.zeros(6), part.covariances[0], (4000, 2))
+    along = beams / np.linalg.norm(beams, axis=1)[:, None]
+    drawn = np.stack([
+        T[scan].rotation.apply(np.cross(each[scan, :3], beams) + each[scan, 3:] + rng.normal(0, 0.3, (30, 1)) * along)
+        for each in errors
+    ])  # fmt: skip
+    of_all = np.sqrt((drawn**2).mean(axis=(0, 2)))
+    known = replace(part, columns={**part.columns, "sigma": of_all.astype(np.float32)})
+    np.testing.assert_allclose(known.height_sigma, drawn[:, :, 2].std(axis=0), rtol=0.15)
+    assert (known.height_sigma < 0.8 * of_all).all()
+
+
+def test_stray_echoes_are_in_no_grid(tmp_path: Path) -> None:
+    """Above and below a bed, some of them in clumps."""
+    rng = np.random.default_rng(4)
+    flat = np.stack(np.meshgrid(np.arange(40.0), np.arange(40.0)), -1).reshape(-1, 2)
+    bed = np.column_stack([flat + rng.uniform(-0.3, 0.3, flat.shape), rng.normal(-10, 0.1, len(flat))])
+    strays = np.column_stack([rng.uniform(0, 40, (60, 2)), np.repeat([5.0, -30.0], 30)])
+    strays[::6] = strays[1::6] + 0.7
+    earth = georeferenced(Georeference(60.0, 9.1), scattered(2), points=len(bed) + len(strays))
+    part = replace(earth.part, points=np.concatenate([bed, strays]))
+    earth = replace(earth, part=part, folder=replace(earth.folder, voxel=1.0), cell=1.0)
+    with written(tmp_path / "grid.tif", earth) as raster:
+        height = raster.read(1, masked=True)
+    assert -11 < height.min() < height.max() < -9
+    assert height.count() > 0.7 * len(bed)
+    assert len(earth.part.points) == len(bed) + len(strays)  # the map's own points stay
 
 
 def test_what_the_file_says_of_itself(tmp_path: Path) -> None:
@@ -111,7 +153,7 @@ def test_the_style_for_qgis_has_the_heights_of_the_legend(tmp_path: Path) -> Non
     assert (root.tag, renderer.get("type"), renderer.get("band")) == ("qgis", "singlebandpseudocolor", "1")
     items = [item.attrib for item in root.iterfind(".//colorrampshader/item")]
     heights = np.array([float(item["value"]) for item in items])
-    seen = earth.part.columns["seen"] >= 2
+    seen = earth.surface.columns["seen"] >= 2
     low, high = np.quantile(earth.points[seen, 2], [0.01, 0.99])
     np.testing.assert_allclose(heights, np.linspace(low, high, len(items)), atol=1e-4)
     assert (items[0]["color"], items[len(items) // 2]["color"], items[-1]["color"]) == ("#440154", "#21918c", "#fde725")
@@ -125,10 +167,10 @@ def test_heights_of_all_points_of_a_cell(how: str, tmp_path: Path) -> None:
         height, sigma, count = raster.read()
         column, row = (np.floor(each) for each in ~raster.transform @ tuple(earth.projected_points[:, :2].T))
         assert raster.tags()["HEIGHT"].startswith(how)
-    z, columns = earth.points[:, 2], earth.part.columns
+    z, every = earth.points[:, 2], earth.surface.height_sigma
     for cell in {(int(r), int(c)) for r, c in zip(row, column, strict=True)}:
         here = (np.asarray(row) == cell[0]) & (np.asarray(column) == cell[1])
-        own, sigmas = z[here], columns["sigma"][here].astype(np.float64)
+        own, sigmas = z[here], every[here]
         weights = sigmas**-2 / (sigmas**-2).sum()
         value, deviation = {
             "mean": (weights @ own, np.sqrt(weights @ (sigmas**2 + (own - weights @ own) ** 2))),
@@ -138,7 +180,7 @@ def test_heights_of_all_points_of_a_cell(how: str, tmp_path: Path) -> None:
         }[how]
         assert height[cell] == pytest.approx(value, abs=1e-4)
         assert sigma[cell] == pytest.approx(deviation, rel=1e-4)
-        assert count[cell] == columns["count"][here].sum()
+        assert count[cell] == earth.surface.columns["count"][here].sum()
 
 
 def test_cells_are_of_round_size() -> None:

@@ -46,6 +46,8 @@ def _write(file: BinaryIO, header: Any, places: np.ndarray, records: np.ndarray)
 
     lazrs: Any = import_module("lazrs")
     low = places.min(axis=0)
+    # `grow` begins at 0
+    header.mins, header.maxs = (each * header.scales + header.offsets for each in (low, places.max(axis=0)))
     places -= low
     edge = int(places.max()) + 1
     half = edge * float(header.scales[0]) / 2

@@ -186,6 +186,10 @@ def test_an_octree_of_several_levels(tmp_path: Path, monkeypatch: pytest.MonkeyP
         read = laspy.read(path, laz_backend=backend)
         np.testing.assert_array_equal(np.sort(read.points.array, order=axes), np.sort(las.points.array, order=axes))
     assert copclib.FileReader(str(path)).copc_config.las_header.point_count == 20_000
+    bounds = copclib.FileReader(str(path)).copc_config.las_header
+    every = laspy.read(path).xyz
+    for given, known in ((bounds.min, every.min(axis=0)), (bounds.max, every.max(axis=0))):
+        np.testing.assert_allclose([given.x, given.y, given.z], known, rtol=0, atol=1e-3)
     assert len(copclib.FileReader(str(path)).GetAllPoints()) == 20_000
     with laspy.CopcReader.open(str(path)) as reader:
         counts = [len(reader.query(level=level)) for level in range(4)]
