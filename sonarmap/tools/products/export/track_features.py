@@ -144,12 +144,20 @@ def write_geopackage(path: Path, earth: Georeferenced) -> None:
 
     Times are date-times in UTC [ms]. Heights count from the attribute `height_reference`.
     """
+    from pyogrio import set_gdal_config_options
+
     features = features_of(earth)
+    # the time of the last change: that of the scans, so that the same map gives the same bytes
+    last = np.datetime64(int(earth.stamps.max()) if earth.timed else 0, "s")
     with atomic_path(path) as temporary:
         temporary.unlink()  # GDAL opens what is there, and an empty file is no GeoPackage
-        for layer in LAYERS:
-            if chosen := [feature for feature in features if feature.layer == layer]:
-                _write_layer(temporary, layer, chosen, earth)
+        set_gdal_config_options({"OGR_CURRENT_DATE": f"{last}.000Z"})
+        try:
+            for layer in LAYERS:
+                if chosen := [feature for feature in features if feature.layer == layer]:
+                    _write_layer(temporary, layer, chosen, earth)
+        finally:
+            set_gdal_config_options({"OGR_CURRENT_DATE": None})
 
 
 def _write_layer(path: Path, layer: str, features: Sequence[Feature], earth: Georeferenced) -> None:

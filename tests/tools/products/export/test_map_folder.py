@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -45,6 +46,16 @@ def test_a_missing_file_is_named(whole: Path, name: str, tmp_path: Path) -> None
     (tmp_path / "map" / name).unlink()
     with pytest.raises(InputError, match=name.replace(".", r"\.")):
         read_map_folder(tmp_path / "map")
+
+
+def test_the_same_map_gives_the_same_bytes(whole: Path, tmp_path: Path) -> None:
+    """Of formats whose writers draw identifiers, or note the time."""
+    contents: list[dict[str, bytes]] = []
+    for name in ("first", "second"):
+        files = export_map(read_map_folder(whole), tmp_path / name, ExportSettings(("e57", "gpkg"))).files
+        contents.append({path.name: path.read_bytes() for path in files})
+        time.sleep(0.01)  # GeoPackages note milliseconds
+    assert contents[0] == contents[1]
 
 
 @pytest.mark.parametrize("name", ["map.ply", "graph.json", "pairs.csv"])

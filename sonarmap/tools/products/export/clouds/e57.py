@@ -6,10 +6,14 @@ pye57 stores coordinates in four bytes. They count from the sensor's place, or t
 scan's pose in the file, in eight bytes: readers add it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from hashlib import sha256
+from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from uuid import NAMESPACE_OID, uuid5
 
 import numpy as np
 
@@ -27,19 +31,31 @@ def write_e57(path: Path, cloud: Cloud) -> Mapping[str, Any]:
 
     Raises InputError: pye57 is not installed."""
     pye57 = load_package("pye57", "pye57", "E57", "e57")
-    count = 0
-    with atomic_path(path) as temporary:
+    total = 0
+    seed = sha256(cloud.part.points.tobytes() + repr((cloud.chosen, cloud.spacing)).encode()).hexdigest()
+    with atomic_path(path) as temporary, _guids_from(pye57.e57, seed):
         temporary.unlink()
         with pye57.E57(str(temporary), mode="w") as file:
             for portion in cloud.portions():
                 _write(file, portion, cloud.timed and cloud.scans is not None)
-                count += len(portion.points)
+                total += len(portion.points)
     return {
-        "points": count,
+        "points": total,
         "scans": "one per scan of the sonar, by its name" if cloud.scans is not None else "one, the map",
         "coordinates": "float32 from the pose's translation, which is float64: the sensor's place, or the map's middle",
         "intensity": "linear echo strength; 0 where there is none",
     }
+
+
+@contextmanager
+def _guids_from(module: Any, seed: str) -> Iterator[None]:
+    """GUIDs that follow from what is written, where pye57 draws them: the same map gives the same bytes."""
+    drawn, number = module.uuid, count()
+    module.uuid = SimpleNamespace(uuid4=lambda: uuid5(NAMESPACE_OID, f"{seed} {next(number)}"))
+    try:
+        yield
+    finally:
+        module.uuid = drawn
 
 
 def _write(file: Any, portion: Portion, timed: bool) -> None:
