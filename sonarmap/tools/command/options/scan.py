@@ -56,6 +56,12 @@ class PointReading:
         shown="half the swath's width",
         rare=True,
     )
+    draught: float | None = _input(
+        "M",
+        "Of lines of pings: depth of the transducer \\[m]. It is for files that do not say it, as many XTF files.",
+        shown="0",
+        rare=True,
+    )
 
     def corrections(self) -> "Corrections":
         """What is done to the points of files when they are read.
@@ -67,4 +73,4 @@ class PointReading:
 
         scale = 1.0 if self.range_scale is None else self.range_scale
         frame = PointFrame("flu" if self.frame is None else self.frame, "m" if self.units is None else self.units)
-        return Corrections(self.sound_speed, scale, frame, LineReading(self.patch))
+        return Corrections(self.sound_speed, scale, frame, LineReading(self.patch, draught=self.draught or 0.0))

@@ -171,6 +171,8 @@ def command(
     configured = configure_method(read.scans, method, survey=True)
     described = files | given(reading) | given(points)
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapper}
+    if not all(patch.below_water for patch in read.patches.values()):
+        settings["heights_from"] = "the transducer"
     if patch_test:
         settings["patch_test"] = corrections.lines.biases.to_json()
     rates = turn_rates_of(read.files, read.scans) if imu and mapper.straighten else None

@@ -56,7 +56,7 @@ def _corrections(settings: dict[str, Any]) -> Corrections:
     """What `map` did to the points, as its summary has it."""
     biases = Biases.of_json(settings["patch_test"]) if "patch_test" in settings else Biases()
     frame = PointFrame(settings.get("frame", "flu"), settings.get("units", "m"))
-    lines = LineReading(settings.get("patch"), biases)
+    lines = LineReading(settings.get("patch"), biases, settings.get("draught") or 0.0)
     return Corrections(settings.get("sound_speed"), settings.get("range_scale", 1.0), frame, lines)
 
 

@@ -33,6 +33,7 @@ class PingPatch:
     depth: float  # of the soundings below the transducer, in the median [m]
     geodetic: tuple[float, float, float]  # latitude, longitude [deg], height [m] of the scan's frame
     R_north_patch: Rotation  # in East, North, Up of this place
+    below_water: bool = True  # whether heights count from the water, and not from the transducer
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,6 +26,7 @@ def assembled(
     beams: Sequence[int],
     sound_speeds: Sequence[float],
     notes: Sequence[str],
+    below_water: bool = True,
 ) -> RecordedLine:
     """The line of P pings in the order of their stamps, without what cannot be: numbers may be NaN or wrong.
 
@@ -34,6 +35,7 @@ def assembled(
         points: of each ping (n, 3) float64 [m], those that are not rejected.
         beams: of each ping, soundings in all.
         sound_speeds: of any pings [m/s].
+        below_water: as `RecordedLine` has it.
 
     Raises:
         InputError: no ping has a stamp, a fix and soundings that can be.
@@ -60,6 +62,7 @@ def assembled(
         beams=total,
         sound_speed=float(np.median(speeds)) if speeds else None,
         notes=notes,
+        below_water=below_water,
     )
 
 

@@ -17,9 +17,11 @@ from sonarmap.tools.files.readers.clouds.cloud import Cloud, PingPatch
 from sonarmap.tools.files.readers.instruments import COLUMNS
 from sonarmap.tools.files.readers.navigation.earth import by_the_maps_north, rounded_origin
 from sonarmap.tools.files.readers.pings.line_file import read_line
+from sonarmap.tools.files.readers.pings.recorded import NO_DRAUGHT
 
 # Of a motion sensor, a gyrocompass, DGNSS, and a water level that is known to decimeters, as COLUMNS have them.
 _SIGMAS: Mapping[str, float] = dict(zip(COLUMNS, (0.3, 0.3, 1.0, 1.5, 1.5, 0.2), strict=True))
+_DEEPEST = 100.0  # [m], of a ship's draught
 _OF_DEPTH = 0.003  # errors of sound speed are a share of the depth
 # The way within a line, as its navigation has it: share of the way, and rotation [rad/s].
 _DRIFT, _TURN_DRIFT = 0.01, float(np.radians(10.0) / 3600)
@@ -32,14 +34,18 @@ class LineReading:
     Attributes:
         patch: length of a patch along the track [m]; None for half the swath's width.
         biases: of the line's instruments, which are taken out.
+        draught: how deep the transducer was below the water [m], where the files do not say.
     """
 
     patch: float | None = None
     biases: Biases = field(default_factory=Biases)
+    draught: float = 0.0
 
     def __post_init__(self) -> None:
         if self.patch is not None and not 0 < self.patch < np.inf:
             raise InputError(f"a patch of {self.patch:g} m: wanted a length above 0")
+        if not 0 <= self.draught < _DEEPEST:
+            raise InputError(f"a draught of {self.draught:g} m: wanted 0 to {_DEEPEST:g} m")
 
 
 AS_LINES = LineReading()
@@ -48,14 +54,16 @@ AS_LINES = LineReading()
 def line_clouds(path: Path, notes: list[str], reading: LineReading) -> Iterator[Cloud]:
     """The patches of a line's file, each level about the transducer in its middle. Raises InputError: it cannot be
     read."""
-    recorded = read_line(path, notes)
-    origin = recorded.origin()
+    recorded = read_line(path, notes).immersed(reading.draught)
+    origin, below = recorded.origin(), recorded.below_water or reading.draught > 0
+    if not below:
+        notes.append(f"{path.name}: {NO_DRAUGHT}")
     patches = cut(corrected(recorded.placed(origin), reading.biases), reading.patch)
     geodetic = origin.geodetic(np.stack([patch.T_world_piece.translation for patch in patches]))
     for patch, place in zip(patches, geodetic.tolist(), strict=True):
         points, viewpoints, R = patch.points, patch.viewpoints, patch.T_world_piece.rotation
         depth = float(np.median(viewpoints[:, 2] - points[:, 2]))
-        placed_by = PingPatch(path, patch.middle, len(patches), depth, tuple(place), R)
+        placed_by = PingPatch(path, patch.middle, len(patches), depth, tuple(place), R, below)
         yield Cloud(points, stamp=patch.stamp, viewpoints=viewpoints, patch=placed_by, sound_speed=recorded.sound_speed)
 
 

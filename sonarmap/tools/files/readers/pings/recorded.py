@@ -1,13 +1,15 @@
 """A line of a multibeam echo sounder as its file has it: by latitude, longitude and true North."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import PingLine
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.navigation.earth import rounded_origin
 
+NO_DRAUGHT = "Depths are below the transducer; the file does not give its draught (--draught M)."
 _AHEAD = np.array([1e-4, 0.0, 0.0])  # degrees of latitude, about 11 m: a step to the North
 
 
@@ -28,6 +30,7 @@ class RecordedLine:
         beams: how many soundings the pings have in all, rejected ones counted.
         sound_speed: at the transducer [m/s], the median; None if the file does not say.
         notes: what the user should know of the file.
+        below_water: whether depths count from the water, and not from the transducer.
     """
 
     name: str
@@ -41,11 +44,18 @@ class RecordedLine:
     beams: int
     sound_speed: float | None
     notes: tuple[str, ...]
+    below_water: bool = True
 
     @property
     def rejected(self) -> int:
         """How many soundings the recording rejects, or are none."""
         return self.beams - len(self.points)
+
+    def immersed(self, draught: float) -> "RecordedLine":
+        """The line with its transducer so deep below the water [m]. Raises InputError: the file says how deep it is."""
+        if draught and self.below_water:
+            raise InputError(f"{self.name} says how deep the transducer was; leave --draught out")
+        return replace(self, fixes=self.fixes - [0.0, 0.0, draught])
 
     def origin(self) -> Georeference:
         """An origin for a map of this line: its first fix, rounded."""

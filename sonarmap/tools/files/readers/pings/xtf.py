@@ -152,7 +152,8 @@ def _line(name: str, header, packets: _Packets, pyxtf) -> RecordedLine:
         points=points,
         beams=[len(ranges.has_range) for ranges in packets.ranges],
         sound_speeds=[ranges.sound_speed for ranges in packets.ranges],
-        notes=_notes(header, channel, heads) + damage(packets.skipped, packets.damaged, "ping", packets.first),
+        below_water=bool(heads["SensorDepth"].any()),
+        notes=_notes(header, channel) + damage(packets.skipped, packets.damaged, "ping", packets.first),
     )
 
 
@@ -213,10 +214,8 @@ def _epoch(row: np.void, fraction: float) -> float:
         return float("nan")
 
 
-def _notes(header, channel, heads: np.ndarray) -> list[str]:
-    notes = (
-        [] if heads["SensorDepth"].any() else ["depths are below the transducer; the file does not give its draught"]
-    )
+def _notes(header, channel) -> list[str]:
+    notes = list[str]()
     offsets = [channel.OffsetX, channel.OffsetY, channel.OffsetZ]
     if any(offsets):
         where = ", ".join(f"{offset:.2f}" for offset in offsets)

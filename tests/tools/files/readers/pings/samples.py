@@ -134,9 +134,11 @@ class Beams:
 def xtf(
     line: Sample, beams: list[Beams], *, kind: int = 65, units: int = 3, equal_angles: bool = False,
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0), lag: float | None = None, tide: float = 0.0, raw: bool = False,
+    deep: float = 1.5,
 ) -> bytes:  # fmt: skip
     """Of pings with these beams. `mount`: roll, pitch, yaw of the array [deg]. `lag`: the motion is in packets of
-    its own, pings come so much later [s] and have none. `raw`: positions are in such packets, too."""
+    its own, pings come so much later [s] and have none. `raw`: positions are in such packets, too.
+    `deep`: the transducer, 0 where that is not said."""
     header = pyxtf.XTFFileHeader()
     header.NavUnits, header.NumberOfBathymetryChannels = units, 1
     channel = header.ChanInfo[0]
@@ -152,7 +154,7 @@ def xtf(
         head.SensorYcoordinate, head.SensorXcoordinate = (0, 0) if raw else line.fixes[k]
         shown = line.attitudes[k] if lag is None else (0.0, 0.0, 0.0)
         head.SensorRoll, head.SensorPitch, head.SensorHeading = shown
-        head.Heave, head.SensorDepth, head.OceanTide = line.heave[k], 1.5, tide
+        head.Heave, head.SensorDepth, head.OceanTide = line.heave[k], deep, tide
         parts += [bytes(head), body]
     return b"".join(parts)
 

@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.pings.line_file import read_line
+from sonarmap.tools.files.readers.pings.patches import LineReading, line_clouds
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.pings.datagrams import DEPTHS, EM, LAYOUT, SUFFIXES, written
@@ -50,6 +52,25 @@ def in_the_world(line: Sample, origin: Georeference) -> np.ndarray:
     east = places[:, :1] + x * np.sin(heading) + y * np.cos(heading)
     north = places[:, 1:2] + x * np.cos(heading) - y * np.sin(heading)
     return np.stack([east, north, -z], axis=-1)[~line.rejected]
+
+
+@pytest.mark.parametrize(("deep", "draught"), [(1.5, 0.0), (0.0, 0.0), (0.0, 1.5)])
+def test_depths_are_below_the_water_where_the_draught_is_known(tmp_path: Path, deep: float, draught: float) -> None:
+    """By the file or by the user; where it is not, a note says so, and heights are above the transducer."""
+    path, notes = tmp_path / "line.xtf", list[str]()
+    path.write_bytes(xtf(LINE, fan(12), deep=deep))
+    clouds = list(line_clouds(path, notes, LineReading(draught=draught)))
+    known = [cloud.patch for cloud in clouds if cloud.patch is not None]
+    heights = np.array([patch.geodetic[2] for patch in known])
+    path.write_bytes(xtf(LINE, fan(12), deep=1.5))
+    truth = [cloud.patch.geodetic[2] for cloud in line_clouds(path, [], LineReading()) if cloud.patch is not None]
+    is_known = deep + draught > 0
+    np.testing.assert_allclose(heights, np.array(truth) + (0.0 if is_known else 1.5), atol=TOLERANCE)
+    assert all(patch.below_water == is_known for patch in known)
+    assert any("--draught M" in note for note in notes) != is_known
+    if deep == 0:
+        with pytest.raises(InputError, match="says how deep the transducer was; leave --draught out"):
+            list(line_clouds(path, [], LineReading(draught=1.0)))
 
 
 @pytest.mark.parametrize("suffix", [".gsf", ".all"])
