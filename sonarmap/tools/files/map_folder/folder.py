@@ -196,6 +196,8 @@ def read_map_folder(path: Path) -> Map:
             placed = everything.take(scans), covariances[list(scans)], bool(poses[scans[0]]["in_world"])
             parts.append(MapPart(suffix, *cloud, scans, *placed, tuple(str(name) for name in row["unmeasured"])))
         where = summary.get("georeference")
+        with naming(path / SUMMARY):
+            here = None if where is None else Georeference.of_json(where)
         return Map(
             path=path,
             names=tuple(str(pose["name"]) for pose in poses),
@@ -207,7 +209,7 @@ def read_map_folder(path: Path) -> Map:
             ),
             voxel=float(rows[0]["map"]["voxel_m"]),
             summary=summary,
-            georeference=None if where is None else Georeference.of_json(where),
+            georeference=here,
             graph=graph,
         )
 
