@@ -11,12 +11,12 @@ from tests.tools.files.readers.pings.samples import START, Sample, write_gsf
 HERE = Georeference(58.1234, -11.6543)
 
 
-def gsf_of(path: Path, line: PingLine) -> Path:
-    """The file of a line with as many soundings in each ping, about HERE."""
+def gsf_of(path: Path, line: PingLine, here: Georeference = HERE, start: float = START) -> Path:
+    """The file of a line with as many soundings in each ping, about a place, from a time on."""
     shape = (len(line.stamps), -1, 3)
     sample = Sample(
-        stamps=START + line.stamps - 1e6,
-        fixes=HERE.geodetic(line.places)[:, :2],
+        stamps=start + line.stamps - 1e6,
+        fixes=here.geodetic(line.places)[:, :2],
         attitudes=np.degrees(line.attitudes),
         heave=np.zeros(len(line.stamps)),
         points=((line.points + [0, 0, 1] * line.places[line.pings]) * [1, -1, -1]).reshape(shape),

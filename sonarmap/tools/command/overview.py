@@ -1,6 +1,7 @@
 """An overview of scans, read one by one: how many there are, of what size, when they were taken."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import nan
 from pathlib import Path
@@ -10,15 +11,17 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.survey_grid import grid_of_extents
 from sonarmap.spectral.grid import Grid, trimmed_box
+from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.clock import Clock, clock_of
 from sonarmap.tools.files.readers.corrections import AS_RECORDED, Corrections
-from sonarmap.tools.files.readers.file import FORMATS
+from sonarmap.tools.files.readers.file import FORMATS, format_of
 from sonarmap.tools.files.readers.instruments import values_of
 from sonarmap.tools.files.readers.pings.overview import LineOverview, line_overview
 from sonarmap.tools.files.readers.scans import Progress, ScanEntry, files_of, read_entries, stamps_of
 from sonarmap.tools.files.readers.selection import select_files
 
 _MOST_NOTES = 20  # of single scans
+Place = tuple[float, float, float]  # latitude, longitude [deg], height [m]
 
 
 @dataclass(slots=True)
@@ -26,6 +29,7 @@ class Overview:
     """What files of scans hold: some numbers of every scan so far, and at the end of all."""
 
     files: tuple[Path, ...]  # in natural order
+    kinds: tuple[str, ...]  # what the files are, in words, each kind once
     edge: int  # voxels along each edge of the grid
     names: list[str] = field(default_factory=list[str])  # of all scans, as a file of priors and `map` call them
     unread: list[str] = field(default_factory=list[str])  # why files or scans could not be read, in words
@@ -41,6 +45,8 @@ class Overview:
     clock: Clock | None = None  # of the scans' stamps; None where not all of them have a time
     notes: list[str] = field(default_factory=list[str])  # what the user should know, in words
     lines: list[LineOverview] = field(default_factory=list[LineOverview])  # of pings, of which scans are patches
+    # files of lines that are near enough to each other for a map, with the places of their patches
+    sites: list[dict[Path, list[Place]]] = field(default_factory=list[dict[Path, list[Place]]])
 
     def add(self, entry: ScanEntry) -> None:
         """Count in a scan; nothing of it is kept."""
@@ -56,20 +62,34 @@ class Overview:
         self.with_strength += scan.strength is not None
         self.with_viewpoints += scan.viewpoints is not None
         self.notes += [f"{entry.name}: {note}" for note in entry.notes]
+        if entry.patch is not None:
+            self._locate(entry.path, entry.patch.geodetic)
         if scan.prior is not None and scan.prior.knows_attitude:
             self.attitudes.append(values_of(scan.prior.T_world_sensor)[:2])
         if entry.sound_speed is not None:
             self.speeds.append(entry.sound_speed)
 
+    def _locate(self, path: Path, place: Place) -> None:
+        """Count in a patch at the first site that it is near to, or at a new one."""
+        for site in self.sites:
+            latitude, longitude, _ = next(iter(site.values()))[0]
+            with suppress(InputError):
+                Georeference(latitude, longitude).local(np.array([place]))
+                site.setdefault(path, []).append(place)
+                return
+        self.sites.append({path: [place]})
+
+    @property
+    def one_map(self) -> tuple[int, list[Path]]:
+        """How many scans one map can be made of, and the files of their lines where that is not all of them."""
+        if len(self.sites) < 2:
+            return len(self.names), []
+        return max((sum(map(len, site.values())), list(site)) for site in self.sites)
+
     @property
     def size(self) -> int:
         """Of all files [bytes]."""
         return sum(path.stat().st_size for path in self.files)
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """What the files are, in words, each kind once."""
-        return tuple(dict.fromkeys(FORMATS[path.suffix.lower()].kind for path in self.files))
 
     @property
     def changed(self) -> float:
@@ -107,7 +127,9 @@ def overview_of(
     InputError: a path that does not exist, or not one scan that can be read.
     """
     selection = select_files(paths, FORMATS)
-    overview, file_notes = Overview(files_of(selection), edge), list[str]()
+    known = (format_of(each.path) for each in selection.files)
+    kinds = tuple(dict.fromkeys(each.kind for each in known if each is not None))
+    overview, file_notes = Overview(files_of(selection), kinds, edge), list[str]()
     own, are_clouds, are_scans = list[float | None](), list[bool](), list[bool]()
     of_lines: list[Path] = []
     for entry in read_entries(selection, file_notes, progress, corrections):
@@ -124,5 +146,7 @@ def overview_of(
     if (more := len(overview.notes) - _MOST_NOTES) > 0:
         overview.notes[_MOST_NOTES:] = [f"and {more:,} more notes of single scans"]
     overview.notes[:0] = [*file_notes, *stamp_notes]
+    if len(overview.sites) > 1:
+        overview.notes.append(f"the lines are at {len(overview.sites)} sites, too far apart for one map")
     overview.lines += [line_overview(path) for path in dict.fromkeys(of_lines)]
     return overview

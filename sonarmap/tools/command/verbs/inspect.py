@@ -61,7 +61,9 @@ def command(
         overview = overview_of(inputs, points.corrections(), grid or DEFAULT_EDGE, step)
     said = ({} if grid is None else {"grid": grid}) | given(points)
     options = [f"--{name.replace('_', '-')} {_plain(value)}" for name, value in said.items()]
-    following = " ".join(["sonarmap map", *map(shlex.quote, inputs), *options, "-o map/"])
+    scans, files = overview.one_map
+    quoted = map(shlex.quote, [str(path) for path in files] or inputs)
+    following = " ".join(["sonarmap map", *quoted, *options, "-o map/"]) if scans > 1 else None
     if as_json:
         print_json(_as_json(overview, following, names))
     elif names:
@@ -117,7 +119,7 @@ def _inspect_log(
     return not found.apart
 
 
-def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any]:
+def _as_json(overview: "Overview", following: str | None, names: bool) -> dict[str, Any]:
     """All of it as JSON; null for what is not known."""
     import numpy as np
 
@@ -143,12 +145,12 @@ def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any
         "grid": grid and {"edge": grid.edge, "voxel": grid.voxel},
         "notes": overview.notes,
         "unread": overview.unread,
-        "next": following if len(overview.names) > 1 else None,
+        "next": following,
         **({"names": overview.names} if names else {}),
     }
 
 
-def _print(overview: "Overview", following: str) -> None:
+def _print(overview: "Overview", following: str | None) -> None:
     import numpy as np
 
     scans, (least, median, most) = len(overview.names), overview.points
@@ -173,7 +175,7 @@ def _print(overview: "Overview", following: str) -> None:
     unread = f"{counted(scans, 'scan')} can be read, {unread} cannot."
     typer.echo(unread if overview.unread else f"All {scans:,} scans can be read." if scans > 1 else "1 scan.")
     print_rows(rows)
-    typer.echo(f"\nnext: {printable(following)}" if scans > 1 else "\na map needs at least two scans")
+    typer.echo(f"\nnext: {printable(following)}" if following else "\na map needs at least two scans")
 
 
 def _times(overview: "Overview") -> dict[str, str]:

@@ -15,7 +15,7 @@ _AHEAD = 60.0  # seconds that a clock may be ahead of the file's, which was writ
 class Clock:
     """The stamps of scans in their order."""
 
-    start: float  # start, end: the first and the last stamp [s, UTC]
+    start: float  # start, end: the earliest and the latest stamp [s, UTC]
     end: float
     period: float  # the usual step between scans [s], their median; 0 for a single scan, or a clock that stands still
     gaps: int  # how many steps are longer than 1.5 usual ones
@@ -48,7 +48,7 @@ def clock_of(stamps: np.ndarray) -> Clock:
     period = float(np.median(ahead)) if len(ahead) > still else 0.0
     gaps = int((steps > _GAP * period).sum()) if period else 0
     longest, backward = float(steps.max(initial=0.0)), int((steps <= 0).sum())
-    return Clock(float(stamps[0]), float(stamps[-1]), period, gaps, longest, backward, still, len(steps))
+    return Clock(float(stamps.min()), float(stamps.max()), period, gaps, longest, backward, still, len(steps))
 
 
 def clock_faults(clock: Clock, changed: float | None = None) -> list[str]:

@@ -103,10 +103,15 @@ def clouds_of(selected: SelectedFile, notes: list[str], lines: LineReading = AS_
             raise InputError("too large for this machine's memory; thin its points out first") from error
 
 
+def format_of(path: Path) -> Format | None:
+    """Of a file by its suffix, or of a folder, which is a ROS 2 bag; None for an unknown suffix."""
+    return _BAG_FOLDER if path.is_dir() else FORMATS.get(path.suffix.lower())
+
+
 def _clouds_in(selected: SelectedFile, notes: list[str], lines: LineReading) -> Iterator[Cloud]:
     """Every cloud of a file, those without points too."""
     path = selected.path
-    if (known := _BAG_FOLDER if path.is_dir() else FORMATS.get(path.suffix.lower())) is None:
+    if (known := format_of(path)) is None:
         poses = "these are poses, not scans; " if path.suffix.lower() in _OF_POSES else ""
         suffix = path.suffix or "(no suffix)"
         raise InputError(f"{poses}unknown format {suffix!r}; known formats are {', '.join(FORMATS)}")

@@ -57,6 +57,16 @@ def in_formats(folder: Path, tables: list[np.ndarray], stamps: list[float], reco
     return bags | {name: folder / name for name in ("laz", "ply")}
 
 
+def test_a_bag_that_is_a_folder_is_inspected_as_its_file_is(dives: dict[str, Path]) -> None:
+    folder = printed(sonarmap("inspect", dives["ros2"], "--json"))
+    (file,) = dives["ros2"].glob("*.db3")
+    alone = printed(sonarmap("inspect", file, "--json"))
+    assert folder["kinds"] == ["a ROS 2 bag"]
+    assert folder["next"] == f"sonarmap map {dives['ros2']} -o map/"
+    for name in ("scans", "points", "extent_m", "clock", "grid"):
+        assert folder[name] == alone[name]
+
+
 @pytest.mark.slow
 def test_the_same_dive_is_one_map(dives: dict[str, Path], tmp_path: Path) -> None:
     maps, tracks = {}, {}
