@@ -1,5 +1,5 @@
-"""MCAP from its first byte to its last: a file that was cut, or has no index, is read as far as it goes, and one that
-grows for as long as it does.
+"""MCAP by its index: of each topic the chunks that hold it. A file that was cut, or has no index, is read from its
+first byte as far as it goes, and one that grows for as long as it does.
 
 Format: https://mcap.dev/spec.
 """
@@ -7,11 +7,16 @@ Format: https://mcap.dev/spec.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from io import SEEK_END
+from itertools import repeat
+from operator import attrgetter
 from pathlib import Path
+from struct import Struct
 from typing import IO, TYPE_CHECKING, BinaryIO, cast
+from zlib import crc32
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.bags.recording import CUT_OR_DAMAGED, Message, Recording, refused, topics_of
@@ -23,6 +28,8 @@ if TYPE_CHECKING:
 
 _RECORD = 512  # bytes of memory that a record takes beside its content
 _READS = 8  # that a record takes at most
+_END = Struct("<Q8xI8x")  # of a file: where the summary starts, and its checksum
+_UNCHECKED = 12  # bytes of the end that the checksum does not cover
 _LARGEST_GROWN = 1 << 40  # bytes of a file that grows
 
 
@@ -30,42 +37,88 @@ def open_mcap(path: Path, packed: int | None = None, more: Callable[[], bool] | 
     """The recording of an MCAP file. `packed`: its bytes before it was unpacked, if it was. `more`: whether messages
     may still come, asked where the file ends, after waiting; None for a finished one. Its topics are those that are
     there. Raises InputError: there is no message in it."""
-    from mcap.records import Channel, Schema
-    from mcap.records import Message as Record
-
     faults: list[str] = []
-    schemas: dict[int, Schema] = {}
-    written: dict[int, Channel] = {}
-    counts = Counter[int]()
     most = most_records(path.stat().st_size if packed is None else packed)
-    for record in _records(path, most, faults):
-        if isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel):
-            written[record.id] = record
-        elif isinstance(record, Record):
-            counts[record.channel_id] += 1
+    contents = _indexed(path) or _counted(_records(path, most, faults))
     empty: dict[int, Message] = {}  # of each channel, without time and content
     known = Counter[tuple[str, str]]()
-    for number, channel in written.items():
-        schema, encoding = schemas.get(channel.schema_id), channel.message_encoding
+    for number, channel in contents.channels.items():
+        schema, encoding = contents.schemas.get(channel.schema_id), channel.message_encoding
         kind = schema.name if schema else "(no type)"
         if kind.count("/") == 1:  # ROS 1 leaves the /msg/ out
             kind = kind.replace("/", "/msg/")
         needed = schema.data if schema and encoding == "protobuf" else b""
         empty[number] = Message(channel.topic, kind, 0, b"", encoding, needed)
-        known[channel.topic, kind] += counts[number]
+        known[channel.topic, kind] += contents.counts.get(number, 0)
     if not known.total():
         raise InputError(faults[0] if faults else "there is no message in it; record its topics again")
     if more is not None:
-        most = most_records(_LARGEST_GROWN)
-    return Recording(topics_of(known), partial(_messages, path, most, empty, more))
+        return Recording(topics_of(known), partial(_messages, path, most_records(_LARGEST_GROWN), empty, None, more))
+    return Recording(topics_of(known), partial(_messages, path, most, empty, contents.chunks, None))
+
+
+@dataclass(frozen=True, slots=True)
+class _Contents:
+    """What a file says, or a pass over it, of all that it holds."""
+
+    schemas: Mapping[int, Schema]  # by their numbers, as the channels
+    channels: Mapping[int, Channel]
+    counts: Mapping[int, int]  # messages of each channel
+    # the chunks in the file's order: where each starts, and the channels in it (none named: any); None where they are
+    # not known
+    chunks: Sequence[tuple[int, Collection[int]]] | None
+
+
+def _indexed(path: Path) -> _Contents | None:
+    """As the summary at the file's end has it; None where there is none, or it is damaged, or says too little."""
+    from mcap.reader import SeekingReader
+
+    size = path.stat().st_size
+    try:
+        with path.open("rb") as file, refused("its summary cannot be read"):
+            reader = SeekingReader(file, record_size_limit=size)
+            reader.get_header()
+            summary = reader.get_summary()
+            file.seek(-_END.size, SEEK_END)
+            start, checksum = _END.unpack(file.read())
+            file.seek(start)
+            if checksum not in (0, crc32(file.read(size - start - _UNCHECKED))):
+                return None
+    except InputError:
+        return None
+    if summary is None or (statistics := summary.statistics) is None:
+        return None
+    counts, chunks = (
+        statistics.channel_message_counts,
+        sorted(summary.chunk_indexes, key=attrgetter("chunk_start_offset")),
+    )
+    if not (counts.keys() <= summary.channels.keys() and 0 < len(chunks) == statistics.chunk_count):
+        return None
+    starts = [(chunk.chunk_start_offset, chunk.message_index_offsets.keys()) for chunk in chunks]
+    return _Contents(summary.schemas, summary.channels, counts, starts)
+
+
+def _counted(records: Iterator[McapRecord]) -> _Contents:
+    """As a pass over all records has it."""
+    from mcap.records import Channel, Schema
+    from mcap.records import Message as Record
+
+    schemas, channels, counts = dict[int, Schema](), dict[int, Channel](), Counter[int]()
+    for record in records:
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Record):
+            counts[record.channel_id] += 1
+    return _Contents(schemas, channels, counts, None)
 
 
 def _messages(
     path: Path,
     most: int,
     empty: Mapping[int, Message],
+    chunks: Sequence[tuple[int, Collection[int]]] | None,
     more: Callable[[], bool] | None,
     names: Collection[str],
     faults: list[str],
@@ -73,33 +126,51 @@ def _messages(
     """In the order of the file, and by their times within a chunk."""
     from mcap.records import Message as Record
 
-    for record in _records(path, most, faults, more):
-        if isinstance(record, Record) and (of := empty.get(record.channel_id)) and of.topic in names:
-            yield replace(of, time=record.log_time, content=record.data)
+    wanted = {number for number, of in empty.items() if of.topic in names}
+    starts = None
+    if chunks is not None:
+        starts = [start for start, channels in chunks if not channels or not wanted.isdisjoint(channels)]
+    for record in _records(path, most, faults, more, starts):
+        if isinstance(record, Record) and record.channel_id in wanted:
+            yield replace(empty[record.channel_id], time=record.log_time, content=record.data)
 
 
-def _records(path: Path, most: int, faults: list[str], more: Callable[[], bool] | None = None) -> Iterator[McapRecord]:
-    """Every record, those in chunks too, of which there may be `most` believably. A chunk that is damaged is left out;
-    what is cut or has no end is the end."""
+def _records(
+    path: Path,
+    most: int,
+    faults: list[str],
+    more: Callable[[], bool] | None = None,
+    starts: Sequence[int] | None = None,
+) -> Iterator[McapRecord]:
+    """Every record, those in chunks too, of which there may be `most` believably; with `starts` only those of the
+    chunks at these bytes. A chunk that is damaged is left out; what is cut or has no end is the end."""
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader
 
     size = path.stat().st_size if more is None else _LARGEST_GROWN
     with path.open("rb") as file:
         whole, chunks = _WholeReads(file, path, _READS * most, more), _Chunks(Unpacker(size), most)
-        records = iter(StreamReader(cast(IO[bytes], whole), emit_chunks=True, record_size_limit=None).records)
-        while True:
+        stream = partial(StreamReader, cast(IO[bytes], whole), emit_chunks=True, record_size_limit=None)
+        records = iter(stream(skip_magic=False).records)
+        for place in repeat(None) if starts is None else starts:
+            if place is not None:
+                whole.seek(place)
+                records = iter(stream(skip_magic=True).records)
             start = whole.place
             try:
                 with refused(f"its record at byte {start:,} cannot be read"):
                     record = next(records, None)
             except InputError as error:
                 faults.append(str(error))
-                return
+                if place is None:
+                    return
+                continue
             if record is None:
                 return
             try:
                 with refused(f"its chunk at byte {start:,} cannot be unpacked"):
+                    if place is not None and not isinstance(record, Chunk):
+                        raise InputError(f"its index names a chunk at byte {start:,}, and there is none")
                     inner = chunks.records(record) if isinstance(record, Chunk) else [record]
             except InputError as error:
                 faults.append(f"{error}: the messages in it are missing")
@@ -146,6 +217,10 @@ class _WholeReads:
         self._file, self._path, self._left, self._more = file, path, most, more
         self._size = path.stat().st_size
         self.place = 0
+
+    def seek(self, place: int) -> None:
+        """Go on at a byte."""
+        self.place = self._file.seek(place)
 
     def read(self, length: int) -> bytes:
         """The next bytes. Raises InputError: there are not so many, or more than memory should hold, or too many reads;

@@ -11,6 +11,7 @@ from mcap.writer import Writer as PlainWriter
 
 from sonarmap.tools.files.readers.bags.clouds import cloud_of
 from sonarmap.tools.files.readers.bags.mcap_file import open_mcap
+from sonarmap.tools.files.readers.bags.unpack import Unpacker
 from sonarmap.tools.files.readers.file import clouds_of
 from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
 from sonarmap.tools.files.readers.selection import SelectedFile
@@ -264,3 +265,31 @@ def test_clouds_as_json_are_refused(tmp_path: Path) -> None:
         writer.add_message(channel, 0, b"{}", 0)
         writer.finish()
     refuses(r"its foxglove\.PointCloud is encoded as 'json'; wanted cdr, ros1 or proto", read_scan, tmp_path / "a.mcap")
+
+
+def test_an_index_spares_passes_over_an_mcap_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a whole file the chunks of a topic are unpacked, each once; of one that was cut all, again and again."""
+    camera: list[Record] = [
+        (
+            "/camera",
+            "std_msgs/msg/Header",
+            STAMP + 3 + 0.01 * k,
+            {"stamp": {"sec": k, "nanosec": 0}, "frame_id": "x" * 999},
+        )
+        for k in range(200)
+    ]
+    path = write_mcap(tmp_path / "dive.mcap", dive("/sonar/points") + camera, chunk_size=4096)
+    plain, unpacked = Unpacker.__call__, list[bytes]()
+
+    def counting(self: Unpacker, content: bytes, compression: str) -> bytes:
+        unpacked.append(content)
+        return plain(self, content, compression)
+
+    monkeypatch.setattr(Unpacker, "__call__", counting)
+    whole = read_scans([path])
+    assert len(unpacked) == len(set(unpacked)) < 10
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(path.read_bytes()[:-100])
+    unpacked.clear()
+    assert [scan.stamp for scan in read_scans([cut]).scans] == [scan.stamp for scan in whole.scans]
+    assert len(unpacked) > 2 * len(set(unpacked)) - 1 > 50
