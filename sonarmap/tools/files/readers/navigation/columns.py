@@ -52,7 +52,7 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     _choose_heading(of, settings, notes)
     _choose_depth(of, settings)
     _choose_place(of, settings, mapped, notes)
-    _check_keys(of, is_own)
+    _check_keys(of, is_own, header)
     for lone, other in () if is_own else (PAIRS[0], PAIRS[0][::-1]):  # in a log roll without pitch is left out
         if lone in of and other not in of:
             notes.append(f"{of.pop(lone).heading!r} is not used without a column of {other}")
@@ -194,7 +194,7 @@ def _choose_place(
         notes.append("x is taken as East and y as North; if x is North, give --nav-frame ned")
 
 
-def _check_keys(of: dict[str, Column], is_own: bool) -> None:
+def _check_keys(of: dict[str, Column], is_own: bool, header: Sequence[str]) -> None:
     if "name" in of and "stamp" in of and (of["name"].heading == "name" or is_own):
         of.pop("stamp")  # as in a template
         of.pop("date", None)
@@ -202,7 +202,11 @@ def _check_keys(of: dict[str, Column], is_own: bool) -> None:
         of["stamp"] = of.pop("date")
     if sum(key in of for key in KEYS) != 1:
         both = f" ({of['name'].heading!r} and {of['stamp'].heading!r} may both be it)" if "name" in of else ""
-        raise InputError(f"wanted either a column name or a column stamp, which says which scan a row is for{both}")
+        raise InputError(
+            f"wanted either a column name or a column stamp, which says which scan a row is for{both}; there "
+            f"are {', '.join(map(repr, header))}; known are Scan, Time, Zeit, Heure and others, or say which it is, as "
+            "in --nav-columns stamp=T"
+        )
 
 
 def _check_measured(of: Mapping[str, Column], sigmas: Mapping[str, float] | None, is_own: bool) -> None:

@@ -1,6 +1,7 @@
 """What the heading of a column says: a quantity, whether its standard deviation, and its unit."""
 
 import re
+import unicodedata
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,27 +14,29 @@ KEYS = ("name", "stamp")
 OWN = (*KEYS, *COLUMNS, *SIGMA_COLUMNS)  # the headings of this program's own files
 FOOT = 0.3048  # the international foot [m]
 
-# How logs call the quantities, in small letters without anything but letters and digits
+# How logs call the quantities in English, German and French, in small letters without accents or anything but letters
+# and digits
 SYNONYMS = {
     "name": "name scan scanname file filename",
     "stamp": "stamp time timestamp utc utctime timeutc datetime datetimeutc timeofday unixtime unix epoch epochtime "
-    "posixtime gpstime gpsseconds gpstow tow timeofweek secondsofweek sow",
-    "date": "date utcdate dateutc",
+    "posixtime gpstime gpsseconds gpstow tow timeofweek secondsofweek sow "
+    "zeit uhrzeit zeitstempel heure temps horodatage",
+    "date": "date utcdate dateutc datum",
     "gps_week": "week gpsweek weeknumber",
-    "roll_deg": "roll rollangle",
-    "pitch_deg": "pitch pitchangle",
-    "heading_deg": "heading hdg hdt trueheading headingtrue gyro gyroheading",
+    "roll_deg": "roll rollangle rollen rollwinkel roulis",
+    "pitch_deg": "pitch pitchangle stampfen stampfwinkel nicken nickwinkel tangage",
+    "heading_deg": "heading hdg hdt trueheading headingtrue gyro gyroheading kurs steuerkurs cap",
     "magnetic_deg": "magneticheading headingmagnetic magheading headingmag hdm hdgmag compassheading",
-    "yaw_deg": "yaw yawangle",
+    "yaw_deg": "yaw yawangle gieren gierwinkel lacet",
     "x_m": "x posx xpos positionx xposition",
     "y_m": "y posy ypos positiony yposition",
     "z_m": "z posz zpos positionz zposition",
-    "depth_m": "depth dpt vehicledepth rovdepth auvdepth sensordepth sonardepth",
+    "depth_m": "depth dpt vehicledepth rovdepth auvdepth sensordepth sonardepth tiefe profondeur immersion",
     "height_m": "",
-    "lat_deg": "lat latitude gpslat gpslatitude",
-    "lon_deg": "lon long lng longitude gpslon gpslong gpslongitude",
-    "easting_m": "easting eastings east utme utmeasting",
-    "northing_m": "northing northings north utmn utmnorthing",
+    "lat_deg": "lat latitude gpslat gpslatitude breite breitengrad",
+    "lon_deg": "lon long lng longitude gpslon gpslong gpslongitude lange laenge langengrad laengengrad",
+    "easting_m": "easting eastings east utme utmeasting rechtswert ostwert",
+    "northing_m": "northing northings north utmn utmnorthing hochwert nordwert",
 }
 QUANTITIES = (*SYNONYMS, *SIGMA_COLUMNS)
 GPS_NAMES = frozenset(["gpstime", "gpsseconds", "gpstow", "tow", "timeofweek", "secondsofweek", "sow"])
@@ -45,7 +48,7 @@ SIGMA_OF = {
 
 _QUANTITY_OF = {synonym: quantity for quantity, synonyms in SYNONYMS.items() for synonym in synonyms.split()}
 _SIGMA_WORDS = frozenset(("sigma", "std", "stddev", "stdev", "sd"))
-_ANGLES = dict.fromkeys(("deg", "degree", "degrees", "°"), 1.0)
+_ANGLES = dict.fromkeys(("deg", "degree", "degrees", "°", "grad", "degre", "degres"), 1.0)
 _ANGLES |= dict.fromkeys(("rad", "radian", "radians"), 180 / np.pi)
 _LENGTHS = dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0) | {"cm": 0.01, "mm": 0.001, "km": 1000.0}
 _LENGTHS |= dict.fromkeys(("ft", "feet", "foot"), FOOT)
@@ -83,23 +86,28 @@ def column_of(index: int, heading: str, quantity: str | None = None) -> Column |
     the unit is asked for. Raises InputError: a unit that is not known, or feet of a grid."""
     if heading in OWN:
         return Column(index, heading, quantity or heading, word=heading)
-    stem, unit = _split(heading)
+    stem, unit = _split(_plain(heading))
     words = _WORDS.findall(stem.lower())
     word = "".join(each for each in words if each not in _SIGMA_WORDS)
     bare = "".join(each for each in words if each not in _SIGMA_WORDS and each not in WORDS)  # as in USBL Easting
-    names = (each for name in (word, bare) for each in (name, re.sub("(deg|degrees|rad|radians)$", "", name)))
+    names = (each for name in (word, bare) for each in (name, re.sub("(deg|degrees|(?<!g)rad|radians)$", "", name)))
     known = quantity or next((_QUANTITY_OF[name] for name in names if name in _QUANTITY_OF), None)
     if known is None:
         return None
     if known == "heading_deg" and quantity is None and unit in _MAGNETIC:
         return Column(index, heading, "magnetic_deg", 1.0, word, unit)
-    if not unit and (ending := re.search("(deg|degrees|rad|radians)$", word)):
+    if not unit and (ending := re.search("(deg|degrees|(?<!g)rad|radians)$", word)):
         unit = ending[0]
     if quantity is None and len(words) > 1 and _SIGMA_WORDS.intersection(words):
         if known not in SIGMA_OF:
             return None
         known = SIGMA_COLUMNS[SIGMA_OF[known]]
     return Column(index, heading, known, _factor(heading, known, unit), word, unit, tuple(words))
+
+
+def _plain(heading: str) -> str:
+    """Without the accents of its letters."""
+    return "".join(each for each in unicodedata.normalize("NFD", heading) if not unicodedata.combining(each))
 
 
 def zone_of(unit: str) -> float | None:

@@ -17,7 +17,7 @@ from sonarmap.tools.files.readers.navigation.read import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings, parse_columns
 from tests.samples.processor_time import quick
 from tests.samples.refusals import refuses
-from tests.tools.files.readers.navigation.logs import SCANS, SIGMAS, START, read, require_words
+from tests.tools.files.readers.navigation.logs import SCANS, SIGMAS, START, read, require_words, scans_at
 
 
 def refused(path: Path, text: str, *words: str, **settings: object) -> None:
@@ -276,3 +276,20 @@ def test_instruments_that_a_log_names_need_no_standard_deviations(tmp_path: Path
     np.testing.assert_allclose(sigmas_of(stated.prior), [0.5] * 6)
     path.write_text("\n".join([heading.replace("USBL ", ""), *rows, ""]))
     refuses(r"x_m \('East'\) has no standard deviation; .*--prior-sigmas A,H,D,P", navigate, SCANS, path)
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        "Datum;Uhrzeit;Rollen [Grad];Stampfen [°];Kurs;Tiefe (m);Breite;Länge",
+        "Datum;Zeit;Rollwinkel;Nickwinkel;Steuerkurs [°];Tiefe;Breitengrad;Laengengrad",
+        "Date;Heure;Roulis [degrés];Tangage;Cap;Profondeur [m];Latitude;Longitude",
+    ],
+)
+def test_headings_in_german_and_french(path: Path, heading: str) -> None:
+    row = "01.07.2026;09:30:0{};1,5;-2;350,25;12,5;60,{};5,0"
+    text = "\n".join([heading, *(row.format(2 * k, 1000 + k) for k in range(3)), ""])
+    values, navigated, _ = read(path, text, scans=scans_at(START))
+    np.testing.assert_allclose(values[0, [0, 1, 2, 5]], [1.5, -2, 350.25, 12.5], atol=1e-6)
+    assert navigated.georeference is not None
+    refuses("'Tidspunkt', 'Depth'; known are .*--nav-columns stamp=", read, path, "Tidspunkt;Depth\n1;2\n")
