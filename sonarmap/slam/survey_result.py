@@ -24,6 +24,10 @@ from sonarmap.slam.pair import Pair
 from sonarmap.slam.parts import placed
 from sonarmap.slam.tie import Tie
 
+# Instruments of which half the errors exceed so many of their standard deviations contradict the map; so do those for
+# which more than this share of the pairs that are sure by themselves are refused.
+DISPUTED, _MOST = 3.0, 0.5
+
 
 @dataclass(frozen=True, slots=True)
 class SurveyResult:
@@ -115,6 +119,22 @@ class SurveyResult:
     def contradicted(self) -> tuple[str, ...]:
         """The kinds of measurements that were left out as a whole."""
         return tuple(kind for kind, times in self.understated.items() if kind in KINDS and times >= NOTHING)
+
+    @property
+    def disputed(self) -> dict[str, float]:
+        """By kind of measurement that the map contradicts, how many of the stated standard deviations half of its
+        errors exceed."""
+        apart = {kind: sigmas for kind, (_, _, sigmas) in self.agreement.items()}
+        apart |= {kind: times for kind, times in self.understated.items() if kind in KINDS}
+        return {kind: sigmas for kind, sigmas in apart.items() if sigmas >= DISPUTED}
+
+    @property
+    def refused_for_navigation(self) -> tuple[int, int]:
+        """Where instruments take part and most pairs that are sure by themselves are refused: how many, and of how
+        many; (0, 0) else."""
+        sure = [pair for pair in self.pairs if pair.accepted]
+        refused = sum(not pair.kept for pair in sure)
+        return (refused, len(sure)) if self.solution.graph.priors and refused > _MOST * len(sure) else (0, 0)
 
     @property
     def by_navigation(self) -> tuple[int, ...]:

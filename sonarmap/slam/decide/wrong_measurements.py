@@ -42,6 +42,7 @@ _EXPLAINED = [list(KINDS).index(kind) for kind in ("heading", "position")]
 _MOST_LEFT, _RARELY = 0.2, 1e-4
 # It is found in so many steps, each so many times as long as fitted, or until one is so small a share of it.
 _STEPS, _LONGER, _STILL = 8, 20.0, 0.05
+_SURE_TILT = float(np.deg2rad(3.0))  # a tilt that is less sure is no ground for an error that all share [rad]
 # Edges alone, over more poses than these, drift farther than any lever arm.
 _NO_DRIFT = 2000
 
@@ -122,9 +123,12 @@ def _explained(
 ) -> tuple["_Fixes", Solution, np.ndarray, Systematic | None]:
     """The fixes without an error that all share, where one explains clearly more, their optimum, weights, and it.
 
-    It is looked for beside the optimum, and beside the edges alone: one of these would rather give way than all fixes.
+    A tilt that nobody knows would be taken for a lever arm: then none is looked for. It is looked for beside the
+    optimum, and beside the edges alone: one of these would rather give way than all fixes.
     """
     tried: list[tuple[float, _Fixes, Solution, np.ndarray, Systematic]] = []
+    if not fixes.tell_tilt(solution):
+        return fixes, solution, weights, None
     looks = [solution]
     if len(graph.trajectory) <= _NO_DRIFT:
         looks.append(replace(graph, priors=(), control=()).optimize(covariances=False))
@@ -242,6 +246,16 @@ class _Fixes:
             sigmas[:, numbers] *= factor
         priors = tuple(replace(prior, sigmas=own.copy()) for prior, own in zip(self.priors, sigmas, strict=True))
         return replace(self, priors=priors, sigmas=sigmas)
+
+    def tell_tilt(self, solution: Solution) -> bool:
+        """Whether attitudes were measured, or the tilt is about as sure by the rest."""
+        if self.known[:, 0].any():
+            return True
+        if any(free[:2].any() for free in solution.graph.gauge.unmeasured.values()):
+            return False
+        R = solution.trajectory.T_world_sensor.rotation.as_matrix()
+        in_world = R @ solution.covariances()[:, :3, :3] @ R.swapaxes(1, 2)
+        return float(np.linalg.eigvalsh(in_world[self.poses, :2, :2])[:, -1].min()) <= _SURE_TILT**2
 
     def fit_error(self, at: Trajectory, free: tuple[int, ...]) -> tuple[float, np.ndarray]:
         """By how much chi-squared falls with what all may be off by, and its numbers: as `systematic.fit_error`."""

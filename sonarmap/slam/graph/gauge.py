@@ -21,8 +21,9 @@ from sonarmap.spectral.scan import PosePrior
 
 # The motions of a component, in the order of `unmeasured`.
 MEASURED = ("tilt_x", "tilt_y", "heading", "east", "north", "up")
-# A motion whose standard deviation is above these is open [rad] and [m; turns by what they move the poses].
-OPEN_TURN, _OPEN = 0.3, 1e3
+# A motion whose standard deviation is above these is open: a turn and its tilt [rad], and [m; turns by what they move
+# the poses]. Positions tell a tilt by how short they are: of a larger one a first-order deviation means little.
+_OPEN_TURN, _OPEN_TILT, _OPEN = 0.3, 0.1, 1e3
 # An open motion is held by this share of the standard deviation of the motion that is known best. Firmer, GTSAM takes
 # what is known least for unknown: a pivot 4096 times below its neighbor.
 _HELD = 0.1
@@ -204,6 +205,6 @@ class MotionInformation:
         A = adjoint(self.about.inv() * middle) / np.repeat([lever, 1.0], 3)
         values, axes = np.linalg.eigh(A.T @ total @ A)
         sigmas = 1 / np.sqrt(np.maximum(values, 1e-30))
-        turns = sigmas * np.linalg.norm(axes[:3], axis=0) / lever
-        free = (sigmas > _OPEN) | (turns > OPEN_TURN)
+        turns, tilts = (sigmas * np.linalg.norm(axes[:k], axis=0) / lever for k in (3, 2))
+        free = (sigmas > _OPEN) | (turns > _OPEN_TURN) | (tilts > _OPEN_TILT)
         return OpenMotion(middle, axes[:, free], lever, _HELD * float(sigmas.min()))

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.control import ControlPoint
-from sonarmap.slam.graph.gauge import OPEN_TURN, MotionInformation
+from sonarmap.slam.graph.gauge import MotionInformation
 from sonarmap.slam.graph.known_pose import MeasuredPoses
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.measured import measured_rotation, twist
@@ -26,6 +26,7 @@ _TILTS = [
     for angle in np.deg2rad([45.0, 90.0])
     for toward in np.deg2rad([0.0, 90.0, 180.0, 270.0])
 ]
+_LEVEL = 0.3  # how far a part's own tilt usually is from the world's, standard deviation [rad]
 _STEPS, _FALLEN = 20, 1e-3  # of least squares at most, and the share by which the last of them lessens chi-squared
 _FAR = 2.0  # residuals beyond so many sigmas count ever less
 # Points whose second extent is a smaller share of their first lie on a line.
@@ -64,8 +65,8 @@ def _placement(known: Mapping[int, PosePrior], T_part: RigidTransform) -> RigidT
     """T_world_part: the robust least squares of a motion of the part as a whole, from where tilt, then heading, then
     position lead.
 
-    Depths and positions tell the tilt too, where the part is not on a line: where nobody measured it, several are the
-    beginning, and the part's own is as likely as an open one. That is left to this start: the graph does not know it.
+    Depths and positions tell the tilt too, where the part is not on a line: where nobody measured it, several tilts are
+    the beginning. Small ones are more likely, which matters only where the gauge holds what comes of it.
     """
     measured, tilts = MeasuredPoses.of(known), [_tilt(known, T_part)]
     if level := not any(prior.knows_attitude for prior in known.values()):
@@ -116,9 +117,9 @@ def _off(
     J = (measured.jacobian(T, about.translation) * weights[:, :, None])[known]
     if level:
         up = T_world_part.rotation.apply([0.0, 0.0, 1.0])
-        away, aside = np.arctan2(np.hypot(up[0], up[1]), up[2]) / OPEN_TURN, np.array([-up[1], up[0]])
+        away, aside = np.arctan2(np.hypot(up[0], up[1]), up[2]) / _LEVEL, np.array([-up[1], up[0]])
         residuals = np.append(residuals, away * aside / max(float(np.hypot(up[0], up[1])), 1e-12))
-        J = np.vstack([J, np.eye(2, 6) / OPEN_TURN])
+        J = np.vstack([J, np.eye(2, 6) / _LEVEL])
     return residuals, J, about
 
 

@@ -80,7 +80,7 @@ def test_an_unmeasured_heading_has_no_say():
     [
         (("attitude", "heading", "position", "depth"), 0),
         (("attitude", "depth"), 3),
-        (("position",), 2),
+        (("position",), 3),
         (("depth",), 3),
         (("position", "depth"), 0),
     ],
@@ -221,8 +221,8 @@ def test_the_file_of_a_graph_gives_its_poses(measured: tuple[str, ...], tmp_path
     assert "EDGE_SE3_PRIOR" in (tmp_path / "graph.g2o").read_text()
     again = optimize(read, "full")
     off = (solved.trajectory.T_world_sensor.inv() * again.graph.trajectory.T_world_sensor).as_exp_coords()
-    np.testing.assert_allclose(off, 0, atol=1e-5)
-    assert again.chi_squared[1] == pytest.approx(solved.chi_squared_after, rel=1e-6)
+    np.testing.assert_allclose(off, 0, atol=1e-4)
+    assert again.chi_squared[1] == pytest.approx(solved.chi_squared_after, rel=1e-4)
     assert again.degrees_of_freedom == solved.degrees_of_freedom
 
 

@@ -12,9 +12,10 @@ from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.command.words.pairs import print_pairs
 from sonarmap.tools.command.words.survey import Mapped, warn_of_faults, way_length
-from sonarmap.tools.products.output.faults import faults
+from sonarmap.tools.products.output.faults import contradictions, faults
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 
 NAMES = [f"scan{k}" for k in range(24)]
@@ -119,6 +120,32 @@ def test_a_mistake_of_the_navigation_stands_first_and_the_map_is_not_whole() -> 
     survey = replace(refusing(set()), mistake="they agree with depths in feet", understated={"depth": 4.0})
     assert faults(survey, NAMES)[0] == "they agree with depths in feet"
     assert not Mapped(survey, NAMES, Path(), [], 0).whole
+
+
+def navigated(times: float, seed: int) -> SurveyResult:
+    """A survey with depths and positions that err so many times as much as they say."""
+    truth, rng = ring_poses(12, turns=0.3), np.random.default_rng(seed)
+    sigmas = np.array([np.inf, np.inf, np.inf, 0.5, 0.5, 0.1])
+    scans = [
+        replace(scan, prior=PosePrior(RigidTransform.from_translation(off) * T, sigmas))
+        for scan, off, T in zip(scans_of(truth), times * rng.normal(0, sigmas[3:], (12, 3)), truth, strict=True)
+    ]
+    return Mapper(KnowingRegistrar(truth, 1e-6 * np.eye(6)), 0.5).run(scans)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_navigation_that_the_map_contradicts_is_said_first_and_the_map_is_not_to_be_trusted(seed: int) -> None:
+    right, wrong = navigated(1.0, seed), navigated(6.0, seed)
+    assert contradictions(right) == []
+    assert Mapped(right, NAMES, Path(), [], 0).whole
+    assert "err" in contradictions(wrong)[0]
+    assert faults(wrong, NAMES)[0] == contradictions(wrong)[0]
+    assert len(set(faults(wrong, NAMES))) == len(faults(wrong, NAMES))
+    assert not Mapped(wrong, NAMES, Path(), [], 0).whole
+    # depths that bend a chain have the sure loops refused
+    refused = replace(right, pairs=tuple(replace(pair, edge=None) if pair.j % 3 else pair for pair in right.pairs))
+    assert "pairs that are sure by their scans are refused, as they contradict navigation" in faults(refused, NAMES)[0]
+    assert not Mapped(refused, NAMES, Path(), [], 0).whole
 
 
 def test_the_most_important_stand_first_and_few_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

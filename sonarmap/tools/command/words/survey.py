@@ -41,9 +41,10 @@ class Mapped:
     def whole(self) -> bool:
         """Whether every scan is in one map, by more than the usual motion, no pair ended by an error of the method, and
         instruments fit them."""
+        from sonarmap.tools.products.output.faults import contradictions
+
         defects = any(pair.is_defect for pair in self.result.pairs)
-        unsure = self.result.contradicted or self.result.unclear or self.result.unconfirmed
-        trusted = not (unsure or self.result.mistake)
+        trusted = not (contradictions(self.result) or self.result.unclear or self.result.unconfirmed)
         return trusted and not self.unread and not defects and len(self.result.components) == 1
 
 

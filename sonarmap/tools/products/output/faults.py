@@ -44,13 +44,15 @@ _EACH = 3  # gaps or fixes that get a sentence each; more share one
 
 
 def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
-    """Errors of the method, odd scans, several parts, scans without a place, gaps, odd steps, ties and control points
-    that do not fit, wrong fixes, loops without effect, and stray points: a sentence each.
+    """Navigation that the map contradicts, errors of the method, odd scans, several parts, scans without a place, gaps,
+    odd steps, ties and control points that do not fit, wrong fixes, loops without effect, and stray points: a sentence
+    each.
 
     What one scan is to blame for is in one sentence, about that scan. Arguments of the library are in backticks.
     """
     unusable = _unusable(result, names)
     return [
+        *contradictions(result),
         *_of_defects(result, names),
         *(row["reason"] for row in odd_rows(result, names)),
         *_of_parts(result, names, unusable),
@@ -62,6 +64,23 @@ def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
         *_of_fixes(result, names),
         *_of_the_whole(result),
     ]
+
+
+def contradictions(result: SurveyResult) -> list[str]:
+    """How navigation as a whole and the map contradict each other, a sentence each."""
+    rows = {row["kind"]: row["reason"] for row in understated_rows(result)}
+    words = [result.mistake] if result.mistake else []
+    words += [
+        rows.get(kind, f"{INSTRUMENTS[kind]} are {sigmas:.1f} standard deviations from the map in the median")
+        for kind, sigmas in result.disputed.items()
+    ]
+    refused, sure = result.refused_for_navigation
+    if refused:
+        words.append(
+            f"{refused} of {sure} pairs that are sure by their scans are refused, as they contradict navigation: look "
+            "for exchanged axes, another unit, and times that are off, or map without it"
+        )
+    return words
 
 
 def odd_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
@@ -248,9 +267,7 @@ def _understated(what: str, times: float, left_out: bool) -> str:
 
 
 def _of_fixes(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
-    if result.mistake:
-        yield result.mistake
-    yield from (row["reason"] for row in understated_rows(result))
+    yield from (row["reason"] for row in understated_rows(result) if row["kind"] not in result.disputed)
     if result.systematic is not None:
         yield systematic_words(result.systematic)
     fixes = [

@@ -17,7 +17,7 @@ from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.files.readers.csv_table import PAIRS
-from sonarmap.tools.products.output.faults import faults, odd_rows, systematic_words, understated_rows
+from sonarmap.tools.products.output.faults import contradictions, faults, odd_rows, systematic_words, understated_rows
 from sonarmap.tools.products.output.hand import control_fit, control_rows, tie_rows
 from sonarmap.tools.products.output.pairs_file import fields_of
 from sonarmap.tools.products.output.run import SurveyRun
@@ -58,6 +58,7 @@ def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
             for kind, (used, given, sigmas) in result.agreement.items()
         },
         "understated": understated_rows(result),
+        "contradictions": contradictions(result),
         "systematic": result.systematic
         and {**asdict(result.systematic), "reason": systematic_words(result.systematic)},
         "ties": tie_rows(result, names),

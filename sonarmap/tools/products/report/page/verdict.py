@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 LISTED = 5  # names in a sentence
+_UNSURE = 3.0  # standard deviation of a map's rotation that is said [deg]
 _FEW = 0.5  # share of the voxels that several scans should have seen
 
 
@@ -16,8 +17,9 @@ def verdict(summary: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
     place = "one map" if len(parts) == 1 else f"{len(parts)} separate maps"
     scans = f"all {inside} scans" if not unplaced else f"{inside} of {len(names)} scans"
     sentence = f"{scans} lie in {place}".capitalize()
+    against = "".join(f"{_capital(each)}. " for each in summary.get("contradictions", []))
     return {
-        "sentence": f"{sentence}; {_loops(summary)}{_crossings(summary)}.",
+        "sentence": f"{against}{sentence}{_tilt(summary)}; {_loops(summary)}{_crossings(summary)}.",
         "concerns": list(_concerns(summary, names)),
     }
 
@@ -41,6 +43,19 @@ def _loops(summary: Mapping[str, Any]) -> str:
     if not loops["tried"]:
         return "no loops were tried"
     return f"{loops['kept']} of {counted(loops['tried'], 'loop')} {'was' if loops['kept'] == 1 else 'were'} kept"
+
+
+def _tilt(summary: Mapping[str, Any]) -> str:
+    """That the tilt of the largest map is not known, or not well, where navigation places it."""
+    part = summary["components"][0]
+    if {"tilt_x", "tilt_y"}.intersection(part["unmeasured"]):
+        return ", whose tilt is not known: navigation does not determine it"
+    sigma = min(summary["scans"][k]["sigmas"]["rotation_deg"] for k in part["scans"])
+    return f", whose tilt and heading are known to {sigma:.0f}° alone" if sigma >= _UNSURE else ""
+
+
+def _capital(sentence: str) -> str:
+    return sentence[0].upper() + sentence[1:]
 
 
 def _crossings(summary: Mapping[str, Any]) -> str:
@@ -70,7 +85,8 @@ def _concerns(summary: Mapping[str, Any], names: Sequence[str]) -> Iterator[str]
             yield f"{counted(len(listing), what)} {words}: {listed(listing)}."
     # which earlier maps do not have either
     rows = [*summary.get("understated", []), *([summary["systematic"]] if summary.get("systematic") else [])]
-    yield from (f"{row['reason'][0].upper()}{row['reason'][1:]}." for row in rows)
+    reasons = [row["reason"] for row in rows if row["reason"] not in summary.get("contradictions", [])]
+    yield from (f"{_capital(reason)}." for reason in reasons)
     for fix in summary["wrong_fixes"]:
         away = f"{fix['sigmas']:.1f} standard deviations from what everything else says"
         yield f"The {fix['kind']} of {fix['name']} is {away}; it is left out."

@@ -118,11 +118,15 @@ def test_the_origin_is_said_again_where_no_navigation_does() -> None:
 NAMES = [f"dive#{k}" for k in range(9)]
 
 
+WELL: dict[str, Any] = {"map": {"seen_by_two_or_more": 0.8}, "scans": list(range(9)), "unmeasured": []}
+
+
 def summary(**changes: Any) -> dict[str, Any]:
     """Of nine scans in one map, all well."""
     return {
         "unplaced": [],
-        "components": [{"map": {"seen_by_two_or_more": 0.8}}],
+        "components": [WELL],
+        "scans": [{"sigmas": {"rotation_deg": 0.2 * k}} for k in range(9)],
         "pairs": {"by_role": {"sequential": {"tried": 8, "kept": 8}, "loop": {"tried": 3, "kept": 2}}},
         "crossing_error_m": {"pairs": 4, "before": 0.512, "after": 0.0731},
         "by_navigation": [],
@@ -144,10 +148,23 @@ def test_all_is_well() -> None:
     assert judged["sentence"] == "All 9 scans lie in one map; no loops were tried."
 
 
+def test_navigation_that_tells_too_little_or_is_wrong_is_in_the_first_sentence() -> None:
+    unknown = WELL | {"unmeasured": ["tilt_x", "tilt_y", "heading"]}
+    start = "All 9 scans lie in one map, whose tilt is not known: navigation does not determine it; 2 of 3"
+    assert verdict(summary(components=[unknown]), NAMES)["sentence"].startswith(start)
+    unsure = [{"sigmas": {"rotation_deg": 8.2 + k}} for k in range(9)]
+    start = "All 9 scans lie in one map, whose tilt and heading are known to 8° alone; 2 of 3"
+    assert verdict(summary(scans=unsure), NAMES)["sentence"].startswith(start)
+    row = {"kind": "depth", "times": 3.1, "reason": "depths err 3.1 times as much"}
+    judged = verdict(summary(contradictions=[row["reason"]], understated=[row]), NAMES)
+    assert judged["sentence"].startswith("Depths err 3.1 times as much. All 9 scans")
+    assert judged["concerns"] == []
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"components": [{"map": {"seen_by_two_or_more": 0.8}}] * 3}, "3 separate maps, each in a frame of its own"),
+        ({"components": [WELL] * 3}, "3 separate maps, each in a frame of its own"),
         ({"unplaced": [2, 7]}, "2 scans in no map: no reliable registration joins them to the others: dive#2, dive#7."),
         ({"unplaced": list(range(8))}, "dive#4 and 3 more."),
         ({"by_navigation": [4]}, "1 scan placed by navigation alone"),
@@ -155,7 +172,10 @@ def test_all_is_well() -> None:
         ({"gaps": [[3, 4], [None, 0]]}, "2 gaps between consecutive scans: dive#3 to dive#4, ? to dive#0."),
         ({"wrong_fixes": [{"name": "dive#5", "kind": "depth", "sigmas": 11.26}]}, "depth of dive#5 is 11.3 standard"),
         ({"graph": {"converged": False}}, "stopped before it converged"),
-        ({"components": [{"map": {"seen_by_two_or_more": 0.25}}]}, "Only 25% of the map was seen by more than one"),
+        (
+            {"components": [WELL | {"map": {"seen_by_two_or_more": 0.25}}]},
+            "Only 25% of the map was seen by more than one",
+        ),
     ],
 )
 def test_concerns(changes: dict[str, Any], words: str) -> None:
