@@ -83,11 +83,11 @@ def _fitted(
 ) -> tuple[RigidTransform, float]:
     """T_world_part by robust least squares from a start, and chi-squared; residuals beyond `scale` count ever less.
     With `level` it is tilted as little as the rest allows."""
-    residuals, J, about = _off(measured, T_part_pose, T_world_part, level)
+    residuals, jacobian, about = _off(measured, T_part_pose, T_world_part, level)
     cost, damping = _cost(residuals, scale), 1e-3
     for _ in range(_STEPS):
-        weighed = J / (1 + (residuals / scale) ** 2)[:, None]
-        total = weighed.T @ J
+        weighed = jacobian / (1 + (residuals / scale) ** 2)[:, None]
+        total = weighed.T @ jacobian
         total += np.diag(damping * np.diag(total) + 1e-12 * np.trace(total))
         step = np.linalg.solve(total, -weighed.T @ residuals)
         moved = about * RigidTransform.from_components(step[3:], Rotation.from_rotvec(step[:3])) * about.inv()
@@ -95,7 +95,7 @@ def _fitted(
         damping *= 10
         if (less := _cost(tried[0], scale)) < cost:
             fallen, cost, damping = cost - less, less, damping / 100
-            (residuals, J, about), T_world_part = tried, moved * T_world_part
+            (residuals, jacobian, about), T_world_part = tried, moved * T_world_part
             if fallen < _FALLEN * cost:
                 break
     return T_world_part, cost
@@ -114,13 +114,13 @@ def _off(
     about = RigidTransform.from_translation(T.translation.mean(axis=0))
     known, weights = measured.precisions > 0, np.sqrt(measured.precisions)
     residuals = (measured.residuals(T) * weights)[known]
-    J = (measured.jacobian(T, about.translation) * weights[:, :, None])[known]
+    jacobian = (measured.jacobian(T, about.translation) * weights[:, :, None])[known]
     if level:
         up = T_world_part.rotation.apply([0.0, 0.0, 1.0])
         away, aside = np.arctan2(np.hypot(up[0], up[1]), up[2]) / _LEVEL, np.array([-up[1], up[0]])
         residuals = np.append(residuals, away * aside / max(float(np.hypot(up[0], up[1])), 1e-12))
-        J = np.vstack([J, np.eye(2, 6) / _LEVEL])
-    return residuals, J, about
+        jacobian = np.vstack([jacobian, np.eye(2, 6) / _LEVEL])
+    return residuals, jacobian, about
 
 
 def _placed(known: Mapping[int, PosePrior], T_part: RigidTransform, tilt: Rotation) -> RigidTransform:
