@@ -16,7 +16,7 @@ from tests.tools.files.readers.navigation.test_contradictions import SIGMAS, TIG
 FEET = np.array([1, 1, 1, 1, 1, 1 / 0.3048])
 TURNED = np.array([1, 1, -1, 1, 1, 1])
 LEVEL = np.array([1, 1, 0, 0, 0, 1], bool)
-DEPTH, HEADING = np.arange(6) == 5, np.arange(6) == 2
+DEPTH, ROTATION = np.arange(6) == 5, np.arange(6) < 3
 
 
 def named(
@@ -43,7 +43,7 @@ def named(
     [
         (LEVEL, FEET, "depth", "depths in feet"),
         (DEPTH, FEET, "depth", "depths in feet"),
-        (HEADING, TURNED, "heading", "heading_deg with its sign turned"),
+        (ROTATION, TURNED, "heading", "heading_deg with its sign turned"),
     ],
 )
 def test_a_map_names_the_mistake(known: np.ndarray, by: np.ndarray, kind: str, instead: str, seed: int) -> None:
@@ -57,7 +57,7 @@ def test_a_map_names_the_mistake(known: np.ndarray, by: np.ndarray, kind: str, i
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("known", [LEVEL, DEPTH, HEADING])
+@pytest.mark.parametrize("known", [LEVEL, DEPTH, ROTATION])
 def test_noise_has_no_name(known: np.ndarray, seed: int) -> None:
     rng, truth = drawn([15, seed])
     truth[:, :2] *= 0.3

@@ -30,7 +30,7 @@ class Contradiction:
 
     def __str__(self) -> str:
         instead = ", or ".join(self.instead)
-        return f"the scans contradict the navigation by {self.sigmas:.0f} sigmas; they agree with {instead}"
+        return f"the scans contradict the navigation ({self.sigmas:.0f} sigmas); they agree with {instead}"
 
     @property
     def remedy(self) -> str:
