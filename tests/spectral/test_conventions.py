@@ -130,7 +130,7 @@ class TestPoseGraph:
         poses = RigidTransform.concatenate([true])
         for known in (np.ones(6, bool), np.array([True, True, True, False, False, True])):
             prior = PosePrior(T_WORLD_I, np.where(known, sigmas, np.inf))
-            (measured,) = MeasuredPoses.of({0: prior}, poses).known()
+            (measured,) = MeasuredPoses.of({0: prior}).known(poses)
             squared = 2 * sum(factor.error(to_values(poses)) for factor in measured.factors())
             assert squared == pytest.approx((errors / sigmas)[known] @ (errors / sigmas)[known], rel=1e-9)
 

@@ -255,7 +255,7 @@ def choose_device(selector: str | None = None) -> Device:
         InputError: the selector is no text.
         DeviceError: nothing matches, or nothing that matches works; the message lists what is there.
     """
-    if not isinstance(selector, str | None):
+    if not isinstance(selector, str | None):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise InputError(f"`selector` is {type(selector).__name__}; wanted a name such as 'cpu' or '0:0', or None")
     refuse_fork()
     wanted = selector or os.environ.get("PYOPENCL_CTX") or ""

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Which points of a map are part of a surface, and which are stray echoes, for what is made of surfaces.
 
 By density, as DBSCAN does it (Ester, Kriegel, Sander and Xu, KDD 1996): points with enough neighbors that hang together
@@ -19,7 +18,8 @@ def on_surface(points: np.ndarray, voxel: float) -> np.ndarray:
     """(M,) bool: which of a map's points (M, 3) [m] are part of a surface; all where none would be."""
     if len(points) <= _NEIGHBORS:
         return np.ones(len(points), bool)
-    distance, near = (each[:, 1:] for each in KDTree(points).query(points, _NEIGHBORS + 1))  # the first is itself
+    distance, near = KDTree(points).query(points, _NEIGHBORS + 1)
+    distance, near = np.asarray(distance)[:, 1:], np.asarray(near)[:, 1:]  # the first is itself
     linked = distance <= max(_RADIUS * voxel, _SPARSE * float(np.median(distance[:, -1])))
     dense = linked.all(axis=1)
     row, column = np.nonzero(dense[:, None] & dense[near])

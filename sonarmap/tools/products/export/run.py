@@ -258,7 +258,8 @@ def _notes(folder: Map, settings: ExportSettings, earths: dict[str, Georeference
         notes.append(f"the map lies in more than one UTM zone, or in another; all of it is in {first.projection.name}")
     elif settings.crs is not None and not first.projection.covers(places):
         notes.append(f"the map lies outside the area for which {first.projection.name} was made")
-    if (folder.summary.get("settings") or {}).get("heights_from"):
+    settled: dict[str, Any] = folder.summary.get("settings") or {}
+    if settled.get("heights_from"):
         notes.append(
             "heights count from the transducer, whose draught the lines' files do not give: map again with --draught M"
         )

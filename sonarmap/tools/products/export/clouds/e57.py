@@ -6,7 +6,7 @@ pye57 stores coordinates in four bytes. They count from the sensor's place, or t
 scan's pose in the file, in eight bytes: readers add it.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from hashlib import sha256
 from itertools import count
@@ -48,7 +48,7 @@ def write_e57(path: Path, cloud: Cloud) -> Mapping[str, Any]:
 
 
 @contextmanager
-def _guids_from(module: Any, seed: str) -> Iterator[None]:
+def _guids_from(module: Any, seed: str) -> Generator[None]:
     """GUIDs that follow from what is written, where pye57 draws them: the same map gives the same bytes."""
     drawn, number = module.uuid, count()
     module.uuid = SimpleNamespace(uuid4=lambda: uuid5(NAMESPACE_OID, f"{seed} {next(number)}"))
