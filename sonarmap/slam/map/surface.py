@@ -21,7 +21,7 @@ def on_surface(points: np.ndarray, voxel: float) -> np.ndarray:
     distance, near = KDTree(points).query(points, _NEIGHBORS + 1)
     distance, near = np.asarray(distance)[:, 1:], np.asarray(near)[:, 1:]  # the first is itself
     linked = distance <= max(_RADIUS * voxel, _SPARSE * float(np.median(distance[:, -1])))
-    dense: np.ndarray = linked.all(axis=1)
+    dense = np.asarray(linked.all(axis=1))
     row, column = np.nonzero(dense[:, None] & dense[near])
     pairs = (np.ones(len(row), bool), (row, near[row, column]))
     group = connected_components(sparse.coo_array(pairs, shape=(len(points),) * 2), directed=False)[1]

@@ -41,7 +41,7 @@ def measured(result: SurveyResult, *unmeasured: str, part: int = 0) -> SurveyRes
     """As if instruments had measured all of a part but these."""
     members = result.components[part]
     free = np.array([name in unmeasured for name in MEASURED])
-    gauge = SimpleNamespace(unconstrained=[(members[0], free)] if unmeasured else [])
+    gauge = SimpleNamespace(unmeasured={members[0]: free} if unmeasured else {})
     graph: Any = SimpleNamespace(priors=[(members[1], None)], known=[], gauge=gauge)
     solution: Any = SimpleNamespace(graph=graph)
     return replace(result, solution=solution)
