@@ -454,7 +454,7 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]
             **{"points": "map", "scans_from": (), **options},
         },
         "read_navigation": {
-            **{"path": folder / "log.csv", "scans": scans, "offset": 0.0, "heading_reference": "true"},
+            **{"logs": folder / "log.csv", "scans": scans, "offset": 0.0, "heading_reference": "true"},
             **{"T_vehicle_sensor": None, **log},
         },
         "fuse": {"scans": scans, "poses": TRUTH[:2], "voxel": 0.5, "covariances": result.covariances, "surveys": None},

@@ -68,8 +68,8 @@ def test_it_is_exported(written: sonarmap.Map, scans: Path, tmp_path: Path) -> N
     ("arguments", "words"),
     [
         ({"formats": "gtiff"}, "'gtiff'; did you mean geotiff"),
-        ({"formats": "laz", "cell": -1.0}, "`cell=-1.0` cannot be used; wanted a number above zero"),
-        ({"formats": "laz", "spacing": "a"}, "`number='a'` cannot be used"),
+        ({"formats": "laz", "cell": -1.0}, "`cell=-1.0` cannot be used; wanted a length in meters above zero"),
+        ({"formats": "laz", "spacing": "a"}, "`spacing='a'` cannot be used"),
         ({"formats": "laz", "height": "low"}, "`height='low'` is not known; choose one of top"),
         ({"formats": "laz", "rate": 2.0}, "`rate` has no effect without a format of poses"),
         ({"formats": "laz", "origin": (60, 5)}, "`origin=.*wanted Georeference or None"),
@@ -101,7 +101,7 @@ def test_scans_are_fused_again(result: sonarmap.SurveyResult, scans: Path) -> No
     ):
         with pytest.raises(sonarmap.InputError, match=words):
             api.fuse(*given)
-    with pytest.raises(sonarmap.InputError, match=r"`covariances` are of shape \(6, 6\); wanted \(6, 6, 6\)"):
+    with pytest.raises(sonarmap.InputError, match=r"`covariances=.*wanted finite numbers of shape \(6, 6, 6\)"):
         sonarmap.fuse(scans, TRUTH, VOXEL, covariances=np.eye(6))
 
 
@@ -121,9 +121,9 @@ def test_navigation(scans: Path, tmp_path: Path) -> None:
         np.testing.assert_allclose(scan.prior.sigmas[:3], sigmas[:3])
         assert scan.prior.T_world_sensor.translation[2] == pytest.approx(-4.0 - k, abs=0.01)
     for given, words in (
-        ({"sigmas": [1.0]}, "`sigmas=.*wanted six numbers"),
+        ({"sigmas": [1.0]}, r"`sigmas=.*wanted finite numbers of shape \(6,\)"),
         ({"frame": "enz"}, "`frame` is 'enz'"),
-        ({"heading_reference": "magnetic"}, "give it as `magnetic_declination`"),
+        ({"heading_reference": "magnetic"}, "give it as `declination`"),
         ({"crs": "EPSG:32632", "columns": {"depth_m": "Z"}}, "`"),
         ({}, "scan0.npz: line 1 is not a CSV line"),
     ):
@@ -150,7 +150,7 @@ def test_results_print_in_three_lines(result: sonarmap.SurveyResult, written: so
 def test_what_cannot_be_written(result: sonarmap.SurveyResult, scans: Path, tmp_path: Path) -> None:
     for given, words in (
         ((None, tmp_path), "`result=None` .*wanted SurveyResult"),
-        ((result, 3), "`path=3` cannot be used"),
+        ((result, 3), "`folder=3` cannot be used"),
     ):
         with pytest.raises(sonarmap.InputError, match=words):
             api.write_map(*given)
@@ -161,5 +161,5 @@ def test_what_cannot_be_written(result: sonarmap.SurveyResult, scans: Path, tmp_
         sonarmap.Map.open(tmp_path / "file")
     with pytest.raises(sonarmap.InputError, match=r"holds no map: it has no summary\.json"):
         sonarmap.Map.open(tmp_path)
-    with pytest.raises(sonarmap.InputError, match="wanted the path"):
+    with pytest.raises(sonarmap.InputError, match="`folder=5` cannot be used"):
         api.write_report(5)

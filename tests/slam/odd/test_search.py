@@ -136,7 +136,7 @@ def test_it_is_a_concern_of_the_report_once() -> None:
     summary = {
         "unplaced": [2],
         "odd_scans": rows,
-        "components": [{"map": {"seen_by_two_or_more": 0.8}}],
+        "components": [{"map": {"seen_by_two_or_more": 0.8}, "unmeasured": [], "scans": []}],
         "pairs": {"by_role": {}},
         "crossing_error_m": {"pairs": 0},
         "by_navigation": [],

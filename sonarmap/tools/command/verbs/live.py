@@ -53,7 +53,7 @@ class LiveOptions:
     """How a dive is shown, and what ends it."""
 
     replay: float | None = option(
-        INPUT, "F", "Replay finished scans at F times real speed. 0 is as fast as possible.", min=0.0
+        INPUT, "F", "Replay finished scans faster than real time by this factor. 0 is as fast as possible.", min=0.0
     )
     onto: Path | None = option(
         INPUT, "MAP", "Find the place in a finished map, and show both. It is a folder that `sonarmap map` wrote."

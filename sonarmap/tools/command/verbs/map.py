@@ -205,7 +205,7 @@ def check_options(
             refuse_without(f"--{needed}", {f"--{option.replace('_', '-')}": files.get(option)})
     require_method(method)
     output.export_settings(earth.crs, earth.georeference(), stamps, later)
-    require_writable(output.out)
+    require_writable(output.out, make=False)
 
 
 def _require_files(files: Mapping[str, Any]) -> None:

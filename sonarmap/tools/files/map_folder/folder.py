@@ -68,7 +68,7 @@ class MapPart:
         for pose in np.unique(scan).tolist():
             by_poses[scan == pose] = pose_variance(beams[scan == pose], self.covariances[pose])
         along_z = np.einsum("na,nab,nb->n", J, self.covariances[scan], J)
-        steep = (np.einsum("na,na->n", beams, J[:, 3:]) / np.linalg.norm(beams, axis=1)) ** 2
+        steep = (np.einsum("na,na->n", beams, J[:, 3:]) / np.maximum(np.linalg.norm(beams, axis=1), 1e-12)) ** 2
         share = np.minimum(total / np.maximum(by_poses, 1e-30), 1.0)  # below 1 where scans err less together
         return np.sqrt(share * along_z + 3 * steep * np.maximum(total - by_poses, 0.0))
 

@@ -8,6 +8,7 @@ from typing import Any
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.inputs import sha256_of
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH, SUMMARY
+from sonarmap.tools.files.writers.atomic import writing
 from sonarmap.tools.files.writers.json_text import write_json
 
 
@@ -31,9 +32,11 @@ def write_summary(folder: Path, summary: Mapping[str, Any], also: Iterable[str] 
 
 def checksums(written: Sequence[tuple[Path, Path]]) -> dict[str, dict[str, Any]]:
     """Size and SHA-256 of files, by name, as `all_or_none` gives them: the temporary path of each and its own."""
-    return {
-        path.name: {"bytes": temporary.stat().st_size, "sha256": sha256_of(temporary)} for temporary, path in written
-    }
+    rows: dict[str, dict[str, Any]] = {}
+    for temporary, path in written:
+        with writing(path):
+            rows[path.name] = {"bytes": temporary.stat().st_size, "sha256": sha256_of(temporary)}
+    return rows
 
 
 def require_own(folder: Path, summary: Mapping[str, Any], read: Iterable[str]) -> None:

@@ -26,11 +26,11 @@ def atomic_path(path: Path) -> Iterator[Path]:
     if path.is_dir():
         raise InputError(f"cannot write {path}: a folder of that name is there. Choose another output folder.")
     temporary, waiting = path.with_name(f"{LEFTOVER_PREFIX}{token_hex(8)}{path.suffix}"), _waiting.get()
-    with _writing(path):
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary.touch(exist_ok=False)  # with the permissions of any new file, which tempfile's have not
     try:
-        with _writing(path):
+        with writing(path):
             yield temporary
             with temporary.open("rb+") as file:
                 os.fsync(file.fileno())
@@ -62,7 +62,7 @@ def all_or_none() -> Iterator[Sequence[tuple[Path, Path]]]:
     try:
         yield waiting
         for temporary, path in waiting:
-            with _writing(path):
+            with writing(path):
                 temporary.replace(path)
             appeared.append(path)
     finally:
@@ -80,11 +80,14 @@ def clear_leftovers(folder: Path) -> None:
             discard(path)
 
 
-def require_writable(folder: Path) -> None:
-    """Refuse a folder that cannot be written before hours are spent on what should go into it; made if missing."""
-    with _writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder).close()
+def require_writable(folder: Path, make: bool = True) -> None:
+    """Refuse a folder that cannot be written before hours are spent on what should go into it; with `make` it is made
+    if missing, else the first folder above that is there is looked at."""
+    with writing(folder):
+        if make:
+            folder.mkdir(parents=True, exist_ok=True)
+        there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+        tempfile.TemporaryFile(dir=there).close()
 
 
 def discard(path: Path) -> None:
@@ -94,7 +97,7 @@ def discard(path: Path) -> None:
 
 
 @contextmanager
-def _writing(path: Path) -> Iterator[None]:
+def writing(path: Path) -> Iterator[None]:
     """An OSError of the block is an InputError that says what to do where a file or a folder cannot be written."""
     try:
         yield

@@ -72,7 +72,9 @@ def test_the_disk_is_full_and_the_map_goes_on(tmp_path: Path, monkeypatch: pytes
     assert (last.status, last.scans, last.placed, last.keys) == ("ended", 4, 4, 4)
     assert len(last.alerts) == 1
     assert "No space left on device" in last.alerts[0]
-    assert last.alerts[0].startswith("what is registered is not" if what == "journal" else "the map grows in memory")
+    assert last.alerts[0].startswith(
+        "registrations cannot be saved" if what == "journal" else "the map grows in memory"
+    )
 
 
 def test_what_is_sent_is_the_map_that_grows(tmp_path: Path) -> None:

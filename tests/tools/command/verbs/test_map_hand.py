@@ -162,7 +162,7 @@ def test_two_folders_are_two_surveys_of_one_map(tmp_path: Path) -> None:
     found = evaluate(read_tum(out / "trajectory.tum"), Trajectory(np.arange(4.0), T_WORLD_SENSOR), "first")
     assert found.translation_m.max() < 0.3
     layers = [read_scan(out / f"map_survey_{number}.ply").points for number in (0, 1)]
-    assert len(files_in(out)) == 17
+    assert len(files_in(out)) == 15
     assert all(len(layer) for layer in layers)
     wholes = [read_scan(out / f"map_all_survey_{number}.ply").points for number in (0, 1)]
     doubtful = [row["seen_by_too_few"] for row in summary["components"][0]["surveys"].values()]

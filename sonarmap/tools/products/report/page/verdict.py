@@ -50,7 +50,7 @@ def _tilt(summary: Mapping[str, Any]) -> str:
     part = summary["components"][0]
     if {"tilt_x", "tilt_y"}.intersection(part["unmeasured"]):
         return ", whose tilt is not known: navigation does not determine it"
-    sigma = min(summary["scans"][k]["sigmas"]["rotation_deg"] for k in part["scans"])
+    sigma = min((summary["scans"][k]["sigmas"]["rotation_deg"] for k in part["scans"]), default=0.0)
     return f", whose tilt and heading are known to {sigma:.0f}° alone" if sigma >= _UNSURE else ""
 
 

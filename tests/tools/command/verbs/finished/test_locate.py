@@ -120,7 +120,7 @@ def test_from_python(mapped: Path, scans: list[str]) -> None:
     assert (here.located, other.located) == (True, False)
     check_pose(here.T_map_scan.as_matrix())
     assert [len(str(each).splitlines()) <= 3 for each in (here, other)] == [True, True]
-    with pytest.raises(library.InputError, match="path of a file or folder"):
+    with pytest.raises(library.InputError, match="wanted Map or str or PathLike"):
         library.locate(scan(0), [scans[0]])  # pyright: ignore[reportArgumentType]
 
 
