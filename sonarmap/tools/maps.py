@@ -245,7 +245,7 @@ def read_navigation(
     from sonarmap.tools.files.readers.navigation.settings import Mount, NavigationSettings, parse_talkers
 
     paths: list[Any] = [*logs] if isinstance(logs, list | tuple) else [logs]
-    require_type("logs", paths, str, os.PathLike)
+    require_type("logs", paths or [None], str, os.PathLike)
     require_type("T_vehicle_sensor", [T_vehicle_sensor], RigidTransform, None)
     require_type("origin", [origin], Georeference, None)
     given = np.full(6, np.nan) if sigmas is None else as_numbers("sigmas", sigmas, (6,), finite=False)

@@ -6,7 +6,7 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable, Generator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import reduce
 from pathlib import Path
 from threading import Event, Thread
@@ -51,15 +51,15 @@ class NavigationLog:
         self._faults = dict[str, str]()  # what is wrong now, by what it is of
         self._came = time.monotonic()
         self._ends = Event()
-        self._thread = Thread(target=self._run, name="navigation", daemon=True)
+        self._source_open = ExitStack()
 
     def __enter__(self) -> "NavigationLog":
-        with _opened(self._source):
-            pass
         try:
             self._path.open("ab").close()
         except OSError as error:
             raise InputError(f"cannot write {self._path}: {error.strerror}; choose another output folder") from error
+        receive = self._source_open.enter_context(_opened(self._source))
+        self._thread = Thread(target=self._run, args=(receive,), name="navigation", daemon=True)
         self._thread.start()
         return self
 
@@ -67,16 +67,18 @@ class NavigationLog:
         self._ends.set()
         self._thread.join()
 
-    def _run(self) -> None:
+    def _run(self, receive: Callable[[], bytes] | None) -> None:
+        """`receive`: of the source that is open: closing and opening a device drops what has come meanwhile."""
         again = Again()
         while not self._ends.is_set():
             again.begins()
             try:
-                with _opened(self._source) as receive:
-                    self._keep(receive)
+                with self._source_open:
+                    self._keep(receive or self._source_open.enter_context(_opened(self._source)))
             except Exception as error:  # noqa: BLE001 - pyserial raises many kinds; all are tried again
                 self._set("device", f"{self._source} has gone ({error}), and is opened again when it is back")
                 self._ends.wait(max(_WAIT, again.pause()))
+            receive = None
         self._store()
 
     def _keep(self, receive: Callable[[], bytes]) -> None:

@@ -72,12 +72,16 @@ class _Contents:
 def _indexed(path: Path) -> _Contents | None:
     """As the summary at the file's end has it; None where there is none, or it is damaged, or says too little."""
     from mcap.reader import SeekingReader
+    from mcap.records import Header
+    from mcap.stream_reader import StreamReader
 
     size = path.stat().st_size
     try:
         with path.open("rb") as file, refused("its summary cannot be read"):
+            # whole chunks: one that unpacks to gigabytes can be the first record
+            if not isinstance(next(StreamReader(file, emit_chunks=True, record_size_limit=size).records), Header):
+                return None
             reader = SeekingReader(file, record_size_limit=size)
-            reader.get_header()
             summary = reader.get_summary()
             file.seek(-_END.size, SEEK_END)
             start, checksum = _END.unpack(file.read())
