@@ -81,6 +81,7 @@ def _indexed(path: Path) -> _Contents | None:
             # whole chunks: one that unpacks to gigabytes can be the first record
             if not isinstance(next(StreamReader(file, emit_chunks=True, record_size_limit=size).records), Header):
                 return None
+            file.seek(0)
             reader = SeekingReader(file, record_size_limit=size)
             summary = reader.get_summary()
             file.seek(-_END.size, SEEK_END)
