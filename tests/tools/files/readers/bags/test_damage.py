@@ -214,6 +214,19 @@ def test_records_of_mcap_without_end(tmp_path: Path, opcode: int, length: int) -
 TIMES = [0.125, 1.125, 2.125]
 
 
+@pytest.mark.parametrize("kind", ["mcap plain", "mcap zstd"])
+def test_texts_of_mcap_without_end(tmp_path: Path, kind: str) -> None:
+    """In the first record and in the summary, whose records are of the right lengths: what the index says is left."""
+    content, text = recordings()[kind][1], struct.pack("<I", 2**32 - 1)
+    path = put(tmp_path / "a.mcap", content[:17] + text + content[21:])
+    with thrifty(), pytest.raises(InputError, match="it claims 4,294,967,295 bytes more"):
+        read_scans([path])
+    name = content.rindex(struct.pack("<I", len(CLOUD)) + CLOUD.encode())
+    path.write_bytes(content[:name] + text + content[name + 4 :])
+    with thrifty():
+        assert [scan.stamp for scan in read_scans([path]).scans] == TIMES
+
+
 @pytest.mark.parametrize(("count", "seed"), [(100, 3), pytest.param(3000, 4, marks=pytest.mark.slow)])
 def test_damaged_metadata(tmp_path: Path, count: int, seed: int) -> None:
     ends, faults = damage_metadata(tmp_path, count, seed)
