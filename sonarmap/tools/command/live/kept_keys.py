@@ -5,7 +5,8 @@ import json
 import shutil
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.execute.pair_text import from_text, to_text
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
+from sonarmap.tools.files.readers.clouds.cloud import refuse_map_coordinates
 from sonarmap.tools.files.readers.incoming import Mark
 from sonarmap.tools.files.writers.atomic import atomic_path, require_writable
 from sonarmap.tools.files.writers.folder_lock import locked
@@ -61,11 +63,17 @@ def kept_keys(out: Path, alert: Callable[[str], object] = len) -> Iterator[KeptK
             prior = said["prior"] and PosePrior(
                 RigidTransform.from_matrix(np.array(said["prior"][0])), np.array(said["prior"][1], np.float64)
             )
-            scan = Scan(points, stamp=said["stamp"], prior=prior, name=said["name"])
-            yield KeptKey(scan, step, Mark(**said["behind"]), said["voxel"])
+            refuse_map_coordinates(points)
+            scan = Scan(points, stamp=float(said["stamp"]), prior=prior, name=str(said["name"]))
+            behind, voxel = Mark(**said["behind"]), float(said["voxel"])
+            types = tuple(type(value) for value in astuple(behind))
+            if types != (str, int, int) or not (voxel > 0 and isfinite(scan.stamp + voxel)):
+                raise ValueError
+            key = KeptKey(scan, step, behind, voxel)
         except Exception:  # noqa: BLE001 - a damaged file can raise anything
             alert(f"{path} is damaged and left out; what it held is mapped again")
             return
+        yield key
         number += 1
 
 

@@ -1,5 +1,6 @@
 """Key scans that a mapping which was killed finds again: all of them, bit by bit, or up to the first damaged one."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +97,27 @@ def test_every_damage_ends_the_list_and_nothing_else(tmp_path: Path) -> None:
             said.append("same")
         assert len(said) == count
     assert len(set(said)) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("voxel", {"a": 1}), ("voxel", 0.0), ("voxel", float("nan")), ("stamp", "soon"), ("stamp", float("inf")),
+        ("behind", {"file": "a", "count": "7", "shots": 0}), ("behind", {"file": None, "count": 7, "shots": 0}),
+        ("prior", [[[1.0]], [0.1]]), ("step", 7),
+    ],
+)  # fmt: skip
+def test_a_value_that_no_program_writes_ends_the_list(tmp_path: Path, name: str, value: object) -> None:
+    """Of a file whose checksums are right."""
+    keep(tmp_path, 3)
+    path = tmp_path / "live" / "key_00001.npz"
+    with np.load(path) as arrays:
+        points, said = arrays["points"], json.loads(arrays["said"].tobytes())
+    said[name] = value
+    np.savez(path, points=points, said=np.frombuffer(json.dumps(said).encode(), np.uint8))
+    alerts = list[str]()
+    assert [each.scan.name for each in kept_keys(tmp_path, alerts.append)] == ["001#0"]
+    assert alerts == [f"{path} is damaged and left out; what it held is mapped again"]
 
 
 def test_other_inputs_forget_them_and_the_same_keep_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
