@@ -153,7 +153,9 @@ def refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:
 def looks_like(points: np.ndarray) -> str:
     """What finite points (N, 3) are that lie too far off to be a scan's, and what to do, in words: a scan in another
     unit is about its sensor, one in map coordinates lies far from it."""
-    if np.abs(np.median(points, axis=0)).max() > _AWAY * np.ptp(points, axis=0).max():
+    with np.errstate(over="ignore"):
+        are_away = np.abs(np.median(points, axis=0)).max() > _AWAY * np.ptp(points, axis=0).max()
+    if are_away:
         return (
             "these look like map coordinates (UTM, or a local grid); give scans in meters in the sensor's own frame: "
             "subtract the sensor's position from the points of each scan"
