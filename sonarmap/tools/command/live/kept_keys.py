@@ -5,7 +5,7 @@ import json
 import shutil
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import asdict, dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -66,7 +66,7 @@ def kept_keys(out: Path, alert: Callable[[str], object] = len) -> Iterator[KeptK
             refuse_map_coordinates(points)
             scan = Scan(points, stamp=float(said["stamp"]), prior=prior, name=str(said["name"]))
             behind, voxel = Mark(**said["behind"]), float(said["voxel"])
-            types = tuple(type(value) for value in astuple(behind))
+            types = type(behind.file), type(behind.count), type(behind.shots)
             if types != (str, int, int) or not (voxel > 0 and isfinite(scan.stamp + voxel)):
                 raise ValueError
             key = KeptKey(scan, step, behind, voxel)
