@@ -6,11 +6,12 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, closing, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.bags.recording import Message, Recording, refused, topics_of
-from sonarmap.tools.files.readers.bags.unpack import NOT_BELIEVABLE, ZSTD_START, Unpacker, most_records
+from sonarmap.tools.files.readers.bags.unpack import NOT_BELIEVABLE, ZSTD_START, HeldBytes, Unpacker, most_records
 
 _Opened = Callable[[Path], AbstractContextManager[Any]]  # gives the reader of `rosbags` of a file
 _Unpacked = Callable[[Any, Any, str], bytes]  # of a message's content, time and topic; InputError where it is damaged
@@ -62,6 +63,7 @@ def _opened_ros1(path: Path) -> Iterator[Any]:
     names = {decompressor: name for name, decompressor in decompressors.items()}
     reader, unpacked = Reader(path), Unpacker(path.stat().st_size)
     with refused("its index cannot be read; `rosbag reindex` makes another"):
+        reader.path = cast(Any, SimpleNamespace(open=lambda _: HeldBytes(path)))
         reader.open()
         for place, chunk in reader.chunks.items():
             limited = partial(unpacked, compression=names[chunk.decompressor])

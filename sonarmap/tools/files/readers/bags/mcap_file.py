@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from io import SEEK_END, SEEK_SET
+from io import SEEK_END
 from itertools import repeat
 from operator import attrgetter
 from pathlib import Path
@@ -20,7 +20,7 @@ from zlib import crc32
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.bags.recording import CUT_OR_DAMAGED, Message, Recording, refused, topics_of
-from sonarmap.tools.files.readers.bags.unpack import LARGEST, NOT_BELIEVABLE, Unpacker, most_records
+from sonarmap.tools.files.readers.bags.unpack import LARGEST, NOT_BELIEVABLE, HeldBytes, Unpacker, most_records
 from sonarmap.tools.files.readers.clouds.rows import most_unpacked
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def open_mcap(path: Path, packed: int | None = None, more: Callable[[], bool] | 
     there. Raises InputError: there is no message in it."""
     faults: list[str] = []
     most = most_records(path.stat().st_size if packed is None else packed)
-    contents = _indexed(path, most) or _counted(_records(path, most, faults))
+    contents = _indexed(path) or _counted(_records(path, most, faults))
     empty: dict[int, Message] = {}  # of each channel, without time and content
     known = Counter[tuple[str, str]]()
     for number, channel in contents.channels.items():
@@ -69,7 +69,7 @@ class _Contents:
     chunks: Sequence[tuple[int, Collection[int]]] | None
 
 
-def _indexed(path: Path, most: int) -> _Contents | None:
+def _indexed(path: Path) -> _Contents | None:
     """As the summary at the file's end has it; None where there is none, or it is damaged, or says too little."""
     from mcap.reader import SeekingReader
     from mcap.records import Header
@@ -77,19 +77,17 @@ def _indexed(path: Path, most: int) -> _Contents | None:
 
     size = path.stat().st_size
     try:
-        with path.open("rb") as file, refused("its summary cannot be read"):
-            # whole reads: a text within a record can claim gigabytes
-            whole = _WholeReads(file, path, _READS * most)
-            stream = cast(IO[bytes], whole)
+        with HeldBytes(path) as file, refused("its summary cannot be read"):
             # whole chunks: one that unpacks to gigabytes can be the first record
-            if not isinstance(next(StreamReader(stream, emit_chunks=True, record_size_limit=None).records), Header):
+            if not isinstance(next(StreamReader(file, emit_chunks=True, record_size_limit=size).records), Header):
                 return None
-            whole.seek(0)
-            summary = SeekingReader(stream, record_size_limit=None).get_summary()
-            whole.seek(-_END.size, SEEK_END)
-            start, checksum = _END.unpack(whole.read(_END.size))
-            whole.seek(start)
-            if checksum not in (0, crc32(whole.read(size - start - _UNCHECKED))):
+            file.seek(0)
+            reader = SeekingReader(file, record_size_limit=size)
+            summary = reader.get_summary()
+            file.seek(-_END.size, SEEK_END)
+            start, checksum = _END.unpack(file.read())
+            file.seek(start)
+            if checksum not in (0, crc32(file.read(size - start - _UNCHECKED))):
                 return None
     except InputError:
         return None
@@ -225,9 +223,9 @@ class _WholeReads:
         self._size = path.stat().st_size
         self.place = 0
 
-    def seek(self, place: int, whence: int = SEEK_SET) -> None:
+    def seek(self, place: int) -> None:
         """Go on at a byte."""
-        self.place = self._file.seek(place, whence)
+        self.place = self._file.seek(place)
 
     def read(self, length: int) -> bytes:
         """The next bytes. Raises InputError: there are not so many, or more than memory should hold, or too many reads;

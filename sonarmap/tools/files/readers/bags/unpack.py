@@ -5,6 +5,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import BufferedReader, FileIO
 from pathlib import Path
 from weakref import finalize
 
@@ -71,6 +72,20 @@ def _pieces(content: bytes, compression: str) -> Iterator[bytes]:
                 f"{len(content):,} bytes of {compression} end too early: the recording is cut; copy it again"
             )
         yield decompressor.decompress(b"", max_length=_PIECE)
+
+
+class HeldBytes(BufferedReader):
+    """A file of which no read asks for more than it holds: libraries believe a length in a damaged file, and memory is
+    taken for that before the bytes are missed."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(FileIO(path))
+        self._size = path.stat().st_size
+
+    def read(self, size: int | None = -1) -> bytes:
+        """As of any file."""
+        left = max(self._size - self.tell(), 0)
+        return super().read(left if size is None or size < 0 else min(size, left))
 
 
 def most_records(packed: int) -> int:

@@ -16,6 +16,7 @@ import zstandard
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.bags import unpack
+from sonarmap.tools.files.readers.bags.poses import read_recorded_odometry
 from sonarmap.tools.files.readers.bags.unpack import Unpacker
 from sonarmap.tools.files.readers.clouds import rows as bounds
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
@@ -212,6 +213,22 @@ def test_records_of_mcap_without_end(tmp_path: Path, opcode: int, length: int) -
 
 
 TIMES = [0.125, 1.125, 2.125]
+
+
+@pytest.mark.parametrize("kind", ["bag", "bag lz4"])
+def test_lengths_in_a_ros_1_bag_without_end(tmp_path: Path, kind: str) -> None:
+    """Of the first record's head, and of one in the index."""
+    content, claim = recordings()[kind][1], struct.pack("<I", 2**32 - 1)
+    for at in (13, content.rindex(b"conn=") - 8):
+        path = put(tmp_path / "a.bag", content[:at] + claim + content[at + 4 :])
+        with thrifty():
+            refuses(
+                r"a\.bag: its index cannot be read; `rosbag reindex` makes another",
+                read_recorded_odometry,
+                path,
+                None,
+                [],
+            )
 
 
 @pytest.mark.parametrize("kind", ["mcap plain", "mcap zstd"])
