@@ -185,6 +185,13 @@ def test_viewpoints_as_extra_dimensions(tmp_path: Path) -> None:
     np.testing.assert_array_equal(scan.viewpoints, np.column_stack(list(places.values())))
 
 
+@pytest.mark.parametrize("times", [[1e308, 0, 1, 2, 3], [1e308, -1e308, 1, 2, 3], [1e60, 0, 1, 2, 3]])
+def test_times_that_no_clock_has_are_left_out(tmp_path: Path, times: list[float]) -> None:
+    scan = read_scan(put_las(tmp_path, las(gps=np.array(times), adjusted=False)))
+    np.testing.assert_array_equal(scan.points, POINTS)
+    assert scan.times is None
+
+
 def test_map_coordinates_are_refused_with_their_system(tmp_path: Path) -> None:
     tile, offset = TABLE.astype(np.float64) + np.array([500_000, 6_651_000, 0, 0]), (500_000.0, 6_651_000.0, 0.0)
     words = r"a\.laz: its points are map coordinates in WGS 84 / UTM zone 32N: x 5000"

@@ -47,6 +47,11 @@ def test_more_points_than_there_are_or_fewer_than_none(tmp_path, kind, count):
     refused(tmp_path, suffix, content, "promises" if count > 0 else "'-5'")
 
 
+def test_a_count_of_thousands_of_digits_is_shortened(tmp_path):
+    content = ply().replace(b"vertex 5", b"vertex " + b"9" * 5000)
+    refused(tmp_path, ".ply", content, r"line 4: the header promises '9{40}\.\.\.' of vertex; wanted a count >= 0$")
+
+
 @pytest.mark.parametrize("shape", ["(6, 4)", "(1000000000000, 3)", "(1000000000000, 1000000000000)", "(-5, 4)"])
 def test_an_npy_that_promises_more_than_it_holds(tmp_path, shape):
     content = npy(TABLE).replace(b"(5, 4), }" + b" " * (len(shape) - 6), b"%s, }" % shape.encode())

@@ -131,12 +131,14 @@ def _times_after(cloud: Cloud, chosen: np.ndarray) -> np.ndarray | None:
     if cloud.times is None or (viewpoints is not None and np.ptp(viewpoints, axis=0).any()):
         return None
     times = cloud.times[chosen].astype(np.float64)
-    if not np.isfinite(times).all() or np.ptp(times) == 0:
+    if not np.isfinite(times).all() or (times == times[0]).all():
         return None
     start = 0.0 if cloud.stamp is None else cloud.stamp
     if np.abs(times - start).max() > _LONGEST_SCAN:  # of another clock
         start = times.min()
-    return (times - start).astype(np.float32)
+    with np.errstate(over="ignore"):
+        after = (times - start).astype(np.float32)
+    return after if np.isfinite(after).all() else None
 
 
 def refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:

@@ -109,7 +109,8 @@ def _parse_header(lines: list[list[str]]) -> tuple[str, list[_Element]]:
                 order = _BYTE_ORDERS[name]
             case ["element", name, count]:
                 if re.fullmatch(r"\d{1,18}", count, re.ASCII) is None:
-                    raise InputError(f"line {number}: the header promises {count!r} of {name}; wanted a count >= 0")
+                    given = f"{rows.shown(count.encode())} of {name[:40]}"
+                    raise InputError(f"line {number}: the header promises {given}; wanted a count >= 0")
                 elements.append(_Element(name, int(count), []))
             case ["property", kind, name] if elements and order is not None and kind in _TYPES:
                 elements[-1].properties.append(_Property(name, np.dtype(order + _TYPES[kind])))
