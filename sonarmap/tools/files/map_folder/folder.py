@@ -194,6 +194,8 @@ def read_map_folder(path: Path) -> Map:
             scans = tuple(int(scan) for scan in row["scans"])
             cloud = map_points(path / f"map{suffix}.ply", scans)
             placed = everything.take(scans), covariances[list(scans)], bool(poses[scans[0]]["in_world"])
+            if not np.isfinite(placed[1]).all():  # null is NaN
+                raise ValueError("a covariance that is not finite")
             parts.append(MapPart(suffix, *cloud, scans, *placed, tuple(str(name) for name in row["unmeasured"])))
         where = summary.get("georeference")
         with naming(path / SUMMARY):

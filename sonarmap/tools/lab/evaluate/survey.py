@@ -36,34 +36,38 @@ class SurveySummary:
 Matrix = list[list[float]]
 
 
-class _Scan(BaseModel):
+class _Finite(BaseModel, allow_inf_nan=False):
+    """Text is a number too, as "nan" would be."""
+
+
+class _Scan(_Finite):
     stamp: float
     covariance: Matrix | None = None
 
 
-class _Pairs(BaseModel):
+class _Pairs(_Finite):
     tried: int
 
 
-class _Map(BaseModel):
+class _Map(_Finite):
     voxel_m: float
 
 
-class _Component(BaseModel):
+class _Component(_Finite):
     scans: list[int]
     unmeasured: list[str] = []
     map: _Map
 
 
-class _Grid(BaseModel):
+class _Grid(_Finite):
     voxel: float
 
 
-class _Settings(BaseModel):
+class _Settings(_Finite):
     grid: _Grid
 
 
-class _Summary(BaseModel):
+class _Summary(_Finite):
     settings: _Settings
     scans: list[_Scan]
     pairs: _Pairs

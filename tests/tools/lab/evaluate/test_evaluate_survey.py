@@ -180,6 +180,8 @@ def test_a_summary_without_its_table_is_refused(files: Path) -> None:
     [
         ({"settings": {}}, "settings.grid"),
         ({"scans": [{"stamp": "late"}]}, "scans.0.stamp"),
+        ({"scans": [{"stamp": "nan"}]}, "scans.0.stamp: Input should be a finite number"),
+        ({"settings": {"grid": {"voxel": "inf"}}}, "settings.grid.voxel: Input should be a finite number"),
         ({"scans": [{"stamp": 0.0, "covariance": [[1.0]]}]}, "reshape"),
         ({"pairs": {"tried": "many"}}, "pairs.tried"),
         ({"pairs": {"tried": 8}}, r"summary.json counts 8 pairs, and .*pairs.csv has 9; give both"),

@@ -106,6 +106,18 @@ def test_values_of_other_types_are_refused_or_without_effect(whole: Path, name: 
                 mapped_scans(read_map_folder(folder), scans)
 
 
+def test_a_covariance_that_is_null_is_refused(whole: Path, tmp_path: Path) -> None:
+    """It would be NaN in all that is computed of the map's uncertainty."""
+    folder = shutil.copytree(whole, tmp_path / "map")
+    summary, graph = (json.loads((folder / name).read_text()) for name in ("summary.json", "graph.json"))
+    del summary["checksums"]
+    graph["poses"][3]["covariance"][4][4] = None
+    (folder / "summary.json").write_text(json.dumps(summary))
+    (folder / "graph.json").write_text(json.dumps(graph))
+    with pytest.raises(InputError, match=r"a covariance that is not finite.*map again"):
+        read_map_folder(folder)
+
+
 def test_coordinates_beyond_any_use_are_refused(whole: Path, tmp_path: Path) -> None:
     """Of a map without checksums, as earlier versions wrote it."""
     folder = shutil.copytree(whole, tmp_path / "map")

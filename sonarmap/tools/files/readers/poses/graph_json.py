@@ -48,7 +48,7 @@ def _edge(row: dict[str, Any]) -> Edge:
     T = rigid_transform(row["T_i_j"], "an edge")
     probability = np.nan if row["probability"] is None else float(row["probability"])
     covariance = np.array(row["covariance"])
-    measured = Registration(T, covariance, np.nan, np.nan, True, 0.0, row["reason"], probability)
+    measured = Registration(T, covariance, np.nan, np.nan, True, 0.0, str(row["reason"]), probability)
     return Edge(int(row["i"]), int(row["j"]), measured, row["kind"])
 
 
