@@ -1,11 +1,14 @@
 """What a map is written as: options of `map` beside the map itself, and of `export`; where it lies on the Earth."""
 
+import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 from sonarmap.kernels.errors import InputError
@@ -131,7 +134,7 @@ class EarthPlace:
 
     origin: str | None = _earth(
         "LAT,LON[,HEIGHT]",
-        "Where the map's origin is: WGS84 \\[deg]. The height is above the vertical reference \\[m].",
+        "The map's origin: WGS84 \\[deg], or EPSG:CODE:E,N[,HEIGHT]. Heights are above the vertical reference \\[m].",
         shown="as the map says",
     )
     origin_heading: float | None = _earth(
@@ -166,7 +169,7 @@ class EarthPlace:
             return None
         if known is None or self.origin is not None:
             unsaid = (DEFAULT_VERTICAL, EAST) if known is None else (known.vertical, known.heading)
-            known = Georeference(*_numbers(self.origin or ""), *unsaid)
+            known = Georeference(*_place_of(self.origin or ""), *unsaid)
         heading = known.heading if self.origin_heading is None else self.origin_heading
         return replace(known, vertical=self.vertical or known.vertical, heading=heading)
 
@@ -186,19 +189,25 @@ class EarthPlace:
         return None
 
 
-def _numbers(origin: str) -> tuple[float, float, float]:
-    """Latitude, longitude [deg] and height [m], 0 where it is left out."""
-    from sonarmap.tools.files.geo.degrees import place_of
+def _place_of(origin: str) -> tuple[float, float, float]:
+    """Latitude, longitude [deg] and height [m] of --origin, 0 where it is left out."""
+    from sonarmap.tools.files.geo.projection import on_the_earth
+    from sonarmap.tools.files.readers.navigation.cells import number, place_of
 
-    numbers, why = list[float](), ""
-    try:
-        numbers = place_of(origin)
-    except ValueError as error:
-        why = f" ({error})"
-    if len(numbers) not in (2, 3):
+    crs, _, rest = origin.rpartition(":")
+    projected = re.match(r"\s*\+?[A-Za-z]{2}", crs)  # N60:23.478 begins with one letter
+    numbers = [*map(number, rest.split(","))] if projected else place_of(origin)
+    limits = (math.inf, math.inf) if projected else (90, 180)
+    usable = all(map(math.isfinite, numbers)) and all(abs(x) <= y for x, y in zip(numbers, limits, strict=False))
+    if len(numbers) not in (2, 3) or not usable:
         raise InputError(
-            f"--origin is {origin!r}{why}; wanted latitude and longitude in degrees with decimal points, and perhaps a "
-            "height in meters, as in --origin 60.3913,5.3221 or --origin=-33.8568,151.2153,2.5, or in degrees and "
-            'minutes, as in --origin "60 23.478 N, 5 19.326 E"'
+            f"--origin is {origin!r}; wanted latitude and longitude in degrees, the latitude first, and perhaps a "
+            "height in meters, as in --origin 60.3913,5.3221 or --origin=-33.8568,151.2153,2.5 or --origin "
+            '"60 23.478 N, 5 19.326 E" or, with decimal commas, --origin "60,3913; 5,3221"; or a CRS, easting and '
+            "northing in meters, as in --origin EPSG:32632:297400,6700600"
         )
-    return numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 0.0
+    first, second, height = [*numbers, 0.0][:3]
+    if not projected:
+        return first, second, height
+    latitude, longitude, _ = on_the_earth(np.array([[first, second, height]]), crs.strip(), "--origin")[0].tolist()
+    return latitude, longitude, height

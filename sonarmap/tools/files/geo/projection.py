@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo.georeference import DEFAULT_VERTICAL, Georeference
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
@@ -29,6 +29,12 @@ _ELLIPSOID_NAME = "Ellipsoid (metre)"
 _ELLIPSOID_WKT = (
     f'VERT_CS["{_ELLIPSOID_NAME}",VERT_DATUM["Ellipsoid",2002],UNIT["metre",1,AUTHORITY["EPSG","9001"]],AXIS["Up",UP]]'
 )
+_MARGIN = 10.0  # degrees beyond its area up to which a CRS is used, as a zone is by its neighbors
+_AS = {"--origin": "as EPSG:32632:E,N, or degrees without a CRS, as 60.3913,5.3221"}  # by option, what is wanted
+_NO_DATUM = (
+    " without a datum: nothing says where on the Earth it lies; wanted one with a datum, as EPSG:32632, or for export "
+    "--crs map, the map's own frame"
+)
 _ABOUT = 0.01  # degrees about a map's origin, where a transformation is looked for
 
 
@@ -40,29 +46,15 @@ class Projection:
     vertical: str  # what heights count from: a name of `tools.files.geo.georeference.VERTICALS`
 
     @classmethod
-    def of(cls, georeference: Georeference, crs: str | None = None) -> "Projection":
-        """The UTM zone of the map's origin (UPS near the poles), or the CRS of this name, such as EPSG:25832. Raises
-        InputError: no such CRS, or one that is not projected in meters."""
+    def of(cls, georeference: Georeference, crs: str | None = None, option: str = "--crs") -> "Projection":
+        """The UTM zone of the map's origin (UPS near the poles), or the CRS of this name, such as EPSG:25832, which the
+        user gave with this option. Raises InputError: no such CRS, or one that is not projected in meters."""
         from pyproj import CRS
-        from pyproj.exceptions import CRSError
 
         if crs is None:
             return cls(CRS.from_epsg(utm_epsg(georeference.latitude, georeference.longitude)), georeference.vertical)
-        try:
-            wanted = CRS.from_user_input(crs)
-        except CRSError as error:
-            raise InputError(
-                f"--crs is {crs!r}, which PROJ does not know ({error}); wanted one as EPSG:32632"
-            ) from error
-        units = {axis.unit_name for axis in wanted.axis_info}
-        westward = any(axis.direction == "west" for axis in wanted.axis_info)
-        if not wanted.is_projected or units != {"metre"} or len(wanted.axis_info) != 2 or westward:
-            raise InputError(
-                f"--crs {crs} is {wanted.name}, {wanted.type_name} in {', '.join(sorted(units))}"
-                f"{' to the West' if westward else ''}; wanted a projected one in meters to the East and North, "
-                "without heights, as EPSG:32632"
-            )
-        _require_exact(wanted, crs, georeference)
+        wanted = _projected(crs, option)
+        _require_exact(wanted, f"{option} {crs}", georeference)
         return cls(wanted, georeference.vertical)
 
     @property
@@ -136,15 +128,16 @@ class Projection:
         zones = {f"{epsg % 100}{'N' if epsg < _SOUTH else 'S'}" for epsg in corners}
         return self.crs.utm_zone is not None and zones != {self.crs.utm_zone}
 
-    def covers(self, geodetic: np.ndarray) -> bool:
-        """Whether all places (N, 3) lie in the area for which this CRS was made."""
+    def covers(self, geodetic: np.ndarray, margin: float = 0.0) -> bool:
+        """Whether all places (N, 3) lie in the area for which this CRS was made, grown by a margin [deg]."""
         area = self.crs.area_of_use
-        if area is None:
-            return True
+        if area is None or not np.isfinite(geodetic).all():
+            return area is None
         latitude, longitude, _ = np.asarray(geodetic, np.float64).T
-        eastward = (longitude - area.west) % 360 <= (area.east - area.west) % 360
+        eastward = (longitude - area.west + margin) % 360 <= (area.east - area.west) % 360 + 2 * margin
         whole = area.east - area.west >= 360
-        return bool(((latitude >= area.south) & (latitude <= area.north) & (whole | eastward)).all())
+        within = (latitude >= area.south - margin) & (latitude <= area.north + margin)
+        return bool((within & (whole | eastward)).all())
 
     @cached_property
     def _transformer(self) -> "Transformer":
@@ -156,7 +149,49 @@ class Projection:
         )
 
 
-def _require_exact(crs: "CRS", name: str, georeference: Georeference) -> None:
+def on_the_earth(projected: np.ndarray, crs: str | None, option: str) -> np.ndarray:
+    """(n, 3) latitude, longitude [deg] and height [m] of (n, 3) easting, northing, height [m] in a CRS as EPSG:32632,
+    which the user gave with this option. Raises InputError: see `Projection.of`; the first place is not in its area."""
+    from pyproj import Transformer
+
+    rough = Projection(_projected(crs or "", option), DEFAULT_VERTICAL)
+    to_degrees = Transformer.from_crs(rough.crs, WGS84, always_xy=True)  # 200 m wrong where a grid is missing
+    first = projected[0, [[0, 1], [1, 0]]]  # as given, and with easting and northing exchanged
+    longitude, latitude = to_degrees.transform(*first.T)
+    place, exchanged = np.column_stack([latitude, longitude, [0.0] * 2])[:, None]
+    beyond = not rough.covers(place, _MARGIN) or (not rough.covers(place) and rough.covers(exchanged))
+    if beyond or not np.isfinite(place).all():
+        raise InputError(
+            f"{option} {crs}: easting {first[0, 0]:.12g}, northing {first[0, 1]:.12g} is not in the area of "
+            f"{rough.crs.name}; check the CRS and the numbers, of which the easting is the first"
+        )
+    return Projection.of(Georeference(*place[0, :2].tolist()), crs, option).unproject(projected)
+
+
+def _projected(crs: str, option: str) -> "CRS":
+    """The CRS of this name. Raises InputError: see `Projection.of`."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    wanted = _AS.get(option, "as EPSG:32632")
+    try:
+        named = CRS.from_user_input(crs)
+    except CRSError as error:
+        raise InputError(f"{option} {crs}: PROJ does not know this CRS ({error}); wanted a CRS {wanted}") from error
+    if named.is_engineering:
+        raise InputError(f"{option} {crs} is {named.name}, a local CRS{_NO_DATUM}")
+    units = {axis.unit_name for axis in named.axis_info}
+    westward = any(axis.direction == "west" for axis in named.axis_info)
+    if not named.is_projected or units != {"metre"} or len(named.axis_info) != 2 or westward:
+        raise InputError(
+            f"{option} {crs} is {named.name}, {named.type_name} in {', '.join(sorted(units))}"
+            f"{' to the West' if westward else ''}; wanted a projected one in meters to the East and North, "
+            f"without heights, {wanted}"
+        )
+    return named
+
+
+def _require_exact(crs: "CRS", given: str, georeference: Georeference) -> None:
     """Refuse a CRS whose best transformation from WGS84 needs a grid that is not installed: the next best is off by
     meters. Raises InputError: naming the grid."""
     import warnings
@@ -171,15 +206,16 @@ def _require_exact(crs: "CRS", name: str, georeference: Georeference) -> None:
     if group.best_available and group.transformers:
         return
     if not group.transformers:
+        if crs.datum is None or crs.datum.name.lower().startswith("unknown"):
+            raise InputError(f"{given} ({crs.name}) is a projected CRS{_NO_DATUM}")
         raise InputError(
-            f"--crs {name} ({crs.name}) has no known relation to WGS84 at {latitude:.4f}, {longitude:.4f}, where the "
+            f"{given} ({crs.name}) has no known relation to WGS84 at {latitude:.4f}, {longitude:.4f}, where the "
             "map would be; check the coordinates, or choose another"
         )
     grids = {grid.short_name for way in group.unavailable_operations[:1] for grid in way.grids if not grid.available}
     raise InputError(
-        f"--crs {name} ({crs.name}) needs PROJ's grid {', '.join(sorted(grids))}, which is not "
-        "installed; wanted a CRS that follows from WGS84 without one, as the UTM zone (leave --crs out), or install "
-        "the grid with `pyproj sync --file NAME`"
+        f"{given} ({crs.name}) needs PROJ's grid {', '.join(sorted(grids))}, which is not installed; wanted a CRS that "
+        "follows from WGS84 without one, as the UTM zone, or install the grid with `pyproj sync --file NAME`"
     )
 
 

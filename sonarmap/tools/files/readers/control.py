@@ -136,7 +136,8 @@ def _local(
     notes: list[str],
 ) -> tuple[np.ndarray, Georeference | None]:
     """(n, 3) East, North and Up of the map's origin, and where that is."""
-    from sonarmap.tools.files.readers.navigation.earth import on_the_earth, rounded_origin
+    from sonarmap.tools.files.geo.projection import on_the_earth
+    from sonarmap.tools.files.readers.navigation.earth import rounded_origin
 
     height = 0.0 if georeference is None else georeference.height
     # heights count from the vertical reference, the others from the map's origin

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from pyproj import Geod
+from pyproj import Geod, Transformer
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.geo.projection import Projection, utm_epsg
+from sonarmap.tools.files.geo.projection import Projection, on_the_earth, utm_epsg
 from tests.samples.refusals import refuses
 from tests.tools.products.export.finished import georeferenced
 
@@ -99,6 +99,56 @@ def test_a_map_across_a_border_of_zones_stays_in_one() -> None:
 @pytest.mark.parametrize("wrong", ["EPSG:4326", "EPSG:999999", "EPSG:2263", "EPSG:5773", "nonsense"])
 def test_refuses_a_crs_that_is_not_projected_in_meters(wrong: str) -> None:
     refuses(r"--crs .*wanted", Projection.of, Georeference(40.7, -74.0), wrong)
+
+
+@pytest.mark.parametrize("crs", ["EPSG:32632", "EPSG:3006", "EPSG:2193", "EPSG:5041", "EPSG:28992", "EPSG:31256"])
+def test_easting_and_northing_are_a_place(crs: str) -> None:
+    """Easting first, also where the CRS has it last: 3006 and 2193. Bergen lies beyond the area of 32632."""
+    at = {"EPSG:32632": (60.3913, 5.3221), "EPSG:2193": (-41.3, 174.8), "EPSG:5041": (85.0, 100.0)}
+    lat, lon = at.get(crs, (59.3, 18.0) if crs == "EPSG:3006" else (52.2, 5.4) if crs == "EPSG:28992" else (48.2, 16.4))
+    to_crs = Transformer.from_crs(4326, crs, always_xy=True, allow_ballpark=False, only_best=True)
+    easting, northing = to_crs.transform(lon, lat)
+    np.testing.assert_allclose(
+        on_the_earth(np.array([[easting, northing, -2.5]]), crs, "--origin"), [[lat, lon, -2.5]], atol=1e-8
+    )
+
+
+@pytest.mark.parametrize(
+    ("crs", "easting", "northing", "words"),
+    [
+        ("EPSG:32632", 6_700_600, 297_400, "not in the area .*the easting is the first"),
+        (
+            "EPSG:28992",
+            463_000,
+            155_000,
+            "not in the area .*the easting is the first",
+        ),  # within 10 degrees
+        ("EPSG:28992", 2_000_000, 463_000, "not in the area .*check the CRS"),
+        ("EPSG:28992", 1e30, 0, "not in the area"),
+        ("EPSG:4326", 5.3, 60.4, "degrees without a CRS, as 60.3913,5.3221"),
+        ("EPSG:99999", 1, 2, "does not know this CRS .*wanted a CRS as EPSG:32632:E,N"),
+        ("EPSG:27700", 530_000, 180_000, "needs PROJ's grid"),
+        ("EPSG:2263", 1, 2, "US survey foot; wanted a projected one in meters"),
+        ("+proj=utm +zone=32 +datum=WGS84", 1e300, 6_700_600, "not in the area"),
+    ],
+)
+def test_refuses_eastings_and_northings_that_are_no_place(
+    crs: str, easting: float, northing: float, words: str
+) -> None:
+    refuses(f"--origin.*{words}", on_the_earth, np.array([[easting, northing, 0.0]]), crs, "--origin")
+
+
+@pytest.mark.parametrize(
+    "crs",
+    [
+        'LOCAL_CS["pool",UNIT["metre",1]]',
+        "+proj=tmerc +lon_0=9 +ellps=bessel +units=m",
+        "+proj=utm +zone=32 +ellps=GRS80",
+    ],
+)
+def test_a_crs_without_a_datum_is_called_so(crs: str) -> None:
+    refuses("--crs .* without a datum.*--crs map", Projection.of, Georeference(60.0, 9.0), crs)
+    refuses("--origin .* without a datum", on_the_earth, np.array([[3.0, 4.0, 0.0]]), crs, "--origin")
 
 
 @pytest.mark.parametrize("wrong", [(91.0, 5.0), (5.0, 181.0), (np.nan, 0.0), (1.0, 2.0, np.inf), (1, 2, 3, "geoid")])

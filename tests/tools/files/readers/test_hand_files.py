@@ -157,4 +157,4 @@ def test_options_that_contradict_the_points_are_refused(tmp_path: Path) -> None:
     refuses("--control-crs has no effect", read_control, path, SCANS, crs="EPSG:25832")
     refuses("--origin-heading has no effect", read_control, path, SCANS, Georeference(60.0, 5.0, heading=30.0))
     grid = written(tmp_path, f"{GRID}A,0,1,2,3,500000,6650000,3\n")
-    refuses("--control-crs is 'EPSG:0'", read_control, grid, SCANS, crs="EPSG:0")
+    refuses("--control-crs EPSG:0: PROJ does not know", read_control, grid, SCANS, crs="EPSG:0")

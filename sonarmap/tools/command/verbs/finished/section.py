@@ -110,17 +110,13 @@ def command(
 
 
 def _place(name: str, text: str, in_degrees: bool) -> list[float]:
-    from sonarmap.tools.files.geo.degrees import place_of
+    from sonarmap.tools.files.readers.navigation.cells import number, place_of
 
-    numbers, why = list[float](), ""
-    try:
-        numbers = place_of(text) if in_degrees else [float(part) for part in text.split(",")]
-    except ValueError as error:
-        why = f" ({error})"
+    numbers = place_of(text) if in_degrees else [number(part) for part in text.split(",")]
     if len(numbers) != 2 or not all(map(math.isfinite, numbers)):
         hint = "" if in_degrees else "; latitude and longitude need --degrees"
         wanted = f"two numbers separated by a comma, as in {name}=-12.5,40{hint}"
-        raise InputError(f"{name} is {text!r}{why}; wanted {wanted}")
+        raise InputError(f"{name} is {text!r}; wanted {wanted}")
     return numbers
 
 

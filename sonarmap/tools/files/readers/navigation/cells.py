@@ -1,4 +1,4 @@
-"""Numbers in the cells of a column."""
+"""Numbers, latitudes and longitudes as logs and people write them."""
 
 import re
 from collections.abc import Sequence
@@ -11,9 +11,9 @@ from sonarmap.kernels.errors import InputError
 MISSING = frozenset(("", "nan", "n/a", "na", "null", "none", "-", "--", "---"))
 
 _DEGREES = re.compile(
-    r"([NSEW])?\s*([+-]?)(\d{1,3}(?:[.,]\d*)?)\s*[°d]?"  # degrees
-    r"(?:[\s:-]*(\d{1,2}(?:[.,]\d*)?)\s*['′m]?)?"  # minutes
-    r"(?:[\s:-]*(\d{1,2}(?:[.,]\d*)?)\s*(?:\"|″|'')?)?"  # seconds
+    r"([NSEW])?\s*([+-]?)(\d+(?:[.,]\d*)?|[.,]\d+)\s*[°ºd]?"  # degrees
+    r"(?:[\s:-]*(?<![\d.,])(\d{1,2}(?:[.,]\d*)?)\s*['′’m]?)?"  # minutes, behind a sign or a blank
+    r"(?:[\s:-]*(?<![\d.,])(\d{1,2}(?:[.,]\d*)?)\s*(?:\"|″|”|''|′′|’’)?)?"  # seconds
     r"\s*([NSEW])?",
     re.IGNORECASE,
 )
@@ -54,6 +54,14 @@ def degrees(cell: str, quantity: str) -> float:
     if not is_exact or minutes >= 60 or seconds >= 60 or (half and (parts[2] or half not in _HALVES[quantity])):
         return np.nan
     return (whole + minutes / 60 + seconds / 3600) * (-1 if parts[2] == "-" or half in ("S", "W") else 1)
+
+
+def place_of(text: str) -> list[float]:
+    """Latitude, longitude [deg] and the numbers behind them, separated by commas, or by semicolons, as decimal commas
+    need; NaN for anything else: `60.3913,5.3221`, `60°23.478'N, 5°19.326'E, 2.5`, `60,3913; 5,3221`."""
+    parts = [part.strip() for part in text.split(";" if ";" in text else ",")]
+    angles = [degrees(part, quantity) for part, quantity in zip(parts, _HALVES, strict=False)]
+    return [*angles, *(number(part.replace(",", ".")) for part in parts[2:])]
 
 
 def refuse(where: str, heading: str, cell: str, wanted: str) -> InputError:

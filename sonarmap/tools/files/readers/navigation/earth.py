@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.geo.georeference import EAST, Georeference
-from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.geo.projection import Projection, on_the_earth
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 
 _ROUNDED = 5  # decimals of the origin's degrees: a meter
@@ -57,27 +57,6 @@ def rounded_origin(geodetic: np.ndarray, what: str, notes: list[str]) -> Georefe
     latitude, longitude = (round(float(angle), _ROUNDED) for angle in geodetic[0, :2])
     notes.append(f"the map's origin is the first {what}, rounded: {latitude:.5f}, {longitude:.5f}")
     return Georeference(latitude, longitude)
-
-
-def on_the_earth(projected: np.ndarray, crs: str | None, option: str) -> np.ndarray:
-    """(n, 3) latitude, longitude [deg] and height [m] of (n, 3) easting, northing, height [m] in a CRS as EPSG:32632.
-    Raises InputError: no such CRS, or one that does not hold at the first of the places, naming the `option`."""
-    try:
-        return Projection.of(_about(crs, *projected[0, :2].tolist()), crs).unproject(projected)
-    except InputError as error:
-        raise InputError(str(error).replace("--crs", option)) from error
-
-
-def _about(crs: str | None, easting: float, northing: float) -> Georeference:
-    """Where a place of a CRS lies, by its own datum: what relates that datum to WGS84 depends on the region."""
-    from pyproj import Proj
-    from pyproj.exceptions import ProjError
-
-    try:
-        longitude, latitude = Proj(crs)(easting, northing, inverse=True)
-        return Georeference(float(latitude), float(longitude))
-    except (ProjError, InputError):
-        return Georeference(0.0, 0.0)  # `Projection` says what is wrong
 
 
 def grid_of(settings: NavigationSettings, georeference: Georeference | None) -> Projection:

@@ -8,6 +8,7 @@ import laspy
 import numpy as np
 import pytest
 
+from sonarmap.tools.command.options.output import EarthPlace
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from tests.samples.clutter_scans import done, files_in, printed, refused, scan, sonarmap, write
@@ -86,15 +87,40 @@ def test_an_origin_in_the_south_and_west(mapped: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("origin", "height"),
+    [
+        ("60.3913,5.3221", 0),
+        ("60°23.478'N,5°19.326'E", 0),
+        ("60 23 28.68 N, 5 19 19.56 E, -3.5", -3.5),
+        ("N60:23.478, E5:19.326", 0),
+        ("60,3913; 5,3221; 2,5", 2.5),
+        ("60 23,478 N; 5 19,326 E", 0),
+        ("60-23.478N, 5d19.326mE", 0),
+        ("EPSG:32632:297353.9327,6700648.3452", 0),
+        ("EPSG:25832:297353.9327,6700648.3452,-12.5", -12.5),
+        ("urn:ogc:def:crs:EPSG::32632:297353.9327,6700648.3452", 0),
+    ],
+)
+def test_forms_of_an_origin(origin: str, height: float) -> None:
+    here = EarthPlace(origin=origin).georeference()
+    assert here is not None
+    assert (here.latitude, here.longitude, here.height) == pytest.approx((60.3913, 5.3221, height), abs=1e-7)
+
+
+@pytest.mark.parametrize(
     ("options", "words"),
     [
         (("--format", "las"), "choose from laz"),
         (("--format", ""), "choose from laz"),
         ((), "--format"),
         (("--format", "laz"), "--origin LAT,LON"),
-        (("--format", "laz", "--origin", "60,3913"), "wanted a latitude"),
+        (("--format", "laz", "--origin", "60,3913"), "wanted latitude"),
         (("--format", "laz", "--origin", "60"), "latitude and longitude"),
-        (("--format", "laz", "--origin", "nan,5"), "wanted a latitude"),
+        (("--format", "laz", "--origin", "5 E,60 N"), "the latitude first"),
+        (("--format", "laz", "--origin", "297400,6700600"), "as in --origin EPSG:32632:297400,6700600"),
+        (("--format", "laz", "--origin", "EPSG:32632:297400"), "as in --origin EPSG:32632:297400,6700600"),
+        (("--format", "laz", "--origin", "EPSG:32632,297400,6700600"), "as EPSG:32632:E,N"),
+        (("--format", "laz", "--origin", "nan,5"), "wanted latitude"),
         (("--format", "laz", "--origin", "5.3,95,2,2"), "latitude and longitude"),
         (("--format", "laz", "--vertical", "MSL"), "without --origin"),
         (("--format", "laz", *ORIGIN, "--vertical", "LAT"), "vertical reference"),
