@@ -108,9 +108,8 @@ def test_easting_and_northing_are_a_place(crs: str) -> None:
     lat, lon = at.get(crs, (59.3, 18.0) if crs == "EPSG:3006" else (52.2, 5.4) if crs == "EPSG:28992" else (48.2, 16.4))
     to_crs = Transformer.from_crs(4326, crs, always_xy=True, allow_ballpark=False, only_best=True)
     easting, northing = to_crs.transform(lon, lat)
-    np.testing.assert_allclose(
-        on_the_earth(np.array([[easting, northing, -2.5]]), crs, "--origin"), [[lat, lon, -2.5]], atol=1e-8
-    )
+    place = on_the_earth(np.array([[easting, northing, -2.5]]), crs, "--origin")
+    np.testing.assert_allclose(place, [[lat, lon, -2.5]], atol=1e-8)
 
 
 @pytest.mark.parametrize(

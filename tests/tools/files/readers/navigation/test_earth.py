@@ -134,7 +134,7 @@ def test_no_fix_is_no_place(path: Path) -> None:
         ("Lat;Lon", ["0;0"] * 3, {}, "no row has a place"),
         ("Lat;Lon", ["60;5"] * 3, {"crs": "EPSG:32632"}, "--nav-crs has no effect"),
         ("Easting;Northing", ["5e5;6e6"] * 3, {"crs": "EPSG:4326"}, "--nav-crs EPSG:4326"),
-        ("Easting;Northing", ["1e8;1e9"] * 3, {"crs": "EPSG:32632"}, "not a place"),
+        ("Easting;Northing", ["1e8;1e9"] * 3, {"crs": "EPSG:32632"}, "is not in the area"),
         ("Lat;Lon", ["60;5"] * 3, {"origin": Georeference(60, 5, heading=10)}, "--origin-heading"),
         ("Lat;Lon", ["91;5"] * 3, {}, "Lat is 91"),
         ("Lat;Lon", ["60;200"] * 3, {}, "Lon is 200"),
