@@ -152,7 +152,7 @@ class EarthPlace:
     )
     crs: str | None = _earth(
         "CRS",
-        "Projected coordinates of exported files, as EPSG:25832; map: points in its own frame.",
+        "Projected coordinates of exported files, as EPSG:25832; map: points and grids in its own frame.",
         rare=True,
         shown="the UTM zone of the origin",
     )

@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # the command line names the formats in its help, which is to
 
     from sonarmap.tools.files.map_folder.folder import Map, MapPart
     from sonarmap.tools.products.export.clouds.cloud import Cloud
-    from sonarmap.tools.products.export.georeferenced import Georeferenced
+    from sonarmap.tools.products.export.georeferenced import MapGrid
 
 _ALIKE = 0.85  # a name is taken for one that it is so much alike: geotif
 
@@ -46,6 +46,7 @@ class ExportFormat:
     of_all_parts: bool = False  # whether one file is about all parts of a map
     of_points: bool = False  # whether it holds points, which may be those of scans; without a place in the map's frame
     of_surface: bool = False  # whether it holds a mesh
+    of_grid: bool = False  # whether it holds a grid from above
     with_contours: bool = False  # whether --contours adds to it
     of_poses: bool = False  # whether it holds poses and nothing of scans, so that they may be at a rate of their own
     beside: tuple[str, ...] = ()  # the names of further files that the writer may write
@@ -62,6 +63,11 @@ class ExportFormat:
         return name.replace("map", "points", 1) if self.of_points and of_scans else name
 
     @property
+    def fits_map_frame(self) -> bool:
+        """Whether --crs map writes it in the map's own frame."""
+        return self.of_points or self.of_grid
+
+    @property
     def needs_place(self) -> bool:
         """Whether it holds places on the Earth, so that a part without one cannot be written."""
         return self.coordinates != "map"
@@ -71,12 +77,12 @@ class ExportFormat:
         path: Path,
         folder: Map,
         part: MapPart,
-        earth: Georeferenced | None,
+        earth: MapGrid | None,
         cloud: Cloud | None = None,
         cell: float | None = None,
     ) -> Mapping[str, Any]:
         """Write one part of a map, and return what its side-car says beyond what all of them say; `cloud` is for
-        formats of points, `cell` [m] for those of surfaces.
+        formats of points, `cell` [m] for those of surfaces; a grid that is not on the Earth is a plain `MapGrid`.
 
         Raises InputError: a file cannot be written."""
         module, function = self.writer.split(":")
@@ -100,6 +106,7 @@ FORMATS = {
         "grid{}.tif",
         "geotiff:write_geotiff",
         "a grid of heights from above, with standard deviation and count, GeoTIFF, and its style for QGIS",
+        of_grid=True,
         beside=("grid{}.qml",),
     ),
     "kml": ExportFormat("map{}.kml", "kml:write_kml", "the track, KML 2.2", "geographic", with_contours=True),

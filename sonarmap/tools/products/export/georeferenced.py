@@ -4,7 +4,7 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -21,20 +21,13 @@ _ANY_ANGLE = 180.0
 
 
 @dataclass(frozen=True)  # without slots: what is computed is kept
-class Georeferenced:
-    """One part of a map whose place on the Earth is known, of n scans, and M points of their surface.
-
-    Angles are the sensor's, as displays show them and as in `readers.instruments`: roll positive starboard down, pitch
-    positive nose up, heading clockwise from North.
-    """
+class MapGrid:
+    """One part of a map from above, in its own frame: M points of its surface, and the cells of a grid of them."""
 
     folder: Map  # the map
     part: MapPart  # of it
-    georeference: Georeference  # of the part's frame
-    projection: Projection  # the CRS of projected coordinates
-    cell: float | None = None  # edge of a cell of grids and pictures [m]; None for the map's voxel
-    height: str = "top"  # of a cell, a name of `formats.HEIGHTS`
-    contours: float | None = None  # between contours in files that hold lines [m]; None for no contours
+    cell: float | None = field(default=None, kw_only=True)  # edge of a cell of grids and pictures [m]; None for a voxel
+    height: str = field(default="top", kw_only=True)  # of a cell, a name of `formats.HEIGHTS`
 
     @cached_property
     def surface(self) -> MapPart:
@@ -43,13 +36,13 @@ class Georeferenced:
 
     @cached_property
     def points(self) -> np.ndarray:
-        """(M, 3) latitude, longitude [deg], height [m] of the surface's points."""
-        return self.georeference.geodetic(self.surface.points)
+        """(M, 3) of the surface's points; the last is the height [m]."""
+        return self.surface.points
 
     @cached_property
     def projected_points(self) -> np.ndarray:
-        """(M, 3) easting, northing, height [m] of the surface's points."""
-        return self.projection.project(self.points)
+        """(M, 3) x, y and height [m] of the surface's points, in the coordinates of grids."""
+        return self.points
 
     @cached_property
     def shown_heights(self) -> tuple[float, float]:
@@ -76,6 +69,29 @@ class Georeferenced:
         """The cells of a grid with the surface's `chosen` points in row and column (M,) int64, none negative."""
         height, count = self.points[chosen, 2], self.surface.columns["count"][chosen]
         return cells_of(self.height, row, column, height, self.surface.height_sigma[chosen], count, self.folder.voxel)
+
+
+@dataclass(frozen=True)  # without slots: what is computed is kept
+class Georeferenced(MapGrid):
+    """One part of a map whose place on the Earth is known, of n scans, and M points of their surface.
+
+    Angles are the sensor's, as displays show them and as in `readers.instruments`: roll positive starboard down, pitch
+    positive nose up, heading clockwise from North.
+    """
+
+    georeference: Georeference  # of the part's frame
+    projection: Projection  # the CRS of projected coordinates
+    contours: float | None = None  # between contours in files that hold lines [m]; None for no contours
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """(M, 3) latitude, longitude [deg], height [m] of the surface's points."""
+        return self.georeference.geodetic(self.surface.points)
+
+    @cached_property
+    def projected_points(self) -> np.ndarray:
+        """(M, 3) easting, northing, height [m] of the surface's points."""
+        return self.projection.project(self.points)
 
     @cached_property
     def poses(self) -> np.ndarray:

@@ -1,6 +1,6 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""GeoTIFF: the map from above in projected coordinates, north up."""
+"""GeoTIFF: the map from above, north up in projected coordinates, or in the map's own frame."""
 
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -13,7 +13,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import VERTICALS
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.formats import HEIGHTS
-from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.georeferenced import Georeferenced, MapGrid
 from sonarmap.tools.products.export.grid import HEIGHT_COLORS, Cells
 from sonarmap.tools.products.export.kml import xml_bytes
 
@@ -36,30 +36,31 @@ _PROFILE: dict[str, Any] = {
 }
 
 
-def write_geotiff(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
-    """Write the heights that `earth.height` names (band 1), standard deviations (2), and how many sonar points (3).
+def write_geotiff(path: Path, grid: MapGrid) -> Mapping[str, Any]:
+    """Write the heights that `grid.height` names (band 1), standard deviations (2), and how many sonar points (3).
 
-    Cells are `earth.cell_m` wide; their edges lie at multiples of that, so that grids of two maps fit each
+    Cells are `grid.cell_m` wide; their edges lie at multiples of that, so that grids of two maps fit each
     other. A cell without points has no value: nothing is interpolated. Beside it stands the style that QGIS shows
     it in. Returns what the bands mean.
 
     Raises InputError: the grid is too large, or the file cannot be written."""
     import rasterio
 
-    cell = earth.cell_m
-    cells, left, top, (rows, columns) = earth.projected_cells()
+    cell = grid.cell_m
+    cells, left, top, (rows, columns) = grid.projected_cells()
     # without the heights' CRS, which the tags name: many programs look a plain code up, and GDAL loses one of 3D
-    crs = rasterio.CRS.from_wkt(earth.projection.crs.to_wkt())
+    on_earth = isinstance(grid, Georeferenced)
+    crs = rasterio.CRS.from_wkt(grid.projection.crs.to_wkt()) if on_earth else None
     place = {"crs": crs, "transform": rasterio.Affine(cell, 0, left * cell, 0, -cell, top * cell)}
     with atomic_path(path) as temporary:
         with rasterio.open(temporary, "w", height=rows, width=columns, **place, **_PROFILE) as raster:
-            _describe(raster, earth)
+            _describe(raster, grid)
             _fill(raster, cells, rows, columns)
         _require_whole(temporary, path)
     with atomic_path(path.with_suffix(".qml")) as temporary:
-        temporary.write_bytes(_qgis_style(earth))
+        temporary.write_bytes(_qgis_style(grid))
     return {
-        "band_1": f"height [m], positive up: {HEIGHTS[earth.height]}",
+        "band_1": f"height [m], positive up: {HEIGHTS[grid.height]}",
         "band_2": "standard deviation of the height [m]",
         "band_3": "number of sonar points that the height is from, or of those in the cell if it is one of them",
         "cell_m": cell,
@@ -68,13 +69,15 @@ def write_geotiff(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
     }
 
 
-def _describe(raster: Any, earth: Georeferenced) -> None:
-    vertical, epsg = VERTICALS[earth.georeference.vertical], earth.projection.vertical_epsg
+def _describe(raster: Any, grid: MapGrid) -> None:
+    vertical, epsg = "the zero of the map's frame", None
+    if isinstance(grid, Georeferenced):
+        vertical, epsg = VERTICALS[grid.georeference.vertical], grid.projection.vertical_epsg
     raster.update_tags(
         AREA_OR_POINT="Area",
         TIFFTAG_SOFTWARE=f"sonarmap {version('sonarmap')}",
         VERTICAL_REFERENCE=f"heights count from {vertical}{f' (EPSG:{epsg})' if epsg else ''}",
-        HEIGHT=f"{earth.height}: {HEIGHTS[earth.height]}",
+        HEIGHT=f"{grid.height}: {HEIGHTS[grid.height]}",
         SIGN="heights are positive up; a depth is minus the height",
     )
     raster.descriptions = (f"height above {vertical}", "standard deviation of the height", "number of sonar points")
@@ -112,7 +115,7 @@ def _require_whole(temporary: Path, path: Path) -> None:
         raise InputError(f"cannot write {path}: {error}. Make room, or choose another folder") from error
 
 
-def _qgis_style(earth: Georeferenced) -> bytes:
+def _qgis_style(grid: MapGrid) -> bytes:
     """Band 1 in the colors of the KMZ's picture: left alone, QGIS mixes the three bands to red, green and blue.
 
     QGIS reads the file of the same name when it opens the raster. Nothing else may have that name: a KML layer beside a
@@ -120,7 +123,7 @@ def _qgis_style(earth: Georeferenced) -> bytes:
     """
     from matplotlib import colormaps, colors
 
-    low, high = earth.shown_heights
+    low, high = grid.shown_heights
     heights = {share: low + share * (high - low) for share in np.linspace(0, 1, _STEPS).tolist()}
     items = [
         {"@value": f"{height:.4f}", "@label": f"{height:.2f} m"}

@@ -23,7 +23,7 @@ from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.products.export.clip import MAP_FRAME, Clip, read_clip
 from sonarmap.tools.products.export.clouds.cloud import Cloud
 from sonarmap.tools.products.export.formats import FORMATS
-from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.georeferenced import Georeferenced, MapGrid
 from sonarmap.tools.products.export.grid import round_cell
 from sonarmap.tools.products.export.sampled import sampled
 from sonarmap.tools.products.export.side_car import side_car_content
@@ -34,8 +34,8 @@ class ExportSettings:
     """What is exported, and how."""
 
     formats: tuple[str, ...]  # names of FORMATS
-    # of projected coordinates, such as EPSG:25832; None for the UTM zone of the map's origin; points alone may also be
-    # in MAP_FRAME
+    # of projected coordinates, such as EPSG:25832; None for the UTM zone of the map's origin; points and grids may also
+    # be in MAP_FRAME
     crs: str | None = None
     cell: float | None = None  # edge of a cell of grids, pictures and surfaces [m]; None for the voxel, rounded up
     rate: float | None = None  # of the poses in formats that hold nothing else [Hz]; None for the scans'
@@ -55,12 +55,11 @@ class ExportSettings:
     @property
     def needing_place(self) -> tuple[str, ...]:
         """Those that cannot be written of a map whose place is not known."""
-        local = self.crs == MAP_FRAME
-        return tuple(name for name in self.formats if FORMATS[name].needs_place and not (local and _of_points(name)))
+        return tuple(name for name in self.formats if FORMATS[name].needs_place and not self.in_map_frame(name))
 
-
-def _of_points(name: str) -> bool:
-    return FORMATS[name].of_points
+    def in_map_frame(self, name: str) -> bool:
+        """Whether the format is written in the map's own frame."""
+        return self.crs == MAP_FRAME and FORMATS[name].fits_map_frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +99,11 @@ def check_settings(
     elif later:
         return
     elif settings.needing_place:
+        fitting = any(FORMATS[name].fits_map_frame for name in settings.formats)
         raise NoPlaceError(
             f"it is not known where the map lies on the Earth, which {' and '.join(settings.needing_place)} "
             f"need{'s' if len(settings.needing_place) == 1 else ''}; say it with --origin LAT,LON[,HEIGHT]"
-            f"{', or --crs map for points in the frame of the map' if any(map(_of_points, settings.formats)) else ''}"
+            f"{', or --crs map for points and grids in the frame of the map' if fitting else ''}"
         )
     elif settings.projected is not None:
         raise InputError("--crs has no effect on a map whose place is not known; give --origin too, or leave it out")
@@ -123,9 +123,11 @@ def _require_fitting(settings: ExportSettings) -> None:
             raise InputError(
                 f"{option} has no effect without a format of {words} ({', '.join(fitting)}); name one, or leave it out"
             )
-    other = [name for name in settings.formats if FORMATS[name].coordinates == "projected" and not _of_points(name)]
+    other = [name for name in settings.needing_place if FORMATS[name].coordinates == "projected"]
     if settings.crs == MAP_FRAME and other:
-        raise InputError(f"--crs map is for files of points, and {other[0]} is on the Earth; leave one of them out")
+        raise InputError(
+            f"--crs map is for files of points and grids, and {other[0]} is on the Earth; leave one of them out"
+        )
 
 
 def check_files(settings: ExportSettings, out: Path) -> None:
@@ -161,10 +163,9 @@ def export_map(
         if (here := folder.georeference) is None or not folder.on_earth(part):
             return None
         projection = Projection.of(here, settings.projected)
-        return Georeferenced(folder, part, here, projection, cell, settings.height, settings.contours)
+        return Georeferenced(folder, part, here, projection, settings.contours, cell=cell, height=settings.height)
 
     earths = {part.suffix: on_earth(part) for part in folder.parts}
-    local = settings.crs == MAP_FRAME
     of_scans = settings.of_scans or settings.scans is not None
     jobs = [
         (name, part, to / FORMATS[name].name(part, of_scans))
@@ -182,9 +183,9 @@ def export_map(
         for done, (name, part, path) in enumerate(jobs):
             if step is not None:
                 step(done, len(jobs), path.name)
-            before, earth = len(written), None if local and _of_points(name) else earths[part.suffix]
+            before, earth = len(written), None if settings.in_map_frame(name) else earths[part.suffix]
             cloud = Cloud(folder, part, earth, scans, settings.scans, settings.spacing, clips.get(part.suffix))
-            details = _write(name, path, cloud, settings.rate, cell)
+            details = _write(name, path, cloud, settings, cell)
             for temporary, each in tuple(written[before:]):
                 _require_ours(each)
                 content = side_car_content(temporary, each.name, name, folder, part, earth) | {"details": details}
@@ -198,11 +199,12 @@ def export_map(
     return Exported(files, tuple(_notes(folder, settings, earths)))
 
 
-def _write(name: str, path: Path, cloud: Cloud, rate: float | None, cell: float) -> Mapping[str, Any]:
-    """Write one file, and return what its side-car says of it: of poses at a `rate` [Hz], if it holds nothing else."""
-    form, (folder, part, earth) = FORMATS[name], (cloud.folder, cloud.part, cloud.earth)
+def _write(name: str, path: Path, cloud: Cloud, settings: ExportSettings, cell: float) -> Mapping[str, Any]:
+    """Write one file, and return what its side-car says of it: of poses at a rate, if it holds nothing else."""
+    form, (folder, part, earth), rate = FORMATS[name], (cloud.folder, cloud.part, cloud.earth), settings.rate
     if rate is None or not form.of_poses:
-        return form.write(path, folder, part, earth, cloud, cell)
+        local = MapGrid(folder, part, cell=cell, height=settings.height) if form.of_grid else None
+        return form.write(path, folder, part, earth or local, cloud, cell)
     poses = sampled(part, np.array(folder.surveys(part)), rate)
     details = form.write(path, folder, poses, earth and replace(earth, part=poses))
     return {**details, "rate_hz": rate, "poses": len(poses.scans)}

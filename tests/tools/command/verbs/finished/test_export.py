@@ -1,12 +1,14 @@
 """`sonarmap export` and `map --export` end to end."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import laspy
 import numpy as np
 import pytest
+import rasterio
 
 from sonarmap.tools.command.options.output import EarthPlace
 from sonarmap.tools.files.geo.georeference import Georeference
@@ -38,7 +40,7 @@ def test_names_that_are_nearly_right_are_understood(mapped: Path, tmp_path: Path
 
 
 def test_a_map_without_a_place_gives_points_in_its_own_frame(mapped: Path, tmp_path: Path) -> None:
-    refused(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz"), "or --crs map for points")
+    refused(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz"), "or --crs map for points and grids")
     done(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz,copc", "--crs", "map"))
     las, part = laspy.read(tmp_path / "map.laz"), read_map_folder(mapped).parts[0]
     np.testing.assert_allclose(las.xyz, part.points, rtol=0, atol=5.1e-4)
@@ -46,6 +48,33 @@ def test_a_map_without_a_place_gives_points_in_its_own_frame(mapped: Path, tmp_p
     said = json.loads((tmp_path / "map.copc.laz.json").read_text())
     assert said["frame"].startswith("the map's")
     assert said["crs"] is None
+
+
+@pytest.mark.parametrize("origin", [(), ORIGIN])
+def test_a_grid_in_the_map_s_own_frame(mapped: Path, tmp_path: Path, origin: tuple[str, ...]) -> None:
+    """Whether its place is known or not: by a loop over the points."""
+    asked = ("--format", "geotiff", "--crs", "map", "--cell", "2", "--height", "shoalest")
+    done(sonarmap("export", mapped, "--to", tmp_path, *asked, *origin))
+    folder = read_map_folder(mapped)
+    surface = folder.surface(folder.parts[0])
+    cells: dict[tuple[int, int], list[int]] = {}
+    for k, (x, y, _) in enumerate(surface.points.tolist()):
+        cells.setdefault((math.floor(x / 2), math.floor(y / 2)), []).append(k)
+    with rasterio.open(tmp_path / "grid.tif") as raster:
+        assert raster.crs is None
+        left, top = (edge(cell[k] for cell in cells) for k, edge in ((0, min), (1, max)))
+        assert raster.transform == rasterio.Affine(2, 0, 2 * left, 0, -2, 2 * (top + 1))
+        assert raster.descriptions[0] == "height above the zero of the map's frame"
+        height, sigma, count = raster.read(masked=True)
+    assert height.count() == len(cells)
+    for (x, y), members in cells.items():
+        best = max(members, key=lambda k: surface.points[k, 2])
+        assert height[top - y, x - left] == pytest.approx(surface.points[best, 2], abs=1e-4)
+        assert sigma[top - y, x - left] == pytest.approx(surface.height_sigma[best], rel=1e-5)
+        assert count[top - y, x - left] == sum(surface.columns["count"][k] for k in members)
+    said = json.loads((tmp_path / "grid.tif.json").read_text())
+    assert said["frame"].startswith("the map's")
+    assert (said["crs"], said["origin"]) == (None, None)
 
 
 def test_what_is_clipped_is_in_no_file(mapped: Path, tmp_path: Path) -> None:
@@ -134,7 +163,7 @@ def test_forms_of_an_origin(origin: str, height: float) -> None:
         (("--format", "laz", *ORIGIN, "--scans", "7-3"), "as 3,7-12"),
         (("--format", "tum", "--spacing", "1"), "without a format of points (laz"),
         (("--format", "laz", *ORIGIN, "--contours", "1"), "without a format of lines"),
-        (("--format", "geotiff", *ORIGIN, "--crs", "map"), "geotiff is on the Earth"),
+        (("--format", "geotiff,gpkg", *ORIGIN, "--crs", "map"), "gpkg is on the Earth"),
         (("--format", "laz", *ORIGIN, "--points", "all"), "does not say where the map's scans are"),
     ],
 )
