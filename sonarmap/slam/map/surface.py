@@ -20,7 +20,7 @@ def on_surface(points: np.ndarray, voxel: float) -> np.ndarray:
         return np.ones(len(points), bool)
     distance, near = KDTree(points).query(points, _NEIGHBORS + 1)
     distance, near = np.asarray(distance)[:, 1:], np.asarray(near)[:, 1:]  # the first is itself
-    linked = distance <= max(_RADIUS * voxel, _SPARSE * float(np.median(distance[:, -1])))
+    linked = distance <= _reach(distance[:, -1], voxel)
     dense = np.asarray(linked.all(axis=1))
     row, column = np.nonzero(dense[:, None] & dense[near])
     pairs = (np.ones(len(row), bool), (row, near[row, column]))
@@ -28,3 +28,14 @@ def on_surface(points: np.ndarray, voxel: float) -> np.ndarray:
     kept = dense & (np.bincount(group[dense], minlength=int(group.max()) + 1)[group] >= _FEWEST)
     kept |= (linked & kept[near]).any(axis=1)
     return kept if kept.any() else np.ones(len(points), bool)
+
+
+def surface_reach(points: np.ndarray, voxel: float) -> float:
+    """How far neighbors on a surface are apart at most [m], of points (M, 3) [m] on it."""
+    if len(points) <= _NEIGHBORS:
+        return _RADIUS * voxel
+    return _reach(np.asarray(KDTree(points).query(points, _NEIGHBORS + 1)[0])[:, -1], voxel)
+
+
+def _reach(fourth: np.ndarray, voxel: float) -> float:
+    return max(_RADIUS * voxel, _SPARSE * float(np.median(fourth)))

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.map.surface import surface_reach
 from sonarmap.tools.files.geo.georeference import VERTICALS
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.formats import HEIGHTS
 from sonarmap.tools.products.export.georeferenced import Georeferenced, MapGrid
-from sonarmap.tools.products.export.grid import HEIGHT_COLORS, Cells
+from sonarmap.tools.products.export.grid import HEIGHT_COLORS, Cells, empty_share, sufficient_cell
 from sonarmap.tools.products.export.kml import xml_bytes
 
 NODATA = -9999.0
@@ -52,6 +53,7 @@ def write_geotiff(path: Path, grid: MapGrid) -> Mapping[str, Any]:
     on_earth = isinstance(grid, Georeferenced)
     crs = rasterio.CRS.from_wkt(grid.projection.crs.to_wkt()) if on_earth else None
     place = {"crs": crs, "transform": rasterio.Affine(cell, 0, left * cell, 0, -cell, top * cell)}
+    places, reach = grid.projected_points[:, :2], surface_reach(grid.surface.points, grid.folder.voxel)
     with atomic_path(path) as temporary:
         with rasterio.open(temporary, "w", height=rows, width=columns, **place, **_PROFILE) as raster:
             _describe(raster, grid)
@@ -64,6 +66,8 @@ def write_geotiff(path: Path, grid: MapGrid) -> Mapping[str, Any]:
         "band_2": "standard deviation of the height [m]",
         "band_3": "number of sonar points that the height is from, or of those in the cell if it is one of them",
         "cell_m": cell,
+        "empty_share": empty_share(places, cell, reach),
+        "sufficient_cell_m": sufficient_cell(places, cell, reach),
         "nodata": NODATA,
         "pixels": "areas: a cell's value holds for all of it; cells without points are empty",
     }

@@ -1,4 +1,4 @@
-# pyright: strict
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """A map from above, as a grid: one height for every cell, whatever walls and overhangs there are.
 
 The height of a cell is that of its uppermost surface: the mean of the points that lie within one voxel below its
@@ -10,12 +10,16 @@ overhang does not pull it down.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from sonarmap.kernels.errors import InputError
 
 MOST_CELLS = 4_000_000_000  # of a grid, with or without points: 63 km square at 1 m
 HEIGHT_COLORS = "viridis"  # of matplotlib
 _EXTREMES = (0.01, 0.99)  # quantiles of the heights between which the colors change
+MANY_EMPTY = 0.05  # share of a grid's covered cells
+_FINE = 8  # cells to each side in a closing, at most
+_STRIP = 10_000_000  # cells that are closed at a time
 _LEAST_SIGMA = 1e-6  # [m]
 
 
@@ -81,6 +85,32 @@ def round_cell(voxel: float) -> float:
     """The least of 1, 2 and 5 times a power of ten that is not below the voxel [m]."""
     power = 10.0 ** np.floor(np.log10(voxel))
     return float(next(step for step in (power, 2 * power, 5 * power, 10 * power) if step >= voxel * (1 - 1e-9)))
+
+
+def empty_share(places: np.ndarray, cell: float, reach: float) -> float:
+    """The share of a grid's covered cells that hold none of the points, of which `places` (M, 2) [m] are x and y. Cells
+    are covered that hold points, or that a closing of these fills: by a square that reaches so far [m] to each side."""
+    coarse = max(1, int(np.ceil(reach / cell / _FINE)))  # cells across one of the closing
+    row, column = np.unique(np.floor(places / (coarse * cell)).astype(np.int64), axis=0).T
+    row, column = row - row[0], column - column.min()
+    side = int(reach / (coarse * cell) + 1e-9)
+    rows, columns = int(row[-1]) + 1, int(column.max()) + 1 + 4 * side
+    covered, strip = 0, max(1, _STRIP // columns)
+    for first in range(0, rows, strip):
+        here = slice(*np.searchsorted(row, [first - 2 * side, first + strip + 2 * side]))
+        filled = np.zeros((strip + 4 * side, columns), np.uint8)
+        filled[row[here] - first + 2 * side, column[here] + 2 * side] = 1
+        closed = minimum_filter(maximum_filter(filled, 2 * side + 1), 2 * side + 1)
+        covered += int(np.count_nonzero(closed[2 * side : strip + 2 * side]))
+    return 1 - len(np.unique(np.floor(places / cell).astype(np.int64), axis=0)) / (covered * coarse**2)
+
+
+def sufficient_cell(places: np.ndarray, cell: float, reach: float) -> float:
+    """The least cell [m] of 1, 2 and 5 times a power of ten above this one of which few are empty, as `empty_share`
+    counts them; the cell itself if few of its are."""
+    while empty_share(places, cell, reach) > MANY_EMPTY:
+        cell = round_cell(1.01 * cell)
+    return cell
 
 
 def weight_of(sigma: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ from sonarmap.tools.products.export.clip import MAP_FRAME, Clip, read_clip
 from sonarmap.tools.products.export.clouds.cloud import Cloud
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.georeferenced import Georeferenced, MapGrid
-from sonarmap.tools.products.export.grid import round_cell
+from sonarmap.tools.products.export.grid import MANY_EMPTY, round_cell
 from sonarmap.tools.products.export.sampled import sampled
 from sonarmap.tools.products.export.side_car import side_car_content
 
@@ -69,10 +69,16 @@ class Exported:
     Attributes:
         files: all that were written, each with its side-car after it.
         notes: what the user should know, in words.
+        grids: of each grid its `file`, `cell_m`, the `empty_share` of its covered cells, and `sufficient_cell_m`, of
+            which at most 5 % are empty.
     """
 
     files: tuple[Path, ...]
     notes: tuple[str, ...]
+    grids: tuple[Mapping[str, Any], ...] = ()
+
+
+_OF_GRID = ("cell_m", "empty_share", "sufficient_cell_m")  # what a grid's side-car says of its holes
 
 
 class NoPlaceError(InputError):
@@ -176,6 +182,7 @@ def export_map(
     ]
     require_writable(to)
     scans = mapped_scans(folder, settings.scans_from) if of_scans else None
+    grids: list[dict[str, Any]] = []
     in_map = to.resolve() == folder.path.resolve()
     with nullcontext() if in_map else locked(to, writing=True), all_or_none() as written:
         for _, _, path in jobs:
@@ -186,6 +193,8 @@ def export_map(
             before, earth = len(written), None if settings.in_map_frame(name) else earths[part.suffix]
             cloud = Cloud(folder, part, earth, scans, settings.scans, settings.spacing, clips.get(part.suffix))
             details = _write(name, path, cloud, settings, cell)
+            if FORMATS[name].of_grid:
+                grids.append({"file": path.name} | {key: details[key] for key in _OF_GRID})
             for temporary, each in tuple(written[before:]):
                 _require_ours(each)
                 content = side_car_content(temporary, each.name, name, folder, part, earth) | {"details": details}
@@ -196,7 +205,13 @@ def export_map(
         files = tuple(path for _, path in written)
         if in_map:
             write_summary(to, folder.summary, [path.name for path in files])
-    return Exported(files, tuple(_notes(folder, settings, earths)))
+    return Exported(files, (*_notes(folder, settings, earths), *map(_grid_note, grids)), tuple(grids))
+
+
+def _grid_note(grid: Mapping[str, Any]) -> str:
+    file, cell, share, sufficient = grid.values()
+    larger = "" if sufficient == cell else f"; of cells of {sufficient:g} m (--cell) at most {MANY_EMPTY:.0%} are"
+    return f"{file}: {share:.1%} of the cells within its coverage are empty{larger}"
 
 
 def _write(name: str, path: Path, cloud: Cloud, settings: ExportSettings, cell: float) -> Mapping[str, Any]:

@@ -14,9 +14,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.georeferenced import Georeferenced, MapGrid
 from sonarmap.tools.products.export.geotiff import NODATA, write_geotiff
-from sonarmap.tools.products.export.grid import round_cell, top_cells
+from sonarmap.tools.products.export.grid import empty_share, round_cell, sufficient_cell, top_cells
 from tests.tools.products.export.finished import georeferenced, scattered
 
 
@@ -181,6 +181,39 @@ def test_heights_of_all_points_of_a_cell(how: str, tmp_path: Path) -> None:
         assert height[cell] == pytest.approx(value, abs=1e-4)
         assert sigma[cell] == pytest.approx(deviation, rel=1e-4)
         assert count[cell] == earth.surface.columns["count"][here].sum()
+
+
+@pytest.mark.parametrize("strip", [10_000_000, 700])
+def test_the_share_of_empty_cells_within_the_coverage(strip: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Points every meter on a disk with a hole 20 m wide, and on an L, by a loop over the cells."""
+    monkeypatch.setattr("sonarmap.tools.products.export.grid._STRIP", strip)
+    every = np.stack(np.meshgrid(np.arange(60.0), np.arange(60.0)), -1).reshape(-1, 2) + 0.5
+    away = np.hypot(*(every - 30).T)
+    disk, corner = every[(away < 29) & (away > 10)], every[(every < 9).any(axis=1)]
+    for places in (disk, corner - 300):
+        assert empty_share(places, 1.0, 2.0) == 0  # where closing fills nothing
+        assert empty_share(places, 4.0, 2.0) == 0
+        for cell, least in ((0.5, 0.7), (0.25, 0.92), (0.02, 0.999)):  # of a meter square 1 of 4, 16 and 2500 is filled
+            assert least < empty_share(places, cell, 2.0) < 1 - (cell * 0.99) ** 2
+        assert sufficient_cell(places, 0.02, 2.0) == sufficient_cell(places, 0.5, 2.0) == 1.0
+        assert sufficient_cell(places, 1.3, 2.0) == 1.3
+    thinned = corner[np.random.default_rng(1).random(len(corner)) > 0.1]
+    full = {tuple(place) for place in corner.astype(int).tolist()}
+    lost = 1 - len(thinned) / len(full)
+    assert empty_share(thinned, 1.0, 2.0) == pytest.approx(lost, abs=0.01)
+    assert sufficient_cell(thinned, 1.0, 2.0) == 2.0
+
+
+def test_holes_of_a_grid_are_said(tmp_path: Path) -> None:
+    """Voxels of 1 m: half of the cells of 0.5 m and more are empty, none of 2 m."""
+    flat = np.stack(np.meshgrid(np.arange(30.0), np.arange(20.0)), -1).reshape(-1, 2) + 0.3
+    earth = georeferenced(Georeference(60.0, 9.0), scattered(2), points=600)
+    part = replace(earth.part, points=np.column_stack([flat, np.full(600, -9.0)]))
+    grid = MapGrid(replace(earth.folder, voxel=1.0), part, cell=0.5)
+    said = write_geotiff(tmp_path / "grid.tif", grid)
+    assert (said["cell_m"], said["sufficient_cell_m"]) == (0.5, 1.0)
+    with rasterio.open(tmp_path / "grid.tif") as raster:
+        assert said["empty_share"] == pytest.approx(1 - raster.read(1, masked=True).count() / (59 * 39))
 
 
 def test_cells_are_of_round_size() -> None:

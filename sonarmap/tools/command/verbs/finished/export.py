@@ -1,7 +1,7 @@
 """`sonarmap export`: a finished map to the formats of other programs."""
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -118,6 +118,6 @@ def command(
         folder = replace(folder, georeference=earth.georeference(folder.georeference))
         exported = export_with_progress(folder, to, settings, quiet or as_json)
     if as_json:
-        print_json(exported.files)
+        print_json(asdict(exported))
     else:
         typer.echo(f"written to {printable(str(to))}: {', '.join(path.name for path in exported.files)}")

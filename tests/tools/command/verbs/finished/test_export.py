@@ -92,7 +92,9 @@ def test_what_is_clipped_is_in_no_file(mapped: Path, tmp_path: Path) -> None:
 
 def test_json_lists_the_files(mapped: Path, tmp_path: Path) -> None:
     result = sonarmap("export", mapped, "--to", tmp_path, "--format", "kml", *ORIGIN, "--json")
-    assert json.loads(result.stdout) == [str(tmp_path / "map.kml"), str(tmp_path / "map.kml.json")]
+    said = json.loads(result.stdout)
+    assert said["files"] == [str(tmp_path / "map.kml"), str(tmp_path / "map.kml.json")]
+    assert (said.keys(), said["grids"]) == ({"files", "notes", "grids"}, [])
     assert "exporting" not in result.stderr
 
 
