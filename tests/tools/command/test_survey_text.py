@@ -99,8 +99,8 @@ def test_an_error_of_the_method_is_named_and_the_map_is_not_whole() -> None:
         f"2 of {len(survey.pairs)} pairs ended by an error of the method, which says nothing of the scans, as scan4 "
         "and scan5: a slice begins at 7"
     )
-    assert not Mapped(survey, NAMES, Path(), [], 0).whole
-    assert Mapped(refusing({(4, 5)}), NAMES, Path(), [], 0).whole
+    assert not Mapped(survey, NAMES, Path(), 0).whole
+    assert Mapped(refusing({(4, 5)}), NAMES, Path(), 0).whole
 
 
 def test_a_map_that_only_the_usual_motion_joins_is_not_whole() -> None:
@@ -109,7 +109,7 @@ def test_a_map_that_only_the_usual_motion_joins_is_not_whole() -> None:
     sought = [replace(pair, expected=away) if pair.i < 5 <= pair.j else pair for pair in survey.pairs]
     joined = replace(survey, pairs=tuple(sought))
     assert [step.scans for step in joined.unconfirmed] == [(4, 5)]
-    assert not Mapped(joined, NAMES, Path(), [], 0).whole
+    assert not Mapped(joined, NAMES, Path(), 0).whole
     assert faults(joined, NAMES)[0].startswith("between scan4 and scan5 only the usual motion joins the map, and pairs")
     assert faults(survey, NAMES)[0].startswith("gap between scan4 and scan5")
     free = next(pair for pair in survey.pairs if pair.role != "sequential" and pair.kept and pair.i < 5 <= pair.j)
@@ -119,7 +119,7 @@ def test_a_map_that_only_the_usual_motion_joins_is_not_whole() -> None:
 def test_a_mistake_of_the_navigation_stands_first_and_the_map_is_not_whole() -> None:
     survey = replace(refusing(set()), mistake="they agree with depths in feet", understated={"depth": 4.0})
     assert faults(survey, NAMES)[0] == "they agree with depths in feet"
-    assert not Mapped(survey, NAMES, Path(), [], 0).whole
+    assert not Mapped(survey, NAMES, Path(), 0).whole
 
 
 def navigated(times: float, seed: int) -> SurveyResult:
@@ -137,15 +137,15 @@ def navigated(times: float, seed: int) -> SurveyResult:
 def test_navigation_that_the_map_contradicts_is_said_first_and_the_map_is_not_to_be_trusted(seed: int) -> None:
     right, wrong = navigated(1.0, seed), navigated(6.0, seed)
     assert contradictions(right) == []
-    assert Mapped(right, NAMES, Path(), [], 0).whole
+    assert Mapped(right, NAMES, Path(), 0).whole
     assert "err" in contradictions(wrong)[0]
     assert faults(wrong, NAMES)[0] == contradictions(wrong)[0]
     assert len(set(faults(wrong, NAMES))) == len(faults(wrong, NAMES))
-    assert not Mapped(wrong, NAMES, Path(), [], 0).whole
+    assert not Mapped(wrong, NAMES, Path(), 0).whole
     # depths that bend a chain have the sure loops refused
     refused = replace(right, pairs=tuple(replace(pair, edge=None) if pair.j % 3 else pair for pair in right.pairs))
     assert "pairs that are sure by their scans are refused, as they contradict navigation" in faults(refused, NAMES)[0]
-    assert not Mapped(refused, NAMES, Path(), [], 0).whole
+    assert not Mapped(refused, NAMES, Path(), 0).whole
 
 
 def test_the_most_important_stand_first_and_few_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_the_most_important_stand_first_and_few_are_shown(capsys: pytest.Capture
     told = faults(survey, NAMES)
     assert len(told) == 4
     assert told[0].startswith("scan6 is in no map")
-    mapped = Mapped(survey, NAMES[:12], tmp_path, (), 0)
+    mapped = Mapped(survey, NAMES[:12], tmp_path, 0)
     warn_of_faults(mapped)
     shown = capsys.readouterr().err.splitlines()
     assert shown[:3] == [f"warning: {sentence}" for sentence in told[:3]]

@@ -26,7 +26,6 @@ from sonarmap.tools.command.options.option import (
 )
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import say
-from sonarmap.tools.files.map_folder.names import EXPORTS
 from sonarmap.tools.products.export.formats import FORMATS, known_formats
 
 if TYPE_CHECKING:
@@ -36,7 +35,6 @@ if TYPE_CHECKING:
     from sonarmap.tools.products.export.run import Exported, ExportSettings
 
 _KNOWN = "; ".join(f"{name}: {known.words}" for name, known in FORMATS.items())
-_EXPORTS = " or ".join(f"{file.format('')} ({name})" for name, file in EXPORTS.items())
 _output = partial(option, OUTPUT)
 _earth = partial(option, EARTH)
 
@@ -61,13 +59,6 @@ FormatsOption = Annotated[
 ]
 
 
-def _check_also(formats: list[str]) -> list[str]:
-    unknown = [name for name in formats if name not in EXPORTS]
-    if unknown:
-        raise typer.BadParameter(f"{unknown[0]!r}; choose one of {', '.join(EXPORTS)}")
-    return list(dict.fromkeys(formats))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapOutput:
     """The folder, and what else is written to it."""
@@ -75,14 +66,6 @@ class MapOutput:
     out: Path = _output("OUT", "Folder for the results.", REQUIRED, "-o", "--out")
     report: bool = flag(
         OUTPUT, "--report/--no-report", "Write report.html, the page that `sonarmap view OUT` opens.", True, rare=True
-    )
-    also: list[str] = _output(
-        "FORMAT",
-        f"Also write {_EXPORTS}; may be repeated.",
-        [],
-        rare=True,
-        callback=_check_also,
-        autocompletion=completes(EXPORTS),
     )
     export: FormatsOption = field(default_factory=list[str])
 
@@ -105,8 +88,6 @@ class MapOutput:
             raise InputError("--crs has no effect without --export; leave it out, or name a format")
         settings = ExportSettings(tuple(formats), crs)
         check_settings(settings, georeference, stamps, later)
-        if both := [name for name in self.also if EXPORTS[name] in {FORMATS[chosen].file for chosen in formats}]:
-            raise InputError(f"--also and --export would both write {EXPORTS[both[0]].format('')}; leave one out")
         if own := [name for name in formats if FORMATS[name].file in OF_EACH]:
             file = FORMATS[own[0]].file.format("")
             raise InputError(f"--export {own[0]} would write {file}, which `map` writes anyway; leave it out")

@@ -305,8 +305,8 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
         names = [scan.name for scan in read.scans]
         run = SurveyRun(names, settings, method.device, read.unread, inputs, survey.georeference, times)
         with stage("writing", quiet):
-            write_survey(out, result, run, output.also)
-    return Mapped(result, names, out, output.also, len(read.unread), survey.georeference is not None)
+            write_survey(out, result, run)
+    return Mapped(result, names, out, len(read.unread), survey.georeference is not None)
 
 
 def _write_report_and_exports(mapped: Mapped, report: bool, exports: "ExportSettings", quiet: bool) -> None:

@@ -30,7 +30,6 @@ class Mapped:
     result: "SurveyResult"
     names: Sequence[str]  # of the scans
     out: Path
-    also: Sequence[str]  # names of EXPORTS that were written too
     unread: int  # how many more scans could not be read
     on_earth: bool = False  # whether it is known where the map lies on the Earth
     made_of_it: list[str] = field(default_factory=list[str])  # files written after the map: its report, and exports
@@ -239,7 +238,7 @@ def _files(mapped: Mapped) -> str:
     from sonarmap.tools.products.output.folder import part_files
 
     parts = len(placed(mapped.result.components))
-    names = [*part_files(mapped.result, 1, mapped.also), *mapped.made_of_it, *OF_ALL, TIMES, JOURNAL]
+    names = [*part_files(mapped.result, 1), *mapped.made_of_it, *OF_ALL, TIMES, JOURNAL]
     shown = names[:MOST_FILES] if result_console().is_terminal else names
     listed = ", ".join(shown) + (f" and {len(names) - len(shown)} more" if len(names) > len(shown) else "")
     last = f" to map_{parts}.ply" if parts > 2 else ""

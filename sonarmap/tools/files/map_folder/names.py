@@ -20,11 +20,6 @@ OF_LINES = NAVIGATION, SOUNDINGS, LINES = "navigation.csv", "soundings.laz", "li
 _MAP_SUFFIXES, _TRAJECTORY_SUFFIXES = ("|".join(map(re.escape, known)) for known in (WRITERS, TRAJECTORY_WRITERS))
 _MAP = re.compile(rf"map(_all)?(_\d+)?(_survey_\d+)?({_MAP_SUFFIXES})")
 _OF_PART = re.compile(_MAP.pattern + rf"|map(_\d+)?\.png|trajectory(_\d+)?({_TRAJECTORY_SUFFIXES})")
-# What `sonarmap map --also` can write beside PLY and TUM: name, as --also takes it -> the file, with a place for the
-# number of the component
-EXPORTS = {suffix[1:]: f"map{{}}{suffix}" for suffix in WRITERS if suffix != ".ply"} | {
-    suffix[1:]: f"trajectory{{}}{suffix}" for suffix in TRAJECTORY_WRITERS if suffix != ".tum"
-}
 
 
 def side_car(name: str) -> str:

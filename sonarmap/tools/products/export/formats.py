@@ -92,16 +92,11 @@ class ExportFormat:
         return write(path, *((earth,) if self.needs_place else (folder, part, earth))) or {}
 
 
-def _mesh(file: str, function: str, words: str) -> ExportFormat:
-    return ExportFormat(file, f"surface:write_{function}", words, "map", of_surface=True)
-
-
 FORMATS = {
     "laz": ExportFormat("map{}.laz", "laz:write_laz", "points, LAZ 1.4", of_points=True),
     "copc": ExportFormat("map{}.copc.laz", "clouds.copc:write_copc", "points in an octree, COPC 1.0", of_points=True),
     "e57": ExportFormat("map{}.e57", "clouds.e57:write_e57", "points, E57", of_points=True),
     "xyz": ExportFormat("map{}.xyz", "clouds.text:write_xyz", "points, a line each, XYZ", of_points=True),
-    "points-csv": ExportFormat("map{}.csv", "clouds.text:write_csv", "points, a line each, CSV", of_points=True),
     "geotiff": ExportFormat(
         "grid{}.tif",
         "geotiff:write_geotiff",
@@ -145,10 +140,12 @@ FORMATS = {
     "gpkg": ExportFormat(
         "track{}.gpkg", "track_features:write_geopackage", "track, scans and loops, GeoPackage", with_contours=True
     ),
-    "mesh-ply": _mesh("surface{}.ply", "grid", "a surface through the map's grid, PLY"),
-    "mesh-glb": _mesh("surface{}.glb", "grid", "a surface through the map's grid, GLB"),
-    "poisson-ply": _mesh("poisson{}.ply", "poisson", "a surface around the map's points, PLY"),
-    "poisson-glb": _mesh("poisson{}.glb", "poisson", "a surface around the map's points, GLB"),
+    "mesh-ply": ExportFormat(
+        "surface{}.ply", "surface:write_grid", "a surface through the map's grid, PLY", "map", of_surface=True
+    ),
+    "mesh-glb": ExportFormat(
+        "surface{}.glb", "surface:write_grid", "a surface through the map's grid, GLB", "map", of_surface=True
+    ),
     "mcap": ExportFormat(
         "map{}.mcap",
         "mcap:write_mcap",

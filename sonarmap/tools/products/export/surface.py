@@ -1,6 +1,6 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""The map's surface as a mesh, colored by height: through its grid from above, or around its points."""
+"""The map's surface as a mesh through its grid from above, colored by height."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,13 +10,10 @@ from typing import Any
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.extras import load_package
 from sonarmap.tools.files.map_folder.folder import MapPart
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.files.writers.points import float32_origin
 from sonarmap.tools.products.export.grid import HEIGHT_COLORS, check_size, shown_heights, top_cells
-
-_AROUND, _REACH = 20, 2.0  # neighbors that tell a normal; a surface ends so far [cells] from the points
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,13 +29,6 @@ def write_grid(path: Path, part: MapPart, cell: float) -> Mapping[str, Any]:
     """Write a mesh through the uppermost surface of the map's cells [m], from above. Raises InputError: no three cells
     side by side."""
     return _write(path, part, *_through_grid(part, cell)) | {"surface": "through the middles of cells", "cell_m": cell}
-
-
-def write_poisson(path: Path, part: MapPart, cell: float) -> Mapping[str, Any]:
-    """Write the screened Poisson surface of the map's points, up to two cells [m] from these. Raises InputError: Open3D
-    is not installed, or there is no surface."""
-    said = {"surface": "screened Poisson, Kazhdan and Hoppe 2013 (doi:10.1145/2487228.2487237), by Open3D"}
-    return _write(path, part, *_around_points(part, cell)) | said | {"cell_m": cell}
 
 
 def _write(path: Path, part: MapPart, vertices: np.ndarray, triangles: np.ndarray) -> dict[str, Any]:
@@ -74,24 +64,6 @@ def _through_grid(part: MapPart, cell: float) -> tuple[np.ndarray, np.ndarray]:
     held = (corners >= 0).sum(axis=1)
     whole, three = corners[held == 4], corners[held == 3]
     return vertices, np.concatenate([whole[:, :3], whole[:, [0, 2, 3]], three[three >= 0].reshape(-1, 3)])
-
-
-def _around_points(part: MapPart, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    from scipy.spatial import KDTree
-
-    open3d = load_package("open3d", "open3d", "a Poisson surface", "lab")
-    middle = np.median(part.points, axis=0)
-    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(part.points - middle))
-    cloud.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(_AROUND))
-    normals = np.asarray(cloud.normals)
-    to_sensor = part.trajectory.T_world_sensor.translation[np.searchsorted(part.scans, part.columns["scan"])]
-    away = np.einsum("ij,ij->i", normals, to_sensor - part.points) < 0
-    cloud.normals = open3d.utility.Vector3dVector(np.where(away[:, None], -normals, normals))
-    mesh, _ = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, width=cell, n_threads=1)
-    vertices = np.asarray(mesh.vertices) + middle
-    near = np.isfinite(KDTree(part.points).query(vertices, distance_upper_bound=_REACH * cell)[0])
-    triangles = np.asarray(mesh.triangles)
-    return vertices, triangles[near[triangles].all(axis=1)]
 
 
 def _ply(mesh: Mesh) -> bytes:

@@ -1,7 +1,7 @@
 """The folder that `sonarmap map` writes."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
 
@@ -11,7 +11,6 @@ from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.parts import placed
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.map_folder.names import (
-    EXPORTS,
     FULL_GRAPH,
     GRAPH,
     JOURNAL,
@@ -27,7 +26,7 @@ from sonarmap.tools.files.readers.csv_table import PAIRS
 from sonarmap.tools.files.writers.atomic import all_or_none, discard
 from sonarmap.tools.files.writers.g2o import write_g2o
 from sonarmap.tools.files.writers.json_text import write_json
-from sonarmap.tools.files.writers.points import WRITERS, write_points
+from sonarmap.tools.files.writers.points import write_points
 from sonarmap.tools.files.writers.trajectory import TRAJECTORY_WRITERS, write_trajectory
 from sonarmap.tools.products.output.graph_file import survey_graph
 from sonarmap.tools.products.output.pairs_file import write_pairs
@@ -40,19 +39,17 @@ _LAYER = re.compile(r"_survey_(\d+)$")
 _ALL = re.compile(r"map_all(_\d+)?(_survey_\d+)?")
 
 
-def part_files(result: SurveyResult, rank: int, also: Iterable[str] = ()) -> list[str]:
-    """The files of the component that is map number `rank`, 1 for the largest; `also` as for `write_survey`."""
+def part_files(result: SurveyResult, rank: int) -> list[str]:
+    """The files of the component that is map number `rank`, 1 for the largest."""
     c = placed(result.components)[rank - 1]
-    names = [*OF_EACH, *(EXPORTS[name] for name in also)]
-    suffixes = [".ply", *(f".{name}" for name in also if f".{name}" in WRITERS)]
     layers = [f"{{}}_survey_{number}" for number in result.parts[c].layers]
-    names += [f"map{layer}{suffix}" for layer in layers for suffix in suffixes]
+    names = [*OF_EACH, *(f"map{layer}.ply" for layer in layers)]
     if result.parts[c].doubtful is not None:
         names += [f"map_all{layer}.ply" for layer in ("{}", *layers)]
     return [name.format("" if rank == 1 else f"_{rank}") for name in names]
 
 
-def write_survey(folder: Path, result: SurveyResult, run: SurveyRun, also: Sequence[str] = ()) -> Path:
+def write_survey(folder: Path, result: SurveyResult, run: SurveyRun) -> Path:
     """Write a survey's maps, a picture of each, trajectories, graph, pairs and summary, and return the summary's path.
 
     The largest component is map.ply, map.png and trajectory.tum; the others follow as map_2 and so on. A scan that
@@ -63,11 +60,9 @@ def write_survey(folder: Path, result: SurveyResult, run: SurveyRun, also: Seque
     All files appear together or, where one cannot be written, none does; what the folder's earlier run had beyond this
     one's files is removed, and so is what was exported of it.
 
-    The folder is made where it is missing; `also` are names of EXPORTS, further formats to write.
-
-    Raises InputError: a file cannot be written."""
+    The folder is made where it is missing. Raises InputError: a file cannot be written."""
     earlier = earlier_files(folder)
-    files = [part_files(result, rank, also) for rank in range(1, len(placed(result.components)) + 1)]
+    files = [part_files(result, rank) for rank in range(1, len(placed(result.components)) + 1)]
     summary = survey_summary(result, run)
     with all_or_none() as written:
         _write_files(folder, result, run.names, files)

@@ -14,7 +14,6 @@ from sonarmap.slam.graph.edge import inverse_definite
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.mapper import Mapper
-from sonarmap.tools.files.map_folder.names import EXPORTS
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.readers.poses.gt_log import read_gt_log
 from sonarmap.tools.files.readers.poses.trajectory import read_kitti, read_tum
@@ -210,10 +209,6 @@ def test_a_trajectory_of_an_unknown_format_or_below_a_file_is_not_written(tmp_pa
     assert not list(tmp_path.iterdir())
     (tmp_path / "file").write_text("")
     refuses("cannot write", write_tum, tmp_path / "file" / "a.tum", sample())
-
-
-def test_exports_are_what_has_a_writer_and_is_not_written_anyway() -> None:
-    assert EXPORTS == {"pcd": "map{}.pcd", "kitti": "trajectory{}.kitti"}
 
 
 GRAPHS = DATA / "graphs"

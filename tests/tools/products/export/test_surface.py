@@ -1,4 +1,4 @@
-"""Surfaces read back by trimesh: through the grid, and around the points."""
+"""Surfaces read back by trimesh."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,14 +12,14 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import MapPart
-from sonarmap.tools.products.export.surface import write_grid, write_poisson
+from sonarmap.tools.products.export.surface import write_grid
 from tests.tools.products.export.finished import georeferenced
 
 
-def part_of(points: np.ndarray, sensor: np.ndarray | None = None) -> MapPart:
+def part_of(points: np.ndarray) -> MapPart:
     """A map of these points, seen from one place."""
-    place = np.zeros((1, 3)) if sensor is None else sensor[None]
-    part = georeferenced(Georeference(60.0, 5.0), RigidTransform.from_translation(place), len(points)).part
+    T = RigidTransform.from_translation(np.zeros((1, 3)))
+    part = georeferenced(Georeference(60.0, 5.0), T, len(points)).part
     return replace(part, points=points)
 
 
@@ -55,25 +55,6 @@ def test_the_grid_is_a_sheet_that_looks_up(tmp_path: Path, suffix: str, far: flo
     normals = np.cross(b - a, c - a)
     assert (normals[:, 2] > 0).all()
     assert normals[:, 2].sum() / 2 == pytest.approx(19 + 5 / 2, abs=0.05)  # the squares' area from above
-
-
-@pytest.mark.parametrize("suffix", ["ply", "glb"])
-def test_a_poisson_surface_goes_round_and_looks_to_the_sensor(tmp_path: Path, suffix: str) -> None:
-    """A pipe seen from inside: no grid from above has its lower and its upper half."""
-    rng = np.random.default_rng(2)
-    angle, along = rng.uniform(0, 2 * np.pi, 8000), rng.uniform(-4, 4, 8000)
-    points = np.column_stack([along, 50 + 3 * np.cos(angle), 3 * np.sin(angle) - 20])
-    path = tmp_path / f"poisson.{suffix}"
-    write_poisson(path, part_of(points, np.array([0.0, 50.0, -20.0])), 0.4)
-    vertices, triangles = read(path)
-    local = vertices - [0, 50, -20]
-    middle = np.abs(local[:, 0]) < 3.5
-    radius = np.hypot(local[:, 1], local[:, 2])[middle]
-    assert np.abs(radius - 3).max() < 0.2
-    assert np.median(np.abs(radius - 3)) < 0.03
-    a, b, c = (local[triangles[:, k]] for k in range(3))
-    inward = -np.einsum("ij,ij->i", np.cross(b - a, c - a), (a + b + c) * [0, 1, 1])
-    assert (inward > 0).mean() > 0.98
 
 
 def test_lone_points_have_no_surface(tmp_path: Path) -> None:

@@ -18,7 +18,6 @@ from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.names import require_apart
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
-from sonarmap.tools.lab.evaluate.map_error import read_points
 from sonarmap.tools.products.output.folder import write_survey
 from sonarmap.tools.products.output.run import SurveyRun
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
@@ -52,14 +51,14 @@ def as_surveys(mapped: tuple[list[Scan], SurveyResult], several: bool) -> Survey
 def folder(mapped: tuple[list[Scan], SurveyResult], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What two surveys in one frame become."""
     out = tmp_path_factory.mktemp("out")
-    write_survey(out, as_surveys(mapped, several=True), RUN, also=["pcd"])
+    write_survey(out, as_surveys(mapped, several=True), RUN)
     return out
 
 
 def test_every_file_is_named_in_the_summary(folder: Path) -> None:
     files = json.loads((folder / "summary.json").read_text())["files"]
-    layers = {f"map{kind}" for k in (0, 1) for kind in (f"_survey_{k}.ply", f"_survey_{k}.pcd", f"_all_survey_{k}.ply")}
-    rest = {"map.ply", "map_all.ply", "map.pcd", "map.png", "trajectory.tum"}
+    layers = {f"map{kind}" for k in (0, 1) for kind in (f"_survey_{k}.ply", f"_all_survey_{k}.ply")}
+    rest = {"map.ply", "map_all.ply", "map.png", "trajectory.tum"}
     rest |= {"graph.g2o", "graph.json", "pairs.csv", "summary.json"}
     assert set(files) == layers | rest == {path.name for path in folder.iterdir()}
 
@@ -103,10 +102,9 @@ def test_what_the_map_leaves_out_is_in_the_map_of_all(mapped: tuple[list[Scan], 
     (part,) = result.parts
     out, parted = without(part.optimized, 5)
     changed = replace(part, optimized=parted.clean, doubtful=parted.doubtful)
-    write_survey(tmp_path, replace(result, parts=(changed,)), RUN, also=["pcd"])
+    write_survey(tmp_path, replace(result, parts=(changed,)), RUN)
     clean, everything = divided(tmp_path, "", part.optimized.points[out])
     assert (everything["looked"] >= 0).all()
-    assert len(read_points(tmp_path / "map.pcd")) == len(clean["x"])
     (component,) = json.loads((tmp_path / "summary.json").read_text())["components"]
     assert component["map"]["seen_by_too_few"] == out.sum()
     assert component["map"]["points"] == len(clean["x"])

@@ -65,7 +65,7 @@ class ExportedFiles:
     points: str = choice(
         OUTPUT,
         "In files of points: map, or all. map has one for each voxel; all has every point of every scan, in place, "
-        "from the scans that the map was made of. Files of points are laz, copc, e57, xyz and points-csv.",
+        "from the scans that the map was made of. Files of points are laz, copc, e57 and xyz.",
         ("map", "all"),
     )
     scans: str | None = _output(

@@ -1,5 +1,5 @@
 # pyright: strict
-"""XYZ and CSV: a line per point, with its columns by name."""
+"""XYZ: a line per point, with its columns by name."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,22 +17,13 @@ _AT_A_TIME = 100_000  # lines
 def write_xyz(path: Path, cloud: Cloud) -> Mapping[str, Any]:
     """Write blanks between columns, whose names stand behind // in the first line, where CloudCompare looks for them.
     Returns what the columns are."""
-    return _write(path, cloud, " ", "//")
-
-
-def write_csv(path: Path, cloud: Cloud) -> Mapping[str, Any]:
-    """Write commas between columns, whose names are the first line. Returns what the columns are."""
-    return _write(path, cloud, ",", "")
-
-
-def _write(path: Path, cloud: Cloud, separator: str, mark: str) -> Mapping[str, Any]:
     count, names = 0, ()
     with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="ascii") as file:
         for portion in cloud.portions():
             if not count:
                 names = ("x", "y", "z", "stamp", *portion.columns)
-                file.write(f"{mark}{separator.join(names)}\n")
-            form = separator.join(["%.4f", "%.4f", "%.4f", "%.6f", *(_form(each) for each in portion.columns.values())])
+                file.write(f"//{' '.join(names)}\n")
+            form = " ".join(["%.4f", "%.4f", "%.4f", "%.6f", *(_form(each) for each in portion.columns.values())])
             for first in range(0, len(portion.points), _AT_A_TIME):
                 rows = _rows(portion, slice(first, first + _AT_A_TIME))
                 file.writelines(f"{form % row}\n" for row in rows)
