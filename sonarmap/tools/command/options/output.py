@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from sonarmap.kernels.errors import InputError
@@ -178,9 +177,8 @@ def _place_of(origin: str) -> tuple[float, float, float]:
     crs, _, rest = origin.rpartition(":")
     projected = re.match(r"\s*\+?[A-Za-z]{2}", crs)  # N60:23.478 begins with one letter
     numbers = [*map(number, rest.split(","))] if projected else place_of(origin)
-    limits = (math.inf, math.inf) if projected else (90, 180)
-    usable = all(map(math.isfinite, numbers)) and all(abs(x) <= y for x, y in zip(numbers, limits, strict=False))
-    if len(numbers) not in (2, 3) or not usable:
+    usable = len(numbers) in (2, 3) and all(map(math.isfinite, numbers))
+    if not usable or not (projected or (abs(numbers[0]) <= 90 and abs(numbers[1]) <= 180)):
         raise InputError(
             f"--origin is {origin!r}; wanted latitude and longitude in degrees, the latitude first, and perhaps a "
             "height in meters, as in --origin 60.3913,5.3221 or --origin=-33.8568,151.2153,2.5 or --origin "
@@ -190,5 +188,5 @@ def _place_of(origin: str) -> tuple[float, float, float]:
     first, second, height = [*numbers, 0.0][:3]
     if not projected:
         return first, second, height
-    latitude, longitude, _ = on_the_earth(np.array([[first, second, height]]), crs.strip(), "--origin")[0].tolist()
+    latitude, longitude = on_the_earth([[first, second, height]], crs.strip(), "--origin")[0, :2].tolist()
     return latitude, longitude, height

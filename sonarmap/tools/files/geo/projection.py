@@ -17,6 +17,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import DEFAULT_VERTICAL, Georeference
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
     from pyproj import CRS, Transformer
 
 WGS84 = 4326
@@ -149,12 +150,12 @@ class Projection:
         )
 
 
-def on_the_earth(projected: np.ndarray, crs: str | None, option: str) -> np.ndarray:
+def on_the_earth(projected: "ArrayLike", crs: str | None, option: str) -> np.ndarray:
     """(n, 3) latitude, longitude [deg] and height [m] of (n, 3) easting, northing, height [m] in a CRS as EPSG:32632,
     which the user gave with this option. Raises InputError: see `Projection.of`; the first place is not in its area."""
     from pyproj import Transformer
 
-    rough = Projection(_projected(crs or "", option), DEFAULT_VERTICAL)
+    projected, rough = np.asarray(projected), Projection(_projected(crs or "", option), DEFAULT_VERTICAL)
     to_degrees = Transformer.from_crs(rough.crs, WGS84, always_xy=True)  # 200 m wrong where a grid is missing
     first = projected[0, [[0, 1], [1, 0]]]  # as given, and with easting and northing exchanged
     longitude, latitude = to_degrees.transform(*first.T)

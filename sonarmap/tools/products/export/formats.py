@@ -140,12 +140,8 @@ FORMATS = {
     "gpkg": ExportFormat(
         "track{}.gpkg", "track_features:write_geopackage", "track, scans and loops, GeoPackage", with_contours=True
     ),
-    "mesh-ply": ExportFormat(
-        "surface{}.ply", "surface:write_grid", "a surface through the map's grid, PLY", "map", of_surface=True
-    ),
-    "mesh-glb": ExportFormat(
-        "surface{}.glb", "surface:write_grid", "a surface through the map's grid, GLB", "map", of_surface=True
-    ),
+    "mesh-ply": ExportFormat("surface{}.ply", "surface:write_grid", "a mesh from above, PLY", "map", of_surface=True),
+    "mesh-glb": ExportFormat("surface{}.glb", "surface:write_grid", "a mesh from above, GLB", "map", of_surface=True),
     "mcap": ExportFormat(
         "map{}.mcap",
         "mcap:write_mcap",

@@ -28,12 +28,9 @@ class Mesh:
 def write_grid(path: Path, part: MapPart, cell: float) -> Mapping[str, Any]:
     """Write a mesh through the uppermost surface of the map's cells [m], from above. Raises InputError: no three cells
     side by side."""
-    return _write(path, part, *_through_grid(part, cell)) | {"surface": "through the middles of cells", "cell_m": cell}
-
-
-def _write(path: Path, part: MapPart, vertices: np.ndarray, triangles: np.ndarray) -> dict[str, Any]:
     from matplotlib import colormaps
 
+    vertices, triangles = _through_grid(part, cell)
     used, numbers = np.unique(triangles, return_inverse=True)
     if not len(used):
         raise InputError("the map's points are too far apart for a surface; give larger cells with --cell M")
@@ -43,7 +40,8 @@ def _write(path: Path, part: MapPart, vertices: np.ndarray, triangles: np.ndarra
     mesh = Mesh(vertices, numbers.reshape(-1, 3).astype(np.uint32), colors)
     with atomic_path(path) as temporary:
         temporary.write_bytes(_ply(mesh) if path.suffix == ".ply" else _glb(mesh))
-    return {"vertices": len(vertices), "triangles": len(triangles)}
+    counts = {"vertices": len(vertices), "triangles": len(triangles)}
+    return {**counts, "surface": "through the middles of cells", "cell_m": cell}
 
 
 def _through_grid(part: MapPart, cell: float) -> tuple[np.ndarray, np.ndarray]:

@@ -23,16 +23,14 @@ def write_xyz(path: Path, cloud: Cloud) -> Mapping[str, Any]:
             if not count:
                 names = ("x", "y", "z", "stamp", *portion.columns)
                 file.write(f"//{' '.join(names)}\n")
-            form = " ".join(["%.4f", "%.4f", "%.4f", "%.6f", *(_form(each) for each in portion.columns.values())])
+            form = " ".join(
+                ["%.4f", "%.4f", "%.4f", "%.6f", *(_FORMS[each.dtype.kind] for each in portion.columns.values())]
+            )
             for first in range(0, len(portion.points), _AT_A_TIME):
                 rows = _rows(portion, slice(first, first + _AT_A_TIME))
                 file.writelines(f"{form % row}\n" for row in rows)
             count += len(portion.points)
     return {"points": count, "columns": names, "stamp": "of the scan [s], UTC since 1970 where the scans have times"}
-
-
-def _form(column: np.ndarray) -> str:
-    return _FORMS[column.dtype.kind]
 
 
 def _rows(portion: Portion, some: slice) -> "zip[tuple[Any, ...]]":
