@@ -82,12 +82,12 @@ class TestConfig:
         assert listed() == listed("--config", "/dev/null")
 
     def test_what_is_set_stays_set_in_the_file_that_it_prints(self, folder: Path) -> None:
-        common, own = 'grid = 96\nmount = "0,0,180"', 'report = false\nalso = ["pcd", "kitti"]\nvoxel = 0.25'
+        common, own = 'grid = 96\nmount = "0,0,180"', 'report = false\nexport = ["pcd", "kitti"]\nvoxel = 0.25'
         sets(f"[common]\n{common}\n[map]\n{own}\n", "a.toml")
         sets(run("--config", "a.toml", "config", "--toml").stdout, "b.toml")
         first, again = listed("--config", "a.toml"), listed("--config", "b.toml")
         assert {key: row["value"] for key, row in first.items()} == {key: row["value"] for key, row in again.items()}
-        assert again["map", "also"]["value"] == ["pcd", "kitti"]
+        assert again["map", "export"]["value"] == ["pcd", "kitti"]
 
     @pytest.mark.parametrize("verb", ["map", "simulate"])
     def test_a_verb_alone(self, verb: str) -> None:

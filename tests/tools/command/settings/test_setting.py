@@ -60,7 +60,7 @@ def test_every_length_angle_and_time_has_its_unit(entry: Setting) -> None:
         ("map", "prior-sigmas", "deg, m", "none"),
         ("map", "report", "", "true"),
         ("map", "out", "", "to be given"),
-        ("map", "also", "", "none"),
+        ("map", "export", "", "none"),
         ("simulate", "sigma2", "m^2", "none"),
         ("evaluate", "max-error-m", "m", "none"),
         ("reproduce", "max-tilt", "deg", "35"),
@@ -90,7 +90,6 @@ OF_KEY: dict[str, Any] = {
     "write": "moved.ply",
     "refine": "spectral",
     "prior-sigmas": "0.5,3,0.1,2",
-    "also": ["pcd"],
     "export": ["laz", "kmz"],
     "format": ["laz"],
     "duration": "10m",
@@ -116,7 +115,7 @@ mount = "0,0,180"
 [map]
 grid = 64
 max-speed = 2
-also = ["pcd", "kitti"]
+export = ["pcd", "kitti"]
 report = false
 [simulate]
 seed = 5
@@ -176,7 +175,7 @@ def test_sections(tmp_path: Path) -> None:
         "method": "spectral",
         "mount": "0,0,180",
         "max_speed": 2,
-        "also": ["pcd", "kitti"],
+        "export": ["pcd", "kitti"],
         "report": False,
     }
     assert file.values["register"]["grid"] == 96
@@ -207,7 +206,7 @@ def test_sections(tmp_path: Path) -> None:
         ("[map]\nvoxel = [1]", "[map] voxel is [1]; wanted a number [m]"),
         ("[map]\nreport = 1", "[map] report is 1; wanted true or false"),
         ("[map]\nnav-offset = 2.5", "[map] nav-offset is 2.5; wanted a text in quotes [s]"),
-        ("[map]\nalso = ['pcd', 3]", "[map] also is ['pcd', 3]; wanted a text in quotes, or a list of such"),
+        ("[map]\nexport = ['pcd', 3]", "[map] export is ['pcd', 3]; wanted a text in quotes, or a list of such"),
         ("[map.grid]\na = 1", "[map] grid is {'a': 1}; wanted a whole number"),
         ("[map]\ngrid = 97", "[map] grid is 97: --grid 97 is not an even product of 2, 3 and 5"),
         ("[common]\ngrid = 97", "[common] grid is 97: --grid 97 is not"),
