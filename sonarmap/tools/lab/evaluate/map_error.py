@@ -62,13 +62,7 @@ class MapError:
 
 
 def map_error(points: np.ndarray, reference: Reference, voxel: float) -> MapError:
-    """The distance of every point of a map from its reference.
-
-    Args:
-        points: (M, 3) [m], already aligned with the truth.
-        reference: see `reference_of`.
-        voxel: edge of the map's voxels [m].
-    """
+    """The distance of every point (M, 3) [m] of a map, aligned with the truth, from its reference."""
     return MapError(reference.name, reference.nearest, reference.distance(points), voxel)
 
 
@@ -99,11 +93,7 @@ def reference_of(path: Path) -> Reference:
 
 
 def read_points(path: Path) -> np.ndarray:
-    """All finite points of a file (M, 3) float64 [m].
-
-    Raises:
-        InputError: naming the file, see `tools.files.readers.file.clouds_of`.
-    """
+    """All finite points of a file (M, 3) float64 [m]. Raises InputError: naming the file, see `clouds_of`."""
     clouds = list(clouds_of(SelectedFile(path), []))
     points = np.concatenate([np.asarray(named.cloud.points, np.float64) for named in clouds])
     points = points[np.isfinite(points).all(axis=1)]

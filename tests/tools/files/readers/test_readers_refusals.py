@@ -104,6 +104,9 @@ def test_an_npz_that_lies_about_its_size_is_not_unpacked(tmp_path):
         (".csv", b"x,y,intensity\n1,2,3\n", "no column z among"),
         (".csv", b"x,y,z\n1,2,three\n", "line 2: 'three' is not a number"),
         (".csv", b"1;2;3,5\n", "line 1: '3,5' is not a number"),
+        (".xyz", b"1 2 3\n1 2 \xc2\xa03\n", "line 2: .* is not a number"),  # NumPy divides there
+        (".xyz", b"1 2 3\n1 2 1_0\n", "line 2: '1_0' is not a number"),
+        (".csv", b"1,2,3\n1,2,3,\n", "line 2 has 4 columns; wanted 3"),
         (".txt", b"1_0 2 3\n", "'1_0' is not a number"),
         (".txt", b"1 2 3 4 5 6\n", "line 1 has 6 columns.*names the columns"),
         (".txt", b"hello world\nthis is no cloud\n", "line 1 has 2 columns"),

@@ -149,7 +149,7 @@ def _numbers(text: str, count: int, largest: float, what: str, wanted: str) -> n
 
 def _read_ascii(content: bytes, start: int, header: _Header, roles: dict[str, int]) -> _Columns:
     lines = rows.whole_lines(content[start:], header.lines + 1)
-    rows.require_lines(header.points, len(lines), "points", " lines")
+    rows.require(f"{header.points:,} points and {len(lines):,} lines follow", header.points, len(lines))
     numbers = rows.parse_rows(lines[: header.points], sum(header.counts))
     starts = _starts(header.counts)
     columns = {role: numbers[:, starts[field]] for role, field in roles.items()}

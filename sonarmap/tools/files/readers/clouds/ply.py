@@ -65,11 +65,12 @@ def read_ply(content: bytes) -> list[Cloud]:
     if header.order == "":
         lines = rows.whole_lines(content[header.end :], header.lines + 1)
         counts = [element.count for element in header.elements]
-        rows.require_lines(sum(counts), len(lines), "lines of points and the like", "")
+        needed, held = sum(counts), len(lines)
+        rows.require(f"{needed:,} lines of points and the like and {held:,} follow", needed, held)
         start = sum(counts[: header.elements.index(header.vertex)])
         numbers = rows.parse_rows(lines[start : start + header.vertex.count], len(header.vertex.properties))
         columns = {role: numbers[:, column] for role, column in roles.items()}
-        return [cloud_of_columns(columns, rows.surplus_note(len(lines) - sum(counts), "lines", "element"))]
+        return [cloud_of_columns(columns, rows.surplus_note(held - needed, "lines", "element"))]
     columns, start = _read_binary(content, header, roles)
     return [cloud_of_columns(columns, rows.surplus_note(len(content) - start, "bytes", "element"))]
 

@@ -1,8 +1,10 @@
 """Numbers in rows: lines of text, and packed binary records; and how many bytes are believable."""
 
+import re
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import accumulate
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from itertools import accumulate, compress
 
 import numpy as np
 
@@ -14,6 +16,7 @@ _LARGEST_RECORD = 1 << 20  # bytes of one point
 # times: a small one is not refused for that.
 _SMALL = 64 << 20
 _RATIO = 100
+_PLAIN = b"0123456789+-.eEnaifNAIF \t"  # NumPy splits lines at, and makes numbers of, more than these files mean
 
 
 def whole_lines(text: bytes, first: int) -> list[Line]:
@@ -24,37 +27,42 @@ def whole_lines(text: bytes, first: int) -> list[Line]:
             "the last line does not end with a line break, so the file may have been cut within a number; "
             "write it again, or add a line break at its end if it is whole"
         )
-    return [(number, line) for number, line in enumerate(text.splitlines(), first) if line.strip()]
+    lines = text.splitlines()
+    return list(compress(enumerate(lines, first), map(bytes.strip, lines)))
 
 
-def parse_rows(lines: Iterable[Line], columns: int, separator: bytes | None = None) -> np.ndarray:
-    """The numbers of `lines` as (N, columns) float64; `separator` None is any run of blanks. Raises InputError: naming
-    the line, where it has more or fewer columns, or something that is no number."""
+def parse_rows(
+    lines: Sequence[Line], columns: int, separator: bytes | None = None, comment: re.Pattern[bytes] | None = None
+) -> np.ndarray:
+    """The numbers of `lines` as (N, columns) float64, without lines that match `comment`; `separator` None is any run
+    of blanks. Raises InputError: naming the line, where it has more or fewer columns, or something that is no number.
+    """
+    rows = [line for _, line in lines]
+    if any(rows) and not b"".join(rows).translate(None, _PLAIN + (separator or b"")):
+        with suppress(ValueError):
+            table = np.loadtxt(rows, delimiter=(separator or b"").decode() or None, comments=None, ndmin=2)
+            if table.shape == (len(rows), columns):
+                return table
     numbers = array("d")
     for number, line in lines:
+        if comment and comment.match(line):
+            continue
         tokens = line.split(separator)
         if len(tokens) != columns:
             raise InputError(f"line {number} has {len(tokens)} columns; wanted {columns}; fix that line")
-        try:
-            numbers.extend(map(_number, tokens))
-        except ValueError as error:
-            raise InputError(f"line {number}: {error}; fix that line") from error
+        bad = next((token for token in tokens if not is_number(token)), None)
+        if bad is not None:
+            raise InputError(f"line {number}: {shown(bad)} is not a number; fix that line")
+        numbers.extend(map(float, tokens))
     return np.frombuffer(numbers, np.float64).reshape(-1, columns)
 
 
 def is_number(token: bytes) -> bool:
     """Whether `token` is a number as these files write it (NaN and inf are)."""
-    try:
-        return _number(token) is not None
-    except ValueError:
-        return False
-
-
-def _number(token: bytes) -> float:
-    try:
-        return float(token if b"_" not in token else b"")  # 1_000 is a number to Python, to nobody else
-    except ValueError:
-        raise ValueError(f"{shown(token)} is not a number") from None
+    with suppress(ValueError):
+        float(token)
+        return b"_" not in token  # 1_000 is a number to Python, to nobody else
+    return False
 
 
 def shown(token: bytes) -> str:
@@ -84,17 +92,13 @@ def unpack_records(
     return {role: records[role] for role in roles}
 
 
-def require_lines(needed: int, held: int, what: str, unit: str) -> None:
-    """Refuse a header that promises more lines, `what` is in them, than the file holds after it."""
-    _require(f"{needed:,} {what} and {held:,}{unit} follow", needed, held)
-
-
 def require_bytes(what: str, needed: int, held: int) -> None:
     """Refuse a header that promises more bytes than the file holds after it."""
-    _require(f"{what}, {needed:,} bytes, but only {max(held, 0):,} bytes follow", needed, held)
+    require(f"{what}, {needed:,} bytes, but only {max(held, 0):,} bytes follow", needed, held)
 
 
-def _require(promised: str, needed: int, held: int) -> None:
+def require(promised: str, needed: int, held: int) -> None:
+    """Refuse a header that promises more than the file holds after it, both in words."""
     if needed > held:
         remedy = "the file is cut or its header is wrong; write or copy it again"
         raise InputError(f"the header promises {promised}: {remedy}")

@@ -6,6 +6,7 @@ them, is a header too (CloudCompare writes these).
 """
 
 import re
+from itertools import takewhile
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, cloud_of_columns, column_roles
@@ -25,8 +26,8 @@ def read_text(content: bytes) -> list[Cloud]:
         line = content.count(b"\n", 0, error.start) + 1
         raise InputError(f"line {line} is not UTF-8 text; save the file as UTF-8") from error
     lines = whole_lines(content.removeprefix(b"\xef\xbb\xbf"), 1)
-    comments = [line for line in lines if _COMMENT.match(line[1])]
-    rows = [line for line in lines if not _COMMENT.match(line[1])]
+    comments = list(takewhile(lambda line: _COMMENT.match(line[1]), lines))
+    rows = lines[len(comments) :]
     if not rows:
         raise InputError(f"no points among its {len(lines):,} lines; wanted lines of x y z or x y z strength")
     first, line = rows[0]
@@ -36,14 +37,14 @@ def read_text(content: bytes) -> list[Cloud]:
     if names is not None:
         rows, width = rows[1:], len(names)
     else:
-        names = _commented_names(comments, first, width) or _BARE.get(width)
+        names = _commented_names(comments, width) or _BARE.get(width)
     if names is None:
         raise InputError(
             f"line {first} has {width} columns: {shown(line)}; wanted x y z or x y z strength, or a first "
             "line that names the columns, such as: x,y,z,intensity"
         )
     roles = column_roles(names)
-    numbers = parse_rows(rows, width, separator)
+    numbers = parse_rows(rows, width, separator, _COMMENT)
     return [cloud_of_columns({role: numbers[:, column] for role, column in roles.items()})]
 
 
@@ -61,11 +62,8 @@ def _names_in(line: bytes, separator: bytes | None) -> list[str] | None:
     return names if {"x", "y", "z"} & {name.lower() for name in names} else None
 
 
-def _commented_names(comments: list[Line], first: int, width: int) -> list[str] | None:
-    """Of the last comment before line `first` that names x, y or z, and as many columns as there are."""
-    for number, line in reversed(comments):
-        text = _COMMENT.sub(b"", line, count=1)
-        names = _names_in(text, _separator(text))
-        if number < first and names is not None and len(names) == width:
-            return names
-    return None
+def _commented_names(comments: list[Line], width: int) -> list[str] | None:
+    """Of the last comment that names x, y or z, and as many columns as there are."""
+    texts = (_COMMENT.sub(b"", line, count=1) for _, line in reversed(comments))
+    named = (_names_in(text, _separator(text)) or [] for text in texts)
+    return next((names for names in named if len(names) == width), None)
