@@ -238,12 +238,28 @@ def test_poses_that_nothing_places_are_no_vertices(tmp_path: Path) -> None:
     assert "PRIOR" not in (tmp_path / "graph.g2o").read_text()
 
 
+@pytest.mark.parametrize("head", ["EDGE_SE3_PRIOR 3 9", "EDGE_SE3_PRIOR:QUAT 3 3", "EDGE_SE3_PRIOR:QUAT 3"])
+def test_priors_of_other_programs_count_alike(head: str, tmp_path: Path) -> None:
+    """With or without the number of an offset: pose, then information, translation first, about the pose's own axes."""
+    information, order = semidefinite(6, 6, 3), [3, 4, 5, 0, 1, 2]
+    upper = information[np.ix_(order, order)][np.triu_indices(6)]
+    pose = [*T_KNOWN.translation, *T_KNOWN.rotation.as_quat()]
+    path = tmp_path / "prior.g2o"
+    vertex = f"VERTEX_SE3:QUAT 3 {' '.join(map(repr, map(float, pose)))}"
+    path.write_text(f"{vertex}\n{head} {' '.join(map(repr, map(float, [*pose, *upper])))}\n")
+    (known,) = read_g2o(path).known
+    np.testing.assert_allclose(known.information, information, rtol=1e-12)
+    small = 1e-3 * OFF
+    assert squared(known, moved(small)) == pytest.approx(small @ information @ small, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("lines", "words"),
     [
         (["EDGE_SE3_PRIOR 7 0 0 0 0 0 0 0 1 " + " ".join(["1"] + ["0"] * 20)], "vertex 7, which the file does not"),
         (["EDGE_SE3_PRIOR 0 0 0 0 0 0 0 0 1 " + " ".join(["-1"] + ["0"] * 20)], "line 2: .*indefinite"),
         (["EDGE_SE3_PRIOR 0 0 0 0 0 0 0 0 1 1 2 3"], "line 2"),
+        (["EDGE_SE3_PRIOR:QUAT 0 0 0 0"], "line 2 has 4 columns; wanted 30"),
         (
             ["PARAMS_SE3OFFSET 0 0 0 1 0 0 0 1", "EDGE_SE3_PRIOR 0 0 0 0 0 0 0 0 1 " + " ".join(["0"] * 21)],
             "line 2: priors of a sensor that is not where the vertex is",

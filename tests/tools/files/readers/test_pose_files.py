@@ -82,7 +82,10 @@ GRAPH_FAULTS = (
     ([V0, V1, "", "# a comment", E01.rsplit(" ", 1)[0]], "line 5 has 29 columns; wanted 30"),
     ([V0, V1, E01 + " 1"], "line 3 has 31 columns; wanted 30"),
     ([V0, "VERTEX_SE3:QUAT"], "line 2"),
-    ([V0, "VERTEX_SE2 1 2 3 4"], "line 2 .*'VERTEX_SE2'.*VERTEX_SE3:QUAT, EDGE_SE3:QUAT, EDGE_SE3_PRIOR, FIX"),
+    (
+        [V0, "VERTEX_SE2 1 2 3 4"],
+        "line 2 .*'VERTEX_SE2'.*VERTEX_SE3:QUAT, EDGE_SE3:QUAT, EDGE_SE3_PRIOR, EDGE_SE3_PRIOR:QUAT, FIX",
+    ),
     ([V1, V0, V1], "line 3 gives vertex 1 a second time, after line 1"),
     ([V0, V1, E01.replace("0 1", "0 7", 1)], "line 3 names vertex 7"),
     ([V0, V1, E01.replace("0 1", "1 1", 1)], "line 3.*two different poses"),

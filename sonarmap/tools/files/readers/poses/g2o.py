@@ -1,7 +1,8 @@
 """g2o pose graphs: VERTEX_SE3:QUAT, EDGE_SE3:QUAT, EDGE_SE3_PRIOR and FIX, read strictly.
 
 A prior's numbers are a pose in the world and its information, in the axes of that pose; directions that are not known
-have none. PARAMS_SE3OFFSET, a sensor's place on the vehicle to which priors refer, has to be the identity.
+have none. PARAMS_SE3OFFSET, a sensor's place on the vehicle to which priors refer, has to be the identity. Other
+programs write EDGE_SE3_PRIOR:QUAT, with the vertex again for the number of that offset, or without one.
 
 The 21 numbers after an edge's quaternion are the upper triangle of its information matrix, translation
 first. Its rotational part is taken as that of a rotation vector [rad], which is what GTSAM, SE-Sync and the
@@ -29,8 +30,8 @@ from sonarmap.tools.files.readers.poses.pose_rows import finite_rows, read_lines
 from sonarmap.tools.files.user_file import naming
 
 VERTEX, EDGE, FIX = "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT", "FIX"
-PRIOR, OFFSET = "EDGE_SE3_PRIOR", "PARAMS_SE3OFFSET"
-KNOWN = (VERTEX, EDGE, PRIOR, FIX, OFFSET)
+PRIOR, PRIOR_QUAT, OFFSET = "EDGE_SE3_PRIOR", "EDGE_SE3_PRIOR:QUAT", "PARAMS_SE3OFFSET"
+KNOWN = (VERTEX, EDGE, PRIOR, PRIOR_QUAT, FIX, OFFSET)
 UPPER = np.triu_indices(6)
 TRANSLATION_LAST = np.array([3, 4, 5, 0, 1, 2])  # from g2o's order to ours, and back
 
@@ -125,7 +126,12 @@ def _by_tag(path: Path) -> dict[str, list[Line]]:
                 f"{path}: line {number} begins with {shown(tag)}; known are {', '.join(KNOWN)}. Convert the "
                 "file, or delete what is not part of a 3D pose graph"
             )
-        lines[name].append((number, rest[0] if rest else b""))
+        content = rest[0] if rest else b""
+        if name == PRIOR_QUAT:
+            name, numbers = PRIOR, content.split()
+            if len(numbers) == len(_EDGE_LAYOUT.split()) - 1:
+                content = b" ".join([*numbers[:1], *numbers])
+        lines[name].append((number, content))
     return lines
 
 
