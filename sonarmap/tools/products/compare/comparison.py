@@ -84,13 +84,14 @@ class Comparison:
         lost = sum(-region.volume for region in self.regions if not region.gained)
         count = len(self.regions)
         areas = self.areas
+        level = f"{self.median_level:.2f} m (median)" if len(self.distances.compared) else "unknown: nothing in common"
         changed, alone = areas["gained"] + areas["lost"], areas["old_only"] + areas["new_only"]
         return (
             f"{count} region{'' if count == 1 else 's'} changed from {self.old} to {self.new}: "
             f"gained {gained:,.1f} m3, lost {lost:,.1f} m3\n"
             f"  unchanged {areas['unchanged']:,.0f} m2, beyond the level {changed:,.0f} m2, cannot be said "
             f"{areas['unsure']:,.0f} m2, seen in one survey only {alone:,.0f} m2\n"
-            f"  level of detection {self.median_level:.2f} m (median)"
+            f"  level of detection {level}"
         )
 
     @property

@@ -172,7 +172,7 @@ def _shape(old: Epoch, new: Epoch, cores: Cores, distance: np.ndarray, voxel: fl
     """
     one, rough = planes_at(old, cores.points, voxel)
     other, rough_after = planes_at(new, cores.points + distance[:, None] * cores.normals, voxel)
-    tilt = np.maximum(np.abs(np.einsum("ka,ka->k", one, other)), _LEAST_COSINE) ** -2 - 1  # squared tangent
+    tilt = np.clip(np.abs(np.einsum("ka,ka->k", one, other)), _LEAST_COSINE, 1.0) ** -2 - 1  # squared tangent
     beyond = np.maximum(np.fmin(rough, rough_after) / voxel - _PLANE, 0.0)
     return voxel * (beyond + tilt * (_TILTED + _TILTED_ROUGH * beyond)), tilt
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.tools.products.compare.comparison import Comparison
 from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between
 from sonarmap.tools.products.compare.epoch import Epoch
 from sonarmap.tools.products.compare.regions import regions_of
@@ -53,6 +54,17 @@ def test_nothing_changed(seed: int) -> None:
     assert not regions_of(distances)
     # poses were off by more than what is left
     assert np.median(np.abs(distances.distance[distances.compared])) < NOISE
+
+
+def test_a_survey_has_not_changed_since_itself() -> None:
+    """Its normals are the same twice: their cosines are 1, or by rounding above it."""
+    survey = surveyed(10)
+    distances = distances_between(survey, survey, None, VOXEL, 4 * VOXEL, 2 * VOXEL)
+    assert np.isfinite(distances.level[distances.compared]).all()
+    assert (distances.verdict == Verdict.UNCHANGED).mean() > 0.95
+    apart = Comparison("old", "new", None, replace(distances, compared=np.arange(0)), (), survey.points, survey.points)
+    assert "level of detection unknown" in str(apart)
+    assert "nan" not in str(apart)
 
 
 @pytest.mark.parametrize("seed", range(3))
