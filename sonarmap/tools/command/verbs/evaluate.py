@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
 EXCEEDED = 3
 _LISTED = 5  # poses beyond the limits
-ALIGNMENTS = {"poses": "all poses", "positions": "all positions", "first": "the first pose"}
+_FIRST = "the first pose alone, whose error moves and turns all others; all poses, the default, fit closest"
+ALIGNMENTS = {"poses": "all poses", "positions": "all positions", "first": _FIRST}
 ANCHORS = {
     "first": "relative to the first pose",
     "world": "without alignment, both in one world frame",

@@ -145,10 +145,10 @@ def evaluate(estimate: Trajectory, truth: Trajectory, alignment: Alignment = "po
     """Errors of a trajectory against the truth, after one rigid alignment, without scale.
 
     Args:
-        estimate: poses in a world of their own.
-        truth: the true poses.
         alignment: "poses", least squares over all common poses, see `align_poses`; "positions", the same without
-            the orientations (Umeyama, DOI 10.1109/34.88573); or "first", the first common pose onto its truth.
+            the orientations (Umeyama, DOI 10.1109/34.88573); or "first", the first common pose onto its truth. With
+            "first" the error of that pose moves and turns all others: errors are mostly larger than with "poses", and
+            grow with the distance from it. Steps have the same errors with each.
 
     Raises:
         InputError: no stamp in common; with "positions" also where these are too few or lie on one line.

@@ -43,6 +43,17 @@ def test_a_straight_line_is_evaluated_without_an_option(pair: list[Path]) -> Non
     refused(sonarmap("evaluate", *pair, "--align", "positions"), "on one line")
 
 
+def test_an_error_of_the_first_pose_is_said_to_move_all_others(tmp_path: Path, pair: list[Path]) -> None:
+    turned = RigidTransform.concatenate([TRUTH.T_world_sensor[0] * SLIP, *TRUTH.T_world_sensor[1:]])
+    write_tum(tmp_path / "turned.tum", Trajectory(STAMPS, turned))
+    ates = [evaluated(tmp_path / "turned.tum", pair[1], "--align", how)["ate_m"]["rms"] for how in ("first", "poses")]
+    assert ates[0] > 2 * ates[1]
+    told = " ".join(sonarmap("evaluate", tmp_path / "turned.tum", pair[1], "--align", "first").stdout.split())
+    assert f"{ates[0]:.3f} m (ATE" in told
+    assert "whose error moves and turns all others; all poses, the default, fit closest" in told
+    assert "moves and turns" not in sonarmap("evaluate", *pair).stdout
+
+
 def test_the_table_shows_estimated_beside_true_poses(pair: list[Path]) -> None:
     result = sonarmap("evaluate", *pair, "--align", "first")
     assert "true x, y, z [m]" in result.stdout
