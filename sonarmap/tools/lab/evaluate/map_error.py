@@ -67,8 +67,8 @@ def map_error(points: np.ndarray, reference: Reference, voxel: float) -> MapErro
 
 
 def reference_of(path: Path) -> Reference:
-    """The true surface of a simulation's folder or description.json, built again; or the points of a cloud's file. Raises
-    InputError: neither of these, or one that cannot be read."""
+    """The true surface of a simulation's folder or description.json, built again; or the points of a cloud's file.
+    Raises InputError: neither of these, or one that cannot be read."""
     from sonarmap.tools.lab.simulate.folder import DESCRIPTION, read_settings
 
     description = path / DESCRIPTION if path.is_dir() else path
