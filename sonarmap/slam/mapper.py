@@ -23,6 +23,7 @@ from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.motion.straighten import Straightened, Way, sharper, straightened, ways
 from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.slam.odd.odd_scan import OddScan
+from sonarmap.slam.odd.scaled import find_scaled
 from sonarmap.slam.odd.search import find_odd
 from sonarmap.slam.pair import RegisteredPair, require_any_registered
 from sonarmap.slam.pair_search import PairSearch, register_steps
@@ -229,12 +230,14 @@ class Mapper:
                 decision = self._decided(runner, measurements, known)
             else:
                 decision = self._decided_by_keys(runner, measurements, keys, known, odd)
+            members = set(max(decision.solution.graph.components, key=len))
+            scaled = find_scaled(runner, searched, [pair for pair in decision.pairs if pair.kept and pair.i in members])
         finally:
             self.execution.worker.release()
         runner.step_done("poses optimized")
         result = replace(self._fuse(scans, number, decision), ties=ties, control=decision.points(control))
         runner.step_done("map fused")
-        return replace(result, odd=odd, keys=None if len(keys) + len(odd) == len(scans) else tuple(keys))
+        return replace(result, odd=odd, scaled=scaled, keys=None if len(keys) + len(odd) == len(scans) else tuple(keys))
 
     def _searching(
         self,

@@ -20,6 +20,7 @@ from sonarmap.slam.map.component_maps import ComponentMaps
 from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.motion.straighten import Way
 from sonarmap.slam.odd.odd_scan import OddScan
+from sonarmap.slam.odd.scaled import ScaledScans
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.parts import placed
 from sonarmap.slam.tie import Tie
@@ -59,6 +60,7 @@ class SurveyResult:
         displaced: scans of pairs that are kept without ties and control points, and refused for these.
         control: where control and check points are in the map.
         odd: the scans that fit no other as they are, being mirrored or in another unit; they were left out.
+        scaled: the scans whose ranges are longer or shorter than those of the others; None for none.
         names: of the N scans.
     """
 
@@ -84,6 +86,7 @@ class SurveyResult:
     displaced: tuple[tuple[int, int], ...] = ()
     control: tuple[MeasuredControl, ...] = ()
     odd: tuple[OddScan, ...] = ()
+    scaled: ScaledScans | None = None
     names: tuple[str, ...] = ()
 
     def __str__(self) -> str:

@@ -5,11 +5,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+from sonarmap.kernels.counted import counted
 from sonarmap.slam.decide.lone import lone_steps
 from sonarmap.slam.decide.systematic import Systematic
 from sonarmap.slam.graph.edge import components
 from sonarmap.slam.graph.gauge import MEASURED
 from sonarmap.slam.odd.odd_scan import OddScan
+from sonarmap.slam.odd.scaled import ScaledScans
 from sonarmap.slam.pair import DEFECT, Pair
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
@@ -67,7 +69,7 @@ def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
 
 
 def contradictions(result: SurveyResult) -> list[str]:
-    """How navigation as a whole and the map contradict each other, a sentence each."""
+    """How navigation as a whole and the map, or groups of scans, contradict each other, a sentence each."""
     rows = {row["kind"]: row["reason"] for row in understated_rows(result)}
     words = [result.mistake] if result.mistake else []
     words += [
@@ -80,7 +82,20 @@ def contradictions(result: SurveyResult) -> list[str]:
             f"{refused} of {sure} pairs that are sure by their scans are refused, as they contradict navigation: look "
             "for exchanged axes, another unit, and times that are off, or map without it"
         )
-    return words
+    return words if result.scaled is None else [*words, _scaled(result.scaled, result.names)]
+
+
+def _scaled(group: ScaledScans, names: Sequence[str]) -> str:
+    """Which scans have other ranges than the rest, and what to do."""
+    named = [names[k] for k in group.scans]
+    in_a_row = len(named) > 2 and group.scans[-1] - group.scans[0] == len(named) - 1
+    which = f"{named[0]} to {named[-1]}" if in_a_row else _listed(named)
+    share = f"{100 * abs(group.longer):.1f} +- {100 * group.sigma:.1f} % {'longer' if group.longer > 0 else 'shorter'}"
+    return (
+        f"ranges of {which} ({counted(len(named), 'scan')} of {len(names)}) are {share} than those of the others, as "
+        "with another speed of sound. Nothing shows which are right: compute all with the speed that was measured, or "
+        f"multiply these by {math.exp(-group.longer):.3f} if the others are right"
+    )
 
 
 def odd_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:

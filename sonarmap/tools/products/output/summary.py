@@ -47,6 +47,7 @@ def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
         "components": [_component_row(result, c, graph.gauge.unmeasured) for c in placed(result.components)],
         "unplaced": unplaced(result.components),
         "odd_scans": odd_rows(result, names),
+        "scaled_scans": result.scaled and asdict(result.scaled),
         "key_scans": result.keys,
         "interpolated": result.interpolated,
         "straightened": result.straightened,

@@ -1,0 +1,142 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""Groups of scans whose ranges are longer or shorter than those of the others, as by another speed of sound.
+
+Every registration also estimates by which share one scan is too long against the other. Its few steps cover a part of
+the true share, which differs between scenes. So these estimates say which scans differ; by how much, say registrations
+of the same pairs with these scans changed by a known share.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from sonarmap.slam.execute.runner import PairRunner
+from sonarmap.slam.odd.odd_scan import Change
+from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.spectral.scan import Scan
+
+MIN_SCALE = 0.01  # share of the ranges
+MIN_OVERLAP = 0.4  # pairs that share less hardly show a scale
+MIN_SIGMA = 4e-4  # the estimates of right scans scatter by this share or more
+FALSE_ALARMS = 1e-6  # probability that scatter alone makes a group of a survey suspicious
+MIN_SIGMAS = 5.0  # standard deviations by which the measured share differs from 0
+MIN_PAIRS, MAX_PAIRS = 3, 10  # between the group and the others
+TRIED = 0.03  # share by which a suspicious group is changed
+SYSTEMATIC = 0.1  # standard deviation of the measured share by itself, as responses are not linear
+
+
+@dataclass(frozen=True, slots=True)
+class ScaledScans:
+    """A group of scans with other ranges than the rest."""
+
+    scans: tuple[int, ...]  # the smaller group, ascending
+    longer: float  # share by which its ranges are longer than those of the others, negative if shorter
+    sigma: float  # standard deviation of that share
+
+
+def find_scaled(runner: PairRunner, scans: Sequence[Scan], pairs: Sequence[RegisteredPair]) -> ScaledScans | None:
+    """The group of scans whose ranges differ from the others' by 1 % or more; None if there is none.
+
+    Args:
+        runner: of the scans.
+        pairs: that are right, of one component, consecutive ones first.
+    """
+    shares = _Shares.of(pairs)
+    if len(shares.longer) < MIN_PAIRS:
+        return None
+    group = shares.group(len(scans))
+    seen = np.unique(shares.scans)
+    if 2 * np.sum(group[seen]) > len(seen) or (2 * np.sum(group[seen]) == len(seen) and group[seen[0]]):
+        group = ~group
+    across = shares.across(group)
+    chosen = np.flatnonzero(across)[:MAX_PAIRS]
+    if not len(chosen):
+        return None
+    ends = np.where(across[chosen, None] > 0, shares.scans[chosen], shares.scans[chosen, ::-1])
+    measured = _measured(runner, scans, ends, across[chosen] * shares.longer[chosen])
+    return measured and ScaledScans(tuple(seen[group[seen]].tolist()), *measured)
+
+
+@dataclass(frozen=True, slots=True)
+class _Shares:
+    """By which shares the ranges of scans seem to differ, by P pairs."""
+
+    scans: np.ndarray  # (P, 2) target and source
+    longer: np.ndarray  # (P,) of the source against the target, a part of the true share
+
+    @classmethod
+    def of(cls, pairs: Sequence[RegisteredPair]) -> "_Shares":
+        shown = {pair.scans: share for pair in pairs if (share := _longer(pair)) is not None}
+        return cls(np.array(list(shown), np.intp).reshape(-1, 2), np.array(list(shown.values())))
+
+    def group(self, count: int) -> np.ndarray:
+        """(N,) bool, the scans of the division that explains the shares best; none where scatter may.
+
+        Divided step by step: one scan, all scans up to it, or every second scan change sides, as long as that explains
+        clearly more. A run of scans in the middle takes two steps.
+        """
+        group, explained = np.zeros(count, bool), 0.0
+        while True:
+            changed = max((group ^ change for change in _changes(count)), key=self._explained)
+            more = self._explained(changed) - explained
+            if more <= float(chdtri(1, FALSE_ALARMS / count)) * self._variance(changed):
+                return group
+            group, explained = changed, explained + more
+
+    def across(self, group: np.ndarray) -> np.ndarray:
+        """(P,) 1 where the source alone is in the group, -1 where the target alone is, else 0."""
+        return group[self.scans] @ np.array([-1.0, 1.0])
+
+    def _explained(self, group: np.ndarray) -> float:
+        """Squares of the shares that a scale of the group explains."""
+        across = self.across(group)
+        return float((across @ self.longer) ** 2 / (across @ across)) if across @ across >= MIN_PAIRS else 0.0
+
+    def _variance(self, group: np.ndarray) -> float:
+        """Of what a scale of the group leaves, without outliers."""
+        across = self.across(group)
+        left = np.abs(self.longer - across * (across @ self.longer) / max(across @ across, 1.0))
+        sigma = max(1.48 * float(np.median(left)), MIN_SIGMA)
+        return max(float(np.mean(np.minimum(left, 3 * sigma) ** 2)), sigma**2)
+
+
+def _changes(count: int) -> Iterator[np.ndarray]:
+    """(N,) bool each, the scans that change sides together."""
+    taken = np.arange(count)
+    yield taken % 2 == 1
+    for k in range(count):
+        yield from (taken == k, taken <= k)
+
+
+def _measured(
+    runner: PairRunner, scans: Sequence[Scan], ends: np.ndarray, before: np.ndarray
+) -> tuple[float, float] | None:
+    """The share by which the sources of pairs, (P, 2) targets and sources, are too long, and its standard deviation, by
+    what is left of the shares (P,) `before` once the sources are changed by a known one; None where that is not clear.
+    """
+    tried = float(np.sign(before.sum())) * TRIED
+    targets, sources = (np.unique(own).tolist() for own in ends.T)
+    beside = runner.beside([Change(factor=float(np.exp(-tried))).of(scans[k]) for k in sources], sources)
+    changed = {k: len(scans) + n for n, k in enumerate(sources)}
+    again = map(_longer, beside.register([Candidate(i, changed[k], "loop") for i, k in ends.tolist()]))
+    both = [(share, left) for share, left in zip(before.tolist(), again, strict=True) if left is not None]
+    share, left = np.array(both).reshape(-1, 2).T
+    if len(both) < MIN_PAIRS or (response := float(np.mean(share - left)) / tried) <= 0:
+        return None
+    longer = float(np.mean(share)) / response
+    scatter = max(float(np.std(share - longer / tried * (share - left), ddof=1)), MIN_SIGMA)
+    sigma = scatter / response / min(len(targets), len(sources)) ** 0.5  # pairs of a scan share its errors
+    if abs(longer) < max(MIN_SCALE, MIN_SIGMAS * sigma):
+        return None
+    return longer, float(np.hypot(sigma, SYSTEMATIC * longer))
+
+
+def _longer(pair: RegisteredPair) -> float | None:
+    """By which share the source seems too long against the target; None of a pair that does not say."""
+    registration = pair.registration
+    if registration is None or not registration.accepted or registration.overlap < MIN_OVERLAP:
+        return None
+    stretch = dict(registration.evidence).get("stretch")
+    return None if stretch is None else -stretch
