@@ -1,9 +1,8 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Groups of scans whose ranges are longer or shorter than those of the others, as by another speed of sound.
 
-Every registration also estimates by which share one scan is too long against the other. Its few steps cover a part of
-the true share, which differs between scenes. So these estimates say which scans differ; by how much, say registrations
-of the same pairs with these scans changed by a known share.
+The steps of a registration cover a part of the share by which a scan is too long, and this part differs between scenes.
+So these estimates show which scans differ; registrations with these scans changed by a known share show by how much.
 """
 
 from collections.abc import Iterator, Sequence
@@ -43,9 +42,10 @@ def find_scaled(runner: PairRunner, scans: Sequence[Scan], pairs: Sequence[Regis
         runner: of the scans.
         pairs: that are right, of one component, consecutive ones first.
     """
-    shares = _Shares.of(pairs)
-    if len(shares.longer) < MIN_PAIRS:
+    shown = {pair.scans: share for pair in pairs if (share := _longer(pair)) is not None}
+    if len(shown) < MIN_PAIRS:
         return None
+    shares = _Shares(np.array(list(shown)), np.array(list(shown.values())))
     group = shares.group(len(scans))
     seen = np.unique(shares.scans)
     if 2 * np.sum(group[seen]) > len(seen) or (2 * np.sum(group[seen]) == len(seen) and group[seen[0]]):
@@ -66,11 +66,6 @@ class _Shares:
     scans: np.ndarray  # (P, 2) target and source
     longer: np.ndarray  # (P,) of the source against the target, a part of the true share
 
-    @classmethod
-    def of(cls, pairs: Sequence[RegisteredPair]) -> "_Shares":
-        shown = {pair.scans: share for pair in pairs if (share := _longer(pair)) is not None}
-        return cls(np.array(list(shown), np.intp).reshape(-1, 2), np.array(list(shown.values())))
-
     def group(self, count: int) -> np.ndarray:
         """(N,) bool, the scans of the division that explains the shares best; none where scatter may.
 
@@ -79,27 +74,24 @@ class _Shares:
         """
         group, explained = np.zeros(count, bool), 0.0
         while True:
-            changed = max((group ^ change for change in _changes(count)), key=self._explained)
-            more = self._explained(changed) - explained
-            if more <= float(chdtri(1, FALSE_ALARMS / count)) * self._variance(changed):
+            changed = max((group ^ change for change in _changes(count)), key=lambda each: self._explained(each)[0])
+            squares, variance = self._explained(changed)
+            if squares - explained <= float(chdtri(1, FALSE_ALARMS / count)) * variance:
                 return group
-            group, explained = changed, explained + more
+            group, explained = changed, squares
 
     def across(self, group: np.ndarray) -> np.ndarray:
         """(P,) 1 where the source alone is in the group, -1 where the target alone is, else 0."""
         return group[self.scans] @ np.array([-1.0, 1.0])
 
-    def _explained(self, group: np.ndarray) -> float:
-        """Squares of the shares that a scale of the group explains."""
+    def _explained(self, group: np.ndarray) -> tuple[float, float]:
+        """Squares of the shares that a scale of the group explains, and the variance of the others without outliers."""
         across = self.across(group)
-        return float((across @ self.longer) ** 2 / (across @ across)) if across @ across >= MIN_PAIRS else 0.0
-
-    def _variance(self, group: np.ndarray) -> float:
-        """Of what a scale of the group leaves, without outliers."""
-        across = self.across(group)
-        left = np.abs(self.longer - across * (across @ self.longer) / max(across @ across, 1.0))
+        between = max(float(across @ across), 1.0)
+        left = np.abs(self.longer - across * (across @ self.longer) / between)
         sigma = max(1.48 * float(np.median(left)), MIN_SIGMA)
-        return max(float(np.mean(np.minimum(left, 3 * sigma) ** 2)), sigma**2)
+        variance = max(float(np.mean(np.minimum(left, 3 * sigma) ** 2)), sigma**2)
+        return float((across @ self.longer) ** 2 / between) if between >= MIN_PAIRS else 0.0, variance
 
 
 def _changes(count: int) -> Iterator[np.ndarray]:

@@ -2,6 +2,7 @@
 """The search for odd scans: those that fit no neighbor are changed and registered again."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import combinations
 from statistics import fmean, median
 
@@ -45,7 +46,7 @@ def find_odd(
         voxel: edge of the survey's voxels [m].
         vouched: scans that are not asked about.
     """
-    search = _Search(runner, scans, surveys, steps, voxel)
+    search = _Search(runner, scans, surveys, steps, voxel, {pair.scans: pair for pair in steps})
     suspects = [k for k in search.misfits() if k not in vouched]
     in_vain = 0
     for k in suspects:
@@ -57,27 +58,28 @@ def find_odd(
     return tuple(OddScan(k, search.odd[k]) for k in sorted(search.odd))
 
 
+@dataclass(frozen=True, slots=True)
 class _Search:
-    """With the odd scans that it has found so far; arguments as of `find_odd`."""
+    """With the odd scans that it has found so far; fields as of `find_odd`."""
 
-    def __init__(
-        self,
-        runner: PairRunner,
-        scans: Sequence[Scan],
-        surveys: Sequence[int],
-        steps: Sequence[RegisteredPair],
-        voxel: float,
-    ) -> None:
-        self._runner, self._scans, self._surveys, self._voxel = runner, scans, surveys, voxel
-        self._pairs, self._steps = {pair.scans: pair for pair in steps}, steps
-        lengths = [_length(step.registration) for step in steps if step.accepted and step.registration]
-        self._longest = _LONG * median(lengths or [0.0]) + _LONGER * voxel  # step that is not surprising [m]
-        self.odd: dict[int, Change] = {}
+    runner: PairRunner
+    scans: Sequence[Scan]
+    surveys: Sequence[int]
+    steps: Sequence[RegisteredPair]
+    voxel: float
+    pairs: dict[tuple[int, int], RegisteredPair]  # that are registered, by their scans
+    odd: dict[int, Change] = field(default_factory=dict[int, Change])
+
+    @property
+    def longest(self) -> float:
+        """The longest step that is not surprising [m]."""
+        lengths = [_length(step.registration) for step in self.steps if step.accepted and step.registration]
+        return _LONG * median(lengths or [0.0]) + _LONGER * self.voxel
 
     def misfits(self) -> list[int]:
         """Scans with steps of which none is accepted, the least probable first."""
         steps: dict[int, list[RegisteredPair]] = {}
-        for step in self._steps:
+        for step in self.steps:
             for k in step.scans:
                 steps.setdefault(k, []).append(step)
         fits = {k: _fit(own) for k, own in steps.items() if not any(step.accepted for step in own)}
@@ -93,31 +95,26 @@ class _Search:
 
     def _neighbors(self, k: int) -> list[int]:
         """Scans of the same survey up to two away, the nearest first, without odd ones."""
-        near = [j for j in (k - 1, k + 1, k - 2, k + 2) if 0 <= j < len(self._scans) and j not in self.odd]
-        return [j for j in near if self._surveys[j] == self._surveys[k]]
+        near = [j for j in (k - 1, k + 1, k - 2, k + 2) if 0 <= j < len(self.scans) and j not in self.odd]
+        return [j for j in near if self.surveys[j] == self.surveys[k]]
 
     def _registered(self, a: int, b: int) -> RegisteredPair:
         """Two scans as they are, registered freely."""
         i, j = min(a, b), max(a, b)
-        if (i, j) not in self._pairs:
-            (self._pairs[i, j],) = self._runner.register([Candidate(i, j, "loop")])
-        return self._pairs[i, j]
-
-    def _tried(self, k: int, change: Change, near: Sequence[int]) -> list[RegisteredPair]:
-        """The scan, changed, as the source of a pair with each of these."""
-        beside = self._runner.beside([change.of(self._scans[k])], [k])
-        return beside.register([Candidate(j, len(self._scans), "loop") for j in near])
+        if (i, j) not in self.pairs:
+            (self.pairs[i, j],) = self.runner.register([Candidate(i, j, "loop")])
+        return self.pairs[i, j]
 
     def _changes(self, k: int, registered: bool) -> Iterator[Change]:
         """Those that may make a scan fit. Mirrored along x is along y and turned about z; along z, the bed is above.
         A scan that cannot be `registered` at all has another size."""
         if registered:
             yield Change("y")
-            heights = [float(np.median(self._scans[j].points[:, 2])) for j in (k, *self._neighbors(k))]
+            heights = [float(np.median(self.scans[j].points[:, 2])) for j in (k, *self._neighbors(k))]
             if abs(heights[0] + median(heights[1:] or [0.0])) < abs(heights[0] - median(heights[1:] or [0.0])):
                 yield Change("z")
-        others = [_size(self._scans[j]) for j in self._neighbors(k)]
-        times = _size(self._scans[k]) / max(fmean(others), 1e-9) if others else 1.0
+        others = [_size(self.scans[j]) for j in self._neighbors(k)]
+        times = _size(self.scans[k]) / max(fmean(others), 1e-9) if others else 1.0
         if times > _LARGER:
             yield Change(factor=FOOT)
         elif times < 1 / _LARGER:
@@ -125,11 +122,12 @@ class _Search:
 
     def _is_placed(self, k: int, change: Change, as_it_is: float) -> bool:
         """Whether neighbors agree where the changed scan lies, and are clearly surer than of the scan `as_it_is`."""
-        near = self._neighbors(k)
-        pairs = self._tried(k, change, near[:2])
+        changed = self.runner.beside([change.of(self.scans[k])], [k])
+        tried = [Candidate(j, len(self.scans), "loop") for j in self._neighbors(k)]
+        pairs = changed.register(tried[:2])
         if not self._places(pairs, k):
             return False
-        pairs += self._tried(k, change, near[2:])
+        pairs += changed.register(tried[2:])
         return _fit(pairs) >= as_it_is + _CLEARLY and self._agree(self._places(pairs, k))
 
     def _places(self, pairs: Sequence[RegisteredPair], k: int) -> dict[int, RigidTransform]:
@@ -138,22 +136,20 @@ class _Search:
         return {
             pair.i: pair.registration.T_target_source
             for pair in pairs
-            if pair.accepted and pair.registration and _length(pair.registration) <= abs(pair.i - k) * self._longest
+            if pair.accepted and pair.registration and _length(pair.registration) <= abs(pair.i - k) * self.longest
         }
 
     def _agree(self, at: Mapping[int, RigidTransform]) -> bool:
         """Whether two neighbors say alike where a scan lies, and no two otherwise; by their number, T_neighbor_scan."""
-        agree = [
-            self._same_place(at[i], between.T_target_source * at[j])
+        apart = [
+            at[i].inv() * between.T_target_source * at[j]
             for i, j in combinations(sorted(at), 2)
             if (between := self._registered(i, j).registration) is not None and between.accepted
         ]
-        return bool(agree) and all(agree)
-
-    def _same_place(self, T: RigidTransform, other: RigidTransform) -> bool:
-        apart = T.inv() * other
-        far = float(np.linalg.norm(apart.translation))
-        return float(apart.rotation.magnitude()) < _SAME_TURN and far < _SAME_PLACE * self._voxel
+        far = _SAME_PLACE * self.voxel
+        return bool(apart) and all(
+            T.rotation.magnitude() < _SAME_TURN and np.linalg.norm(T.translation) < far for T in apart
+        )
 
 
 def _fit(pairs: Sequence[RegisteredPair]) -> float:

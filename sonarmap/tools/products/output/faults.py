@@ -115,17 +115,11 @@ def odd_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]
 
 def _oddness(odd: OddScan) -> str:
     """What a scan seems to be, and what to do."""
-    axis, factor = odd.change.axes, odd.change.factor
-    seems, change, what_to_do = {
-        "mirrored": ("is mirrored", f"the sign of {axis} changed", "write it with x forward, y left, z up"),
-        "feet": ("is in feet", f"its lengths multiplied by {factor:.4f}", "write all scans in one unit"),
-        "meters": (
-            "is in meters and the others in feet",
-            f"its lengths multiplied by {factor:.4f}",
-            "write all scans in one unit",
-        ),
-    }[odd.kind]
-    return f"{seems}: with {change} it fits its neighbors, and not as it is. It was left out of the map; {what_to_do}"
+    fits = "it fits its neighbors, and not as it is. It was left out of the map; write"
+    if axis := odd.change.axes:
+        return f"is mirrored: with the sign of {axis} changed {fits} it with x forward, y left, z up"
+    unit = "feet" if odd.kind == "feet" else "meters and the others in feet"
+    return f"is in {unit}: with its lengths multiplied by {odd.change.factor:.4f} {fits} all scans in one unit"
 
 
 def _of_stream(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
