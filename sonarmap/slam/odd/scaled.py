@@ -17,7 +17,7 @@ from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.scan import Scan
 
 MIN_SCALE = 0.01  # share of the ranges
-MIN_OVERLAP = 0.4  # pairs that share less hardly show a scale
+MIN_OVERLAP = 0.3  # pairs that share less hardly show a scale
 MIN_SIGMA = 4e-4  # the estimates of right scans scatter by this share or more
 FALSE_ALARMS = 1e-6  # probability that scatter alone makes a group of a survey suspicious
 MIN_SIGMAS = 5.0  # standard deviations by which the measured share differs from 0
