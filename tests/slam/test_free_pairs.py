@@ -35,6 +35,7 @@ PAIRS = [step_pair(k, TRUTH[k].inv() * TRUTH[k + 1], TIGHT) for k in range(COUNT
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.quick_cases(1)
 def test_what_errs_more_than_it_says_is_measured(seed: int) -> None:
     assert errors_shown(PAIRS, priors([1] * 6, seed)) == {}
     shown = errors_shown(PAIRS, priors([5, 5, 4, 9, 9, 6], seed))

@@ -252,6 +252,7 @@ def test_two_halves_that_nothing_joins_share_one_map(truth: RigidTransform) -> N
     assert placed(truth, unknown).components == ((0, 1, 2, 3), (4, 5, 6, 7, 8))
 
 
+@pytest.mark.slow
 def test_a_scan_that_nothing_joins_lies_where_its_instruments_say() -> None:
     truth = ring_poses(10, turns=0.5)
     scans = in_world(truth)

@@ -72,6 +72,7 @@ def with_false_loops(i: int, j: int, given: Registration) -> Registration:
     return replace(given, T_target_source=given.T_target_source * WRONG) if j - i > 20 else given
 
 
+@pytest.mark.slow
 def test_a_false_loop_is_accepted_rejected_and_nothing_is_registered_for_it():
     """All pairs are searched for as without ties, so that a journal has them all."""
     asked = []
@@ -225,6 +226,7 @@ def halved(i: int, j: int, given: Registration) -> Registration:
     return replace(given, accepted=False, probability=0.0, reason="too weak") if i <= 11 < j else given
 
 
+@pytest.mark.slow
 def test_points_bring_a_map_into_the_world_and_register_nothing() -> None:
     registrar = KnowingRegistrar(TRUTH, 4 * COVARIANCE)
     alone = Mapper(registrar, VOXEL).run(SCANS)

@@ -31,6 +31,7 @@ def registrars(edge: int) -> dict[str, SpectralRegistrar]:
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("edge", "places"), [(32, PLACES[:1]), (32, PLACES), (64, PLACES[:1])])
+@pytest.mark.slow
 def test_accepted_registrations_are_the_same(edge: int, places: list[tuple[RigidTransform, int]]) -> None:
     """Within 0.02 degrees and 0.02 voxels, a hundredth of what a registration is accurate to."""
     cases, accepted = registrars(edge), 0

@@ -50,6 +50,7 @@ def prepared_with_second(registrar: Any, scan: Scan) -> Any:
         pytest.param("any rotation", 50, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.quick_cases(1)
 def test_a_plan_is_within_a_tenth_of_what_is_allocated(maker: str, edge: int) -> None:
     """Of one prepared scan, and at most while two are prepared and registered; a term that is off is then named."""
     chosen = choose_device()

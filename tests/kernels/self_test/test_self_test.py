@@ -92,6 +92,7 @@ def test_both_flavors_pass(device: Device) -> None:
         ("fit_planes", lambda rows: 0 * rows, "the rotation of a refinement: off by"),
     ],
 )
+@pytest.mark.quick_cases(1)
 def test_a_failing_device_is_passed_over(gpu, monkeypatch, name, change, reason):
     damage(monkeypatch, name, change)
     chosen = choose_device()

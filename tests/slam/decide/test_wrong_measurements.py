@@ -222,6 +222,7 @@ def lanes() -> RigidTransform:
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("error", ["arm", "turn", "late", "drift", "none"])
+@pytest.mark.quick_cases(1)
 def test_what_all_fixes_share_is_found_and_taken_off(error: str, seed: int) -> None:
     """A lever arm of the wrong sign, headings by another North, a clock that is late, places that drift, on lanes there
     and back with a loop between them, which tell these apart."""
@@ -265,6 +266,7 @@ def test_what_all_fixes_share_is_found_and_taken_off(error: str, seed: int) -> N
 
 
 @pytest.mark.parametrize("seed", range(6))
+@pytest.mark.quick_cases(1)
 def test_a_run_of_wrong_fixes_is_no_shared_error(seed: int) -> None:
     """On lanes without loops, whose steps are unsure: with two of them broken and a lever arm all fixes would fit."""
     truth, rng = lanes(), np.random.default_rng([seed, 9])

@@ -88,6 +88,7 @@ def test_errors_of_measurements_do_not_bend_what_registrations_know(kinds: list[
 
 
 @pytest.mark.parametrize("kinds", [["depth"], ["heading"], ["position"], ["position", "depth"], ["attitude", "depth"]])
+@pytest.mark.quick_cases(1)
 def test_turning_and_moving_the_world_turns_and_moves_the_map(kinds: list[str]) -> None:
     """About the vertical, as priors have errors along it: the shape, chi-squared and the open motions stay."""
     T_other = RigidTransform.from_components([400.0, -90.0, 20.0], Rotation.from_euler("Z", 2.2))

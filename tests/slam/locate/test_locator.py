@@ -118,6 +118,7 @@ def test_instruments_tell_which_of_the_two_it_is(twin: RigidTransform) -> None:
     check_at(locator(twins(measured=True)).locate(replace(scan_at(T_WORLD_SENSOR[3]), prior=prior)), T)
 
 
+@pytest.mark.slow
 def test_scans_in_a_row_are_sought_where_the_motion_expects_them(surveyed: SurveyedMap) -> None:
     scans = [scan_at(T, stamp=float(k)) for k, T in enumerate(ROW)]
     tracked = list(locator(surveyed).track(scans, [0] * len(scans)))

@@ -64,6 +64,7 @@ def ratios(
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("noise", [0.0, 0.12])
+@pytest.mark.slow
 def test_one_scan_scatters_as_its_pose_and_its_ranges_do(noise: float) -> None:
     """Every spot's scatter is within 12 % of sigma: four hundred draws of three coordinates tell it to 3 %."""
     rng = np.random.default_rng(2)

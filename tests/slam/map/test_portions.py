@@ -49,6 +49,7 @@ def assert_same(one: PointMap, other: PointMap) -> None:
         np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name), field.name)
 
 
+@pytest.mark.slow
 def test_two_workers_and_any_portions_give_the_same_maps(
     scans: list[Scan], workers: Executor, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -229,6 +229,7 @@ def test_what_cannot_be_told_is_refused() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.quick_cases(1)
 def test_beyond_the_ends_it_is_less_and_less_sure(seed: int) -> None:
     nees, sure = [], []
     for draw in range(60):

@@ -61,6 +61,7 @@ def mapped(scans: list[Scan], registrar: KnowingRegistrar | None = None, **argum
         (Change(factor=FOOT), "meters", "the others in feet"),
     ],
 )
+@pytest.mark.quick_cases(1)
 def test_an_odd_scan_is_named_and_left_out(scan: int, change: Change, kind: str, words: str) -> None:
     result = mapped(with_odd({scan: change}))
     (odd,) = result.odd
@@ -90,6 +91,7 @@ def test_several_are_named_also_side_by_side() -> None:
 
 
 @pytest.mark.parametrize("fitting", [set(range(COUNT)), {5, 6}, {3, 5}])
+@pytest.mark.quick_cases(1)
 def test_what_any_neighbor_fits_as_it_is_is_not_odd(fitting: set[int]) -> None:
     """As a mirrored scan of a symmetric place: what registrations fit is never left out."""
 
@@ -115,6 +117,7 @@ def test_a_person_may_vouch_for_a_scan() -> None:
     assert len(result.components) == 1
 
 
+@pytest.mark.slow
 def test_navigation_does_not_bring_it_back() -> None:
     sigmas = np.array([np.inf, np.inf, np.inf, 0.1, 0.1, 0.1])
     at = [PosePrior(RigidTransform.from_translation(T.translation), sigmas) for T in TRUTH]

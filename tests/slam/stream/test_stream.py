@@ -75,6 +75,7 @@ def off_its_neighbors(result: SurveyResult, k: int) -> float:
     return float(np.linalg.norm((T[k - 1].inv() * T[k]).translation - (STREAM[k - 1].inv() * STREAM[k]).translation))
 
 
+@pytest.mark.slow
 def test_scans_between_that_no_registration_holds_are_told() -> None:
     """One is refused beside both key scans, of another every registration is wrong; a third would leap, and back."""
     refused, wrong, leaping = 40, 70, 100
@@ -104,6 +105,7 @@ def test_scans_between_that_no_registration_holds_are_told() -> None:
     assert traces[refused] > traces[refused - 1]
 
 
+@pytest.mark.slow
 def test_a_stream_of_which_many_scans_show_little_is_one() -> None:
     """Of seven consecutive pairs that are tried four are refused; a pair that is farther apart is none of these."""
     tried = np.unique(np.linspace(0, COUNT - 2, 7).astype(int))[::2].tolist()
@@ -178,6 +180,7 @@ def test_idle_workers_register_ahead_and_the_key_scans_are_the_same(widest: floa
         assert len(at_a_time) < len(alone) / 1.5
 
 
+@pytest.mark.slow
 def test_a_survey_that_is_no_stream_is_registered_scan_by_scan() -> None:
     """What was tried to find out is not tried again."""
     sparse = ring_poses(48)
@@ -238,6 +241,7 @@ def test_a_shaken_sensor_is_followed_by_registrations_or_else_by_dead_reckoning(
     assert error(odometry, keys_alone)[0] < 0.6 * steady
 
 
+@pytest.mark.slow
 def test_dead_reckoning_alone_joins_scans_of_which_few_can_be_registered() -> None:
     def spoil(i: int, j: int, given: Registration) -> Registration:
         return given if i < 3 else replace(given, accepted=False, probability=0.0)

@@ -150,6 +150,7 @@ def registered_room(marked: bool) -> tuple[Registration, RigidTransform]:
     return registered(SpectralRegistrar(choose_device(None), Grid(128, 0.6)), target, source), T
 
 
+@pytest.mark.slow
 def test_a_room_alike_from_both_ends_is_refused_and_both_answers_are_kept() -> None:
     registration, T = registered_room(marked=False)
     assert not registration.accepted

@@ -134,6 +134,7 @@ def navigated(times: float, seed: int) -> SurveyResult:
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.quick_cases(1)
 def test_navigation_that_the_map_contradicts_is_said_first_and_the_map_is_not_to_be_trusted(seed: int) -> None:
     right, wrong = navigated(1.0, seed), navigated(6.0, seed)
     assert contradictions(right) == []

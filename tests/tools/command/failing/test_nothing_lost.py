@@ -90,6 +90,7 @@ def small_files() -> Iterator[None]:
     ("verb", "module"),
     [("map", "sonarmap.tools.products.output.folder"), ("simulate", "sonarmap.tools.lab.simulate.folder")],
 )
+@pytest.mark.quick_cases(1)
 def test_a_file_that_grows_too_large_leaves_earlier_results(
     out: Path, scans: list[str], verb: str, module: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -151,6 +152,7 @@ def test_a_damaged_row_of_the_journal_is_computed_again(tmp_path: Path, scans: l
 
 
 @pytest.mark.parametrize("written", ["write_points", "draw_map", "write_g2o", "write_pairs", "write_json"])
+@pytest.mark.quick_cases(1)
 def test_stopped_while_it_writes(
     out: Path, scans: list[str], mapped: Path, written: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

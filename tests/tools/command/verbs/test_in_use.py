@@ -66,6 +66,7 @@ def test_a_report_is_opened_whoever_uses_the_folder(out: Path, monkeypatch: pyte
         ("map", ("--export", "kitti"), "view", {"report.html", "trajectory.kitti"}),
     ],
 )
+@pytest.mark.quick_cases(1)
 def test_another_that_begins_meanwhile_is_refused(
     out: Path, verb: str, options: tuple[str, ...], other: str, files: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -117,6 +117,7 @@ def test_biases_are_taken_out_on_request(tmp_path: Path) -> None:
     assert same_as_fused(folder, np.concatenate([portion.points for portion in cloud.portions()]))
 
 
+@pytest.mark.slow
 def test_python_maps_lines_as_the_command_does(mapped: Path) -> None:
     (mapped / "some").mkdir()
     for k in (1, 2):
@@ -138,6 +139,7 @@ def test_options_that_lines_cannot_have_are_refused(mapped: Path, tmp_path: Path
     refused(sonarmap("map", file, "-o", tmp_path, "--range-scale", "1.02"), "leave it out")
 
 
+@pytest.mark.slow
 def test_lines_of_two_sites_are_no_map_together(survey: Survey, tmp_path: Path) -> None:
     """The span is from the earliest ping to the latest, in whatever order; the next command works."""
     gsf_of(tmp_path / "0.gsf", survey.recorded[0], start=START + 1e6)

@@ -94,6 +94,7 @@ def clutter(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_killed_it_goes_on_and_ends_with_the_same_bytes(clutter: Path, tmp_path: Path) -> None:
     mapping = start(clutter, tmp_path, *CLUTTER)
     while entries(tmp_path) < 2 and mapping.poll() is None:

@@ -123,6 +123,7 @@ def test_odds_hold_what_products_of_clues_say() -> None:
     np.testing.assert_allclose(again.of(clues), fitted.of(clues), atol=0.02)
 
 
+@pytest.mark.slow
 def test_the_table_is_not_older_than_what_it_was_fitted_on() -> None:
     """What the registration measures of a few pairs is what it measured when the table was written.
 

@@ -174,6 +174,7 @@ def test_texts_from_files_are_never_markup(path: Path) -> None:
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.quick_cases(1)
 def test_it_fits_a_phone(path: Path, scheme: str) -> None:
     with opened(path, color_scheme=scheme) as shown:
         shown.page.set_viewport_size({"width": 390, "height": 844})

@@ -35,6 +35,7 @@ def publish(live: LivePage, dive: KnownDive, keys: int) -> None:
 
 
 @pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.quick_cases(1)
 def test_a_dive_is_shown_and_an_alarm_when_lost(width: int) -> None:
     dive = KnownDive(keys=20, per_scan=300)
     with LivePage() as live, opened(live, width) as shown:

@@ -133,6 +133,7 @@ def worst(points: np.ndarray, scan: np.ndarray, T: RigidTransform, covariances: 
 
 
 @pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.quick_cases(1)
 def test_sigma_is_that_of_drawn_errors(alone: bool) -> None:
     spread, sigma = drawn(alone)
     assert spread == pytest.approx(sigma, rel=0.1)

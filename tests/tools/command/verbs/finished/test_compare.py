@@ -143,6 +143,7 @@ def test_maps_of_one_frame_are_compared_as_they_are(maps: dict[str, Path], tmp_p
     assert (same["alignment"], same["regions"], same["areas_m2"]["new_only"]) == (None, [], 0)
 
 
+@pytest.mark.slow
 def test_another_place_is_refused(maps: dict[str, Path], tmp_path: Path) -> None:
     given = ("compare", maps["old"], maps["other"], "-o", tmp_path / "x", *GRID)
     result = sonarmap(*given)
@@ -170,6 +171,7 @@ def test_what_cannot_be_compared(maps: dict[str, Path], options: tuple[str, ...]
     refused(sonarmap("compare", maps["old"], maps["new"], "-o", maps["new"]), "is a map's folder")
 
 
+@pytest.mark.slow
 def test_surveys_of_one_map(maps: dict[str, Path], tmp_path: Path) -> None:
     root = maps["old"].parent
     done(sonarmap("map", root / "a", root / "b", "-o", tmp_path / "both", *MAPPING))

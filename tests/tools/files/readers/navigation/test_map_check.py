@@ -58,6 +58,7 @@ def test_a_map_names_the_mistake(known: np.ndarray, by: np.ndarray, kind: str, i
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("known", [LEVEL, DEPTH, ROTATION])
+@pytest.mark.quick_cases(1)
 def test_noise_has_no_name(known: np.ndarray, seed: int) -> None:
     rng, truth = drawn([15, seed])
     truth[:, :2] *= 0.3
