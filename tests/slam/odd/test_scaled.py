@@ -88,4 +88,4 @@ def test_it_is_the_first_thing_that_is_said_and_the_map_is_not_to_be_trusted() -
     assert words.startswith("ranges of scan7 to scan13 (7 scans of 14) are ")
     assert "% longer than those of the others" in words
     assert faults(result, NAMES)[0] == words
-    assert not Mapped(result, NAMES, Path(), [], 0).whole
+    assert not Mapped(result, NAMES, Path(), 0).whole
