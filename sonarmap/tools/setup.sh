@@ -148,7 +148,8 @@ flock 9 || fail "cannot lock tools/setup.sh" # two runs at once would break the 
 
 python=$(find_python)
 system_libraries
-browser
+browser & # while pip downloads
+trap wait EXIT
 if [ "$(cat $mark 2>/dev/null)" = "$(wanted_state)" ] && .venv/bin/python -c '' 2>/dev/null; then
     echo "setup: .venv is up to date"
     exit 0
