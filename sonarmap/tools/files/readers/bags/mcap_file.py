@@ -26,6 +26,7 @@ from sonarmap.tools.files.readers.clouds.rows import most_unpacked
 if TYPE_CHECKING:
     from mcap.records import Channel, Chunk, McapRecord, Schema
 
+_MAGIC = 8  # bytes at a file's start
 _RECORD = 512  # bytes of memory that a record takes beside its content
 _READS = 8  # that a record takes at most
 _END = Struct("<Q8xI8x")  # of a file: where the summary starts, and its checksum
@@ -71,18 +72,18 @@ class _Contents:
 
 def _indexed(path: Path) -> _Contents | None:
     """As the summary at the file's end has it; None where there is none, or it is damaged, or says too little."""
+    from mcap.opcode import Opcode
     from mcap.reader import SeekingReader
-    from mcap.records import Header
-    from mcap.stream_reader import StreamReader
 
     size = path.stat().st_size
     try:
         with HeldBytes(path) as file, refused("its summary cannot be read"):
-            # whole chunks: one that unpacks to gigabytes can be the first record
-            if not isinstance(next(StreamReader(file, emit_chunks=True, record_size_limit=size).records), Header):
+            # the reader would pass over whatever comes before a header, also chunks that unpack to gigabytes
+            if file.read(_MAGIC + 1)[_MAGIC:] != bytes([Opcode.HEADER]):
                 return None
             file.seek(0)
             reader = SeekingReader(file, record_size_limit=size)
+            reader.get_header()
             summary = reader.get_summary()
             file.seek(-_END.size, SEEK_END)
             start, checksum = _END.unpack(file.read())
