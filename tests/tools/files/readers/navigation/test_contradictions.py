@@ -1,6 +1,7 @@
 """Mistakes in navigation, made on purpose, are recognized from simulated registrations; nothing else is."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -85,7 +86,8 @@ def test_mistakes_are_named(name: str, seed: int) -> None:
     rng, truth = drawn([3, seed])
     verdict = contradiction(priors(MISTAKES[name](measured(truth, rng))), registered(truth, rng, wrong=seed % 3))
     assert verdict is not None
-    assert verdict.instead == (name,), verdict
+    assert verdict.instead[0] == name, verdict
+    assert verdict.remedy == replace(verdict, instead=(name,)).remedy  # of what else is named too
     assert str(verdict).startswith("the scans contradict the navigation (")
 
 
