@@ -105,8 +105,14 @@ def _changes(count: int) -> Iterator[np.ndarray]:
 def _measured(
     runner: PairRunner, scans: Sequence[Scan], ends: np.ndarray, before: np.ndarray
 ) -> tuple[float, float] | None:
-    """The share by which the sources of pairs, (P, 2) targets and sources, are too long, and its standard deviation, by
-    what is left of the shares (P,) `before` once the sources are changed by a known one; None where that is not clear.
+    """The share by which the sources' ranges are too long, with its standard deviation; None if it is too small.
+
+    The pairs are registered again with sources that are shorter or longer by TRIED. The change of their estimates gives
+    the response, by which the estimates before are divided.
+
+    Args:
+        ends: (P, 2) targets and sources.
+        before: (P,) estimates of the sources' shares.
     """
     tried = float(np.sign(before.sum())) * TRIED
     targets, sources = (np.unique(own).tolist() for own in ends.T)

@@ -60,7 +60,7 @@ def find_odd(
 
 @dataclass(frozen=True, slots=True)
 class _Search:
-    """With the odd scans that it has found so far; fields as of `find_odd`."""
+    """A search over one survey; its inputs are the arguments of `find_odd`."""
 
     runner: PairRunner
     scans: Sequence[Scan]
@@ -68,7 +68,7 @@ class _Search:
     steps: Sequence[RegisteredPair]
     voxel: float
     pairs: dict[tuple[int, int], RegisteredPair]  # that are registered, by their scans
-    odd: dict[int, Change] = field(default_factory=dict[int, Change])
+    odd: dict[int, Change] = field(default_factory=dict[int, Change])  # results, by scan
 
     @property
     def longest(self) -> float:

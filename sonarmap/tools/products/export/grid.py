@@ -88,8 +88,15 @@ def round_cell(voxel: float) -> float:
 
 
 def empty_share(places: np.ndarray, cell: float, reach: float) -> float:
-    """The share of a grid's covered cells that hold none of the points, of which `places` (M, 2) [m] are x and y. Cells
-    are covered that hold points, or that a closing of these fills: by a square that reaches so far [m] to each side."""
+    """The share of a grid's covered cells that hold no point.
+
+    Covered are the cells of the morphological closing of all cells with points.
+
+    Args:
+        places: (M, 2) x and y of the points [m].
+        cell: edge of a cell [m].
+        reach: half the edge of the closing's square [m].
+    """
     coarse = max(1, int(np.ceil(reach / cell / _FINE)))  # cells across one of the closing
     row, column = np.unique(np.floor(places / (coarse * cell)).astype(np.int64), axis=0).T
     row, column = row - row[0], column - column.min()
@@ -106,8 +113,8 @@ def empty_share(places: np.ndarray, cell: float, reach: float) -> float:
 
 
 def sufficient_cell(places: np.ndarray, cell: float, reach: float) -> float:
-    """The least cell [m] of 1, 2 and 5 times a power of ten above this one of which few are empty, as `empty_share`
-    counts them; the cell itself if few of its are."""
+    """The smallest edge [m], this one or a larger 1, 2 or 5 times a power of ten, whose `empty_share` is at most
+    MANY_EMPTY."""
     while empty_share(places, cell, reach) > MANY_EMPTY:
         cell = round_cell(1.01 * cell)
     return cell
