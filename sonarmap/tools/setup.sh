@@ -132,10 +132,36 @@ make_environment() {
         fail "$python has neither ensurepip nor pip; install one, as in 'sudo apt-get install python3-venv'"
 }
 
+# What pip would install, by uv, in a sixth of the time and from where pip's settings say.
+install_by_uv() {
+    .venv/bin/python -m pip install -q uv -c constraints.txt && .venv/bin/python - "$@" <<'PYTHON'
+import ast
+import subprocess
+import sys
+
+listed = subprocess.run([sys.executable, "-m", "pip", "config", "list"], capture_output=True, text=True, check=True).stdout
+settings = {}
+for section in ("global", "install", ":env:"):  # the later ones count
+    for name, _, value in (line.partition("=") for line in listed.splitlines()):
+        if name.startswith(f"{section}."):
+            settings[name.removeprefix(f"{section}.")] = str(ast.literal_eval(value)).split()
+command = [sys.executable, "-m", "uv", "pip", "install", "--python", sys.executable]
+command += ["--index-strategy", "unsafe-best-match"]  # as pip does
+for setting, option in (
+    ("index-url", "--default-index"),
+    ("extra-index-url", "--index"),
+    ("find-links", "--find-links"),
+    ("trusted-host", "--allow-insecure-host"),
+):
+    command += [word for value in settings.get(setting, []) for word in (option, value)]
+sys.exit(subprocess.run([*command, *sys.argv[1:]]).returncode)
+PYTHON
+}
+
 install_sonarmap() {
-    local quiet=-q
-    [ -t 1 ] && quiet=
-    .venv/bin/python -m pip install $quiet -e ".[$extras]" "${from_pip[@]}" -c constraints.txt || return
+    local wanted=(-e ".[$extras]" "${from_pip[@]}" -c constraints.txt)
+    [ -t 1 ] || wanted+=(-q)
+    install_by_uv "${wanted[@]}" || .venv/bin/python -m pip install "${wanted[@]}" || return
     local usb
     for usb in .venv/lib/python*/site-packages/libusb_package/libusb-1.0.so; do
         [ -e "$usb" ] && ln -sf "${usb#.venv/lib/}" .venv/lib/libusb-1.0.so.0 # where open3d looks
