@@ -1,11 +1,27 @@
 """Packages that an extra of sonarmap brings: imported where they are used, and named where they are missing."""
 
 from importlib import import_module
+from importlib.util import find_spec
 from types import ModuleType
 
 from sonarmap.kernels.errors import InputError
 
-EXTRA_OF = {"open3d": "lab"}  # a module that code imports by itself, and the extra that brings it
+# The modules that code imports by itself, each with the extra that brings it.
+EXTRA_OF = {
+    "rasterio": "gis",
+    "pyogrio": "gis",
+    "gsfpy3_09": "multibeam",
+    "pyxtf": "multibeam",
+    "rosbags": "ros",
+    "mcap": "ros",
+    "lz4": "ros",
+    "zstandard": "ros",
+    "ruamel": "ros",
+    "websockets": "live",
+    "trimesh": "mesh",
+    "pye57": "e57",
+    "open3d": "lab",
+}
 
 
 def load_package(module: str, package: str, purpose: str, extra: str) -> ModuleType:
@@ -27,6 +43,12 @@ def load_package(module: str, package: str, purpose: str, extra: str) -> ModuleT
             f"{purpose} needs the package {package}, which does not load here ({error}). {how_to_install(extra)}, or "
             f"pip install {package} alone."
         ) from error
+
+
+def require(module: str) -> None:
+    """Raises InputError: a module of `EXTRA_OF` is not installed. For what is used at the end of long work."""
+    if find_spec(module) is None:
+        raise InputError(f"this needs {module}, which is not installed. {how_to_install(EXTRA_OF[module])}")
 
 
 def how_to_install(extra: str) -> str:

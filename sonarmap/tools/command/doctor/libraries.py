@@ -16,13 +16,18 @@ _PROJECT = Path(__file__).resolve().parents[4] / "pyproject.toml"
 _SECONDS = 120.0  # to load all of them; on a cold disk a minute
 # What the extras of pyproject.toml are good for; "dev" is for who works on sonarmap itself.
 EXTRAS = {
+    "gis": "export of GeoTIFF and GeoPackage",
+    "multibeam": "lines of an echo sounder, GSF and XTF",
+    "ros": "bags of ROS and MCAP",
+    "live": "live",
+    "mesh": "export of meshes",
+    "e57": "export of E57",
     "lab": "simulate, reproduce, bench, evaluate --surface, and methods by Open3D",
+    "all": "all of these",
     "peers": "--method kiss and gicp",
     "slam-peers": "maps by KISS-SLAM in reproduce",
     "bench": "FFTW in bench",
     "cluster": "map --scheduler",
-    "serial": "live --nmea from a serial device",
-    "e57": "export --format e57",
     "docs": "the documentation as a site",
     "opencl": "an OpenCL driver for processors without root",
 }

@@ -147,7 +147,7 @@ def _opened(source: str) -> Generator[Callable[[], bytes]]:
             yield lambda: listening.recv(_LARGEST) + b"\n"
         return
     name, _, baud = source.partition("@")
-    serial = load_package("serial", "pyserial", _LISTENS, "serial")
+    serial = load_package("serial", "pyserial", _LISTENS, "live")
     try:
         line = serial.Serial(name, int(baud or _BAUD), timeout=_WAIT)
     except (OSError, ValueError) as error:

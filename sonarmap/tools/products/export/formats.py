@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.extras import require
 from sonarmap.tools.files.time_scales import TIMES
 
 if TYPE_CHECKING:  # the command line names the formats in its help, which is to come at once
@@ -51,6 +52,7 @@ class ExportFormat:
     of_poses: bool = False  # whether it holds poses and nothing of scans, so that they may be at a rate of their own
     beside: tuple[str, ...] = ()  # the names of further files that the writer may write
     stamps: tuple[float, float] = (-math.inf, math.inf)  # from where on and up to where the scans' stamps must lie [s]
+    library: str | None = None  # a module that an extra of sonarmap brings, without which it cannot be written
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -95,7 +97,7 @@ class ExportFormat:
 FORMATS = {
     "laz": ExportFormat("map{}.laz", "laz:write_laz", "points, LAZ 1.4", of_points=True),
     "copc": ExportFormat("map{}.copc.laz", "clouds.copc:write_copc", "points in an octree, COPC 1.0", of_points=True),
-    "e57": ExportFormat("map{}.e57", "clouds.e57:write_e57", "points, E57", of_points=True),
+    "e57": ExportFormat("map{}.e57", "clouds.e57:write_e57", "points, E57", of_points=True, library="pye57"),
     "xyz": ExportFormat("map{}.xyz", "clouds.text:write_xyz", "points, a line each, XYZ", of_points=True),
     "geotiff": ExportFormat(
         "grid{}.tif",
@@ -103,6 +105,7 @@ FORMATS = {
         "a grid of heights from above, with standard deviation and count, GeoTIFF, and its style for QGIS",
         of_grid=True,
         beside=("grid{}.qml",),
+        library="rasterio",
     ),
     "kml": ExportFormat("map{}.kml", "kml:write_kml", "the track, KML 2.2", "geographic", with_contours=True),
     "kmz": ExportFormat(
@@ -138,16 +141,25 @@ FORMATS = {
         with_contours=True,
     ),
     "gpkg": ExportFormat(
-        "track{}.gpkg", "track_features:write_geopackage", "track, scans and loops, GeoPackage", with_contours=True
+        "track{}.gpkg",
+        "track_features:write_geopackage",
+        "track, scans and loops, GeoPackage",
+        with_contours=True,
+        library="pyogrio",
     ),
-    "mesh-ply": ExportFormat("surface{}.ply", "surface:write_grid", "a mesh from above, PLY", "map", of_surface=True),
-    "mesh-glb": ExportFormat("surface{}.glb", "surface:write_grid", "a mesh from above, GLB", "map", of_surface=True),
+    "mesh-ply": ExportFormat(
+        "surface{}.ply", "surface:write_grid", "a mesh from above, PLY", "map", of_surface=True, library="trimesh"
+    ),
+    "mesh-glb": ExportFormat(
+        "surface{}.glb", "surface:write_grid", "a mesh from above, GLB", "map", of_surface=True, library="trimesh"
+    ),
     "mcap": ExportFormat(
         "map{}.mcap",
         "mcap:write_mcap",
         "cloud, poses, track and positions as messages of ROS 2, MCAP",
         "map",
         stamps=(0.0, 2.0**31),  # of a ROS time
+        library="mcap",
     ),
     "pcd": ExportFormat(
         "map{}.pcd", "tables:write_cloud", "the map's points, PCD 0.7 in float32 beside an origin", "map"
@@ -170,7 +182,9 @@ FORMATS = {
 
 
 def known_formats(names: Iterable[str]) -> list[str]:
-    """The names, each once; one that is nearly right is taken for what it is like. Raises InputError: another name."""
+    """The names, each once; a name that is nearly right counts as the format that it is most like.
+
+    Raises InputError: another name, or a format whose library is not installed."""
     known: dict[str, None] = {}
     for given in names:
         name = given.strip().lower()
@@ -182,5 +196,7 @@ def known_formats(names: Iterable[str]) -> list[str]:
                     near = "contours are drawn by --contours M into kml, kmz, geojson and gpkg. Else "
                 raise InputError(f"{name!r}; {near}choose from {', '.join(FORMATS)}, several separated by commas")
             name = alike[0]
+        if library := FORMATS[name].library:
+            require(library)
         known[name] = None
     return list(known)

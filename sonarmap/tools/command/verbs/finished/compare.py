@@ -18,6 +18,7 @@ from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say, warn
 from sonarmap.tools.command.verbs.finished.opened import SAME_FRAME, locating_method, open_map
+from sonarmap.tools.extras import require
 
 if TYPE_CHECKING:
     from sonarmap.spectral.registration import SpectralRegistrar
@@ -87,6 +88,8 @@ def command(
         raise InputError(f"--origin has no effect on {old}: a point cloud lies where its CRS says; leave it out")
     first = replace(first, georeference=earth.georeference(first.georeference))
     place = _place(first, earth)
+    if place is not None:
+        require("rasterio")  # of changes.tif, which is written last
     results: list[tuple[Path, Comparison]] = []
     try:
         if new is None:

@@ -21,6 +21,7 @@ import numpy as np
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import R_level_vehicle_of
+from sonarmap.tools.extras import require
 from sonarmap.tools.files.memory import require_memory
 from sonarmap.tools.files.readers.pings.assembly import assembled
 from sonarmap.tools.files.readers.pings.gsf_child import HEAD
@@ -65,7 +66,8 @@ def read_gsf(path: Path) -> RecordedLine:
 
 
 def _require_library() -> None:
-    """Refuse where the library is missing; it is for Linux on x86-64 alone."""
+    """Refuse where the library does not load; it is for Linux on x86-64 alone."""
+    require("gsfpy3_09")
     try:
         import gsfpy3_09  # noqa: F401  # pyright: ignore[reportUnusedImport, reportMissingTypeStubs]
     except Exception as error:  # gsfpy raises just that, of no other class, where its library does not load

@@ -17,7 +17,6 @@ from uuid import NAMESPACE_OID, uuid5
 
 import numpy as np
 
-from sonarmap.tools.extras import load_package
 from sonarmap.tools.files.time_scales import gps_of_utc
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.clouds.cloud import Cloud, Portion
@@ -27,15 +26,15 @@ _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])  # quaternion w, x, y, z
 
 def write_e57(path: Path, cloud: Cloud) -> Mapping[str, Any]:
     """Write places, and echo strengths where there are any, portion by portion; the time of a scan is that of its
-    beginning, as GPS time. Returns what counts from what.
+    beginning, as GPS time. Returns what counts from what."""
+    from pye57 import E57  # pyright: ignore[reportMissingTypeStubs]
+    from pye57 import e57 as library  # pyright: ignore[reportMissingTypeStubs]
 
-    Raises InputError: pye57 is not installed."""
-    pye57 = load_package("pye57", "pye57", "E57", "e57")
     total = 0
     seed = sha256(cloud.part.points.tobytes() + repr((cloud.chosen, cloud.spacing)).encode()).hexdigest()
-    with atomic_path(path) as temporary, _guids_from(pye57.e57, seed):
+    with atomic_path(path) as temporary, _guids_from(library, seed):
         temporary.unlink()
-        with pye57.E57(str(temporary), mode="w") as file:
+        with E57(str(temporary), mode="w") as file:
             for portion in cloud.portions():
                 _write(file, portion, cloud.timed and cloud.scans is not None)
                 total += len(portion.points)
