@@ -1,6 +1,5 @@
 """Files that are read together with others of their folder, and those that set something, and how each is read."""
 
-import json
 import tempfile
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -15,7 +14,6 @@ from sonarmap.tools.command.main import app
 from sonarmap.tools.command.settings.file import read_settings
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.files.readers.scans import read_scans
-from sonarmap.tools.lab.bench.output.compare import compare, read_result, results_of
 from tests.samples.bags.samples import dive
 from tests.samples.bags.writers import write_ros2
 from tests.samples.cloud_files import las
@@ -35,12 +33,6 @@ report = false
 [simulate]
 seed = 5
 """
-_TIMES = {"count": 3, "median": 0.5, "first_quartile": 0.25, "third_quartile": 0.75, "least": 0.125, "most": 1.0}
-_BENCH = {
-    "copy_rate": 1e9,
-    "kernels": [{"kernel": "fft", "grid": 64, "right": True, "device_seconds": _TIMES}],
-    "pairs": [{"grid": 64, "prepare_seconds": _TIMES, "register_seconds": _TIMES, "right": 3, "accepted": 3}],
-}
 
 
 def folder_files() -> dict[str, Readable]:
@@ -56,7 +48,6 @@ def folder_files() -> dict[str, Readable]:
         ),
         **{f"{name} of a map": _one_of(finished, name, _read_map) for name in finished},
         "settings": Readable("survey.toml", _SETTINGS, _read_settings),
-        "bench": Readable("bench.json", json.dumps(_BENCH).encode(), _read_result),
     }
 
 
@@ -87,12 +78,6 @@ def _read_settings(path: Path) -> None:
         read_settings(path, _VERBS.commands, None)
     except typer.BadParameter as error:  # a value that the option itself refuses
         raise InputError(f"{path}: {error}") from error
-
-
-def _read_result(path: Path) -> None:
-    result = read_result(path)
-    with results_of(path):
-        compare(result, _BENCH)
 
 
 @cache

@@ -18,7 +18,6 @@ from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.selection import BAG_METADATA, is_bag_folder
 from sonarmap.tools.files.user_file import read_content
-from sonarmap.tools.lab.bench.output.compare import read_result
 from tests.samples.command_line import ROOT, SONARMAP
 from tests.samples.refusals import refuses
 
@@ -28,7 +27,6 @@ READERS: dict[str, Callable[[Path], object]] = {
     "g2o": read_g2o,
     "tum": read_tum,
     "json": lambda path: read_json(path, "a summary"),
-    "benchmark": read_result,
     "settings": lambda path: read_settings(path, {}, None),
     "digest": sha256_of,
 }

@@ -98,7 +98,9 @@ class Rates:
 
     def at(self, access: Access, touched: float) -> float:
         """The highest rate over arrays of about these bytes or more [bytes/s]."""
-        return highest_rate(self.best[access], touched)
+        rates = self.best[access]
+        large = [rate for size, rate in rates.items() if size >= touched / 2]
+        return max(large) if large else rates[max(rates)]
 
     def least_seconds(self, traffic: Traffic) -> float:
         """How long the device's memory takes for a kernel's traffic, each part in its own way [s]."""
@@ -110,12 +112,6 @@ class Rates:
             "fill": traffic.writes - copied,
         }
         return sum(size / self.at(access, traffic.touched) for access, size in parts.items() if size)
-
-
-def highest_rate(rates: Mapping[int, float], touched: float) -> float:
-    """The highest of rates by bytes over arrays of about these bytes or more [bytes/s]."""
-    large = [rate for size, rate in rates.items() if size >= touched / 2]
-    return max(large) if large else rates[max(rates)]
 
 
 def measure_rates(device: Device, repeats: int) -> dict[str, dict[int, list[float]]]:

@@ -1,7 +1,7 @@
 """What one kernel's measurement gave, and its row of a benchmark's result.
 
-A result is the one object that `sonarmap bench --json` prints: seconds, bytes and bytes per second throughout. The
-table, the page, the picture and the comparison are made from it. Other programs read it: names stay.
+A result is the one object that `sonarmap bench --json` prints: seconds, bytes and bytes per second throughout. Other
+programs read it: names stay.
 """
 
 from collections.abc import Mapping

@@ -7,8 +7,7 @@ import numpy as np
 
 from sonarmap.tools.products.compare.comparison import Comparison
 from sonarmap.tools.products.compare.distances import Distances, Verdict
-from sonarmap.tools.products.report.labels import shrink
-from sonarmap.tools.products.report.small_png import write_png
+from sonarmap.tools.products.report.small_png import shrink, write_png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

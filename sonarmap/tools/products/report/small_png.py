@@ -11,6 +11,7 @@ from sonarmap.tools.files.writers.atomic import atomic_path
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
     from PIL.Image import Image
 
 _COLORS = 192
@@ -49,6 +50,12 @@ def save_small(figure: "Figure", path: Path, inks: Sequence[str] = (), ramp: np.
             few.save(temporary, format="png", optimize=True)
         else:
             image.quantize(palette=known, dither=Image.Dither.NONE).save(temporary, format="png")
+
+
+def shrink(text: "Text", width: float) -> None:
+    """Make a text of a figure small enough for a width [pixels]."""
+    needed = text.get_window_extent().width
+    text.set_fontsize(float(text.get_fontsize()) * min(1.0, width / max(needed, 1.0)))
 
 
 def _palette(inks: Sequence[str], ramp: np.ndarray | None) -> "Image":

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sonarmap.tools.products.report.labels import shrink
-from sonarmap.tools.products.report.small_png import write_png
+from sonarmap.tools.products.report.small_png import shrink, write_png
 from sonarmap.tools.products.section.section import Profile, Section
 
 if TYPE_CHECKING:
