@@ -12,7 +12,7 @@ import typer
 from sonarmap.tools.command.failures import discard, failed, guarded, output_lost
 from sonarmap.tools.command.help import HelpAllOption, VerbGroup
 from sonarmap.tools.command.options.option import spread
-from sonarmap.tools.command.settings.in_force import ConfigOption, VerbWithSettings, use_settings
+from sonarmap.tools.command.settings import ConfigOption, VerbWithSettings, use_settings
 from sonarmap.tools.command.terminal import print_result, show_messages
 
 # A verb is the function `command` in tools/command/verbs/<verb>.py; its docstring is the help.
@@ -37,7 +37,6 @@ VERBS = [
     "bench",
     "devices",
     "doctor",
-    "config",
 ]
 
 FINISHED = ("view", "export", "locate", "section", "volume", "compare")

@@ -11,7 +11,7 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.main import app
-from sonarmap.tools.command.settings.file import read_settings
+from sonarmap.tools.command.settings import read_settings
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.files.readers.scans import read_scans
 from tests.samples.bags.samples import dive
@@ -21,14 +21,13 @@ from tests.samples.damage.pose_files import Readable
 from tests.tools.products.export.finished import finished_map
 
 _VERBS: Any = typer.main.get_command(app)
-_SETTINGS = b"""[common]
+_SETTINGS = b"""[map]
 grid = 96
 max_tilt = 12.5  # degrees
 method = "spectral"
 mount = "0,0,180"
-[map]
 max-speed = 2
-also = ["pcd", "kitti"]
+export = ["pcd", "kitti"]
 report = false
 [simulate]
 seed = 5

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.tools.command.settings.file import read_settings
+from sonarmap.tools.command.settings import read_settings
 from sonarmap.tools.files.inputs import sha256_of
 from sonarmap.tools.files.readers.csv_table import read_csv_table
 from sonarmap.tools.files.readers.json_file import read_json
@@ -49,10 +49,10 @@ def test_a_pipe_that_the_command_was_given_is_read(tmp_path: Path) -> None:
     assert read_csv_table(Path(f"/dev/fd/{read}")).rows[0].cells == ["1", "2"]
     refuses("it is a pipe", read_g2o, Path(f"/dev/fd/{read}"))
     os.close(read)
-    command = [*SONARMAP, "--config", "/dev/stdin", "config", "map", "--json"]
+    command = [*SONARMAP, "--config", "/dev/stdin", "devices"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    settings = subprocess.check_output(command, input=b"[map]\ngrid = 96\n", env=environment)
-    assert b'"value": 96' in settings
+    done = subprocess.run(command, input=b"[devices]\ngrid = 96\n", env=environment, capture_output=True)
+    assert b"grid is not an option of devices" in done.stderr
     assert read_content(Path(os.devnull), pipe=True) == b""
 
 

@@ -1,0 +1,78 @@
+"""Options that a TOML file sets."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from sonarmap.tools.command.main import app
+from sonarmap.tools.command.settings import read_settings
+from tests.samples.refusals import refuses
+
+VERBS: Any = typer.main.get_command(app)
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "survey.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_every_option_can_be_set_by_its_own_default(tmp_path: Path) -> None:
+    """By its name on the command line, with dashes or underscores; what is read is what the verb would have had."""
+    lines, wanted = list[str](), dict[str, dict[str, Any]]()
+    for verb, command in VERBS.commands.items():
+        lines.append(f"[{verb}]")
+        wanted[verb] = {}
+        for option in command.params:
+            if option.param_type_name == "option" and type(option.default) in (bool, int, float, str):
+                if option.name == "help_all":
+                    continue
+                key = max(option.opts, key=len).lstrip("-").replace("-", "_" if len(lines) % 2 else "-")
+                value = option.default
+                lines.append(f"{key} = {str(value).lower() if isinstance(value, bool) else repr(value)}")
+                wanted[verb][option.name] = value
+    assert sum(map(len, wanted.values())) > 100
+    assert read_settings(write(tmp_path, "\n".join(lines)), VERBS.commands, None) == wanted
+
+
+def test_the_command_line_counts_for_more_and_what_came_from_the_file_is_printed(tmp_path: Path) -> None:
+    path = write(tmp_path, "[bench]\ngrid = 16\npairs = 3\n[map]\ngrid = 64\n")
+    arguments = ["--config", str(path), "bench", "--no-kernels", "--pairs", "0"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 2
+    assert f"settings from {path}: grid 16\n" in result.stderr
+    assert "leave nothing to measure" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[map]\ngird = 3", "gird is not an option of map; perhaps grid"),
+        ("[mop]\ngrid = 3", "[mop] is not a verb; perhaps map"),
+        ("grid = 96", "grid stands outside of a section; put it under a verb's"),
+        ("[map]\ngrid = 'a'", "grid is 'a'; wanted a whole number"),
+        ("[map]\nworkers = true", "workers is True; wanted a whole number"),
+        ("[map]\nreport = 1", "report is 1; wanted true or false"),
+        ("[map]\nmax-speed = [1, 2]", "max-speed is [1, 2]; wanted a number"),
+        ("[map]\ngrid = 3", "[map] grid is 3: "),
+        ("[map]\nexport = ['laz', 'nix']", "'nix'; choose from"),
+        ("[map]\ngrid = ", "no TOML file"),
+        ("[map]\nhelp-all = true", "help-all is not an option"),
+        ("[map]\n" + "a." * 600 + "b = 1", "line 2 has more than 1000 characters"),
+        ("#" + "\n" * 70_000, "more than 64 KiB"),
+    ],
+)
+def test_a_mistake_is_named_with_its_place_and_what_was_wanted(tmp_path: Path, text: str, words: str) -> None:
+    path = write(tmp_path, text)
+    refuses(re.escape(words), read_settings, path, VERBS.commands, None)
+    refuses(re.escape(str(path)), read_settings, path, VERBS.commands, None)
+
+
+def test_only_the_values_of_the_verb_that_runs_are_checked(tmp_path: Path) -> None:
+    path = write(tmp_path, "[map]\ngrid = 3\n[bench]\npairs = 2\n")
+    assert read_settings(path, VERBS.commands, "bench")["bench"] == {"pairs": 2}
+    refuses("grid is 3", read_settings, path, VERBS.commands, "map")
