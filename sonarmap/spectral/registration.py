@@ -6,7 +6,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from time import perf_counter
-from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -38,8 +37,6 @@ from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
 from sonarmap.spectral.verify.observability import Observability
 from sonarmap.spectral.verify.verifier import Verifier
 
-Refinement = Literal["icp", "spectral"]
-
 
 @dataclass(frozen=True, slots=True)
 class SpectralConfig:
@@ -51,20 +48,17 @@ class SpectralConfig:
             known four times as many turns.
         shortlist: how many of the poses that these lead to are refined.
         finalists: how many of them are compared on the whole grid, with as many others that only it shows.
-        refinement: what makes the result finer than voxels and bins: "icp", point to plane on the surfaces, or
-            "spectral", the translation's peak, which is climbed over the rotation.
         least_probability: from which probability of its place on a registration is accepted.
         use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
 
     Raises:
-        InputError: a count below 1, an angle or a probability out of its range, or an unknown refinement.
+        InputError: a count below 1, an angle or a probability out of its range.
     """
 
     max_tilt: float = float(np.deg2rad(35.0))
     hypotheses: int = 6
     shortlist: int = 72
     finalists: int = 3
-    refinement: Refinement = "icp"
     least_probability: float = FITTED["acceptance"]["place"]
     use_strength: bool = False
 
@@ -74,8 +68,6 @@ class SpectralConfig:
                 raise InputError(f"`{name}={getattr(self, name)}` is too few; give at least 1")
         if not 0 < self.max_tilt <= np.pi:
             raise InputError(f"`max_tilt` is {np.rad2deg(self.max_tilt):g} degrees; give more than 0 and up to 180")
-        if self.refinement not in ("icp", "spectral"):
-            raise InputError(f"`refinement={self.refinement}` is unknown; choose 'icp' or 'spectral'")
         if not 0 < self.least_probability < 1:
             raise InputError(f"`least_probability={self.least_probability}` is not between 0 and 1")
 
@@ -204,7 +196,7 @@ class SpectralRegistrar(GridRegistrar):
         hypotheses = finalists + test.find_missed(finalists)
         hypotheses += test.find_alike(hypotheses)
         # 4. all compared on the whole grid, the best refined to the end, and how sharply the scans agree there
-        hypotheses = test.conclude(hypotheses, spectral=self.config.refinement == "spectral")
+        hypotheses = test.conclude(hypotheses)
         seen = self._verifier.observe_directions(test.target, test.source, hypotheses[0].fit).read()
         # 5. how probable each is, and how sure its pose
         return self._conclude(test, hypotheses, seen)

@@ -19,19 +19,15 @@ def search_rotation(
     source: Prepared,
     R_target_source: Rotation,
     peak: Peak,
-    stay: bool = False,
 ) -> tuple[Rotation, Peak]:
     """Climb from a rotation and its peak to one nearby under which the translation's peak is highest, and that peak.
 
     Each step tries the rotation vector's three axes either way, fits a parabola through each, and tries where their
-    tops lie: a fixed number of correlations, seven a step. If `stay`, it follows the given peak, known to be the right
-    one, instead of the highest.
+    tops lie: a fixed number of correlations, seven a step.
     """
     R = R_target_source
 
     def peaks_under(turned: Rotation) -> list[Peak]:
-        if stay:
-            return translation.find_at(target, source, turned, np.tile(peak.shift, (len(turned), 1))).read()
         free = [None] * len(turned)
         return [of[0][0] for of in translation.find_within(target, source, turned, free, 1, 3.0)]
 

@@ -7,9 +7,7 @@ from math import log
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.kernels.points.poses import upload_poses
 from sonarmap.spectral.prepare.range_image import FINE
-from sonarmap.spectral.rotation_search import search_rotation
 from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.fit import Fit, principal_axes
@@ -119,12 +117,12 @@ class HypothesisTest(PairFrames):
         rivals = free._round(_start(fits), [(best.rotation_score, 0.0)] * len(fits), [_QUICK], SURFACE_POINTS)
         return self.possible(elsewhere(rivals, known))[:_RIVALS]
 
-    def conclude(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
+    def conclude(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
         """The hypotheses compared, and the best refined to the end as `finish` does; one alone is not compared."""
         hopeful = _hopeful(hypotheses, 1.5 * _HOPELESS)
         if len(hopeful) == 1:
-            return self.finish(hopeful, spectral, [_CLOSE, _FINAL])
-        return self.finish(self.compare(hopeful), spectral)
+            return self.finish(hopeful, [_CLOSE, _FINAL])
+        return self.finish(self.compare(hopeful))
 
     def compare(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
         """Measured on the whole grid, best first; all refined alike, as an advantage in that would look like evidence.
@@ -145,36 +143,21 @@ class HypothesisTest(PairFrames):
         # one alone is measured where it ends
         return hopeful if len(hopeful) == 1 else self._measured(hopeful)
 
-    def finish(
-        self, hypotheses: list[Hypothesis], spectral: bool, stages: Sequence[Stage] = (_FINAL,)
-    ) -> list[Hypothesis]:
-        """The first and best hypothesis refined to the end, and the others that are not now where it is.
-
-        If `spectral`, the best climbs the translation's peak over the rotation, instead of the planes.
-        """
-        best = self._left_to_scans(self._finish_best(hypotheses[0], spectral, stages))
+    def finish(self, hypotheses: list[Hypothesis], stages: Sequence[Stage] = (_FINAL,)) -> list[Hypothesis]:
+        """The first and best hypothesis refined to the end, and the others that are not now where it is."""
+        best = self._left_to_scans(self._finish_best(hypotheses[0], stages))
         best = replace(best, evidence=replace(best.evidence, closeness=hypotheses[0].evidence.closeness))
         return [best, *elsewhere(hypotheses[1:], [best])]
 
-    def _finish_best(self, known: Hypothesis, spectral: bool, stages: Sequence[Stage]) -> Hypothesis:
+    def _finish_best(self, known: Hypothesis, stages: Sequence[Stage]) -> Hypothesis:
         """Its evidence is of the scans as they are; its pose, by planes, is with their ranges set right."""
         best = self._refine([known], stages)[0]
         # where closeness was compared, it has been laid smoothly before
         if not known.evidence.closeness and _loose(best.fit):
             best = self._laid_smoothly([best])[0]
-        if not spectral:
-            measurement = self.verifier.measure(self.target, self.source, [best])
-            (fit,) = self._steps(_start([best.fit], stretches=True), [_FINAL]).read()
-            return replace(measurement.read()[0], fit=fit)
-        translation, target, source = self.verifier.translation, self.target.volume, self.source.volume
-        begin = Rotation.concatenate([best.fit.R])
-        peak = translation.find_at(target, source, begin, best.fit.shift[None]).read()[0]
-        R, peak = search_rotation(translation, target, source, best.fit.R, peak, stay=True)
-        near = peak.shift + self.grid.edge * np.rint((best.fit.shift - peak.shift) / self.grid.edge)
-        best = replace(best, fit=replace(best.fit, R=R, shift=near))
-        pose = upload_poses(self.verifier.device, R.as_matrix()[None], near[None])
-        seen = self.verifier.observe(self.target, self.source, pose).read()
-        return self._measured([replace(best, evidence=self._evidence(seen, [best.fit])[0])])[0]
+        measurement = self.verifier.measure(self.target, self.source, [best])
+        (fit,) = self._steps(_start([best.fit], stretches=True), [_FINAL]).read()
+        return replace(measurement.read()[0], fit=fit)
 
     def _laid_smoothly(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Refined by surfaces that are smoothed further, the smoothest first, and then by the surfaces as they are.

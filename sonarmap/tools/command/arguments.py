@@ -8,7 +8,6 @@ OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _SAME} | {
     "alignment": "--align",
     "count": "--scans",
     "edge": "--grid",
-    "refinement": "--refine",
     "repairs": "--repair",
     "use_strength": "--strength",
 }

@@ -126,7 +126,6 @@ def _config_changes(options: MethodOptions) -> dict[str, Any]:
     values = {
         "max_tilt": ("max_tilt", math.radians(options.max_tilt)),
         "hypotheses": ("hypotheses", options.hypotheses),
-        "refine": ("refinement", options.refine),
         "yaw_peaks": ("yaw_peaks", options.yaw_peaks),
         "strength": ("use_strength", options.strength),
     }

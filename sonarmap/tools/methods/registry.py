@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # the command line names the methods in its help, which is to
 DEFAULT_METHOD = "spectral"
 
 _ON_DEVICE = frozenset(("grid", "max_tilt", "strength", "device"))
-_SPECTRAL = _ON_DEVICE | {"hypotheses", "refine", "priors"}
+_SPECTRAL = _ON_DEVICE | {"hypotheses", "priors"}
 _HEMISPHERE = _ON_DEVICE | {"yaw_peaks"}
 _SEEDED = frozenset(("seed",))
 

@@ -107,7 +107,7 @@ def test_a_real_bash(tmp_path: Path) -> None:
     command.chmod(0o755)
     (tmp_path / "script.sh").write_text(asked(_SONARMAP_COMPLETE="source_bash"))
     asks = (
-        'source script.sh; COMP_WORDS=(sonarmap map -o out --refine ""); COMP_CWORD=5; _sonarmap_completion sonarmap; '
+        "source script.sh; COMP_WORDS=(sonarmap evaluate --align f); COMP_CWORD=3; _sonarmap_completion sonarmap; "
         'echo "${COMPREPLY[@]}"; complete -p sonarmap'
     )
     environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
@@ -116,7 +116,7 @@ def test_a_real_bash(tmp_path: Path) -> None:
     )
     assert (ended.returncode, ended.stderr) == (0, "")
     offered, installed = ended.stdout.splitlines()
-    assert offered == "icp spectral"
+    assert offered == "first"
     assert "-o default" in installed  # files, where nothing of ours is offered
 
 

@@ -89,7 +89,7 @@ def test_the_voxel_is_chosen_as_for_the_spectral_method(pair: list[str]) -> None
         ),
         ("--yaw-peaks 3", ["--yaw-peaks has no effect with --method spectral; leave it out, or use --method hemis"]),
         ("--method hemisphere --hypotheses 12", ["--hypotheses has no effect", "or use --method spectral"]),
-        ("--method hemisphere --refine icp", ["--refine has no effect", "or use --method spectral"]),
+        ("--method hemisphere --hypotheses 8", ["--hypotheses has no effect", "or use --method spectral"]),
         ("--method hemisphere --priors nav.csv", ["--priors has no effect", "or use --method spectral"]),
         ("--method icp --priors nav.csv", ["--priors has no effect with --method icp", "--method spectral"]),
         (

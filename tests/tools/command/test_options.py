@@ -19,7 +19,7 @@ USUAL = MethodOptions()
 
 def arrived(arguments: str) -> Result:
     """What a verb of our own that takes every shared option prints of them."""
-    probe, names = typer.Typer(), ("grid", "voxel", "max_tilt", "hypotheses", "refine", "yaw_peaks", "device", "seed")
+    probe, names = typer.Typer(), ("grid", "voxel", "max_tilt", "hypotheses", "yaw_peaks", "device", "seed")
 
     def command(method: MethodOptions) -> None:
         typer.echo(" ".join(str(getattr(method, name)) for name in names))
@@ -32,11 +32,10 @@ class TestSharedOptions:
     @pytest.mark.parametrize(
         ("arguments", "printed"),
         [
-            ("", "None None 35.0 6 icp 1 None 0"),
+            ("", "None None 35.0 6 1 None 0"),
             (
-                "--grid 64 --voxel 0.5 --max-tilt 12.5 --hypotheses 64 --refine spectral --yaw-peaks 32 --device cpu "
-                "--seed 7",
-                "64 0.5 12.5 64 spectral 32 cpu 7",
+                "--grid 64 --voxel 0.5 --max-tilt 12.5 --hypotheses 64 --yaw-peaks 32 --device cpu --seed 7",
+                "64 0.5 12.5 64 32 cpu 7",
             ),
         ],
     )
@@ -45,7 +44,7 @@ class TestSharedOptions:
 
     def test_the_defaults_are_those_of_the_configurations(self) -> None:
         usual = SpectralConfig()
-        assert (usual.hypotheses, usual.refinement) == (USUAL.hypotheses, USUAL.refine)
+        assert usual.hypotheses == USUAL.hypotheses
         assert usual.max_tilt == pytest.approx(np.deg2rad(USUAL.max_tilt))
         assert HemisphereConfig.paper().yaw_peaks == USUAL.yaw_peaks
 
@@ -80,4 +79,4 @@ def test_every_option_of_the_table_is_one_of_a_verb() -> None:
 
 def test_every_setting_that_an_option_changes_is_in_the_table() -> None:
     settings = {field.name for config in (SpectralConfig, HemisphereConfig) for field in fields(config)}
-    assert settings & OPTIONS.keys() == {"max_tilt", "hypotheses", "refinement", "yaw_peaks", "use_strength"}
+    assert settings & OPTIONS.keys() == {"max_tilt", "hypotheses", "yaw_peaks", "use_strength"}

@@ -5,14 +5,13 @@ from functools import partial
 from typing import Annotated
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.checks import checked, choice, is_positive, refused_by
+from sonarmap.tools.command.options.checks import checked, is_positive, refused_by
 from sonarmap.tools.command.options.option import REGISTRATION, completes, flag, option, value_option
 from sonarmap.tools.command.options.running import DeviceOption
 from sonarmap.tools.methods.registry import DEFAULT_METHOD, METHODS, find_method
 
 DEFAULT_EDGE = 128
 DEFAULT_HYPOTHESES, MOST_HYPOTHESES = 6, 64
-REFINEMENTS = ("icp", "spectral")
 DEFAULT_YAW_PEAKS, MOST_YAW_PEAKS = 1, 32
 DEFAULT_MAX_TILT = 35.0  # [deg], the paper's range of roll and pitch (Sect. 2.7)
 
@@ -104,13 +103,6 @@ class MethodOptions:
             f"{{}} rotations; give 1 to {MOST_HYPOTHESES}. Use --hypotheses {DEFAULT_HYPOTHESES}, or more if the scans "
             "have little in common.",
         ),
-    )
-    refine: str = choice(
-        REGISTRATION,
-        "How to refine the result below the voxel size: icp (point to plane) or spectral (the translation peak).",
-        REFINEMENTS,
-        "HOW",
-        rare=True,
     )
     yaw_peaks: int = _registration(
         "K",

@@ -184,7 +184,6 @@ def test_a_survey_without_a_single_usable_pair_is_an_error(tmp_path: Path) -> No
         ("--max-tilt nan", ["nan degrees"]),
         ("--hypotheses 0", ["0 rotations", "give 1 to 64", "--hypotheses 6"]),
         ("--hypotheses 65", ["65 rotations"]),
-        ("--refine ICP", ["'ICP'", "icp, spectral", "leave it out for icp"]),
         ("--yaw-peaks 0", ["0 peaks", "give 1 to 32", "--yaw-peaks 6"]),
         ("--seed -1", ["-1", "whole number", "as in --seed 1"]),
         ("--device abacus", ["no OpenCL device matches 'abacus'", "There are: "]),

@@ -91,7 +91,7 @@ def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("options", ["--hypotheses 1", "--refine spectral", "--voxel 0.4"])
+@pytest.mark.parametrize("options", ["--hypotheses 1", "--voxel 0.4"])
 def test_a_good_pair_with_options(pair: list[str], options: str) -> None:
     found = as_json(*pair, *options.split())
     check_transform(found)
