@@ -86,33 +86,31 @@ class Motion:
             floor, limits: as the attributes.
         """
         times = scan_times(stamps, surveys)
-        possible = [pair for pair in pairs if pair.role == "sequential" and pair.registration is not None]
-        possible = [pair for pair in possible if _within(limits, times, pair)]
-        steps: list[RegisteredPair] = []
-        for believed in (_is_accepted, _is_placed, _is_probable):
-            if len(steps) < FEWEST:
-                steps = [pair for pair in possible if believed(pair)]
-        if len(steps) < FEWEST:
-            return cls._unlearned(times, surveys, floor, limits) if limits.any else None
-        sure = [Step.of(pair, times) for pair in steps]
-        spans = np.array([times[pair.j] - times[pair.i] for pair in steps])
-        span = float(np.median(spans))
-        measured, errors = np.array([step.rate for step in sure]), _errors(sure, steps, spans / span)
-        mean, scatter = _fit_t(measured, errors, floor / span)
-        rates, left = _filled(measured, errors, mean, scatter)
-        within = np.flatnonzero(_squared(rates - mean, scatter) <= _BEYOND)
-        rates, left, sure = rates[within], left[within], [sure[n] for n in within]
+        telling = _telling(pairs, times, limits)
+        if len(telling) >= FEWEST:
+            steps = _UsualSteps.of(telling, times, floor)
+            motion = cls._learned(steps, times, surveys, floor, limits).following(pairs)
+            if motion._explains(steps.rates, [step.k for step in steps.steps]):
+                return motion
+        return cls._unlearned(times, surveys, floor, limits) if limits.any else None
+
+    @classmethod
+    def _learned(
+        cls, steps: "_UsualSteps", times: np.ndarray, surveys: np.ndarray, floor: np.ndarray, limits: MotionLimits
+    ) -> "Motion":
+        """By the mean and the covariance of these steps, and as far as they are few by what any vehicle may do."""
+        rates, span = steps.rates, steps.span
         mean, speeds = rates.mean(axis=0), np.linalg.norm(rates[:, 3:], axis=1)
         known = len(rates) / (len(rates) + _ASSUMED)
         assumed = (1 - known) * np.maximum(_assumed(rates), np.repeat([_TURNS / span, 0.0], 3) ** 2)
-        scatter = known * (np.cov(rates.T, bias=True) + left.mean(axis=0))
+        scatter = known * (np.cov(rates.T, bias=True) + steps.left.mean(axis=0))
         varied = np.maximum(np.diag(scatter), _LEAST * (assumed + (floor / span) ** 2))
-        motion = cls(
+        return cls(
             times=times,
             usual=mean,
             covariance=scatter + np.diag(varied - np.diag(scatter) + assumed),
             varied=varied,
-            alike=likeness(sure, varied, surveys),
+            alike=likeness(steps.steps, varied, surveys),
             rates=np.tile(mean, (len(times) - 1, 1)),
             variances=np.tile(varied + assumed, (len(times) - 1, 1)),
             speed=float(speeds.mean()),
@@ -121,10 +119,6 @@ class Motion:
             floor=floor,
             limits=limits,
         )
-        motion = motion.following(pairs)
-        if motion._explains(rates, [step.k for step in sure]):
-            return motion
-        return cls._unlearned(times, surveys, floor, limits) if limits.any else None
 
     def _explains(self, rates: np.ndarray, steps: Sequence[int]) -> bool:
         """Whether (n, 6) rates of steps from these scans are much nearer to what the others say than to rest.
@@ -221,6 +215,40 @@ def scan_times(stamps: np.ndarray, surveys: np.ndarray) -> np.ndarray:
     same = np.diff(surveys) == 0
     stamped = np.isfinite(stamps).all() and (np.diff(stamps)[same] > 0).all()
     return stamps.astype(np.float64) if stamped else np.arange(len(stamps), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class _UsualSteps:
+    """The n steps that a fit of the usual motion does not exclude."""
+
+    steps: Sequence[Step]
+    rates: np.ndarray  # (n, 6) per unit of time [rad, m]
+    left: np.ndarray  # (n, 6, 6) covariances of what the registrations leave open of the rates
+    span: float  # median time between two scans, in units of time
+
+    @classmethod
+    def of(cls, pairs: Sequence[RegisteredPair], times: np.ndarray, floor: np.ndarray) -> "_UsualSteps":
+        """Of registered steps of a survey whose scans have these `times` (N,)."""
+        steps = [Step.of(pair, times) for pair in pairs]
+        spans = np.array([times[pair.j] - times[pair.i] for pair in pairs])
+        span = float(np.median(spans))
+        measured, errors = np.array([step.rate for step in steps]), _errors(steps, pairs, spans / span)
+        mean, scatter = _fit_t(measured, errors, floor / span)
+        rates, left = _filled(measured, errors, mean, scatter)
+        within = np.flatnonzero(_squared(rates - mean, scatter) <= _BEYOND)
+        return cls([steps[n] for n in within], rates[within], left[within], span)
+
+
+def _telling(pairs: Sequence[RegisteredPair], times: np.ndarray, limits: MotionLimits) -> list[RegisteredPair]:
+    """The steps within the limits that tell the motion: the accepted ones; where these are too few, less sure ones,
+    too."""
+    possible = [pair for pair in pairs if pair.role == "sequential" and pair.registration is not None]
+    possible = [pair for pair in possible if _within(limits, times, pair)]
+    steps: list[RegisteredPair] = []
+    for believed in (_is_accepted, _is_placed, _is_probable):
+        if len(steps) < FEWEST:
+            steps = [pair for pair in possible if believed(pair)]
+    return steps
 
 
 def _is_accepted(pair: RegisteredPair) -> bool:
