@@ -1,6 +1,7 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """What comes of mapping a survey: poses, how sure they are, maps, and every pair that was tried."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -25,9 +26,9 @@ from sonarmap.slam.pair import Pair
 from sonarmap.slam.parts import placed
 from sonarmap.slam.tie import Tie
 
-# Instruments of which half the errors exceed so many of their standard deviations contradict the map; so do those for
-# which more than this share of the pairs that are sure by themselves are refused.
-DISPUTED, _MOST = 3.0, 0.5
+DISPUTED = 3.0  # instruments contradict the map whose errors exceed so many of their sigmas in the median
+_MOST = 0.5  # or for which more than this share of the accepted pairs is rejected,
+_CHANCE = 0.01  # unless all these may be wrong, by their own probabilities, with more than this one
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,11 +134,14 @@ class SurveyResult:
 
     @property
     def refused_for_navigation(self) -> tuple[int, int]:
-        """Where instruments take part and most pairs that are sure by themselves are refused: how many, and of how
-        many; (0, 0) else."""
-        sure = [pair for pair in self.pairs if pair.accepted]
-        refused = sum(not pair.kept for pair in sure)
-        return (refused, len(sure)) if self.solution.graph.priors and refused > _MOST * len(sure) else (0, 0)
+        """Where instruments take part and most accepted pairs are rejected, more than can be wrong by their own
+        probabilities: how many, and of how many; (0, 0) else."""
+        accepted = [pair for pair in self.pairs if pair.accepted]
+        rejected = [pair for pair in accepted if not pair.kept]
+        all_wrong = math.prod(1 - pair.registration.probability for pair in rejected if pair.registration is not None)
+        if not self.solution.graph.priors or len(rejected) <= _MOST * len(accepted) or all_wrong > _CHANCE:
+            return 0, 0
+        return len(rejected), len(accepted)
 
     @property
     def by_navigation(self) -> tuple[int, ...]:

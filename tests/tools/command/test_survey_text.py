@@ -145,8 +145,16 @@ def test_navigation_that_the_map_contradicts_is_said_first_and_the_map_is_not_to
     assert not Mapped(wrong, NAMES, Path(), 0).whole
     # depths that bend a chain have the sure loops refused
     refused = replace(right, pairs=tuple(replace(pair, edge=None) if pair.j % 3 else pair for pair in right.pairs))
-    assert "pairs that are sure by their scans are refused, as they contradict navigation" in faults(refused, NAMES)[0]
+    assert "accepted pairs are rejected, as they contradict navigation" in faults(refused, NAMES)[0]
     assert not Mapped(refused, NAMES, Path(), 0).whole
+    # one pair of 87 % may be wrong by chance, three may not
+    rejected = [
+        replace(each, registration=replace(each.registration, probability=0.87))
+        for each in refused.pairs
+        if not each.kept and each.registration is not None
+    ]
+    counts = [replace(refused, pairs=tuple(rejected[:n])).refused_for_navigation for n in (1, 3)]
+    assert counts == [(0, 0), (3, 3)]
 
 
 def test_the_most_important_stand_first_and_few_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

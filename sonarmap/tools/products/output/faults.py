@@ -79,8 +79,8 @@ def contradictions(result: SurveyResult) -> list[str]:
     refused, sure = result.refused_for_navigation
     if refused:
         words.append(
-            f"{refused} of {sure} pairs that are sure by their scans are refused, as they contradict navigation: look "
-            "for exchanged axes, another unit, and times that are off, or map without it"
+            f"{refused} of {sure} accepted pairs are rejected, as they contradict navigation: look for exchanged axes, "
+            "another unit, and times that are off, or map without it"
         )
     return words if result.scaled is None else [*words, _scaled(result.scaled, result.names)]
 
