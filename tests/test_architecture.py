@@ -1,4 +1,4 @@
-"""The rooms of the house: who may import whom, what loads late, how long a file and how full a folder may grow."""
+"""The packages: who may import whom, which libraries load late, no import circles."""
 
 import ast
 import subprocess
@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-
-import pytest
 
 from tests.samples.places import ROOT
 
@@ -23,9 +21,6 @@ LATE |= {"lz4", "zstandard", "ruamel", "rasterio"}
 OWNERS = dict.fromkeys(LATE | {"plyfile", "wlsonar", "typer", "rich"}, "tools")
 OWNERS |= {"pyopencl": "kernels", "gtsam": "slam"}
 SLOW_TO_LOAD = {"pyopencl", "scipy", "gtsam", *LATE}
-MOST_LINES = 400
-MOST_FILES = 18  # directly in a folder: beyond about 15 it wants to be divided by meaning
-MOST_DOCSTRING_LINES = 10  # of a room
 
 
 def room_of(path: Path) -> str:
@@ -77,6 +72,11 @@ def parse(path: Path) -> ast.Module:
     return ast.parse(path.read_text(), str(path))
 
 
+@cache
+def imported_by(path: Path) -> set[str]:
+    return modules_of(parse(path))
+
+
 def named(path: Path) -> str:
     return path.relative_to(PACKAGE).as_posix()
 
@@ -84,7 +84,7 @@ def named(path: Path) -> str:
 def test_imports_point_left() -> None:
     faults = []
     for path in FILES:
-        room, modules = room_of(path), modules_of(parse(path))
+        room, modules = room_of(path), imported_by(path)
         to_the_right = ROOMS[ROOMS.index(room) + 1 :]
         for package in {module.split(".")[1] for module in modules if module.startswith("sonarmap.")} & set(
             to_the_right
@@ -113,26 +113,6 @@ def test_the_command_line_starts_without_the_slow_libraries() -> None:
     assert (loaded.stdout.split(), loaded.stderr) == ([], "")
 
 
-def test_files_stay_short_and_folders_small() -> None:
-    lines = {named(path): len(path.read_text().splitlines()) for path in FILES}
-    assert not {name: count for name, count in lines.items() if count > MOST_LINES}
-    counts = {named(folder): len(list(folder.glob("*.py"))) for folder in FOLDERS}
-    assert not {name: count for name, count in counts.items() if count > MOST_FILES}
-
-
-def test_every_room_says_what_lives_in_it_and_holds_no_code_in_its_init() -> None:
-    faults = []
-    for folder in FOLDERS:
-        tree = parse(folder / "__init__.py")
-        docstring = ast.get_docstring(tree)
-        if not docstring or len(docstring.splitlines()) > MOST_DOCSTRING_LINES:
-            faults.append(f"{named(folder)}: wanted a docstring of 1 to {MOST_DOCSTRING_LINES} lines")
-        kinds = {type(node) for node in tree.body[1:]}
-        if not kinds <= {ast.Import, ast.ImportFrom, ast.Assign}:  # of the public names, which are loaded lazily
-            faults.append(f"{named(folder)}: code in __init__.py")
-    assert not faults
-
-
 FOLDERS = sorted({path.parent for path in FILES})
 MODULES = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in FILES}
 
@@ -140,7 +120,7 @@ MODULES = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path
 @cache
 def imports() -> dict[str, set[str]]:
     """What each module imports of our own."""
-    return {name: modules_of(parse(path)) & set(MODULES) for name, path in MODULES.items()}
+    return {name: imported_by(path) & set(MODULES) for name, path in MODULES.items()}
 
 
 def test_no_import_circle() -> None:
@@ -148,9 +128,18 @@ def test_no_import_circle() -> None:
     assert not circle_in(imports())
 
 
-@pytest.mark.parametrize("folder", [PACKAGE, *FOLDERS], ids=named)
-def test_no_import_circle_between_folders(folder: Path) -> None:
+def test_no_import_circle_between_folders() -> None:
     """The folders in a folder are built on one another one way, as files are, and the wings of tools in their order."""
+    for folder in (PACKAGE, *FOLDERS):
+        assert not circle_in(folders_in(folder)), named(folder)
+    graph = folders_in(PACKAGE / "tools")
+    assert set(graph) == set(WINGS)
+    for wing in WINGS:
+        assert graph[wing] <= set(WINGS[: WINGS.index(wing)]), wing
+
+
+def folders_in(folder: Path) -> dict[str, set[str]]:
+    """What each folder in this one imports of the others in it."""
     inside = len(folder.relative_to(ROOT).parts)
     begins = ".".join(folder.relative_to(ROOT).parts) + "."
     graph: dict[str, set[str]] = {}
@@ -161,8 +150,4 @@ def test_no_import_circle_between_folders(folder: Path) -> None:
                 other.split(".")[inside] for other in imported if other.startswith(begins) and other.count(".") > inside
             }
             graph.setdefault(own, set()).update(others - {own})
-    assert not circle_in(graph)
-    if named(folder) == "tools":
-        for wing in set(WINGS) & set(graph):
-            assert graph[wing] <= set(WINGS[: WINGS.index(wing)]), wing
-        assert set(graph) == set(WINGS)
+    return graph

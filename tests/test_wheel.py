@@ -34,6 +34,16 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return next((folder / "dist").glob("sonarmap-*.whl"))
 
 
+def test_every_kind_of_file_is_packaged() -> None:
+    """Known by the ends of their names; the scripts of tools/ are for a checkout."""
+    packaged = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]["*"]
+    suffixes = {Path(name).suffix for name in packaged} | {".typed", ".py"}
+    assert suffixes == SUFFIXES
+    others = {path for path in PACKAGE.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
+    assert not [path for path in others if path.suffix not in {*SUFFIXES, ".sh"}]
+
+
+@pytest.mark.slow
 def test_the_wheel_holds_the_package_with_its_kernels_and_nothing_else(wheel: Path) -> None:
     expected = {path.relative_to(ROOT).as_posix() for path in PACKAGE.rglob("*") if path.suffix in SUFFIXES}
     assert {"sonarmap/py.typed", "sonarmap/__init__.pyi"} <= expected
