@@ -57,16 +57,17 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark as slow what `quick_cases` says, and of a kernel's test all but the first case in the second flavor."""
-    counts: Counter[tuple[str, Any]] = Counter()
+    """Mark as slow what `quick_cases` says, and of a folder of kernels' tests all but one in the second flavor."""
+    counts: Counter[tuple[str, bool]] = Counter()
     for item in items:
         if item.get_closest_marker("slow"):
             continue
         cases, kernel = getattr(item, "callspec", None), item.nodeid.startswith("tests/kernels/")
-        test, second = item.nodeid.partition("[")[0], kernel and cases and cases.params.get("device") == "gpu"
+        second = bool(kernel and cases and cases.params.get("device") == "gpu")
+        test = item.nodeid.rpartition("/")[0] if second else item.nodeid.partition("[")[0]
         counts[test, second] += 1
         given = item.get_closest_marker("quick_cases")
-        if (given and counts[test, second] > given.args[0]) or (second and counts[test, second] > 1):
+        if counts[test, second] > (1 if second else given.args[0] if given else counts[test, second]):
             item.add_marker(pytest.mark.slow)
 
 

@@ -38,13 +38,6 @@ def test_programs_build_without_a_warning(device: Device, name: str) -> None:
     assert not build_warnings(device.program(name))
 
 
-def test_the_first_time_is_said_once(device: Device, said: list[str]) -> None:
-    for seed in (1, 2):
-        for _ in range(2):
-            Device(device.cl_device).build("__kernel void f(__global float* x) { x[0] = SEED; }", (f"-DSEED={seed}",))
-    assert said == [f"compiling kernels for {device.name}, once: this takes some seconds"]
-
-
 def test_a_warning_is_shown_with_what_it_means_and_not_again_in_another_process(device, said, monkeypatch):
     for seed in (3, 5):  # the same of another shape
         program = Device(device.cl_device).build(MISSPELLED, (f"-DSEED={seed}",), "wrong")

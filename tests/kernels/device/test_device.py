@@ -1,6 +1,5 @@
 """Building programs, choosing devices and refusing what does not fit, where a driver says no too."""
 
-import logging
 import os
 import shutil
 import subprocess
@@ -20,7 +19,6 @@ from sonarmap.kernels.device.drivers import Driver
 from sonarmap.kernels.device.launch import zero
 from sonarmap.kernels.device.loaded import load_devices, loaded_driver
 from sonarmap.kernels.device.selection import by_preference, matching
-from sonarmap.kernels.device.source import informative_line
 from sonarmap.kernels.errors import DeviceError
 from tests.samples.places import ROOT
 
@@ -81,14 +79,6 @@ class TestSelection:
         order = [info.selector for info in by_preference([shared, *MACHINE])]
         assert order == ["2:1", "2:0", "5:0", "3:0", "0:0", "1:0", "4"]
 
-    def test_compares_drivers_of_one_vendor_only(self) -> None:
-        intel = fake("0:0", "cpu", "Xeon", "Intel(R) OpenCL", "2024.17")
-        old, candidate, new = (
-            fake(f"{n}:0", "cpu", "Xeon", POCL, version) for n, version in enumerate(["3.9", "3.10-rc2", "3.10"], 1)
-        )
-        assert by_preference([old, intel, candidate, new]) == [new, candidate, old, intel]
-        assert by_preference([intel, old, candidate, new]) == [intel, new, candidate, old]
-
 
 class TestChoice:
     @pytest.fixture
@@ -133,16 +123,6 @@ class TestChoice:
         assert choose_device().selector == "0:0"
         with pytest.raises(DeviceError, match="has loaded the OpenCL driver"):
             load_devices(Driver("card.icd", "libcard.so"))
-
-    def test_which_driver_is_used_is_told_where_there_is_a_choice(self, twice, monkeypatch, caplog):
-        caplog.set_level(logging.INFO, "sonarmap")
-        monkeypatch.setattr("sonarmap.kernels.device.device.loaded_driver", lambda: None)
-        choose_device("0:0")
-        assert not caplog.messages
-        twice[1] = replace(twice[1], name="a card", driver_file="card.icd")
-        choose_device("0:0")
-        told = f"0:0 {twice[0].name} is used, by {twice[0].driver_file}; PYOPENCL_CTX chooses another"
-        assert caplog.messages == [told]
 
     def test_one_that_is_gone_is_named(self, twice: list[DeviceInfo], monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("sonarmap.kernels.device.device.load_devices", lambda _: [])
@@ -196,30 +176,10 @@ class TestPrograms:
         place = folder / "sonarmap" / "kernels" / "device" / "device.py"
         assert (ended.returncode, ended.stdout.strip()) == (0, str(place)), ended.stderr
 
-    def test_are_built_once_per_process(self, device: Device) -> None:
-        assert device.program("points/voxelize", EDGE=16) is device.program("points/voxelize", EDGE=16)
-        assert device.program("points/voxelize", EDGE=16) is not device.program("points/voxelize", EDGE=32)
-        other = Device(device.cl_device, flavor=device.flavor)
-        assert other.program("points/voxelize", EDGE=16) is device.program("points/voxelize", EDGE=16)
-
     def test_carry_the_build_log_in_the_error(self, device: Device) -> None:
         with pytest.raises(DeviceError, match="'broken' did not build on") as raised:
             device.build("__kernel void f(__global float* x) { x[0] = missing_name; }", name="broken")
         assert "missing_name" in str(raised.value)
-
-
-@pytest.mark.parametrize(
-    ("log", "line"),
-    [
-        ("remark: fine\nx.cl:1: error: no such thing\nDevice x failed to build\n", "x.cl:1: error: no such thing"),
-        ("Invalid build option: space\n", "Invalid build option: space"),
-        ("", "clBuildProgram failed: INVALID_BUILD_OPTIONS"),
-    ],
-)
-def test_the_line_that_tells_is_found_in_a_build_log(log: str, line: str) -> None:
-    text = f"clBuildProgram failed: INVALID_BUILD_OPTIONS\n\nBuild on <pyopencl.Device 'x'>:\n\n{log}\n(options: -I /a)"
-    assert informative_line(text) == line
-    assert informative_line(f"{text}\n(source saved as /tmp/x.cl)") == line
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")

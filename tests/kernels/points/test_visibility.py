@@ -1,14 +1,11 @@
 """Points against range images: the octahedral map's laws, and the counts against NumPy's."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.points.poses import upload_poses
 from sonarmap.kernels.points.visibility import Viewing, agreement, octahedral_cells, upload_points, upload_viewpoints
-from tests.samples.refusals import refuses
 
 
 def unfold(cells, edge):
@@ -19,11 +16,6 @@ def unfold(cells, edge):
     y = np.where(z < 0, (1 - np.abs(u)) * np.sign(v), v)
     directions = np.stack([x, y, z], axis=-1)
     return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
-
-
-def on_the_sphere(count, seed):
-    directions = np.random.default_rng(seed).normal(size=(count, 3))
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
 class TestCells:
@@ -38,33 +30,6 @@ class TestCells:
         # the last: (-(1 - 0.6), 1 - 0.1) = (-0.4, 0.9)
         want = [15 * 20 + 8, 18 * 20 + 5, 15 * 20 + 8, 6 * 20 + 19]
         np.testing.assert_array_equal(octahedral_cells(directions, 20), want)
-
-    def test_cells_cover_the_sphere_are_compact_and_differ_in_area_by_no_more_than_said(self):
-        edge, count = 8, 400_000
-        directions = on_the_sphere(count, 1)
-        cells = octahedral_cells(directions, edge)
-        shares = np.bincount(cells, minlength=edge**2) / count
-        assert len(shares) == edge**2
-        # the faces of the octahedron are 3^(3/2) times as far from the sphere at the corners as in the middle, cubed
-        assert shares.min() > 0
-        assert 2 < shares.max() / shares.min() < 3**1.5
-        assert shares.max() < 2.2 / edge**2
-        # the farthest directions of a cell are within 2.6 of the mean cell's width
-        angle = np.arccos(np.clip((directions * unfold(cells, edge)).sum(axis=1), -1, 1))
-        assert angle.max() < 1.3 * np.sqrt(4 * np.pi / edge**2)
-
-    def test_borders_and_no_direction_have_a_cell(self):
-        directions = np.array([[0, 0, 0], [0, 0, 1], [0, 0, -1], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, -0.0]])
-        cells = octahedral_cells(directions, 16)
-        assert cells.min() >= 0
-        assert cells.max() < 256
-        assert cells[0] == cells[1]
-        assert octahedral_cells(np.zeros((0, 3)), 16).shape == (0,)
-
-    def test_refuses_what_it_cannot_use(self):
-        for bad in (np.zeros(3), np.zeros((2, 4)), np.array([[0, np.nan, 1.0]])):
-            refuses("`directions` have shape", octahedral_cells, bad, 16)
-        refuses("`edge=0` cells", octahedral_cells, np.ones((1, 3)), 0)
 
 
 def twin(view, points, R, t, reach, slope):
@@ -113,9 +78,7 @@ def alone(device, view, points, R, t, reach, slope):
 
 class TestAgreement:
     @pytest.mark.quick_cases(2)
-    @pytest.mark.parametrize(
-        ("edge", "points", "poses"), [(4, 1, 1), (16, 7, 5), (32, 255, 3), (32, 256, 2), (128, 257, 4), (64, 1500, 20)]
-    )
+    @pytest.mark.parametrize(("edge", "points", "poses"), [(16, 7, 5), (32, 256, 2), (64, 1500, 20)])
     @pytest.mark.parametrize(("reach", "slope"), [(0.0, 0.0), (1.5, 0.03)])
     def test_equals_the_twin(self, device, edge, points, poses, reach, slope):
         view = random_view(edge, seed=3)
@@ -128,35 +91,7 @@ class TestAgreement:
         # the doubt is small enough for the counts to mean something
         assert doubtful.sum() <= 1 + 0.01 * points * poses
 
-    def test_near_between_and_behind(self, device):
-        """One seen direction, ranges 10 to 12: reach 0.5 and slope 0.1 of the point's own range."""
-        edge = 8
-        view = np.full((edge, edge, 2), (np.inf, -np.inf), np.float32)
-        direction = np.array([0.3, -0.5, 0.4])
-        direction /= np.linalg.norm(direction)
-        view.reshape(-1, 2)[octahedral_cells(direction[None], edge)] = 10, 12
-        ranges = np.array([8.5, 8.7, 11.0, 13.8, 13.95, 40.0])  # 10 - 0.5 = 1.1 r at 8.64; 12 + 0.5 = 0.9 r at 13.89
-        points = np.vstack([ranges[:, None] * direction, -ranges[:, None] * direction, [[0, 0, 0]]])
-        there, placed = device.to_device(view), upload_points(device, points)
-        got = alone(device, there, placed, np.eye(3)[None], np.zeros((1, 3)), 0.5, 0.1)
-        np.testing.assert_array_equal(got, [[3, 1, 6]])
-
-    def test_the_pose_moves_the_points(self, device):
-        """p_sensor = R p + t, with an R and a t that no other order would undo."""
-        R = Rotation.from_euler("ZYX", [50, 20, -35], degrees=True).as_matrix()
-        t = np.array([3.0, -1.0, 2.0])
-        seen = on_the_sphere(300, 6) * np.random.default_rng(7).uniform(5, 20, (300, 1))
-        edge = 64
-        view = np.full((edge * edge, 2), (np.inf, -np.inf), np.float32)
-        for cell, distance in zip(octahedral_cells(seen, edge), np.linalg.norm(seen, axis=1), strict=True):
-            view[cell] = min(view[cell, 0], distance), max(view[cell, 1], distance)
-        points = upload_points(device, (seen - t) @ R)
-        turns, shifts = np.stack([R, R.T, R]), np.stack([t, t, -t])
-        got = alone(device, device.to_device(view.reshape(edge, edge, 2)), points, turns, shifts, 0.1, 0)
-        assert got[0, 0] >= 295  # rounding may move a few over their cell's border
-        assert (got[1:, 0] < 100).all()
-
-    @pytest.mark.parametrize("count", [0, 1, 8, 9, 250, 256, 259])
+    @pytest.mark.parametrize("count", [0, 9, 256])
     def test_an_unseen_sphere_says_nothing_and_padding_does_not_count(self, device, count):
         """Every cell of the other is seen, where the padding's zeros would agree."""
         points = upload_points(device, np.zeros((count, 3)))
@@ -168,7 +103,7 @@ class TestAgreement:
             assert alone(device, there, points, pose[0][:0], pose[1][:0], 1, 0).shape == (0, 3)
 
     @pytest.mark.quick_cases(1)
-    @pytest.mark.parametrize("images", [(1, 1), (3, 2), (0, 2), (2, 0), (0, 0)])
+    @pytest.mark.parametrize("images", [(3, 2), (0, 2)])
     def test_both_ways_at_once_are_as_one_at_a_time(self, device, images):
         """Two of several images each, and two tolerances; but for points at borders, as the inverse is rounded."""
         tolerances = [(1.5, 0.03), (0.2, 0.0)]
@@ -191,19 +126,3 @@ class TestAgreement:
                     want = alone(device, viewing.views[k], viewing.points, turns, shifts - seen_from[k], *tolerance)
                     assert np.abs(of_image[:, number] - want).max() <= 1
                     assert (of_image[:, number] != want).mean() < 0.1
-
-    def test_refuses_what_it_cannot_use(self, device):
-        view, points = device.to_device(random_view(16, 13)), upload_points(device, on_the_sphere(9, 14))
-        R, t = random_poses(2, 15)
-        viewing = Viewing(view.reshape(1, 16, 16, 2), upload_viewpoints(device, np.zeros((1, 3))), points)
-        refuses("`poses` is", agreement, device, [viewing], device.empty((2, 12)), [(1, 0)])
-        for message, viewpoints in (("no `viewpoints`", None), ("`viewpoints` is", upload_viewpoints(device, t))):
-            other = replace(viewing, viewpoints=viewpoints)
-            refuses(message, agreement, device, [other], upload_poses(device, R, t), [(1, 0)])
-        for bad in ((-1, 0), (0, np.inf), (np.nan, 0)):
-            refuses("wanted one or two of each, 0 or more", alone, device, view, points, R, t, *bad)
-        refuses("`views` is", alone, device, device.to_device(np.zeros((16, 8, 2), np.float32)), points, R, t, 1, 0)
-        refuses("99 of 16", alone, device, view, (points[0], 99), R, t, 1, 0)
-        refuses("wanted one or two of each", agreement, device, [viewing] * 3, upload_poses(device, R, t), [(1, 0)])
-        for bad in (np.zeros((3, 2)), np.array([[1, 2, np.inf]])):
-            refuses("`points` have shape", upload_points, device, bad)

@@ -51,14 +51,6 @@ def test_voxel_centers_and_walls(device):
     assert not voxelize(device, device.empty((1, 4))[:0], 16).get().any()
 
 
-def test_refuses_what_it_cannot_use(device):
-    points = device.empty((5, 4))
-    refuses("`points` is float32 of shape", voxelize, device, device.empty((5, 3)), 16)
-    refuses("rotation", voxelize, device, points, 16, R=np.ones((3, 3)))
-    refuses("even", voxelize, device, points, 15)
-    refuses("`out` is float32", voxelize, device, points, 16, out=device.empty((16, 16, 8)))
-
-
 def test_several_poses_at_once_are_those_one_by_one(device):
     """And 8 rows are marked where any holds a point."""
     rng = np.random.default_rng(5)

@@ -56,7 +56,7 @@ class TestPeaks:
         [
             (16, 3, 1),
             (32, 5, 8),
-            *(pytest.param(*case, marks=pytest.mark.slow) for case in ((50, 3, 4), (64, 2, 4), (48, 3, 2))),
+            pytest.param(50, 3, 4, marks=pytest.mark.slow),
         ],
     )
     def test_are_those_of_numpy(self, device: Device, edge, number, count) -> None:
@@ -88,7 +88,7 @@ class TestPeaks:
         for one, other in zip(psr[0], psr[1], strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-6)
 
-    @pytest.mark.parametrize("edge", [32, 18, *(pytest.param(edge, marks=pytest.mark.slow) for edge in (50, 30, 54))])
+    @pytest.mark.parametrize("edge", [32, pytest.param(18, marks=pytest.mark.slow)])
     def test_of_more_equal_maxima_than_the_device_lists(self, device: Device, edge: int) -> None:
         """A line of points along z correlates alike at all shifts along it; 18 cubed is no multiple of an alignment."""
         z = np.arange(-edge // 2, edge // 2)
@@ -121,7 +121,7 @@ class TestPeaks:
 
 
 class TestAt:
-    @pytest.mark.parametrize("edge", [16, 32, 18, pytest.param(40, marks=pytest.mark.slow)])
+    @pytest.mark.parametrize("edge", [16, pytest.param(18, marks=pytest.mark.slow)])
     def test_is_linear_between_voxels_and_cyclic(self, device: Device, edge) -> None:
         points, pose = surface(edge), poses(2)[1]
         places = np.random.default_rng(edge).uniform(-2 * edge, 2 * edge, (200, 3))
@@ -135,7 +135,7 @@ class TestAt:
 
 
 class TestNear:
-    @pytest.mark.parametrize("edge", [16, 18, *(pytest.param(edge, marks=pytest.mark.slow) for edge in (32, 64, 40))])
+    @pytest.mark.parametrize("edge", [16, pytest.param(18, marks=pytest.mark.slow)])
     def test_is_what_the_whole_correlation_holds(self, device: Device, edge) -> None:
         points, given = surface(edge), poses(4)
         shifts = np.array([[0, 0, 0], [2, -3, 1], [5, 1, -edge // 2], [-7, edge + 3, 4]])
@@ -148,15 +148,3 @@ class TestNear:
             window = np.ix_(*((c + np.arange(-1, 2)) % edge for c in peak.index))
             np.testing.assert_allclose(peak.neighborhood, want[window], atol=TOLERANCE * want.std())
             assert (peak.mean, peak.std) == pytest.approx((want.mean(), want.std()), rel=TOLERANCE)
-
-    def test_works_after_the_search_and_before_it(self, device: Device) -> None:
-        points, targets = device.to_device(surface(32)), spectra(device, surface(32), 32)
-        correlator = make(device, 32)
-        ((peaks, _),) = make(device, 32).find(points, poses(1), targets, 1, 2.0)
-        shifts = np.tile(peaks[0].index, (3, 1))
-        before = correlator.near(points, poses(3), targets, shifts)
-        ((found, _),) = correlator.find(points, poses(1), targets, 1, 2.0)
-        after = correlator.near(points, poses(3), targets, shifts).read()
-        assert [peak.psr for peak in before.read()] == [peak.psr for peak in after]
-        assert after[0].psr == pytest.approx(found[0].psr, rel=1e-5)
-        assert found[0].psr == peaks[0].psr

@@ -5,7 +5,6 @@ import pytest
 
 from sonarmap.kernels.pomf.peak import find_peaks
 from tests.samples.pomf_twin import highest_maxima
-from tests.samples.refusals import refuses
 
 
 def bump(shape, center, deviation, height=1.0):
@@ -15,8 +14,8 @@ def bump(shape, center, deviation, height=1.0):
 
 
 @pytest.mark.quick_cases(4)
-@pytest.mark.parametrize("shape", [(16, 16, 16), (7, 20, 32), (9, 5, 13), (1, 32, 64), (18, 18, 18)])
-@pytest.mark.parametrize("count", [1, 6, 40])
+@pytest.mark.parametrize("shape", [(16, 16, 16), (9, 5, 13), (18, 18, 18)])
+@pytest.mark.parametrize("count", [1, 40])
 def test_equals_the_twin_on_noise(device, shape, count):
     """In a slice that may begin anywhere, as the correlations of a grid of 18 voxels do, 23328 bytes apart."""
     volume = np.random.default_rng(count).normal(size=shape).astype(np.float32)
@@ -39,8 +38,8 @@ def test_limits_equal_the_twin(device, limits):
     assert [peak.index.tolist() for peak in peaks] == highest_maxima(volume, 5, 1, bounds)
 
 
-@pytest.mark.parametrize("deviation", [0.7, 0.9, 1.4])
-@pytest.mark.parametrize("shift", [(4, -3, 11), (-5.3, 2.4, 30.15), (4.5, -3, 10.7), (3.55, -2.6, 11.5)])
+@pytest.mark.parametrize("deviation", [0.7, 1.4])
+@pytest.mark.parametrize("shift", [(-5.3, 2.4, 30.15), (4.5, -3, 10.7)])
 def test_shift_and_height_of_a_gaussian_between_the_voxels(device, deviation, shift):
     volume = bump((32, 16, 64), shift, deviation, height=7.0).astype(np.float32)
     peak = find_peaks(device, device.to_device(volume))[0]
@@ -49,15 +48,6 @@ def test_shift_and_height_of_a_gaussian_between_the_voxels(device, deviation, sh
     assert peak.value == pytest.approx(7.0 * np.exp(-np.square(off).sum() / (2 * deviation**2)), rel=1e-4)
     # neighbors below 5 % of the voxel count as 5 %
     assert peak.top == pytest.approx(7.0, rel=1e-4 if deviation > 0.8 else 0.06)
-
-
-def test_sub_voxel_shift_of_an_unblurred_correlation(device):
-    n, shift = 32, np.array([3.25, -7.3, 0.2])
-    f = np.fft.fftfreq(n)
-    spectrum = np.exp(-2j * np.pi * (f[:, None, None] * shift[0] + f[:, None] * shift[1] + f * shift[2]))
-    volume = np.fft.ifftn(spectrum).real.astype(np.float32)
-    (peak,) = find_peaks(device, device.to_device(volume))
-    np.testing.assert_allclose(peak.shift, shift, atol=0.1)
 
 
 def test_two_peaks_in_one_row_and_a_shoulder_that_is_none(device):
@@ -77,13 +67,3 @@ def test_a_slope_into_the_limits_is_no_peak_and_a_constant_has_no_psr(device):
     large = (1000 + 0.01 * np.random.default_rng(9).normal(size=(32, 32, 32))).astype(np.float32)
     (peak,) = find_peaks(device, device.to_device(large))
     assert peak.std == pytest.approx(large.astype(np.float64).std(), rel=2e-3)
-
-
-def test_refuses_what_it_cannot_use(device):
-    volume = np.zeros((16, 16, 16), np.float32)
-    volume[3, 4, 5] = np.nan
-    refuses("not finite", find_peaks, device, device.to_device(volume))
-    good = device.to_device(np.zeros((16, 16, 16), np.float32))
-    refuses("count", find_peaks, device, good, 0)
-    refuses("limits", find_peaks, device, good, limits=(1, -1, None))
-    refuses("`correlation` is float64", find_peaks, device, device.to_device(np.zeros((4, 4, 4))))

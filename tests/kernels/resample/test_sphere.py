@@ -14,7 +14,6 @@ from sonarmap.kernels.resample.sphere import (
     valid_pixels,
 )
 from tests.samples.pomf_twin import relative_error
-from tests.samples.refusals import refuses
 
 
 def magnitude_of(edge, seed=0):
@@ -25,8 +24,8 @@ def magnitude_of(edge, seed=0):
     return half, whole
 
 
-@pytest.mark.quick_cases(2)
-@pytest.mark.parametrize("edge", [16, 32, 64])
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("edge", [16, 64])
 @pytest.mark.parametrize(
     "directions",
     [rotational_unwrap(24), rectangular_unwrap(16, "x"), rectangular_unwrap(32, "y"), latitude_longitude(9, 40)],
@@ -43,17 +42,6 @@ def test_equals_scipy_on_the_whole_spectrum(device, edge, directions, degrees):
     magnitude, table = device.to_device(half), upload_directions(device, directions)
     got = sample(device, magnitude, table, radii, None if degrees is None else R).get()
     assert relative_error(got, want) <= 5e-5
-
-
-def test_antipodes_are_alike(device):
-    half, _ = magnitude_of(32, seed=1)
-    directions = Rotation.random(64, rng=np.random.default_rng(2)).as_matrix()[:, 0].reshape(8, 8, 3)
-    radii = np.array([3.3, 9.9, 14.5])
-    samples = [
-        sample(device, device.to_device(half), upload_directions(device, table.astype(np.float32)), radii).get()
-        for table in (directions, -directions)
-    ]
-    np.testing.assert_allclose(samples[0], samples[1], rtol=1e-5)
 
 
 def images(device, table, R, edge=64):
@@ -90,19 +78,6 @@ def test_pitch_shifts_the_unwrap_with_poles_on_y_roll_that_on_x_and_yaw_latitude
     assert relative_error(turned, np.roll(plain, -m, axis=1)) < 1e-4
 
 
-def test_both_unwraps_shift_alike_near_the_center():
-    """A small roll and pitch move the center of both tables to the pixels that the docstring says."""
-    edge, roll, pitch = 64, 0.031, -0.047
-    R = Rotation.from_euler("ZYX", [0, pitch, roll]).as_matrix()
-    seen = R @ np.array([0, 0, 1.0])
-    for axis in "xy":
-        table = rectangular_unwrap(edge, axis).astype(np.float64)
-        i = edge // 2 + pitch * edge / np.pi
-        j = edge // 2 - roll * edge / np.pi
-        there = [map_coordinates(table[..., c], [[i], [j]], order=1)[0] for c in range(3)]
-        np.testing.assert_allclose(there, seen, atol=2e-3)
-
-
 def test_tables_are_unit_vectors_of_the_upper_hemisphere():
     for table in (rectangular_unwrap(16, "x"), rectangular_unwrap(16, "y"), latitude_longitude(8, 16)):
         np.testing.assert_allclose(np.linalg.norm(table, axis=-1), 1, atol=1e-6)
@@ -113,13 +88,3 @@ def test_tables_are_unit_vectors_of_the_upper_hemisphere():
     assert valid[0, 8] == 1
     np.testing.assert_allclose(table[8, 8], [0, 0, 1])
     np.testing.assert_allclose(np.linalg.norm(table, axis=-1), valid, atol=1e-6)
-
-
-def test_refuses_what_it_cannot_use(device):
-    magnitude = device.to_device(magnitude_of(16)[0])
-    directions = upload_directions(device, rectangular_unwrap(16, "x"))
-    refuses("below 7 bins", sample, device, magnitude, directions, np.array([3.0, 7.0]))
-    refuses("below 7 bins", sample, device, magnitude, directions, np.array([]))
-    refuses("`magnitude` is", sample, device, device.empty((16, 16, 16)), directions, np.array([3.0]))
-    refuses("unit vectors", upload_directions, device, 2 * rectangular_unwrap(16, "x"))
-    refuses("on 'x' or 'y'", rectangular_unwrap, 16, "z")

@@ -37,8 +37,8 @@ def volumes(shape, seed, levels=None):
     return values.astype(np.float32)
 
 
-@pytest.mark.quick_cases(3)
-@pytest.mark.parametrize(("bandwidth", "largest", "parts"), [(8, np.pi, 1), (8, 0.2, 3), (16, 1.0, 2), (24, 0.4, 2)])
+@pytest.mark.quick_cases(2)
+@pytest.mark.parametrize(("bandwidth", "largest", "parts"), [(8, 0.2, 3), (16, 1.0, 2)])
 @pytest.mark.parametrize("levels", [None, 3])
 def test_equals_the_twin(device, bandwidth, largest, parts, levels):
     correlation = RotationCorrelation(device, bandwidth, largest)

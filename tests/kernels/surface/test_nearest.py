@@ -9,7 +9,6 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.surface.cells import sort_into_cells
 from sonarmap.kernels.surface.nearest import find_nearest, upload_places
 from tests.kernels.surface.scenes import bent_sheet
-from tests.samples.refusals import refuses
 
 # Coordinates of 100 voxels are rounded by 4e-6 each.
 ROUNDING = 3e-5
@@ -42,15 +41,13 @@ def require_nearest(device: Device, points: np.ndarray, places: np.ndarray, coun
     np.testing.assert_allclose(np.linalg.norm(points[index[near]] - moved[near], axis=1), want[near], atol=away)
 
 
-@pytest.mark.parametrize("reach", [0.0, 0.4, 1.5, 8.0, 60.0])
+@pytest.mark.parametrize("reach", [0.0, 1.5, 60.0])
 @pytest.mark.parametrize(
     ("shape", "count", "poses"),
     [
         ("surface", 3000, 3),
         ("surface", 3, 72),
-        ("ball", 700, 2),
         ("sparse", 500, 2),
-        ("plane", 900, 1),
         ("line", 60, 2),
     ],
 )
@@ -83,13 +80,3 @@ def test_of_points_equally_far_the_first_in_the_cells_is_taken_and_no_number_has
     assert distance[0].tolist() == [1.0, np.inf, np.inf, np.inf]
     assert find_nearest(device, cells, places, np.zeros((0, 3, 3)), np.zeros((0, 3)), 1.0)[0].shape == (0, 4)
     assert find_nearest(device, cells, places[:0], *STILL, 1.0)[1].shape == (1, 0)
-
-
-def test_refuses_what_it_cannot_use(device: Device) -> None:
-    for bad in (np.zeros((0, 3)), np.zeros((4, 2)), np.array([[0, np.nan, 1]])):
-        refuses("`points` have shape", sort_into_cells, device, bad)
-    refuses("`size=0", sort_into_cells, device, np.ones((2, 3)), 0)
-    cells, places = sort_into_cells(device, np.ones((1, 3))), upload_places(device, np.zeros((4, 3)))
-    refuses("finite", find_nearest, device, cells, places, np.eye(3)[None], np.array([[0, 0, np.nan]]), 1.0)
-    refuses("`reach=-1", find_nearest, device, cells, places, *STILL, -1.0)
-    refuses("`places` is", find_nearest, device, cells, device.empty((4, 3)), *STILL, 1.0)

@@ -1,0 +1,101 @@
+"""What kernels cannot use is refused before it is computed with: other shapes and types, no numbers, wrong bounds."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.fft.transform import RealFFT
+from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.kernels.points.visibility import Viewing, agreement, octahedral_cells, upload_points, upload_viewpoints
+from sonarmap.kernels.points.voxelize import scaled, voxelize
+from sonarmap.kernels.pomf.peak import find_peaks
+from sonarmap.kernels.pomf.point_spectra import PointSpectra
+from sonarmap.kernels.pomf.spectrum import Pomf, cross_power, magnitude, whiten
+from sonarmap.kernels.resample.layers import normalize_layers
+from sonarmap.kernels.resample.polar import polar_magnitude
+from sonarmap.kernels.resample.sphere import rectangular_unwrap, sample, upload_directions
+from sonarmap.kernels.so3.correlation import RotationCorrelation
+from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
+from sonarmap.kernels.surface.cells import sort_into_cells
+from sonarmap.kernels.surface.nearest import find_nearest, upload_places
+from sonarmap.kernels.surface.planes import fit_planes
+
+ANGLES, EYE = np.arange(8.0), np.eye(3)[None]
+
+
+def spectrum(device: Device, *shape: int) -> object:
+    return device.empty(shape, np.complex64)
+
+
+def not_finite(device: Device) -> object:
+    volume = np.zeros((16, 16, 16), np.float32)
+    volume[3, 4, 5] = np.nan
+    return device.to_device(volume)
+
+
+def viewed(device: Device, *tolerances: tuple[float, float], points: int = 9) -> object:
+    """An agreement of points with an image, of as many points as it says."""
+    there, places = upload_viewpoints(device, np.zeros((1, 3))), upload_points(device, np.ones((9, 3)))
+    viewing = Viewing(device.empty((1, 16, 16, 2)), there, (places[0], points))
+    return agreement(device, [viewing], upload_poses(device, EYE, np.zeros((1, 3))), list(tolerances))
+
+
+CASES: dict[str, Callable] = {
+    "even products of 2, 3 and 5 from 16 to 512": lambda d: RealFFT(d, (28, 32, 64)),
+    "last two edges": lambda d: RealFFT(d, (0, 32, 32), batched=True),
+    "`volume` is float64": lambda d: RealFFT(d, (16, 16, 16)).forward(d.to_device(np.zeros((16, 16, 16)))),
+    "in C order": lambda d: RealFFT(d, (16, 16, 16)).forward(d.empty((16, 16, 17))[:, :, 1:]),
+    "`R` and `t` have shapes": lambda d: upload_poses(d, EYE, np.zeros((2, 3))),
+    "finite": lambda d: upload_poses(d, EYE, np.array([[0, np.inf, 0]])),
+    "`points` is": lambda d: scaled(d, d.empty((5, 3)), 0.5),
+    "rotation": lambda d: voxelize(d, d.empty((5, 4)), 16, R=np.ones((3, 3))),
+    "even": lambda d: voxelize(d, d.empty((5, 4)), 15),
+    "`directions` have shape": lambda d: octahedral_cells(np.array([[0, np.nan, 1.0]]), 16),
+    "wanted one or two of each, 0 or more": lambda d: viewed(d, (np.nan, 0)),
+    "99 of 16": lambda d: viewed(d, (1, 0), points=99),
+    "`points` have shape": lambda d: upload_points(d, np.array([[1, 2, np.inf]])),
+    "not finite": lambda d: find_peaks(d, not_finite(d)),
+    "limits": lambda d: find_peaks(d, d.empty((16, 16, 16)), limits=(1, -1, None)),
+    "2 spectra for 1 exponents": lambda d: PointSpectra(d, 16).transform(
+        d.empty((0, 4)), [spectrum(d, 16, 16, 16)] * 2
+    ),
+    "`out` is": lambda d: PointSpectra(d, 24).transform(d.empty((0, 4)), [spectrum(d, 16, 16, 16)]),
+    "`spectrum` is complex64": lambda d: magnitude(d, spectrum(d, 16, 16, 16), 32),
+    "multiple of 8": lambda d: whiten(d, spectrum(d, 16, 9)),
+    r"`exponent=.*give 0, plain correlation, to 1": lambda d: whiten(d, spectrum(d, 16, 16, 16), float("nan")),
+    "blur": lambda d: cross_power(d, *[spectrum(d, 16, 16, 16)] * 2, (16, 16, 16), blur=(0, -1, 0)),
+    "batched=True": lambda d: Pomf(d, (16, 16, 16)).correlate_layers(*[spectrum(d, 16, 16, 16)] * 2),
+    "`window` is": lambda d: normalize_layers(d, d.empty((2, 8, 8)), d.empty((8, 16))),
+    "below 7 bins": lambda d: polar_magnitude(d, spectrum(d, 2, 16, 16), (16, 16), np.array([7.0]), ANGLES),
+    "`magnitude` is": lambda d: sample(
+        d, d.empty((16, 16, 16)), upload_directions(d, rectangular_unwrap(16, "x")), np.array([3.0])
+    ),
+    "unit vectors": lambda d: upload_directions(d, 2 * rectangular_unwrap(16, "x")),
+    "`radii` are": lambda d: Harmonics(d, 8, 16, 16).analyze(d.empty((16, 16, 9)), np.array([7.0])),
+    "`bandwidth=12` with": lambda d: Harmonics(d, 12, 16, 32),
+    "power.*wanted 0 to 1": lambda d: equalizers(np.ones((4, 3, 3)), np.nan),
+    "products.* not finite": lambda d: equalizers(np.full((4, 3, 3), np.nan), 0.4),
+    "above 0 up to 180 degrees": lambda d: RotationCorrelation(d, 16, 3.2),
+    "`(target|source)` is complex64 of shape": lambda d: RotationCorrelation(d, 8, 1.0).correlate(
+        *[spectrum(d, 4, 2, 14)] * 2
+    ),
+    "go beyond the 2 layers": lambda d: RotationCorrelation(d, 8, 1.0).correlate(
+        *[spectrum(d, 4, 2, 15)] * 2, [(1, 2)]
+    ),
+    "`points` have shape.*": lambda d: sort_into_cells(d, np.array([[0, np.nan, 1]])),
+    "`reach=-1": lambda d: find_nearest(
+        d, sort_into_cells(d, np.ones((1, 3))), upload_places(d, np.zeros((4, 3))), EYE, np.zeros((1, 3)), -1.0
+    ),
+    "2 points show no plane": lambda d: fit_planes(
+        d, sort_into_cells(d, np.eye(3)[:2]), np.eye(3), np.eye(3), farthest=3, aside=0.4
+    ),
+}
+
+
+@pytest.mark.parametrize("words", CASES)
+def test_what_cannot_be_used(device: Device, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        CASES[words](device)
