@@ -19,6 +19,7 @@ from sonarmap.kernels.device.drivers import Driver
 from sonarmap.kernels.device.launch import zero
 from sonarmap.kernels.device.loaded import load_devices, loaded_driver
 from sonarmap.kernels.device.selection import by_preference, matching
+from sonarmap.kernels.device.source import informative_line
 from sonarmap.kernels.errors import DeviceError
 from tests.samples.places import ROOT
 
@@ -204,3 +205,17 @@ def test_a_process_forked_after_a_driver_was_loaded_refuses_instead_of_waiting_f
     os.waitpid(child, 0)
     assert [refusal for refusal in refusals if "get_context('spawn')" in refusal] == refusals
     assert len(refusals) == 3
+
+
+@pytest.mark.parametrize(
+    ("log", "line"),
+    [
+        ("remark: fine\nx.cl:1: error: no such thing\nDevice x failed to build\n", "x.cl:1: error: no such thing"),
+        ("Invalid build option: space\n", "Invalid build option: space"),
+        ("", "clBuildProgram failed: INVALID_BUILD_OPTIONS"),
+    ],
+)
+def test_the_line_that_tells_is_found_in_a_build_log(log: str, line: str) -> None:
+    text = f"clBuildProgram failed: INVALID_BUILD_OPTIONS\n\nBuild on <pyopencl.Device 'x'>:\n\n{log}\n(options: -I /a)"
+    assert informative_line(text) == line
+    assert informative_line(f"{text}\n(source saved as /tmp/x.cl)") == line

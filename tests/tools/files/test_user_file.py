@@ -1,7 +1,6 @@
 """What a user names is read where it is a file, or a pipe on purpose; what never ends or never begins is refused."""
 
 import os
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.selection import BAG_METADATA, is_bag_folder
 from sonarmap.tools.files.user_file import read_content
-from tests.samples.command_line import ROOT, SONARMAP
+from tests.samples.clutter_scans import sonarmap
 from tests.samples.refusals import refuses
 
 READERS: dict[str, Callable[[Path], object]] = {
@@ -49,10 +48,11 @@ def test_a_pipe_that_the_command_was_given_is_read(tmp_path: Path) -> None:
     assert read_csv_table(Path(f"/dev/fd/{read}")).rows[0].cells == ["1", "2"]
     refuses("it is a pipe", read_g2o, Path(f"/dev/fd/{read}"))
     os.close(read)
-    command = [*SONARMAP, "--config", "/dev/stdin", "devices"]
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run(command, input=b"[devices]\ngrid = 96\n", env=environment, capture_output=True)
-    assert b"grid is not an option of devices" in done.stderr
+    read, write = os.pipe()
+    os.write(write, b"[devices]\ngrid = 96\n")
+    os.close(write)
+    assert "grid is not an option of devices" in sonarmap("--config", f"/dev/fd/{read}", "devices").stderr
+    os.close(read)
     assert read_content(Path(os.devnull), pipe=True) == b""
 
 

@@ -13,7 +13,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds import apart
 from sonarmap.tools.files.readers.clouds.apart import read_apart
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
-from sonarmap.tools.files.readers.scans import read_scans, read_survey
+from sonarmap.tools.files.readers.scans import read_survey
 from tests.samples.cloud_files import POINTS, las
 from tests.samples.places import ROOT
 from tests.samples.refusals import refuses
@@ -74,6 +74,7 @@ def test_the_process_is_kept_until_it_ends() -> None:
     assert process() != second
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not bound a process")
 def test_time_and_memory_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     refuses("it takes more memory than", read_apart, gorge, b"")
@@ -112,18 +113,6 @@ def test_a_hostile_laz_file_is_one_gap(tmp_path: Path) -> None:
     assert [scan.name for scan in read.scans] == ["a", "c"]
     assert [unread.where for unread in read.unread] == [str(tmp_path / "b.laz")]
     assert "the file is cut or damaged; copy it again" in read.unread[0].reason
-
-
-def test_plain_points_need_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(*_: object, **__: object) -> None:
-        raise OSError(11, "Resource temporarily unavailable")
-
-    monkeypatch.setattr(apart, "_kept", None)
-    monkeypatch.setattr(subprocess, "Popen", refused)
-    for name in ("a.las", "a.laz"):
-        (tmp_path / name).write_bytes(las(compressed=name == "a.laz"))
-    np.testing.assert_array_equal(read_scans([tmp_path / "a.las"]).scans[0].points, POINTS)
-    refuses(r"a\.laz: no process can be started to read it \(Resource temporarily", read_scans, [tmp_path / "a.laz"])
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.corrections import FRAMES, UNITS, Corrections, PointFrame
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
-from tests.samples.cloud_files import TABLE, npz, range_image
+from tests.samples.cloud_files import TABLE, range_image
 from tests.samples.refusals import refuses
 
 POINTS = np.array([[1.5, -2.25, 0.75], [6.75, 0.125, -3.5]])
@@ -50,13 +50,6 @@ def test_points_are_scaled_from_where_the_sensor_was() -> None:
     np.testing.assert_array_equal(Corrections(scale=2.0).corrected(Cloud(POINTS)).points, 2 * POINTS)
     assert Corrections().corrected(cloud) is cloud
     assert PointFrame().turned(cloud) is cloud
-
-
-def test_any_format_can_be_scaled(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", TABLE)
-    (tmp_path / "b.npz").write_bytes(npz(points=TABLE[:, :3]))
-    for scan in read_scans([tmp_path], Corrections(scale=0.5)).scans:
-        np.testing.assert_array_equal(scan.points, TABLE[:, :3] / 2)
 
 
 def test_a_speed_for_a_format_without_one_and_axes_of_one_that_says_its_own_are_refused(tmp_path: Path) -> None:
@@ -114,10 +107,3 @@ def test_units() -> None:
     for unit, size in meters.items():
         turned = PointFrame("flu", unit).turned(Cloud(np.array([[1000.0, -2000, 3000]])))
         np.testing.assert_allclose(turned.points, np.multiply([[1000, -2000, 3000]], size), rtol=1e-8)
-
-
-def test_integers_and_what_is_not_finite() -> None:
-    turned = PointFrame("frd", "mm").turned(Cloud(np.array([[1500, 250, -750]], np.int16)))
-    np.testing.assert_allclose(turned.points, [[1.5, -0.25, 0.75]])
-    points = PointFrame("ned").turned(Cloud(np.array([[np.nan, 1.0, 2.0], [1, np.inf, 3]]))).points
-    np.testing.assert_array_equal(np.isfinite(points), [[True, False, True], [False, True, True]])

@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers import incoming as module
 from sonarmap.tools.files.readers.corrections import AS_RECORDED
@@ -85,16 +84,6 @@ def test_a_recording_that_grows_gives_each_scan_once_and_goes_on_from_every_mark
         require_same(followed(path, after=each.behind), scans[k:])
 
 
-def test_what_came_before_it_ended_is_read(tmp_path: Path) -> None:
-    path = put(tmp_path / "dive.sonar", b"")
-
-    def write_and_end() -> bool:
-        written(path, list(recording(3)))
-        return True
-
-    assert len(list(incoming(path, AS_RECORDED, write_and_end))) == 3
-
-
 def test_a_recording_that_is_given_its_name_has_ended(tmp_path: Path) -> None:
     path = written(tmp_path / "dive.part.sonar", list(recording(3)))
     came = incoming(path, AS_RECORDED, lambda: bool(path.exists() and path.rename(tmp_path / "dive.sonar")) and False)
@@ -134,20 +123,6 @@ def test_a_part_that_is_given_its_name_is_not_read_twice(tmp_path: Path) -> None
     assert [each.behind.file for each in came] == ["001.sonar"] * 3 + ["002.sonar"] * 2
     for k, each in enumerate(came, 1):
         assert len(followed(tmp_path, after=each.behind)) == 5 - k
-
-
-def test_a_part_that_is_given_its_name_before_it_is_opened_is_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    part, size = written(tmp_path / "001.part.sonar", list(recording(3))), module._size
-
-    def renames(path: Path) -> object:
-        if part.exists():
-            part.rename(tmp_path / "001.sonar")
-        return size(path)
-
-    monkeypatch.setattr(module, "_size", renames)
-    assert len(followed(tmp_path)) == 3
 
 
 def test_after_a_recording_that_is_cut_the_next_one_is_read_and_what_is_missing_is_of_both(tmp_path: Path) -> None:
@@ -197,15 +172,6 @@ def test_files_that_are_there_already_come_at_once_and_removed_ones_change_nothi
     assert [each.scan.name for each in taken] == ["scan_11"]
 
 
-def test_within_a_file_of_several_scans_it_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scans = [Scan(scan(k)[:60], stamp=float(k)) for k in range(4)]
-    monkeypatch.setattr(module, "_read", lambda *_: scans)
-    put(tmp_path / "dive.ply", b"7")
-    came = followed(tmp_path)
-    require_same(came, scans)
-    require_same(followed(tmp_path, after=came[1].behind), scans[2:])
-
-
 def test_a_replay_keeps_the_pace_of_the_stamps_or_none(tmp_path: Path, clock: SimpleNamespace) -> None:
     path = written(tmp_path / "dive.sonar", [packet for packet in recording(9) if packet.shot not in (2, 3, 4)])
     due = np.array([0, 1, 5, 6, 7, 8]) / 5  # s, at 5 shots per second
@@ -218,24 +184,6 @@ def test_a_replay_keeps_the_pace_of_the_stamps_or_none(tmp_path: Path, clock: Si
         expected = (due - due[after])[after:] / factor if factor else np.zeros(6)
         np.testing.assert_allclose([at for at, _ in came], expected, atol=1e-6)
         assert [each.behind.count for _, each in came] == list(range(after + 1, 7))
-
-
-def test_a_replay_ends_when_it_is_asked_to(tmp_path: Path, clock: SimpleNamespace) -> None:
-    path, begun = written(tmp_path / "dive.sonar", list(recording(9))), clock.now
-    came = list(replayed([str(path)], AS_RECORDED, 1.0, lambda: clock.now > begun + 0.5))
-    assert len(came) == 3
-
-
-def test_a_replay_of_nothing_that_can_be_read_is_refused(tmp_path: Path) -> None:
-    path = put(tmp_path / "scan_0.ply", b"ply")
-    with pytest.raises(InputError, match=r"no scan can be read: .*scan_0.ply"):
-        next(replayed([str(path)], AS_RECORDED, 0.0, lambda: False))
-
-
-def test_names_go_on_after_a_mark(tmp_path: Path) -> None:
-    path = written(tmp_path / "dive.sonar", list(recording(5)))
-    came = followed(path)
-    assert [each.scan.name for each in followed(path, after=came[2].behind)] == ["dive#3", "dive#4"]
 
 
 def test_a_second_recording_of_one_name_is_one_of_its_own(tmp_path: Path) -> None:
@@ -274,15 +222,3 @@ class TestMcap:
         require_same(came, read_survey([path]).scans)
         for k, each in enumerate(came):
             assert [after.scan.name for after in again(each.behind)] == [f"grows#{n}" for n in range(k + 1, 12)]
-
-    def test_in_the_folder_of_a_bag_that_ends_meanwhile(self, tmp_path: Path, whole: bytes) -> None:
-        folder = tmp_path / "bag"
-        folder.mkdir()
-        path, half = folder / "bag_0.mcap", len(whole) // 2
-        path.write_bytes(whole[:half])
-
-        def end() -> None:
-            (folder / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  version: 9\n")
-
-        came = followed(folder, appending(path, whole[half:]), end)
-        assert [each.scan.name for each in came] == [f"bag_0#{k}" for k in range(12)]

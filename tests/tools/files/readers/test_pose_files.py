@@ -1,6 +1,5 @@
 """TUM, KITTI, gt.log, g2o, and summary.json: round trips to the last bit, and faults by their line."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,18 +12,15 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.edge import inverse_definite
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.readers.poses.gt_log import read_gt_log
 from sonarmap.tools.files.readers.poses.trajectory import read_kitti, read_tum
 from sonarmap.tools.files.writers.g2o import write_g2o
-from sonarmap.tools.files.writers.json_text import to_json, write_json
-from sonarmap.tools.files.writers.trajectory import write_trajectory, write_tum
-from sonarmap.tools.products.output.run import SurveyRun
-from sonarmap.tools.products.output.summary import survey_summary
+from sonarmap.tools.files.writers.json_text import to_json
+from sonarmap.tools.files.writers.trajectory import write_trajectory
 from tests.samples.places import DATA
 from tests.samples.refusals import refuses
-from tests.samples.surveys import KnowingRegistrar, edge, random_covariance, random_transforms, ring_poses, scans_of
+from tests.samples.surveys import edge, random_covariance, random_transforms
 
 
 def sample() -> Trajectory:
@@ -46,21 +42,6 @@ def test_round_trip(tmp_path, suffix, read, stamps):
     np.testing.assert_allclose(again.T_world_sensor.as_matrix(), trajectory.T_world_sensor.as_matrix(), atol=1e-15)
 
 
-def test_tum_stamps_stay_readable(tmp_path):
-    write_tum(tmp_path / "a.tum", Trajectory(np.array([1763700000.123456]), RigidTransform.identity(1)))
-    assert (tmp_path / "a.tum").read_text().splitlines()[1] == "1763700000.123456 0 0 0 0 0 0 1"
-
-
-def test_kitti_takes_rotations_of_six_digits(tmp_path):
-    T = random_transforms(np.random.default_rng(1), 20)
-    rows = T.as_matrix()[:, :3].reshape(-1, 12)
-    np.savetxt(tmp_path / "a.txt", rows, fmt="%.6e")
-    again = read_kitti(tmp_path / "a.txt").T_world_sensor
-    np.testing.assert_allclose(again.as_matrix(), T.as_matrix(), atol=1e-5)
-    R = again.rotation.as_matrix()
-    np.testing.assert_allclose(R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (20, 1, 1)), atol=1e-14)
-
-
 POSE, UNIT = "0 1 2 3 0 0 0 1\n", "1 0 0 5 0 1 0 6 0 0 1 7\n"
 MATRIX = "0 -1 0 4\n1 0 0 5\n0 0 1 6\n0 0 0 1\n"
 TWO = f"3 7\n{MATRIX}\n7\t 12  60 \n{MATRIX}"
@@ -74,14 +55,10 @@ E01 = f"EDGE_SE3:QUAT 0 1 1 2 3 0 0 0 1 {INFORMATION}"
 
 GRAPH_FAULTS = (
     ([V0, V1.replace("0.2", "nan")], "line 2 .*NaN"),
-    ([V0, V1.replace("0.2", "inf")], "line 2 .*NaN or infinity"),
     ([V0, V1, E01.replace(" 3 ", " NaN ")], "line 3 .*NaN"),
     ([V0, V1.replace("0.2", "0.2x")], "line 2.*'0.2x'"),
-    ([V0, V1.replace("0.2", "1_0")], "line 2.*'1_0'"),
     ([V0, V1.rsplit(" ", 1)[0]], "line 2 has 7 columns; wanted 8"),
     ([V0, V1, "", "# a comment", E01.rsplit(" ", 1)[0]], "line 5 has 29 columns; wanted 30"),
-    ([V0, V1, E01 + " 1"], "line 3 has 31 columns; wanted 30"),
-    ([V0, "VERTEX_SE3:QUAT"], "line 2"),
     (
         [V0, "VERTEX_SE2 1 2 3 4"],
         "line 2 .*'VERTEX_SE2'.*VERTEX_SE3:QUAT, EDGE_SE3:QUAT, EDGE_SE3_PRIOR, EDGE_SE3_PRIOR:QUAT, FIX",
@@ -90,15 +67,10 @@ GRAPH_FAULTS = (
     ([V0, V1, E01.replace("0 1", "0 7", 1)], "line 3 names vertex 7"),
     ([V0, V1, E01.replace("0 1", "1 1", 1)], "line 3.*two different poses"),
     ([V0, V1.replace(" 1 1 ", " 1.5 1 ")], "line 2.*whole numbers"),
-    ([V0, V1.replace(" 1 1 ", " -1 1 ")], "line 2.*whole numbers"),
-    ([V0, V1, "FIX 0 3"], "line 3 names vertex 3"),
     ([V0, V1, "FIX"], "line 3"),
     ([V0, V1, E01.replace("1 0 0 0 0 0 1", "1 2 0 0 0 0 1")], "line 3.*not positive definite"),
-    ([V0, V1, E01[:-1] + "0"], "line 3.*not positive definite"),
     ([V0, V1.replace("0.1 0.2 0.3 0.9", "0 0 0 0")], "line 2 .*zero quaternion"),
-    ([V0, V1, E01.replace("0 0 0 1 1", "0 0 0 0 1", 1)], "line 3 .*zero quaternion"),
     ([E01.replace("0 1", "0 2", 1)], "no VERTEX_SE3:QUAT"),
-    (["# nothing"], "no line but comments"),
 )
 
 
@@ -106,31 +78,19 @@ GRAPH_FAULTS = (
     ("read", "text", "words"),
     [
         (read_tum, f"# comment\n{POSE}1 1 2 3 0 0 0\n", "line 3 has 7 columns.*stamp tx"),
-        (read_tum, "0 1 2 3 0 0 0 1 9\n", "line 1 has 9 columns"),
         (read_tum, f"{POSE}\nnan 1 2 3 0 0 0 1\n", "line 3 .*NaN"),
         (read_tum, "0 1 two 3 0 0 0 1\n", "line 1.*'two'"),
         (read_tum, "0 1 2 3 0 0 0 0\n", "line 1 .*zero quaternion"),
-        (read_tum, "# only this\n", "no line but comments"),
         (read_kitti, f"{UNIT}1 0 0 5 0 1 0 6 0 0 1\n", "line 2 has 11 columns"),
-        (read_kitti, f"{UNIT}1 0 0 5 0 1 0 6 0 0 inf 7\n", "line 2 .*infinity"),
-        (read_kitti, f"{UNIT}1 0 0 5 0 1 0 6 0 0 2 7\n", "line 2 holds no rotation"),
         (read_kitti, f"{UNIT}1 0 0 5 0 1 0 6 0 0 -1 7\n", "line 2 holds no rotation"),
         (read_gt_log, "", "holds no line"),
-        (read_gt_log, "0 1\n0 1 0 4\n1 0", "does not end with a line break"),
         (read_gt_log, f"0\n{MATRIX}", r"line 1 is '0'; wanted the numbers of two scans"),
-        (read_gt_log, f"0 -1\n{MATRIX}", "line 1 is '0 -1'"),
-        (read_gt_log, f"0 1 2 3\n{MATRIX}", "line 1 is '0 1 2 3'"),
         (read_gt_log, f"0 1\n{MATRIX}{MATRIX}", "line 6 is '0 -1 0 4'"),
         (read_gt_log, f"4 4\n{MATRIX}", "line 1 pairs the scan 4 with itself"),
         (read_gt_log, f"{TWO}0 1\n1 0 0 0\n", "the pair in line 12 has 1 lines of its matrix; wanted four"),
-        (read_gt_log, "0 1\n" + MATRIX.replace("0 4", "0"), "line 2 has 3 columns"),
-        (read_gt_log, "0 1\n" + MATRIX.replace("5", "x"), "line 3: 'x' is not a number"),
         (read_gt_log, "0 1\n" + MATRIX.replace("6", "nan"), "line 4 holds NaN or infinity"),
         (read_gt_log, "0 1\n" + MATRIX.replace("-1", "-1.01"), "pair in line 1 is not a rigid transform .*off by 0.02"),
-        (read_gt_log, "0 1\n" + MATRIX.replace("-1", "1"), "pair in line 1 is not a rigid transform"),
-        (read_gt_log, "0 1\n" + MATRIX.replace("0 0 0 1", "0 0 1 1"), "pair in line 1 is not a rigid transform"),
         (read_gt_log, f"{TWO}3 7\n{MATRIX}", "lines 1 and 12 are both for the scans 3 and 7; delete one"),
-        (read_gt_log, f"{TWO}12 7\n{MATRIX}", "lines 7 and 12 are both for the scans 12 and 7; delete one"),
         *((read_g2o, "\n".join([*lines, ""]), words) for lines, words in GRAPH_FAULTS),
     ],
 )
@@ -169,32 +129,6 @@ def test_json_has_no_nan_and_no_numpy():
         to_json(object())
 
 
-def test_summary_of_a_survey_with_a_gap(tmp_path):
-    truth = ring_poses(8, turns=0.5)
-    scans = scans_of(truth)
-    registrar = KnowingRegistrar(truth, np.diag([1.0, 2, 3, 40, 50, 60]) * 1e-6, broken=("scan7",))
-    result = Mapper(registrar, 0.5).run(scans)
-    content = survey_summary(result, SurveyRun([s.name for s in scans], {"voxel": np.float32(0.5)}))
-    write_json(tmp_path / "summary.json", content)
-
-    def refuse(constant: str) -> None:
-        raise AssertionError(f"{constant} is not JSON")
-
-    read = json.loads((tmp_path / "summary.json").read_text(), parse_constant=refuse)
-    assert read["settings"] == {"voxel": 0.5}
-    assert set(read["versions"]) >= {"python", "sonarmap", "numpy", "scipy", "gtsam", "pyopencl"}
-    assert read["gaps"] == [[6, 7]]
-    assert [c["scans"] for c in read["components"]] == [[0, 1, 2, 3, 4, 5, 6]]
-    assert read["unplaced"] == [7]
-    assert read["components"][0]["map"]["points"] == len(result.maps[0].points)
-    tried, kept = len(result.pairs), sum(pair.kept for pair in result.pairs)
-    assert (read["pairs"]["file"], read["pairs"]["tried"], read["pairs"]["kept"]) == ("pairs.csv", tried, kept)
-    assert read["pairs"]["by_role"]["sequential"] == {"tried": 7, "kept": 6}
-    assert read["graph"]["edges"] == len(result.edges)
-    assert read["scans"][3]["name"] == "scan3"
-    assert 0 < read["scans"][3]["sigmas"]["translation_m"] < 0.1
-
-
 def test_pairs_of_gt_log_in_order_with_or_without_a_third_number(tmp_path: Path) -> None:
     (tmp_path / "gt.log").write_text(TWO)
     pairs = read_gt_log(tmp_path / "gt.log")
@@ -204,14 +138,6 @@ def test_pairs_of_gt_log_in_order_with_or_without_a_third_number(tmp_path: Path)
     (tmp_path / "gt.log").write_text("0 1\n0.6 -0.8 0 0\n0.80004 0.6 0 0\n0 0 1 0\n0 0 0 1\n")
     R = read_gt_log(tmp_path / "gt.log")[0].T_i_j.rotation.as_matrix()
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
-
-
-def test_a_trajectory_of_an_unknown_format_or_below_a_file_is_not_written(tmp_path: Path) -> None:
-    known = r"unknown format '\.csv'; known formats are \.tum, \.kitti"
-    refuses(known, write_trajectory, tmp_path / "poses.csv", sample())
-    assert not list(tmp_path.iterdir())
-    (tmp_path / "file").write_text("")
-    refuses("cannot write", write_tum, tmp_path / "file" / "a.tum", sample())
 
 
 GRAPHS = DATA / "graphs"

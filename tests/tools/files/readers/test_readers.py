@@ -11,8 +11,7 @@ from pyproj import CRS
 from sonarmap.tools.files.readers.clouds import rows
 from sonarmap.tools.files.readers.scans import read_scan, read_scans
 from sonarmap.tools.files.time_scales import utc_of_gps
-from tests.samples.cloud_files import POINTS, SAMPLES, STRENGTH, TABLE, las, npy, npz, pcd, ply, put, text
-from tests.samples.places import DATA
+from tests.samples.cloud_files import POINTS, SAMPLES, STRENGTH, TABLE, las, npy, pcd, ply, put, text
 from tests.samples.processor_time import thrifty
 from tests.samples.refusals import refuses
 
@@ -43,23 +42,16 @@ def test_strength_goes_by_many_names(tmp_path, name):
     "content",
     [
         text(),
-        text("\t"),
         text(","),
-        text(", "),
         text(";"),
         text("  ", end="\r\n"),
         b"\xef\xbb\xbf" + text(","),
         "# a survey in the Weser, März\n\n".encode() + text(),
-        text(",", "x,y,z,intensity\n"),
         text(",", '"X [m]","Y [m]","Z [m]","Intensity"\n'),
-        text(";", 'X [m];Y(m) ;"z [m]";I\n'),
         text(" ", "x y z scalar_intensity\n"),
-        text("\t", "X [m]\tY [m]\tZ [m]\tI\n"),
-        text(",", "//X,Y,Z,Intensity\n"),
         text(";", "% made by hand\ni;z;y;x\n", (3, 2, 1, 0)),
         text(",", "time,strength,x,y,z\n", (0, 3, 0, 1, 2)),
         text(" ").replace(b"\n", b"\n# between\n\n"),
-        text(" ").replace(b"30.5", b"+3.05e1"),
     ],
 )
 def test_text_comes_with_many_separators_headers_and_comments(tmp_path, content):
@@ -81,28 +73,11 @@ def test_plain_numbers_are_those_of_python_to_the_bit(separator: bytes | None, m
     np.testing.assert_array_equal(table.view(np.int64), expected.view(np.int64))
 
 
-def test_three_columns_carry_no_strength(tmp_path):
-    for name, content in {"a.xyz": text(columns=(0, 1, 2)), "b.npy": npy(POINTS), "c.npz": npz(points=POINTS)}.items():
-        scan = read_scan(put(tmp_path / name, content))
-        np.testing.assert_array_equal(scan.points, POINTS)
-        assert scan.strength is None
-
-
-@pytest.mark.parametrize("kind", ["i1", "u2", "<i4", ">i8", "f2", "f8"])
+@pytest.mark.parametrize("kind", ["u2", ">i8", "f2"])
 def test_integers_and_other_floats_are_coordinates_too(tmp_path, kind):
     whole = np.array([[1, 2, 3], [4, 5, 120], [7, 9, 8]])
     scan = read_scan(put(tmp_path / "scan.npy", npy(whole.astype(kind))))
     np.testing.assert_array_equal(scan.points, whole)
-
-
-def test_integer_columns_of_a_ply_are_coordinates_too(tmp_path):
-    header = "ply\nformat {} 1.0\nelement vertex 2\nproperty int x\nproperty uchar y\nproperty short z\nend_header\n"
-    words = np.array([(-70000, 200, -300), (5, 6, 7)], [("x", "<i4"), ("y", "u1"), ("z", "<i2")])
-    binary = header.format("binary_little_endian").encode() + words.tobytes()
-    plain = header.format("ascii").encode() + b"-70000 200 -300\n5 6 7\n"
-    for content in (binary, plain):
-        scan = read_scan(put(tmp_path / "scan.ply", content))
-        np.testing.assert_array_equal(scan.points, [[-70000, 200, -300], [5, 6, 7]])
 
 
 def test_bytes_after_the_last_point_are_told(tmp_path):
@@ -128,20 +103,6 @@ def test_strengths_that_mean_nothing_become_zero_and_are_told(tmp_path):
     read = read_scans([put(tmp_path / "scan.npy", npy(table))])
     np.testing.assert_array_equal(read.scans[0].strength, [0, 0, 0, 0, 74.5])
     assert read.notes == ("scan.npy: set 4 of 5 strengths that are negative or not finite to 0",)
-
-
-@pytest.mark.slow
-def test_real_rgbd_fragments_are_read_whole():
-    files = sorted((DATA / "redkitchen").glob("*.ply"))
-    if not files:
-        pytest.skip(f"no real fragments in {DATA / 'redkitchen'}")
-    read = read_scans(files)
-    assert [len(scan.points) for scan in read.scans] == [258342, 268977, 291605]
-    assert [scan.name for scan in read.scans] == ["cloud_bin_0", "cloud_bin_1", "cloud_bin_2"]
-    assert read.notes == ()
-    o3d = pytest.importorskip("open3d")
-    witness = np.asarray(o3d.io.read_point_cloud(str(files[0])).points)
-    np.testing.assert_array_equal(read.scans[0].points, witness.astype(np.float32))
 
 
 GPS = np.array([1.5, 1.0, 2.5, 3.0, 4.0]) + 415_000_000
@@ -179,19 +140,6 @@ class TestTimes:
         assert utc_of_gps(np.array(1_167_264_016.0)) == datetime(2016, 12, 31, 23, 59, 59, tzinfo=UTC).timestamp()
         assert utc_of_gps(np.array(1_167_264_018.0)) == datetime(2017, 1, 1, tzinfo=UTC).timestamp()
 
-    def test_seconds_of_a_week_are_no_stamp(self, tmp_path: Path) -> None:
-        put_las(tmp_path, las(gps=GPS, adjusted=False), "a.laz")
-        put_las(tmp_path, las(), "b.laz")
-        assert [scan.stamp for scan in read_scans([tmp_path]).scans] == [0.0, 1.0]
-
-    def test_a_trajectory_beside_gives_viewpoints(self, tmp_path: Path) -> None:
-        """Its stamps are the GPS times of the file."""
-        (tmp_path / "a.tum").write_text("415000000 0 0 0 0 0 0 1\n415000005 10 0 -5 0 0 0 1\n")
-        scan = read_scan(put_las(tmp_path, las(gps=GPS)))
-        after = GPS - 415_000_000
-        expected = np.column_stack([2 * after, 0 * after, -after])
-        np.testing.assert_allclose(np.asarray(scan.viewpoints), expected, atol=1e-6)
-
 
 def test_viewpoints_as_extra_dimensions(tmp_path: Path) -> None:
     places = {name: np.arange(5) * scale for name, scale in (("vp_x", 1.0), ("vp_y", -2.0), ("vp_z", 0.5))}
@@ -226,12 +174,12 @@ class TestHostileHeaders:
             refuses(words, read_scan, put_las(folder, bytes(content)))
 
     @pytest.mark.parametrize("compressed", [False, True])
-    @pytest.mark.parametrize("count", [6, 10**9, 10**12, 2**63])
+    @pytest.mark.parametrize("count", [6, 2**63])
     def test_more_points_than_there_are(self, tmp_path: Path, compressed: bool, count: int) -> None:
         self.refused(tmp_path, "a.laz", "<Q", COUNT, count, compressed)
 
     @pytest.mark.parametrize("place", [START, RECORDS])
-    @pytest.mark.parametrize("number", [0, 9, 2**31, 2**32 - 1])
+    @pytest.mark.parametrize("number", [9, 2**32 - 1])
     def test_records_and_offsets_without_end(self, tmp_path: Path, place: int, number: int) -> None:
         self.refused(tmp_path, "a.laz", "<I", place, number)
 

@@ -38,18 +38,13 @@ COUNTED = {name: (".ply", SAMPLES[name][1], [b"vertex"]) for name in NAMES if na
 }
 
 
-@pytest.mark.parametrize("count", [20, 10**12, 10**17, -5])
+@pytest.mark.parametrize("count", [20, 10**17, -5])
 @pytest.mark.parametrize("kind", COUNTED)
 def test_more_points_than_there_are_or_fewer_than_none(tmp_path, kind, count):
     suffix, content, words = COUNTED[kind]
     for word in words:
         content = content.replace(b"%s 5" % word, b"%s %d" % (word, count))
     refused(tmp_path, suffix, content, "promises" if count > 0 else "'-5'")
-
-
-def test_a_count_of_thousands_of_digits_is_shortened(tmp_path):
-    content = ply().replace(b"vertex 5", b"vertex " + b"9" * 5000)
-    refused(tmp_path, ".ply", content, r"line 4: the header promises '9{40}\.\.\.' of vertex; wanted a count >= 0$")
 
 
 @pytest.mark.parametrize("shape", ["(6, 4)", "(1000000000000, 3)", "(1000000000000, 1000000000000)", "(-5, 4)"])
@@ -83,63 +78,35 @@ def test_an_npz_that_lies_about_its_size_is_not_unpacked(tmp_path):
         (".ply", ply().replace(b"vertex 5", b"vertex 0"), "no points"),
         (".ply", ply("ascii").replace(b"double y", b"double w"), "no column y among"),
         (".ply", ply().replace(b"property float x", b"property list uchar float x"), "list property"),
-        (".ply", ply().replace(b"element vertex", b"element points"), "wanted exactly one named vertex"),
-        (".ply", ply().replace(b"float x", b"quad x"), "not understood"),
-        (".ply", ply().replace(b"binary_little", b"binary_middle"), "not understood"),
         (".ply", ply("ascii").replace(b"7 -2.25", b"-2.25"), "line 11 has 4 columns; wanted 5"),
         (".ply", ply("ascii").replace(b"-2.25", b"-2,25"), "line 11: '-2,25' is not a number"),
-        (".pcd", pcd("binary").replace(b"WIDTH 5", b"WIDTH 0").replace(b"POINTS 5", b"POINTS 0"), "no points"),
         (".pcd", pcd("binary").replace(b"WIDTH 5", b"WIDTH 4"), "POINTS 5 and WIDTH x HEIGHT 4 x 1"),
-        (".pcd", pcd("binary").replace(b"normal x y z", b"normal x y w"), "no column z among"),
-        (".pcd", pcd("binary").replace(b"COUNT 3 1", b"COUNT 1 3"), "more than one value"),
         (".pcd", pcd("binary").replace(b"SIZE 2 4", b"SIZE 2 3"), "SIZE '3'"),
-        (".pcd", pcd("binary").replace(b"TYPE I F", b"TYPE I"), "differ in length"),
         (".pcd", pcd("binary").replace(b"FIELDS", b"FILDS"), "no FIELDS"),
-        (".pcd", pcd("binary").replace(b"DATA binary", b"DATA zipped"), "no line 'DATA"),
         (".pcd", pcd("ascii").replace(b"1 2 3 1.5", b"1 2 1.5"), "line 12 has 6 columns; wanted 7"),
-        (".xyz", b"# nothing but a comment\n", "no points"),
-        (".csv", b"x,y,z\n", "no points"),
         (".xyz", b"1 2 3\n4 5\n", "line 2 has 2 columns; wanted 3"),
-        (".xyz", b"1 2 3\n\n# comment\n4 5 6 7\n", "line 4 has 4 columns; wanted 3"),
         (".csv", b"x,y,intensity\n1,2,3\n", "no column z among"),
-        (".csv", b"x,y,z\n1,2,three\n", "line 2: 'three' is not a number"),
         (".csv", b"1;2;3,5\n", "line 1: '3,5' is not a number"),
         (".xyz", b"1 2 3\n1 2 \xc2\xa03\n", "line 2: .* is not a number"),  # NumPy divides there
         (".xyz", b"1 2 3\n1 2 1_0\n", "line 2: '1_0' is not a number"),
         (".csv", b"1,2,3\n1,2,3,\n", "line 2 has 4 columns; wanted 3"),
-        (".txt", b"1_0 2 3\n", "'1_0' is not a number"),
         (".txt", b"1 2 3 4 5 6\n", "line 1 has 6 columns.*names the columns"),
-        (".txt", b"hello world\nthis is no cloud\n", "line 1 has 2 columns"),
         (".txt", b"1 2 3\n4 5 6 # m\xe4rz\n", "line 2 is not UTF-8"),
         (".npy", npy(np.zeros(6, np.float32)), r"shape \(6,\); wanted"),
         (".npy", npy(np.zeros((6, 5))), r"shape \(6, 5\); wanted"),
-        (".npy", npy(np.zeros((2, 2, 3))), "shape"),
-        (".npy", npy(np.array(3.0)), r"shape \(\)"),
         (".npy", npy(np.zeros((0, 3))), "no points"),
         (".npy", npy(np.zeros((2, 3), complex)), "array of <c16"),
-        (".npy", npy(np.array([["a", "b", "c"]])), "array of <U1"),
         (".npy", npy(np.array([[1, 2, None]], object)), "array of objects.*unpickled"),
-        (".npy", npy(np.zeros(3, [("x", "f4"), ("y", "f4"), ("z", "f4")])), "array of fields"),
         (".npz", npz(points=np.array([[1, 2, None]], object)), "array of objects.*unpickled"),
         (".npz", npz(points=POINTS, strength=STRENGTH[:4]), r"strength has shape \(4,\); wanted \(5,\)"),
         (".npz", npz(points=POINTS, stamp=np.array([1.0, 2.0])), "stamp has shape"),
-        (".npz", npz(points=POINTS, stamp=np.array(np.nan)), "stamp"),
         (".npz", npz(a=POINTS, b=STRENGTH), "its arrays are a, b; wanted 'points'"),
-        (".npz", npz(), r"its arrays are \(none\)"),
         (".npy", npy(np.full((3, 3), np.nan, np.float32)), "NaN or infinite; nothing"),
-        (".xyz", b"nan 1 2\n1 inf 2\n", "NaN or infinite; nothing"),
         (".csv", text().decode().encode("utf-16"), "binary content|UTF-8"),
     ],
 )
 def test_a_file_that_is_no_scan_is_refused(tmp_path, suffix, content, said):
     refused(tmp_path, suffix, content, said)
-
-
-@pytest.mark.parametrize("sample", [name for name in NAMES if name != "sonar"])
-def test_the_last_line_of_a_text_must_end(tmp_path, sample):
-    suffix, content = SAMPLES[sample]
-    if FORMATS[suffix].kind == "text" or "ascii" in sample:
-        refused(tmp_path, suffix, content.rstrip(), "does not end with a line break")
 
 
 @pytest.mark.parametrize("far", [100_001.0, -4.2e6, 1.7e308])
@@ -154,11 +121,10 @@ def test_map_coordinates_are_refused_with_advice(tmp_path, far):
 
 
 @pytest.mark.parametrize("suffix", sorted(FORMATS))
-@pytest.mark.parametrize("sample", NAMES)
-def test_a_file_by_a_wrong_name_is_refused_and_told_what_it_is(tmp_path, suffix, sample):
-    right, content = SAMPLES[sample]
-    if FORMATS[suffix].kind != FORMATS[right].kind:
-        refused(tmp_path, suffix, content, f"holds {re.escape(FORMATS[right].kind)}.*rename it")
+def test_a_file_by_a_wrong_name_is_refused_with_what_it_is(tmp_path, suffix):
+    for right, content in {suffix: (suffix, content) for suffix, content in SAMPLES.values()}.values():
+        if FORMATS[suffix].kind != FORMATS[right].kind:
+            refused(tmp_path, suffix, content, f"holds {re.escape(FORMATS[right].kind)}.*rename it")
 
 
 @pytest.mark.parametrize("suffix", sorted(FORMATS))

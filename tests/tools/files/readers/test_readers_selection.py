@@ -9,7 +9,7 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.scan_sizes import repeated_in_words, same_points, strange_sizes
+from sonarmap.tools.files.readers.scan_sizes import same_points, strange_sizes
 from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
 from sonarmap.tools.files.readers.selection import select_files
 from tests.samples.cloud_files import POINTS, npz, put
@@ -85,23 +85,6 @@ def test_a_file_named_by_two_paths_is_read_once(tmp_path, monkeypatch):
     (tmp_path / "again.xyz").symlink_to(path)
     assert read_survey([tmp_path]).repeated != ()  # the link and its file
     assert len(read_scans([path, tmp_path / "scan.xyz", str(tmp_path / "scan*.xyz")]).scans) == 1
-
-
-def test_a_name_with_the_signs_of_a_pattern_is_a_name_first(tmp_path):
-    path = put(tmp_path / "scan[1].XYZ", b"1 2 3\n")
-    assert read_scan(path).name == "scan[1]"
-    assert read_scan(put(tmp_path / "scan#4.xyz", b"1 2 3\n")).name == "scan#4"
-
-
-def test_stamps_are_the_files_own_where_all_have_one(tmp_path):
-    put(tmp_path / "a.npz", npz(points=POINTS, stamp=np.array(1.7e9)))
-    put(tmp_path / "b.npz", npz(points=POINTS, stamp=np.array([1.7e9 + 0.25])))
-    assert [scan.stamp for scan in read_scans([tmp_path]).scans] == [1.7e9, 1.7e9 + 0.25]
-    refuses("holds 2 scans", read_scan, tmp_path)
-    put(tmp_path / "c.npz", npz(points=POINTS))
-    read = read_scans([tmp_path])
-    assert [scan.stamp for scan in read.scans] == [0, 1, 2]
-    assert read.notes == ("1 of 3 scans have no time: all are stamped 0, 1, 2, ...",)
 
 
 @pytest.mark.parametrize(
@@ -184,11 +167,6 @@ def test_names_the_unit(sizes: tuple[float, ...], strange: int, words: str) -> N
     assert "--units" in named[strange]
 
 
-@pytest.mark.parametrize("sizes", [(5, 5000), (1, 40, 9), (3,), (2, 2, 2), (0.0, 0.0, 0.0)])
-def test_leaves_others_alone(sizes: tuple[float, ...]) -> None:
-    assert not strange_sizes(scans(*sizes))
-
-
 def test_it_is_a_gap_in_a_survey(tmp_path: Path) -> None:
     for k, one in enumerate(scans(5, 7, 6000, 4)):
         np.save(tmp_path / f"scan_{k}.npy", one.points)
@@ -210,12 +188,3 @@ def test_only_exactly_the_same_points_are_a_copy() -> None:
     points[-1, 2] += 1e-3  # behind what is compared first
     scans = [cloud(1), cloud(2), replace(nearly, points=points), cloud(1, "copy"), cloud(1, "shorter", 299)]
     assert same_points([*scans, cloud(2, "other"), cloud(1, "again")]) == [(0, 3), (1, 5), (0, 6)]
-
-
-def test_in_words() -> None:
-    assert repeated_in_words([], [cloud(1), cloud(2)]) == []
-    scans = [cloud(1), *(cloud(1, f"copy_{k}") for k in range(7))]
-    files, copies = repeated_in_words([Path("a.ply"), Path("b.ply")], scans)
-    assert files == "given more than once, and used once: a.ply, b.ply"
-    assert copies.startswith("the same points twice: copy_0 of scan_1, copy_1 of scan_1, ")
-    assert "copy_4 of scan_1 and 2 more; leave the copies out" in copies

@@ -35,7 +35,7 @@ def imu(topic: str = "/imu", frame: str = "imu_link", count: int = 3) -> list[Re
     ]
 
 
-@pytest.mark.parametrize("writer", WRITERS)
+@pytest.mark.parametrize("writer", ["ros1", "mcap", "sqlite"])
 def test_every_kind_of_recording_has_them(tmp_path: Path, writer: str) -> None:
     """Beside clouds and an IMU with fewer messages; a bag of several files is read by its files."""
     records = [("/p", CLOUD, STAMP - 1.0, cloud()), *imu("/other", count=2), *imu()]

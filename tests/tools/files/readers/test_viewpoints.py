@@ -1,6 +1,5 @@
 """Viewpoints per point: from fields of the file, or from the points' times and a trajectory beside it."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +9,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.clouds.cloud import columns_of
 from sonarmap.tools.files.readers.scans import read_scan, read_scans
 from sonarmap.tools.files.writers.points import write_points
-from sonarmap.tools.lab.simulate.folder import write_simulation
-from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS
-from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
-from tests.samples.cloud_files import POINTS, STRENGTH, TABLE, npz, pcd, ply, put
+from tests.samples.cloud_files import POINTS, STRENGTH, npz, pcd, ply, put
 from tests.samples.refusals import refuses
 
 VIEWPOINTS = np.array([[0, 0, 0], [0.5, 0, -1], [1, 2, 3], [4, 5, 6], [-7, 8, 9.5]], np.float32)
@@ -48,11 +44,6 @@ class TestFields:
             assert scan.viewpoints is not None
             assert scan.viewpoints.dtype == np.float32
 
-    def test_a_file_without_them_has_none(self, tmp_path: Path) -> None:
-        for name, content in {"a.ply": ply(), "b.pcd": pcd("binary"), "c.npz": npz(points=TABLE)}.items():
-            (tmp_path / name).write_bytes(content)
-            assert read_scan(tmp_path / name).viewpoints is None
-
     def test_a_dropped_point_takes_its_viewpoint_along(self, tmp_path: Path) -> None:
         points, viewpoints = POINTS.copy(), VIEWPOINTS.copy()
         points[1, 2] = np.nan
@@ -72,18 +63,6 @@ class TestFields:
     def test_those_that_cannot_be_used(self, tmp_path: Path, arrays: dict, message: str) -> None:
         (tmp_path / "a.npz").write_bytes(npz(points=POINTS, **arrays))
         refuses(message, read_scan, tmp_path / "a.npz")
-
-    def test_two_coordinates_of_three(self, tmp_path: Path) -> None:
-        write_points(tmp_path / "a.ply", POINTS, {"vp_x": TIMES, "vp_z": TIMES})
-        refuses("only vp_x and vp_z; a viewpoint needs all three", read_scan, tmp_path / "a.ply")
-
-    def test_a_simulation_with_viewpoints_comes_back_from_its_folder(self, tmp_path: Path) -> None:
-        sensor = replace(SENSORS["sonar3d15"], max_range=80.0)
-        simulation = simulate(SimulationSettings(count=2, sensor=sensor, seed=11))
-        scans = [replace(scan, viewpoints=(scan.points / 10).astype(np.float32)) for scan in simulation.scans]
-        write_simulation(replace(simulation, scans=tuple(scans)), tmp_path)
-        for scan, again in zip(scans, read_scans([tmp_path]).scans, strict=True):
-            np.testing.assert_array_equal(again.viewpoints, scan.viewpoints)
 
 
 class TestTrajectoryBeside:
@@ -111,13 +90,6 @@ class TestTrajectoryBeside:
     def test_points_outside_of_its_time(self, tmp_path: Path, wrong: float) -> None:
         path = timed(tmp_path / "a.ply", times=np.where(TIMES == 2.5, wrong, TIMES))
         refuses(r"a\.ply: 1 of 5 points have times outside of a\.tum .* one clock", read_scan, path)
-
-    def test_a_dropped_points_time_does_not_matter(self, tmp_path: Path) -> None:
-        points, times = POINTS.copy(), TIMES.copy()
-        points[2], times[2] = np.nan, 99
-        write_points(tmp_path / "a.ply", points, {"time": times})
-        (tmp_path / "a.tum").write_text(TRAJECTORY)
-        np.testing.assert_array_equal(read_scan(tmp_path / "a.ply").viewpoints, np.delete(SEEN_FROM, 2, axis=0))
 
     def test_times_too_coarse(self, tmp_path: Path) -> None:
         path = timed(tmp_path / "a.ply", times=(TIMES + 1.7e9).astype(np.float32))
@@ -147,12 +119,6 @@ class TestViewpointOfPcd:
         scan = read_scan(self.put(tmp_path / "a.pcd", "5 -2.5 1e-1 0.6 0 0 0.8", encoding))
         np.testing.assert_array_equal(scan.points, POINTS)
         np.testing.assert_array_equal(scan.viewpoints, np.tile(np.array([5, -2.5, 0.1], np.float32), (5, 1)))
-
-    def test_a_line_for_all_files_says_so(self, tmp_path: Path) -> None:
-        for k in range(12):
-            self.put(tmp_path / f"scan{k}.pcd", f"{k} 0 0 1 0 0 0")
-        (note,) = read_scans([tmp_path]).notes
-        assert note.startswith(f"scan1.pcd and 10 more: {self.NOTE}")
 
     def test_fields_of_the_points_win(self, tmp_path: Path) -> None:
         write_points(tmp_path / "a.pcd", POINTS, columns_of(SCAN))

@@ -35,7 +35,7 @@ def cloud(count: int, seed: int = 0) -> tuple[np.ndarray, dict[str, np.ndarray]]
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize("count", [1, 2, 1000])
+@pytest.mark.parametrize("count", [1, 1000])
 def test_points_and_strength_come_back_bit_by_bit(tmp_path, suffix, count):
     points, columns = cloud(count)
     path = tmp_path / "new" / f"map{suffix}"
@@ -61,27 +61,6 @@ def test_open3d_reads_points_and_every_column(tmp_path, suffix):
     np.testing.assert_array_equal(read["positions"].numpy(), points)
     for name, column in columns.items():
         np.testing.assert_array_equal(read[name].numpy()[:, 0], column)
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_columns_take_a_type_that_both_formats_have(tmp_path, suffix):
-    points, _ = cloud(3)
-    columns = {
-        "wide": np.array([1, -2, 3], np.int64),
-        "huge": np.array([1, 2, 1 << 40], np.int64),
-        "flag": np.array([True, False, True]),
-        "half": np.array([1.5, 2.5, -3.5], np.float16),
-        "big": np.array([1.25, 2.0, 3.0], ">f8"),
-        "seen": np.array([7, 8, 65535], ">u2"),
-    }
-    write_points(tmp_path / f"map{suffix}", points.astype(np.float64), columns)
-    axes = [(axis, "<f4" if suffix == ".pcd" else "<f8") for axis in "xyz"]  # Open3D reads no PCD of 8 bytes
-    packed = np.dtype([*axes, *zip(columns, ("<i4", "<f8", "u1", "<f4", "<f8", "<u2"), strict=True)])
-    body = (tmp_path / f"map{suffix}").read_bytes()[-3 * packed.itemsize :]
-    records = np.frombuffer(body, packed)
-    np.testing.assert_array_equal(records["y"], points[:, 1].astype(np.float64))
-    for name, column in columns.items():
-        np.testing.assert_array_equal(records[name], column)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +109,7 @@ def drawn(count: int) -> list[str]:
 
 def test_no_cell_is_a_formula_and_a_text_is_read_as_it_was(tmp_path: Path) -> None:
     """Neither where cells end at commas nor where they end at semicolons or tabs too."""
-    texts = [*NAMES, *drawn(20_000)]
+    texts = [*NAMES, *drawn(3000)]
     write_table(tmp_path / "a.csv", ["name", "n"], ([text, 1] for text in texts))
     written = (tmp_path / "a.csv").read_text(encoding="utf-8")
     for separator in ",;\t":
@@ -150,7 +129,7 @@ def test_a_template_names_the_scans_it_was_made_of(tmp_path: Path) -> None:
 def test_the_report_s_files_are_written_likewise(tmp_path: Path) -> None:
     if (node := shutil.which("node")) is None:
         pytest.skip("no Node.js is installed: apt-get install nodejs")
-    texts = [text.encode("utf-8", "backslashreplace").decode() for text in (*NAMES, *drawn(5000))]
+    texts = [text.encode("utf-8", "backslashreplace").decode() for text in (*NAMES, *drawn(1000))]
     write_table(tmp_path / "a.csv", ["name", "n"], ([text, -0.5] for text in texts))
     script = (ROOT / "tools/products/report/page/web/byhand/csv.js").read_text(encoding="utf-8")
     rows = [{"name": text, "n": -0.5} for text in texts]

@@ -131,14 +131,6 @@ def test_a_chunk_of_next_to_nothing_takes_next_to_nothing(tmp_path: Path, piece:
         read_scans([path])
 
 
-@pytest.mark.slow
-def test_many_chunks_of_next_to_nothing(tmp_path: Path) -> None:
-    """Each of them believable, and together a minute of work in 80 KB."""
-    path = put(tmp_path / "a.mcap", recordings()["mcap plain"][1][:8] + 450 * packed_chunk(EMPTY_RECORD, 131_000))
-    with quick(), pytest.raises(InputError, match="it holds more than the 72 records that may still come"):
-        read_scans([path])
-
-
 EMPTY_ROWS = """
 CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format, offered_qos_profiles);
 CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data);
@@ -197,8 +189,8 @@ def test_a_column_of_sqlite_that_is_computed(tmp_path: Path, table: str) -> None
         read_scans([path])
 
 
-@pytest.mark.parametrize("length", [2**31, 2**40, 2**63, 2**64 - 1])
-@pytest.mark.parametrize("opcode", [1, 3, 4, 5, 6, 9, 0x7F])
+@pytest.mark.parametrize("length", [2**31, 2**64 - 1])
+@pytest.mark.parametrize("opcode", [1, 6, 0x7F])
 def test_records_of_mcap_without_end(tmp_path: Path, opcode: int, length: int) -> None:
     """At the first record, and at the first chunk's content."""
     content = recordings()["mcap plain"][1]
@@ -231,20 +223,7 @@ def test_lengths_in_a_ros_1_bag_without_end(tmp_path: Path, kind: str) -> None:
             )
 
 
-@pytest.mark.parametrize("kind", ["mcap plain", "mcap zstd"])
-def test_texts_of_mcap_without_end(tmp_path: Path, kind: str) -> None:
-    """In the first record and in the summary, whose records are of the right lengths: what the index says is left."""
-    content, text = recordings()[kind][1], struct.pack("<I", 2**32 - 1)
-    path = put(tmp_path / "a.mcap", content[:17] + text + content[21:])
-    with thrifty(), pytest.raises(InputError, match="it claims 4,294,967,295 bytes more"):
-        read_scans([path])
-    name = content.rindex(struct.pack("<I", len(CLOUD)) + CLOUD.encode())
-    path.write_bytes(content[:name] + text + content[name + 4 :])
-    with thrifty():
-        assert [scan.stamp for scan in read_scans([path]).scans] == TIMES
-
-
-@pytest.mark.parametrize(("count", "seed"), [(100, 3), pytest.param(3000, 4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("count", "seed"), [(100, 3), pytest.param(1000, 4, marks=pytest.mark.slow)])
 def test_damaged_metadata(tmp_path: Path, count: int, seed: int) -> None:
     ends, faults = damage_metadata(tmp_path, count, seed)
     print(dict(ends))

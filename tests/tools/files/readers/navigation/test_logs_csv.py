@@ -37,21 +37,15 @@ USUAL = {
     ("magnetic_deg", 1): ["Heading (mag)", "Magnetic Heading"],
     ("yaw_deg", 180 / np.pi): ["yaw_rad"],
     ("roll_deg", 180 / np.pi): ["Roll (rad)"],
-    ("pitch_deg", 1): ["pitch"],
     ("lat_deg", 1): ["Lat", "Latitude [DD.DDDD]"],
-    ("lon_deg", 1): ["Lng"],
     ("easting_m", 1): ["Easting (m)"],
     ("northing_m", 1): ["UTM_N"],
     ("x_m", 1): ["X"],
     ("stamp", 1): ["Date/Time", "UTC Time", "Time ( UTC+2 )"],
     ("stamp", 0.001): ["Timestamp [ms]"],
-    ("stamp", 1e-9): ["time_ns"],
-    ("gps_week", 1): ["GPS Week"],
     ("depth_sigma_m", 1): ["Depth SD (m)"],
     ("heading_sigma_deg", 1): ["std_heading [deg]"],
-    ("y_sigma_m", 1): ["lat_sigma_m"],
     ("x_sigma_m", 0.01): ["Easting StdDev (cm)"],
-    ("roll_sigma_deg", 1): ["roll_sigma_deg"],
 }
 
 
@@ -94,12 +88,6 @@ class TestLogs:
         values, *_ = read(path, text.rstrip("\n").replace("\n", ending).encode(encoding))
         np.testing.assert_allclose(values, [self.WANTED] * 3)
 
-    def test_what_is_not_used_is_noted_once_and_cells_at_the_end_and_words_for_nothing(self, path: Path) -> None:
-        *_, notes = read(path, self.TEXT)
-        assert [note for note in notes if "not used" in note] == [f"{path}: not used: the columns 'Batt'"]
-        values, *_ = read(path, "Time,Depth,Heading\n" + rows("N/A", "90", "", "") + rows("7", "---"))
-        np.testing.assert_allclose(values[:, [2, 5]], [[90, 7]] * 3)
-
     def test_columns_are_mapped(self, path: Path) -> None:
         text = 'Time,KP_DEPTH,Gyro [rad],Depth,"a, b",Roll (rad),Pitch\n' + rows("3.5", "1.5", "99", "4", "0.1", "-2")
         columns = parse_columns('depth_m=KP_DEPTH,heading_deg=gyro [rad],"depth_sigma_m=a, b"')
@@ -109,13 +97,6 @@ class TestLogs:
         assert navigated.scans[0].prior.sigmas[5] == 4
         values, *_ = read(path, "Time,Alt\n" + rows("-7"), NavigationSettings(columns=parse_columns("height_m=Alt")))
         np.testing.assert_allclose(values[:, 5], 7)
-
-    def test_columns_of_our_own_and_others(self, path: Path) -> None:
-        """With a log's heading among them others are left out, and a misspelled one is not."""
-        values, *_ = read(path, "Time,depth_m,altitude_m\n" + rows("3", "9"))
-        np.testing.assert_allclose(values[:, 5], 3)
-        refused(path, "stamp,depth_m,altitude_m\n" + rows("3", "9"), "unknown column 'altitude_m'", "--nav-columns")
-        refused(path, "Time,Depth,rol_deg,pitch_deg\n" + rows("3", "9", "1"), "nearly called roll_deg")
 
     def test_roll_without_pitch(self, path: Path) -> None:
         values, _, notes = read(path, "Time,Depth,Roll\n" + rows("3", "9"))
@@ -142,13 +123,6 @@ class TestFrames:
         values, *_ = read(path, f"{heading}\n{rows(*cells)}", NavigationSettings(frame=frame))  # type: ignore[arg-type]
         np.testing.assert_allclose(values, [self.WANTED] * 3, atol=1e-9)
 
-    def test_standard_deviations_go_with_their_axes(self, path: Path) -> None:
-        text = "Time,x,y,x std,y std\n" + rows("5", "2", "0.25", "0.75")
-        _, navigated, _ = read(path, text, NavigationSettings(frame="ned"))
-        prior = navigated.scans[0].prior
-        assert prior is not None
-        np.testing.assert_allclose(prior.sigmas[3:5], [0.75, 0.25])
-
     def test_magnetic_headings(self, path: Path) -> None:
         text = "Time,Magnetic Heading\n" + rows("358.5")
         values, *_ = read(path, text, NavigationSettings(declination=3.5))
@@ -164,7 +138,6 @@ class TestAmbiguous:
             ("Time,Yaw", ("5",), ["'Yaw' may be clockwise", "--nav-frame ned", "--nav-frame enu"]),
             ("Time,Z", ("5",), ["'Z' may count downward", "--nav-frame ned"]),
             ("Time,Heading,HDG", ("5", "6"), ["both 'Heading' and 'HDG' may be heading_deg", "--nav-columns"]),
-            ("Time,Timestamp,Depth", ("5", "6"), ["both 'Time' and 'Timestamp' may be stamp"]),
             ("GPSTime,Depth", ("5",), ["'GPSTime' may be GPS time, or the UTC", "--time-scale"]),
             ("Time,Easting,Northing", ("597000", "6643000"), ["reach 6643000 m", "--nav-crs"]),
             ("Time,Latitude,Longitude,x_m,y_m", ("1", "1", "1", "1"), ["x_m and y_m beside places", "--nav-columns"]),
@@ -173,13 +146,6 @@ class TestAmbiguous:
     )
     def test_two_meanings(self, path: Path, heading: str, cells: tuple[str, ...], words: list[str]) -> None:
         refused(path, f"{heading}\n{rows(*cells)}", *words)
-
-    def test_places_twice_are_taken_once(self, path: Path) -> None:
-        text = "Time,Lat,Lon,Easting,Northing\n" + rows("60.4", "5.3", "296000", "6701000")
-        values, navigated, notes = read(path, text)
-        assert navigated.georeference is not None
-        np.testing.assert_allclose(values[:, 3:5], 0, atol=1e-6)
-        assert any("places are taken from Lat and Lon" in note for note in notes)
 
     def test_degrees_in_the_columns_of_meters(self, path: Path) -> None:
         cells = (f"{START + k},{5.32 + k / 1e3:.6f},{60.39 + k / 2e3:.6f}\n" for k in range(9))
@@ -215,42 +181,15 @@ LONG = 100_000
     "read",
     [
         lambda: column_of(0, "a" + " " * LONG + "(" + " " * LONG + "x"),
-        lambda: column_of(0, " " * LONG + "[" * LONG),
         lambda: column_of(0, "a" + "_" * LONG + "." * LONG + "b "),
-        lambda: column_of(0, "a_" * LONG),
-        lambda: column_of(0, "depth" + " " * LONG + "(m)"),
         lambda: zone_of("utc" + " " * LONG + "x"),
         lambda: degrees("1" + " " * LONG + "x", "lat_deg"),
-        lambda: degrees("1" + " -:" * LONG + "x", "lat_deg"),
-        lambda: degrees("1." + "1" * LONG + "x", "lat_deg"),
         lambda: time_of_day("9:30" + " " * LONG + "x"),
     ],
 )
 def test_headings_and_cells(read: Callable[[], object]) -> None:
     with quick():  # what takes a tenth of a second would take minutes, were it growing by squares
         read()
-
-
-@pytest.mark.parametrize(
-    "cell", ["2026" + " " * LONG + "x", "T" * LONG, "2" + "T " * (LONG // 2) + "9", "a" + " " * LONG + "UT"]
-)
-def test_times(cell: str, tmp_path: Path) -> None:
-    (tmp_path / "log.csv").write_text(f"time,depth_m,depth_sigma_m\n{cell},2,3\n")
-    words = r"line 2: the time is '.{1,45}'; wanted finite seconds, or a time as"
-    with quick():
-        refuses(words, read_navigation, tmp_path / "log.csv", AS_IT_SAYS, None, np.zeros(1), [])
-
-
-def test_tables_of_many_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each might be a misspelled one of ours; only those that may be are compared letter by letter."""
-    compared: list[float] = []
-    ratio = SequenceMatcher.ratio
-    monkeypatch.setattr(SequenceMatcher, "ratio", lambda self: compared.append(ratio(self)) or compared[-1])
-    headings = ",".join(f"a{k}_m" for k in range(1000))
-    (tmp_path / "log.csv").write_text(f"time,depth,{headings},heding_deg\n1,2\n")
-    words = "'heding_deg' is nearly called heading_deg"
-    refuses(words, read_navigation, tmp_path / "log.csv", AS_IT_SAYS, None, np.zeros(1), [])
-    assert len(compared) < 20
 
 
 def test_instruments_that_a_log_names_need_no_standard_deviations(tmp_path: Path) -> None:
@@ -293,3 +232,15 @@ def test_headings_in_german_and_french(path: Path, heading: str) -> None:
     np.testing.assert_allclose(values[0, [0, 1, 2, 5]], [1.5, -2, 350.25, 12.5], atol=1e-6)
     assert navigated.georeference is not None
     refuses("'Tidspunkt', 'Depth'; known are .*--nav-columns stamp=", read, path, "Tidspunkt;Depth\n1;2\n")
+
+
+def test_tables_of_many_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each might be a misspelled one of ours; only those that may be are compared letter by letter."""
+    compared: list[float] = []
+    ratio = SequenceMatcher.ratio
+    monkeypatch.setattr(SequenceMatcher, "ratio", lambda self: compared.append(ratio(self)) or compared[-1])
+    headings = ",".join(f"a{k}_m" for k in range(1000))
+    (tmp_path / "log.csv").write_text(f"time,depth,{headings},heding_deg\n1,2\n")
+    words = "'heding_deg' is nearly called heading_deg"
+    refuses(words, read_navigation, tmp_path / "log.csv", AS_IT_SAYS, None, np.zeros(1), [])
+    assert len(compared) < 20

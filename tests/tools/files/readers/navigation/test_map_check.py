@@ -37,11 +37,10 @@ def named(
     return dict(judged.understated), contradiction_of_map(at, given, list(judged.understated))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 @pytest.mark.parametrize(
     ("known", "by", "kind", "instead"),
     [
-        (LEVEL, FEET, "depth", "depths in feet"),
         (DEPTH, FEET, "depth", "depths in feet"),
         (ROTATION, TURNED, "heading", "heading_deg with its sign turned"),
     ],
@@ -56,7 +55,7 @@ def test_a_map_names_the_mistake(known: np.ndarray, by: np.ndarray, kind: str, i
     assert mistake.remedy
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("known", [LEVEL, DEPTH, ROTATION])
 @pytest.mark.quick_cases(1)
 def test_noise_has_no_name(known: np.ndarray, seed: int) -> None:

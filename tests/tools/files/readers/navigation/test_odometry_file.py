@@ -105,12 +105,6 @@ def test_messages_are_interpolated_to_the_scans(tmp_path: Path, writer: str) -> 
     np.testing.assert_allclose(poses.rotation.as_matrix(), np.tile(TURN.as_matrix(), (3, 1, 1)), atol=1e-9)
 
 
-def test_of_several_topics_one_is_named(tmp_path: Path) -> None:
-    path = write_ros1(tmp_path / "a.bag", driven("/odom") + driven("/dvl/odom"))
-    refuses(r"it has 2 topics of nav_msgs/msg/Odometry: .*a\.bag::/dvl/odom", poses_of, path, 100.0, 101.0)
-    assert len(poses_of(Path(f"{path}::/odom"), 100.0, 101.0)) == 2
-
-
 def test_it_is_that_of_base_link(tmp_path: Path) -> None:
     """Odometry of a DVL that looks to port, 1 m ahead and 2 m to port of base_link."""
     static = ("/tf_static", TF, 99.0, transforms((0.0, "base_link", "dvl_link", (1, 2, 0.5), LEFT)))

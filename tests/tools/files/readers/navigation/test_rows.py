@@ -56,14 +56,6 @@ def test_places_depths_and_headings_that_nobody_gets_to() -> None:
     assert fault_notes(faults)[1].startswith("1 depth is left out (line 72): far from")
 
 
-def test_a_speed_that_is_known_says_more() -> None:
-    given = log()
-    values = given.values.copy()
-    values[40, 3:5] += [9.0, 0.0]
-    assert usable_rows(replace(given, values=values))[1] == []
-    assert [fault.line for fault in usable_rows(replace(given, values=values), fastest=2.0)[1]] == [42]
-
-
 def test_values_that_stand_still_and_times_out_of_order() -> None:
     given = log()
     values, times = given.values.copy(), given.times.copy()
@@ -87,13 +79,6 @@ def test_a_heading_in_whole_degrees_may_be_held() -> None:
         np.concatenate([np.repeat([90.0, 91.0, 90.0, 92.0], 10), np.full(40, 91.0), 106 + np.arange(40) % 3])
     )
     assert usable_rows(replace(given, values=values))[1] == []
-
-
-def test_short_logs_and_rows_with_names_are_not_asked() -> None:
-    given = log(11)
-    assert usable_rows(given) == (given, [])
-    named = replace(log(), key="name")
-    assert usable_rows(named) == (named, [])
 
 
 def test_a_wrong_row_spoils_no_scan(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from tests.tools.files.readers.pings.datagrams import SUFFIXES, written
 
 LONGEST = 10.0  # seconds for a file
-QUICK, MANY = 20, 2000
+QUICK, MANY = 5, 500
 
 
 def damaged(content: bytes, rng: np.random.Generator) -> bytes:

@@ -2,7 +2,6 @@
 
 import re
 import struct
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -137,12 +136,6 @@ def test_attitudes_of_an_xtf_are_interpolated(tmp_path: Path, lag: float) -> Non
     np.testing.assert_allclose(np.degrees(found.attitudes[:-1]), expected, atol=1e-4)
 
 
-def test_raw_positions_of_an_xtf_whose_pings_have_none(tmp_path: Path) -> None:
-    found = read(tmp_path / "line.xtf", xtf(LINE, fan(12), lag=0.125, raw=True))
-    expected = LINE.fixes[:-1] + 0.125 / 0.5 * np.diff(LINE.fixes, axis=0)
-    np.testing.assert_allclose(found.fixes[: len(expected), :2], expected, atol=1e-9)
-
-
 def test_gsf_has_longitude_before_latitude_in_the_file(tmp_path: Path) -> None:
     """gsfpy names them the wrong way round: the bytes decide. A ping is its time, longitude, latitude."""
     path = write_gsf(tmp_path / "line.gsf", LINE.first(1))
@@ -187,17 +180,6 @@ def test_a_submersible_in_a_gsf(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.sensors[:, 2], -1200.0 - OFFSET[2], atol=TOLERANCE)
     found = read(write_gsf(tmp_path / "line.gsf", line, depth_corrector=0.25))
     np.testing.assert_allclose(found.sensors[:, 2], -DRAFT, atol=TOLERANCE)
-
-
-def test_nominal_depths_of_a_gsf(tmp_path: Path) -> None:
-    path = write_gsf(tmp_path / "line.gsf", LINE, words=[b"DEPTH_CALCULATION=RELATIVE_TO_1500_MS"])
-    assert read(path).notes == ("depths are those for a speed of sound of 1500 m/s; the file has no others",)
-
-
-def test_packets_of_triton(tmp_path: Path) -> None:
-    """They are those of QINSy where they hold the same."""
-    there, other = (read(tmp_path / "line.xtf", xtf(LINE, fan(3), kind=kind)) for kind in (68, 65))
-    np.testing.assert_array_equal(there.points, other.points)
 
 
 def test_flags_of_a_gsf(tmp_path: Path) -> None:
@@ -291,12 +273,6 @@ def test_what_cannot_be_used_is_refused(tmp_path: Path, suffix: str, content: Ca
     refuses(rf"line{suffix}: .*{words}", read_line, path, [])
 
 
-def test_all_soundings_rejected(tmp_path: Path) -> None:
-    line = sample(3)
-    line.rejected[:] = True
-    refuses("all 27 soundings of its 3 pings are rejected", read, write_gsf(tmp_path / "line.gsf", line))
-
-
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_file_that_was_cut_keeps_its_first_pings(tmp_path: Path, suffix: str) -> None:
     path = written(tmp_path, suffix)
@@ -325,13 +301,6 @@ def test_a_count_that_the_packet_does_not_hold(tmp_path: Path) -> None:
     assert len(line.stamps) == 11
     words = r"1 ping and 0 bytes left out; the packet at byte 1,024 has a section of \d+ bytes; wanted at least 131,074"
     assert re.search(words, line.notes[-1])
-
-
-def test_a_gsf_library_that_does_not_load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-
-    path = write_gsf(tmp_path / "line.gsf", LINE)
-    monkeypatch.setitem(sys.modules, "gsfpy3_09", None)
-    refuses("line.gsf: the GSF library does not load on this machine", read_line, path, [])
 
 
 def test_an_index_beside_an_xtf_is_not_unpickled(tmp_path: Path) -> None:

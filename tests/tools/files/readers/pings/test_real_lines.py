@@ -9,6 +9,7 @@ from sonarmap.tools.files.readers.pings.line_file import read_line
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from tests.samples.places import DATA
 
+pytestmark = pytest.mark.slow
 FOLDER = DATA / "real" / "multibeam"
 
 

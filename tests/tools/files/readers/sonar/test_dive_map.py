@@ -1,29 +1,19 @@
 """A recording with losses, doubled and exchanged packets, damage and a wrap: its map is that of the undisturbed one."""
 
-import json
-import sys
-import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
-from typer.testing import CliRunner
 
 import sonarmap
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.mapper import MapperSettings
-from sonarmap.tools.command.main import app
-from sonarmap.tools.files.memory import peak_memory
-from sonarmap.tools.files.readers.clouds.ply import read_ply
-from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.scans import read_survey
 from tests.samples.dives import Dive
 from tests.samples.recordings import Events, damage_a_shot, disturbed, written
-from tests.tools.files.readers.sonar.test_large import MOST_MEMORY, run
 
 
 def record(folder: Path, dive: Dive) -> tuple[list[Path], set[int], Events]:
@@ -56,13 +46,6 @@ class Mapped:
     voxel: float
     trajectory: Trajectory
     points: np.ndarray
-
-    @classmethod
-    def of_folder(cls, out: Path) -> "Mapped":
-        """Of a folder of `map` with a single part."""
-        (part,) = json.loads((out / "summary.json").read_text())["components"]
-        points = read_ply((out / "map.ply").read_bytes())[0].points
-        return cls(part["map"]["voxel_m"], read_tum(out / "trajectory.tum"), points)
 
 
 def check_same(dive: Dive, whole: Mapped, other: Mapped) -> None:
@@ -106,35 +89,3 @@ def test_a_disturbed_dive_gives_the_same_map(tmp_path: Path) -> None:
         maps.append(Mapped(result.voxel, result.trajectory, result.maps[0].points))
     check_notes(notes, dive.shots, lost, events)
     check_same(dive, *maps)
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(3600)
-def test_18_000_disturbed_shots_give_the_same_map(tmp_path: Path) -> None:
-    """A quarter of an hour at 20 Hz; the maps are made side by side, in about ten minutes on two cores."""
-    shots = 18_000
-    dive = Dive("rubble", shots, first=2**32 - shots // 2)
-    paths, lost, events = record(tmp_path, dive)
-    read = "from tests.tools.files.readers.sonar.test_large import main; main()"
-    (whole, *_), (digests, seconds, memory, _) = (json.loads(run(read, str(path))) for path in paths)
-    assert digests == [whole[shot] for shot in range(shots) if shot not in lost]
-    assert memory < MOST_MEMORY
-    print(f"read in {seconds:.0f} s, {memory / 2**20:.0f} MiB")
-    mapped = "from tests.tools.files.readers.sonar.test_dive_map import main; main()"
-    folders = {path: tmp_path / path.stem for path in paths}
-    with ThreadPoolExecutor() as pool:
-        said = pool.map(lambda path: run(mapped, str(path), "-o", str(folders[path]), "--grid", "64"), folders)
-        ended = list(map(json.loads, said))
-    for seconds, memory, _ in ended:
-        print(f"mapped in {seconds:.0f} s, {memory / 2**20:.0f} MiB")
-    check_notes(ended[1][2], shots, lost, events)
-    check_same(dive, *map(Mapped.of_folder, folders.values()))
-
-
-def main() -> None:
-    """`map` with the arguments; print how long it took [s], the memory, and what was said."""
-    start = time.perf_counter()
-    result = CliRunner(env={"COLUMNS": "300"}).invoke(app, ["map", *sys.argv[1:]])
-    assert result.exit_code == 0, result.stderr
-    peak = peak_memory()
-    print(json.dumps([time.perf_counter() - start, peak, result.stderr]))

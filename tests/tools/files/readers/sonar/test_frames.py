@@ -1,6 +1,5 @@
 """Range images of Sonar 3D-15 recordings: frame conventions, strengths, other messages, wrong content."""
 
-import re
 import struct
 
 import numpy as np
@@ -11,15 +10,13 @@ from wlsonar import bitmap_image_to_strength_linear, range_image_to_xyz
 from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
+from sonarmap.tools.files.readers.scans import read_scan, read_scans
 from sonarmap.tools.files.readers.sonar.messages import pixels_of, range_image_type
 from tests.samples.cloud_files import SAMPLES, put, range_image, sonar_packets, strength_image
-from tests.samples.places import DATA
 from tests.samples.recordings import read_sonar, with_checksum
 from tests.samples.refusals import refuses
 
 pytestmark = pytest.mark.filterwarnings("error")
-REAL = DATA / "sonar3d15" / "ship_short.sonar"
 
 
 def test_points_are_wlsonars_with_y_and_z_turned():
@@ -89,7 +86,7 @@ def test_damage_under_a_right_checksum_is_refused_or_harmless(tmp_path, compress
     """What a checksum cannot tell: every layer below it must hold too."""
     rng = np.random.default_rng(6)
     message = rip.packb(range_image(1, np.arange(12).reshape(3, 4)), protocol=rip.ProtocolVersion.RIP1)[8:-4]
-    for _ in range(400):
+    for _ in range(150):
         payload = bytearray(snappy.compress(message) if compressed else message)
         for _ in range(rng.integers(1, 4)):
             payload[rng.integers(len(payload))] = rng.integers(256)
@@ -117,56 +114,6 @@ def test_range_images_that_contradict_themselves_are_refused(change, said):
     for name, value in change.items():
         setattr(image, name, value)
     refuses(f"packet 1 at byte 0 is a range image .*{said}", read_sonar, rip.packb(image))
-
-
-@pytest.mark.parametrize("first", [True, False])
-def test_a_strength_image_of_another_size_is_left_out(first):
-    packets = [sonar_packets()[0], rip.packb(strength_image(0, np.ones((4, 3))))]
-    notes: list[str] = []
-    (cloud,) = read_sonar(b"".join(packets if first else packets[::-1]), notes)
-    assert (len(cloud.points), cloud.strength) == (11, None)
-    (note,) = notes
-    damage = "is a strength image of 3 x 4 with 12 pixels beside a range image of 4 x 3"
-    assert re.search(f"1 damaged packet left out.*bytes: packet 2 at byte.*{damage}", note)
-
-
-def test_packets_of_the_first_version_and_without_time(tmp_path):
-    image = range_image(0, np.arange(12).reshape(3, 4))
-    old = rip.packb(image, protocol=rip.ProtocolVersion.RIP1)
-    np.testing.assert_array_equal(read_sonar(old)[0].points, read_sonar(rip.packb(image))[0].points)
-    image.header.ClearField("timestamp")
-    assert read_scan(put(tmp_path / "dive.sonar", rip.packb(image))).stamp == 0.0  # it takes the counter
-
-
-def test_a_real_recording_of_a_ship():
-    if not REAL.exists():
-        pytest.skip(f"no real recording at {REAL}")
-    read = read_scans([REAL])
-    assert [scan.name for scan in read.scans] == [f"ship_short#{index}" for index in range(6)]
-    assert read.notes == ()
-    for scan in read.scans:
-        assert 10_000 < len(scan.points) < 11_000
-        assert (scan.points[:, 0] > 0).all()
-        ranges = np.linalg.norm(scan.points, axis=1)
-        assert ranges.min() > 1.3
-        assert ranges.max() < 15.0
-        assert scan.strength is not None
-        assert scan.strength.min() > 30.0
-    stamps = [scan.stamp for scan in read.scans]
-    assert stamps[0] == pytest.approx(1716815835.84064, abs=1e-6)  # 2024-05-27T13:17:15.84Z
-    assert np.diff(stamps) == pytest.approx(np.full(5, 1 / 6), abs=2e-3)
-
-
-def test_a_frame_of_nothing_but_nan_leaves_a_place(tmp_path):
-    frames = [range_image(frame, np.full((3, 4), 80)) for frame in range(3)]
-    frames[1].image_pixel_scale = float("nan")
-    path = put(tmp_path / "dive.sonar", b"".join(rip.packb(frame) for frame in frames))
-    refuses(r"dive\.sonar#1: all of its 12 points are NaN", read_scans, [path])
-    read = read_survey([path])
-    assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
-    assert [scan.stamp - read.scans[0].stamp for scan in read.scans] == [0, 2]
-    (unread,) = read.unread
-    assert (unread.where, unread.before) == (f"{path}#1", 1)
 
 
 class TestPixels:

@@ -9,7 +9,7 @@ from wlsonar import range_image_protocol as rip
 
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.sonar.recording import stream_sonar
-from tests.samples.cloud_files import range_image, sonar_packets, strength_image
+from tests.samples.cloud_files import range_image, sonar_packets
 from tests.samples.recordings import PacketOf, disturbed, read_sonar, recording, shot_packets, written
 from tests.samples.refusals import refuses
 
@@ -53,8 +53,8 @@ def clean() -> list[PacketOf]:
     return list(recording(300, first=2**32 - 100))
 
 
-@pytest.mark.quick_cases(3)
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("seed", range(3))
 def test_counts_are_right_and_the_rest_is_the_same_to_the_bit(tmp_path: Path, clean: list[PacketOf], seed: int) -> None:
     """1 % lost, 1 % doubled, 1 % exchanged, a damaged packet, and a wrap: all counted, and no other shot changed."""
     packets, events = disturbed(clean, seed)
@@ -109,7 +109,7 @@ class TestDamage:
     def test_any_damaged_byte_costs_its_packet_alone(self) -> None:
         packets = sonar_packets()
         whole, starts = read_sonar(b"".join(packets)), np.cumsum([0, *(len(packet) for packet in packets)])
-        for place in range(0, starts[-1], 2):
+        for place in range(0, starts[-1], 5):
             changed = bytearray(b"".join(packets))
             changed[place] ^= 0x10
             hit = int(np.searchsorted(starts, place, side="right")) - 1
@@ -131,15 +131,6 @@ class TestDamage:
             assert len(clouds) == 3
             end = f"the recording is cut: of its last packet there are only {len(false)} bytes"
             assert (end if place == 6 else f"1 damaged packet left out, {len(false)} bytes") in note
-
-    def test_damage_longer_than_what_is_read_at_a_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        from sonarmap.tools.files.readers.sonar import packets as module
-
-        monkeypatch.setattr(module, "_CHUNK", 50)
-        monkeypatch.setattr(module, "_SEARCHED", 20)
-        garbage = np.random.default_rng(1).bytes(5000)
-        packets = sonar_packets()
-        assert len(read_sonar(packets[0] + garbage + b"".join(packets[1:]))) == 3
 
 
 class TestNumbers:
@@ -166,30 +157,6 @@ class TestNumbers:
         assert [note.partition(": ")[2] for note in notes] == [
             "the numbers of the shots start again once: the sonar was restarted, or recordings were put together"
         ]
-
-    def test_a_recording_twice_in_a_file_is_read_once(self) -> None:
-        packets = content(list(recording(50)))
-        clouds, notes = noted(packets + packets)
-        assert len(clouds) == 50
-        assert numbers_in(notes, "doubled") == [100]
-
-    def test_numbers_that_stand_still(self) -> None:
-        rng = np.random.default_rng(4)
-        packets = [packet for shot in range(30) for packet in shot_packets(shot, 0, rng)]
-        clouds = read_sonar(content(packets))
-        assert len(clouds) == 30
-        assert all(cloud.strength is not None for cloud in clouds)
-
-    def test_shots_without_numbers_and_times(self) -> None:
-        """Only what is the same to the bit is doubled."""
-        images = [rip.RangeImage(width=4, height=3, image_pixel_scale=0.125) for _ in range(20)]
-        for k, image in enumerate(images):
-            image.fov_horizontal, image.fov_vertical = 90.0, 40.0
-            image.image_pixel_data.extend([10 + k] * 12)
-        clouds, notes = noted(b"".join(rip.packb(image) for image in [*images, images[7]]))
-        assert [cloud.points[0, 0] for cloud in clouds] == sorted(cloud.points[0, 0] for cloud in clouds)
-        assert len(clouds) == 20
-        assert numbers_in(notes, "doubled") == [1]
 
     def test_a_shot_that_comes_up_to_sixteen_shots_late_is_in_order(self) -> None:
         clean = list(recording(60))
@@ -241,17 +208,3 @@ class TestClock:
     def test_that_is_wrong(self, stamps: list[float], wanted: list[str]) -> None:
         notes = self.notes_of(stamps)
         assert [note[: len(words)] for note, words in zip(notes, wanted, strict=True)] == wanted
-
-    def test_the_speed_of_sound_changes(self) -> None:
-        stamps = [1.7e9 + k for k in range(5)]
-        assert self.notes_of(stamps, [1480.0, 1480.0, 1497.5, 1497.5, 1482.0]) == [
-            "the speed of sound changes 2 times, between 1480.0 and 1497.5 m/s"
-        ]
-
-
-def test_strength_images_without_a_time_belong_by_number() -> None:
-    levels = np.full((3, 4), 50)
-    for order in (1, -1):
-        messages = [range_image(3, np.ones((3, 4), int)), strength_image(3, levels)][::order]
-        (cloud,) = read_sonar(b"".join(rip.packb(message) for message in messages))
-        assert cloud.strength is not None
