@@ -182,6 +182,12 @@ class TestPrograms:
             device.build("__kernel void f(__global float* x) { x[0] = missing_name; }", name="broken")
         assert "missing_name" in str(raised.value)
 
+    def test_are_built_once_per_process(self, device: Device) -> None:
+        assert device.program("points/voxelize", EDGE=16) is device.program("points/voxelize", EDGE=16)
+        assert device.program("points/voxelize", EDGE=16) is not device.program("points/voxelize", EDGE=32)
+        other = Device(device.cl_device, flavor=device.flavor)
+        assert other.program("points/voxelize", EDGE=16) is device.program("points/voxelize", EDGE=16)
+
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
 @pytest.mark.filterwarnings("ignore:.*multi-threaded:DeprecationWarning")

@@ -114,6 +114,7 @@ class TestEqualize:
         got = equalize(coefficients, power)
         want = np.square(np.abs(coefficients)).sum(axis=(1, 2))
         np.testing.assert_allclose(np.square(np.abs(got)).sum(axis=(1, 2))[1:], want[1:], rtol=1e-9)
+        assert not got[0].any()
 
     @pytest.mark.parametrize("layers", [3, 30])
     @pytest.mark.parametrize("power", [0.4, 1.0])
@@ -142,3 +143,12 @@ class TestEqualize:
         assert np.linalg.svd(got, compute_uv=False).min() > 0.9 * np.linalg.norm(got) / np.sqrt(2)
         basis = np.linalg.svd(coefficients[2, :, 3:12])[2][2:]
         assert np.abs(got @ basis.conj().T).max() < 1e-4 * np.linalg.norm(got)
+
+    def test_what_is_0_stays_0(self):
+        coefficients = random_coefficients(8, 3, seed=14)
+        coefficients[2] = 0
+        got = equalize(coefficients, 0.4)
+        assert not got[2].any()
+        assert got[1].any()
+        assert not equalize(np.zeros((4, 3, 15)), 1).any()
+        assert equalize(np.zeros((4, 0, 15)), 1).shape == (4, 0, 15)

@@ -105,3 +105,17 @@ def test_an_even_number_of_gaps_has_the_mean_of_the_middle_ones(device: Device) 
     steps.begin(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1), None)
     steps.step(3.0, alone=False)
     assert steps.end().read().width[0] == pytest.approx(0.3, abs=1e-6)
+
+
+def test_nothing_within_reach_leaves_the_pose(device: Device, rows: list[np.ndarray]) -> None:
+    pose = Pose(np.eye(3), np.array([900.0, 0, 5]), 0.2, np.zeros(2))
+    steps = refinement(device, rows, 1000, [pose], STRETCHING)
+    for reach in (8.0, 2.0):
+        steps.step(reach, alone=True)
+    steps.step(2.0, alone=False)
+    got = steps.end().read()
+    assert got.total[0] == got.squares[0] == 0
+    assert not got.whole.any()
+    np.testing.assert_array_equal(got.shift[0], pose.shift)
+    assert got.width[0] == pytest.approx(0.2)
+    assert np.isfinite(got.doubts).all()

@@ -5,6 +5,7 @@ import pytest
 from pyproj import Geod, Transformer
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection, on_the_earth, utm_epsg
 from tests.samples.refusals import refuses
@@ -153,3 +154,16 @@ def test_headings_turn_with_the_meridians() -> None:
         bearing, _, _ = GEOD.inv(here_now[1], here_now[0], there[1], there[0])
         x = earth.rotations[k].apply([1.0, 0, 0])
         assert np.degrees(np.arctan2(x[0], x[1])) == pytest.approx(bearing, abs=1e-4)
+
+
+def test_json_keeps_it() -> None:
+    here = Georeference(-33.0, 151.25, 2.5, "EGM2008", 12.0)
+    assert Georeference.of_json(here.to_json()) == here
+    with pytest.raises(InputError):
+        Georeference.of_json({"lat": 1.0})
+
+
+def test_refuses_points_that_are_not_near() -> None:
+    here = Georeference(10.0, 10.0)
+    for convert, point in ((here.geodetic, [3e5, 0, 0]), (here.local, [20, 10, 0]), (here.geodetic, [np.nan, 0, 0])):
+        refuses("200 km", convert, np.array([point], float))

@@ -107,3 +107,10 @@ def test_units() -> None:
     for unit, size in meters.items():
         turned = PointFrame("flu", unit).turned(Cloud(np.array([[1000.0, -2000, 3000]])))
         np.testing.assert_allclose(turned.points, np.multiply([[1000, -2000, 3000]], size), rtol=1e-8)
+
+
+def test_integers_and_what_is_not_finite() -> None:
+    turned = PointFrame("frd", "mm").turned(Cloud(np.array([[1500, 250, -750]], np.int16)))
+    np.testing.assert_allclose(turned.points, [[1.5, -0.25, 0.75]])
+    points = PointFrame("ned").turned(Cloud(np.array([[np.nan, 1.0, 2.0], [1, np.inf, 3]]))).points
+    np.testing.assert_array_equal(np.isfinite(points), [[True, False, True], [False, True, True]])

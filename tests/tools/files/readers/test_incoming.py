@@ -222,3 +222,27 @@ class TestMcap:
         require_same(came, read_survey([path]).scans)
         for k, each in enumerate(came):
             assert [after.scan.name for after in again(each.behind)] == [f"grows#{n}" for n in range(k + 1, 12)]
+
+
+def test_what_came_before_it_ended_is_read(tmp_path: Path) -> None:
+    path = put(tmp_path / "dive.sonar", b"")
+
+    def write_and_end() -> bool:
+        written(path, list(recording(3)))
+        return True
+
+    assert len(list(incoming(path, AS_RECORDED, write_and_end))) == 3
+
+
+def test_a_part_that_is_given_its_name_before_it_is_opened_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part, size = written(tmp_path / "001.part.sonar", list(recording(3))), module._size
+
+    def renames(path: Path) -> object:
+        if part.exists():
+            part.rename(tmp_path / "001.sonar")
+        return size(path)
+
+    monkeypatch.setattr(module, "_size", renames)
+    assert len(followed(tmp_path)) == 3

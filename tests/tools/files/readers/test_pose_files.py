@@ -245,3 +245,13 @@ def test_order_of_the_information(tmp_path):
     path.write_text(f"{V0}\n{V1}\nEDGE_SE3:QUAT 0 1 1 2 3 0 0 0 1 {upper}\n")
     (e,) = read_g2o(path).edges
     np.testing.assert_allclose(1 / np.diag(e.registration.covariance), [4, 5, 6, 1, 2, 3], rtol=1e-14)
+
+
+def test_kitti_takes_rotations_of_six_digits(tmp_path):
+    T = random_transforms(np.random.default_rng(1), 20)
+    rows = T.as_matrix()[:, :3].reshape(-1, 12)
+    np.savetxt(tmp_path / "a.txt", rows, fmt="%.6e")
+    again = read_kitti(tmp_path / "a.txt").T_world_sensor
+    np.testing.assert_allclose(again.as_matrix(), T.as_matrix(), atol=1e-5)
+    R = again.rotation.as_matrix()
+    np.testing.assert_allclose(R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (20, 1, 1)), atol=1e-14)

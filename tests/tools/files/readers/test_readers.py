@@ -11,7 +11,7 @@ from pyproj import CRS
 from sonarmap.tools.files.readers.clouds import rows
 from sonarmap.tools.files.readers.scans import read_scan, read_scans
 from sonarmap.tools.files.time_scales import utc_of_gps
-from tests.samples.cloud_files import POINTS, SAMPLES, STRENGTH, TABLE, las, npy, pcd, ply, put, text
+from tests.samples.cloud_files import POINTS, SAMPLES, STRENGTH, TABLE, las, npy, npz, pcd, ply, put, text
 from tests.samples.processor_time import thrifty
 from tests.samples.refusals import refuses
 
@@ -140,6 +140,11 @@ class TestTimes:
         assert utc_of_gps(np.array(1_167_264_016.0)) == datetime(2016, 12, 31, 23, 59, 59, tzinfo=UTC).timestamp()
         assert utc_of_gps(np.array(1_167_264_018.0)) == datetime(2017, 1, 1, tzinfo=UTC).timestamp()
 
+    def test_seconds_of_a_week_are_no_stamp(self, tmp_path: Path) -> None:
+        put_las(tmp_path, las(gps=GPS, adjusted=False), "a.laz")
+        put_las(tmp_path, las(), "b.laz")
+        assert [scan.stamp for scan in read_scans([tmp_path]).scans] == [0.0, 1.0]
+
 
 def test_viewpoints_as_extra_dimensions(tmp_path: Path) -> None:
     places = {name: np.arange(5) * scale for name, scale in (("vp_x", 1.0), ("vp_y", -2.0), ("vp_z", 0.5))}
@@ -190,3 +195,20 @@ class TestHostileHeaders:
         for layer in range(9):
             self.refused(tmp_path, layers, "<I", start + 8 + 30 + 4 + 4 * layer, 2**32 - 16)
         self.refused(tmp_path, "it claims 4,294,967,295 chunks of 5 points", "<I", table + 4, 2**32 - 1)
+
+
+def test_integer_columns_of_a_ply_are_coordinates_too(tmp_path):
+    header = "ply\nformat {} 1.0\nelement vertex 2\nproperty int x\nproperty uchar y\nproperty short z\nend_header\n"
+    words = np.array([(-70000, 200, -300), (5, 6, 7)], [("x", "<i4"), ("y", "u1"), ("z", "<i2")])
+    binary = header.format("binary_little_endian").encode() + words.tobytes()
+    plain = header.format("ascii").encode() + b"-70000 200 -300\n5 6 7\n"
+    for content in (binary, plain):
+        scan = read_scan(put(tmp_path / "scan.ply", content))
+        np.testing.assert_array_equal(scan.points, [[-70000, 200, -300], [5, 6, 7]])
+
+
+def test_three_columns_carry_no_strength(tmp_path):
+    for name, content in {"a.xyz": text(columns=(0, 1, 2)), "b.npy": npy(POINTS), "c.npz": npz(points=POINTS)}.items():
+        scan = read_scan(put(tmp_path / name, content))
+        np.testing.assert_array_equal(scan.points, POINTS)
+        assert scan.strength is None

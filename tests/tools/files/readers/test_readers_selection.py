@@ -188,3 +188,25 @@ def test_only_exactly_the_same_points_are_a_copy() -> None:
     points[-1, 2] += 1e-3  # behind what is compared first
     scans = [cloud(1), cloud(2), replace(nearly, points=points), cloud(1, "copy"), cloud(1, "shorter", 299)]
     assert same_points([*scans, cloud(2, "other"), cloud(1, "again")]) == [(0, 3), (1, 5), (0, 6)]
+
+
+@pytest.mark.parametrize("sizes", [(5, 5000), (1, 40, 9), (3,), (2, 2, 2), (0.0, 0.0, 0.0)])
+def test_leaves_others_alone(sizes: tuple[float, ...]) -> None:
+    assert not strange_sizes(scans(*sizes))
+
+
+def test_stamps_are_the_files_own_where_all_have_one(tmp_path):
+    put(tmp_path / "a.npz", npz(points=POINTS, stamp=np.array(1.7e9)))
+    put(tmp_path / "b.npz", npz(points=POINTS, stamp=np.array([1.7e9 + 0.25])))
+    assert [scan.stamp for scan in read_scans([tmp_path]).scans] == [1.7e9, 1.7e9 + 0.25]
+    refuses("holds 2 scans", read_scan, tmp_path)
+    put(tmp_path / "c.npz", npz(points=POINTS))
+    read = read_scans([tmp_path])
+    assert [scan.stamp for scan in read.scans] == [0, 1, 2]
+    assert read.notes == ("1 of 3 scans have no time: all are stamped 0, 1, 2, ...",)
+
+
+def test_a_name_with_the_signs_of_a_pattern_is_a_name_first(tmp_path):
+    path = put(tmp_path / "scan[1].XYZ", b"1 2 3\n")
+    assert read_scan(path).name == "scan[1]"
+    assert read_scan(put(tmp_path / "scan#4.xyz", b"1 2 3\n")).name == "scan#4"

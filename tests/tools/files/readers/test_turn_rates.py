@@ -12,10 +12,11 @@ from sonarmap.slam.motion.turn_rates import TurnRates
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.bags.imu import recorded_turn_rates
 from sonarmap.tools.files.readers.scans import read_survey
+from sonarmap.tools.files.readers.sonar.imu import turn_rates
 from sonarmap.tools.files.readers.turn_rates import turn_rates_of
 from tests.samples.bags.messages import CLOUD, FIELDS, STAMP, TF, cloud, header, transforms, xyz
 from tests.samples.bags.writers import WRITERS, Record, write_mcap
-from tests.samples.cloud_files import TABLE
+from tests.samples.cloud_files import TABLE, sonar_packets
 from tests.samples.clutter_scans import sonarmap
 from tests.samples.recordings import START, imu_packets
 from tests.samples.refusals import refuses
@@ -64,6 +65,8 @@ def test_recordings_of_a_sonar_and_those_without_an_imu(tmp_path: Path) -> None:
     bare = write_mcap(tmp_path / "bare.mcap", [("/p", CLOUD, 1.0, cloud())])
     refuses("no messages of type sensor_msgs/msg/Imu", recorded_turn_rates, bare)
     assert turn_rates_of([bare, tmp_path / "a.ply"], [SCAN]) is None
+    (tmp_path / "silent.sonar").write_bytes(sonar_packets()[0])
+    refuses(r"silent\.sonar: no IMU batch in it", turn_rates, tmp_path / "silent.sonar")
     known = turn_rates_of([bare, sonar], [SCAN])
     assert known is not None
     np.testing.assert_allclose(known.times, int(START) + np.arange(100) / 100, atol=1e-6)

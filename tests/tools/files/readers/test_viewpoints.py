@@ -64,6 +64,10 @@ class TestFields:
         (tmp_path / "a.npz").write_bytes(npz(points=POINTS, **arrays))
         refuses(message, read_scan, tmp_path / "a.npz")
 
+    def test_two_coordinates_of_three(self, tmp_path: Path) -> None:
+        write_points(tmp_path / "a.ply", POINTS, {"vp_x": TIMES, "vp_z": TIMES})
+        refuses("only vp_x and vp_z; a viewpoint needs all three", read_scan, tmp_path / "a.ply")
+
 
 class TestTrajectoryBeside:
     @pytest.mark.parametrize("name", ["time", "t", "timestamp", "gps_time", "scalar_GpsTime"])

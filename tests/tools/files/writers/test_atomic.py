@@ -123,3 +123,12 @@ def test_what_is_no_folder_is_not_locked_and_not_waited_for(tmp_path: Path) -> N
     for path in (tmp_path / "missing", tmp_path / "file", tmp_path / "fifo"):
         with locked(path, writing=True), locked(path, writing=True):
             pass
+
+
+def test_a_file_system_without_locks_is_used_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def none_here(*_: object) -> None:
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr("fcntl.flock", none_here)
+    with locked(tmp_path, writing=True), locked(tmp_path, writing=True):
+        pass

@@ -9,12 +9,12 @@ import pytest
 
 from sonarmap.tools.files.readers.bags.unpack import Unpacker
 from sonarmap.tools.files.readers.file import clouds_of
-from sonarmap.tools.files.readers.scans import read_scan, read_scans
+from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
 from sonarmap.tools.files.readers.selection import SelectedFile
 from tests.samples.bags.foxglove import point_cloud
 from tests.samples.bags.foxglove import written as write_foxglove
 from tests.samples.bags.messages import CLOUD, FIELDS, STAMP, cloud
-from tests.samples.bags.writers import WRITERS, Record, write_mcap, write_ros2
+from tests.samples.bags.writers import WRITERS, Record, write_mcap, write_ros1, write_ros2
 from tests.samples.cloud_files import POINTS, STRENGTH, TABLE
 from tests.samples.refusals import refuses
 
@@ -117,6 +117,13 @@ class TestLayouts:
     def test_messages_that_contradict_themselves(self, tmp_path: Path, change: dict, words: str) -> None:
         path = write_mcap(tmp_path / "a.mcap", single(cloud() | change))
         refuses(rf"a\.mcap: message 0 of /p: .*{words}", read_scan, path)
+
+    def test_a_message_that_cannot_be_used_leaves_a_gap(self, tmp_path: Path) -> None:
+        records = dive()
+        records[1][3]["width"] = 9
+        read = read_survey([write_ros1(tmp_path / "dive.bag", records)])
+        assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
+        assert "dive.bag: message 1 of /sonar/points: its points of 30 bytes, 9 in rows of 150" in read.notes[0]
 
 
 @pytest.mark.parametrize(

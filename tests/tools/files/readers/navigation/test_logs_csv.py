@@ -103,6 +103,13 @@ class TestLogs:
         assert np.isnan(values[:, :2]).all()
         assert any("'Roll' is not used without a column of pitch_deg" in note for note in notes)
 
+    def test_columns_of_our_own_and_others(self, path: Path) -> None:
+        """With a log's heading among them others are left out, and a misspelled one is not."""
+        values, *_ = read(path, "Time,depth_m,altitude_m\n" + rows("3", "9"))
+        np.testing.assert_allclose(values[:, 5], 3)
+        refused(path, "stamp,depth_m,altitude_m\n" + rows("3", "9"), "unknown column 'altitude_m'", "--nav-columns")
+        refused(path, "Time,Depth,rol_deg,pitch_deg\n" + rows("3", "9", "1"), "nearly called roll_deg")
+
 
 class TestFrames:
     """The same vehicle, nose up 10, starboard down 20, heading 30, at East 2, North 5, 7 deep."""
@@ -129,6 +136,13 @@ class TestFrames:
         np.testing.assert_allclose(values[:, 2], 2)
         refused(path, text, "holds magnetic headings", "--magnetic-declination")
         refuses("--magnetic-declination", NavigationSettings, heading_reference="magnetic")
+
+    def test_standard_deviations_go_with_their_axes(self, path: Path) -> None:
+        text = "Time,x,y,x std,y std\n" + rows("5", "2", "0.25", "0.75")
+        _, navigated, _ = read(path, text, NavigationSettings(frame="ned"))
+        prior = navigated.scans[0].prior
+        assert prior is not None
+        np.testing.assert_allclose(prior.sigmas[3:5], [0.75, 0.25])
 
 
 class TestAmbiguous:
@@ -244,3 +258,11 @@ def test_tables_of_many_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     words = "'heding_deg' is nearly called heading_deg"
     refuses(words, read_navigation, tmp_path / "log.csv", AS_IT_SAYS, None, np.zeros(1), [])
     assert len(compared) < 20
+
+
+@pytest.mark.parametrize("cell", ["2026" + " " * LONG + "x", "T" * LONG])
+def test_times(cell: str, tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(f"time,depth_m,depth_sigma_m\n{cell},2,3\n")
+    words = r"line 2: the time is '.{1,45}'; wanted finite seconds, or a time as"
+    with quick():
+        refuses(words, read_navigation, tmp_path / "log.csv", AS_IT_SAYS, None, np.zeros(1), [])

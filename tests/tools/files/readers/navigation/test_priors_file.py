@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, poses_of, prior_of, sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.priors import navigate
-from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, Mount, NavigationSettings
+from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, Mount, NavigationSettings, parse_columns
 from sonarmap.tools.files.writers.priors import write_priors
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import read as read_log
@@ -169,6 +169,11 @@ class TestRefusals:
         scans = (Scan(POINTS, name="a"), Scan(POINTS, name="b"))
         refuses("line 2: the stamp '0' fits 2 scans, among them a and b", navigate, scans, path)
 
+    def test_files(self, path: Path, tmp_path: Path) -> None:
+        refuses("cannot read", navigate, SCANS, tmp_path / "missing.csv")
+        path.write_bytes(FIRST.encode() + b"f\xffrst,1,1,1,1\n")
+        refuses(r"line 2 .* UTF-8", navigate, SCANS, path)
+
 
 class TestOffices:
     def test_times_of_iso_8601(self, path: Path) -> None:
@@ -177,6 +182,12 @@ class TestOffices:
         first, second = navigate(scans, path).scans
         assert told(first).T_world_sensor.translation[2] == -1
         assert told(second).T_world_sensor.translation[2] == -2
+
+    def test_a_last_line_without_a_break_is_read_and_noted(self, path: Path) -> None:
+        notes: list[str] = []
+        assert read(path, FIRST + "first,12.5,1.5,-3.25,0.1", notes=notes)[0].prior is not None
+        (note,) = notes
+        assert "no line break" in note
 
 
 def test_what_is_written_is_read(path: Path) -> None:
@@ -295,3 +306,8 @@ class TestSeveralFiles:
     )
     def test_files_that_contradict_each_other(self, tmp_path: Path, texts: tuple[str, ...], words: str) -> None:
         refuses(words, navigate, SCANS, self.written(tmp_path, *texts))
+
+    def test_an_option_of_one_file_is_of_no_other(self, tmp_path: Path) -> None:
+        paths = self.written(tmp_path, self.ATTITUDE, self.DEPTH.replace("Depth [m]", "KP"))
+        navigated = navigate(SCANS, paths, NavigationSettings(columns=parse_columns("depth_m=KP")))
+        assert told(navigated.scans[1]).knows_depth

@@ -147,3 +147,22 @@ def test_checksums(tmp_path: Path) -> None:
     none = [EM.datagram("X", t, x[20:-3], wrong_sum=True) for t, x in zip(LINE.stamps, swaths(), strict=True)]
     none += [EM.datagram("P", t, x[20:-3], wrong_sum=True) for t, x in zip(LINE.stamps, positions(), strict=True)]
     np.testing.assert_allclose(read(tmp_path, b"".join(none)).points, LINE.kept, atol=ROUNDED)
+
+
+def test_positions_where_no_system_is_active(tmp_path: Path) -> None:
+    found = read(tmp_path, b"".join([*swaths(), *positions(0x02), *positions(0x01, off=0.1)[:5]]))
+    np.testing.assert_allclose(found.fixes[:, :2], LINE.fixes, atol=1e-7)
+    assert "no position system is marked as active: that with most positions is taken" in found.notes
+
+
+def test_the_second_head_of_an_em3000d_is_deeper(tmp_path: Path) -> None:
+    line = sample()
+    em = Recorder(3004, ">")
+    parts = [em.depths(line, k, DEPTHS, rate=-150, first=125) for k in range(12)]  # beams 125 to 133
+    found = read(
+        tmp_path, b"".join([*parts, *(em.position(t, *p) for t, p in zip(line.stamps, line.fixes, strict=True))])
+    )
+    second = np.tile(np.arange(9) >= 3, (12, 1))[~line.rejected]
+    np.testing.assert_allclose(found.points[~second], line.kept[~second], atol=ROUNDED)
+    np.testing.assert_allclose(found.points[second], line.kept[second] + [0, 0, 1.5], atol=ROUNDED)
+    assert found.echo_sounder == "Kongsberg EM3000D"

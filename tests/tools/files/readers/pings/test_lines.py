@@ -2,6 +2,7 @@
 
 import re
 import struct
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -323,3 +324,27 @@ def test_a_gsf_child_that_dies_or_hangs(tmp_path: Path, monkeypatch: pytest.Monk
     child.write_text(real.replace(printed, printed + "            while identity.record_number == 0: pass\n"))
     line = read(path)
     assert line.notes == ("the GSF library did not end within 1 s after 1 ping, which are kept: the file is damaged",)
+
+
+def test_nominal_depths_of_a_gsf(tmp_path: Path) -> None:
+    path = write_gsf(tmp_path / "line.gsf", LINE, words=[b"DEPTH_CALCULATION=RELATIVE_TO_1500_MS"])
+    assert read(path).notes == ("depths are those for a speed of sound of 1500 m/s; the file has no others",)
+
+
+def test_packets_of_triton(tmp_path: Path) -> None:
+    """They are those of QINSy where they hold the same."""
+    there, other = (read(tmp_path / "line.xtf", xtf(LINE, fan(3), kind=kind)) for kind in (68, 65))
+    np.testing.assert_array_equal(there.points, other.points)
+
+
+def test_raw_positions_of_an_xtf_whose_pings_have_none(tmp_path: Path) -> None:
+    found = read(tmp_path / "line.xtf", xtf(LINE, fan(12), lag=0.125, raw=True))
+    expected = LINE.fixes[:-1] + 0.125 / 0.5 * np.diff(LINE.fixes, axis=0)
+    np.testing.assert_allclose(found.fixes[: len(expected), :2], expected, atol=1e-9)
+
+
+def test_a_gsf_library_that_does_not_load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+
+    path = write_gsf(tmp_path / "line.gsf", LINE)
+    monkeypatch.setitem(sys.modules, "gsfpy3_09", None)
+    refuses("line.gsf: the GSF library does not load on this machine", read_line, path, [])

@@ -1,5 +1,6 @@
 """Range images of Sonar 3D-15 recordings: frame conventions, strengths, other messages, wrong content."""
 
+import re
 import struct
 
 import numpy as np
@@ -10,7 +11,7 @@ from wlsonar import bitmap_image_to_strength_linear, range_image_to_xyz
 from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.scans import read_scan, read_scans
+from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
 from sonarmap.tools.files.readers.sonar.messages import pixels_of, range_image_type
 from tests.samples.cloud_files import SAMPLES, put, range_image, sonar_packets, strength_image
 from tests.samples.recordings import read_sonar, with_checksum
@@ -142,3 +143,34 @@ class TestPixels:
     def test_cut_in_a_number(self):
         content = rip.RangeImage(width=2, height=1).SerializeToString() + b"\x52\x02\x05\x80"
         refuses("is damaged", self.ours, content)
+
+
+def test_a_frame_of_nothing_but_nan_leaves_a_place(tmp_path):
+    frames = [range_image(frame, np.full((3, 4), 80)) for frame in range(3)]
+    frames[1].image_pixel_scale = float("nan")
+    path = put(tmp_path / "dive.sonar", b"".join(rip.packb(frame) for frame in frames))
+    refuses(r"dive\.sonar#1: all of its 12 points are NaN", read_scans, [path])
+    read = read_survey([path])
+    assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
+    assert [scan.stamp - read.scans[0].stamp for scan in read.scans] == [0, 2]
+    (unread,) = read.unread
+    assert (unread.where, unread.before) == (f"{path}#1", 1)
+
+
+def test_packets_of_the_first_version_and_without_time(tmp_path):
+    image = range_image(0, np.arange(12).reshape(3, 4))
+    old = rip.packb(image, protocol=rip.ProtocolVersion.RIP1)
+    np.testing.assert_array_equal(read_sonar(old)[0].points, read_sonar(rip.packb(image))[0].points)
+    image.header.ClearField("timestamp")
+    assert read_scan(put(tmp_path / "dive.sonar", rip.packb(image))).stamp == 0.0  # it takes the counter
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_strength_image_of_another_size_is_left_out(first):
+    packets = [sonar_packets()[0], rip.packb(strength_image(0, np.ones((4, 3))))]
+    notes: list[str] = []
+    (cloud,) = read_sonar(b"".join(packets if first else packets[::-1]), notes)
+    assert (len(cloud.points), cloud.strength) == (11, None)
+    (note,) = notes
+    damage = "is a strength image of 3 x 4 with 12 pixels beside a range image of 4 x 3"
+    assert re.search(f"1 damaged packet left out.*bytes: packet 2 at byte.*{damage}", note)

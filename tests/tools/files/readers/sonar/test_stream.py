@@ -9,7 +9,7 @@ from wlsonar import range_image_protocol as rip
 
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.sonar.recording import stream_sonar
-from tests.samples.cloud_files import range_image, sonar_packets
+from tests.samples.cloud_files import range_image, sonar_packets, strength_image
 from tests.samples.recordings import PacketOf, disturbed, read_sonar, recording, shot_packets, written
 from tests.samples.refusals import refuses
 
@@ -132,6 +132,15 @@ class TestDamage:
             end = f"the recording is cut: of its last packet there are only {len(false)} bytes"
             assert (end if place == 6 else f"1 damaged packet left out, {len(false)} bytes") in note
 
+    def test_damage_longer_than_what_is_read_at_a_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        from sonarmap.tools.files.readers.sonar import packets as module
+
+        monkeypatch.setattr(module, "_CHUNK", 50)
+        monkeypatch.setattr(module, "_SEARCHED", 20)
+        garbage = np.random.default_rng(1).bytes(5000)
+        packets = sonar_packets()
+        assert len(read_sonar(packets[0] + garbage + b"".join(packets[1:]))) == 3
+
 
 class TestNumbers:
     """Of shots: `first`, and so on."""
@@ -177,6 +186,19 @@ class TestNumbers:
         assert [cloud.strength is not None for cloud in clouds] == [False] * 168 + [True] * 32
         assert numbers_in(notes, "without a range image") == [168]
 
+    def test_a_recording_twice_in_a_file_is_read_once(self) -> None:
+        packets = content(list(recording(50)))
+        clouds, notes = noted(packets + packets)
+        assert len(clouds) == 50
+        assert numbers_in(notes, "doubled") == [100]
+
+    def test_numbers_that_stand_still(self) -> None:
+        rng = np.random.default_rng(4)
+        packets = [packet for shot in range(30) for packet in shot_packets(shot, 0, rng)]
+        clouds = read_sonar(content(packets))
+        assert len(clouds) == 30
+        assert all(cloud.strength is not None for cloud in clouds)
+
 
 class TestClock:
     def notes_of(self, stamps: list[float], speeds: list[float] | None = None) -> list[str]:
@@ -208,3 +230,11 @@ class TestClock:
     def test_that_is_wrong(self, stamps: list[float], wanted: list[str]) -> None:
         notes = self.notes_of(stamps)
         assert [note[: len(words)] for note, words in zip(notes, wanted, strict=True)] == wanted
+
+
+def test_strength_images_without_a_time_belong_by_number() -> None:
+    levels = np.full((3, 4), 50)
+    for order in (1, -1):
+        messages = [range_image(3, np.ones((3, 4), int)), strength_image(3, levels)][::order]
+        (cloud,) = read_sonar(b"".join(rip.packb(message) for message in messages))
+        assert cloud.strength is not None
