@@ -120,7 +120,7 @@ class TestRegister:
     )
     def test_what_cannot_be_used_is_refused(self, target: Any, options: dict[str, Any], message: str) -> None:
         with pytest.raises(sonarmap.InputError, match=message) as refused:
-            sonarmap.register(target, points(2), **{"method": "planes"} | options)
+            door.register(target, points(2), **{"method": "planes"} | options)
         assert "--" not in str(refused.value)  # arguments, not options of the command line
 
     def test_map_coordinates_are_refused(self, tmp_path: Path) -> None:

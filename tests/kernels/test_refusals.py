@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.transform import RealFFT
 from sonarmap.kernels.points.poses import upload_poses
@@ -26,11 +26,15 @@ from sonarmap.kernels.surface.planes import fit_planes
 ANGLES, EYE = np.arange(8.0), np.eye(3)[None]
 
 
-def spectrum(device: Device, *shape: int) -> object:
+def spectrum(device: Device, *shape: int) -> Array:
     return device.empty(shape, np.complex64)
 
 
-def not_finite(device: Device) -> object:
+def cube(device: Device) -> Array:
+    return spectrum(device, 16, 16, 16)
+
+
+def not_finite(device: Device) -> Array:
     volume = np.zeros((16, 16, 16), np.float32)
     volume[3, 4, 5] = np.nan
     return device.to_device(volume)
@@ -59,15 +63,13 @@ CASES: dict[str, Callable] = {
     "`points` have shape": lambda d: upload_points(d, np.array([[1, 2, np.inf]])),
     "not finite": lambda d: find_peaks(d, not_finite(d)),
     "limits": lambda d: find_peaks(d, d.empty((16, 16, 16)), limits=(1, -1, None)),
-    "2 spectra for 1 exponents": lambda d: PointSpectra(d, 16).transform(
-        d.empty((0, 4)), [spectrum(d, 16, 16, 16)] * 2
-    ),
-    "`out` is": lambda d: PointSpectra(d, 24).transform(d.empty((0, 4)), [spectrum(d, 16, 16, 16)]),
-    "`spectrum` is complex64": lambda d: magnitude(d, spectrum(d, 16, 16, 16), 32),
+    "2 spectra for 1 exponents": lambda d: PointSpectra(d, 16).transform(d.empty((0, 4)), [cube(d)] * 2),
+    "`out` is": lambda d: PointSpectra(d, 24).transform(d.empty((0, 4)), [cube(d)]),
+    "`spectrum` is complex64": lambda d: magnitude(d, cube(d), 32),
     "multiple of 8": lambda d: whiten(d, spectrum(d, 16, 9)),
-    r"`exponent=.*give 0, plain correlation, to 1": lambda d: whiten(d, spectrum(d, 16, 16, 16), float("nan")),
-    "blur": lambda d: cross_power(d, *[spectrum(d, 16, 16, 16)] * 2, (16, 16, 16), blur=(0, -1, 0)),
-    "batched=True": lambda d: Pomf(d, (16, 16, 16)).correlate_layers(*[spectrum(d, 16, 16, 16)] * 2),
+    r"`exponent=.*give 0, plain correlation, to 1": lambda d: whiten(d, cube(d), float("nan")),
+    "blur": lambda d: cross_power(d, cube(d), cube(d), (16, 16, 16), blur=(0, -1, 0)),
+    "batched=True": lambda d: Pomf(d, (16, 16, 16)).correlate_layers(cube(d), cube(d)),
     "`window` is": lambda d: normalize_layers(d, d.empty((2, 8, 8)), d.empty((8, 16))),
     "below 7 bins": lambda d: polar_magnitude(d, spectrum(d, 2, 16, 16), (16, 16), np.array([7.0]), ANGLES),
     "`magnitude` is": lambda d: sample(
@@ -80,10 +82,10 @@ CASES: dict[str, Callable] = {
     "products.* not finite": lambda d: equalizers(np.full((4, 3, 3), np.nan), 0.4),
     "above 0 up to 180 degrees": lambda d: RotationCorrelation(d, 16, 3.2),
     "`(target|source)` is complex64 of shape": lambda d: RotationCorrelation(d, 8, 1.0).correlate(
-        *[spectrum(d, 4, 2, 14)] * 2
+        spectrum(d, 4, 2, 14), spectrum(d, 4, 2, 14)
     ),
-    "go beyond the 2 layers": lambda d: RotationCorrelation(d, 8, 1.0).correlate(
-        *[spectrum(d, 4, 2, 15)] * 2, [(1, 2)]
+    "beyond the 2 layers": lambda d: RotationCorrelation(d, 8, 1.0).correlate(
+        spectrum(d, 4, 2, 15), spectrum(d, 4, 2, 15), [(1, 2)]
     ),
     "`points` have shape.*": lambda d: sort_into_cells(d, np.array([[0, np.nan, 1]])),
     "`reach=-1": lambda d: find_nearest(
