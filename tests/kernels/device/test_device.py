@@ -80,6 +80,14 @@ class TestSelection:
         order = [info.selector for info in by_preference([shared, *MACHINE])]
         assert order == ["2:1", "2:0", "5:0", "3:0", "0:0", "1:0", "4"]
 
+    def test_compares_drivers_of_one_vendor_only(self) -> None:
+        intel = fake("0:0", "cpu", "Xeon", "Intel(R) OpenCL", "2024.17")
+        old, candidate, new = (
+            fake(f"{n}:0", "cpu", "Xeon", POCL, version) for n, version in enumerate(["3.9", "3.10-rc2", "3.10"], 1)
+        )
+        assert by_preference([old, intel, candidate, new]) == [new, candidate, old, intel]
+        assert by_preference([intel, old, candidate, new]) == [intel, new, candidate, old]
+
 
 class TestChoice:
     @pytest.fixture

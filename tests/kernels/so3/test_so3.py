@@ -218,3 +218,12 @@ class TestPlaces:
         R = from_beta(1.2, 200, 5)
         np.testing.assert_array_equal(correlation.places(R)[:, 0], len(correlation.betas) - 1)
         np.testing.assert_allclose(self.off(correlation, R), 1.2 - correlation.betas[-1], atol=1e-6)
+
+    def test_of_turns_about_z_alone(self, correlation):
+        """The first sample is half a step off: the other two are right together."""
+        turns = np.linspace(-3.1, 3.1, 50)
+        R = Rotation.from_euler("Z", turns[:, None])
+        places = correlation.places(R)
+        turn = places[:, 1:].sum(axis=1) * 2 * np.pi / correlation.edge
+        np.testing.assert_allclose(np.cos(turn - turns), 1, atol=1e-9)
+        np.testing.assert_allclose(self.off(correlation, R), STEP / 2, atol=1e-6)

@@ -246,3 +246,9 @@ def test_a_part_that_is_given_its_name_before_it_is_opened_is_read(
 
     monkeypatch.setattr(module, "_size", renames)
     assert len(followed(tmp_path)) == 3
+
+
+def test_a_replay_ends_when_it_is_asked_to(tmp_path: Path, clock: SimpleNamespace) -> None:
+    path, begun = written(tmp_path / "dive.sonar", list(recording(9))), clock.now
+    came = list(replayed([str(path)], AS_RECORDED, 1.0, lambda: clock.now > begun + 0.5))
+    assert len(came) == 3

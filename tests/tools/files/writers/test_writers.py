@@ -139,3 +139,24 @@ def test_the_report_s_files_are_written_likewise(tmp_path: Path) -> None:
     comment, rest = said.split("\n", 1)
     assert comment == "# a =1 =2"
     assert rest == (tmp_path / "a.csv").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_columns_take_a_type_that_both_formats_have(tmp_path, suffix):
+    points, _ = cloud(3)
+    columns = {
+        "wide": np.array([1, -2, 3], np.int64),
+        "huge": np.array([1, 2, 1 << 40], np.int64),
+        "flag": np.array([True, False, True]),
+        "half": np.array([1.5, 2.5, -3.5], np.float16),
+        "big": np.array([1.25, 2.0, 3.0], ">f8"),
+        "seen": np.array([7, 8, 65535], ">u2"),
+    }
+    write_points(tmp_path / f"map{suffix}", points.astype(np.float64), columns)
+    axes = [(axis, "<f4" if suffix == ".pcd" else "<f8") for axis in "xyz"]  # Open3D reads no PCD of 8 bytes
+    packed = np.dtype([*axes, *zip(columns, ("<i4", "<f8", "u1", "<f4", "<f8", "<u2"), strict=True)])
+    body = (tmp_path / f"map{suffix}").read_bytes()[-3 * packed.itemsize :]
+    records = np.frombuffer(body, packed)
+    np.testing.assert_array_equal(records["y"], points[:, 1].astype(np.float64))
+    for name, column in columns.items():
+        np.testing.assert_array_equal(records[name], column)

@@ -187,6 +187,13 @@ class TestAmbiguous:
         refuses(r"depth_m \('Depth'\) has no standard deviation; .* --prior-sigmas", navigate, SCANS, path)
         assert navigate(SCANS, path, NavigationSettings(sigmas=SIGMAS)).scans[0].prior is not None
 
+    def test_places_twice_are_taken_once(self, path: Path) -> None:
+        text = "Time,Lat,Lon,Easting,Northing\n" + rows("60.4", "5.3", "296000", "6701000")
+        values, navigated, notes = read(path, text)
+        assert navigated.georeference is not None
+        np.testing.assert_allclose(values[:, 3:5], 0, atol=1e-6)
+        assert any("places are taken from Lat and Lon" in note for note in notes)
+
 
 LONG = 100_000
 

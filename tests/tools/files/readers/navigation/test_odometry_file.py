@@ -158,3 +158,9 @@ def test_poses_that_are_none(tmp_path: Path, turn: float, shown: str) -> None:
     records[2][3]["pose"]["pose"]["orientation"] = dict.fromkeys("xyzw", turn)
     words = rf"the pose of /odom \(number 2\) is 6 -1\.5 7 {shown}; wanted meters"
     refuses(words, poses_of, write_ros1(tmp_path / "a.bag", records), 100.0, 101.0)
+
+
+def test_of_several_topics_one_is_named(tmp_path: Path) -> None:
+    path = write_ros1(tmp_path / "a.bag", driven("/odom") + driven("/dvl/odom"))
+    refuses(r"it has 2 topics of nav_msgs/msg/Odometry: .*a\.bag::/dvl/odom", poses_of, path, 100.0, 101.0)
+    assert len(poses_of(Path(f"{path}::/odom"), 100.0, 101.0)) == 2

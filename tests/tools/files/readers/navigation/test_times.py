@@ -200,3 +200,9 @@ def test_navigation_is_moved_to_the_scans_clock(tmp_path: Path) -> None:
         yaw = scan.prior.T_world_sensor.rotation.as_euler("ZYX", degrees=True)[0]
         assert (90 - yaw - value + 180) % 360 - 180 == pytest.approx(0, abs=0.5)
     refuses("--nav-offset auto needs the sonar's own turn rates", navigate, scans, tmp_path / "log.csv", settings)
+
+
+def test_numbered_scans_and_clocks_from_zero() -> None:
+    counted, dated = np.arange(5.0), START + np.arange(5.0)
+    assert "the scans are numbered" in why_apart(dated, counted)
+    assert "counts from a start of its own" in why_apart(counted, dated)

@@ -199,6 +199,17 @@ class TestNumbers:
         assert len(clouds) == 30
         assert all(cloud.strength is not None for cloud in clouds)
 
+    def test_shots_without_numbers_and_times(self) -> None:
+        """Only what is the same to the bit is doubled."""
+        images = [rip.RangeImage(width=4, height=3, image_pixel_scale=0.125) for _ in range(20)]
+        for k, image in enumerate(images):
+            image.fov_horizontal, image.fov_vertical = 90.0, 40.0
+            image.image_pixel_data.extend([10 + k] * 12)
+        clouds, notes = noted(b"".join(rip.packb(image) for image in [*images, images[7]]))
+        assert [cloud.points[0, 0] for cloud in clouds] == sorted(cloud.points[0, 0] for cloud in clouds)
+        assert len(clouds) == 20
+        assert numbers_in(notes, "doubled") == [1]
+
 
 class TestClock:
     def notes_of(self, stamps: list[float], speeds: list[float] | None = None) -> list[str]:
