@@ -2,7 +2,7 @@
 
 Error: the root mean square distance of the poses from the truth, the first poses laid on each other; sphere2500 comes
 without its truth, and a sphere of the same shape is simulated. Of sphere2500 itself the distance is that to the optimum
-without wrong loops. The survey's are also decided about, as the mapper does it. Run with `-m slow -s` for the table.
+without wrong loops. The survey's are decided about, as the mapper does it. Run with `-m slow -s` for the table.
 """
 
 import time
@@ -88,13 +88,13 @@ def decided(graph: PoseGraph, wrong: Sequence[Edge]) -> tuple[RigidTransform, np
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("share", [0.5])
 @pytest.mark.parametrize("kind", ["scattered", "aliased"])
-@pytest.mark.parametrize("name", ["simulated", "sphere2500", "lawnmower", "decided"])
+@pytest.mark.parametrize("name", ["simulated", "sphere2500", "decided"])
 def test_wrong_loops_do_little_harm(name: str, kind: str, share: float) -> None:
     if name == "sphere2500" and not SPHERE.is_file():
         pytest.skip(f"the benchmark graph is not at {SPHERE}")
-    makers = {"simulated": simulated_sphere, "lawnmower": surveyed, "decided": surveyed}
+    makers = {"simulated": simulated_sphere, "decided": surveyed}
     truth, graph = makers[name](4) if name in makers else (None, read_g2o(SPHERE))
     best = decided(graph, ())[0] if name == "decided" else graph.optimize().trajectory.T_world_sensor
     count = round(share * sum(one.kind == "loop" for one in graph.edges))

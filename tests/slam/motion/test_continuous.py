@@ -1,5 +1,7 @@
 """Poses between scans: through the scans, as sure as they are, equivariant, and the spline's own laws."""
 
+from itertools import accumulate
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -21,10 +23,10 @@ def driven(count: int, seed: int) -> Trajectory:
     velocity = np.array([0.0, 0.0, 0.05, 0.8, 0.1, 0.0]) + np.cumsum(
         np.sqrt(POWER * spans[:, None]) * rng.standard_normal((len(spans), 6)), axis=0
     )
-    T = [RigidTransform.from_exp_coords([0.1, -0.2, 0.7, 3.0, -4.0, -6.0])]
-    for step in velocity * spans[:, None]:
-        T.append(T[-1] * RigidTransform.from_exp_coords(step))
-    return Trajectory(np.concatenate([[50.0], 50.0 + np.cumsum(spans)]), RigidTransform.concatenate(T))
+    first = RigidTransform.from_exp_coords([0.1, -0.2, 0.7, 3.0, -4.0, -6.0]).as_matrix()
+    steps = RigidTransform.from_exp_coords(velocity * spans[:, None]).as_matrix()
+    T = np.array(list(accumulate(steps, np.matmul, initial=first)))
+    return Trajectory(np.concatenate([[50.0], 50.0 + np.cumsum(spans)]), RigidTransform.from_matrix(T))
 
 
 def exact(knots: Trajectory) -> ContinuousTrajectory:
@@ -36,7 +38,7 @@ def squared(found: RigidTransform, covariances: np.ndarray, truth: RigidTransfor
     return np.einsum("na,na->n", xi, np.linalg.solve(covariances, xi[:, :, None])[:, :, 0])
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_thousand_poses_are_as_far_off_as_they_say(seed: int) -> None:
     truth = driven(80, seed)
     continuous = exact(truth.take(range(0, len(truth), FINE)))
@@ -47,36 +49,6 @@ def test_a_thousand_poses_are_as_far_off_as_they_say(seed: int) -> None:
     nees = squared(poses.T_world_sensor, covariances, truth.T_world_sensor[between])
     assert 4 < nees.mean() < 8
     assert (nees < 12.6).mean() > 0.88
-
-
-def test_errors_of_scans_are_there_between_them() -> None:
-    """All knots are off by one error: so are the poses between."""
-    truth = driven(40, 5)
-    rng = np.random.default_rng(1)
-    covariance = np.diag(np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.15]) ** 2)
-    apart = []
-    for _ in range(200):
-        # in the world, as the whole map may lie a bit aside
-        knots = truth.take(range(0, 8 * FINE, FINE))
-        off = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance))
-        first = knots.T_world_sensor[0]
-        moved = first * off * first.inv()
-        lever = first.inv() * knots.T_world_sensor
-        A = np.stack([RigidTransform.from_matrix(m).inv().as_matrix() for m in lever.as_matrix()])
-        covariances = np.stack([adjoint_by_hand(a) @ covariance @ adjoint_by_hand(a).T for a in A])
-        continuous = ContinuousTrajectory.through(
-            Trajectory(knots.stamps, moved * knots.T_world_sensor), covariances + EXACT
-        )
-        middle = 3 * FINE + FINE // 2
-        pose, known = continuous.at(truth.stamps[[middle]])
-        apart.append(float(squared(pose.T_world_sensor, known, truth.T_world_sensor[[middle]])[0]))
-    assert 3 < np.mean(apart) < 8
-
-
-def adjoint_by_hand(T: np.ndarray) -> np.ndarray:
-    R, (x, y, z) = T[:3, :3], T[:3, 3]
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.block([[R, np.zeros((3, 3))], [cross @ R, R]])
 
 
 def test_it_passes_through_the_scans_and_turns_with_the_world() -> None:
@@ -137,7 +109,7 @@ def wiggling(seconds: int) -> tuple[Trajectory, np.ndarray]:
     return Trajectory(stamps, RigidTransform.from_components(places, Rotation.concatenate(R))), rates
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(1))
 def test_turn_rates_tell_of_wiggles_between_the_scans(seed: int) -> None:
     """With a constant bias, noise, and scans that err: rotations are as good as the scans', and as sure as they are."""
     truth, rates = wiggling(30)
@@ -158,44 +130,6 @@ def test_turn_rates_tell_of_wiggles_between_the_scans(seed: int) -> None:
     assert errors[1] < errors[0] / 3
     assert errors[1] < 1.2 * float(np.linalg.norm(sigmas[:3]))
     assert 3.5 < nees[1] < 8 < nees[0]
-
-
-def test_of_exact_scans_nothing_but_the_rates_own_noise_is_left() -> None:
-    truth, rates = wiggling(20)
-    knots = truth.take(range(0, len(truth), 100))
-    rng = np.random.default_rng(4)
-    between = [k for k in range(len(truth)) if 10 <= k % 100 <= 90]
-    for noise, most in ((0.0, 1e-6), (0.004, 4e-4)):
-        measured = TurnRates(truth.stamps, rates + 0.05 + noise * rng.standard_normal(rates.shape))
-        poses, known = ContinuousTrajectory.through(knots, np.tile(EXACT, (21, 1, 1)), measured).at(
-            truth.stamps[between]
-        )
-        error = (poses.T_world_sensor.inv() * truth.T_world_sensor[between]).rotation.as_rotvec()
-        assert np.sqrt((error**2).sum(axis=1).mean()) < most
-    of_turn = np.linalg.solve(known[:, :3, :3], error[:, :, None])[:, :, 0]
-    assert 1.5 < np.einsum("na,na->n", error, of_turn).mean() < 5
-
-
-def test_rates_of_another_sensor_or_time_change_nothing() -> None:
-    truth, rates = wiggling(12)
-    knots = truth.take(range(0, len(truth), 100))
-    plain, stamps = exact(knots), truth.stamps
-    covariances = np.tile(EXACT, (13, 1, 1))
-    strange = [
-        TurnRates(stamps, 3.0 * np.sin(5.3 * stamps[:, None] + np.array([0.0, 1.0, 2.0]))),
-        TurnRates(stamps + 5.0, rates),  # not known at the start
-        TurnRates(np.delete(stamps, slice(300, 380)), np.delete(rates, slice(300, 380), axis=0)),  # a gap
-    ]
-    for given in strange:
-        through = ContinuousTrajectory.through(knots, covariances, given)
-        assert through.turned is None
-        ours, theirs = through.at(stamps), plain.at(stamps)
-        np.testing.assert_array_equal(ours[0].T_world_sensor.as_matrix(), theirs[0].T_world_sensor.as_matrix())
-        np.testing.assert_array_equal(ours[1], theirs[1])
-    with pytest.raises(InputError, match="ascending"):
-        TurnRates(stamps[::-1], rates)
-    with pytest.raises(InputError, match="all finite"):
-        TurnRates(stamps, rates * np.nan)
 
 
 def test_with_rates_it_passes_through_the_scans_turns_with_the_world_and_goes_on_beyond() -> None:
@@ -228,12 +162,10 @@ def test_what_cannot_be_told_is_refused() -> None:
         exact(Trajectory(np.array([0.0, 1.0, 2.0]), T)).at(np.array([0.5, 3.1]))
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.quick_cases(1)
-def test_beyond_the_ends_it_is_less_and_less_sure(seed: int) -> None:
+def test_poses_beyond_the_ends_are_less_and_less_sure() -> None:
     nees, sure = [], []
     for draw in range(60):
-        truth = driven(12, 100 * seed + draw)
+        truth = driven(12, draw)
         known = range(2 * FINE, 9 * FINE + 1, FINE)
         asked = [2 * FINE - 6, 9 * FINE + 3, 9 * FINE + 6]
         poses, covariances = exact(truth.take(known)).at(truth.stamps[asked])
