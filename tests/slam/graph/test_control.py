@@ -11,7 +11,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.decide.wrong_control import without_wrong_control
 from sonarmap.slam.graph.control import ControlPoint, jacobian
 from sonarmap.slam.graph.gtsam_poses import to_values
-from sonarmap.slam.graph.place import place_by_control, place_in_world, robust_fit
+from sonarmap.slam.graph.place import place_by_control, robust_fit
 from sonarmap.slam.graph.pose_covariance import pose_covariances
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory, chain
@@ -89,7 +89,7 @@ def test_moving_all_known_coordinates_moves_the_map_the_same_and_their_order_doe
 
 @pytest.mark.parametrize(
     ("scans", "open_"),
-    [((4,), {"tilt_x", "tilt_y", "heading"}), ((0, 8), None), ((0, 4, 8), set()), ((0, 4, 8, 10), set())],
+    [((4,), {"tilt_x", "tilt_y", "heading"}), ((0, 8), None), ((0, 4, 8), set())],
 )
 def test_what_few_points_leave_open_is_told_and_held(scans, open_):
     held = graph([point(k) for k in scans], noisy=False)
@@ -105,31 +105,6 @@ def test_what_few_points_leave_open_is_told_and_held(scans, open_):
         np.testing.assert_allclose(
             solution.trajectory.T_world_sensor[each.scan].apply(each.point), each.known, atol=1e-3
         )
-
-
-def test_points_on_a_line_leave_the_turn_about_it_open():
-    line = np.linspace(0, 1, 3)[:, None] * [20.0, 6.0, 1.0] + T_WORLD.translation
-    control = [
-        ControlPoint(f"L{k}", k, TRUTH[k].inv().apply(place), place, np.full(3, 0.05))
-        for k, place in zip((0, 4, 8), line, strict=True)
-    ]
-    assert graph(control).gauge.unmeasured[0][:3].any()
-    aside = replace(control[1], known=control[1].known + np.array([0.01, 0.0, 0.0]))
-    assert graph([control[0], aside, control[2]]).gauge.unmeasured[0][:3].any()
-
-
-def test_attitudes_and_two_points_are_enough():
-    sigmas = np.array([0.003, 0.003, np.inf, np.inf, np.inf, np.inf])
-    priors = {k: PosePrior(TRUTH[k], sigmas) for k in range(COUNT)}
-    upright = graph([], priors=priors)
-    level = place_in_world(upright.trajectory, [range(COUNT)], priors)
-    control = (point(0), point(4))
-    placed = place_by_control(level, [range(COUNT)], control, priors)
-    solution = PoseGraph(placed, upright.edges, priors=tuple(priors.items()), control=control).optimize()
-    assert solution.graph.gauge.unmeasured == {}
-    assert distance(solution) < 0.4
-    alone = PoseGraph(placed, upright.edges, priors=tuple(priors.items()), control=control[:1])
-    assert alone.gauge.unmeasured[0].tolist() == [False, False, True, False, False, False]
 
 
 @pytest.mark.parametrize("upright", [False, True])
@@ -181,12 +156,9 @@ def test_a_wrong_point_is_named_and_left_out_and_right_ones_are_not():
     ("changes", "words"),
     [
         ({"point": np.array([1.0, np.nan, 0.0])}, "finite"),
-        ({"point": [1.0, 2.0, 0.0]}, "not an array of three finite numbers"),
         ({"known": None}, "not an array of three finite numbers"),
-        ({"sigmas": np.array(["a", "b", "c"])}, "not an array of three finite numbers"),
         ({"sigmas": np.array([0.1, 0.0, 0.1])}, "above 0"),
         ({"scan": "a"}, "is of scan 'a'; wanted its index"),
-        ({"use": "look"}, "control or check"),
         ({"use": np.array(["control", "check"])}, "control or check"),
         ({}, "control point names a pose"),
     ],

@@ -31,7 +31,7 @@ def ring(count: int, *chords: tuple[int, int]) -> list[tuple[int, int]]:
     return [(k, (k + 1) % count) for k in range(count)] + list(chords)
 
 
-@pytest.mark.parametrize("count", [2, 5, 12])
+@pytest.mark.parametrize("count", [2, 12])
 def test_the_cost_is_the_sum_over_edges_and_the_trace_of_the_matrix(count: int) -> None:
     rng = np.random.default_rng(count)
     edges = graph(rng, poses(rng, count), ring(count)[: count if count > 2 else 1], 1.0)
@@ -58,7 +58,7 @@ def test_a_prior_is_refused() -> None:
         ChordalProblem.of(1, [edge(0, 0, RigidTransform.identity(), np.eye(6), "prior")])
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_noisy_graph_is_certified_from_any_poses_and_no_step_lowers_it(seed: int) -> None:
     rng = np.random.default_rng(seed)
     true = poses(rng, 15)
@@ -139,8 +139,7 @@ def batch(edges: list[Edge]) -> Solution:
     return chained_graph(edges, COUNT).optimize()
 
 
-@pytest.mark.parametrize("late", [0, 2])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("seed", "late"), [(1, 0), (2, 2)])
 def test_it_is_the_batch_solution(seed: int, late: int) -> None:
     edges = edges_of(seed)
     incremental, solution = grown(edges, late), batch(edges)
@@ -153,28 +152,6 @@ def test_it_is_the_batch_solution(seed: int, late: int) -> None:
         np.testing.assert_allclose(covariance / scale, wanted / scale, atol=0.02)
         error = (T_batch.inv() * T).as_exp_coords()
         assert error @ np.linalg.solve(wanted, error) < SIGMAS**2
-
-
-def test_a_prior_places_the_first_pose() -> None:
-    edges = edges_of(3)
-    T = RigidTransform.from_exp_coords([0.2, -0.4, 1.0, 30, -7, 2])
-    incremental = Incremental()
-    assert incremental.add_pose(5.0, [edge(0, 0, T, np.eye(6) * 1e-4, "prior")]) == 0
-    assert incremental.add_pose(6.5, [edges[0]]) == 1
-    np.testing.assert_array_equal(incremental.trajectory.stamps, [5.0, 6.5])
-    wanted = T * edges[0].registration.T_target_source
-    np.testing.assert_allclose(incremental.trajectory.T_world_sensor[1].as_matrix(), wanted.as_matrix(), atol=1e-6)
-
-
-def test_refuses_poses_that_nothing_ties_and_edges_to_nowhere() -> None:
-    edges = edges_of(4)
-    incremental = Incremental()
-    incremental.add_pose(0.0)
-    with pytest.raises(InputError, match="no edge ties pose 1"):
-        incremental.add_pose(1.0)
-    with pytest.raises(InputError, match="edge 1 -> 2 names a pose"):
-        incremental.add_edges([edges[1]])
-    assert len(incremental) == 1
 
 
 def test_a_whole_graph_is_taken_as_it_comes() -> None:
