@@ -10,7 +10,7 @@ from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.locate.located import Located
 from sonarmap.slam.locate.locator import Locator
-from sonarmap.slam.locate.surveyed_map import LEAST, SurveyedMap, View
+from sonarmap.slam.locate.surveyed_map import LEAST, SurveyedMap
 from sonarmap.spectral.grid import choose_grid
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import PosePrior, Scan
@@ -68,6 +68,7 @@ def test_a_scan_is_located_with_a_covariance(located: Located) -> None:
     assert len(str(located).splitlines()) == 3
 
 
+@pytest.mark.slow
 def test_a_map_that_is_moved_as_a_whole_moves_the_answer(surveyed: SurveyedMap, located: Located) -> None:
     moved = map_of(MOVED.apply(surveyed.points), MOVED * surveyed.T_map_sensor)
     again = locator(moved).locate(scan_at(T_WORLD_SENSOR[3]))
@@ -111,7 +112,8 @@ def test_of_two_places_that_look_the_same_none_is_believed() -> None:
     assert shift == pytest.approx(60, abs=1)
 
 
-@pytest.mark.parametrize("twin", [RigidTransform.identity(), AWAY])
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("twin", [AWAY, RigidTransform.identity()])
 def test_instruments_tell_which_of_the_two_it_is(twin: RigidTransform) -> None:
     T = twin * T_WORLD_SENSOR[3]
     prior = PosePrior(T, np.array([0.02, 0.02, 0.05, 2.0, 2.0, 1.0]))
@@ -131,15 +133,6 @@ def test_scans_in_a_row_are_sought_where_the_motion_expects_them(surveyed: Surve
     lost = list(locator(surveyed).track(scans, [0] * 5 + [1] * 4))
     assert [each.located for each in lost] == [True] * 6 + [False] + [True] * 2
     assert not any(each.tracked for each in lost)
-
-
-def test_a_view_holds_most_points_of_a_scan(surveyed: SurveyedMap) -> None:
-    points = scan_at(T_WORLD_SENSOR[0]).points + np.array([15, 0, 0], np.float32)
-    view = View.of(points)
-    assert view.reach == pytest.approx(np.quantile(np.linalg.norm(points, axis=1), 0.95))
-    ahead = T_WORLD_SENSOR[0] * RigidTransform.from_translation([-15.0, 0, 0])
-    seen = surveyed.seen_from(ahead, view)
-    assert 0.85 * len(points) < len(seen) < len(points)
 
 
 def test_a_map_without_points_is_refused() -> None:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map import cell
 from sonarmap.slam.map import point_map as point_maps
-from sonarmap.slam.map.cell import cell_keys, outline, overlapping
+from sonarmap.slam.map.cell import outline, overlapping
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import fuse
 from sonarmap.spectral.scan import Scan
@@ -21,14 +21,14 @@ def random_scans(rng: np.random.Generator, count: int) -> list[Scan]:
     """Every third one without echo strengths."""
     scans = []
     for k in range(count):
-        points = (rng.normal(size=(300 + 40 * k, 3)) * [2, 1.5, 1]).astype(np.float32)
+        points = (rng.normal(size=(60 + 20 * k, 3)) * [2, 1.5, 1]).astype(np.float32)
         strength = rng.uniform(0, 9, len(points)).astype(np.float32) if k % 3 else None
         scans.append(Scan(points, strength, name=f"scan{k}"))
     return scans
 
 
 @pytest.mark.parametrize("merge_rows", [1, 1_000_000])
-def test_agrees_with_a_dictionary_of_voxels(merge_rows, monkeypatch):
+def test_a_map_agrees_with_a_dictionary_of_voxels(merge_rows, monkeypatch):
     monkeypatch.setattr(point_maps, "MERGE_ROWS", merge_rows)
     rng = np.random.default_rng(0)
     scans, voxel = random_scans(rng, 7), 0.4
@@ -56,11 +56,6 @@ def test_agrees_with_a_dictionary_of_voxels(merge_rows, monkeypatch):
         np.testing.assert_allclose(fused.strength[k], np.mean(known) if known else np.nan, rtol=1e-6)
 
 
-def test_needs_no_strength():
-    T = ring_poses(6)
-    assert fuse(PlacedScans.of(scans_of(T), T, 0.5)).strength is None
-
-
 def test_far_from_the_world_s_origin_as_near():
     """UTM coordinates: millions of meters with centimeters in them."""
     scan = random_scans(np.random.default_rng(1), 1)
@@ -71,9 +66,7 @@ def test_far_from_the_world_s_origin_as_near():
     )
 
 
-@pytest.mark.parametrize(
-    ("scans", "poses", "voxel"), [(1, 2, 0.5), (1, 1, 0.0), (1, 1, float("nan")), (1, 1, 1e-7), (0, 1, 1.0)]
-)
+@pytest.mark.parametrize(("scans", "poses", "voxel"), [(1, 2, 0.5), (1, 1, float("nan")), (1, 1, 1e-7)])
 def test_refuses_what_cannot_be_fused(scans, poses, voxel):
     with pytest.raises(InputError):
         fuse(PlacedScans.of(random_scans(np.random.default_rng(2), scans), RigidTransform.identity(poses), voxel))
@@ -99,20 +92,6 @@ def test_scans_far_from_their_sensor_are_mapped_whole():
     fused = fuse(PlacedScans.of([moved], RigidTransform.identity(1), 0.02))
     assert fused.left_out == 0
     assert fused.count.sum() == len(scan.points)
-
-
-def test_predicted_overlap_is_the_smaller_of_both_ways():
-    truth = ring_poses(6, radius=8.0)
-    scans = scans_of(truth)
-    half = replace(scans[1], points=scans[1].points[scans[1].points[:, 0] > 0])
-    outlines = [outline(scan, 2.0) for scan in (scans[0], scans[1], half)]
-    pairs, share = overlapping(outlines, truth[[0, 1, 1]], 2.0, 1e-6)
-    assert pairs.tolist() == [[0, 1], [1, 2]]
-    assert 0.4 < share[1] < 0.7  # all of the half lies in the whole, half of the whole in the half
-    assert 0 < share[0] < 1
-    few, large = overlapping(outlines, truth[[0, 1, 1]], 2.0, float(share[1]))
-    np.testing.assert_array_equal(few, pairs[share >= share[1]])
-    np.testing.assert_array_equal(large, share[share >= share[1]])
 
 
 def test_the_shares_are_those_of_sets_of_cells_however_many_scans_there_are(monkeypatch: pytest.MonkeyPatch):
@@ -141,11 +120,3 @@ def test_a_stray_point_does_not_disturb_the_predicted_overlap():
     struck = [replace(scan, points=np.vstack([stray, scan.points])) for scan in scans]
     clean, other = (overlapping([outline(one, 0.05) for one in of], truth[:2], 0.05, 1e-6)[1] for of in (scans, struck))
     np.testing.assert_allclose(other, clean, atol=2e-3)
-
-
-def test_cells_are_half_open_and_ordered():
-    points = np.array([[0.0, 0, 0], [0.999, 0, 0], [1.0, 0, 0], [-1e-9, 0, 0], [0, 1, 0], [0, 0, 1]])
-    keys, near = cell_keys(points, 1.0, np.zeros(3))
-    assert near.all()
-    assert keys[0] == keys[1]
-    assert keys[3] < keys[0] < keys[5] < keys[4] < keys[2]

@@ -59,18 +59,6 @@ def test_a_line_without_soundings_or_a_length_below_0_is_refused() -> None:
         cut(line, -2.0)
 
 
-def test_a_map_that_agrees_moves_nothing() -> None:
-    line = a_line()
-    pieces = cut(line, 12.0)
-    T = RigidTransform.concatenate([piece.T_world_piece for piece in pieces])
-    same, sigmas = moved(line, np.array([p.middle for p in pieces]), T, _covariances(len(pieces)))
-
-    np.testing.assert_allclose(same.world_points(), line.world_points(), atol=1e-9)
-    np.testing.assert_allclose(same.places, line.places, atol=1e-9)
-    np.testing.assert_allclose(same.attitudes, line.attitudes, atol=1e-9)
-    assert sigmas.shape == (len(line.stamps), 6)
-
-
 def test_a_rigid_move_of_all_pieces_is_one_of_the_line() -> None:
     line = a_line()
     pieces = cut(line, 12.0)

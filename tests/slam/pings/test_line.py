@@ -92,25 +92,6 @@ class TestCorrected:
         np.testing.assert_allclose(back.points, line.points, atol=1e-11)
         np.testing.assert_allclose(back.places, line.places, atol=0.03)  # places are linear between pings
 
-    def test_the_opposite_undoes_all_but_products(self, line: PingLine) -> None:
-        back = corrected(corrected(line, WRONG), -WRONG)
-        np.testing.assert_allclose(back.points, line.points, atol=25 * 0.025**2)
-
-    def test_roll_lowers_starboard_soundings(self) -> None:
-        a = 0.03
-        y, z = -7 * np.cos(a) + 10 * np.sin(a), -7 * np.sin(a) - 10 * np.cos(a)
-        np.testing.assert_allclose(corrected(single(), Biases(roll=a)).points, [[2, 0.5 + y, -1 + z]], atol=1e-12)
-
-    def test_pitch_moves_soundings_ahead(self) -> None:
-        a = 0.03
-        moved = [[2 + 10 * np.sin(a), -6.5, -1 - 10 * np.cos(a)]]
-        np.testing.assert_allclose(corrected(single(), Biases(pitch=a)).points, moved, atol=1e-12)
-
-    def test_heading_moves_starboard_soundings_astern(self) -> None:
-        a = 0.03
-        moved = [[2 - 7 * np.sin(a), 0.5 - 7 * np.cos(a), -11]]
-        np.testing.assert_allclose(corrected(single(), Biases(heading=a)).points, moved, atol=1e-12)
-
     def test_soundings_turn_in_the_vehicle(self) -> None:
         """On a vehicle that lies on its starboard side by a, a heading bias moves them in the plane of its deck."""
         a, b = 0.3, 0.03
