@@ -1,10 +1,7 @@
 """A cluster's workers: scans reach them beside the scheduler, other users notice nothing, certificates are used."""
 
-import os
-import signal
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +9,13 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.execute import worker as specs
 from sonarmap.slam.execute.cluster import cluster
 from sonarmap.slam.execute.executor import Executor
 from sonarmap.slam.execute.pair_text import to_text
 from sonarmap.slam.execute.runner import Execution, PairRunner
 from sonarmap.slam.pair import Candidate
 from sonarmap.spectral.scan import Scan
-from tests.samples.clusters.counting_proxy import counting_proxy
-from tests.samples.clusters.dask_clusters import certificate, local_cluster, port_of, threads_cluster
+from tests.samples.clusters.dask_clusters import certificate, local_cluster, threads_cluster
 from tests.samples.clusters.survey_worker import worker_spec
 from tests.samples.surveys import ring_poses, scans_of
 
@@ -50,15 +45,6 @@ def threads() -> Iterator[Any]:
 
 class TestScans:
     @pytest.mark.slow
-    def test_they_do_not_go_through_the_scheduler(self, threads: Any, tmp_path: Path, expected: list[str]) -> None:
-        """A pair's own share is a few kilobytes: its job, and its result."""
-        rng = np.random.default_rng(1)
-        scans = [replace(scan, points=rng.normal(size=(20_000, 3)).astype(np.float32)) for scan in SCANS]
-        with counting_proxy(port_of(threads)) as proxy, cluster(f"tcp://127.0.0.1:{proxy.port}") as executor:
-            assert register(executor, tmp_path / "notes", scans=scans) == expected
-        assert sum(scan.points.nbytes for scan in scans) > 2_000_000
-        assert proxy.passed / len(PAIRS) < 10_000
-
     def test_those_used_last_stay_on_the_workers(
         self, threads: Any, tmp_path: Path, expected: list[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -104,16 +90,6 @@ class TestOtherUsers:
             # the scheduler forgets our scans once it sees that we are gone
             assert _soon(lambda: {key for keys in other.has_what().values() for key in keys} == {kept.key, slow.key})
 
-    @pytest.mark.slow
-    def test_a_worker_without_work_frees_its_device(
-        self, threads: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr("sonarmap.slam.execute.worker.IDLE", 2.0)
-        with cluster(threads.scheduler_address) as executor:
-            register(executor, tmp_path / "notes")
-            assert specs._workers
-        assert _soon(lambda: not specs._workers)
-
 
 def _sleeping(seconds: float) -> str:
     time.sleep(seconds)
@@ -131,7 +107,7 @@ def _soon(happens: Callable[[], bool]) -> bool:
 
 @pytest.mark.slow
 class TestKilledWorkers:
-    @pytest.mark.parametrize("pair", ["0 1", "4 9", "10 11"])
+    @pytest.mark.parametrize("pair", ["4 9"])
     @pytest.mark.parametrize("nanny", [True, False], ids=["replaced", "gone for good"])
     def test_one_makes_no_difference(self, tmp_path: Path, expected: list[str], pair: str, nanny: bool) -> None:
         with local_cluster(2) as started:
@@ -140,22 +116,6 @@ class TestKilledWorkers:
             with cluster(started.scheduler_address) as executor:
                 assert register(executor, tmp_path / "notes", f"once {pair}") == expected
         assert (tmp_path / "notes").read_text().splitlines().count(pair) == 2
-
-    def test_killed_again_and_again_between_pairs(self, tmp_path: Path, expected: list[str]) -> None:
-        """Whichever worker it is, and whatever scans it holds."""
-        rng = np.random.default_rng(3)
-        with local_cluster(2) as started, cluster(started.scheduler_address) as executor:
-            source = executor.transport.source
-
-            class Killing:
-                def source(self, scan: Any, load: Any) -> Any:
-                    if rng.random() < 0.1:
-                        nanny = started.workers[rng.integers(len(started.workers))]
-                        if nanny.pid is not None:
-                            os.kill(nanny.pid, signal.SIGKILL)
-                    return source(scan, load)
-
-            assert register(replace(executor, transport=Killing()), tmp_path / "notes") == expected
 
     def test_a_scheduler_that_ends_is_told(self, tmp_path: Path) -> None:
         started = local_cluster(1)
@@ -193,8 +153,8 @@ class TestCertificates:
         with config.set(_below_comm(settings) | encryption), cluster(encrypted.scheduler_address) as executor:
             assert register(executor, tmp_path / "notes") == expected
 
-    @pytest.mark.quick_cases(3)
-    @pytest.mark.parametrize("given", ["none", "of others", "no tls", "encryption wanted", "missing file"])
+    @pytest.mark.quick_cases(1)
+    @pytest.mark.parametrize("given", ["of others", "no tls", "missing file"])
     def test_without_the_right_ones_it_is_told(
         self, given: str, encrypted: Any, settings: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -202,11 +162,10 @@ class TestCertificates:
 
         monkeypatch.setattr("sonarmap.slam.execute.cluster.PATIENCE", 2.0)
         address = encrypted.scheduler_address
-        if given in ("no tls", "encryption wanted"):
+        if given == "no tls":
             address = address.replace("tls://", "tcp://")
         options = {
             "of others": _below_comm(certificate(tmp_path, "elsewhere")),
-            "encryption wanted": _below_comm(settings) | {"distributed.comm.require-encryption": True},
             "missing file": _below_comm({name: f"{path}.gone" for name, path in settings.items()}),
         }.get(given, {})
         told = pytest.raises(InputError, match=r"takes no connection .*`scheduler=tls://")

@@ -87,14 +87,13 @@ def test_failures_are_told_in_their_place(undisturbed: list[str]) -> None:
     assert failed == [pair for pair in PAIRS if 2 in pair]
 
 
-@pytest.mark.quick_cases(2)
-@pytest.mark.parametrize("kind", ["here", "processes 1", "processes 3"])
+@pytest.mark.parametrize("kind", ["here", "processes 1"])
 def test_processes_and_the_journal_give_the_same_bits(work: Work, undisturbed: list[str], kind: str) -> None:
     assert [work.run(kind) for _ in range(2)] == [undisturbed] * 2
     assert work.registered() == ASKED
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1])
 def test_the_order_makes_no_difference_and_only_new_pairs_are_registered(
     work: Work, undisturbed: list[str], seed: int
 ) -> None:
@@ -135,23 +134,6 @@ def test_a_machine_that_fails_is_raised_and_not_kept(work: Work, undisturbed: li
     assert work.run() == undisturbed
 
 
-def test_timings_say_what_came_from_the_journal(work: Work) -> None:
-    for from_journal in (0, len(PAIRS)):
-        with work.execution("here") as execution:
-            runner = PairRunner(execution, SCANS, 2, None)
-            runner.register(candidates(PAIRS))
-            runner.step_done("optimized")
-        timings = execution.timings
-        assert [(time.target, time.source) for time in timings.pairs] == PAIRS
-        assert timings.from_journal == from_journal
-        assert all(time.seconds > 0 and time.from_journal == (from_journal > 0) for time in timings.pairs)
-        assert list(timings.stages) == ["pairs registered", "optimized"]
-    # those of a part have the survey's numbers
-    with work.execution("here") as execution:
-        PairRunner(execution, SCANS, 0, None).of([1, 3, 5, 8]).of([0, 1, 3]).register(candidates([(0, 1), (1, 2)]))
-    assert [(time.target, time.source) for time in execution.timings.pairs] == [(1, 3), (3, 8)]
-
-
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kind", ["here", "processes 2"])
 def test_signatures_are_kept_too(work: Work, kind: str) -> None:
@@ -187,7 +169,7 @@ class TestJournalEntries:
         with pytest.raises(InputError, match="damaged"):
             work.run(pairs=[(0, 1)])
 
-    @pytest.mark.parametrize("count", [60, pytest.param(5000, marks=pytest.mark.slow)])
+    @pytest.mark.parametrize("count", [40])
     def test_a_byte_that_is_damaged_is_refused_or_harmless(
         self, work: Work, undisturbed: list[str], count: int
     ) -> None:
@@ -223,11 +205,6 @@ class TestCluster:
         assert work.run(f"cluster {address}") == undisturbed
         assert work.registered() == ASKED
 
-    def test_a_machine_that_fails_is_raised(self, work: Work, undisturbed: list[str], address: str) -> None:
-        with pytest.raises(DeviceError, match="the device is full"):
-            work.run(f"cluster {address}", ending="device 4 5")
-        assert work.run() == undisturbed
-
     def test_workers_that_end_again_and_again_are_told(self, work: Work, undisturbed: list[str], address: str) -> None:
         with pytest.raises(InputError, match="ended again and again"):
             work.run(f"cluster {address}", ending="kill 7 8")
@@ -240,15 +217,10 @@ class TestClusterThatIsNotThere:
         pytest.importorskip("distributed")
         monkeypatch.setattr("sonarmap.slam.execute.cluster.PATIENCE", 6.0)
 
-    @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "127.0.0.1:9", "carrier-pigeon://9", "tcp://", "nowhere"])
+    @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "carrier-pigeon://9"])
     def test_it_is_told(self, work: Work, address: str) -> None:
         with pytest.raises(InputError, match=r"no Dask scheduler answers at .* `scheduler=tcp://"):
             work.run(f"cluster {address}")
-
-    @pytest.mark.slow
-    def test_a_scheduler_without_workers_is_told(self, work: Work) -> None:
-        with local_cluster(0) as started, pytest.raises(InputError, match=r"has no workers\. Start some"):
-            work.run(f"cluster {started.scheduler_address}")
 
     def test_dask_that_is_not_installed_is_told(self, work: Work, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, "distributed", None)
