@@ -41,14 +41,6 @@ def test_scans_that_leap_are_found_and_placed_on_the_way() -> None:
     assert found.back.all()
 
 
-def test_who_leaps_and_stays_there_is_not_back() -> None:
-    times, T = way()
-    stays = leapt(T, {k: [3.0, 0, 0] for k in range(30, 60)})
-    found = find_leaps(stays, times, *_free(60), FLOOR)
-    assert {29, 30} & set(found.scans.tolist())
-    assert not found.back.any()
-
-
 def test_between_two_runs_there_is_no_way_and_what_is_fixed_stays() -> None:
     times, T = way()
     runs, fixed = _free(60)
@@ -56,11 +48,6 @@ def test_between_two_runs_there_is_no_way_and_what_is_fixed_stays() -> None:
     gone = leapt(T, {k: [5.0, 0, 0] for k in range(20, 60)} | {40: [5.8, 0, 0]})
     found = find_leaps(gone, times, runs, fixed, FLOOR)
     assert not {19, 20, 40} & set(found.scans.tolist())
-
-
-def test_few_scans_have_no_way() -> None:
-    times, T = way(2)
-    assert len(find_leaps(T, times, *_free(2), FLOOR).scans) == 0
 
 
 def _free(count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -2,13 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.execute.runner import Execution, PairRunner
 from sonarmap.slam.mapper import Mapper, MapperSettings
@@ -54,6 +52,7 @@ def largest_error(result: SurveyResult) -> float:
     return float(np.linalg.norm(away, axis=1).max())
 
 
+@pytest.mark.slow
 def test_few_scans_are_registered_and_all_are_placed() -> None:
     result, registrar = mapped()
     assert result.keys is not None
@@ -77,9 +76,8 @@ def off_its_neighbors(result: SurveyResult, k: int) -> float:
 
 @pytest.mark.slow
 def test_scans_between_that_no_registration_holds_are_told() -> None:
-    """One is refused beside both key scans, of another every registration is wrong; a third would leap, and back."""
-    refused, wrong, leaping = 40, 70, 100
-    leap = RigidTransform.from_components([0.0, 0.7, 0.0], Rotation.from_euler("z", 0.2))
+    """One is refused beside both key scans, of another every registration is wrong."""
+    refused, wrong = 40, 70
     rng = np.random.default_rng(8)
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
@@ -89,15 +87,12 @@ def test_scans_between_that_no_registration_holds_are_told() -> None:
         if wrong in (i, j):
             T = RigidTransform.from_translation(rng.uniform(0.5, 1.0, 3)) * given.T_target_source
             return replace(given, T_target_source=T)
-        if leaping in (i, j):
-            T = given.T_target_source * leap if j == leaping else leap.inv() * given.T_target_source
-            return replace(given, T_target_source=T)
         return given
 
     result, registrar = mapped(spoil=spoil)
     assert result.keys is not None
-    assert not {refused, wrong, leaping} & set(result.keys)
-    assert result.interpolated == (refused, wrong, leaping)
+    assert not {refused, wrong} & set(result.keys)
+    assert result.interpolated == (refused, wrong)
     assert all(sum(k in pair for pair in registrar.pairs) == 2 for k in result.interpolated)
     assert max(off_its_neighbors(result, k) for k in result.interpolated) < 0.1
     # what was registered is surer
@@ -105,54 +100,9 @@ def test_scans_between_that_no_registration_holds_are_told() -> None:
     assert traces[refused] > traces[refused - 1]
 
 
-@pytest.mark.slow
-def test_a_stream_of_which_many_scans_show_little_is_one() -> None:
-    """Of seven consecutive pairs that are tried four are refused; a pair that is farther apart is none of these."""
-    tried = np.unique(np.linspace(0, COUNT - 2, 7).astype(int))[::2].tolist()
-
-    def spoil(i: int, j: int, given: Registration) -> Registration:
-        given = reach(i, j, given)
-        return replace(given, accepted=False, probability=0.2) if i in tried and j == i + 1 else given
-
-    result, registrar = mapped(spoil=spoil)
-    assert {(k, k + 1) for k in tried} <= set(registrar.pairs)
-    assert result.keys is not None
-    assert len(result.keys) < COUNT / 5
-
-
-@pytest.mark.slow
-def test_a_user_may_set_the_step() -> None:
-    result, _ = mapped(step=0.5)
-    assert result.keys is not None
-    ways = np.linalg.norm(np.diff(STREAM.translation[list(result.keys)], axis=0), axis=1)
-    assert 0.25 < np.median(ways) < 0.6
-    with pytest.raises(InputError, match="key_step"):
-        KeySettings(0.0)
-
-
-def test_strides_go_on_along_a_wall() -> None:
-    """A direction that scans leave open is so at half the way as well; a wrong place is not."""
-
-    def along(place: float, i: int, j: int, given: Registration) -> Registration:
-        if i < COUNT // 3 or j >= 2 * COUNT // 3:
-            return reach(i, j, given)
-        loose = np.diag([1e-6, 1e-6, 1e-6, 100.0, 1e-4, 1e-4])
-        return replace(given, covariance=loose, accepted=False, probability=place, evidence=(("fixed", 0.1),))
-
-    def strides(place: float) -> np.ndarray:
-        registrar = KnowingRegistrar(STREAM, COVARIANCE, partial(along, place))
-        runner = PairRunner(Execution.here(registrar, 2), SCANS, 2, None)
-        keys, _ = choose_keys(runner, np.zeros(COUNT, np.intp), VOXEL, KeySettings())
-        return np.diff([k for k in keys if COUNT // 3 <= k < 2 * COUNT // 3])
-
-    assert max(strides(place=0.3)) == 1
-    assert min(strides(place=0.95)) > 3
-
-
-@pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("widest", [1.5, 0.6])
-def test_idle_workers_register_ahead_and_the_key_scans_are_the_same(widest: float) -> None:
+def test_idle_workers_register_ahead_and_the_key_scans_are_the_same() -> None:
     """Also where many strides are refused."""
+    widest = 0.6
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
         return reach(i, j, given) if way(i, j) < widest else replace(given, accepted=False, probability=0.0)
@@ -181,16 +131,6 @@ def test_idle_workers_register_ahead_and_the_key_scans_are_the_same(widest: floa
 
 
 @pytest.mark.slow
-def test_a_survey_that_is_no_stream_is_registered_scan_by_scan() -> None:
-    """What was tried to find out is not tried again."""
-    sparse = ring_poses(48)
-    registrar = KnowingRegistrar(sparse, COVARIANCE)
-    result = Mapper(registrar, VOXEL, MapperSettings(LoopSettings(per_scan=0))).run(scans_of(sparse))
-    assert result.keys is None
-    assert sorted(registrar.pairs) == [(k, k + 1) for k in range(47)]
-
-
-@pytest.mark.slow
 def test_fixes_of_scans_between_place_the_map() -> None:
     world = RigidTransform.from_exp_coords([0, 0, 1.2, 300.0, -200.0, -15.0])
     sigmas = np.array([np.inf, np.inf, np.inf, 0.1, 0.1, 0.05])
@@ -200,45 +140,6 @@ def test_fixes_of_scans_between_place_the_map() -> None:
     assert result.keys is not None
     away = result.trajectory.T_world_sensor.translation - (world * STREAM).translation
     assert np.linalg.norm(away, axis=1).max() < 0.5
-
-
-@pytest.mark.slow
-def test_a_wrong_fix_that_dead_reckoning_shows_is_told() -> None:
-    sigmas = np.array([np.inf, np.inf, np.inf, 0.2, 0.2, 0.1])
-    scans = [replace(scan, prior=PosePrior(T, sigmas)) for scan, T in zip(SCANS, STREAM, strict=True)]
-    scans[70] = replace(SCANS[70], prior=PosePrior(RigidTransform.from_translation([20.0, 0, 0]) * STREAM[70], sigmas))
-    result, _ = mapped(scans, odometry=Odometry(np.arange(COUNT), STREAM, 100.0 + np.arange(COUNT)))
-    assert result.keys is not None
-    assert [(fix.scan, fix.kind) for fix in result.wrong_fixes] == [(70, "position")]
-
-
-@pytest.mark.slow
-def test_a_shaken_sensor_is_followed_by_registrations_or_else_by_dead_reckoning() -> None:
-    """The vehicle shakes from scan to scan."""
-    shake = 0.05 * np.sin(2.5 * np.arange(COUNT))
-    shaken = STREAM * RigidTransform.from_translation(np.outer(shake, [0, 0, 1.0]))
-    odometry = Odometry(np.arange(COUNT), shaken, 100.0 + np.arange(COUNT))
-    settings = MapperSettings(LoopSettings(per_scan=0))
-
-    def error(
-        told: Odometry | None, spoil: Callable[[int, int, Registration], Registration] = reach
-    ) -> tuple[float, set[int]]:
-        result = Mapper(KnowingRegistrar(shaken, COVARIANCE, spoil), VOXEL, settings).run(SCANS, odometry=told)
-        T = result.trajectory.T_world_sensor
-        off = (T[:-1].inv() * T[1:]).translation - (shaken[:-1].inv() * shaken[1:]).translation
-        return float(np.sqrt((off**2).sum(axis=1).mean())), set(result.keys or ())
-
-    followed, keys = error(None)
-
-    def keys_alone(i: int, j: int, given: Registration) -> Registration:
-        """As if scans between could not be registered, which makes no other key scans."""
-        is_probe = j == i + 1 and j - 1 not in keys
-        return reach(i, j, given) if is_probe or {i, j} <= keys else replace(given, accepted=False, probability=0.0)
-
-    steady, same = error(None, keys_alone)
-    assert same == keys
-    assert followed < 0.6 * steady
-    assert error(odometry, keys_alone)[0] < 0.6 * steady
 
 
 @pytest.mark.slow
@@ -266,57 +167,24 @@ def swinging(count: int, turn: float, shake: np.ndarray, seed: int = 2) -> Rigid
     return smooth * RigidTransform.from_exp_coords(shake * rng.standard_normal((count, 6)))
 
 
-def between(T: RigidTransform, k: int) -> np.ndarray:
-    """(6,) what scan k is off a steady motion from the key scan before it to the one behind."""
-    i = k // STRIDE * STRIDE
-    steady = T[i] * RigidTransform.from_exp_coords((k - i) / STRIDE * (T[i].inv() * T[i + STRIDE]).as_exp_coords())
-    return (steady.inv() * T[k]).as_exp_coords()
+def between(T: RigidTransform, offset: int) -> np.ndarray:
+    """(N, 6) what scans so far behind key scans are off a steady motion from there to the next one."""
+    first, last = T[:-1:STRIDE], T[STRIDE::STRIDE]
+    steady = first * RigidTransform.from_exp_coords(offset / STRIDE * (first.inv() * last).as_exp_coords())
+    return (steady.inv() * T[offset::STRIDE]).as_exp_coords()
 
 
-@pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("shake", [0.0 * SHAKE, 0.1 * SHAKE, SHAKE])
+@pytest.mark.parametrize("shake", [0.0 * SHAKE, SHAKE])
 @pytest.mark.parametrize("turn", [0.0, 0.02])
-def test_scans_between_are_as_far_off_as_key_scans_tell(turn: float, shake: np.ndarray) -> None:
+def test_scans_between_are_as_far_off_as_key_scans_say(turn: float, shake: np.ndarray) -> None:
     """Of three hundred strides; the scans between have never been looked at."""
     T = swinging(300 * STRIDE + 1, turn, shake)
     keys = np.arange(0, len(T), STRIDE)
     told = Unsteadiness.of(T[keys], keys.astype(float), np.zeros(len(keys), int))
     for offset in (1, 5, 8):
-        off = np.array([between(T, k + offset) for k in keys[:-1]])
-        squares = (off**2).mean(axis=0)
+        squares = (between(T, offset) ** 2).mean(axis=0)
         # of what is assumed before, a 75th is left
         left = 0.0134 * np.repeat([0.1 * max(turn * STRIDE, 0.05), 0.1], 3) ** 2
         variance = told.variance(offset, STRIDE - offset)
         assert (squares < 1.6 * variance + 1e-9).all()
         assert (variance < 2.5 * squares + 6 * left).all()
-
-
-def test_what_is_of_two_runs_is_not_compared() -> None:
-    """The same swinging twice, the second time far away and turned around."""
-    T, count = swinging(400, 0.02, SHAKE)[::STRIDE], 40
-    elsewhere = RigidTransform.from_components([50.0, -20.0, 5.0], Rotation.from_euler("z", 2.5))
-    both = RigidTransform.concatenate([T, elsewhere * T])
-    times = np.arange(float(count))
-    one = Unsteadiness.of(T, times, np.zeros(count, int))
-    two = Unsteadiness.of(both, np.concatenate([times, times]), np.repeat([0, 1], count))
-    np.testing.assert_allclose(two.shaken, one.shaken * (72 / 76) / (36 / 40), rtol=1e-6, atol=1e-12)
-
-
-@pytest.mark.parametrize("count", [2, 3, 4])
-def test_a_few_key_scans_tell_little(count: int) -> None:
-    T = swinging(STRIDE * count, 0.0, 0 * SHAKE)[::STRIDE]
-    told = Unsteadiness.of(T, np.arange(float(count)), np.zeros(count, int))
-    np.testing.assert_allclose(told.variance(0.5, 0.5)[3:], (0.1 * 1.0) ** 2, rtol=1e-6)
-    np.testing.assert_array_equal(told.shaken, 0)
-
-
-def test_a_steady_turn_at_uneven_times_is_no_shaking() -> None:
-    """The speed of one number changes steadily; half of that is what is found."""
-    times = np.array([0.0, 1.0, 3.0, 3.5, 6.0, 7.0, 9.0, 10.0, 12.0])
-    T = RigidTransform.from_components(
-        np.column_stack([0.5 * times, 0.01 * times**2, 0 * times]), Rotation.identity(len(times))
-    )
-    told = Unsteadiness.of(T, times, np.zeros(len(times), int))
-    np.testing.assert_allclose(told.shaken, 0, atol=1e-20)
-    # five key scans know, four are assumed
-    assert told.curved[4] - told.curved[5] == pytest.approx(5 / 9 * 0.01**2)
