@@ -86,3 +86,12 @@ def test_loops_are_looked_for_where_the_estimate_expects_them() -> None:
     assert all(j > i + 1 for i, j in registrar.looks)
     loops = [pair for pair in result.pairs if pair.role == "loop"]
     assert sum(pair.kept for pair in loops) > 0.8 * len(loops)
+
+
+@pytest.mark.slow
+def test_no_loops_are_tried_among_settled_scans() -> None:
+    mapper = Mapper(KnowingRegistrar(POSES, COVARIANCE), VOXEL, MapperSettings(LoopSettings(per_scan=2)))
+    pairs = mapper.decided(scans_of(POSES), np.zeros(COUNT, int), (), COUNT // 2).pairs
+    loops = [pair for pair in pairs if pair.role == "loop"]
+    assert loops
+    assert not any(max(pair.scans) < COUNT // 2 for pair in loops)
