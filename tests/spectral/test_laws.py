@@ -76,9 +76,8 @@ def test_a_scan_registers_to_itself(method: Method) -> None:
     assert registration.overlap == 1.0
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
-def test_finds_a_known_transform_and_says_the_ratio_of_every_step(method: Method, seed: int) -> None:
-    registration = method.register(*method.pair(seed))
+def test_finds_a_known_transform_and_says_the_ratio_of_every_step(method: Method) -> None:
+    registration = method.register(*method.pair(1))
     method.assert_found(registration, method.truth)
     steps = dict(registration.step_psr)
     assert tuple(steps) == method.steps
@@ -93,7 +92,7 @@ def test_finds_a_known_transform_and_says_the_ratio_of_every_step(method: Method
 
 
 @pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("yaw", [-170.0, -95.0, 100.0, 180.0])
+@pytest.mark.parametrize("yaw", [-170.0, 100.0])
 def test_yaw_covers_the_circle(method: Method, yaw: float) -> None:
     truth, points = method.turned(yaw)
     method.assert_found(method.register(*points), truth)

@@ -51,28 +51,9 @@ def assert_near(T: RigidTransform, truth: RigidTransform, degrees: float = 0.3, 
     structures.assert_near(T, truth, degrees, meters)
 
 
-def waves_with_boxes(rng: np.random.Generator) -> np.ndarray:
-    """(60000, 3) [m]: a bed with five boxes whose waves are alike again 13 to 15 m farther."""
-    xy = rng.uniform(-45, 45, (60_000, 2))
-    z = 0.6 * np.sin(xy[:, 0] / 5) * np.cos(xy[:, 1] / 7)
-    for x, y, side, top in ((-12, 5, 6, 4), (8, -9, 4, 7), (15, 12, 8, 3), (-5, -18, 5, 5), (2, 16, 3, 6)):
-        z[(abs(xy[:, 0] - x) < side / 2) & (abs(xy[:, 1] - y) < side / 2)] = top
-    return np.column_stack([xy, z + rng.normal(0, 0.05, len(xy))])
-
-
 class TestAccuracy:
-    @pytest.mark.slow
-    def test_what_stands_on_a_bed_of_equal_waves_decides(self) -> None:
-        """Waves of a bed lie upon one another as closely where they are laid one farther."""
-        registrar = SpectralRegistrar(choose_device(), Grid(128, 0.5))
-        there = above(6.1, 6.4, 12, 40)
-        for seed in (3, 8):
-            rng = np.random.default_rng(seed)
-            target, source = (seen(waves_with_boxes(rng), place, 30.0) for place in (HERE, there))
-            assert_near(register(registrar, target, source).T_target_source, HERE.inv() * there)
-
-    @pytest.mark.quick_cases(2)
-    @pytest.mark.parametrize("rotvec", [(2.5, -1.0, 0.7), (0.0, 3.1, 0.0), (-1.6, 0.1, 0.2), (0.3, 1.5, -2.4)])
+    @pytest.mark.quick_cases(1)
+    @pytest.mark.parametrize("rotvec", [(2.5, -1.0, 0.7), (0.0, 3.1, 0.0)])
     def test_any_rotation_is_found_where_none_is_excluded(self, of_any_rotation, rotvec):
         Q = RigidTransform.from_components([2, -3, 1], Rotation.from_rotvec(rotvec))
         registration = register(of_any_rotation, seen(relief(2), HERE), moved(seen(relief(2), THERE), Q))
@@ -80,8 +61,8 @@ class TestAccuracy:
 
 
 class TestViews:
-    @pytest.mark.quick_cases(2)
-    @pytest.mark.parametrize(("x", "y"), [(17.5, -1.0), (-1.0, 18.5), (-19.0, 2.0), (17.0, 17.5)])
+    @pytest.mark.quick_cases(1)
+    @pytest.mark.parametrize(("x", "y"), [(17.5, -1.0), (17.0, 17.5)])
     def test_a_shift_beyond_half_the_grid_is_told_from_its_wrapped_twin(self, registrar, x, y):
         """The grid is 32 m wide: 17.5 m look like -14.5 m to a periodic correlation."""
         here, there = above(-x / 2, -y / 2, 12), above(x / 2, y / 2, 13, 15, 3, -5)
@@ -102,7 +83,7 @@ class TestViews:
         assert ground.view.ranges is not None
         assert_near(registrar.register(target, ground).T_target_source, here.inv() * there)
 
-    @pytest.mark.quick_cases(2)
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("side", [-1, 1])
     def test_what_was_seen_through_decides_between_twins(self, of_a_meter: SpectralRegistrar, side: int) -> None:
         """The target shows two equal sails, the source one of them, over where the other cannot have been.
@@ -160,6 +141,7 @@ class TestPriors:
             right += difference(alone.T_target_source, HERE.inv() * there)[0] < 1.0
         assert right == 1
 
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize(
         ("wrong", "bounds"),
         [
@@ -183,6 +165,11 @@ class TestPriors:
         assert not registration.accepted
         assert difference(registration.T_target_source, T_TRUE)[0] > 60
 
+    def test_scans_of_two_places_are_refused(self, registrar: SpectralRegistrar, target: SpectralScan) -> None:
+        other = registrar.register(target, registrar.prepare(Scan(seen(relief(2), THERE))))
+        assert not other.accepted
+        assert other.probability < 0.5
+
     def test_one_scan_alone_bounds_nothing(self, registrar, target, source):
         elsewhere = self.with_prior(source, above(50, 50, 90, 115, 40, -7), depth=0.1, xy=0.1)
         registration = registrar.register(target, elsewhere)
@@ -205,9 +192,6 @@ class TestBounds:
         ("changes", "words"),
         [
             ({"hypotheses": 0}, "`hypotheses=0`"),
-            ({"shortlist": 0}, "`shortlist=0`"),
-            ({"finalists": 0}, "`finalists=0`"),
-            ({"max_tilt": 0.0}, "`max_tilt` is 0 degrees"),
             ({"max_tilt": 3.2}, "`max_tilt` is 183"),
             ({"least_probability": 1.0}, r"`least_probability=1\.0`"),
         ],

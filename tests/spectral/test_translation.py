@@ -41,16 +41,7 @@ def far(device: Device) -> tuple[Any, Any]:
     return volume(points, Rotation.identity()), volume(points - FAR, R.inv())
 
 
-def test_a_box_as_large_as_the_grid_bounds_nothing(translation: Translation, far: tuple[Any, Any]) -> None:
-    box = Box(np.array([7.0, 0, 0]), np.array([3.0, 3.0, EDGE / 2]))
-    assert not translation.is_bounded(box)
-    assert not translation.is_bounded(None)
-    boxed, free = translation.find_within(*far, Rotation.concatenate([R, R]), [box, None], 3, 2.0)
-    for some, all_of_them in zip(boxed, free, strict=True):
-        np.testing.assert_array_equal([p.shift for p in some], [p.shift for p in all_of_them])
-
-
-@pytest.mark.parametrize("center", [[20, 3, -4], [18, 5, -3], [22, 1, -5]])
+@pytest.mark.parametrize("center", [[18, 5, -3]])
 def test_a_shift_beyond_half_the_grid_is_named_as_it_is(translation, far, center):
     free = translation.find_within(*far, ALONE, [None], 1, 2.0)[0]
     np.testing.assert_allclose(free[0][0].shift, [FAR[0] - EDGE, *FAR[1:]], atol=0.5)

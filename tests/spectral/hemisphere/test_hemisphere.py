@@ -1,7 +1,5 @@
 """The rotation's steps one by one, with the sign of the conventions page, and a peak's covariance."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -12,7 +10,6 @@ from sonarmap.kernels.pomf.peak import Peak
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.covariance import peak_covariance, peak_width
 from sonarmap.spectral.hemisphere.layers import Hemisphere
-from sonarmap.spectral.hemisphere.match import Match, differ
 from sonarmap.spectral.overlap import overlap, unwrap
 from sonarmap.spectral.prepare.prepared import Prepared, Preparer
 from sonarmap.spectral.rotation_search import search_rotation
@@ -54,7 +51,7 @@ def degrees(R: Rotation) -> float:
     return float(np.rad2deg(R.magnitude()))
 
 
-@pytest.mark.parametrize("yaw", [-75.0, -20.0, 8.0, 50.0])
+@pytest.mark.parametrize("yaw", [-75.0, 8.0])
 def test_yaw_is_among_the_candidates_with_its_half_turn(room: Room, yaw: float) -> None:
     true = turn(yaw, 0, 0)
     layers = room.hemisphere.prepare(room.magnitude(true))
@@ -87,12 +84,6 @@ def test_what_is_left_of_a_rotation_is_found(room: Room, step: str, true: Rotati
     assert degrees(estimate.R * known * true.inv()) < near
 
 
-def test_tilt_keeps_to_its_limit(room: Room) -> None:
-    source = room.magnitude(Rotation.from_euler("X", 30, degrees=True))
-    estimate = room.hemisphere.tilt(room.layers, source, Rotation.identity(), np.deg2rad(10))
-    assert estimate is None or degrees(estimate.R) < 10 * np.sqrt(2) + 3
-
-
 def test_search_climbs_back_to_the_rotation(room: Room) -> None:
     true = Rotation.from_euler("ZYX", [30.0, 5.0, -8.0], degrees=True)
     source, _ = room.turned(true)
@@ -114,7 +105,7 @@ def test_overlap_is_the_share_in_common_and_the_smaller_of_both_ways(room: Room)
     assert overlap(room.device, room.target, part, Rotation.identity(), shift + 500) == 0.0
 
 
-@pytest.mark.parametrize("true", [(36.0, -4.0, 2.0), (-3.0, 40.0, 1.0), (-35.0, -37.0, 5.0), (12.0, -20.0, 3.0)])
+@pytest.mark.parametrize("true", [(36.0, -4.0, 2.0), (12.0, -20.0, 3.0)])
 def test_a_shift_over_half_the_grid_is_told_from_its_wrapped_twin(room: Room, true: tuple[float, ...]) -> None:
     """Two parts of one place whose centers lie `true` voxels apart, on a grid of 64."""
     step = np.array(true) * VOXEL
@@ -145,17 +136,6 @@ def test_a_grid_that_holds_less_than_half_of_a_scan_is_refused(voxel: float, wor
         preparer.prepare(Scan(structure(2)))
 
 
-def test_hypotheses_apart_by_a_whole_grid_are_one_answer(room: Room) -> None:
-    peak = room.translation.find(room.target, room.target, Rotation.identity())
-
-    def at(shift: tuple[float, float, float], yaw: float = 0.0) -> Match:
-        return Match(Rotation.from_euler("Z", yaw, degrees=True), replace(peak, shift=np.array(shift)), 1.0, 1.0)
-
-    assert not differ(at((31.8, 0.0, 2.0)), at((-31.9, 1.0, 0.0)), EDGE)
-    assert differ(at((31.8, 0.0, 2.0)), at((20.0, 0.0, 2.0)), EDGE)
-    assert differ(at((0.0, 0.0, 0.0)), at((0.0, 0.0, 0.0), yaw=25.0), EDGE)
-
-
 def gaussian_peak(cov: np.ndarray, psr: float = 200.0) -> Peak:
     steps = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1)
     exponent = np.einsum("...i,ij,...j->...", steps, np.linalg.inv(cov), steps)
@@ -169,14 +149,6 @@ def test_width_is_that_of_the_gaussian() -> None:
     # a ridge is as wide as the neighborhood can tell
     ridge = gaussian_peak(np.diag([1.0, 1e6, 1.0]))
     np.testing.assert_allclose(np.diag(peak_width(ridge)), [1, 9, 1], rtol=1e-3)
-
-
-def test_translation_is_turned_into_the_frame_of_the_source() -> None:
-    R = Rotation.from_euler("Z", 90, degrees=True)
-    wide_x = peak_covariance(gaussian_peak(np.diag([4.0, 1.0, 1.0])), R, np.zeros(3), Grid(128, 0.5), 0.02)
-    sigmas = np.diag(wide_x)[3:]
-    assert sigmas[1] == pytest.approx(4 * sigmas[0], rel=1e-3)  # the target's x is the source's -y
-    assert sigmas[2] == pytest.approx(sigmas[0], rel=1e-3)
 
 
 def test_covariance_is_about_the_sensor_and_holds_for_the_right_tangent() -> None:

@@ -13,7 +13,7 @@ from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
-from tests.samples.relative_priors import ALL, ATTITUDE, DEPTH, POSITION, knowing, unexact
+from tests.samples.relative_priors import ALL, ATTITUDE, DEPTH, knowing, unexact
 from tests.samples.scenes.reliefs import HERE, T_TRUE, THERE, relief, seen
 from tests.samples.scenes.structures import assert_near, difference
 
@@ -35,11 +35,6 @@ def scans(registrar: SpectralRegistrar) -> tuple[SpectralScan, SpectralScan]:
     return target, source
 
 
-@pytest.fixture(scope="module")
-def upright(registrar: SpectralRegistrar, scans: tuple[SpectralScan, SpectralScan]) -> Registration:
-    return registrar.register(*scans)
-
-
 def off(T_target_source: RigidTransform) -> np.ndarray:
     """(6,) rotation vector and shift from the true pose, in the world's axes [rad, m]."""
     turn = HERE.rotation * T_target_source.rotation * T_TRUE.rotation.inv() * HERE.rotation.inv()
@@ -59,6 +54,7 @@ def assert_not_larger(small: np.ndarray, large: np.ndarray) -> None:
 
 
 class TestRelief:
+    @pytest.mark.slow
     def test_errors_of_instruments_are_not_in_what_the_scans_say(self, registrar, scans):
         """A graph that holds the measurements beside the registration would count the errors twice."""
         plain = registrar.register(*(replace(scan, prior=None) for scan in scans)).T_target_source
@@ -71,6 +67,7 @@ class TestRelief:
         assert beside[1] > 0.1
         assert_near(registration.by_scans.T_target_source, plain, 0.05, 0.015)
 
+    @pytest.mark.quick_cases(1)
     @pytest.mark.parametrize("seed", [1, 2])
     def test_found_and_surer_than_by_the_scans_alone(self, registrar, scans, seed):
         rng = np.random.default_rng(seed)
@@ -86,21 +83,6 @@ class TestRelief:
         # scans that show much are believed more than a degree's measurement
         assert (sigmas(registration.covariance)[:2] < RELATIVE[:2] / 2).all()
         assert (np.abs(off(registration.T_target_source)) < 4 * sigmas(registration.covariance)).all()
-
-    def test_without_instruments_there_is_nothing_else_and_exact_ones_do_not_move_it(self, registrar, scans, upright):
-        target, source = scans
-        registration = registrar.register(target, replace(source, prior=None))
-        assert registration.T_by_scans is None
-        assert registration.by_scans is registration
-        assert_near(upright.T_target_source, upright.by_scans.T_target_source, 0.1, 0.1 * VOXEL)
-
-    def test_the_rotations_that_are_followed_are_at_the_measured_tilt(self, registrar, scans):
-        rotations = registrar._rotations(*scans, registrar._bounds(*scans))
-        assert len(rotations.scores) <= 4 * registrar.config.hypotheses
-        assert (np.diff(rotations.scores) <= 0).all()
-        up = (HERE.rotation * rotations.R * THERE.rotation.inv()).apply([0, 0, 1])
-        assert np.arccos(np.clip(up[:, 2], -1, 1)).max() < 2.01 * RELATIVE[0]
-        assert (rotations.R.inv() * T_TRUE.rotation).magnitude().min() < np.deg2rad(2.0)
 
 
 def bed(seed: int) -> np.ndarray:
@@ -143,55 +125,34 @@ class TestFlatBed:
         np.testing.assert_allclose(sigma[2:5], RELATIVE[2:5], rtol=0.1)
 
     def test_the_scans_alone_leave_these_open(self, of_flat: Registration) -> None:
-        alone = of_flat.by_scans
-        assert_not_larger(of_flat.covariance, alone.covariance)
-        sigma = sigmas(alone.covariance)
+        sigma = sigmas(of_flat.by_scans.covariance)
         assert sigma[2] > np.deg2rad(30.0)
         assert (sigma[3:5] > 10.0).all()
-        assert (sigma[:2] < RELATIVE[:2]).all()
 
-    @pytest.mark.parametrize("missing", [*(kind for kind in ALL if kind is not POSITION), None])
+    @pytest.mark.slow
+    def test_without_a_place_it_is_not_believed(self, registrar, flat):
+        unplaced = np.where(np.isin(np.arange(6), [3, 4]), np.inf, SIGMAS)
+        registration = registrar.register(
+            *(replace(scan, prior=PosePrior(scan.prior.T_world_sensor, unplaced)) for scan in flat)
+        )
+        assert not registration.accepted
+        assert np.linalg.eigvalsh(registration.covariance)[-1] > 5.0**2
+
+    @pytest.mark.parametrize("missing", [DEPTH, None])
     def test_without_one_of_the_instruments_it_is_refused(self, registrar, missing):
         known = knowing(*(kind for kind in ALL if kind != missing), sigmas=SIGMAS)
         prior = None if missing is None else PosePrior(HERE, known)
         with pytest.raises(InputError, match=r"all its points lie in one plane .* a prior with attitude, heading"):
             registrar.prepare(Scan(seen(bed(1), HERE), prior=prior))
 
-    def test_without_a_place_it_is_prepared_for_where_one_is_expected_and_not_believed(self, registrar, flat):
-        unplaced = SIGMAS.copy()
-        unplaced[3:5] = np.inf
-        placed = [replace(scan, prior=PosePrior(scan.prior.T_world_sensor, unplaced)) for scan in flat]
-        registration = registrar.register(*placed)
-        assert not registration.accepted
-        assert np.linalg.eigvalsh(registration.covariance)[-1] > 5.0**2
-
+    @pytest.mark.slow
     def test_without_the_others_prior_it_is_not_believed(self, registrar, flat):
         target, source = flat
         registration = registrar.register(target, replace(source, prior=None))
         assert not registration.accepted
         assert np.linalg.eigvalsh(registration.covariance)[-1] > 20.0**2
 
+    @pytest.mark.slow
     def test_a_rich_place_is_not_taken_for_it(self, registrar, flat, scans):
         for prior in (None, PosePrior(THERE, SIGMAS)):
             assert not registrar.register(flat[0], replace(scans[1], prior=prior)).accepted
-
-
-@pytest.mark.quick_cases(1)
-@pytest.mark.parametrize(("degrees", "about"), [(9.0, 0.6), (9.0, 2.0), (7.5, 2.0)])
-def test_scans_that_lean_stay_level_and_are_believed_less(registrar, scans, upright, degrees, about):
-    """A sonar that guesses elevations shows all that stands leaning; both attitudes are measured within a degree.
-
-    Without instruments the scans fit best as they lean.
-    """
-    axis = np.array([np.cos(about), np.sin(about), 0])
-    lean = THERE.rotation.inv() * Rotation.from_rotvec(np.deg2rad(degrees) * axis) * THERE.rotation
-    points = lean.apply(seen(relief(1), THERE)).astype(np.float32)
-    source = registrar.prepare(Scan(points, prior=PosePrior(THERE, LEVEL)))
-    leaning = registrar.register(scans[0], replace(source, prior=None))
-    assert np.linalg.norm(off(leaning.T_target_source)[:2]) == pytest.approx(np.deg2rad(degrees), rel=0.05)
-    registration = registrar.register(scans[0], source)
-    assert np.linalg.norm(off(registration.T_target_source)[:2]) < np.deg2rad(max(4.0, 0.6 * degrees))
-    tilt, usual = (sigmas(each.by_scans.covariance)[:2] for each in (registration, upright))
-    assert (tilt > 2 * usual).all()
-    assert (np.abs(off(registration.by_scans.T_target_source)[:2]) < 4 * tilt).all()
-    assert_not_larger(registration.covariance, registration.by_scans.covariance)

@@ -46,25 +46,6 @@ def test_a_point_far_off_its_neighbors_plane_stays(height: float, moves: bool) -
     assert moves or left < 0.1
 
 
-def test_few_points_will_do_and_the_cells_are_of_the_smoothed_points() -> None:
-    surface = surface_of(np.array([[0.0, 0, 1], [2, 0, 1], [0, 3, 1]]))
-    np.testing.assert_allclose(np.abs(surface.normals[:, 2]), 1)
-    surface = surface_of(noisy_plane())
-    rows = surface.elements.cells.points.get()
-    np.testing.assert_array_equal(rows[:, :3], surface.points[rows[:, 3].copy().view(np.int32)])
-
-
-def test_all_directions_of_normals_count_alike_but_rare_ones() -> None:
-    """A wide floor and a wall a ninth as large: the wall's points count for more, the mean is 1."""
-    floor = noisy_plane(0.0)
-    wall = np.column_stack([np.full(100, 30.0), *np.divmod(np.arange(100.0), 10)])
-    surface = surface_of(np.vstack([floor, wall]))
-    weights = surface.direction_weights.get()[surface.rows[:, 7].astype(int)]
-    assert weights.mean() == pytest.approx(1, abs=1e-6)
-    # shares of 0.9 and 0.1, and 0.05 for either; some of the wall's lowest points have neighbors on both
-    assert weights[905] / weights[0] == pytest.approx((0.9 + 0.05) / (0.1 + 0.05), rel=0.05)
-
-
 def test_points_at_a_rim_have_their_neighbors_on_one_side() -> None:
     x, y = np.meshgrid(np.arange(20.0), np.arange(12.0))
     surface = surface_of(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]))
@@ -94,9 +75,3 @@ def test_smoothed_further_what_is_near_a_rim_counts_as_rim() -> None:
         assert inner[4:-4, 4:-4].all()
         assert not np.delete(inner, np.s_[3:-3], axis=0).any()
         assert not np.delete(inner, np.s_[3:-3], axis=1).any()
-
-
-def test_few_points_are_smoothed_further() -> None:
-    surface = surface_of(np.array([[0.0, 0, 1], [2, 0, 1], [0, 3, 1]]))
-    for smooth in smoothed_further(chosen_device(), surface):
-        np.testing.assert_allclose(smooth.points, surface.points, atol=1e-5)
