@@ -194,6 +194,7 @@ def measured(truth: RigidTransform) -> Navigate:
     return navigate
 
 
+@pytest.mark.slow
 def test_fixes_join_parts_and_put_them_in_the_world() -> None:
     grown, truth = leapt(measured)
     assert grown.parts == {0: len(grown.tracker.keys)}

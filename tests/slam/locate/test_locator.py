@@ -112,8 +112,8 @@ def test_of_two_places_that_look_the_same_none_is_believed() -> None:
     assert shift == pytest.approx(60, abs=1)
 
 
-@pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("twin", [AWAY, RigidTransform.identity()])
+@pytest.mark.parametrize("twin", [AWAY])
+@pytest.mark.slow
 def test_instruments_tell_which_of_the_two_it_is(twin: RigidTransform) -> None:
     T = twin * T_WORLD_SENSOR[3]
     prior = PosePrior(T, np.array([0.02, 0.02, 0.05, 2.0, 2.0, 1.0]))

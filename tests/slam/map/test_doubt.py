@@ -115,6 +115,7 @@ def test_outliers_go_and_the_surface_stays(parted: CleanMap) -> None:
     assert right[1] < 0.01 * right[0]
 
 
+@pytest.mark.slow
 def test_together_they_are_the_map_without_the_rule(scans: list[Scan], parted: CleanMap) -> None:
     whole = clean_map(PlacedScans.of(scans, T, VOXEL), min_seen=1)
     assert not len(whole.doubtful.points)

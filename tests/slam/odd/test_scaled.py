@@ -77,6 +77,10 @@ def test_what_no_change_of_ranges_explains_is_no_group() -> None:
         assert found([], 1.0, Stretching(1, response, longer)) is None
 
 
+def test_registrations_that_do_not_say_are_no_evidence() -> None:
+    assert found(GROUPS["half"], 1.03, KnowingRegistrar(TRUTH, 1e-6 * np.eye(6))) is None
+
+
 def test_it_is_the_first_thing_that_is_said_and_the_map_is_not_to_be_trusted() -> None:
     result = Mapper(Stretching(1), VOXEL).run(scaled_by(1.03, GROUPS["half"]))
     words = contradictions(result)[0]

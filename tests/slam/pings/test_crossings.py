@@ -33,6 +33,7 @@ class TestCrossings:
         assert (first, second, own.count) == ("a", "b", seen.cells)
         assert own.mean == pytest.approx(0.25)
 
+    @pytest.mark.slow
     def test_true_lines_agree_within_their_noise_and_wrong_ones_do_not(self) -> None:
         survey = simulated(5, pings=160, beams=64)
         true, recorded = crossings(survey.true), crossings(survey.recorded)
