@@ -206,6 +206,15 @@ def test_a_step_is_believed_as_far_as_it_is_likely(probability: float) -> None:
     assert believing_steps(loops, learned(steps(20))) == loops
 
 
+def test_a_likely_step_that_leaves_a_direction_open_is_as_wide_as_the_motion() -> None:
+    given = possible(0.8, np.zeros(6), fixed=0.1)
+    (step,) = believing_steps([given], learned(steps(20)))
+    assert step.registration is not None
+    assert step.accepted
+    assert step.registration.covariance.trace() > COVARIANCE.trace()
+    assert believing_steps([given], None) == [given]
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_scans_in_no_order_have_no_usual_motion(seed: int) -> None:
     """Nor has a vehicle that goes to and fro at random; one that stops now and then has."""
