@@ -1,20 +1,15 @@
 """What an experiment makes of its rows."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Section
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Row, Section
 from sonarmap.tools.lab.reproduce.folder import verdicts
 
 
 def run_all(experiment: Experiment) -> tuple[list[Row], list[Row]]:
     """The rows and the times of all jobs."""
-    return joined(experiment.run(job) for job in experiment.jobs())
-
-
-def joined(outcomes: Iterable[Outcome]) -> tuple[list[Row], list[Row]]:
-    """Their rows and times."""
-    done = list(outcomes)
+    done = [experiment.run(job) for job in experiment.jobs()]
     return [row for outcome in done for row in outcome.rows], [row for outcome in done for row in outcome.seconds]
 
 

@@ -1,5 +1,6 @@
-"""Benchmarks: figures that are what they say, twins that do the kernels' work, and wrong kernels that are caught."""
+"""Benchmarks: times that are what they say, wrong kernels that are caught, and results that are stored and compared."""
 
+import copy
 import json
 import multiprocessing
 import os
@@ -7,22 +8,25 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import DeviceError
+from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.tools.command.main import app
 from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.lab.bench import twins
-from sonarmap.tools.lab.bench.case import Peer
 from sonarmap.tools.lab.bench.kernels import CASES, measure_case, measure_kernels, relative_difference
-from sonarmap.tools.lab.bench.machine import count_cores
+from sonarmap.tools.lab.bench.output.compare import compare, read_result
+from sonarmap.tools.lab.bench.output.page import BEGIN, END, write_page
+from sonarmap.tools.lab.bench.output.picture import draw_roofline
 from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
-from sonarmap.tools.lab.bench.peers import fft_peers
 from sonarmap.tools.lab.bench.rates import Rates, Traffic, _kernels, _per_item, measure_rates, summarize_rates
 from sonarmap.tools.lab.bench.spectra_cases import magnitude_case, real_forward_case
 from sonarmap.tools.lab.bench.stages import PAIR_STAGES
@@ -30,13 +34,47 @@ from sonarmap.tools.lab.bench.timing import interleave, summarize
 from sonarmap.tools.lab.bench.workload import Workload
 from tests.samples.places import ROOT
 
-QUICK = ["bench", "--grid", "16", "--repeats", "2"]
+
+@pytest.fixture(autouse=True, scope="module")
+def few() -> Iterator[None]:
+    """Rates of memory, which take seconds, by arrays that are quickly moved; and two kernels of all."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sonarmap.tools.lab.bench.rates._LARGEST", 2**20)
+        for module in ("run", "kernels"):
+            patch.setattr(f"sonarmap.tools.lab.bench.{module}.CASES", (real_forward_case, magnitude_case))
+        yield
 
 
-@pytest.fixture(autouse=True)
-def _small_arrays(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rates of memory, which take seconds, by arrays that are quickly moved."""
-    monkeypatch.setattr("sonarmap.tools.lab.bench.rates._LARGEST", 2**20)
+def bench(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, ["bench", *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def stored(few: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The result of a short run."""
+    path = tmp_path_factory.mktemp("bench") / "result.json"
+    printed = bench("--grid", "16", "--repeats", "2", "--pairs", "0", "--json", "--out", path)
+    assert (printed.exit_code, printed.stderr) == (0, "")
+    assert json.loads(printed.stdout) == json.loads(path.read_text())
+    return path
+
+
+@pytest.fixture
+def steady(stored: Path) -> dict[str, Any]:
+    """The result without noise."""
+    result = json.loads(stored.read_text())
+    for row in result["kernels"]:
+        for name in ("first_quartile", "third_quartile", "least", "most"):
+            row["device_seconds"][name] = row["device_seconds"]["median"]
+    return result
+
+
+def slower(result: dict[str, Any], share: float) -> dict[str, Any]:
+    """The same with the first kernel slower by a share."""
+    changed = copy.deepcopy(result)
+    for name in ("median", "first_quartile", "third_quartile", "least", "most"):
+        changed["kernels"][0]["device_seconds"][name] *= 1 + share
+    return changed
 
 
 class TestTiming:
@@ -52,27 +90,16 @@ class TestTiming:
         assert "".join(calls) == "-abc-abc-abc-abc"
         assert [each.count for each in times] == [3, 3, 3]
 
-    def test_a_slow_twin_is_run_less_often(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        calls: list[str] = []
-        monkeypatch.setattr("sonarmap.tools.lab.bench.timing.perf_counter", lambda: 1.25 * len(calls))
-        first, second = interleave(lambda: None, [lambda: calls.append("b")], 10)
-        assert (first.count, first.most) == (10, 0.0)
-        assert (second.count, second.least, second.most) == (4, 1.25, 1.25)
-
 
 class TestKernels:
-    @pytest.mark.quick_cases(1)
+    @pytest.mark.slow
     @pytest.mark.parametrize("edge", [16, 32])
-    def test_every_kernel_is_its_twins_equal(self, device: Device, edge: int) -> None:
-        said: list[str] = []
-        results = list(measure_kernels(device, [edge], 2, 5, 2, said.append))
-        assert len(results) == len(said) == len(CASES)
+    def test_every_kernel_is_its_twins_equal(self, device: Device, edge: int, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("sonarmap.tools.lab.bench.kernels.CASES", CASES)
+        results = list(measure_kernels(device, [edge], 2, 5, 2, lambda _: None))
+        assert len(results) == len(CASES)
         assert {result.name: result.error for result in results if not result.right} == {}
-        for result in results:
-            assert result.edge == edge
-            assert result.traffic.moved > 0
-            assert result.launches > 0
-            assert result.kernel_seconds == {}  # this device notes no times
+        assert all(result.traffic.moved > 0 and result.launches > 0 for result in results)
 
     def test_a_wrong_kernel_is_told(self, device: Device) -> None:
         case = real_forward_case(Workload(device, 16, 1, 0))
@@ -82,6 +109,12 @@ class TestKernels:
         broken = replace(case, read=lambda result: case.read(result) * np.nan)
         assert not measure_case(broken, device, 16, 1).right
         assert relative_difference(np.ones(3), np.ones(4)) == np.inf
+
+    def test_the_workload_depends_on_the_seed_alone(self, device: Device) -> None:
+        first, again, other = (Workload(device, 16, 1, seed) for seed in (1, 1, 2))
+        np.testing.assert_array_equal(first.points, again.points)
+        np.testing.assert_array_equal(first.volume, again.volume)
+        assert not np.array_equal(first.volume, other.volume)
 
 
 class TestRates:
@@ -108,106 +141,28 @@ class TestRates:
         _kernels(device)["read"](device.queue, (count,), None, device.to_device(numbers).data, sums.data)
         assert sums.get().sum(dtype=np.float64) == numbers.sum(dtype=np.float64)
 
-
-class TestPeers:
-    def test_fftw_does_what_scipy_does(self, device: Device) -> None:
-        pytest.importorskip("pyfftw")
-        workload = Workload(device, 32, 2, 3)
-        for inverse in (False, True):
-            (peer,) = [peer for peer in fft_peers(workload, inverse) if peer.name == "pyfftw"]
-            peer.restore()
-            peer.run()
-
-    def test_it_takes_its_turn(self, device: Device) -> None:
-        calls: list[str] = []
-        peer = Peer("another", lambda: calls.append("run"), lambda: calls.append("restore"))
-        case = replace(real_forward_case(Workload(device, 16, 1, 0)), peers=lambda: [peer])
-        result = measure_case(case, device, 16, 3)
-        assert result.peers["another"].count == 3
-        assert calls.count("run") == 4
-        assert calls[0] == "restore"
+    def test_the_peak_of_memory_never_falls(self) -> None:
+        before = peak_memory()
+        np.ones(2**25, np.uint8).sum()
+        assert peak_memory() >= before > 2**24
 
 
+@pytest.mark.slow
 class TestPairs:
-    @pytest.mark.slow
-    def test_two_pairs_in_a_process_of_their_own(self) -> None:
-        said: list[str] = []
-        pairs = simulate_pairs(2, 3, lambda _: None)
-        result = measure_pairs(pairs, 32, None, said.append)
-        assert said == ["pair 1 at 32^3", "pair 2 at 32^3"]
-        times = result["register_seconds"]
-        assert (result["prepare_seconds"]["count"], times["count"]) == (4, 2)
-        assert 0 < times["least"] <= times["median"] <= times["most"]
-        assert 2**26 < result["peak_memory"] < 2**32
+    def test_pairs_in_a_process_of_their_own(self) -> None:
+        result = measure_pairs(simulate_pairs(2, 3, lambda _: None), 32, None, lambda _: None)
+        assert (result["prepare_seconds"]["count"], result["register_seconds"]["count"]) == (4, 2)
         assert result["device_memory"] == pytest.approx(result["planned_memory"], rel=0.15)
-        assert result["first_seconds"] > 0
         stages = {stage["name"]: stage for stage in result["stages"]}
         assert {"prepare", "register", "rotations", "compare", "finish"} <= set(stages) <= set(PAIR_STAGES.values())
         assert (stages["prepare"]["calls"], stages["register"]["calls"]) == (2, 1)
         assert stages["register"]["seconds"] >= sum(stages[name]["own_seconds"] for name in ("rotations", "compare"))
-        assert sum(stage["device_seconds"] for stage in result["stages"]) > 0
         assert multiprocessing.active_children() == []
 
-    @pytest.mark.slow
-    def test_an_error_to_mend_comes_back_from_there(self) -> None:
-        pairs = simulate_pairs(1, 3, lambda _: None)
+    def test_an_error_comes_back_from_there(self) -> None:
         with pytest.raises(DeviceError, match="no OpenCL device matches 'abacus'"):
-            measure_pairs(pairs, 32, "abacus", lambda _: None)
+            measure_pairs(simulate_pairs(1, 3, lambda _: None), 32, "abacus", lambda _: None)
 
-
-def test_the_peak_of_memory_never_falls() -> None:
-    before = peak_memory()
-    np.ones(2**25, np.uint8).sum()
-    assert peak_memory() >= before > 2**24
-
-
-def test_cores_are_those_this_process_may_use() -> None:
-    assert 1 <= count_cores() <= 4096
-
-
-class TestCommand:
-    def test_json_is_one_object(self) -> None:
-        result = CliRunner().invoke(app, [*QUICK, "--pairs", "0", "--json"])
-        assert (result.exit_code, result.stderr) == (0, "")
-        printed = json.loads(result.stdout)
-        assert len(printed["kernels"]) == len(CASES)
-        assert printed["pairs"] == []
-        assert printed["copy_rate"] > 1e8
-        assert printed["versions"]["numpy"] == np.__version__
-        assert len(printed["load_average"]) == 2
-        row = next(row for row in printed["kernels"] if row["kernel"] == "RealFFT.forward")
-        assert row["right"]
-        assert row["rate"] == row["bytes_moved"] / row["device_seconds"]["median"]
-        assert row["event_seconds"] > 0
-        assert any(each["share_of_limit"] for each in row["passes"])
-        assert 0 < row["share_of_limit"] < 1.5
-        assert row["ratio"] == pytest.approx(row["twin_seconds"]["median"] / row["device_seconds"]["median"])
-
-    @pytest.mark.slow
-    def test_the_table_names_every_kernel(self, device: Device) -> None:
-        result = CliRunner().invoke(app, [*QUICK, "--pairs", "0"])
-        assert result.exit_code == 0
-        assert device.name in result.stdout
-        assert "kernels at 16^3" in result.stdout
-        # Columns that times of a busy machine make too wide stand below, behind the names again.
-        first = result.stdout.partition("\nkernel ")[2].partition("\nkernel ")[0]
-        names = [line.split()[0] for line in first.splitlines()[1:] if line[:1].strip()]
-        workload = Workload(device, 16, 2, 0)
-        assert names == [case(workload).name for case in CASES]
-        assert "WRONG" not in result.stdout
-        assert f"timing kernels: {len(CASES)} of {len(CASES)}" in result.stderr
-
-    def test_a_wrong_kernel_ends_with_3(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        right = twins.magnitude
-        monkeypatch.setattr("sonarmap.tools.lab.bench.twins.magnitude", lambda *given: right(*given) + np.float32(1))
-        for module in ("run", "kernels"):
-            monkeypatch.setattr(f"sonarmap.tools.lab.bench.{module}.CASES", (magnitude_case,))
-        result = CliRunner().invoke(app, [*QUICK, "--pairs", "0"])
-        assert result.exit_code == 3
-        assert "WRONG" in result.stdout
-        assert "error: the result differs from NumPy's or SciPy's: magnitude at 16^3" in result.stderr
-
-    @pytest.mark.slow
     def test_an_interruption_ends_the_spawned_process_and_is_told_once(self) -> None:
         program = "from sonarmap.tools.command.main import run; run()"
         bench = subprocess.Popen(
@@ -230,8 +185,79 @@ class TestCommand:
         assert bench.wait() == 130
 
 
-def test_the_workload_depends_on_the_seed_alone(device: Device) -> None:
-    first, again, other = (Workload(device, 16, 1, seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first.points, again.points)
-    np.testing.assert_array_equal(first.volume, again.volume)
-    assert not np.array_equal(first.volume, other.volume)
+class TestCompare:
+    def test_slower_beyond_the_noise(self, steady: dict[str, Any]) -> None:
+        assert compare(steady, steady).changes == compare(steady, steady).notes == ()
+        slow = slower(steady, 0.5)
+        assert [change.what for change in compare(steady, slow).regressions] == ["RealFFT.forward at 16^3"]
+        faster = compare(slow, steady)
+        assert (faster.regressions, len(faster.changes)) == ((), 1)
+
+    def test_within_the_noise_nothing_differs(self, steady: dict[str, Any]) -> None:
+        assert compare(steady, slower(steady, 0.09)).changes == ()
+        noisy = copy.deepcopy(steady)
+        for row in noisy["kernels"]:
+            row["device_seconds"]["third_quartile"] *= 2
+        assert compare(noisy, slower(steady, 0.5)).changes == ()
+
+
+class TestCommand:
+    def test_the_result_says_what_was_measured(self, stored: Path) -> None:
+        result = json.loads(stored.read_text())
+        assert result["pairs"] == []
+        assert result["versions"]["numpy"] == np.__version__
+        row = next(row for row in result["kernels"] if row["kernel"] == "RealFFT.forward")
+        assert row["right"]
+        assert row["rate"] == row["bytes_moved"] / row["device_seconds"]["median"]
+        assert row["ratio"] == pytest.approx(row["twin_seconds"]["median"] / row["device_seconds"]["median"])
+
+    def test_a_wrong_kernel_ends_with_3(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        right = twins.magnitude
+        monkeypatch.setattr("sonarmap.tools.lab.bench.twins.magnitude", lambda *given: right(*given) + np.float32(1))
+        assert bench("--grid", "16", "--repeats", "2", "--pairs", "0").exit_code == 3
+
+    def test_regressions_end_with_4(self, steady: dict[str, Any], tmp_path: Path) -> None:
+        old, new = tmp_path / "old.json", tmp_path / "new.json"
+        old.write_text(json.dumps(steady))
+        new.write_text(json.dumps(slower(steady, 0.5)))
+        worse = bench("--from", new, "--compare", old)
+        assert worse.exit_code == 4
+        assert "worse: RealFFT.forward at 16^3" in worse.stderr
+        assert bench("--from", old, "--compare", new).exit_code == 0
+
+    @pytest.mark.parametrize(
+        ("arguments", "words"),
+        [
+            (["--from", "missing.json"], "cannot read missing.json"),
+            (["--grid", "98"], "--grid 98 is not an even product of 2, 3 and 5"),
+            (["--no-kernels", "--pairs", "0"], "nothing to measure"),
+        ],
+    )
+    def test_refusals(self, arguments: list[str], words: str) -> None:
+        refused = bench(*arguments)
+        assert refused.exit_code == 2
+        assert words in " ".join(refused.stderr.split())
+
+    @pytest.mark.parametrize("content", ["", "[]", '{"kernels": [{}], "pairs": []}'])
+    def test_other_files_are_no_results(self, tmp_path: Path, content: str) -> None:
+        path = tmp_path / "other.json"
+        path.write_text(content)
+        with pytest.raises(InputError, match="is not a result of `sonarmap bench`"):
+            read_result(path)
+
+    def test_only_what_is_between_the_marks_of_a_page_is_replaced(self, steady: dict[str, Any], tmp_path: Path) -> None:
+        path = tmp_path / "page.md"
+        path.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+        for _ in range(2):
+            write_page(path, steady)
+        text = path.read_text()
+        assert text.startswith(f"before\n{BEGIN}\n")
+        assert text.endswith(f"{END}\nafter\n")
+        assert "old" not in text
+
+    def test_the_picture_is_a_picture(self, steady: dict[str, Any], tmp_path: Path) -> None:
+        path = tmp_path / "roofline.png"
+        draw_roofline(path, steady)
+        assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+        with pytest.raises(InputError, match="holds no kernels"):
+            draw_roofline(path, steady | {"kernels": []})

@@ -48,14 +48,6 @@ class TestTrace:
         noting.queue.finish()
         assert (counts.launches, counts.reads, counts.writes) == (0, 0, 0)
 
-    def test_no_times_where_the_queue_notes_none(self, device: Device) -> None:
-        counts = Counts()
-        with tracing(device, lambda: counts):
-            RealFFT(device, (16, 16, 16)).forward(device.to_device(np.ones((16, 16, 16), np.float32)))
-        device.queue.finish()
-        assert len(counts.events) == 2
-        assert counts.kernel_seconds() == {}
-
 
 def _inner() -> None:
     time.sleep(0.01)
@@ -95,7 +87,7 @@ class TestClock:
         assert clock.stages["places"].calls == 1
         assert stages.places is places
 
-    @pytest.mark.parametrize("place", [*PAIR_STAGES, *SURVEY_STAGES, *BUILDS])
-    def test_every_stage_is_still_where_it_is_said_to_be(self, place: str) -> None:
+    def test_every_stage_is_still_where_it_is_said_to_be(self) -> None:
         """Whoever renames a function gives the stage its new name in tools/lab/bench/stages.py."""
-        assert all(callable(function) for _, _, function in places(place))
+        for place in (*PAIR_STAGES, *SURVEY_STAGES, *BUILDS):
+            assert all(callable(function) for _, _, function in places(place))

@@ -11,20 +11,10 @@ from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.reproduce.answer import claims, errors, nees, refused
 from sonarmap.tools.lab.reproduce.calibration_tables import (
     calibration,
-    calibration_table,
     reliability,
-    reliability_table,
     shared,
 )
-from sonarmap.tools.lab.reproduce.evaluation.pairs_section import (
-    accuracy_table,
-    beside_others,
-    overlap_table,
-    scene_table,
-    trust_table,
-)
 from sonarmap.tools.lab.reproduce.rows import percent, rate
-from sonarmap.tools.lab.reproduce.table import Table
 
 TRUTH = RigidTransform.from_components([3.0, -1.0, 0.5], Rotation.from_euler("ZYX", [0.7, -0.2, 0.1]))
 COVARIANCE = np.diag(np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.4]) ** 2)
@@ -109,55 +99,3 @@ class TestArithmetic:
         assert [len(shared(rows, 0.2, 0.4)), len(shared(rows, 0.4))] == [1, 2]
         assert percent(rows[:3], rows) == "75 % [30..95]"
         assert (rate([], []), percent([], [])) == ("–", "–")
-
-
-class TestTables:
-    ROWS = (
-        row(shared=0.1, right=False, accepted=False),
-        row(shared=0.3, right=False, accepted=True),
-        row(shared=0.5, right=True, accepted=False),
-        row(shared=0.7, rotation_deg=0.4, translation_voxels=0.1),
-        row(shared=0.9, rotation_deg=0.1, translation_voxels=0.2),
-        row(shared=0.9, sigma2=2.0, rotation_deg=5.0, scene="pool"),
-        row(shared=0.9, method="kiss", right=False),
-    )
-
-    def test_success_and_trust(self) -> None:
-        """By overlap, by what is accepted, by scene; and accuracy of what shares much, under little noise."""
-
-        def begins(table: Table) -> list[str]:
-            return [" ".join(cell.split()[0] for cell in line) for line in table.rows]
-
-        methods = ("spectral", "kiss")
-        table = overlap_table(self.ROWS, methods, "t")
-        spans = ("0%..20% (1 pairs)", "20%..40% (1 pairs)", "40%..60% (1 pairs)", "60%..80% (1 pairs)")
-        assert table.headings == ("method", *spans, "80%..100% (2 pairs)", "all")
-        assert begins(table) == ["spectral 0 0 100 100 100 4/6", "kiss – – – – 0 0/1"]
-        assert begins(trust_table(self.ROWS, methods, "t")) == [
-            "spectral 4/6 1/6 1/4 1/4 1/4",
-            "kiss 1/1 1/1 1/1 0/1 –",
-        ]
-        scenes = scene_table(self.ROWS, methods[:1])
-        assert scenes.headings == ("method", "harbor", "pool")
-        assert [cell.rpartition(",")[2] for cell in scenes.rows[0][1:]] == [" 1", " 0"]
-        assert accuracy_table(self.ROWS, methods).rows == (("spectral", "2", "0.250", "0.150", "0.500"),)
-
-    def test_ours_beside_the_others(self) -> None:
-        lines = beside_others(self.ROWS, ()).rows
-        assert [line[1].split()[0] for line in lines] == ["1/6", "1/4", "0.250", "0.150", "5.00;", "100.0%"]
-        assert [line[2] for line in lines[:2]] == ["best: kiss 100 %", "best: kiss 0 %"]
-        assert lines[0][3] == "expect 17 of 100 pairs to be accepted though wrong"
-        assert lines[2][3] == "half of such registrations are within 0.250 ° of the truth"
-        assert lines[-1][3] == "expect 100 of 100 truths in the 95 % ellipsoid"
-        assert beside_others([row(method="kiss")], ()).rows == ()
-
-    def test_calibration_and_probability(self) -> None:
-        lines = {line[0]: line for line in calibration_table(self.ROWS, (), ("spectral", "kiss")).rows}
-        assert lines["spectral, any yaw"][1] == "4"
-        assert lines["… 80%..100% shared"][1] == "2"
-        assert lines["… σ² = 2 m²"][1] == "1"
-        assert "kiss, any yaw" not in lines
-        assert reliability_table(self.ROWS, self.ROWS[:1]).rows == (
-            ("any yaw", "0.95..0.99", "0.970", "0.667", "4/6 [0.30..0.90]"),
-            ("any rotation", "0.95..0.99", "0.970", "0.000", "0/1 [0.00..0.79]"),
-        )

@@ -1,6 +1,5 @@
 """The maps of the flood gate: chains, tables, times, pictures, and the experiment as a whole."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,13 +10,11 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.experiment import Row
-from sonarmap.tools.lab.reproduce.floodgate import tables
 from sonarmap.tools.lab.reproduce.floodgate.chain import (
     DISPLACED_90,
     MAP_90,
     MAP_MEDIAN,
     PAIR,
-    TRUTH,
     FloodgateSurvey,
     by_run,
     chain_poses,
@@ -93,68 +90,6 @@ class TestMapError:
         rows = pose_rows(now, [STEPS[0], POSES[1].inv() * moved[2], *STEPS[2:]])
         assert [round(float(row[DISPLACED_90]), 6) for row in rows] == [0, 0, 2, 2, 2]
         assert rows[-1][MAP_90] == pytest.approx(0.25, abs=1e-5)
-
-
-@pytest.fixture(scope="module")
-def made(now: FloodgateSurvey) -> list[Row]:
-    """Two surveys alike, with every method's one error."""
-    errors = {"icp": 9.0, "planes": 0.8, "hemisphere": 4.0, "spectral": 0.4}
-    return [row for seed in (1, 2) for row in rows_of(now, errors, seed)]
-
-
-def verdicts_of(rows: Sequence[Row]) -> dict[str, str]:
-    return {row[0]: row[-1] for row in tables.verdict_table(rows).rows}
-
-
-class TestTables:
-    def test_the_errors_of_every_run(self, made: list[Row]) -> None:
-        """The ATE is after alignment: two poses of five are 9 m from the rest, which every one makes less than 9 m."""
-        lines = {row[0]: row[1:] for row in tables.map_table(made).rows}
-        assert lines["icp"][:3] == ("3 / 3", "3 / 3", "1 / 1")
-        assert lines["hemisphere 256³"][:3] == ("4 / 4", "3 / 3", "0 / 0")
-        assert lines["icp"][7:] == ("9.00 / 9.00", "0.0 / 0.0")
-        assert lines[TRUTH][:3] == ("", "", "")
-        icp, hemisphere = (float(lines[name][6].split()[0]) for name in ("icp", "hemisphere 256³"))
-        assert 0 < hemisphere < icp < 9 * np.sqrt(0.24)
-
-    def test_wrong_pairs_are_counted_in_brackets(self, made: list[Row]) -> None:
-        rows = tables.pair_table(made).rows
-        assert [row[0] for row in rows] == ["0 → 1", "1 → 2", "2 → 3", "3 → 4"]
-        assert rows[1][1:4] == ("80 %", "70 %", "0.0°, 9.00 m [2]")
-        assert rows[0][3] == "0.0°, 0.00 m"
-        assert [row[1] for row in tables.pose_table(made).rows] == ["0.0°, 0.00 m", *["0.0°, 9.00 m"] * 3]
-
-    def test_the_verdicts_follow_the_maps(self, now: FloodgateSurvey) -> None:
-        """Maps so good, or so bad, as their errors say; the same rows with the names exchanged say the opposite."""
-        good = verdicts_of(rows_of(now, {"icp": 9.0, "planes": 0.2, "spectral": 0.1}))
-        assert (set(good.values()), len(good)) == ({"holds"}, 5)
-        bad = verdicts_of(rows_of(now, {"icp": 0.2, "planes": 0.1, "spectral": 9.0}))
-        assert bad.pop("the map by planes") == "holds"
-        assert set(bad.values()) == {"does not hold"}
-        some = verdicts_of([*rows_of(now, {"planes": 0.1}), *rows_of(now, {"planes": 9.0}, seed=2)])
-        assert some == {"the map by planes": "holds in 1 of 2 surveys"}
-
-    def test_two_grids_are_compared(self, now: FloodgateSurvey) -> None:
-        coarse = [row for row in rows_of(now, {"spectral": 8.0}, fine=128) if row["method"] != TRUTH]
-        rows = verdicts_of([*rows_of(now, {"spectral": 0.1}), *coarse])
-        assert rows["spectral 128³ beside spectral 256³"] == "does not hold"
-        assert rows["the map by spectral 256³"] == "holds"
-        assert rows["the map by spectral 128³"] == "does not hold"
-
-    def test_times_beside_the_papers_table(self) -> None:
-        """As printed: seventeen pairs; least and largest as the text says."""
-        paper = tables.PAPER_ICP
-        assert (len(paper), min(paper), max(paper)) == (17, 1.27, 47.36)
-        assert sum(paper) / 17 == pytest.approx(21.346, abs=5e-4)
-        seconds = [
-            {"method": method, "grid": grid, "scan": k + 1, "prepare_s": 0.5, "register_s": time}
-            for method, grid in (("icp", 0), ("spectral", 256))
-            for k, time in enumerate((2.0, 3.0, 6.0, 11.0))
-        ]
-        summary, pairs = tables.times_tables(seconds)
-        assert ", ".join(summary.rows[0]) == "icp, , 1.27, 21.403, 47.36, 0.50, 2.00, 5.50, 4.50, 11.00, 2.44"
-        assert pairs.rows[2] == ("2 → 3", "28.17", "6.00", "6.00")
-        assert pairs.rows[-1] == ("average", "21.403", "5.500", "5.500")
 
 
 class TestExperiment:

@@ -12,9 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.fitted import FITTED
 from sonarmap.spectral.judge.covariance import SLIDE, fit_covariance
 from sonarmap.spectral.registration import SpectralRegistrar
-from sonarmap.tools.lab.reproduce.evidence.pairs import ELSEWHERE, EXPECTED, draw
-from sonarmap.tools.lab.reproduce.evidence.recorder import Recorder, fit_of, seen_of
-from sonarmap.tools.lab.reproduce.evidence.settings import SURVEY, UNRELATED, EvidenceSettings
+from sonarmap.tools.lab.reproduce.evidence.pairs import draw
 from sonarmap.tools.lab.reproduce.experiments import Request, create
 from sonarmap.tools.lab.reproduce.folder import write_rows
 from sonarmap.tools.lab.reproduce.judge.fit import CLUES, fit_logistic, fit_odds, judged
@@ -36,20 +34,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_every_set_is_drawn_and_the_same_again() -> None:
-    # a draw of a kind has five pairs, one of a survey two for each of four, and those apart
-    assert sum(EvidenceSettings().counts.values()) * 3 > 15_000
-    first, second = (list(draw("patch", 3, SEED, 64)) for _ in range(2))
-    assert [pair.cells["known"] for pair in first] == ["none", "attitude,depth", "navigation", EXPECTED, ELSEWHERE]
-    for one, other in zip(first, second, strict=True):
-        np.testing.assert_array_equal(one.source.points, other.source.points)
-    assert not any(pair.truth for pair in draw(UNRELATED, 0, SEED, 64))
-    apart = [pair.cells["apart"] for pair in draw(SURVEY, 1, SEED, 64)]
-    assert apart.count(1) == 15
-    assert {2, 4, 8} < set(apart)
-
-
-@pytest.mark.slow
 def test_what_was_recorded_is_judged_as_when_it_was_registered(folder: Path) -> None:
     pairs = read_recorded(folder)
     assert {pair.cells["set"] for pair in pairs} == {"patch", "sound_speed", "unrelated", "distorted"}
@@ -62,19 +46,6 @@ def test_what_was_recorded_is_judged_as_when_it_was_registered(folder: Path) -> 
     covariance = fit_covariance(recorded.hypotheses[0], recorded.centers, recorded.grid, recorded.seen)
     np.testing.assert_allclose(covariance.posterior, registration.covariance, rtol=1e-3)
     assert again.fixed[0] == pytest.approx(registration.fixed, abs=1e-3)
-
-
-@pytest.mark.slow
-def test_a_text_holds_a_fit_with_its_instruments(folder: Path) -> None:
-    pair = list(draw("patch", 1, SEED, 64))[1]
-    recorder = Recorder(choose_device(), pair.grid)
-    recorder.register(recorder.prepare(pair.target), recorder.prepare(pair.source))
-    numbers = json.loads(str(recorder.cells(pair.truth)[0]["numbers"]))
-    fit, seen = fit_of(numbers), seen_of(numbers)
-    assert fit.prior is not None
-    assert fit.prior.jacobian.shape == (3, 6)
-    assert (fit.information.shape, seen.axes.shape) == ((6, 6), (3, 3))
-    assert recorder.cells(pair.truth) == []
 
 
 def test_a_folder_without_evidence_is_refused(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """Real scans in folders: pairs, files, options, rows, tables, and what makes jobs run again."""
 
-import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,19 +13,13 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.experiments import create
-from sonarmap.tools.lab.reproduce.folder import verdicts, write_experiment
-from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.real.real_set import RealSet, read_sets, without_truth
 from sonarmap.tools.lab.reproduce.real.run import Real
-from sonarmap.tools.lab.reproduce.real.section import beside_others, pair_table, result_table
-from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
-from sonarmap.tools.lab.reproduce.run import run
+from sonarmap.tools.lab.reproduce.real.settings import RealSettings
 from sonarmap.tools.lab.simulate.sensing.navigation import KINDS
-from tests.samples.experiments.real_folders import FEW, asked, gt_log, put, simulated
-from tests.samples.experiments.shown import joined, show
+from tests.samples.experiments.real_folders import asked, gt_log, put, simulated
 from tests.samples.places import DATA
 from tests.samples.refusals import refuses
-from tests.tools.lab.reproduce.test_run import silence
 
 PRIORS = "name,roll_deg,pitch_deg,roll_sigma_deg,pitch_sigma_deg\n0,0,0,2,2\ncloud_bin_1.ply,1,1,2,2\n"
 
@@ -88,17 +81,6 @@ def priors_of(sets: Sequence[RealSet], settings: RealSettings, known: str) -> li
 
 
 class TestJobs:
-    def test_methods_that_use_priors_run_with_what_is_known_and_without(self, tmp_path: Path) -> None:
-        folder = put(tmp_path / "quay")
-        (folder / "priors.csv").write_text(PRIORS)
-        sets = read_sets(folder)
-        request = asked(folder, method=("spectral", "planes"), known="heading", seeds=2)
-        experiment = Real(sets, real_settings(request, {"quay": sets[0].digest}), None)
-        key = f"quay@{sets[0].digest[:8]}/0-1"
-        drawn = [f"heading=3,seed={seed}/spectral" for seed in (0, 1)]
-        jobs = ("nothing/spectral", "nothing/planes", "priors.csv/spectral", *drawn)
-        assert experiment.jobs() == [f"{key}/{job}" for job in jobs]
-
     def test_drawn_priors_are_about_the_truth_and_the_same_again(self, tmp_path: Path) -> None:
         sets = read_sets(put(tmp_path / "quay"))
         settings = RealSettings({}, known=KINDS, sigmas=(0.01, 0.02, 0.03, 0.04), seeds=3)
@@ -124,40 +106,6 @@ class TestJobs:
 
 class TestRuns:
     @pytest.mark.slow
-    def test_rows_section_and_pictures_and_a_second_run_that_runs_nothing(self, tmp_path: Path, device: Device) -> None:
-        put(tmp_path / "in" / "quay")
-        put(tmp_path / "in" / "pier", ("0.ply", "1.npy"))
-        out, request, written = tmp_path / "out", asked(tmp_path / "in", device), []
-        for said in ([], []):
-            experiment = create("real", request)
-            origin = provenance(experiment, device)
-            result = run(experiment, origin, out, silence, say=said.append)
-            write_experiment(out, experiment, result, origin, request.command("real"))
-            written.append((said, *((out / f"real.{end}").read_bytes() for end in ("csv", "md"))))
-        assert [said for said, *_ in written] == [[], ["real: 4 of 4 jobs were done before"]]
-        assert written[0][1:] == written[1][1:]
-        rows, seconds = joined(result.outcomes.values())
-        show(experiment, tmp_path / "shown", rows, seconds)
-        assert [(row["set"], row["method"]) for row in rows] == [(s, m) for s in ("pier", "quay") for m in FEW]
-        record = json.loads((out / "real.json").read_text())
-        assert set(record["provenance"]["settings"]["sets"]) == {"pier", "quay"}
-        assert str(tmp_path) not in (out / "real.md").read_text()
-
-    def test_what_changes_makes_its_jobs_run_again_and_no_others(self, tmp_path: Path, device: Device) -> None:
-        put(tmp_path / "in" / "quay")
-        put(tmp_path / "in" / "pier")
-
-        def keys() -> dict[str, str]:
-            experiment = create("real", asked(tmp_path / "in", device))
-            origin = provenance(experiment, device)
-            return {job.split("@")[0] + "/" + job.split("/")[-1]: origin.key(job) for job in experiment.jobs()}
-
-        before = keys()
-        np.save(tmp_path / "in" / "pier" / "0.npy", simulated()[0].points[::2])
-        after = keys()
-        assert {job for job in before if before[job] != after[job]} == {"pier/hemisphere", "pier/planes"}
-
-    @pytest.mark.slow
     def test_a_registration_of_the_truth_is_right_and_a_turned_truth_makes_it_wrong(
         self, tmp_path: Path, device: Device
     ) -> None:
@@ -173,67 +121,9 @@ class TestRuns:
         assert abs(float(rows[1]["rotation_deg"]) - 20) < 3
         assert [row["voxel_m"] for row in rows] == [2.0, 2.0]
 
-    def test_quick_takes_the_first_pair(self, tmp_path: Path, device: Device) -> None:
-        folder = put(tmp_path / "quay")
-        shutil.copy(folder / "0.npy", folder / "2.npy")
-        (folder / "gt.log").write_text(gt_log(0, 1, simulated()[2]) + gt_log(0, 2, simulated()[2]))
-        jobs = [create("real", asked(folder, device, quick=quick)).jobs() for quick in (True, False)]
-        assert [len(some) for some in jobs] == [2, 4]
-
-
-def row(**changes: object) -> dict:
-    cells = {"set": "a", "pair": "0-1", "known": "nothing", "draw": "", "method": "spectral", "right": True}
-    return cells | {"accepted": True, "rotation_deg": 1.0, "translation_m": 0.5, "translation_voxels": 1.0} | changes
-
-
-class TestTables:
-    ROWS = (
-        row(),
-        row(method="kiss", accepted=False),
-        row(pair="0-2", right=False, rotation_deg=80.0),
-        row(pair="0-2", method="kiss", right=False, accepted=False, rotation_deg=70.0),
-        *(row(known="depth", draw=str(k), accepted=k > 0, right=k > 1, rotation_deg=k) for k in range(3)),
-        row(set="b", rotation_deg=3.0, translation_m=0.7),
-    )
-
-    def test_results_by_set_and_method(self) -> None:
-        lines = [" ".join(line) for line in result_table(self.ROWS).rows]
-        assert lines == [
-            "a spectral nothing 2 1 2 1 1.000 0.500",
-            "a spectral depth 3 1 2 1 2.000 0.500",
-            "a kiss nothing 2 1 0 0 1.000 0.500",
-            "b spectral nothing 1 1 1 0 3.000 0.700",
-            "all sets spectral nothing 3 2 3 1 2.000 0.600",
-            "all sets spectral depth 3 1 2 1 2.000 0.500",
-            "all sets kiss nothing 2 1 0 0 1.000 0.500",
-        ]
-
-    def test_pair_by_pair(self) -> None:
-        table = pair_table(self.ROWS)
-        assert table.headings == ("pair", "spectral", "spectral, known: depth", "kiss")
-        assert table.rows == (
-            ("a 0-1", "1.00, 0.500; believed", "1 of 3; 2 believed", "1.00, 0.500"),
-            ("a 0-2", "wrong; believed", "–", "wrong"),
-            ("b 0-1", "3.00, 0.700; believed", "–", "–"),
-        )
-
-    def test_ours_beside_the_others(self) -> None:
-        assert [(line[1].split()[0], line[2], line[3]) for line in beside_others(self.ROWS).rows] == [
-            ("2/3", "best: kiss 0 %", "expect 67 of 100 to be right and believed"),
-            ("1/3", "best: kiss 0 %", "expect 33 of 100 to be believed though wrong"),
-            ("1/3", "best: kiss 0 %", "expect 33 of 100 to be right and believed"),
-            ("1/3", "best: kiss 0 %", "expect 33 of 100 to be believed though wrong"),
-        ]
-        assert beside_others(self.ROWS[1:2]).rows == ()
-
-    def test_the_section_has_claims_and_times(self) -> None:
-        settings = RealSettings({"a": "", "b": ""}, known=("attitude", "depth"), seeds=2, seed=4, left_out=("c",))
-        section = Real((), settings, None).section(self.ROWS, [line | {"seconds": 0.5} for line in self.ROWS])
-        assert len(verdicts(section)) == 4
-        assert section.times[0].rows[0] == ("a", "spectral", "nothing", "2", "0.50", "0.50")
-
 
 class TestCommand:
+    @pytest.mark.slow
     def test_a_folder(self, tmp_path: Path, device: Device) -> None:
         put(tmp_path / "in" / "quay")
         arguments = ["reproduce", "real", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--grid", "32", "-q"]
@@ -245,12 +135,6 @@ class TestCommand:
         assert "\nsonarmap reproduce real DIR --grid 32 --method planes\n" in page
         assert str(tmp_path) not in page
         assert (tmp_path / "out" / "real.png").is_file()
-
-    def test_a_tilt_beyond_half_a_turn_is_refused(self, tmp_path: Path) -> None:
-        arguments = ["reproduce", "real", str(tmp_path), "--max-tilt", "200", "-o", str(tmp_path / "out")]
-        result = CliRunner().invoke(app, arguments)
-        assert result.exit_code == 2
-        assert "200.0 degrees" in " ".join(result.output.split())
 
 
 @pytest.mark.slow

@@ -1,7 +1,6 @@
 """Mapped surveys: what is counted, on given poses and pairs and on tiny maps, and how times grow."""
 
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +11,13 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.pairs import TriedPair
-from sonarmap.tools.lab.reproduce.experiment import Row
 from sonarmap.tools.lab.reproduce.folder import verdicts
-from sonarmap.tools.lab.reproduce.rows import column, where
+from sonarmap.tools.lab.reproduce.rows import where
 from sonarmap.tools.lab.reproduce.scale.made_up import MadeUpRegistrar, make_up
 from sonarmap.tools.lab.reproduce.scale.run import WHOLE, Scale, ScaleSettings
 from sonarmap.tools.lab.reproduce.survey import simulated
 from sonarmap.tools.lab.reproduce.survey.mapped import MappedSurvey
-from sonarmap.tools.lab.reproduce.survey.row import MAP, POSE, survey_rows
+from sonarmap.tools.lab.reproduce.survey.row import MAP, survey_rows
 from sonarmap.tools.lab.reproduce.survey.run import SurveyExperiment
 from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, SurveySettings, simulate_survey
 from sonarmap.tools.lab.simulate.plan import plan
@@ -122,43 +120,21 @@ def test_two_dives_follow_each_other_and_keep_their_own_numbers(monkeypatch: pyt
         assert np.array_equal(scan.points, alone.points), k
 
 
-def tiny(device: Device, dive: int = 0) -> SurveyExperiment:
-    settings = SurveySettings(first_seed=3, counts=(5,), dive=dive, unusable=0.2, edge=64, systems=("sonarmap",))
-    return SurveyExperiment(settings, device.selector)
+@pytest.mark.slow
+def test_what_was_mapped_what_it_took_and_two_dives(device: Device, tmp_path: Path) -> None:
+    settings = SurveySettings(first_seed=3, counts=(5,), dive=4, unusable=0.2, edge=64, systems=("sonarmap",))
+    rows, seconds = run_all(experiment := SurveyExperiment(settings, device.selector))
+    row = rows[0]
+    assert (row["row"], row["scans"], row["unusable"], row["placed"]) == (MAP, 5, 1, 4)
+    assert float(row["ate_after_voxels"]) < 1
+    parts = [float(seconds[0][f"{stage}_s"]) for stage in ("registering", "signing", "optimizing", "fusing")]
+    assert min(parts) >= 0
+    assert sum(parts) == pytest.approx(float(seconds[0]["total_s"]))
+    section = show(experiment, tmp_path, rows, seconds)
+    assert {verdict.claim.split(", ")[1] for verdict in verdicts(section)} == {"5 scans", "2 dives of 4"}
 
 
-@cache
-def done(device: Device, dive: int = 0) -> tuple[list[Row], list[Row]]:
-    """Rows and times of a tiny survey, and of two dives of so many scans."""
-    return run_all(tiny(device, dive))
-
-
-class TestRun:
-    @pytest.mark.slow
-    def test_a_section_its_picture_and_no_times_in_rows(self, device: Device, tmp_path: Path) -> None:
-        section = show(tiny(device), tmp_path, *done(device))
-        assert {verdict.claim.split(", ")[1] for verdict in verdicts(section)} == {"5 scans"}
-
-    @pytest.mark.slow
-    def test_what_was_mapped_and_what_it_took_in_a_process_of_its_own(self, device: Device) -> None:
-        (row, *poses), (times,) = done(device)
-        assert (row["row"], row["scans"], row["unusable"], row["placed"]) == (MAP, 5, 1, 4)
-        assert float(row["ate_after_voxels"]) < 1
-        assert [pose["row"] for pose in poses] == [POSE] * 4
-        parts = [float(times[f"{stage}_s"]) for stage in ("registering", "signing", "optimizing", "fusing")]
-        assert min(parts) >= 0
-        assert sum(parts) == pytest.approx(float(times["total_s"]))
-        assert float(times["peak_memory_mib"]) > 50
-
-    @pytest.mark.slow
-    def test_rows_are_the_same_again_those_of_dives_too(self, device: Device) -> None:
-        experiment, (rows, seconds) = tiny(device, 4), done(device, 4)
-        assert experiment.jobs() == ["floodgate-3/5/sonarmap", "floodgate-3/dives"]
-        assert str(run_all(experiment)[0]) == str(rows)
-        section = experiment.section(rows, seconds)
-        assert {verdict.claim.split(", ")[1] for verdict in verdicts(section)} == {"5 scans", "2 dives of 4"}
-
-
+@pytest.mark.slow
 def test_errors_are_of_the_size_that_is_told_and_little_is_shared_far_away(tmp_path: Path) -> None:
     survey = make_up(tmp_path, 400, 200, seed=2)
     T, registrar = survey.T_world_sensor, MadeUpRegistrar(survey.T_world_sensor, 2)
@@ -195,17 +171,4 @@ def test_a_short_survey_is_mapped_and_measured() -> None:
         assert int(row["kept_loops"]) > count / 3
         assert float(whole["processor_s"]) > 0.1
         assert 20 < float(whole["memory_mib"]) < 2000
-    section = experiment.section(rows, seconds)
-    assert [line[-1] for line in section.tables[0].rows][::2] == ["0 scans are missing in it"] * 2
-    assert [line[0] for line in section.times[0].rows] == ["60", "90"]
-    assert "map fused" in [line[0] for line in section.times[1].rows]
-
-
-@pytest.mark.slow
-def test_time_grows_in_proportion_and_memory_stays_small() -> None:
-    """3,000 scans in three times of 1,000, to the power of 1.15 at most."""
-    rows, seconds = run_all(Scale(ScaleSettings(counts=(1000, 3000))))
-    short, long = column(where(seconds, stage=WHOLE), "processor_s")
-    assert long < 3**1.15 * short
-    assert max(column(seconds, "memory_mib")) < 2048
-    assert max(column(rows, "ate_m")) < 0.3
+    assert experiment.section(rows, seconds).tables
