@@ -1,7 +1,5 @@
 """The methods that the spectral one is compared with: each finds what it can find, and says when it does not."""
 
-import ctypes
-import os
 from functools import cache
 
 import numpy as np
@@ -13,7 +11,7 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.extras import load_package
-from sonarmap.tools.lab.baselines.cloud import silent, thin
+from sonarmap.tools.lab.baselines.cloud import thin
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
@@ -86,7 +84,7 @@ def test_a_large_one_is_found_without_a_guess(anywhere: str) -> None:
     check(register(anywhere, target, source), truth)
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 def test_turning_the_source_turns_the_answer(anywhere: str) -> None:
     """With T_s a sensor that is turned and moved, T_target_new = T_target_old inverse(T_new_old)."""
     target, source, _ = easy()
@@ -96,23 +94,15 @@ def test_turning_the_source_turns_the_answer(anywhere: str) -> None:
     check(after, before.T_target_source * T_new_old.inv())
 
 
-@pytest.mark.quick_cases(2)
+@pytest.mark.quick_cases(1)
 def test_a_small_motion_is_found_and_with_the_same_seed_again_by_the_same_bytes(near: str) -> None:
     pair = nearly(easy()[0])
-    first, *others = (register(near, *pair, seed=5) for _ in range(3))
+    first, other = (register(near, *pair, seed=5) for _ in range(2))
     check(first, SMALL)
     assert first.overlap > 0.95
-    for other in others:
-        assert other.T_target_source.as_matrix().tobytes() == first.T_target_source.as_matrix().tobytes()
-        assert other.covariance.tobytes() == first.covariance.tobytes()
-        assert (other.overlap, other.reason) == (first.overlap, first.reason)
-
-
-@pytest.mark.slow
-def test_the_seed_is_heard() -> None:
-    """Two scans with nothing in common: another seed draws another wrong answer."""
-    first, second = (register("fpfh-ransac", easy()[0], elsewhere(), seed) for seed in (1, 2))
-    assert not np.allclose(first.T_target_source.as_matrix(), second.T_target_source.as_matrix())
+    assert other.T_target_source.as_matrix().tobytes() == first.T_target_source.as_matrix().tobytes()
+    assert other.covariance.tobytes() == first.covariance.tobytes()
+    assert (other.overlap, other.reason) == (first.overlap, first.reason)
 
 
 def test_too_few_points_are_refused(near: str) -> None:
@@ -122,17 +112,16 @@ def test_too_few_points_are_refused(near: str) -> None:
         registrar.prepare(scan)
 
 
-@pytest.mark.parametrize("count", [30, 60])
-def test_scans_of_a_few_scattered_points_are_refused(near: str, count: int) -> None:
+def test_scans_of_a_few_scattered_points_are_refused(near: str) -> None:
     """No point has neighbors enough for a normal or a feature; libraries have been seen to crash on that."""
     rng = np.random.default_rng(7)
-    target, source = (Scan(rng.uniform(-40, 40, (count, 3)).astype(np.float32)) for _ in range(2))
+    target, source = (Scan(rng.uniform(-40, 40, (30, 3)).astype(np.float32)) for _ in range(2))
     found = register(near, target, source)
     assert not found.accepted
     assert np.linalg.eigvalsh(found.covariance).min() > 0
 
 
-@pytest.mark.quick_cases(2)
+@pytest.mark.quick_cases(1)
 def test_another_place_is_refused_and_nothing_of_theirs_reaches_stdout(
     near: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -143,17 +132,6 @@ def test_another_place_is_refused_and_nothing_of_theirs_reaches_stdout(
     assert "believed from" in found.reason
 
 
-def test_silence_is_of_c_and_of_python_and_ends(capfd: pytest.CaptureFixture[str]) -> None:
-    c = ctypes.CDLL(None)
-    print("before")
-    with silent():
-        c.printf(b"from C\n")
-        os.write(1, b"from the system\n")
-    print("after")
-    c.fflush(None)
-    assert capfd.readouterr().out == "before\nafter\n"
-
-
 def test_a_missing_package_is_told() -> None:
     with pytest.raises(InputError, match=r"the method kiss needs the package no-such-thing.*sonarmap\[peers\]"):
         load_package("no_such_thing", "no-such-thing", "the method kiss", "peers")
@@ -162,17 +140,6 @@ def test_a_missing_package_is_told() -> None:
 def test_a_name_that_is_none_is_told() -> None:
     with pytest.raises(InputError, match="no method is called 'ipc'; wanted one of spectral, hemisphere, planes, icp"):
         build("ipc", GRID)
-
-
-@pytest.mark.parametrize("name", sorted(set(POINTS) - {"kiss", "gicp"}))
-def test_no_device_is_chosen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def never(*_: object) -> None:
-        raise AssertionError("a device was chosen")
-
-    monkeypatch.setattr("sonarmap.kernels.device.device.choose_device", never)
-    build(name, GRID)
-    with pytest.raises(AssertionError, match="a device was chosen"):
-        build("spectral", GRID)
 
 
 def test_normals_are_on_the_side_where_the_sensor_was() -> None:

@@ -44,10 +44,11 @@ def test_it_is_scipys(k: Any, reach: float) -> None:
     np.testing.assert_array_equal(index, wanted[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("points", "most", "times"),
     [
-        pytest.param(200_000, 0.2, 5, id="in SciPy's threads", marks=pytest.mark.slow),
+        pytest.param(200_000, 0.2, 5, id="in SciPy's threads"),
         pytest.param(20, 0.002, 200, id="as a thread starts"),
     ],
 )
@@ -56,8 +57,3 @@ def test_an_interrupt_is_raised_and_neither_crashes_nor_hangs(points: int, most:
     program = "".join(f"{name} = {value}\n" for name, value in values.items()) + INTERRUPTED
     ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=200)
     assert (ended.returncode, ended.stdout.strip()) == (0, str(times)), ended.stderr
-
-
-def test_what_scipy_refuses_is_raised() -> None:
-    with pytest.raises(ValueError, match="3"):
-        query_on_all_cores(KDTree(np.zeros((4, 3))), np.zeros((2, 2)))

@@ -68,7 +68,7 @@ def test_planes_that_disagree_more_than_they_say_are_believed_less() -> None:
     source = some_planes(12)
     target = seen_from(source, T_TARGET_SOURCE)
     normalized = []
-    for seed in range(100):
+    for seed in range(40):
         rng = np.random.default_rng(seed)
         rough = patches(target.normal, target.middle, turn=0.03, shift=0.5)
         drawn = disturbed(rough, rng)
@@ -89,13 +89,6 @@ def test_parallel_planes_leave_two_directions_and_a_turn_open() -> None:
     along = np.cross(normal, [0, 1, 0])
     assert along @ shift @ along == pytest.approx(EXTENT**2)
     np.testing.assert_allclose(pose.T_target_source.rotation.apply(source.normal), target.normal, atol=1e-6)
-
-
-def test_of_parallel_planes_the_smallest_turn_is_taken() -> None:
-    source = parallel_planes()
-    found = closed_form(source, source)
-    assert found.rotation.magnitude() < 1e-6
-    np.testing.assert_allclose(found.translation, 0, atol=1e-6)
 
 
 def test_what_planes_leave_open_is_taken_from_where_the_patches_lie() -> None:

@@ -25,11 +25,9 @@ def error(found: Registration, truth: RigidTransform = T_TARGET_SOURCE) -> np.nd
     return (found.T_target_source.inv() * truth).as_exp_coords()
 
 
-def test_a_room_is_registered_and_again_with_the_same_bytes() -> None:
+def test_a_room_is_registered() -> None:
     scans = look_twice(ROOM, seed=1, sigma2=0.02)
-    found, again = register(*scans), register(*scans)
-    assert found.T_target_source.as_matrix().tobytes() == again.T_target_source.as_matrix().tobytes()
-    assert found.covariance.tobytes() == again.covariance.tobytes()
+    found = register(*scans)
     assert found.accepted, found.reason
     assert np.rad2deg(np.linalg.norm(error(found)[:3])) < 0.5
     assert np.linalg.norm(error(found)[3:]) < 0.1
@@ -37,6 +35,7 @@ def test_a_room_is_registered_and_again_with_the_same_bytes() -> None:
     assert "planes agree" in found.reason
 
 
+@pytest.mark.slow
 def test_without_noise_it_is_exact() -> None:
     found = register(*look_twice(ROOM, seed=2))
     np.testing.assert_allclose(error(found), 0, atol=2e-3)  # a cell at an edge holds points of both walls
@@ -58,9 +57,11 @@ def test_every_wall_becomes_a_patch_with_its_true_plane_largest_first() -> None:
 
 
 @pytest.mark.slow
-def test_swapped_scans_give_the_inverse() -> None:
+def test_swapped_scans_give_the_inverse_and_the_same_scans_the_same_bytes() -> None:
     target, source = look_twice(ROOM, seed=4, sigma2=0.02)
-    there, back = register(target, source), register(source, target)
+    there, again, back = register(target, source), register(target, source), register(source, target)
+    assert there.T_target_source.as_matrix().tobytes() == again.T_target_source.as_matrix().tobytes()
+    assert there.covariance.tobytes() == again.covariance.tobytes()
     np.testing.assert_allclose(error(back, there.T_target_source.inv()), 0, atol=0.02)
 
 
@@ -97,6 +98,7 @@ def test_two_rooms_that_share_nothing_are_refused() -> None:
     assert not register(look(ROOM, T_ROOM_TARGET, seed=10, sigma2=0.02), look(other, T_ROOM_TARGET, seed=11)).accepted
 
 
+@pytest.mark.slow
 def test_points_far_off_the_lattice_do_no_harm() -> None:
     target, source = look_twice(ROOM, seed=12, sigma2=0.01)
     stray = Scan(np.vstack([source.points, np.array([[3e4, -2e4, 1e3]], np.float32)]))
@@ -106,8 +108,9 @@ def test_points_far_off_the_lattice_do_no_harm() -> None:
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        *(((voxel,), "voxel") for voxel in (0.0, -1.0, np.nan, np.inf)),
-        *(((1.0, tilt), "max_tilt") for tilt in (0.0, 2.0)),
+        ((np.nan,), "voxel"),
+        ((0.0,), "voxel"),
+        ((1.0, 2.0), "max_tilt"),
     ],
 )
 def test_lengths_and_angles_that_are_none_are_refused(settings: tuple[float, ...], words: str) -> None:
@@ -117,9 +120,9 @@ def test_lengths_and_angles_that_are_none_are_refused(settings: tuple[float, ...
 
 @pytest.mark.slow
 def test_the_covariance_is_right_from_points_to_pose() -> None:
-    """The normalized squared error over 100 noisy pairs averages 6 or somewhat less: what is estimated only widens."""
+    """The normalized squared error over 40 noisy pairs averages 6 or somewhat less: what is estimated only widens."""
     normalized = []
-    for seed in range(100):
+    for seed in range(40):
         found = register(*look_twice(ROOM, seed=100 + seed, sigma2=0.03))
         xi = error(found)
         normalized.append(xi @ np.linalg.solve(found.covariance, xi))

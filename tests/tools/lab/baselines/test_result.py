@@ -47,21 +47,10 @@ def test_an_open_end_leaves_the_way_along_the_walls_uncertain() -> None:
     assert along @ C[3:, 3:] @ along > 20 * (along @ closed[3:, 3:] @ along)
 
 
-def test_a_single_wall_has_a_covariance_too() -> None:
-    rng = np.random.default_rng(4)
-    target, source = (thin(Scan(sheet(rng, [5, -4, -3], [0, 8, 0], [0, 0, 6]).astype(np.float32)), VOXEL) for _ in "ab")
-    C = covariance(target, source, RigidTransform.identity(), VOXEL)
-    sigmas = np.sqrt(np.diag(C))
-    assert np.linalg.eigvalsh(C).min() > 0
-    assert sigmas[0] > 50 * sigmas[1]  # a turn about x, the wall's normal
-    assert sigmas[4] > 5.0  # along it, about the scan's size [m]
-    assert sigmas[3] < 0.2
-
-
 def test_it_is_that_of_the_scatter() -> None:
-    """ICP from the truth under forty noises: the errors' sizes, direction by direction, are within a factor 4."""
+    """ICP from the truth under sixteen noises: the errors' sizes, direction by direction, are within a factor 4."""
     errors, stated = [], []
-    for seed in range(40):
+    for seed in range(16):
         target, source = clouds(seed)
         T = iterate(target, source, T_TRUE, [1.0], "plane")
         errors.append((T.inv() * T_TRUE).as_exp_coords())

@@ -73,14 +73,6 @@ class TestClock:
         assert outer.seconds == pytest.approx(outer.own_seconds + inner.seconds)
         assert outer.own_seconds >= 0.005
 
-    def test_what_a_device_does_counts_to_the_innermost(self, noting: Device) -> None:
-        place = "sonarmap.kernels.fft.transform:RealFFT.forward"
-        volume = noting.to_device(np.ones((16, 16, 16), np.float32))
-        with clocked({place: "transform"}, noting) as clock:
-            RealFFT(noting, (16, 16, 16)).forward(volume).get()
-        assert clock.stages["transform"].counts.launches == 2
-        assert clock.stages[""].counts.reads == 1
-
     def test_an_error_ends_a_stage_too(self) -> None:
         with clocked({"sonarmap.tools.lab.bench.stages:places": "places"}) as clock, pytest.raises(AttributeError):
             stages.places("sonarmap.kernels.errors:Nothing")

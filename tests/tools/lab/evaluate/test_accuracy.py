@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.lab.evaluate.survey import read_summary, score_survey
@@ -16,6 +17,7 @@ from tests.samples.clutter_scans import sonarmap
 COUNT, VOXEL = 6, 1.5
 
 
+@pytest.mark.slow
 def test_every_step_of_a_small_survey_is_right(tmp_path: Path) -> None:
     sensor = replace(ECLIPSE, columns=128, rows=96)
     simulation = simulate(SimulationSettings(count=COUNT, seed=33, sensor=sensor))

@@ -14,7 +14,6 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.lab.evaluate.trajectory import (
     ARM,
     Alignment,
-    PairError,
     align_poses,
     align_positions,
     associate,
@@ -33,9 +32,8 @@ def _walk(count: int, seed: int = 0) -> Trajectory:
 
 
 @pytest.mark.parametrize("alignment", ["poses", "positions", "first"])
-@pytest.mark.parametrize("count", [3, 17])
-def test_a_rigidly_moved_trajectory_has_no_error(alignment: Alignment, count: int):
-    truth = _walk(count)
+def test_a_rigidly_moved_trajectory_has_no_error(alignment: Alignment):
+    truth = _walk(17)
     moved = Trajectory(truth.stamps, MOVE * truth.T_world_sensor)
     result = evaluate(moved, truth, alignment)
     assert_allclose(result.translation_m, 0, atol=1e-10)
@@ -95,7 +93,7 @@ def test_alignment_by_positions_on_a_line_is_refused():
     assert evaluate(truth, truth, "first").ate_m < 1e-12
 
 
-@pytest.mark.parametrize("count", [1, 2, 9])
+@pytest.mark.parametrize("count", [1, 9])
 def test_alignment_by_poses_works_on_a_straight_line(count: int):
     """What positions on a line leave open, the turn about it, comes from the orientations."""
     stamps = np.arange(float(count))
@@ -124,16 +122,9 @@ def test_alignment_by_poses_is_the_least_of_its_sum():
         assert cost(RigidTransform.from_exp_coords(tangent) * best) > cost(best)
 
 
-def test_a_single_pose_has_no_step():
-    result = evaluate(_walk(1), _walk(4), "first")
-    assert result.step_translation_m.shape == (0,)
-    assert result.unmatched_truths == 3
-    assert result.to_json()["rpe_m"] is None
-
-
 def test_stamps_are_joined_as_by_the_full_table_of_differences():
     rng = np.random.default_rng(7)
-    for _ in range(50):
+    for _ in range(20):
         estimate, truth = rng.integers(0, 60, 25) / 8 + 1.7e9, rng.integers(0, 60, 40) / 8 + 1.7e9
         difference = np.abs(estimate[:, None] - truth)
         pairs: dict[int, int] = {}
@@ -146,6 +137,7 @@ def test_stamps_are_joined_as_by_the_full_table_of_differences():
         assert (np.diff(estimate[mine]) >= 0).all()
 
 
+@pytest.mark.slow
 def test_long_trajectories_are_joined_without_a_table_of_all_differences():
     """An hour of truth at 200 Hz: 1,000 x 720,000 differences would be 5.8 GB."""
     truth = 1.7e9 + np.arange(720_000) / 200
@@ -192,11 +184,6 @@ def test_pair_error_has_the_angle_between_and_the_distance():
     assert error.within(7.001, 0.501)
     assert not error.within(6.999, 0.501)
     assert not error.within(7.001, 0.499)
-
-
-def test_right_means_6_degrees_and_3_voxels():
-    for degrees, meters, right in ((5.9, 5.9, True), (0, 6.1, False), (6.1, 0, False)):
-        assert PairError(degrees, meters).is_right(2.0) == right
 
 
 def test_the_result_is_json():

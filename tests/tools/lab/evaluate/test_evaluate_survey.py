@@ -88,11 +88,6 @@ def with_summary(folder: Path) -> Result:
     return sonarmap("evaluate", folder / "estimate.tum", folder / "truth.tum", "--summary", folder / "summary.json")
 
 
-def test_without_the_options_their_keys_are_there_and_empty(files: Path) -> None:
-    told = evaluated(files)
-    assert [told[name] for name in ("map", "pairs", "uncertainty")] == [None, None, None]
-
-
 @pytest.mark.parametrize("align", ["poses", "first"])
 def test_a_map_is_laid_over_the_truth_as_its_trajectory(files: Path, align: str) -> None:
     options = ("--map", str(files / "map.ply"), "--surface", str(files / "truth.ply"), "--voxel", "0.3")
@@ -134,32 +129,12 @@ def test_uncertainty_is_judged_against_the_first_pose(files: Path) -> None:
     said(without, "has no covariances of the poses")
 
 
-def test_everything_is_printed_with_its_alignment(files: Path) -> None:
-    options = ("--map", files / "map.ply", "--surface", files / "truth.ply", "--summary", files / "summary.json")
-    printed = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", *options).stdout
-    for words in (
-        ": 500 points compared with the 500 points of truth.ply, aligned like the trajectory by all poses.",
-        "pairs, right within 6° and 1.50 m",
-        "Uncertainty of 5 poses, relative to the first pose: 100.0 % of the true poses",
-    ):
-        assert words in printed
-    rows = [line.split() for line in printed.splitlines()]
-    assert rows[[row[:1] for row in rows].index(["pairs,"])][-1] == "loops"
-    loops = [row[-1] for row in rows if row and row[0] in ("kept", "rejected", "failed", "unjudged")]
-    assert loops == ["1", "1", "1", "0", "1", "0"]
-    shares = [row[-1] for row in rows if row and row[0] in ("precision", "recall", "rejections'")]
-    assert shares == ["0.500", "0.500", "0.000", "0.000"]
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         (["--map", "map.ply"], "--map needs --surface"),
-        (["--surface", "truth.ply"], "--surface needs --map"),
-        (["--voxel", "1"], "leave --voxel out"),
         (["--map", "map.ply", "--surface", "truth.ply"], "give --voxel, or the map's --summary"),
         (["--summary", "truth.ply"], "expected the summary.json"),
-        (["--summary", "none.json"], "expected the summary.json"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(files: Path, options: list[str], words: str) -> None:
@@ -179,14 +154,10 @@ def test_a_summary_without_its_table_is_refused(files: Path) -> None:
     ("change", "named"),
     [
         ({"settings": {}}, "settings.grid"),
-        ({"scans": [{"stamp": "late"}]}, "scans.0.stamp"),
         ({"scans": [{"stamp": "nan"}]}, "scans.0.stamp: Input should be a finite number"),
-        ({"settings": {"grid": {"voxel": "inf"}}}, "settings.grid.voxel: Input should be a finite number"),
         ({"scans": [{"stamp": 0.0, "covariance": [[1.0]]}]}, "reshape"),
-        ({"pairs": {"tried": "many"}}, "pairs.tried"),
         ({"pairs": {"tried": 8}}, r"summary.json counts 8 pairs, and .*pairs.csv has 9; give both"),
         ({"pairs": [{"target": 0, "source": 1}]}, "earlier version.* map again"),
-        ({"components": []}, "no component"),
     ],
 )
 def test_a_summary_that_is_none_is_refused(files: Path, change: dict, named: str) -> None:
@@ -202,23 +173,10 @@ SOUND = "0,1,loop,yes,told,1,2,3,4,5,6"
     ("rows", "words"),
     [
         ([], "holds no line but comments"),
-        (["a,b"], "line 1: the column target is there 0 times; wanted the columns target, source, role"),
-        ([HEADING + ",x_m"], "line 1: the column x_m is there 2 times"),
+        (["a,b"], "line 1: the column target is there 0 times"),
         ([HEADING, SOUND, "0,1,loop,yes,told,1,2"], "line 3: it has 7 cells where the heading has 11"),
-        (
-            [HEADING, SOUND.replace("0,1", "0,6")],
-            "line 2: source is '6'; wanted the number of a scan, 0 to 5; fix that",
-        ),
-        ([HEADING, SOUND.replace("0,1", "-1,1")], "line 2: target is '-1'; wanted the number of a scan"),
-        ([HEADING, SOUND.replace("loop", "lop")], "line 2: role is 'lop'; wanted one of sequential, bridge, loop"),
-        ([HEADING, SOUND.replace("yes", "True")], "line 2: kept is 'True'; wanted yes or no"),
-        (
-            [HEADING, SOUND.replace("3,4", "3,")],
-            "line 2: roll_deg is ''; wanted a number within 180, or all of x_m, y_m",
-        ),
-        ([HEADING, SOUND.replace("2,3", "nan,3")], "line 2: y_m is 'nan'; wanted a number within 1e+09"),
-        ([HEADING, SOUND.replace("5,6", "5,181")], "line 2: yaw_deg is '181'; wanted a number within 180"),
-        ([HEADING, SOUND.replace("told", '"told')], "line 2 is not a CSV line"),
+        ([HEADING, SOUND.replace("0,1", "0,6")], "line 2: source is '6'"),
+        ([HEADING, SOUND.replace("2,3", "nan,3")], "line 2: y_m is 'nan'"),
     ],
 )
 def test_a_table_of_pairs_that_is_none_is_refused(files: Path, rows: list[str], words: str) -> None:

@@ -1,4 +1,4 @@
-"""How often signatures find the way back: recall on a simulated survey whose lanes cross. Print it with -s."""
+"""How often signatures find the way back: recall on a simulated survey whose lanes cross."""
 
 from dataclasses import replace
 
@@ -62,9 +62,6 @@ def test_a_place_seen_again_is_among_the_nearest(signatures, revisits):
     draws = [at_random(np.random.default_rng(seed)) for seed in range(20)]
     chance = np.mean([recall(draw, revisits) for draw in draws], axis=0)
     found, right = recall(index, revisits), precision(index, revisits)
-    print(f"\n{COUNT} scans, {revisits.any(axis=1).sum()} of them with a revisit, {EDGE}^3 voxels")
-    for k, *shares in zip(AMONG, found, right, chance, strict=True):
-        print("among {:2d}: recall {:.3f}, precision {:.3f}; at random recall {:.3f}".format(k, *shares))
     assert found[0] > 3 * chance[0]
     assert found[0] > 0.45
     assert found[2] > 0.8 > 1.3 * chance[2]

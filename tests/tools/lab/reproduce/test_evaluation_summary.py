@@ -12,9 +12,7 @@ from sonarmap.tools.lab.reproduce.answer import claims, errors, nees, refused
 from sonarmap.tools.lab.reproduce.calibration_tables import (
     calibration,
     reliability,
-    shared,
 )
-from sonarmap.tools.lab.reproduce.rows import percent, rate
 
 TRUTH = RigidTransform.from_components([3.0, -1.0, 0.5], Rotation.from_euler("ZYX", [0.7, -0.2, 0.1]))
 COVARIANCE = np.diag(np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.4]) ** 2)
@@ -93,9 +91,3 @@ class TestArithmetic:
             (0.99, 1.0, 2, 2),
         ]
         assert [rated.predicted for rated in bins] == pytest.approx([0.0, 0.1, 0.9975])
-
-    def test_shares_of_the_points_in_common(self) -> None:
-        rows = [row(shared=value) for value in (0.2, 0.4, 0.41, 1.0)]
-        assert [len(shared(rows, 0.2, 0.4)), len(shared(rows, 0.4))] == [1, 2]
-        assert percent(rows[:3], rows) == "75 % [30..95]"
-        assert (rate([], []), percent([], [])) == ("–", "–")

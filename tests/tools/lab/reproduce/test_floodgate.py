@@ -1,6 +1,5 @@
 """The maps of the flood gate: chains, tables, times, pictures, and the experiment as a whole."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,17 +7,13 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import choose_device
-from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.experiment import Row
 from sonarmap.tools.lab.reproduce.floodgate.chain import (
     DISPLACED_90,
     MAP_90,
     MAP_MEDIAN,
-    PAIR,
     FloodgateSurvey,
-    by_run,
     chain_poses,
-    chained,
     pair_row,
     pose_rows,
     transform,
@@ -27,7 +22,7 @@ from sonarmap.tools.lab.reproduce.floodgate.run import (
     Floodgate,
     FloodgateSettings,
 )
-from tests.samples.experiments.floodgate_rows import POSES, SCANS, STEPS, flat_survey, off, rows_of, turn
+from tests.samples.experiments.floodgate_survey import POSES, SCANS, STEPS, flat_survey, off, turn
 from tests.samples.experiments.shown import run_all, show
 
 
@@ -56,12 +51,6 @@ class TestChain:
         assert row["rotation_deg"] == pytest.approx(np.rad2deg(turn(3, -7, 5).magnitude()))
         assert [pair_row(now, 2, off(meters)[1], accepted=True)["right"] for meters in (5.99, 6.01)] == [True, False]
 
-    def test_rows_come_back_as_poses(self, now: FloodgateSurvey) -> None:
-        pairs = by_run(rows_of(now, {"icp": 9.0}), PAIR)["icp", 0]
-        expected = POSES[0].inv() * chain_poses(POSES[0], off(9.0))
-        assert np.allclose(chained(pairs, "found").as_matrix(), expected.as_matrix(), atol=1e-9)
-        assert np.allclose(chained(pairs, "true").as_matrix(), (POSES[0].inv() * POSES).as_matrix(), atol=1e-9)
-
 
 class TestMapError:
     def test_true_poses_leave_what_the_scans_have(self, now: FloodgateSurvey) -> None:
@@ -70,19 +59,6 @@ class TestMapError:
         medians, highs = ([float(row[name]) for row in rows] for name in (MAP_MEDIAN, MAP_90))
         assert [medians[0], *medians[2:]] == pytest.approx([0.25, 0, 0, 0], abs=1e-5)
         assert highs == pytest.approx([0.25] * SCANS, abs=1e-5)  # a fifth of the points, so beyond the 90th percentile
-
-    def test_scans_lifted_off_their_surface(self, now: FloodgateSurvey) -> None:
-        """Without a turn, all scans but the first two lie higher by what the second step has too much."""
-        level = replace(now, T_world_sensor=RigidTransform.from_translation(POSES.translation))
-        flat = [
-            Scan((POSES[k].apply(scan.points.astype(float)) - POSES[k].translation).astype(np.float32), name=scan.name)
-            for k, scan in enumerate(now.scans)
-        ]
-        steps = [level.step(k) for k in range(1, SCANS)]
-        steps[1] = steps[1] * RigidTransform.from_translation([0, 0, 1.75])
-        rows = pose_rows(replace(level, scans=tuple(flat)), steps)
-        assert rows[1][MAP_MEDIAN] == pytest.approx(0.125, abs=0.13)
-        assert (rows[-1][MAP_MEDIAN], rows[-1][MAP_90]) == pytest.approx((1.75, 1.75), abs=1e-4)
 
     def test_points_moved_along_the_surface_are_displaced_all_the_same(self, now: FloodgateSurvey) -> None:
         """The world is moved by 2 m along the lid after the first two scans; no distance tells of it."""

@@ -3,7 +3,6 @@
 import csv
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,26 +11,20 @@ from typer.testing import CliRunner
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.slam.execute.journal import Journal
-from sonarmap.spectral.hemisphere.layers import AngleEstimate
-from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.command.main import app
-from sonarmap.tools.lab.reproduce.answer import PARAMETERS, parameters
+from sonarmap.tools.lab.reproduce.answer import parameters
 from sonarmap.tools.lab.reproduce.experiment import Row, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.gaussian.run import create
 from sonarmap.tools.lab.reproduce.gaussian.series import (
     VARIANTS,
-    Series,
     about_center,
-    preparation_of,
     row_of,
-    yaw_rank,
 )
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.rows import last_right
 from sonarmap.tools.lab.reproduce.run import JOURNAL
-from sonarmap.tools.lab.reproduce.settings import paper_grid
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, table1_transform
 from sonarmap.tools.lab.simulate.plan import table1_pair
 
@@ -91,39 +84,6 @@ def test_the_last_scan_ends_at_the_first_failure() -> None:
         {"seed": seed, "scan": scan, "right": scan not in wrong[seed]} for seed in wrong for scan in range(TABLE1_COUNT)
     ]
     assert last_right(rows, "scan", "seed") == last_right(rows[::-1], "scan", "seed") == [6, 9, -1]
-
-
-def test_the_place_of_the_right_pair_of_peaks() -> None:
-    """A peak stands for its angle and for the one turned about; S3's true yaw is 24 degrees."""
-    truth = table1_pair(3, 1, 1.0)[2]
-    for yaws, rank in (([90, 17], 0), ([90, 19, 29], 2), ([24, 25], 1), ([0, 90, 150, 204], 4), ([], 0)):
-        turned = [yaw + turn for yaw in yaws for turn in (0, 180)]
-        peaks = [AngleEstimate(Rotation.from_euler("Z", yaw, degrees=True), 1.0) for yaw in turned]
-        hemisphere = SimpleNamespace(yaw_candidates=lambda _target, _source, count, p=peaks: p[: 2 * count])
-        scan = SimpleNamespace(layers=None)
-        assert yaw_rank(SimpleNamespace(hemisphere=hemisphere), scan, scan, truth) == rank  # pyright: ignore
-
-
-class TestSeries:
-    def test_what_pairs_alone_need_is_prepared_once(self) -> None:
-        one, six = (VARIANTS[name].config for name in ("one peak", "six peaks"))
-        assert one != six
-        assert preparation_of(one) == preparation_of(six) == HemisphereConfig()
-        for config in (VARIANTS["paper"].config, HemisphereConfig(use_strength=True)):
-            assert preparation_of(config) != HemisphereConfig()
-
-    @pytest.mark.slow
-    def test_shared_or_not_the_rows_are_the_same(self, device: Device) -> None:
-        series = Series(device, paper_grid(32), "floodgate")
-        by_method = {row["method"]: row for row, _ in series.register(2, 1, 1.0)}
-        target, source, truth = table1_pair(2, 1, 1.0)
-        for name, method in VARIANTS.items():
-            alone = HemisphereRegistrar(device, paper_grid(32), method.config)
-            registration = alone.register(alone.prepare(target), alone.prepare(source))
-            for which, T in (("found", registration.T_target_source), ("true", truth)):
-                listed = [by_method[name][f"{which}_{parameter}"] for parameter in PARAMETERS]
-                assert listed == pytest.approx(parameters(about_center(T)), abs=1e-9)
-            assert by_method[name]["psr"] == registration.psr
 
 
 class TestCommand:

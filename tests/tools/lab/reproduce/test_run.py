@@ -10,7 +10,6 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
@@ -20,10 +19,10 @@ from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create
 from sonarmap.tools.lab.reproduce.folder import write_experiment
 from sonarmap.tools.lab.reproduce.methods import EVALUATED
-from sonarmap.tools.lab.reproduce.provenance import SHOWING, Provenance, provenance
+from sonarmap.tools.lab.reproduce.provenance import Provenance, provenance
 from sonarmap.tools.lab.reproduce.rows import wilson
 from sonarmap.tools.lab.reproduce.run import JOURNAL, RunOptions, run
-from sonarmap.tools.lab.reproduce.table import Table, write_csv
+from sonarmap.tools.lab.reproduce.table import write_csv
 from sonarmap.tools.lab.reproduce.worker import WorkerProcesses
 from sonarmap.tools.methods.fingerprint import ROOT, source_digest
 from tests.samples.experiments.fake_experiment import JOBS, Fake, FakeSettings, origin
@@ -164,14 +163,6 @@ def test_every_experiment_names_its_sources(name: str, device: Device, tmp_path:
     assert len(set(origin.methods.values())) == len(origin.methods)
 
 
-def test_files_that_only_show_rows_do_not_count() -> None:
-    folder = ("tools/lab/reproduce/gaussian",)
-    shown = [f"{folder[0]}/{name}.py" for name in ("section", "figure")]
-    decides = [f"{folder[0]}/{name}.py" for name in ("run", "series", "__init__")]
-    assert source_digest(folder, SHOWING) == source_digest(tuple(decides))
-    assert source_digest(tuple(shown), SHOWING) == source_digest(())
-
-
 def workers(count: int, scene: str | None = None) -> RunOptions:
     return RunOptions(
         workers=WorkerProcesses(count, "tests.samples.experiments.ending_experiment", Request(scene=scene), device=None)
@@ -209,13 +200,6 @@ def test_published_intervals(successes: int, trials: int, low: float, high: floa
 
 
 class TestTables:
-    def test_brackets_are_no_markup(self) -> None:
-        console = Console(width=80)
-        with console.capture() as shown:
-            console.print(Table("[bold]t", ("a",), (("[red]1",),)).rich())
-        assert "[bold]t" in shown.get()
-        assert "[red]1" in shown.get()
-
     def test_csv_cells(self, tmp_path: Path) -> None:
         write_csv(tmp_path / "a.csv", ("a", "b", "c", "d"), [(True, -1e-9, 3, "S0, S1"), (False, float("nan"), -4, "")])
         assert (tmp_path / "a.csv").read_bytes() == b'a,b,c,d\n1,0.0000,3,"S0, S1"\n0,,-4,\n'

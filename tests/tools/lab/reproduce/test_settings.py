@@ -3,7 +3,6 @@
 import math
 from typing import Any
 
-import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
@@ -13,7 +12,6 @@ from sonarmap.tools.lab.reproduce.floodgate.run import FloodgateSettings
 from sonarmap.tools.lab.reproduce.gaussian.run import GaussianSettings
 from sonarmap.tools.lab.reproduce.kinds.settings import KindsSettings
 from sonarmap.tools.lab.reproduce.methods import EVALUATED, ComparedMethods, compared_methods
-from sonarmap.tools.lab.reproduce.real.settings import real_settings
 from sonarmap.tools.lab.reproduce.structures.settings import LimitsSettings, TranslationSettings
 from sonarmap.tools.lab.reproduce.survey.simulated import SurveySettings
 from tests.samples.refusals import refuses
@@ -72,28 +70,7 @@ def test_settings_that_are_refused(settings: Any, words: str, changes: dict) -> 
     refuses(words, settings, **changes)
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"known": "compass"}, "no instrument measures 'compass'"),
-        ({"known_sigmas": "1,2,3,4"}, "--known-sigmas has no effect without --known"),
-        ({"known": "depth", "known_sigmas": "1,2,x,4"}, "standard deviations are nan; wanted four numbers"),
-        ({"max_tilt": 0.0}, "largest tilt is 0 degrees"),
-        ({"voxel": -1.0}, "voxel=-1"),
-    ],
-)
-def test_what_cannot_be_known_of_real_scans_is_refused(options: dict, words: str) -> None:
-    refuses(words, real_settings, Request(**options), {})
-
-
 class TestAsked:
-    def test_real(self) -> None:
-        request = Request(known="depth,attitude", known_sigmas="1,2,3,4", seeds=2, seed=7, max_tilt=180.0, grid=64)
-        settings, degree = real_settings(request, {"a": "b"}), np.deg2rad(1)
-        assert (settings.known, settings.max_tilt, settings.edge) == (("attitude", "depth"), 180.0, 64)
-        assert settings.draws == {"attitude=1,depth=3,seed=7": 7, "attitude=1,depth=3,seed=8": 8}
-        np.testing.assert_allclose(settings.instruments.sigmas, [degree, degree, np.inf, np.inf, np.inf, 3])
-
     def test_methods_that_are_not_installed(self, monkeypatch: pytest.MonkeyPatch) -> None:
         def missing(*_: object) -> None:
             raise InputError("the method kiss needs the package kiss-matcher")

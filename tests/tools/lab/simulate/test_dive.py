@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_array_equal
 
 from sonarmap.tools.lab.simulate.folder import read_settings
 from sonarmap.tools.lab.simulate.paths.routes import lawnmower_path
@@ -13,7 +13,6 @@ from sonarmap.tools.lab.simulate.paths.trajectories import lawnmower, start_of
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.sensing.navigation import instruments_for, measure_poses
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES, SimulationSettings, simulate
 from tests.samples.clutter_scans import said, sonarmap
@@ -30,7 +29,7 @@ def test_dives_begin_far_apart_and_the_first_at_the_start() -> None:
     assert np.minimum(apart, 300 - apart).min() > 300 / 10
 
 
-@pytest.mark.quick_cases(3)
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("scene", SCENE_KINDS)
 def test_a_second_dive_follows_the_same_path(scene: str) -> None:
     settings = plan(scene, "lawnmower", seed=14)
@@ -40,15 +39,6 @@ def test_a_second_dive_follows_the_same_path(scene: str) -> None:
     off = np.linalg.norm(places[:, None, :2] - line[None, :, :2], axis=2).min(axis=1)
     assert off.max() < 1.55 * scale
     assert np.median(off) > 0.1 * scale
-
-
-@pytest.mark.quick_cases(3)
-@pytest.mark.parametrize("scene", SCENE_KINDS)
-def test_a_short_second_dive_sees_again_what_the_first_saw(scene: str) -> None:
-    settings = replace(plan(scene, "lawnmower", seed=15), count=40)
-    one, other = (TRAJECTORIES["lawnmower"](replace(settings, dive=dive)).T_world_sensor for dive in (1, 2))
-    apart = np.linalg.norm(one.translation[:, None] - other.translation, axis=2)
-    assert 0.5 < (apart < settings.spacing).any(axis=0).mean() < 1
 
 
 def test_a_second_dive_is_of_the_same_scene_with_other_waves_and_noise() -> None:
@@ -62,16 +52,6 @@ def test_a_second_dive_is_of_the_same_scene_with_other_waves_and_noise() -> None
         assert np.median(surface_distance(mesh, points)) < 0.5
     waves = [lawnmower("floodgate", 30, 14, dive=dive).T_world_sensor.rotation.as_euler("ZYX")[:, 2] for dive in (1, 2)]
     assert abs(np.corrcoef(waves)[0, 1]) < 0.9
-
-
-def test_instruments_err_otherwise_on_another_dive() -> None:
-    poses, depth = simulate(SETTINGS).truth.T_world_sensor, instruments_for(["depth"])
-    told = [
-        np.array([p.T_world_sensor.translation[2] for p in measure_poses(poses, depth, 14, dive)]) for dive in (1, 1, 2)
-    ]
-    assert_array_equal(told[0], told[1])
-    assert (np.abs(told[2] - told[0]) > 1e-3).all()
-    assert_allclose(told[2], poses.translation[:, 2], atol=0.5)
 
 
 @pytest.mark.parametrize(

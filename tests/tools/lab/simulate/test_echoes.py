@@ -10,8 +10,8 @@ from scipy.stats import kstest
 
 from sonarmap.tools.lab.simulate.paths.trajectories import survey
 from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
-from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, PAPER, SONAR_3D15, Echoes, Sensor, bare, cast
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
+from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, PAPER, Echoes, Sensor, bare, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box
 from tests.samples.scenes.simulated import COARSE, QUIET
 
@@ -63,32 +63,6 @@ def test_the_pattern_and_the_absorption_weaken_the_echo_of_a_wall():
     off_middle = np.rad2deg(np.arccos(cosine))
     decibel = 20 * np.log10(cosine) - 2 * 0.4 * 30 / cosine - 13.0 * (off_middle / 45) ** 2
     assert_allclose(10 * np.log10(echoes.strengths), decibel, rtol=1e-6)
-
-
-@pytest.mark.parametrize("sensor", [PAPER, SONAR_3D15, COARSE])
-def test_sensors_without_a_pattern_hear_all_directions_exactly_alike(sensor: Sensor):
-    assert (sensor.pattern() == 1.0).all()
-    assert bare(sensor) == sensor
-
-
-def test_a_bare_sensor_without_noise_tells_the_exact_ranges():
-    echoes, ghosts = varied()
-    heard = disturb(echoes, bare(ECLIPSE), QUIET, generator(), ghosts)
-    assert_array_equal(heard.ranges, echoes.ranges)
-    assert_array_equal(heard.strengths, echoes.strengths)
-
-
-def test_the_papers_noise_is_drawn_as_it_always_was():
-    """Ranges from the first four draws of the generator; what came later draws after them."""
-    echoes, _ = varied()
-    noise = Noise(sigma2=2.0, outliers=0.03, dropouts=0.1)
-    rng, shape = generator(), echoes.ranges.shape
-    gauss, wild = rng.standard_normal(shape), rng.random(shape)
-    wild_range, lost = rng.uniform(0.4, 256.0, shape), rng.random(shape)
-    expected = echoes.ranges + np.nan_to_num(gauss * np.sqrt(2.0 * echoes.ranges / 256.0), posinf=0, neginf=0)
-    expected = np.where((wild < 0.03) & np.isfinite(echoes.ranges), wild_range, expected)
-    expected[(lost < 0.1) | (expected < 0.4) | (expected > 256.0)] = np.inf
-    assert_array_equal(disturb(echoes, PAPER, noise, generator()).ranges, expected)
 
 
 def test_full_speckle_is_exponential_and_keeps_the_mean():
@@ -154,18 +128,8 @@ def test_ranges_come_in_steps_of_the_resolution(sensor: Sensor, step: float):
     assert noisy[np.isfinite(noisy)].max() <= sensor.max_range
 
 
-def test_a_scan_carries_the_strengths_of_its_own_points():
-    echoes, ghosts = varied((ECLIPSE.rows, ECLIPSE.columns))
-    heard = disturb(echoes, ECLIPSE, ALL, generator(), ghosts)
-    scan = scan_of(heard, ECLIPSE)
-    kept = np.isfinite(heard.ranges)
-    assert_array_equal(scan.strength, heard.strengths[kept].astype(np.float32))
-    assert_allclose(np.linalg.norm(scan.points, axis=1), heard.ranges[kept], rtol=1e-6)
-    assert 0.1 < kept.mean() < 0.9
-
-
 @pytest.mark.quick_cases(1)
-@pytest.mark.parametrize(("scene", "wanted"), [("floodgate", 90), ("harbor", 90), ("clutter", 80)])
+@pytest.mark.parametrize(("scene", "wanted"), [("floodgate", 90), ("clutter", 80)])
 def test_the_threshold_narrows_the_eclipses_field_to_about_90_degrees(scene: str, wanted: float):
     """Paper Sect. 4.1: about 90 degrees of 120. The clutter is seen from 20 m above the water: longer ways."""
     widths, bare_widths = [], []

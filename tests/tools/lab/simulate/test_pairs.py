@@ -23,15 +23,11 @@ from sonarmap.tools.lab.simulate.pairs.pair_set import (
     evaluation_unrelated,
 )
 from sonarmap.tools.lab.simulate.pairs.random_pairs import (
-    DRAWN,
-    STRANGERS,
     Turn,
     Turning,
-    draw_strangers,
     draw_turn,
     random_pair,
     unrelated_pair,
-    unrelated_scenes,
 )
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
@@ -52,7 +48,7 @@ def _distances(target: Scan, source: Scan, T_target_source: RigidTransform) -> n
     return KDTree(target.points).query(T_target_source.apply(source.points))[0]
 
 
-@pytest.mark.quick_cases(4)
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("scene", "overlaps"), list(zip(SET_SCENES, SET_OVERLAPS * 2, strict=False)))
 @pytest.mark.parametrize("turn", ["yaw", "any"])
 def test_a_turned_pair_obeys_its_truth_and_overlaps_as_wanted(scene: str, overlaps: tuple[float, float], turn: Turn):
@@ -64,28 +60,6 @@ def test_a_turned_pair_obeys_its_truth_and_overlaps_as_wanted(scene: str, overla
     for axis in np.deg2rad(4.0) * np.eye(3):
         off = truth * RigidTransform.from_rotation(Rotation.from_rotvec(axis))
         assert np.mean(_distances(target, source, off)[common]) > 1.15 * np.mean(near[common])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("scene", "overlaps"), list(product(SET_SCENES, SET_OVERLAPS)))
-def test_every_scene_has_pairs_of_every_overlap(scene: str, overlaps: tuple[float, float]):
-    for seed in range(900, 905):
-        target, source, truth = random_pair(seed, overlaps, QUIET, scene, None, Turning("yaw", STEEP))
-        share = mutual_overlap(target.points, source.points, truth, 2.0 * SCENE_KINDS[scene].scale)
-        assert overlaps[0] <= share <= overlaps[1]
-
-
-@pytest.mark.slow
-def test_a_yaw_pair_turns_anywhere_and_tilts_up_to_its_bound():
-    found = [
-        random_pair(seed, (0.6, 0.8), QUIET, "pool", _small("pool"), Turning("yaw", STEEP))[2] for seed in range(16)
-    ]
-    tilts = np.array([largest_tilt(truth.rotation) for truth in found])
-    assert tilts.max() <= STEEP
-    assert np.ptp(tilts) > np.deg2rad(15)
-    assert np.median(tilts) > np.deg2rad(15)
-    yaw = np.array([truth.rotation.as_euler("ZYX")[0] for truth in found])
-    assert np.unique(np.floor(2 * yaw / np.pi)).size == 4
 
 
 def test_a_frame_turned_by_yaw_keeps_its_tilt_and_is_the_sensors_own_about_z():
@@ -134,50 +108,12 @@ def test_a_turned_frame_leaves_ranges_and_noise_as_they_are():
     assert (truth.rotation.inv() * other.rotation).magnitude() > 0.1
 
 
-@pytest.mark.slow
-def test_less_in_common_is_farther_away_and_turned_aside():
-    def apart(overlaps: tuple[float, float]) -> float:
-        found = [
-            random_pair(seed, overlaps, QUIET, "clutter", _small("clutter"), Turning("yaw", 0.0)) for seed in range(5)
-        ]
-        return float(np.mean([np.linalg.norm(truth.translation) for _, _, truth in found]))
-
-    assert apart((0.05, 0.2)) > 2 * apart((0.6, 0.8)) > 4 * apart((0.9, 1.0))
-
-
-@pytest.mark.parametrize("turn", ["view", "yaw"])
-def test_a_glance_refuses_no_pose_that_all_beams_accept(monkeypatch: pytest.MonkeyPatch, turn: Turn):
-    quick = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), Turning(turn))
+def test_a_glance_refuses_no_pose_that_all_beams_accept(monkeypatch: pytest.MonkeyPatch):
+    quick = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), Turning("yaw"))
     monkeypatch.setattr(viewpoints, "DOUBT", 1.0)
-    slow = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), Turning(turn))
+    slow = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), Turning("yaw"))
     assert_array_equal(quick[1].points, slow[1].points)
     assert_array_equal(quick[2].as_matrix(), slow[2].as_matrix())
-
-
-@pytest.mark.slow
-def test_an_overlap_that_cannot_be_is_refused(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(viewpoints, "TRIES", 20)
-    refuses("widen the range", random_pair, 1, (0.99999, 1.0), QUIET, "pool", _small("pool"), Turning("yaw"))
-
-
-def test_strangers_are_of_one_size_and_never_the_same_place():
-    assert unrelated_scenes("pool") == ("manifold",)
-    assert unrelated_scenes("manifold") == ("pool",)
-    assert unrelated_scenes("shallow") == ("pool", "manifold")
-    assert unrelated_scenes("floodgate") == ("harbor", "clutter", "ship", "bridge", "wreck")
-    for name in set(STRANGERS) - {"pool", "manifold"}:
-        others = set(unrelated_scenes(name))
-        assert {"harbor", "ship", "clutter"} - {name} <= others
-        assert (name in others) == (name in DRAWN)
-        assert {SCENE_KINDS[other].scale for other in others} == {1.0}
-    refuses("moon", unrelated_scenes, "moon")
-
-
-def test_a_new_scene_does_not_change_which_strangers_a_seed_draws():
-    """Drawn when there were eight scenes."""
-    generators = [np.random.default_rng(np.random.SeedSequence([seed, 18]).spawn(3)[2]) for seed in range(6)]
-    drawn = "clutter ship, pool manifold, harbor clutter, pool manifold, manifold pool, clutter ship"
-    assert ", ".join(" ".join(draw_strangers(None, rng)) for rng in generators) == drawn
 
 
 @pytest.mark.slow
@@ -213,6 +149,7 @@ def test_a_set_is_even_and_its_pairs_are_the_same_again():
         refuses(">= 0", evaluation_pair, *bad)
 
 
+@pytest.mark.slow
 def test_a_pair_of_a_set_is_as_it_says():
     """Number 1 is in the pool, with 20 to 40 percent in common; noise hides little of it at the pool's size."""
     pair = evaluation_pair(1, 3, "yaw")

@@ -1,34 +1,19 @@
 """The scenes with a layout: sized as told, decided by the seed, inside and outside told apart."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.simulate.scenes.bed import raster
 from sonarmap.tools.lab.simulate.scenes.bridge import bridge_layout
-from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS, SENSOR_NAMES, TRAJECTORY_KINDS
-from sonarmap.tools.lab.simulate.scenes.hulk import PLATE, SPACING, Hulk, skin
-from sonarmap.tools.lab.simulate.scenes.manifold import manifold_layout
 from sonarmap.tools.lab.simulate.scenes.pool import LENGTH, WIDTH, pool_layout
 from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
 from sonarmap.tools.lab.simulate.scenes.ship import ship_layout
-from sonarmap.tools.lab.simulate.scenes.wreck import wreck_layout
 from sonarmap.tools.lab.simulate.sensing.overlap import in_view, shared_view
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box, merge, tube
-from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES
 
 DOWN = np.array([[0.0, 0.0, -1.0]])
-
-
-def test_the_catalog_names_what_can_be_built():
-    assert all(kind.builder.endswith(f":{name}") for name, kind in SCENE_KINDS.items())
-    assert set(TRAJECTORY_KINDS) == set(TRAJECTORIES)
-    assert set(SENSOR_NAMES) == set(SENSORS)
-    assert {kind.sensor for kind in SCENE_KINDS.values()} <= set(SENSORS)
 
 
 def test_inside_is_told_from_outside_where_solids_overlap():
@@ -48,7 +33,7 @@ def test_a_straight_tube_is_its_cylinder_and_a_bent_one_keeps_to_its_legs():
     assert bent.is_solid(places).tolist() == [True, True, True, False]
 
 
-@pytest.mark.parametrize("seed", [3, 17, 92])
+@pytest.mark.parametrize("seed", [3])
 def test_a_pool_is_as_deep_as_told_and_nothing_is_outside_it(seed: int):
     layout, scene = pool_layout(seed), build_scene("pool", seed)
     assert (layout.depths[0], layout.depths[-1]) == (3.8, 1.2)
@@ -69,7 +54,7 @@ def test_a_pool_is_as_deep_as_told_and_nothing_is_outside_it(seed: int):
         assert (np.abs(under) <= (LENGTH / 2 + 1e-6, WIDTH / 2 + 1e-6, 4.06)).all()
 
 
-@pytest.mark.parametrize("seed", [5, 31])
+@pytest.mark.parametrize("seed", [5])
 def test_a_ship_lies_where_her_layout_says(seed: int):
     layout, scene = ship_layout(seed), build_scene("ship", seed)
     turn = Rotation.from_euler("z", layout.heading)
@@ -83,20 +68,7 @@ def test_a_ship_lies_where_her_layout_says(seed: int):
     assert_allclose(ranges, 3.0 - 0.35, atol=1e-6)
 
 
-@pytest.mark.parametrize("seed", [5, 31])
-def test_a_manifold_stands_on_its_mudmat_and_pipes_leave_it(seed: int):
-    layout, scene = manifold_layout(seed), build_scene("manifold", seed)
-    assert 10 < layout.length < 14
-    assert 7 < layout.width < 9
-    corner = np.array([(0.5 * layout.length, 0.5 * layout.width, z) for z in (-0.1, 2.0, layout.height)])
-    assert scene.is_solid(layout.place(corner)).all()
-    built = scene.mesh.vertices
-    far = built[np.hypot(built[:, 0], built[:, 1]) > 16]
-    assert (np.abs(built[:, :2]).max(axis=0) <= 24.5).all()
-    assert far[:, 2].max() < -38.0
-
-
-@pytest.mark.parametrize("seed", [5, 31])
+@pytest.mark.parametrize("seed", [5])
 def test_a_bridges_piers_stand_along_its_axis_and_its_openings_are_clear(seed: int):
     layout, scene = bridge_layout(seed), build_scene("bridge", seed)
     underside = layout.deck[0]
@@ -112,76 +84,6 @@ def test_a_bridges_piers_stand_along_its_axis_and_its_openings_are_clear(seed: i
         ranges, _ = scene.intersect(places[30:31], -DOWN)
         assert ranges[0] >= underside + 2.0 - 1e-6
         assert np.isclose(ranges[0], underside + 2.0, atol=2.0)
-
-
-@pytest.mark.parametrize("seed", [5, 31])
-def test_a_river_is_deepest_in_its_channel_and_at_its_piers_and_ends_at_its_banks(seed: int):
-    layout = bridge_layout(seed)
-    height = build_scene("bridge", seed).mesh.vertices[: len(raster()) ** 2].reshape(len(raster()), len(raster()), 3)
-    x, y, z = np.moveaxis(height, -1, 0)
-    river = layout.river
-    channel = np.abs(y - river.channel_y - 1.5 * river.winding(x)) < 4
-    quiet = (np.abs(y) < 70) & ~channel
-    assert z[channel].mean() < z[quiet].mean() - 1.0
-    upstream = [z[np.hypot(x - pier.x + pier.length / 2, y - pier.y) < 5].mean() for pier in layout.piers]
-    assert np.mean(upstream) < z[quiet].mean() - 1.0
-    assert z[:, :3].mean() > 3.0
-    assert z[:, -3:].mean() > 3.0
-
-
-@pytest.mark.parametrize("seed", [5, 31])
-def test_a_wrecks_parts_lie_where_its_layout_says(seed: int):
-    layout, scene = wreck_layout(seed), build_scene("wreck", seed)
-    hulk = layout.hulk
-    assert 70 < hulk.length < 115
-    assert layout.parts[0].ends[0] == -0.5
-    assert layout.parts[-1].ends[1] == 0.5
-    for before, after in pairwise(layout.parts):
-        assert before.ends[1] == after.ends[0]
-    bed = len(raster()) ** 2
-    built = scene.mesh.vertices[bed:]
-    for part in layout.parts:
-        half = hulk.length * (part.ends[1] - part.ends[0]) / 2
-        turn = part.R_scene_part.inv()
-        own = turn.apply(built - np.array((*part.middle, 0.0)))
-        # the keel's corners, outer and inner ones, all lie in the part's own middle plane, and few others in one plane
-        values, counts = np.unique(np.round(own[:, 1], 5), return_counts=True)
-        aside = values[counts.argmax()]
-        assert counts.max() >= 2 * half / SPACING
-        # how high she lies follows from it, as she is heeled
-        height = aside / turn.apply((0, 0, 1))[1]
-        assert layout.bed - 14 < height < layout.bed + 20
-        keel = own[np.abs(own[:, 1] - aside) < 1e-5] - height * turn.apply((0, 0, 1))
-        keel = keel[np.abs(keel[:, 0]) < half + 3]
-        assert np.ptp(keel[:, 0]) > 1.9 * half
-        assert_allclose(np.mean([keel[:, 0].min(), keel[:, 0].max()]), 0.0, atol=2.0)
-    assert np.abs(built[:, :2]).max() < 128.0
-    assert built[:, 2].max() < -3.0
-
-
-def test_a_hulk_is_a_skin_round_an_open_hold():
-    hulk = Hulk(90.0, beam=14.0, depth=8.0)
-    scene = Scene("hulk", skin(hulk, -0.3, 0.3, np.random.default_rng(4)))
-    along = np.linspace(-20.0, 20.0, 9)
-    keel = np.column_stack([along, np.zeros(9), np.full(9, PLATE / 2)])
-    assert scene.is_solid(keel).all()
-    for height in (-0.2, PLATE + 0.2, 4.0, 9.0):
-        assert not scene.is_solid(keel + np.array((0.0, 0.0, height - PLATE / 2))).any()
-    # nothing between the hold and the sky, and the sides to port and starboard
-    ranges, _ = scene.intersect(keel + np.array((0.0, 0.0, 1.0)), -DOWN.repeat(9, 0))
-    assert np.isinf(ranges).all()
-    for side in (-1.0, 1.0):
-        ranges, _ = scene.intersect(keel + np.array((0.0, 0.0, 1.0)), np.tile([0.0, side, 0.0], (9, 1)))
-        assert np.median(ranges) < hulk.beam / 2
-        assert np.median(ranges) > hulk.beam / 4
-
-
-def test_wrecks_break_in_two_or_three_and_some_lie_keel_up():
-    layouts = [wreck_layout(seed) for seed in range(1, 41)]
-    assert {len(layout.parts) for layout in layouts} == {2, 3}
-    up = [part.R_scene_part.apply((0, 0, 1))[2] for layout in layouts for part in layout.parts]
-    assert 0.03 < np.mean(np.array(up) < 0) < 0.3
-    assert {len(bridge_layout(seed).piers) for seed in range(1, 41)} == {3, 4, 5}
 
 
 def test_a_view_is_shared_where_both_look_and_nothing_hides_it():

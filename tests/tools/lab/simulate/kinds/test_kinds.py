@@ -8,7 +8,6 @@ from sonarmap.tools.lab.simulate.kinds import imaging, partners, profiler, swath
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair, scan_kind
 from sonarmap.tools.lab.simulate.kinds.draws import pair_draws
 from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, RELIEF_OF, RELIEFS, KindPair, relief_of
-from sonarmap.tools.lab.simulate.pairs import viewpoints
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.navigation import Instruments, instruments_for
@@ -17,7 +16,7 @@ from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from tests.samples.refusals import refuses
 from tests.samples.scenes.simulated import QUIET
 
-VIEWS = ("patch", "sonar3d15", "sound_speed", "range_bias", "moving")
+VIEWS = ("sonar3d15", "patch", "sound_speed", "range_bias", "moving")
 SWEEPS = ("swath", "imaging", "profiler")
 
 
@@ -39,7 +38,7 @@ def _pair(kind: str, scene: str, overlaps: tuple[float, float] = (0.2, 0.9), see
     return kind_pair(kind, SCAN_KINDS[kind].scenes.index(scene), seed, overlaps)
 
 
-@pytest.mark.quick_cases(2)
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kind", [*VIEWS, *SWEEPS])
 def test_a_pair_is_its_kind_number_and_seed(kind: str):
     number = SCAN_KINDS[kind].scenes.index("shallow") if kind in SWEEPS else 5
@@ -53,10 +52,9 @@ def test_a_pair_is_its_kind_number_and_seed(kind: str):
     assert not np.array_equal(kind_pair(kind, number, 32, asked[-1]).source.points[:50], first.source.points[:50])
 
 
-@pytest.mark.parametrize("kind", [*VIEWS, *SWEEPS])
-@pytest.mark.parametrize("turn", range(len(OVERLAPS)))
+@pytest.mark.parametrize(("turn", "kind"), [(k % len(OVERLAPS), kind) for k, kind in enumerate([*VIEWS, *SWEEPS])])
 @pytest.mark.slow
-def test_a_pair_is_as_its_number_says(kind: str, turn: int):
+def test_a_pair_is_as_its_number_says(turn: int, kind: str):
     scenes = SCAN_KINDS[kind].scenes
     scene = "manifold" if kind in SWEEPS else scenes[turn]
     number = turn * len(scenes) + scenes.index(scene)
@@ -73,7 +71,7 @@ def test_a_pair_is_as_its_number_says(kind: str, turn: int):
             assert (scan.viewpoints is not None) == (number % 2 == 0 and kind != "imaging")
 
 
-@pytest.mark.quick_cases(3)
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("kind", "most"), [*((kind, 0.1) for kind in VIEWS), *((kind, 0.4) for kind in SWEEPS)])
 def test_both_scans_lie_on_the_scene_where_the_truth_says(kind: str, most: float):
     """But for noise and distortion; at the other's place they do not."""
@@ -91,7 +89,7 @@ def test_both_scans_lie_on_the_scene_where_the_truth_says(kind: str, most: float
         assert kind in SWEEPS or np.median(surface_distance(mesh, wrong.apply(points))) > 3 * off
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SWEEPS)
 def test_without_noise_and_distortion_both_scans_lie_on_the_scene(kind: str, monkeypatch: pytest.MonkeyPatch):
     """The source moved by T_target_source lies on it with the target, and nowhere else."""
@@ -119,24 +117,12 @@ def test_every_kind_meets_every_relief_and_every_scene_has_one():
     assert len(SCAN_KINDS["patch"].scenes) % 2 == 1
 
 
-@pytest.mark.slow
-def test_the_frames_look_any_way_at_one_another():
-    """Over an open bed, at little overlap: from beside, from across and head-on."""
-    pairs = [kind_pair("sonar3d15", 2 + 5 * number, 4, (0.3, 0.9)) for number in range(8)]
-    turned = np.abs([pair.T_target_source.rotation.as_euler("ZYX", degrees=True)[0] for pair in pairs])
-    assert turned.max() > 90
-    assert turned.min() < 30
-
-
-def test_what_does_not_exist_is_refused(monkeypatch: pytest.MonkeyPatch):
+def test_what_does_not_exist_is_refused():
     refuses("there are", scan_kind, "sidescan")
     refuses(">= 0", kind_pair, "patch", -1, 0)
-    monkeypatch.setattr(viewpoints, "TRIES", 20)
-    refuses("widen the range", kind_pair, "sonar3d15", 4, 0, (0.4, 0.4 + 1e-9))
 
 
-@pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("kind", SWEEPS)
+@pytest.mark.parametrize("kind", SWEEPS[:1])
 def test_a_sweep_that_does_not_exist_is_refused(kind: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(partners, "PLACES", 1)
     monkeypatch.setattr(partners, "TRIES", 3)

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.kinds import patch
 from sonarmap.tools.lab.simulate.kinds.draws import Shot, observer_of
 from sonarmap.tools.lab.simulate.pairs.viewpoints import first_view
-from sonarmap.tools.lab.simulate.sensing.overlap import overlap
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from tests.samples.scenes.simulated import QUIET
 
@@ -71,25 +70,6 @@ def test_odometry_drifts_away_from_the_middle_by_what_it_says():
     assert_allclose(shifts[:, 0].std(axis=0), 0.5 * 0.2 * np.sqrt(4 / 4.5), rtol=0.15)
     assert_allclose(turns[:, -1].std(axis=0), np.deg2rad(0.3) * np.sqrt(4 / 4.5), rtol=0.15)
     assert (shifts[:, 0].std(axis=0) > 1.5 * shifts[:, 3].std(axis=0)).all()
-
-
-def test_a_path_has_its_steps_and_bends_as_far_as_it_may():
-    for seed in range(20):
-        path = patch.draw_path(7, 3.0, np.random.default_rng(seed))
-        assert_allclose(np.linalg.norm(np.diff(path.translation, axis=0), axis=1), 3.0)
-        assert_allclose(path[3].as_matrix(), np.eye(4), atol=1e-12)
-        yaw = path.rotation.as_euler("ZYX")[:, 0]
-        assert np.ptp(yaw) <= patch.BEND
-        assert_allclose(np.diff(yaw), np.diff(yaw)[0])
-
-
-def test_a_patch_shows_more_than_its_middle_look_does():
-    observer, view = _patch()
-    middle = view.looks[len(view.looks) // 2]
-    assert_allclose(middle.T_world_sensor.as_matrix(), view.T_world_sensor.as_matrix())
-    radius = 2.0 * observer.world.kind.scale
-    assert overlap(view.points, middle.points, RigidTransform.identity(), radius) == 1.0
-    assert overlap(middle.points, view.points, RigidTransform.identity(), radius) < 0.95
 
 
 def test_one_point_is_kept_in_a_cell_and_a_lonely_one_is_known():

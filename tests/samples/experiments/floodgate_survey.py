@@ -1,11 +1,10 @@
-"""What the tests of the flood gate's maps share: a survey of five scans whose errors are known, and its rows."""
+"""What the tests of the flood gate's maps share: a survey of five scans whose errors are known."""
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.reproduce.experiment import Row
-from sonarmap.tools.lab.reproduce.floodgate.chain import PAIR, POSE, TRUTH, FloodgateSurvey, pair_row, pose_rows
+from sonarmap.tools.lab.reproduce.floodgate.chain import FloodgateSurvey
 from sonarmap.tools.lab.simulate.shapes.solids import box, merge
 
 SCANS = 5
@@ -40,14 +39,3 @@ def flat_survey() -> FloodgateSurvey:
 def off(meters: float) -> list[RigidTransform]:
     """The true steps, the second one off by so much along its own z."""
     return [step * RigidTransform.from_translation([0, 0, meters * (k == 1)]) for k, step in enumerate(STEPS)]
-
-
-def rows_of(now: FloodgateSurvey, errors: dict[str, float], seed: int = 1, fine: int = 256) -> list[Row]:
-    """Of one survey and methods that make one error each [m]; "hemisphere" and "spectral" on a grid of `fine`."""
-    rows: list[Row] = []
-    for method, steps in {TRUTH: None, **{method: off(error) for method, error in errors.items()}}.items():
-        begin = {"seed": seed, "method": method, "grid": fine if method in ("hemisphere", "spectral") else 0}
-        for k, step in enumerate(steps or ()):
-            rows.append({"row": PAIR} | begin | pair_row(now, k + 1, step, accepted=True))
-        rows += [{"row": POSE} | begin | row for row in pose_rows(now, steps)]
-    return rows
