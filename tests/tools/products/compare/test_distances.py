@@ -46,6 +46,7 @@ def test_means_are_those_of_m3c2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     np.testing.assert_allclose(ours, m3c2.run()[0], atol=1e-9)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_changed(seed: int) -> None:
     distances = compared(surveyed(2 * seed + 10), surveyed(2 * seed + 11))
@@ -67,12 +68,11 @@ def test_a_survey_has_not_changed_since_itself() -> None:
     assert "nan" not in str(apart)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_scans_that_are_bent_are_no_change(seed: int) -> None:
+def test_scans_that_are_bent_are_no_change() -> None:
     """As those of a sensor that moved: half of one survey is in waves of six voxels and 0.2 m."""
-    new = surveyed(2 * seed + 11)
+    new = surveyed(11)
     wave = np.sin(new.points[:, :2] * np.pi / (6 * VOXEL)).prod(axis=1) * (new.points[:, 0] > 0)
-    distances = compared(surveyed(2 * seed + 10), replace(new, points=new.points + 0.2 * wave[:, None] * [0, 0, 1]))
+    distances = compared(surveyed(10), replace(new, points=new.points + 0.2 * wave[:, None] * [0, 0, 1]))
     assert distances.together > 2
     assert not regions_of(distances)
     assert regions_of(replace(distances, together=1.0))
@@ -105,8 +105,7 @@ def test_a_heap_of_which_one_side_was_hidden() -> None:
     assert whole.sigma < 3 < abs(half.volume + 36 * 0.6) < 2.5 * half.sigma  # as all that is hidden is as high
 
 
-@pytest.mark.parametrize("looked_through", [False, True])
-@pytest.mark.parametrize("lost", [False, True])
+@pytest.mark.parametrize(("looked_through", "lost"), [(False, True), (True, False)])
 def test_a_surface_above_another_is_a_change_where_the_other_survey_looked_through_it(
     looked_through: bool, lost: bool
 ) -> None:
@@ -140,13 +139,6 @@ def test_what_one_survey_saw_is_never_unchanged() -> None:
     assert np.isnan(other.distance[far]).all()
 
 
-def test_nothing_in_common() -> None:
-    old = surveyed(1, size=5.0)
-    distances = compared(old, surveyed(2, size=5.0).moved(RigidTransform.from_translation([100.0, 0, 0])))
-    assert set(np.unique(distances.verdict)) == {Verdict.OLD_ONLY, Verdict.NEW_ONLY}
-    assert not regions_of(distances)
-
-
 def test_a_large_level_is_unsure() -> None:
     old, new = surveyed(1, size=5.0), surveyed(2, size=5.0)
     distances = distances_between(old, new, ALIGNMENT, VOXEL, 4 * VOXEL, bound=1e-3)
@@ -162,22 +154,14 @@ def test_the_same_in_another_frame() -> None:
     assert np.nanmedian(other.level) == pytest.approx(np.nanmedian(one.level), rel=0.1)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_shift_along_the_surface_is_no_change(seed: int) -> None:
+def test_a_shift_along_the_surface_is_no_change() -> None:
     """By a turn about a place far away, 1.6 m, which noisy normals show as distances."""
     away = RigidTransform.from_translation([400.0, 0.0, 0.0])
-    old, new = (surveyed(2 * seed + k + 30, size=30.0).moved(away) for k in range(2))
+    old, new = (surveyed(k + 30, size=20.0).moved(away) for k in range(2))
     turned = new.moved(RigidTransform.from_rotation(Rotation.from_rotvec([0.0, 0.0, 4e-3])))
     distances = distances_between(old, turned, np.diag(np.repeat([5e-3, 0.5], 3) ** 2), VOXEL, 2.0, 1.0)
     assert distances.widened < 1.2
     assert not regions_of(distances)
-
-
-def test_poses_move_their_points_together() -> None:
-    distances = compared(surveyed(3), surveyed(4))
-    every = np.arange(len(distances.compared))
-    apart = np.sqrt(np.sum((distances.cores.area * distances.sigma)[distances.compared] ** 2))
-    assert distances.sigma_of_sum(every) > 3 * apart
 
 
 def test_two_surveys_of_one_map_share_its_poses() -> None:

@@ -10,19 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.tools.products.compare import page as page_module
 from sonarmap.tools.products.compare.comparison import Comparison
 from sonarmap.tools.products.compare.distances import Verdict, distances_between
 from sonarmap.tools.products.compare.page import UNSAID, changes_page
 from sonarmap.tools.products.compare.regions import regions_of
 from sonarmap.tools.products.report.page.points import FRACTION
-from tests.samples.places import ROOT
-from tests.test_words import refused_in
 from tests.tools.products.compare.made_up import VOXEL, surveyed
 from tests.tools.products.report.page.browser import WITHOUT_WEBGL, opened, wait_until
 from tests.tools.products.report.page.known_map import DOT, unpack
 
-WEB = ROOT / "sonarmap/tools/products/compare/web"
 HOSTILE = "/maps/</script><script>window.hurt=1</script><img src=x onerror=window.hurt=1>\udcff"
 ALIGNMENT = np.diag(np.repeat([1e-3, 0.02], 3) ** 2)
 
@@ -82,20 +78,7 @@ def test_what_is_embedded_comes_back(comparison: Comparison) -> None:
     assert (codes[verdicts == Verdict.GAINED] > 127).all()
 
 
-def test_of_many_points_some_are_shown(comparison: Comparison, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page_module, "MOST_POINTS", 500)
-    text = changes_page(comparison, DOT)
-    assert text == changes_page(comparison, DOT)  # the same at random
-    content, clouds = embedded(text)
-    assert [len(points) for points, _ in clouds.values()] == [500] * 3
-    assert content["clouds"]["old"]["all"] == len(comparison.old_points)  # type: ignore[index]
-
-
-@pytest.mark.parametrize("name", ["changes.js", "changes.html"])
-def test_it_is_in_plain_english(name: str) -> None:
-    assert not refused_in(" ".join(re.findall(r'"[^"\n]*"|`[^`]*`|>[^<]*<', (WEB / name).read_text())))
-
-
+@pytest.mark.slow
 def test_the_surveys_are_wiped_by_mouse_and_keyboard(path: Path) -> None:
     """Left of the line is what the old survey alone shows there, right of it what the new one does."""
     pixels = """(percent) => {
@@ -173,17 +156,7 @@ def test_texts_from_files_are_never_markup(path: Path) -> None:
         assert "</script><script>window.hurt=1" in shown.page.inner_text("#facts")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.quick_cases(1)
-def test_it_fits_a_phone(path: Path, scheme: str) -> None:
-    with opened(path, color_scheme=scheme) as shown:
-        shown.page.set_viewport_size({"width": 390, "height": 844})
-        assert shown.page.evaluate("document.documentElement.scrollWidth") <= 390
-        assert shown.page.evaluate("getComputedStyle(document.body).backgroundColor === 'rgb(17, 22, 27)'") == (
-            scheme == "dark"
-        )
-
-
+@pytest.mark.slow
 def test_the_table_and_the_picture_are_there_without_webgl(comparison: Comparison, tmp_path: Path) -> None:
     none = replace(comparison, regions=())
     with opened(written(comparison, tmp_path), WITHOUT_WEBGL) as shown:

@@ -82,7 +82,7 @@ def square(half: float, here: Georeference | None = None) -> list[list[float]]:
     return (corners[:, :2] if here is None else here.geodetic(corners)[:, [1, 0]]).tolist()
 
 
-@pytest.mark.parametrize("here", [None, HERE, Georeference(-17.0, 180.0, heading=70.0)])
+@pytest.mark.parametrize("here", [None, Georeference(-17.0, 180.0, heading=70.0)])
 def test_polygons_have_holes_and_may_be_several(here: Georeference | None, tmp_path: Path) -> None:
     """Across the 180th meridian too."""
     points = np.random.default_rng(1).uniform(-30, 30, (2000, 3))
@@ -123,12 +123,8 @@ def test_a_box_is_in_degrees_or_projected_or_of_the_map() -> None:
     [
         ("1,2,3", "W,S,E,N"),
         ("3,2,1,4", "W below E"),
-        ("1,2,nan,4", "W,S,E,N"),
         ("none.geojson", "none.geojson"),
-        (polygon([[0, 0], [1, 1], [0, 0]]), "no polygon"),
         (polygon(square(1), crs={"type": "name", "properties": {"name": "EPSG:25832"}}), "EPSG:25832; save it"),
-        ('{"type": "Point", "coordinates": [1, 2]}', "no polygon"),
-        ("[1, 2]", "no polygon"),
         ('{"features": 3}', "no polygon"),
     ],
 )

@@ -103,15 +103,6 @@ def test_attitudes(exported: tuple[Path, Map]) -> None:
         np.testing.assert_allclose([each[name] for each in says], written, rtol=1e-8, atol=1e-6)
 
 
-def test_loops_are_those_of_the_map(exported: tuple[Path, Map]) -> None:
-    out, folder = exported
-    features = json.loads((out / "track.geojson").read_text())["features"]
-    loops = [f["properties"] for f in features if f["properties"]["layer"] == "loops"]
-    assert len(loops) == len(folder.loops) > 0
-    assert [loop["kept"] for loop in loops] == [loop.kept for loop in folder.loops]
-    assert (out / "graph.g2o").read_bytes() == (folder.path / "graph.g2o").read_bytes()
-
-
 def test_the_picture_lies_on_the_grid(exported: tuple[Path, Map]) -> None:
     """Of map.kmz, placed by GDAL as by Google Earth: within one cell of what grid.tif has, and the other way round."""
     import rasterio

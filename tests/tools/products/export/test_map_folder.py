@@ -71,7 +71,7 @@ def test_a_file_that_is_not_of_the_map_is_named(whole: Path, name: str, tmp_path
         read_map_folder(folder)
 
 
-@pytest.mark.parametrize("renamed", range(1, 7))
+@pytest.mark.parametrize("renamed", [1, 5])
 def test_a_run_that_was_killed_between_two_files_is_noticed(tmp_path: Path, renamed: int) -> None:
     """Its files replace those of an earlier run one by one, summary.json last."""
     folder, replace, done = finished_map(tmp_path, split=True), Path.replace, list[Path]()
@@ -95,7 +95,7 @@ def test_a_run_that_was_killed_between_two_files_is_noticed(tmp_path: Path, rena
 STRANGE = (None, 3, "x", [], {}, [1], [{"sha256": 1}], {"inputs": [7], "frame": 5, "patch_test": 1}, True)
 
 
-@pytest.mark.parametrize("name", ["settings", "inputs", "files", "components", "scans", "straightened", "georeference"])
+@pytest.mark.parametrize("name", ["settings", "components", "straightened"])
 def test_values_of_other_types_are_refused_or_without_effect(whole: Path, name: str, tmp_path: Path) -> None:
     folder = shutil.copytree(whole, tmp_path / "map")
     summary = json.loads((folder / "summary.json").read_text())
@@ -132,7 +132,7 @@ def test_coordinates_beyond_any_use_are_refused(whole: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("seeds", "least"), [(range(60), 20), pytest.param(range(1000, 3000), 600, marks=pytest.mark.slow)]
+    ("seeds", "least"), [(range(60), 20), pytest.param(range(1000, 1600), 180, marks=pytest.mark.slow)]
 )
 def test_damage_is_refused_or_without_effect(whole: Path, tmp_path: Path, seeds: range, least: int) -> None:
     """Bytes of one file are changed, pieces cut, doubled or exchanged."""

@@ -82,19 +82,6 @@ def test_poses_over_time(topics: dict[str, list[tuple[float, Any]]]) -> None:
             assert (R.inv() * part.T_world_sensor[k].rotation).magnitude() < 1e-12
 
 
-def test_the_track(topics: dict[str, list[tuple[float, Any]]]) -> None:
-    ((time, path),) = topics["/track"]
-    trajectory = dive().part.trajectory
-    expected = trajectory.T_world_sensor.translation
-    assert time == 1.7e9
-    np.testing.assert_allclose([numbers(pose.pose.position, "xyz") for pose in path.poses], expected)
-    seconds = [pose.header.stamp.sec + pose.header.stamp.nanosec / 1e9 for pose in path.poses]
-    np.testing.assert_allclose(seconds, trajectory.stamps, rtol=0, atol=1e-6)
-    ((_, points),) = topics["/track/points"]
-    np.testing.assert_allclose(xyz(table(points)), expected, rtol=0, atol=1e-4)
-    assert table(points)["scan"].tolist() == list(range(6))
-
-
 def test_altitudes_are_above_the_ellipsoid(tmp_path: Path) -> None:
     earth = dive()
     here = replace(earth.georeference, vertical="ellipsoid", height=44.5)

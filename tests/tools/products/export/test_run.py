@@ -3,8 +3,6 @@
 import csv
 import hashlib
 import json
-import re
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +17,7 @@ from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from sonarmap.tools.files.readers.clouds.pcd import read_pcd
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.run import ExportSettings, check_settings, export_map
-from tests.tools.products.export.finished import START, finished_map, program
+from tests.tools.products.export.finished import finished_map
 
 HERE = Georeference(60.0, 11.9999, height=-2.0, vertical="MSL", heading=70.0)
 ALL = ExportSettings(tuple(FORMATS))
@@ -69,16 +67,6 @@ def test_poses_at_a_rate_pass_through_the_scans(one: Path, tmp_path: Path) -> No
     assert tmp_path / "map.laz" in exported.files
 
 
-def test_a_rate_needs_a_format_of_poses_and_bounds_their_number(one: Path, tmp_path: Path) -> None:
-    for settings, words in (
-        (ExportSettings(("laz",), rate=4.0), "csv, eiva-position, eiva-attitude, tum, kitti"),
-        (ExportSettings(("tum",), rate=1e7), "more than 10,000,000 poses"),
-    ):
-        with pytest.raises(InputError, match=words):
-            export_map(read_map_folder(one), tmp_path / "none", settings)
-        assert not (tmp_path / "none").exists() or not list((tmp_path / "none").iterdir())
-
-
 def test_every_file_has_a_side_car_that_says_what_it_is(one: Path, tmp_path: Path) -> None:
     exported = export_map(read_map_folder(one), tmp_path / "gis", ALL)
     files = [path for path in exported.files if path.suffix != ".json"]
@@ -111,12 +99,9 @@ def test_every_file_has_a_side_car_that_says_what_it_is(one: Path, tmp_path: Pat
     ("here", "crs", "said", "unsaid"),
     [
         (HERE, None, ("more than one UTM zone",), ()),
-        (replace(HERE, longitude=9.0), None, (), ("zone",)),
         (Georeference(60.0, 9.0), None, ("no attitude", "no depth", "--origin-heading"), ()),
-        (Georeference(60.0, 9.0, -1.0, heading=3.0), None, ("no attitude",), ("no depth", "--origin-heading")),
         # 3413 is the Arctic's, north of 60 degrees
         (Georeference(55.0, 5.0), "EPSG:3413", ("outside the area",), ()),
-        (Georeference(75.0, 5.0), "EPSG:3413", (), ("outside the area",)),
     ],
 )
 def test_what_is_not_certain_is_said(
@@ -139,9 +124,7 @@ def test_parts_that_something_placed_are_written_and_others_are_named(two: Path,
         export_map(replace(folder, parts=parts, georeference=HERE), tmp_path, LAZ)
 
 
-@pytest.mark.parametrize(
-    ("name", "stamps"), [("eiva-attitude", [0.0, 5.0]), ("mcap", [-1.0, 4.0]), ("mcap", [1.7e9, 1.7e18])]
-)
+@pytest.mark.parametrize(("name", "stamps"), [("eiva-attitude", [0.0, 5.0]), ("mcap", [-1.0, 4.0])])
 def test_stamps_that_a_format_cannot_hold_are_refused(name: str, stamps: list[float]) -> None:
     check_settings(ExportSettings((name,)), HERE, [1.7e9, 1.8e9])
     words = rf"{name} needs stamps from \d+ to \d+ s, and those of the scans are .*leave this format out"
@@ -157,9 +140,9 @@ def test_no_place_at_all_is_refused(two: Path, tmp_path: Path) -> None:
         check_settings(ExportSettings((), "EPSG:32632"), None, [])
 
 
-@pytest.mark.parametrize("crs", ["EPSG:27700", "EPSG:4326", "EPSG:2053", "nonsense"])
+@pytest.mark.parametrize("crs", ["EPSG:27700", "EPSG:4326", "nonsense"])
 def test_a_crs_that_cannot_be_used_is_refused(one: Path, crs: str, tmp_path: Path) -> None:
-    """27700 needs a grid that PROJ does not bring along; 2053 counts westward."""
+    """27700 needs a grid that PROJ does not bring along."""
     with pytest.raises(InputError, match=r"--crs .*"):
         export_map(placed(one, Georeference(52.0, 0.2)), tmp_path / "gis", ExportSettings(("laz",), crs))
     assert not (tmp_path / "gis").exists()
@@ -181,7 +164,7 @@ def test_files_that_no_export_wrote_are_kept_and_an_earlier_export_is_replaced(o
     assert side_car(tmp_path / "map.laz")["sha256"] != before
 
 
-@pytest.mark.parametrize("fault", [KeyboardInterrupt(), InputError("full"), RuntimeError("defect")])
+@pytest.mark.parametrize("fault", [KeyboardInterrupt(), InputError("full")])
 def test_all_files_or_none(one: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: BaseException) -> None:
     """Stopped while the second format is written: the first is not there either, and an earlier export stays."""
     export_map(read_map_folder(one), tmp_path, LAZ)
@@ -247,17 +230,3 @@ def test_what_needs_no_place_is_written_of_every_part(two: Path, tmp_path: Path)
         table = np.loadtxt(tmp_path / f"trajectory{part.suffix}.tum")
         expected = np.column_stack([part.trajectory.stamps, T[:, :3, 3]])
         np.testing.assert_allclose(table[:, :4], expected, rtol=0, atol=1e-6)
-
-
-def test_evo_reads_the_trajectories(one: Path, tmp_path: Path) -> None:
-    command = program("evo_traj", "pip install evo")
-    folder = read_map_folder(one)
-    export_map(folder, tmp_path, ExportSettings(("tum", "kitti")))
-    T = folder.parts[0].trajectory.T_world_sensor.translation
-    way = float(np.linalg.norm(np.diff(T, axis=0), axis=1).sum())
-    for kind in ("tum", "kitti"):
-        asked = [command, kind, str(tmp_path / f"trajectory.{kind}"), "--full_check"]
-        said = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
-        assert float(re.findall(r"path length \(m\)\s+([\d.]+)", said)[0]) == pytest.approx(way, abs=1e-3)
-        if kind == "tum":
-            assert float(re.findall(r"t_start \(s\)\s+([\d.]+)", said)[0]) == pytest.approx(START, abs=1e-3)

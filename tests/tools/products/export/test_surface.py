@@ -38,8 +38,7 @@ def slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return 0.25 * x - 0.5 * y - 7
 
 
-@pytest.mark.parametrize("far", [0.0, 431_000.0])
-@pytest.mark.parametrize("suffix", ["ply", "glb"])
+@pytest.mark.parametrize(("suffix", "far"), [("ply", 0.0), ("glb", 431_000.0)])
 def test_the_grid_is_a_sheet_that_looks_up(tmp_path: Path, suffix: str, far: float) -> None:
     """A corner cell and one in the middle are missing: the corner's square keeps a triangle, and so do four others."""
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(7) + 0.5, np.arange(5) + 0.5))

@@ -28,23 +28,12 @@ def test_points_come_back_within_half_a_quantum() -> None:
         assert np.abs(back - points).max() <= 0.51 * quantum
 
 
-def test_points_that_are_far_are_coarser() -> None:
-    _, message = messages.cloud(0, np.array([[1e4, 0, 0]]))
-    assert isinstance(message, bytes)
-    assert np.frombuffer(message, "<i2", offset=12).tolist() == [32767, 0, 0]
-    assert len(messages.last(0, np.zeros((0, 3)))[1]) == 12
-
-
 def test_poses_come_in_blocks_from_the_first_that_changed() -> None:
     block = messages.BLOCK
     sent = dict(messages.poses(block + 3, [0] * (2 * block) + [1], [T] * (2 * block + 1)))
     assert list(sent) == [f"poses {block}", f"poses {2 * block}"]
     assert json.loads(sent[f"poses {2 * block}"]) == {"kind": "poses", "first": 2 * block, "poses": [[1, *SEVEN]]}
     assert len(json.loads(sent[f"poses {block}"])["poses"]) == block
-
-
-def test_loops_come_back() -> None:
-    assert json.loads(messages.loops([(1, 9)])[1]) == {"kind": "loops", "pairs": [[1, 9]]}
 
 
 def plan_of(seen: list[np.ndarray], cell: float = 0.5) -> tuple[dict[str, object], np.ndarray]:
@@ -84,8 +73,3 @@ def test_a_large_plan_is_coarser_and_strays_do_not_make_it_large() -> None:
     near = np.repeat(rng.uniform(0, 20, (5000, 2)), 2, axis=0)
     plan, kinds = plan_of([near, np.full((2, 2), 1e5)])
     assert max(kinds.shape) < 50
-
-
-def test_a_plan_of_nothing_is_empty() -> None:
-    _, kinds = plan_of([np.zeros((0, 2)), np.array([[1.0, 2.0]])])
-    assert kinds.tolist() == [[0]]

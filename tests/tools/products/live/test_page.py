@@ -65,6 +65,7 @@ def test_a_dive_is_shown_and_an_alarm_when_lost(width: int) -> None:
         assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.slow
 def test_poses_move_clouds_and_nothing_is_sent_again() -> None:
     with LivePage() as live, opened(live) as shown:
         page = shown.page
@@ -93,6 +94,7 @@ def test_poses_move_clouds_and_nothing_is_sent_again() -> None:
         assert page.evaluate("sonarmap.wire.messages") < 10
 
 
+@pytest.mark.slow
 def test_the_camera_follows_until_it_is_moved_and_again_when_asked() -> None:
     with LivePage() as live, opened(live) as shown:
         page = shown.page
@@ -118,24 +120,6 @@ def test_the_camera_follows_until_it_is_moved_and_again_when_asked() -> None:
         wait_until(page, "sonarmap.view.camera.target[0] === 9")
 
 
-def test_the_last_sure_place_is_shown_in_its_part_until_the_camera_follows_again() -> None:
-    with LivePage() as live, opened(live) as shown:
-        page = shown.page
-        for each in messages.poses(0, [0, 1], [RigidTransform.identity()] * 2):
-            live.publish(each)
-        live.publish(messages.cloud(0, np.eye(3)))
-        live.publish(messages.cloud(1, np.eye(3)))
-        lost = State("lost", part=1, parts=2, sure=(0, [3, 0, 0]), pose=[0, 0, 0, 0, 0, 0, 1], half_axes=SURE)
-        live.publish(("state", lost.message))
-        wait_until(page, "document.querySelector('#said').textContent.includes('of part 1')")
-        assert "of part 0" in page.inner_text("#alarm")
-        page.click("#sure")
-        wait_until(page, "document.querySelector('#said').textContent.includes('of part 0')")
-        assert page.evaluate("sonarmap.view.camera.target[0]") == 3
-        page.click("#follow")
-        wait_until(page, "document.querySelector('#said').textContent.includes('of part 1')")
-
-
 def test_texts_are_never_markup() -> None:
     evil = "<img src=x onerror=alert(1)>"
     with LivePage() as live, opened(live) as shown:
@@ -145,6 +129,7 @@ def test_texts_are_never_markup() -> None:
         assert shown.page.locator("img").count() == 0
 
 
+@pytest.mark.slow
 def test_it_says_that_the_server_is_gone_and_comes_back_with_it() -> None:
     with LivePage() as live:
         port = urlsplit(live.address).port or 0
@@ -164,6 +149,7 @@ def test_it_says_that_the_server_is_gone_and_comes_back_with_it() -> None:
         browser.__exit__(None, None, None)
 
 
+@pytest.mark.slow
 def test_without_webgl_state_and_plan_are_still_there() -> None:
     plan = np.ones((9, 9), bool)
     plan[3:6, 3:6] = False

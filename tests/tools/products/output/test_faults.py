@@ -2,6 +2,7 @@
 
 import hashlib
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -23,21 +24,19 @@ COUNT = 10
 NAMES = [f"scan{k}" for k in range(COUNT)]
 
 
+@cache
 def survey() -> SurveyResult:
     truth = ring_poses(COUNT, turns=0.3)
     return Mapper(KnowingRegistrar(truth, 1e-6 * np.eye(6)), 0.5).run(scans_of(truth))
 
 
-@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(
     ("probability", "evidence", "across", "said"),
     [
         (0.93, "", "refused", True),
         (0.93, "likely", "none", True),
         (0.93, "", "kept", False),
-        (0.93, "", "none", False),
         (0.97, "", "refused", False),
-        (0.93, "likely", "kept", False),
     ],
 )
 def test_a_step_that_is_not_sure_is_named_where_no_pair_beside_it_says_so(

@@ -22,7 +22,7 @@ from sonarmap.tools.products.output.folder import write_survey
 from sonarmap.tools.products.output.run import SurveyRun
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
-COUNT = 24
+COUNT = 12
 RUN = SurveyRun([f"s{k}" for k in range(COUNT)])
 
 
@@ -113,24 +113,6 @@ def test_what_the_map_leaves_out_is_in_the_map_of_all(mapped: tuple[list[Scan], 
     write_survey(tmp_path, replace(result, parts=(replace(part, doubtful=None),)), RUN)
     assert not (tmp_path / "map_all.ply").exists()
     assert (tmp_path / "map_all_3.ply").read_text() == "mine"
-
-
-@pytest.mark.slow
-def test_what_a_survey_s_map_leaves_out_is_in_its_map_of_all(
-    mapped: tuple[list[Scan], SurveyResult], tmp_path: Path
-) -> None:
-    """Seven points of the second survey's own map, put into its layer of doubtful ones."""
-    result = as_surveys(mapped, several=True)
-    (part,) = result.parts
-    whole = part.layers[1].clean
-    out, parted = without(whole, 7)
-    layers = {0: part.layers[0], 1: parted}
-    write_survey(tmp_path, replace(result, parts=(replace(part, layers=layers),)), RUN)
-    _, everything = divided(tmp_path, "_survey_1", whole.points[out])
-    assert set(everything["survey"]) == {1}
-
-    write_survey(tmp_path, replace(result, parts=(replace(part, doubtful=None),)), RUN)
-    assert {path.name for path in tmp_path.glob("map_*")} == {"map_survey_0.ply", "map_survey_1.ply"}
 
 
 def test_the_map_of_all_is_not_taken_for_a_scan(tmp_path: Path) -> None:

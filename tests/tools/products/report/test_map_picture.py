@@ -14,7 +14,6 @@ from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.report.map_picture import draw_map, map_figure
-from sonarmap.tools.products.report.naming import plain_text, survey_date, survey_name
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 COUNT = 8
@@ -68,9 +67,7 @@ def with_points(result: SurveyResult, points: np.ndarray) -> SurveyResult:
         (None, None, "x [m]", "height relative to the first scan [m]", ""),
         ((), None, "East [m]", "depth below the zero of the navigation's heights [m]", ""),
         ((), HERE, "East [m]", "depth below mean sea level [m]", "60.3913000, -5.3221000 (WGS84)."),
-        (("heading", "east", "north"), None, "x [m]", "depth below the zero of the navigation's heights [m]", ""),
         (("up",), None, "East [m]", "height relative to the first scan [m]", ""),
-        (None, replace(HERE, height=0.0), "East [m]", "height relative to the first scan [m]", "60.3913000"),
         (None, replace(HERE, heading=40.0), "x [m]", "depth below mean sea level [m]", "and x points to 40°"),
     ],
 )
@@ -88,14 +85,6 @@ def test_what_coordinates_and_colors_count_from(
     assert bool(said[2]) == (here is not None)
     other = words(map_figure(result, 2, INPUTS, here))
     assert other == ("x [m]", "height relative to the first scan [m]", "")  # nothing places the other part
-
-
-def test_titles_tell_name_date_part_and_size(mapped: SurveyResult) -> None:
-    title = map_figure(mapped, 1, INPUTS).axes[0].get_title().splitlines()
-    points = f"{len(mapped.maps[0].points):,} points"
-    assert title == ["harbor, 2016-12-31 to 2017-01-01, part 1 of 2", f"5 scans, {points}, voxel 0.5 m"]
-    counted = replace(mapped, trajectory=replace(mapped.trajectory, stamps=np.arange(8.0)))
-    assert map_figure(counted, 2, []).axes[0].get_title().splitlines()[0] == "part 2 of 2"
 
 
 def test_the_image_lies_where_its_points_do_and_the_deep_is_dark(mapped: SurveyResult) -> None:
@@ -120,57 +109,8 @@ def test_the_image_lies_where_its_points_do_and_the_deep_is_dark(mapped: SurveyR
     assert bar.get_ylim()[0] > bar.get_ylim()[1]  # depths grow downward
 
 
-def test_a_flat_bed_s_noise_looks_like_no_relief(mapped: SurveyResult) -> None:
-    flat = with_points(mapped, np.random.default_rng(1).uniform(0, 9, (500, 3)) * [1, 1, 0.001])
-    assert np.ptp(np.array(map_figure(flat, 1, INPUTS).axes[0].images[0].get_clim())) == pytest.approx(0.25)
-
-
-def test_each_survey_has_a_track_of_its_own(mapped: SurveyResult) -> None:
-    two = map_figure(replace(mapped, surveys=(0, 0, 0, 1, 1, 1, 1, 1)), 1, INPUTS)
-    tracks = two.axes[0].lines[:2]
-    places = mapped.trajectory.T_world_sensor.translation[:, :2]
-    for line, leg in zip(tracks, (places[:3], places[3:5]), strict=True):
-        np.testing.assert_array_equal(np.array(line.get_data()).T, leg)
-    assert len({line.get_color() for line in tracks}) == 2
-    (legend,) = two.legends
-    entries = [text.get_text() for text in legend.get_texts()]
-    assert entries == ["survey 0, 3 scans", "survey 1, 2 scans", "start", "end"]
-
-
 def test_the_same_map_gives_the_same_file_with_names_in_any_script(mapped: SurveyResult, tmp_path: Path) -> None:
     for name in ("a.png", "b.png"):
         draw_map(tmp_path / name, mapped, 1, ["深 \\$x^ \n\udcff"])
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
     assert (tmp_path / "a.png").stat().st_size > 10_000
-
-
-class TestNames:
-    @pytest.mark.parametrize(
-        ("inputs", "name"),
-        [
-            (["a/harbor.sonar"], "harbor.sonar"),
-            (["a/scans/"], "scans"),
-            (["a/scans/*.ply"], "scans"),
-            (["a/scans/[0-4]*.ply", "a/scans/9.ply"], "scans, 9.ply"),
-            (["a", "b", "x/c", "d"], "a, b, c and others"),
-            ([f"a/scans/{k}.ply" for k in range(4)], "scans"),
-            (["a/1.ply", "a/2.ply"], "1.ply, 2.ply"),
-            (["a/x", "b/x"], "x"),
-            ([], ""),
-        ],
-    )
-    def test_of_a_survey(self, inputs: list[str], name: str) -> None:
-        assert survey_name(inputs) == name
-
-    def test_of_the_folder_where_it_runs_and_dates_and_plain_text(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        (tmp_path / "harbor").mkdir()
-        monkeypatch.chdir(tmp_path / "harbor")
-        assert survey_name(["."]) == "harbor"
-        assert survey_date(np.array([START, START + 5])) == "2016-12-31"
-        assert survey_date(np.array([START + 20, START])) == "2016-12-31 to 2017-01-01"
-        assert survey_date(np.arange(4.0)) == ""
-        assert plain_text("a$b\n\udcffc") == r"a\$b??c"
-        assert plain_text("abcdefghijklmnop", 7) == "abc…nop"
-        assert plain_text("abcdefg", 7) == "abcdefg"

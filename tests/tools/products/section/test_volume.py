@@ -95,7 +95,7 @@ def poses() -> tuple[RigidTransform, np.ndarray]:
     return RigidTransform.from_components(places, turns), factors @ factors.mT
 
 
-def drawn(alone: bool, tries: int = 400) -> tuple[float, float]:
+def drawn(alone: bool, tries: int = 150) -> tuple[float, float]:
     """The standard deviation of the net volume by drawing errors, and what is said of it.
 
     With `alone` all points are of one scan. Otherwise each scan has its half, and the errors of the second pose follow

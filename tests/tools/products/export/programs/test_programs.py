@@ -153,23 +153,6 @@ def test_places_agree(layers: dict[str, Any]) -> None:
     assert layers["kml"]["renderer"] == "embeddedSymbol"  # the KML's own colors
 
 
-def test_columns_have_types(layers: dict[str, Any]) -> None:
-    for name, times in (
-        ("scans", ["utc"]),
-        ("track", ["first_utc", "last_utc"]),
-        ("geojson", ["utc", "first_utc", "last_utc"]),
-        ("csv", ["utc"]),
-    ):
-        assert {layers[name]["types"][column] for column in times} == {"datetime"}, name
-    for name in ("scans", "geojson", "csv"):
-        types = layers[name]["types"]
-        assert types["scan"].startswith("integer")
-        numbers = {types[column] for column in ("unix_s", "depth_m", "roll_deg", "heading_sigma_deg")}
-        assert numbers <= {"real", "double"}
-    assert layers["loops"]["types"]["kept"] == "boolean"
-    assert layers["loops"]["count"] == 2
-
-
 def test_the_grid_is_drawn_in_the_colors_of_its_heights(layers: dict[str, Any], exported: Path) -> None:
     with rasterio.open(exported / "grid.tif") as raster:
         heights, bounds = raster.read(1, masked=True), raster.bounds

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page, Playwright
 
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # WebGL on the processor
 WITHOUT_WEBGL = ("--disable-3d-apis",)
@@ -68,19 +68,41 @@ def browsed(
 
     Skips the test where there is no Chromium, or no Playwright to drive it.
     """
-    browser_path = next((found for name in _NAMES if (found := shutil.which(name))), None)
-    if browser_path is None:
-        pytest.skip("no Chromium is installed: apt-get install chromium")
-    sync_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install playwright")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=browser_path, args=["--no-sandbox", *flags])
-        page = browser.new_page(viewport={"width": size[0], "height": size[1]}, **context)
-        shown = Opened(page)
-        page.on("console", lambda message: shown.said.append(message.text))
-        page.on("pageerror", lambda error: shown.said.append(str(error)))
-        page.on("request", lambda request: shown.asked.append(request.url))
-        page.add_init_script(script)
+    own = started(flags).new_context(viewport={"width": size[0], "height": size[1]}, **context)  # type: ignore[arg-type]
+    page = own.new_page()
+    shown = Opened(page)
+    page.on("console", lambda message: shown.said.append(message.text))
+    page.on("pageerror", lambda error: shown.said.append(str(error)))
+    page.on("request", lambda request: shown.asked.append(request.url))
+    page.add_init_script(script)
+    try:
         page.goto(address)
         wait_until(page, ready)
         yield shown
-        browser.close()
+    finally:
+        own.close()
+
+
+_STARTED: "dict[tuple[str, ...], Browser]" = {}
+_PLAYWRIGHT: "list[Playwright]" = []
+
+
+def started(flags: tuple[str, ...]) -> "Browser":
+    """A Chromium with these flags, which all tests share, each in a context of its own."""
+    path = next((found for name in _NAMES if (found := shutil.which(name))), None)
+    if path is None:
+        pytest.skip("no Chromium is installed: apt-get install chromium")
+    sync_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install playwright")
+    if not _PLAYWRIGHT:
+        _PLAYWRIGHT.append(sync_api.sync_playwright().start())
+    if flags not in _STARTED:
+        _STARTED[flags] = _PLAYWRIGHT[0].chromium.launch(executable_path=path, args=["--no-sandbox", *flags])
+    return _STARTED[flags]
+
+
+def end_browsers() -> None:
+    """All of them, and Playwright, beside whose event loop no other can run in this thread."""
+    while _STARTED:
+        _STARTED.popitem()[1].close()
+    while _PLAYWRIGHT:
+        _PLAYWRIGHT.pop().stop()

@@ -59,6 +59,7 @@ def test_a_point_is_named_as_a_control_point(page: Opened, content: Content, tmp
     assert " --control control.csv" in command
 
 
+@pytest.mark.slow
 def test_control_points_of_the_map_are_shown(content: Content, tmp_path: Path) -> None:
     check = POINT | {"name": "pile", "use": "check", "residual": [0.3, 0.0, -0.4], "in_sigmas": 1.25, "scan": NAMES[5]}
     with opened(path_of(content, tmp_path, control_points=[POINT, check])) as page:
@@ -84,19 +85,6 @@ def test_control_points_of_the_map_are_shown(content: Content, tmp_path: Path) -
 
 
 @pytest.mark.slow
-def test_positions_that_were_left_out_are_shown(content: Content, tmp_path: Path) -> None:
-    track = content.shown["parts"][0]["track"]
-    with opened(path_of(content, tmp_path, wrong_fixes={track["scans"][3]: [30.5, -7.25]})) as page:
-        (piece,) = page.page.evaluate("sonarmap.view.wrong")
-        np.testing.assert_allclose(piece, [track["places"][3], [30.5, -7.25, track["places"][3][2]]], atol=1e-9)
-        count = "sonarmap.view.scene.lines.get('wrong').count"
-        assert page.page.evaluate(count) == 1 + 3  # a line to a cross
-        page.page.locator("label.wrong input").uncheck()
-        assert page.page.evaluate(count) == 0
-    with opened(path_of(content, tmp_path)) as page:
-        assert page.page.locator("label.wrong").count() == 0
-
-
 def test_grid_coordinates_checks_and_two_sigmas_have_columns_of_their_own(content: Content, tmp_path: Path) -> None:
     far = POINT | {"known": [500123.25, 6650000.5, -3.0]}
     rows = [far | {"name": "a", "use": "check"}, far | {"name": "b", "sigma": [0.02, 0.02, 0.5]}]

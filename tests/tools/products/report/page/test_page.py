@@ -20,7 +20,7 @@ from sonarmap.tools.products.report.page.content import Content, content_of
 from sonarmap.tools.products.report.page.page import SCRIPTS, report_text, write_report
 from tests.samples.places import ROOT
 from tests.tools.products.export.finished import finished_map
-from tests.tools.products.report.page.browser import WITHOUT_WEBGL, click, opened, wait_until
+from tests.tools.products.report.page.browser import WITHOUT_WEBGL, opened, wait_until
 from tests.tools.products.report.page.known_map import DOT, folder_of, known_points, written
 
 WEB = ROOT / "tools" / "products" / "report" / "page" / "web"
@@ -106,7 +106,7 @@ def test_damaged_folders_end_in_words(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     outcomes = {"page": 0, "error": 0}
     said: set[str] = set()
-    for _ in range(50 if seed == 1 else 2000):
+    for _ in range(30 if seed == 1 else 600):
         name = (SUMMARY, FULL_GRAPH)[rng.integers(2)]
         damaged = json.loads(json.dumps(whole[name]))
         spoil(damaged, rng)
@@ -119,7 +119,7 @@ def test_damaged_folders_end_in_words(tmp_path: Path, seed: int) -> None:
         except InputError as error:
             said.add(str(error).split("(")[0])
             outcomes["error"] += 1
-    assert min(outcomes.values()) > 5, outcomes
+    assert min(outcomes.values()) > 3, outcomes
     assert not [words for words in said if str(out) not in words and "origin" not in words]
 
 
@@ -128,24 +128,6 @@ HOSTILE = (
     "<img src=x onerror=window.hurt=1>",
     "`${window.hurt=1}`&lt;\udcff",
 )
-
-
-@pytest.mark.slow
-def test_a_third_is_drawn_while_moving(content: Content, tmp_path: Path) -> None:
-    points = np.random.default_rng(2).uniform(-40, 40, (120_001, 3))
-    path = written(content_of(folder_of(points, tmp_path / "out")), tmp_path / "many.html")
-    counting = """
-        const draw = WebGL2RenderingContext.prototype.drawArrays;
-        WebGL2RenderingContext.prototype.drawArrays = function (mode, first, count) {
-            if (mode === this.POINTS) (window.drawn ??= []).push(count);
-            return draw.call(this, mode, first, count);
-        };"""
-    with opened(path, script=counting) as many:
-        assert many.page.evaluate("drawn[drawn.length - 1]") == 120_001
-        many.page.locator("#canvas").focus()
-        many.page.keyboard.press("ArrowLeft")
-        wait_until(many.page, "drawn.length >= 3 && drawn[drawn.length - 1] === 120001")  # once it stands still
-        assert 40_001 in many.page.evaluate("drawn")
 
 
 def test_pictures_and_a_sentence_without_webgl(content: Content, tmp_path: Path) -> None:
@@ -200,6 +182,7 @@ def test_a_script_that_is_not_the_pages_own_does_not_run(content: Content, tmp_p
         assert any("Content Security Policy" in said for said in injected.said)
 
 
+@pytest.mark.slow
 def test_a_crossing_is_shown_with_its_distances(content: Content, tmp_path: Path) -> None:
     near = {"target": 0, "source": 5, "before_m": 0.52, "before_90_m": 1.1, "after_m": 0.071, "after_90_m": 0.2}
     far = near | {"target": 1, "source": 6, "after_m": 0.31}
@@ -213,16 +196,6 @@ def test_a_crossing_is_shown_with_its_distances(content: Content, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_dark_and_light(content: Content, tmp_path: Path) -> None:
-    with opened(written(content, tmp_path / "report.html"), color_scheme="dark") as dark:
-        ground = "getComputedStyle(document.body).backgroundColor"
-        assert dark.page.evaluate(ground) == "rgb(17, 22, 27)"
-        dark.page.locator("#theme").click()
-        assert dark.page.evaluate(ground) == "rgb(255, 255, 255)"
-        dark.page.locator("#theme").click()
-        assert dark.page.evaluate(ground) == "rgb(17, 22, 27)"
-
-
 def test_parts_are_shown_one_at_a_time(tmp_path: Path) -> None:
     folder = read_map_folder(finished_map(tmp_path / "out", split=True))
     assert [len(part.scans) for part in folder.parts] == [5, 3]
@@ -235,29 +208,6 @@ def test_parts_are_shown_one_at_a_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_scans_of_two_parts_are_tied(tmp_path: Path) -> None:
-    """A pose is picked in a part, and the other in the next; a line could not be drawn between their frames."""
-    folder = read_map_folder(finished_map(tmp_path / "out", split=True))
-    content = content_of(folder)
-    content = replace(content, shown=content.shown | {"pairs": [], "sequential": []})
-    with opened(written(content, tmp_path / "parts.html")) as parts:
-        for number, place in ((0, 1), (1, 2)):
-            if number:
-                parts.page.locator("#controls select").first.select_option("1")
-                wait_until(parts.page, f"sonarmap.view.part === sonarmap.content.parts[{number}]")
-            parts.page.evaluate("sonarmap.view.camera.fromAbove()")
-            pose = parts.page.evaluate(f"sonarmap.view.part.track.places[{place}]")
-            click(parts.page, pose)
-            if not number:
-                parts.page.get_by_role("button", name="Tie to another scan").click()
-        assert "scan1 and scan7" in parts.page.locator("#picked").inner_text()
-        parts.page.locator("#picked").get_by_role("button", name="add").click()
-        expected = [{"target": "scan1", "source": "scan7", "verdict": "add", "note": ""}]
-        assert parts.page.evaluate("sonarmap.decisions.ties") == expected
-        assert parts.page.evaluate("sonarmap.view.scene.lines.get('accepted').count") == 0
-
-
-@pytest.mark.slow
 def test_a_track_of_one_pose(tmp_path: Path) -> None:
     folder = folder_of(known_points(), tmp_path / "out")
     part = folder.parts[0]
@@ -266,18 +216,3 @@ def test_a_track_of_one_pose(tmp_path: Path) -> None:
     part = replace(part, scans=(0,), trajectory=lone, covariances=part.covariances[:1], columns=columns)
     with opened(written(content_of(replace(folder, parts=(part,))), tmp_path / "one.html")):
         pass  # it is drawn, and nothing is said
-
-
-@pytest.mark.slow
-def test_titles_of_curves_are_whole_on_a_phone(content: Content, tmp_path: Path) -> None:
-    page = written(content, tmp_path / "phone.html")
-    with opened(page) as shown:
-        shown.page.set_viewport_size({"width": 390, "height": 800})
-        shown.page.reload()
-        wait_until(shown.page, "window.sonarmap && (!sonarmap.view || sonarmap.view.frames > 0)")
-        places = (
-            "[...document.querySelectorAll('figure.profile text')].map((text) => text.getBoundingClientRect().right)"
-        )
-        ends = shown.page.evaluate(places)
-    assert len(ends) > 10
-    assert max(ends) <= 390

@@ -112,20 +112,6 @@ def test_what_is_hidden_is_not_picked(bare: Opened) -> None:
     assert page.page.evaluate("sonarmap.view.heights[1] === Infinity")
 
 
-def test_a_click_tells_what_a_point_is(bare: Opened) -> None:
-    click(bare.page, B)
-    shown = bare.page.locator("#picked").inner_text()
-    assert all(words in shown for words in ("scan1", "2 scans", "-6.5"))
-    assert shown.count("\u202fm") >= 4
-
-
-def test_a_loop_is_shown_with_its_reason(page: Opened, content: Content) -> None:
-    pair = content.shown["pairs"][0]
-    page.page.locator("#loops tbody .link").first.click()
-    assert pair["reason"] in page.page.locator("#picked").inner_text()
-    assert page.page.evaluate("sonarmap.view.scene.lines.get('chosen').count") == 1
-
-
 def test_degrees_are_those_of_the_georeference(page: Opened) -> None:
     """The twins agree to a hundredth of a millimeter, for any heading, also where heights follow the Earth."""
     places = np.array([[0.0, 0.0, 0.0], [812.5, -333.25, -41.0], [-25_000.0, 9_000.0, 120.0]])

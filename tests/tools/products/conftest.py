@@ -1,0 +1,13 @@
+"""Browsers, which the tests of this folder share."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.tools.products.report.page.browser import end_browsers
+
+
+@pytest.fixture(scope="package", autouse=True)
+def _browsers() -> Iterator[None]:
+    yield
+    end_browsers()
