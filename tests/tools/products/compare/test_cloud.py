@@ -108,14 +108,6 @@ def test_an_alignment_from_the_other_side() -> None:
     assert np.sqrt((off**2).mean() / 6) == pytest.approx(1, abs=0.03)
 
 
-def test_large_coordinates_are_counted_from_nearby(folder: Map) -> None:
-    points, far = folder.parts[0].points, np.array([450_123.0, 6_651_234.0, 0])
-    cloud = PointCloud.of_points(points + far, folder)
-    assert "its coordinates are counted from 450000, 6651000, 0 m" in cloud.notes[1]
-    assert np.abs(cloud.points).max() < 1000
-    assert cloud.weight.sum() == len(points)
-
-
 def test_a_thinned_cloud_is_less_sure(folder: Map) -> None:
     points = folder.parts[0].points
     thinned = PointCloud.of_points(points, folder)

@@ -3,7 +3,6 @@
 import json
 import re
 from base64 import b64decode, b64encode
-from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from sonarmap.tools.products.compare.page import UNSAID, changes_page
 from sonarmap.tools.products.compare.regions import regions_of
 from sonarmap.tools.products.report.page.points import FRACTION
 from tests.tools.products.compare.made_up import VOXEL, surveyed
-from tests.tools.products.report.page.browser import WITHOUT_WEBGL, opened, wait_until
+from tests.tools.products.report.page.browser import opened, wait_until
 from tests.tools.products.report.page.known_map import DOT, unpack
 
 HOSTILE = "/maps/</script><script>window.hurt=1</script><img src=x onerror=window.hurt=1>\udcff"
@@ -78,54 +77,6 @@ def test_what_is_embedded_comes_back(comparison: Comparison) -> None:
     assert (codes[verdicts == Verdict.GAINED] > 127).all()
 
 
-@pytest.mark.slow
-def test_the_surveys_are_wiped_by_mouse_and_keyboard(path: Path) -> None:
-    """Left of the line is what the old survey alone shows there, right of it what the new one does."""
-    pixels = """(percent) => {
-        const { view } = sonarmap, { gl } = view.scene, { width, height } = gl.canvas;
-        view.wipe(percent);
-        view.draw();
-        const all = new Uint8Array(4 * width * height), half = width >> 1;
-        gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, all);
-        return [0, half].map((from) => {
-            let sum = 0;
-            for (let k = 0; k < all.length; k++) {
-                const x = (k >> 2) % width;
-                if (x >= from && x < from + half) sum = (31 * sum + all[k]) % 1000003;
-            }
-            return sum;
-        });
-    }"""
-    with opened(path, silent=False) as shown:
-        page = shown.page
-        old, new, both = (page.evaluate(pixels, percent) for percent in (100, 0, 50))
-        assert both == [old[0], new[1]]
-        assert old[0] != new[0]
-        page.locator("#wipe").focus()
-        page.keyboard.press("ArrowLeft")
-        assert page.evaluate("[sonarmap.view.scene.wipe, sonarmap.view.mode]") == [0.49, "both"]
-        line = page.locator("#line").bounding_box()
-        handle = page.locator("#wipe").bounding_box()
-        assert line
-        assert handle
-        y = handle["y"] + handle["height"] / 2
-        page.mouse.move(line["x"], y)
-        page.mouse.down()
-        page.mouse.move(line["x"] + 100, y, steps=3)
-        page.mouse.up()
-        moved = page.locator("#line").bounding_box()
-        assert moved
-        assert moved["x"] == pytest.approx(line["x"] + 100, abs=3)
-        page.mouse.move(line["x"] - 100, y)  # beside the handle the map is turned
-        before = page.evaluate("sonarmap.view.camera.azimuth")
-        page.mouse.down()
-        page.mouse.move(line["x"] - 150, y, steps=3)
-        page.mouse.up()
-        assert page.evaluate("sonarmap.view.camera.azimuth") != before
-        assert all("ReadPixels" in words for words in shown.said)  # that it is slow
-        assert all(address.startswith(("file:", "data:")) for address in shown.asked)
-
-
 def test_a_region_is_marked_and_flown_to(path: Path, comparison: Comparison) -> None:
     with opened(path) as shown:
         page = shown.page
@@ -154,15 +105,3 @@ def test_texts_from_files_are_never_markup(path: Path) -> None:
         assert shown.page.evaluate("window.hurt") is None
         assert shown.page.locator("img").count() == 1
         assert "</script><script>window.hurt=1" in shown.page.inner_text("#facts")
-
-
-@pytest.mark.slow
-def test_the_table_and_the_picture_are_there_without_webgl(comparison: Comparison, tmp_path: Path) -> None:
-    none = replace(comparison, regions=())
-    with opened(written(comparison, tmp_path), WITHOUT_WEBGL) as shown:
-        assert "cannot be shown in 3D" in shown.page.inner_text("#map .notice")
-        assert shown.page.locator("#regions tbody tr").count() == 1
-        assert shown.page.evaluate("document.images[0].naturalWidth") == 1
-        shown.page.locator("#regions tbody tr button").click()
-    with opened(written(none, tmp_path)) as shown:
-        assert "No change is beyond its error" in shown.page.inner_text("#regions")

@@ -52,15 +52,6 @@ def test_opens_in_both_readers_of_open3d_and_in_ours(tmp_path: Path, place: str)
     np.testing.assert_allclose(tensor.point["sigma"].numpy()[:, 0], columns["sigma"], rtol=1e-6)
 
 
-def test_coordinates_are_four_bytes_as_the_format_says(tmp_path: Path) -> None:
-    """Read by hand: PCD's header, then packed records."""
-    points, _ = cloud("near")
-    write_pcd(tmp_path / "map.pcd", points)
-    head, _, body = (tmp_path / "map.pcd").read_bytes().partition(b"DATA binary\n")
-    assert b"SIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 400\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 400\n" in head
-    np.testing.assert_array_equal(np.frombuffer(body, "<f4").reshape(-1, 3), points.astype(np.float32))
-
-
 @pytest.mark.parametrize("wrong", ["1 2", "nan 0 0"])
 def test_an_origin_that_is_none_is_refused(wrong: str) -> None:
     text = f"# .PCD v0.7\n# origin of x, y, z [m]: {wrong}\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\n"
@@ -113,20 +104,6 @@ def test_dimensions(tmp_path: Path) -> None:
     assert (np.array([las.return_number, las.number_of_returns]) == 1).all()
     np.testing.assert_array_equal(las.header.scales, 0.001)
     assert (np.abs(las.header.offsets - las.header.mins) <= 1).all()
-
-
-def test_several_surveys_and_many_scans(tmp_path: Path) -> None:
-    earth = georeferenced(Georeference(60.0, 5.0), scattered(), points=300)
-    many = np.arange(300, dtype=np.int32) + 65_500
-    columns = {**earth.part.columns, "survey": (many % 3).astype(np.int32), "scan": many}
-    columns["seen"] = np.full(300, 70_000, np.int32)  # more than its 16 bits hold
-    trajectory = earth.part.trajectory.take([0] * 300)
-    part = replace(earth.part, columns=columns, scans=tuple(many.tolist()), trajectory=trajectory)
-    las = written(tmp_path / "map.laz", replace(earth, part=part))
-    np.testing.assert_array_equal(np.asarray(las["survey"]), many % 3)
-    np.testing.assert_array_equal(np.asarray(las["scan"]), many)
-    np.testing.assert_array_equal(las.point_source_id, many % 65_536)
-    assert (np.asarray(las["seen"]) == 65_535).all()
 
 
 def test_times_are_gps_times_across_a_leap_second(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import rasterio
 from pyproj import Transformer
-from rasterio.windows import Window
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
@@ -96,25 +95,6 @@ def test_stray_echoes_are_in_no_grid(tmp_path: Path) -> None:
     assert len(earth.part.points) == len(bed) + len(strays)  # the map's own points stay
 
 
-def test_what_the_file_says_of_itself(tmp_path: Path) -> None:
-    earth = georeferenced(Georeference(60.0, 9.1, vertical="MSL"), scattered(3, reach=20.0))
-    with written(tmp_path / "grid.tif", earth) as raster:
-        assert raster.dtypes == ("float32",) * 3
-        assert raster.nodatavals == (NODATA,) * 3
-        assert raster.compression.name == "deflate"
-        assert raster.profile["tiled"]
-        assert raster.res == (0.2, 0.2)
-        assert raster.transform.e < 0 == raster.transform.b == raster.transform.d  # north up
-        edges = np.array([raster.transform.c, raster.transform.f]) / 0.2  # at multiples of a cell's size
-        np.testing.assert_allclose(edges, np.rint(edges), rtol=0, atol=1e-6)
-        assert raster.descriptions[0] == "height above mean sea level"
-        assert raster.units == ("m", "m", "points")
-        tags = raster.tags()
-    for name, words in (("AREA_OR_POINT", "Area"), ("VERTICAL_REFERENCE", "EPSG:5714"), ("SIGN", "positive up")):
-        assert words in tags[name]
-    assert {path.name for path in tmp_path.iterdir()} == {"grid.tif", "grid.qml"}
-
-
 def test_walls_and_overhangs_have_the_height_of_their_top() -> None:
     heights = np.array([-20.0, -19.9, -12.0, -5.0, -5.1, -5.3])  # a bed, a wall, and an overhang above both
     zeros, ones = np.zeros(6, np.int64), np.ones(6)
@@ -122,18 +102,6 @@ def test_walls_and_overhangs_have_the_height_of_their_top() -> None:
     assert cells.height.tolist() == pytest.approx([-5.05])
     assert cells.count.tolist() == [2]
     assert cells.sigma[0] == pytest.approx(math.hypot(0.1, 0.05))
-
-
-def test_a_large_empty_grid_takes_little_room(tmp_path: Path) -> None:
-    """13,000 by 9,000 cells, of which some hundred hold points."""
-    earth = georeferenced(Georeference(60.0, 9.1), scattered(6, reach=1300.0))
-    with written(tmp_path / "grid.tif", earth) as raster:
-        assert raster.width * raster.height > 5e7
-        column, row = ~raster.transform @ tuple(earth.projected_points[0, :2])
-        row, column = math.floor(row), math.floor(column)
-        window = Window.from_slices((row, row + 1), (column, column + 1))
-        assert raster.read(1, window=window)[0, 0] != NODATA
-    assert (tmp_path / "grid.tif").stat().st_size < 2e6
 
 
 def test_refuses_a_grid_that_nobody_could_use(tmp_path: Path) -> None:

@@ -82,16 +82,6 @@ def test_poses_over_time(topics: dict[str, list[tuple[float, Any]]]) -> None:
             assert (R.inv() * part.T_world_sensor[k].rotation).magnitude() < 1e-12
 
 
-def test_altitudes_are_above_the_ellipsoid(tmp_path: Path) -> None:
-    earth = dive()
-    here = replace(earth.georeference, vertical="ellipsoid", height=44.5)
-    raised = Georeferenced(earth.folder, earth.part, here, earth.projection)
-    fixes = [fix for _, fix in messages(tmp_path, raised)["/position"]]
-    np.testing.assert_allclose([fix.altitude for fix in fixes], 44.5 - 31.25 + 0.5 * np.arange(6), atol=1e-6)
-    variances = np.array([fix.position_covariance for fix in fixes]).reshape(-1, 3, 3)
-    np.testing.assert_allclose(np.trace(variances, axis1=1, axis2=2), 0.06)
-
-
 def test_a_far_map_has_a_frame_of_its_own(tmp_path: Path) -> None:
     """With coordinates of UTM: float32 alone would be off by 0.25 m."""
     earth = dive()
@@ -117,24 +107,3 @@ def test_counters_are_seconds_and_time_ascends(tmp_path: Path) -> None:
     first = dive().part.trajectory.T_world_sensor[3].translation
     np.testing.assert_allclose(numbers(topics["/pose"][0][1].pose.position, "xyz"), first)
     assert topics["/map/points"][0][0] == 0
-
-
-def test_rosbags_reads_the_same_and_the_metadata_say_what_the_numbers_are(tmp_path: Path) -> None:
-    from mcap.reader import make_reader
-    from rosbags.highlevel import AnyReader
-
-    earth = dive()
-    write_mcap(tmp_path / "map.mcap", earth.folder, earth.part, earth)
-    with AnyReader([tmp_path / "map.mcap"]) as reader:
-        read = reader.messages([each for each in reader.connections if each.topic == "/pose"])
-        poses: list[tuple[int, Any]] = [(time, reader.deserialize(raw, each.msgtype)) for each, time, raw in read]
-    trajectory = earth.part.trajectory
-    np.testing.assert_allclose([time / 1e9 for time, _ in poses], trajectory.stamps, rtol=0, atol=1e-6)
-    places = [numbers(pose.pose.position, "xyz") for _, pose in poses]
-    np.testing.assert_allclose(places, trajectory.T_world_sensor.translation, atol=1e-12)
-    with (tmp_path / "map.mcap").open("rb") as file:
-        reader = make_reader(file)
-        assert reader.get_header().profile == "ros2"
-        (says,) = [record.metadata for record in reader.iter_metadata() if record.name == "sonarmap"]
-    assert (says["map"], says["time"], says["datum"], says["crs"]) == ("East-North-Up", "UTC", "WGS84", "EPSG:32632")
-    assert (float(says["latitude"]), float(says["longitude"]), says["vertical"]) == (60.0, 11.9995, "surface")

@@ -1,7 +1,6 @@
 """Tables of an export: the graph, EIVA's poses, times, and poses.csv by PROJ's other ways and signs by hand."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib import resources
@@ -17,13 +16,11 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
-from sonarmap.tools.files.time_scales import GPS_EPOCH, are_times, gps_of_utc
+from sonarmap.tools.files.time_scales import GPS_EPOCH, gps_of_utc
 from sonarmap.tools.files.writers.g2o import write_g2o
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.tables import (
     COLUMNS,
-    write_eiva_attitude,
-    write_eiva_position,
     write_graph,
     write_poses_csv,
 )
@@ -69,19 +66,6 @@ def test_a_row_for_each_vertex(tmp_path: Path) -> None:
         write_graph(tmp_path / "graph.csv", replace(folder, path=tmp_path / "elsewhere"), folder.parts[0], None)
 
 
-@pytest.mark.parametrize("write", [write_eiva_position, write_eiva_attitude])
-def test_eiva_s_lines_ascend_in_time_in_the_layout_of_its_page(tmp_path: Path, write: Callable) -> None:
-    """1179179101.202228 1.134059548584164 0.1130091400934067 349.1989770603225"""
-    stamps = 1.7e9 + np.array([30.0, 31, 32, 0, 1, 2])
-    write(tmp_path / "poses.txt", dive(stamps=stamps))
-    lines = (tmp_path / "poses.txt").read_text().splitlines()
-    assert all(re.fullmatch(r"\d{10}\.\d{6}( -?\d+\.\d{5,}){3}", line) for line in lines)
-    numbers = np.loadtxt(lines)
-    np.testing.assert_array_equal(numbers[:, 0], np.sort(stamps))
-    if write is write_eiva_position:
-        assert numbers[0, 3] == 29.75  # the depth of scan 3
-
-
 def iana_leaps() -> list[float]:
     """The times since 1970 at which a leap second has just ended."""
     text = (resources.files("tzdata") / "zoneinfo" / "leapseconds").read_text()
@@ -96,14 +80,6 @@ def test_gps_time_counts_every_leap_second() -> None:
     times = np.array([*(leap - 0.5 for leap in leaps), *leaps, 1.8e9])
     ahead = [sum(time >= leap for leap in leaps) for time in times.tolist()]
     np.testing.assert_array_equal(gps_of_utc(times) - (times - GPS_EPOCH), ahead)
-
-
-@pytest.mark.parametrize(
-    ("stamps", "times"),
-    [([1.7e9, 1.7e9 + 3], True), ([0.0, 1.0], False), ([1.7e9, 3.0], False), ([1.7e18], False), ([np.nan], False)],
-)
-def test_which_stamps_are_times(stamps: list[float], times: bool) -> None:
-    assert are_times(np.array(stamps)) == times
 
 
 def rows_of(path: Path, earth: Georeferenced) -> list[dict[str, str]]:

@@ -9,13 +9,10 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.products.live import messages
-from sonarmap.tools.products.live.coverage import coverage
 from sonarmap.tools.products.live.server import LivePage
 from sonarmap.tools.products.live.state import State
 from tests.tools.products.live.known_dive import KnownDive
-from tests.tools.products.report.page.browser import SOFTWARE, WITHOUT_WEBGL, Opened, browsed, wait_until
-
-SURE = (np.eye(3) * 0.1).tolist()
+from tests.tools.products.report.page.browser import SOFTWARE, Opened, browsed, wait_until
 
 
 @contextmanager
@@ -37,7 +34,7 @@ def publish(live: LivePage, dive: KnownDive, keys: int) -> None:
 @pytest.mark.parametrize("width", [1280, 390])
 @pytest.mark.quick_cases(1)
 def test_a_dive_is_shown_and_an_alarm_when_lost(width: int) -> None:
-    dive = KnownDive(keys=20, per_scan=300)
+    dive = KnownDive(per_scan=300)
     with LivePage() as live, opened(live, width) as shown:
         page = shown.page
         assert "Waiting for the first scan." in page.inner_text("#state")
@@ -51,7 +48,7 @@ def test_a_dive_is_shown_and_an_alarm_when_lost(width: int) -> None:
         assert "0.4\u202fm/s" in page.inner_text("#facts")
         assert "once" in page.inner_text("#coverage")
         assert page.is_hidden("#alarm")
-        live.publish(dive.state(0.9, 19, lost=61.0))
+        live.publish(dive.state(19, lost=61.0))
         wait_until(page, "!document.querySelector('#alarm').hidden")
         assert "Go back to the last sure place" in page.inner_text("#alarm")
         assert page.inner_text("#status") == "LOST"
@@ -60,7 +57,7 @@ def test_a_dive_is_shown_and_an_alarm_when_lost(width: int) -> None:
         wait_until(page, "sonarmap.view.scene.lines.get('sure')?.count === 3")
         page.click("#sure")
         assert page.get_attribute("#follow", "aria-pressed") == "false"
-        live.publish(dive.state(0.9, 19))
+        live.publish(dive.state(19))
         wait_until(page, "document.querySelector('#alarm').hidden")
         assert page.evaluate("document.documentElement.scrollWidth") <= width
 
@@ -94,32 +91,6 @@ def test_poses_move_clouds_and_nothing_is_sent_again() -> None:
         assert page.evaluate("sonarmap.wire.messages") < 10
 
 
-@pytest.mark.slow
-def test_the_camera_follows_until_it_is_moved_and_again_when_asked() -> None:
-    with LivePage() as live, opened(live) as shown:
-        page = shown.page
-
-        def drive(x: float, part: int = 0) -> None:
-            state = State("placed", pose=[x, 0, 0, 0, 0, 0, 1], half_axes=SURE, part=part, parts=2, alerts=(f"{x}",))
-            live.publish(("state", state.message))
-            wait_until(page, f"document.querySelector('#concerns').textContent === '{x}' && !sonarmap.view.waiting")
-
-        for each in messages.poses(0, [0, 1], [RigidTransform.identity()] * 2):
-            live.publish(each)
-        live.publish(messages.cloud(0, np.eye(3)))
-        live.publish(messages.cloud(1, np.eye(3)))
-        drive(1.0)
-        drive(7.0)
-        wait_until(page, "sonarmap.view.camera.target[0] === 7")
-        page.focus("#canvas")
-        page.keyboard.press("ArrowLeft")
-        assert page.get_attribute("#follow", "aria-pressed") == "false"
-        drive(9.0)
-        assert page.evaluate("sonarmap.view.camera.target[0]") == 7
-        page.keyboard.press("f")
-        wait_until(page, "sonarmap.view.camera.target[0] === 9")
-
-
 def test_texts_are_never_markup() -> None:
     evil = "<img src=x onerror=alert(1)>"
     with LivePage() as live, opened(live) as shown:
@@ -135,7 +106,7 @@ def test_it_says_that_the_server_is_gone_and_comes_back_with_it() -> None:
         port = urlsplit(live.address).port or 0
         browser = opened(live, silent=False)
         shown = browser.__enter__()
-        publish(live, KnownDive(keys=5, per_scan=50), 5)
+        publish(live, KnownDive(per_scan=50), 5)
         wait_until(shown.page, "sonarmap.dive.clouds.size === 5")
     try:
         wait_until(shown.page, "document.querySelector('#link').textContent.includes('no connection')")
@@ -147,19 +118,3 @@ def test_it_says_that_the_server_is_gone_and_comes_back_with_it() -> None:
             assert shown.page.evaluate("sonarmap.dive.clouds.size + sonarmap.view.scene.clouds.size") == 0
     finally:
         browser.__exit__(None, None, None)
-
-
-@pytest.mark.slow
-def test_without_webgl_state_and_plan_are_still_there() -> None:
-    plan = np.ones((9, 9), bool)
-    plan[3:6, 3:6] = False
-    cells = np.repeat(np.argwhere(plan) + 0.5, 2, axis=0)
-    with LivePage() as live, opened(live, flags=WITHOUT_WEBGL, silent=False) as shown:
-        live.publish(coverage([cells], 1.0, 0))
-        live.publish(("state", State("lost", lost_for=2, sure=(0, [1, 2, 3])).message))
-        wait_until(
-            shown.page, "!document.querySelector('#alarm').hidden && !document.querySelector('#coverage').hidden"
-        )
-        assert "cannot be shown" in shown.page.inner_text("#stage")
-        assert "x 1.0, y 2.0, z 3.0" in shown.page.inner_text("#alarm")
-        assert "holes, never seen: 9" in shown.page.inner_text("#coverage")

@@ -63,20 +63,6 @@ def test_every_file_is_named_in_the_summary(folder: Path) -> None:
     assert set(files) == layers | rest == {path.name for path in folder.iterdir()}
 
 
-def test_the_map_s_columns_say_how_far_each_point_can_be_trusted(folder: Path) -> None:
-    import open3d
-
-    whole, first, second = (
-        {name: values.numpy().ravel() for name, values in open3d.t.io.read_point_cloud(path).point.items()}
-        for path in (folder / name for name in ("map.ply", "map_survey_0.ply", "map_survey_1.ply"))
-    )
-    assert {"count", "seen", "sigma", "scan", "survey"} <= set(whole)
-    assert (whole["count"] >= whole["seen"]).all()
-    assert ((whole["sigma"] > 0) & (whole["sigma"] < 1)).all()
-    assert [set(columns["survey"]) for columns in (whole, first, second)] == [{0, 1}, {0}, {1}]
-    assert set(second["scan"]) == set(range(COUNT // 2, COUNT))
-
-
 def divided(folder: Path, suffix: str, doubtful: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """The columns of a map and of its map of all, which holds these points more."""
     names = (f"map{suffix}.ply", f"map_all{suffix}.ply")
@@ -131,18 +117,6 @@ def test_the_summary_tells_what_crosses_and_what_was_removed(folder: Path) -> No
     assert component["map"]["contradicted_by_free_space"] >= 0
     assert list(component["surveys"]) == ["0", "1"]
     assert summary["unplaced"] == []
-
-
-@pytest.mark.slow
-def test_the_same_result_gives_the_same_picture_and_one_survey_no_layers(
-    mapped: tuple[list[Scan], SurveyResult], folder: Path, tmp_path: Path
-) -> None:
-    write_survey(tmp_path, as_surveys(mapped, several=True), RUN)
-    picture = (tmp_path / "map.png").read_bytes()
-    assert picture.startswith(b"\x89PNG\r\n\x1a\n")
-    assert picture == (folder / "map.png").read_bytes()
-    write_survey(tmp_path, as_surveys(mapped, several=False), RUN)
-    assert not list(tmp_path.glob("map_survey*"))  # those of the run before are gone
 
 
 @pytest.mark.parametrize(

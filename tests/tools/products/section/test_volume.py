@@ -56,14 +56,6 @@ def test_the_height_of_a_cell_and_what_makes_it_unsure() -> None:
     assert volume_to_level(map_, -10.0, 1.0).net[1] == pytest.approx(np.sqrt(79 * 0.1**2 + own + spread), rel=1e-5)
 
 
-def test_points_that_several_scans_saw() -> None:
-    map_ = placed(bed())
-    map_.part.columns["seen"][:30] = 1
-    assert volume_to_level(map_.seen_by(2), -10.0, 1.0).compared == 50
-    with pytest.raises(InputError, match="at most by 2; give a smaller --seen"):
-        map_.seen_by(3)
-
-
 def test_what_one_map_alone_has_is_no_change() -> None:
     first, second = bed(-10, 6, 8), bed(-9.5, 10, 5)
     volume = volume_between(placed(first), placed(second), 1.0)

@@ -130,15 +130,6 @@ def test_by_hand() -> None:
     np.testing.assert_allclose(unpack(data, layout)[0], points, atol=1e-12)
 
 
-@pytest.mark.parametrize("reach", [1e-4, 5.0, 4_000.0])
-def test_points_of_any_extent(reach: float) -> None:
-    points = np.random.default_rng(9).uniform(-reach, reach, (400, 3)) * [1.0, 0.3, 0.02]
-    back, _ = unpack(*pack(points, {}, VOXEL))
-    off, which = KDTree(points).query(back)
-    assert np.abs(back - points[which]).max() <= FINE / 2 + 1e-9
-    assert off.max() <= FINE
-
-
 def test_codes_of_numbers_in_equal_ratios() -> None:
     """From 2 to 32, the geometric mean 8 is in the middle; what is not positive or not known has none."""
     values, (low, high) = codes(np.array([2.0, 8.0, 32.0, 0.0, np.nan, -1.0, np.inf]))

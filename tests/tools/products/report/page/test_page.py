@@ -139,15 +139,6 @@ def test_pictures_and_a_sentence_without_webgl(content: Content, tmp_path: Path)
         plain.page.locator("#loops .link").first.click()
 
 
-@pytest.mark.slow
-def test_pictures_where_the_points_are_damaged(content: Content, tmp_path: Path) -> None:
-    for k, spoiled in enumerate((content.points[0][:40], b"", bytes(64))):
-        path = written(replace(content, points=(spoiled,)), tmp_path / f"{k}.html")
-        with opened(path) as damaged:
-            assert "cannot be unpacked" in damaged.page.locator("#map .notice").inner_text()
-            assert damaged.page.locator("#map img").count() == 2
-
-
 def test_texts_from_files_are_never_markup(tmp_path: Path) -> None:
     """Names of scans, of files and reasons may hold anything: they are shown as they are, and nothing of them runs."""
     folder = folder_of(known_points(), tmp_path / "out")
