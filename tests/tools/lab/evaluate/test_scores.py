@@ -195,3 +195,11 @@ def test_what_no_instrument_measured_is_aligned_at_the_first_pose(unmeasured, mo
         assert calibrated(found, truth, covariances).nees.max() > 100
     raised = RigidTransform.from_translation([0.0, 0.0, 1.0]) * truth
     assert calibrated(raised, truth, covariances, ("heading", "east", "north")).nees.min() > 50
+
+
+def test_failed_and_unjudged_pairs_count_as_neither() -> None:
+    identity = RigidTransform.identity()
+    pairs = [TriedPair(0, 2, "loop", False, None), TriedPair(0, 1, "loop", True, identity), tried(0, 5, True)]
+    score = score_pairs(pairs, TRUE_PAIRS, LOOP_VOXEL)
+    assert (score.failed, score.unjudged, score.kept_right) == (1, 1, 1)
+    assert (score.precision, score.recall) == (1.0, 1.0)

@@ -13,6 +13,7 @@ from sonarmap.spectral.fitted import FITTED
 from sonarmap.spectral.judge.covariance import SLIDE, fit_covariance
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.tools.lab.reproduce.evidence.pairs import draw
+from sonarmap.tools.lab.reproduce.evidence.recorder import Recorder, fit_of, seen_of
 from sonarmap.tools.lab.reproduce.experiments import Request, create
 from sonarmap.tools.lab.reproduce.folder import write_rows
 from sonarmap.tools.lab.reproduce.judge.fit import CLUES, fit_logistic, fit_odds, judged
@@ -104,3 +105,16 @@ def test_the_table_is_not_older_than_what_it_was_fitted_on() -> None:
     assert found.keys() == FITTED["reference"].keys()
     for number, clues in found.items():
         assert clues == pytest.approx(FITTED["reference"][number], abs=0.05)
+
+
+@pytest.mark.slow
+def test_a_text_holds_a_fit_with_its_instruments(folder: Path) -> None:
+    pair = list(draw("patch", 1, SEED, 64))[1]
+    recorder = Recorder(choose_device(), pair.grid)
+    recorder.register(recorder.prepare(pair.target), recorder.prepare(pair.source))
+    numbers = json.loads(str(recorder.cells(pair.truth)[0]["numbers"]))
+    fit, seen = fit_of(numbers), seen_of(numbers)
+    assert fit.prior is not None
+    assert fit.prior.jacobian.shape == (3, 6)
+    assert (fit.information.shape, seen.axes.shape) == ((6, 6), (3, 3))
+    assert recorder.cells(pair.truth) == []

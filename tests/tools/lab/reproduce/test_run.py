@@ -19,7 +19,7 @@ from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create
 from sonarmap.tools.lab.reproduce.folder import write_experiment
 from sonarmap.tools.lab.reproduce.methods import EVALUATED
-from sonarmap.tools.lab.reproduce.provenance import Provenance, provenance
+from sonarmap.tools.lab.reproduce.provenance import SHOWING, Provenance, provenance
 from sonarmap.tools.lab.reproduce.rows import wilson
 from sonarmap.tools.lab.reproduce.run import JOURNAL, RunOptions, run
 from sonarmap.tools.lab.reproduce.table import write_csv
@@ -203,3 +203,11 @@ class TestTables:
     def test_csv_cells(self, tmp_path: Path) -> None:
         write_csv(tmp_path / "a.csv", ("a", "b", "c", "d"), [(True, -1e-9, 3, "S0, S1"), (False, float("nan"), -4, "")])
         assert (tmp_path / "a.csv").read_bytes() == b'a,b,c,d\n1,0.0000,3,"S0, S1"\n0,,-4,\n'
+
+
+def test_files_that_only_show_rows_do_not_count() -> None:
+    folder = ("tools/lab/reproduce/gaussian",)
+    shown = [f"{folder[0]}/{name}.py" for name in ("section", "figure")]
+    decides = [f"{folder[0]}/{name}.py" for name in ("run", "series", "__init__")]
+    assert source_digest(folder, SHOWING) == source_digest(tuple(decides))
+    assert source_digest(tuple(shown), SHOWING) == source_digest(())

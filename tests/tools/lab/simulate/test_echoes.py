@@ -10,7 +10,7 @@ from scipy.stats import kstest
 
 from sonarmap.tools.lab.simulate.paths.trajectories import survey
 from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
-from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, scan_of
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, PAPER, Echoes, Sensor, bare, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box
 from tests.samples.scenes.simulated import COARSE, QUIET
@@ -159,3 +159,13 @@ def test_wide_lobes_give_neighbors_one_range_and_lose_fewer_echoes():
     alike = wide[:, 1:] == wide[:, :-1]
     assert 0.35 < alike[seen[:, 1:] & seen[:, :-1]].mean() < 0.8
     assert not (thin[:, 1:] == thin[:, :-1])[np.isfinite(thin[:, 1:])].any()
+
+
+def test_a_scan_carries_the_strengths_of_its_own_points():
+    echoes, ghosts = varied((ECLIPSE.rows, ECLIPSE.columns))
+    heard = disturb(echoes, ECLIPSE, ALL, generator(), ghosts)
+    scan = scan_of(heard, ECLIPSE)
+    kept = np.isfinite(heard.ranges)
+    assert_array_equal(scan.strength, heard.strengths[kept].astype(np.float32))
+    assert_allclose(np.linalg.norm(scan.points, axis=1), heard.ranges[kept], rtol=1e-6)
+    assert 0.1 < kept.mean() < 0.9

@@ -157,3 +157,17 @@ def test_two_surveys_of_one_map_share_its_poses() -> None:
     assert alone.shared.shape[1] == len(old.covariance)
     every = np.arange(len(apart.compared))
     assert alone.sigma_of_sum(every) < apart.sigma_of_sum(every)
+
+
+def test_poses_move_their_points_together() -> None:
+    distances = compared(surveyed(3), surveyed(4))
+    every = np.arange(len(distances.compared))
+    apart = np.sqrt(np.sum((distances.cores.area * distances.sigma)[distances.compared] ** 2))
+    assert distances.sigma_of_sum(every) > 3 * apart
+
+
+def test_nothing_in_common() -> None:
+    old = surveyed(1, size=5.0)
+    distances = compared(old, surveyed(2, size=5.0).moved(RigidTransform.from_translation([100.0, 0, 0])))
+    assert set(np.unique(distances.verdict)) == {Verdict.OLD_ONLY, Verdict.NEW_ONLY}
+    assert not regions_of(distances)

@@ -3,6 +3,7 @@
 import json
 import re
 from base64 import b64decode, b64encode
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from sonarmap.tools.products.compare.page import UNSAID, changes_page
 from sonarmap.tools.products.compare.regions import regions_of
 from sonarmap.tools.products.report.page.points import FRACTION
 from tests.tools.products.compare.made_up import VOXEL, surveyed
-from tests.tools.products.report.page.browser import opened, wait_until
+from tests.tools.products.report.page.browser import WITHOUT_WEBGL, opened, wait_until
 from tests.tools.products.report.page.known_map import DOT, unpack
 
 HOSTILE = "/maps/</script><script>window.hurt=1</script><img src=x onerror=window.hurt=1>\udcff"
@@ -105,3 +106,15 @@ def test_texts_from_files_are_never_markup(path: Path) -> None:
         assert shown.page.evaluate("window.hurt") is None
         assert shown.page.locator("img").count() == 1
         assert "</script><script>window.hurt=1" in shown.page.inner_text("#facts")
+
+
+@pytest.mark.slow
+def test_the_table_and_the_picture_are_there_without_webgl(comparison: Comparison, tmp_path: Path) -> None:
+    none = replace(comparison, regions=())
+    with opened(written(comparison, tmp_path), WITHOUT_WEBGL) as shown:
+        assert "cannot be shown in 3D" in shown.page.inner_text("#map .notice")
+        assert shown.page.locator("#regions tbody tr").count() == 1
+        assert shown.page.evaluate("document.images[0].naturalWidth") == 1
+        shown.page.locator("#regions tbody tr button").click()
+    with opened(written(none, tmp_path)) as shown:
+        assert "No change is beyond its error" in shown.page.inner_text("#regions")

@@ -136,3 +136,24 @@ def test_the_crs_names_the_vertical_reference(vertical: str, epsg: int | None, t
         assert crs.to_2d().to_epsg() == 32632
     assert len(crs.axis_info) == (2 if vertical == "surface" else 3)
     assert rasterio.CRS.from_wkt(wkt).is_projected  # GDAL's own reading
+
+
+@pytest.mark.parametrize("points", [cloud("UTM")[0].astype(np.float32), np.empty((0, 3))], ids=["float32", "none"])
+def test_what_float32_can_hold_is_written_as_it_is(tmp_path: Path, points: np.ndarray) -> None:
+    write_pcd(tmp_path / "map.pcd", points)
+    (opened,) = read_pcd((tmp_path / "map.pcd").read_bytes())
+    np.testing.assert_array_equal(opened.points, points)
+
+
+def test_several_surveys_and_many_scans(tmp_path: Path) -> None:
+    earth = georeferenced(Georeference(60.0, 5.0), scattered(), points=300)
+    many = np.arange(300, dtype=np.int32) + 65_500
+    columns = {**earth.part.columns, "survey": (many % 3).astype(np.int32), "scan": many}
+    columns["seen"] = np.full(300, 70_000, np.int32)  # more than its 16 bits hold
+    trajectory = earth.part.trajectory.take([0] * 300)
+    part = replace(earth.part, columns=columns, scans=tuple(many.tolist()), trajectory=trajectory)
+    las = written(tmp_path / "map.laz", replace(earth, part=part))
+    np.testing.assert_array_equal(np.asarray(las["survey"]), many % 3)
+    np.testing.assert_array_equal(np.asarray(las["scan"]), many)
+    np.testing.assert_array_equal(las.point_source_id, many % 65_536)
+    assert (np.asarray(las["seen"]) == 65_535).all()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import rasterio
 from pyproj import Transformer
+from rasterio.windows import Window
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
@@ -163,3 +164,35 @@ def test_holes_of_a_grid_are_said(tmp_path: Path) -> None:
     assert (said["cell_m"], said["sufficient_cell_m"]) == (0.5, 1.0)
     with rasterio.open(tmp_path / "grid.tif") as raster:
         assert said["empty_share"] == pytest.approx(1 - raster.read(1, masked=True).count() / (59 * 39))
+
+
+@pytest.mark.slow
+def test_a_large_empty_grid_takes_little_room(tmp_path: Path) -> None:
+    """13,000 by 9,000 cells, of which some hundred hold points."""
+    earth = georeferenced(Georeference(60.0, 9.1), scattered(6, reach=1300.0))
+    with written(tmp_path / "grid.tif", earth) as raster:
+        assert raster.width * raster.height > 5e7
+        column, row = ~raster.transform @ tuple(earth.projected_points[0, :2])
+        row, column = math.floor(row), math.floor(column)
+        window = Window.from_slices((row, row + 1), (column, column + 1))
+        assert raster.read(1, window=window)[0, 0] != NODATA
+    assert (tmp_path / "grid.tif").stat().st_size < 2e6
+
+
+def test_what_the_file_says_of_itself(tmp_path: Path) -> None:
+    earth = georeferenced(Georeference(60.0, 9.1, vertical="MSL"), scattered(3, reach=20.0))
+    with written(tmp_path / "grid.tif", earth) as raster:
+        assert raster.dtypes == ("float32",) * 3
+        assert raster.nodatavals == (NODATA,) * 3
+        assert raster.compression.name == "deflate"
+        assert raster.profile["tiled"]
+        assert raster.res == (0.2, 0.2)
+        assert raster.transform.e < 0 == raster.transform.b == raster.transform.d  # north up
+        edges = np.array([raster.transform.c, raster.transform.f]) / 0.2  # at multiples of a cell's size
+        np.testing.assert_allclose(edges, np.rint(edges), rtol=0, atol=1e-6)
+        assert raster.descriptions[0] == "height above mean sea level"
+        assert raster.units == ("m", "m", "points")
+        tags = raster.tags()
+    for name, words in (("AREA_OR_POINT", "Area"), ("VERTICAL_REFERENCE", "EPSG:5714"), ("SIGN", "positive up")):
+        assert words in tags[name]
+    assert {path.name for path in tmp_path.iterdir()} == {"grid.tif", "grid.qml"}

@@ -2,6 +2,7 @@
 
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -113,3 +114,13 @@ def test_names_may_hold_anything_and_what_was_there_is_replaced_whole(tmp_path: 
     path = written(tmp_path, with_part(earth, earth.part, names=names, loops=()))
     assert read(path, "scans")[1]["name"].tolist() == [*names[:4], "lone\\udce9", ""]
     assert [name for name, _ in list_layers(path)] == ["track", "scans"]
+
+
+def test_loops_to_other_parts_are_left_out_and_counters_are_null(tmp_path: Path) -> None:
+    earth = dive(stamps=np.arange(6.0))
+    trajectory = earth.part.trajectory.take(range(5))
+    part = replace(earth.part, scans=tuple(range(5)), trajectory=trajectory, covariances=earth.part.covariances[:5])
+    layers = features_in(tmp_path, with_part(earth, part))
+    assert [loop["properties"]["reason"] for loop in layers["loops"]] == ["contradicts"]
+    says = layers["scans"][3]["properties"]
+    assert (says["utc"], says["unix_s"], layers["track"][0]["properties"]["first_utc"]) == (None, None, None)

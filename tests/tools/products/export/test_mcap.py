@@ -107,3 +107,13 @@ def test_counters_are_seconds_and_time_ascends(tmp_path: Path) -> None:
     first = dive().part.trajectory.T_world_sensor[3].translation
     np.testing.assert_allclose(numbers(topics["/pose"][0][1].pose.position, "xyz"), first)
     assert topics["/map/points"][0][0] == 0
+
+
+def test_altitudes_are_above_the_ellipsoid(tmp_path: Path) -> None:
+    earth = dive()
+    here = replace(earth.georeference, vertical="ellipsoid", height=44.5)
+    raised = Georeferenced(earth.folder, earth.part, here, earth.projection)
+    fixes = [fix for _, fix in messages(tmp_path, raised)["/position"]]
+    np.testing.assert_allclose([fix.altitude for fix in fixes], 44.5 - 31.25 + 0.5 * np.arange(6), atol=1e-6)
+    variances = np.array([fix.position_covariance for fix in fixes]).reshape(-1, 3, 3)
+    np.testing.assert_allclose(np.trace(variances, axis1=1, axis2=2), 0.06)

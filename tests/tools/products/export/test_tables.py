@@ -1,6 +1,7 @@
 """Tables of an export: the graph, EIVA's poses, times, and poses.csv by PROJ's other ways and signs by hand."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib import resources
@@ -16,11 +17,13 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
-from sonarmap.tools.files.time_scales import GPS_EPOCH, gps_of_utc
+from sonarmap.tools.files.time_scales import GPS_EPOCH, are_times, gps_of_utc
 from sonarmap.tools.files.writers.g2o import write_g2o
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.tables import (
     COLUMNS,
+    write_eiva_attitude,
+    write_eiva_position,
     write_graph,
     write_poses_csv,
 )
@@ -192,3 +195,24 @@ def test_names_may_hold_anything_and_what_is_not_known_is_empty(tmp_path: Path) 
     rows = rows_of(tmp_path, with_part(earth, part, names=names))
     assert [row["name"] for row in rows] == [*names[:2], "d e", names[3], "lone\\udce9", "'=1+1"]
     assert {rows[0][name] for name in COLUMNS if "sigma" in name or name.startswith("cov_")} == {""}
+
+
+@pytest.mark.parametrize(
+    ("stamps", "times"),
+    [([1.7e9, 1.7e9 + 3], True), ([0.0, 1.0], False), ([1.7e9, 3.0], False), ([1.7e18], False), ([np.nan], False)],
+)
+def test_which_stamps_are_times(stamps: list[float], times: bool) -> None:
+    assert are_times(np.array(stamps)) == times
+
+
+@pytest.mark.parametrize("write", [write_eiva_position, write_eiva_attitude])
+def test_eiva_s_lines_ascend_in_time_in_the_layout_of_its_page(tmp_path: Path, write: Callable) -> None:
+    """1179179101.202228 1.134059548584164 0.1130091400934067 349.1989770603225"""
+    stamps = 1.7e9 + np.array([30.0, 31, 32, 0, 1, 2])
+    write(tmp_path / "poses.txt", dive(stamps=stamps))
+    lines = (tmp_path / "poses.txt").read_text().splitlines()
+    assert all(re.fullmatch(r"\d{10}\.\d{6}( -?\d+\.\d{5,}){3}", line) for line in lines)
+    numbers = np.loadtxt(lines)
+    np.testing.assert_array_equal(numbers[:, 0], np.sort(stamps))
+    if write is write_eiva_position:
+        assert numbers[0, 3] == 29.75  # the depth of scan 3

@@ -9,10 +9,11 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.products.live import messages
+from sonarmap.tools.products.live.coverage import coverage
 from sonarmap.tools.products.live.server import LivePage
 from sonarmap.tools.products.live.state import State
 from tests.tools.products.live.known_dive import KnownDive
-from tests.tools.products.report.page.browser import SOFTWARE, Opened, browsed, wait_until
+from tests.tools.products.report.page.browser import SOFTWARE, WITHOUT_WEBGL, Opened, browsed, wait_until
 
 
 @contextmanager
@@ -118,3 +119,19 @@ def test_it_says_that_the_server_is_gone_and_comes_back_with_it() -> None:
             assert shown.page.evaluate("sonarmap.dive.clouds.size + sonarmap.view.scene.clouds.size") == 0
     finally:
         browser.__exit__(None, None, None)
+
+
+@pytest.mark.slow
+def test_without_webgl_state_and_plan_are_still_there() -> None:
+    plan = np.ones((9, 9), bool)
+    plan[3:6, 3:6] = False
+    cells = np.repeat(np.argwhere(plan) + 0.5, 2, axis=0)
+    with LivePage() as live, opened(live, flags=WITHOUT_WEBGL, silent=False) as shown:
+        live.publish(coverage([cells], 1.0, 0))
+        live.publish(("state", State("lost", lost_for=2, sure=(0, [1, 2, 3])).message))
+        wait_until(
+            shown.page, "!document.querySelector('#alarm').hidden && !document.querySelector('#coverage').hidden"
+        )
+        assert "cannot be shown" in shown.page.inner_text("#stage")
+        assert "x 1.0, y 2.0, z 3.0" in shown.page.inner_text("#alarm")
+        assert "holes, never seen: 9" in shown.page.inner_text("#coverage")

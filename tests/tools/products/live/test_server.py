@@ -202,3 +202,13 @@ def test_a_port_in_use_says_what_to_do(live: LivePage) -> None:
         pass
     with pytest.raises(InputError, match="--bind"), LivePage("192.0.2.1"):
         pass
+
+
+def test_the_addresses_of_a_shared_page_are_numbers_that_reach_it() -> None:
+    with LivePage("0.0.0.0") as live:
+        for address in live.addresses:
+            parts = urlsplit(address)
+            assert re.fullmatch(r"[\d.]+", parts.hostname or "")
+            connection = HTTPConnection(parts.hostname or "", parts.port, timeout=10)
+            connection.request("GET", f"/?{parts.query}")
+            assert connection.getresponse().status == 200

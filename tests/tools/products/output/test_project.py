@@ -131,3 +131,17 @@ def test_the_summary_tells_what_crosses_and_what_was_removed(folder: Path) -> No
 def test_lone_scans_are_no_maps(components: list, maps: list[int], lone: list[int]) -> None:
     assert placed(components) == maps
     assert unplaced(components) == lone
+
+
+def test_the_map_s_columns_say_how_far_each_point_can_be_trusted(folder: Path) -> None:
+    import open3d
+
+    whole, first, second = (
+        {name: values.numpy().ravel() for name, values in open3d.t.io.read_point_cloud(path).point.items()}
+        for path in (folder / name for name in ("map.ply", "map_survey_0.ply", "map_survey_1.ply"))
+    )
+    assert {"count", "seen", "sigma", "scan", "survey"} <= set(whole)
+    assert (whole["count"] >= whole["seen"]).all()
+    assert ((whole["sigma"] > 0) & (whole["sigma"] < 1)).all()
+    assert [set(columns["survey"]) for columns in (whole, first, second)] == [{0, 1}, {0}, {1}]
+    assert set(second["scan"]) == set(range(COUNT // 2, COUNT))

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
@@ -13,8 +13,8 @@ from sonarmap.tools.lab.simulate.kinds import single_view
 from sonarmap.tools.lab.simulate.kinds.draws import Shot, observer_of
 from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View, first_view
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
-from sonarmap.tools.lab.simulate.sensing.noise import Noise
-from sonarmap.tools.lab.simulate.sensing.sensors import SONAR_3D15, Sensor, cast
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, pick_strongest
+from sonarmap.tools.lab.simulate.sensing.sensors import SONAR_3D15, Echoes, Sensor, cast
 from sonarmap.tools.lab.simulate.shapes.solids import box
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from tests.samples.scenes.simulated import QUIET
@@ -149,3 +149,17 @@ def test_ranges_come_in_steps_and_lie_near_the_surface_of_their_lobe():
     scan = single_view.real_scan(Shot(observer, view, Noise(), *draws, "target"))
     placed = view.T_world_sensor.apply(scan.points.astype(np.float64))
     assert np.percentile(surface_distance(observer.world.mesh, placed), 95) < 0.15
+
+
+def test_a_beam_picks_the_strongest_echo_of_its_lobe():
+    ranges = np.full((5, 9), np.inf)
+    strengths = np.zeros((5, 9))
+    ranges[2, 2], strengths[2, 2] = 3.0, 1.0
+    ranges[2, 6], strengths[2, 6] = 7.0, 0.5
+    ranges[2, 3], strengths[2, 3] = 4.0, 0.1
+    picked = pick_strongest(Echoes(ranges, strengths), single_view.LOBE)
+    assert_array_equal(picked.ranges[2], [3.0, 3.0, 3.0, 3.0, 3.0, 7.0, 7.0, 7.0, 7.0])
+    assert picked.strengths[2, 2] == 1.0
+    assert_allclose(picked.strengths[2, 6], 0.5)
+    assert_allclose(picked.strengths[2, 3], np.exp(-0.5))
+    assert_allclose(picked.strengths[0, 2], np.exp(-2.0))

@@ -229,3 +229,18 @@ def test_points_of_a_panned_head_are_the_vehicles_at_their_times():
         placed = T_frame_vehicle[ping].apply(scan.points.astype(np.float64))
         assert_allclose(placed, true_points(fan, few, returns), atol=1e-4)
     assert 0 < turned < 8
+
+
+def test_the_imaging_fan_is_even_in_the_sine_of_azimuth():
+    fan = _imager(1, by_depth=True).fan
+    azimuth = np.rad2deg(np.arctan2(fan.beams[:, 1], fan.beams[:, 0]))
+    assert_allclose((azimuth[0], azimuth[-1]), (-65.0, 65.0))
+    assert_allclose((azimuth[1] - azimuth[0], azimuth[128] - azimuth[127]), (0.95, 0.41), atol=0.02)
+
+
+def test_a_stack_of_depths_drifts_by_about_a_meter():
+    ends = []
+    for seed in range(60):
+        sweep = _imager(1, by_depth=True)._stack(np.array((10.0, 0.0)), 0.0, np.random.default_rng(seed))
+        ends.append(_errors(sweep)[0][[0, -1], :2])
+    assert_allclose(np.std(ends), imaging.DRIFT, rtol=0.3)

@@ -207,3 +207,12 @@ def test_a_track_of_one_pose(tmp_path: Path) -> None:
     part = replace(part, scans=(0,), trajectory=lone, covariances=part.covariances[:1], columns=columns)
     with opened(written(content_of(replace(folder, parts=(part,))), tmp_path / "one.html")):
         pass  # it is drawn, and nothing is said
+
+
+@pytest.mark.slow
+def test_pictures_where_the_points_are_damaged(content: Content, tmp_path: Path) -> None:
+    for k, spoiled in enumerate((content.points[0][:40], b"", bytes(64))):
+        path = written(replace(content, points=(spoiled,)), tmp_path / f"{k}.html")
+        with opened(path) as damaged:
+            assert "cannot be unpacked" in damaged.page.locator("#map .notice").inner_text()
+            assert damaged.page.locator("#map img").count() == 2

@@ -133,3 +133,25 @@ def test_what_the_browser_kept_may_be_damaged(content: Content, tmp_path: Path) 
             page.page.evaluate("kept => localStorage.setItem(sonarmap.decisions.key, kept)", kept)
             page.page.reload()
             assert saved(page, "ties", tmp_path) == [tie(0, 7, "add", MADE["note"])], kept
+
+
+@pytest.mark.slow
+def test_a_tie_keeps_its_transform(content: Content, tmp_path: Path) -> None:
+    transform = {"x_m": 1.5, "y_m": -2.0, "z_m": 0.25, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 33.0}
+    transform |= {"sigma_m": 0.02, "sigma_deg": 0.5}
+    with opened(path_of(content, tmp_path, ties=[MADE | {"transform": transform}])) as page:
+        (row,) = saved(page, "ties", tmp_path)
+        assert {name: float(row[name]) for name in transform} == transform
+
+
+BLOCKED = (
+    "Object.defineProperty(window, 'localStorage', { get() { throw new DOMException('blocked', 'SecurityError'); } });"
+)
+
+
+@pytest.mark.slow
+def test_nothing_is_kept_where_the_browser_keeps_nothing(content: Content, tmp_path: Path) -> None:
+    with opened(path_of(content, tmp_path), script=BLOCKED) as page:
+        decide(page, 0, "reject")
+        assert "save the file before you close" in page.page.locator("#ties .buttons").inner_text()
+        assert saved(page, "ties", tmp_path) == [tie(*ends(content, 0), "reject")]
