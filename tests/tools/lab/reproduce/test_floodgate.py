@@ -72,7 +72,7 @@ class TestExperiment:
     @pytest.mark.slow
     def test_two_runs_give_the_same_rows_and_pictures(self, tmp_path: Path) -> None:
         """A map whose pairs were registered in an earlier run is the same as well."""
-        settings = FloodgateSettings(methods=("icp", "hemisphere"), edges=(32,), seeds=1, first_seed=3, scans=3)
+        settings = FloodgateSettings(methods=("icp", "hemisphere"), edges=(32,), seeds=1, first_seed=3, scans=2)
         made: list[tuple[list[Row], dict[str, bytes]]] = []
         for name in "ab":
             rows, seconds = run_all(experiment := Floodgate(settings, choose_device(None)))

@@ -15,6 +15,7 @@ from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.answer import refused
 from sonarmap.tools.lab.reproduce.kinds.navigation import directions, navigation_cells, navigation_covariance
 from sonarmap.tools.lab.reproduce.kinds.settings import NAVIGATION, PRIORS
+from sonarmap.tools.lab.reproduce.kinds.tables import beside_others, method_table
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 
 SCAN = Scan(np.zeros((1, 3), np.float32))
@@ -87,3 +88,20 @@ def test_a_quick_run_and_its_files(tmp_path: Path, device: Device) -> None:
     headings, *lines = (tmp_path / "out" / "kinds.csv").read_text().splitlines()
     assert headings.startswith("kind,number,scene,relief,shared,priors,method,voxel_m,right,")
     assert len(lines) == 2 * (2 * 3 + 1)
+
+
+def row(**changes: object) -> dict:
+    """A right, believed registration by ours with nothing known, but for what is said."""
+    place = {"kind": "patch", "number": 1, "scene": "harbor", "relief": "rich", "shared": 0.5, "priors": "none"}
+    answer = {"right": True, "accepted": True, "nees": 5.0, "probability": 0.95}
+    return place | {"method": "spectral", "voxel_m": 1.0} | answer | changes
+
+
+def test_the_worst_kind_is_named_beside_the_other_methods() -> None:
+    swaths = [row(kind="swath", number=number, right=number < 6, accepted=number < 4) for number in range(8)]
+    rows = [*(row(number=number) for number in range(10)), *swaths, row(method="planes", right=False)]
+    shown, others, _ = {line[0]: line[1:] for line in beside_others(rows)}["right, known: nothing"]
+    assert shown.startswith("16/18")
+    assert "swath 75 %" in shown
+    assert others == "best: planes 0 %"
+    assert [line[0] for line in method_table(rows).rows] == ["swath", "patch", "all kinds"]
