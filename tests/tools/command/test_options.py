@@ -57,12 +57,10 @@ class TestSharedOptions:
     ("message", "shown"),
     [
         ("`edge=98` is not; try `edge=96` or `edge=100`", "--grid 98 is not; try --grid 96 or --grid 100"),
-        ("give a larger `voxel`", "give a larger --voxel"),
         ("`scheduler=tcp://10.0.0.5:8786`", "--scheduler tcp://10.0.0.5:8786"),
         ("`use_strength=True` needs strengths", "--strength needs strengths"),
         ("`bandwidth=7` and `stack`", "bandwidth=7 and stack"),
         ("run `sonarmap map` first", "run `sonarmap map` first"),
-        ("edge=100, max_tilt", "edge=100, max_tilt"),
     ],
 )
 def test_an_argument_becomes_its_option(message: str, shown: str) -> None:

@@ -11,9 +11,8 @@ import pytest
 
 import sonarmap.tools.command.doctor.opencl as opencl_check
 from sonarmap.kernels.child import Answers
-from sonarmap.tools.command.doctor.finding import Finding, Remedy, size, worst
+from sonarmap.tools.command.doctor.finding import Finding
 from sonarmap.tools.command.doctor.libraries import APT_PACKAGES, EXTRAS
-from sonarmap.tools.command.doctor.run import lines_of, summary
 from tests.tools.command.doctor.broken import ROOT, broken_module, has_own_loader, sonarmap, without_drivers
 
 CHECKS = ["Python", "libraries", "optional", "OpenCL", "memory", "cores", "disk", "temporary", "caches"]
@@ -36,6 +35,7 @@ def commands_of(check: dict[str, Any]) -> list[str]:
 
 
 class TestHealthy:
+    @pytest.mark.slow
     def test_it_fits_a_screen(self) -> None:
         shown = sonarmap("doctor", "--quick")
         assert (shown.returncode, shown.stderr) == (0, "")
@@ -62,11 +62,6 @@ class TestHealthy:
 
 
 class TestBrokenLibraries:
-    @pytest.mark.slow
-    def test_a_library_that_sizes_need_is_not_blamed_on_pyopencl(self, tmp_path: Path) -> None:
-        checks = quick(first=broken_module(tmp_path, "scipy", "SystemExit(1)"))
-        assert "while choosing a device" in checks["OpenCL"]["seen"]
-
     @pytest.mark.slow
     def test_opencl_s_loader_is_missing(self, tmp_path: Path) -> None:
         fault = "libOpenCL.so.1: cannot open shared object file: No such file or directory"
@@ -202,25 +197,3 @@ class TestOpenCL:
         monkeypatch.setattr(opencl_check, "memory_is_short", lambda: True)
         finding = judged(monkeypatch, {"unavailable": "no OpenCL platform was found"})
         assert (finding.remedies, finding.seen.endswith("; see memory")) == ((), True)
-
-
-class TestWords:
-    def test_commands_stand_alone_and_whole(self) -> None:
-        command = "a " * 60 + "b"
-        lines = lines_of(
-            Finding("wrong", "one " * 40 + "\ntwo", (Remedy("do:", command), Remedy("or this")), check="disk"), 80
-        )
-        assert lines[0].startswith("wrong    disk        one one")
-        assert [line.strip() for line in lines[-4:]] == ["two", "> do:", command, "> or this"]
-        assert max(len(line) for line in lines if command not in line) <= 80
-
-    def test_the_last_line(self) -> None:
-        good, bad, doubtful = (Finding(verdict, "") for verdict in ("ok", "wrong", "warning"))
-        assert summary([good, good]).endswith("all that is needed works")
-        assert summary([good, doubtful]).endswith("all that is needed works; 1 warning")
-        assert summary([good, bad, doubtful]).endswith("1 of 3 wrong, and 1 warning; follow the advice after >")
-        assert (worst([]), worst(["ok", "warning", "ok"])) == ("ok", "warning")
-
-    def test_sizes(self) -> None:
-        sizes = {0: "0 bytes", 1023: "1023 bytes", 65536: "64 KiB", 1.5 * 2**20: "1.5 MiB", 3 * 2**34: "48 GiB"}
-        assert {n: size(n) for n in sizes} == sizes

@@ -84,16 +84,6 @@ class TestDisks:
             assert "cannot be written (read-only file system)" in devices.stderr
             assert "'sonarmap doctor' looks at them" in devices.stderr
 
-    @pytest.mark.slow  # all kernels are compiled
-    def test_a_map_with_a_read_only_home(self, tmp_path: Path, scans: Path) -> None:
-        with mounted(tmp_path / "home", "ro") as home:
-            environment = {"HOME": str(home), "XDG_CACHE_HOME": "", "MPLCONFIGDIR": ""}
-            out = str(tmp_path / "out")
-            made = sonarmap("map", str(scans), "--grid", "32", "-o", out, variables=environment)
-            assert "cannot be written (read-only file system)" in made.stderr
-            assert "Traceback" not in made.stderr
-            assert (tmp_path / "out" / "map.ply").exists()
-
     def test_a_file_in_place_of_the_folder(self, tmp_path: Path) -> None:
         (tmp_path / "out").touch()
         assert look_at(tmp_path / "out" / "map").fault == f"{tmp_path / 'out'} is a file, not a folder"
