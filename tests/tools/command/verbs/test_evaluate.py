@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.writers.trajectory import write_kitti, write_tum
-from tests.samples.clutter_scans import printed, printed_at, refused, said, sonarmap
+from tests.samples.clutter_scans import printed, refused, said, sonarmap
 
 STAMPS = 5.0 + np.arange(4)
 TRUTH = Trajectory(
@@ -52,18 +52,6 @@ def test_an_error_of_the_first_pose_is_said_to_move_all_others(tmp_path: Path, p
     assert f"{ates[0]:.3f} m (ATE" in told
     assert "whose error moves and turns all others; all poses, the default, fit closest" in told
     assert "moves and turns" not in sonarmap("evaluate", *pair).stdout
-
-
-def test_the_table_shows_estimated_beside_true_poses(pair: list[Path]) -> None:
-    result = sonarmap("evaluate", *pair, "--align", "first")
-    assert "true x, y, z [m]" in result.stdout
-    (row,) = [line.split() for line in result.stdout.splitlines() if line.split()[:1] == ["7"]]
-    forward = TRUTH.T_world_sensor.rotation.as_matrix()[2, :, 0]
-    estimated = [f"{value:.2f}" for value in TRUTH.T_world_sensor.translation[2] + 0.4 * forward]
-    assert row == ["7", *estimated, "6.00", "-3.00", "0.50", "0.400", "+73.00°", "+70.00°", "3.00°"]
-    (third,) = [one for one in evaluated(*pair, "--align", "first")["per_pose"] if one["stamp"] == 7]
-    assert third["true_m"] == pytest.approx([6, -3, 0.5])
-    assert third["estimated_yaw_deg"] == pytest.approx(73, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -114,36 +102,3 @@ def test_truths_with_times_keep_them(tmp_path: Path, pair: list[Path]) -> None:
     write_tum(tmp_path / "b.tum", Trajectory(STAMPS[:2], poses[:2]))
     parts, whole = evaluated(pair[0], tmp_path / "a.tum", tmp_path / "b.tum"), evaluated(*pair)
     assert parts["ate_m"]["rms"] == pytest.approx(whole["ate_m"]["rms"], rel=1e-9)
-
-
-def test_no_number_is_cut_at_80_columns(tmp_path: Path) -> None:
-    """Stamps of today, and positions of a kilometer."""
-    poses = RigidTransform.from_translation([[-1234.5, 987.25, -12.75]]) * TRUTH.T_world_sensor
-    trajectory = Trajectory(1.7e9 + STAMPS + 0.123456, poses)
-    for name in ("estimate.tum", "truth.tum"):
-        write_tum(tmp_path / name, trajectory)
-    for columns in (80, 120):
-        lines = printed_at(columns, "evaluate", tmp_path / "estimate.tum", tmp_path / "truth.tum")
-        assert not any("…" in line for line in lines), lines
-        assert max(map(len, lines[: lines.index("")])) <= columns
-        assert any("1700000007.123456" in line and "-1228.50   984.25   -12.25" in line for line in lines)
-
-
-def test_of_many_poses_the_worst_are_listed(tmp_path: Path) -> None:
-    stamps, far = np.arange(40.0), np.zeros((40, 3))
-    far[:, 0] = np.arange(40) ** 2
-    off = far + np.where(stamps % 4 == 3, stamps / 10, 0)[:, None] * [0, 0, 1]  # 3, 7, ... 39 are off by 0.3 to 3.9 m
-    for name, places in (("estimate.tum", off), ("truth.tum", far)):
-        write_tum(tmp_path / name, Trajectory(stamps, RigidTransform.from_translation(places)))
-    pair = (tmp_path / "estimate.tum", tmp_path / "truth.tum")
-    result = sonarmap("evaluate", *pair, "--align", "first")
-    listed = [line.split()[0] for line in result.stdout.splitlines() if line[:20].strip()[:1].isdigit()]
-    assert listed == [str(k) for k in range(3, 40, 4)]
-    assert "The 10 of 40 poses that are off farthest; --verbose lists all:" in result.stdout
-    assert "at most by 3.900 m, at 39 s" in result.stdout
-    everything = sonarmap("evaluate", *pair, "--align", "first", "--verbose").stdout
-    assert len([line for line in everything.splitlines() if line[:20].strip()[:1].isdigit()]) == 40
-    many = sonarmap("evaluate", *pair, "--align", "first", "--max-error-m", "0")
-    assert many.exit_code == 3
-    assert many.stderr.count("error: ") == 5
-    said(many, "and 5 more poses are farther off than that")

@@ -9,7 +9,7 @@ from PIL import Image
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
-from tests.samples.clutter_scans import done, files_in, printed, refused, said, sonarmap, table_of
+from tests.samples.clutter_scans import done, files_in, printed, refused, sonarmap, table_of
 from tests.tools.products.export.finished import finished_map
 
 HERE = Georeference(60.0, 9.0, height=-3.0)
@@ -83,28 +83,15 @@ def test_the_same_line_in_each_of_the_coordinates(placed: Path, tmp_path: Path) 
     assert not list(tmp_path.glob("*.png"))
 
 
-def test_what_is_printed(local: Path, tmp_path: Path) -> None:
-    result = done(sonarmap("section", local, *LINE, "-o", tmp_path / "cut.csv", "--cell", "2", "--width", "1"))
-    assert "within 1 m to either side" in result.stdout
-    assert "cut.csv, cut_profile.csv" in result.stdout
-    said(result, "which way is up")
-    assert sonarmap("section", local, *LINE, "-o", tmp_path / "cut.csv", "--quiet").stderr == ""
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         (("--from", "1", "--to", "2,3"), "--from is '1'; wanted two numbers"),
-        (("--from", "1,nan", "--to", "2,3"), "--from is '1,nan'"),
         (("--from", "1,2", "--to", "1,2"), "both 1.00, 2.00"),
         (("--from", "500,2", "--to", "501,2"), "the map lies between"),
         ((*LINE, "--width", "0"), "above 0"),
-        ((*LINE, "--cell", "1e-300"), "give longer cells"),
         ((*LINE, "--world"), "--world needs a map whose place on the Earth is known"),
-        ((*LINE, "--world", "--degrees"), "exclude one another"),
         ((*LINE, "-o", "cut.jpg"), "ends in .png"),
-        ((*LINE, "--crs", "EPSG:32632"), "--crs has no effect"),
-        ((*LINE, "--vertical", "MSL"), "without --origin"),
     ],
 )
 def test_lines_that_cannot_be_cut(
@@ -157,13 +144,9 @@ def test_two_maps(local: Path, placed: Path) -> None:
     [
         ((), "neither of --level and --to given"),
         (("--level", "1", "--to", "other"), "both of --level and --to given"),
-        (("--level", "1", "--same-frame"), "without --to"),
         (("--level", "nan"), "--level is nan"),
         (("--level", "1", "--cell", "0"), "above 0"),
-        (("--level", "1", "--height", "mean"), "choose one of median, top"),
         (("--level", "1", "--seen", "99"), "give a smaller --seen"),
-        (("--level", "1", "--cell", "1e-7"), "--cell M"),
-        (("--level", "1", "--cell", "1e-300"), "--cell M"),
     ],
 )
 def test_volumes_that_cannot_be_computed(local: Path, options: tuple[str, ...], words: str) -> None:
