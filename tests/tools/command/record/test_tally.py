@@ -11,8 +11,8 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.tools.command.record.receiver import Datagram, Senders
 from sonarmap.tools.command.record.recorder import RecordSettings, Status
 from sonarmap.tools.command.record.source import Source
-from sonarmap.tools.command.record.tally import IMU, RANGES, ClockOffset, Tally
-from sonarmap.tools.command.record.words import Watch, clock_words, end_lines, lasting, sized, status_lines
+from sonarmap.tools.command.record.tally import RANGES, ClockOffset, Tally
+from sonarmap.tools.command.record.words import Watch
 from sonarmap.tools.files.readers.sonar.packets import fault_of
 from tests.samples.damage.mutations import mutated
 from tests.samples.live.sender import LOOPBACK
@@ -106,29 +106,6 @@ def status() -> Status:
     return status
 
 
-def test_the_lines_fit_a_terminal_and_say_it_all(status: Status) -> None:
-    assert status_lines(status) == (
-        "recording 0:01:00: 20.0 shots/s, 50 packets/s; missing 1 (5.0 %)",
-        "damaged 0; clock -0.25 s; no IMU; 66.0 MB written; disk 2,000 GB, for 21 days",
-    )
-    status.unsaved, status.seconds, status.size = 3, 13 * 3600 + 5 * 60 + 7.9, 49_800_000_000
-    status.tally.kinds[IMU].came = 1
-    status.tally.clock.latest = -1.7e9
-    assert status_lines(status) == (
-        "recording 13:05:07: 20.0 shots/s, 50 packets/s; missing 1 (4.8 %), lost here 3",
-        "damaged 0; clock days off; IMU; 49.8 GB written; disk 2,000 GB, for 21 days",
-    )
-
-
-def test_the_end_says_what_is_missing(status: Status) -> None:
-    assert end_lines(status) == [
-        "dive.part.sonar: 19 shots in 0:01:00, 66.0 MB",
-        "missing by their numbers: 1 shot, 5.00 % of the packets",
-        "lost in this computer: 0; damaged: 0",
-        "sonar 10.0.0.9; its clock is 0.25 s behind this computer's; no IMU batches: enable them in its settings",
-    ]
-
-
 def test_each_warning_comes_once_and_silence_each_time(status: Status) -> None:
     watch, warned = Watch(), []
     for silence in (0.05, 5.5, 9.5, 0.0, 5.1):
@@ -136,13 +113,6 @@ def test_each_warning_comes_once_and_silence_each_time(status: Status) -> None:
         warned.append(list(watch.warnings(status)))
     assert [len(words) for words in warned] == [0, 1, 0, 0, 1]
     assert warned[1][0].startswith("nothing has come for 6 s. Look at the sonar's power")
-
-
-def test_what_to_look_at_where_nothing_comes(status: Status) -> None:
-    status.tally, status.silence = Tally(), 6.0
-    (words,) = Watch().warnings(status)
-    wanted = ("224.0.0.96:4747 on every interface", "acoustics", "UDP multicast", "interface is up", "firewall")
-    assert all(word in words for word in wanted)
 
 
 @pytest.mark.parametrize(
@@ -172,13 +142,3 @@ def test_a_clock_that_is_off_losses_and_a_small_buffer_are_told(status: Status) 
     assert all(words in warning for words, warning in wanted.items())
     assert clock.startswith("the sonar's clock is 7.25 s behind this computer's")
     assert "--nav-offset=-7.25" in clock
-
-
-@pytest.mark.parametrize(
-    ("value", "words"),
-    [(lasting(119), "119 s"), (lasting(121), "2 min"), (lasting(7201), "2 h"), (lasting(172801), "2 days"),
-     (sized(999), "1.0 kB"), (sized(1.2e6), "1.2 MB"), (sized(3.2e9), "3.2 GB"),
-     (clock_words(0.5), "0.50 s ahead of"), (clock_words(-1.7e9), "19,676 days behind")],
-)  # fmt: skip
-def test_numbers_in_words(value: str, words: str) -> None:
-    assert value == words

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from sonarmap.slam.survey_grid import survey_grid
-from sonarmap.tools.command import overview
 from sonarmap.tools.command.navigation import PriorsFile, scans_with_priors
 from sonarmap.tools.files.readers.clock import clock_faults, clock_of, utc
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
-from tests.samples.clutter_scans import done, printed, refused, said, scan, sonarmap, write
+from tests.samples.clutter_scans import printed, refused, said, scan, sonarmap, write
 from tests.samples.places import DATA
-from tests.samples.recordings import imu_packets, recording, shot_packets, written
+from tests.samples.recordings import imu_packets, shot_packets
 
 REAL = DATA / "sonar3d15" / "ship_short.sonar"
 
@@ -61,22 +60,6 @@ class TestRecording:
         assert found["next"] == f"sonarmap map {dive} -o map/"
         assert "names" not in found
 
-    def test_in_words(self, dive: Path) -> None:
-        shown = done(sonarmap("inspect", dive))
-        words = " ".join(shown.stdout.split())
-        for said_so in (
-            "57: dive#0 to dive#56",
-            "2023-11-14 22:13:20 to 2023-11-14 22:13:32 UTC, 11.8 s",
-            "the last file was changed at 2023-11-14 22:15:00 UTC",
-            "5 scans per second, gaps: 2, the longest 0.6 s",
-            "strengths 56 of 57 scans",
-            "changes, 1480.0 to 1485.5 m/s",
-            "all scans, by the recording's own IMU: in the median roll +30.0, pitch +0.0 degrees",
-            f"next: sonarmap map {dive} -o map/",
-        ):
-            assert said_so in words
-        said(shown, "dive.sonar: 3 of 60 shots are missing by their numbers")
-
     def test_names_are_those_of_a_file_of_priors(self, dive: Path) -> None:
         names = [f"dive#{k}" for k in range(57)]
         assert as_json(dive, "--names")["names"] == sonarmap("inspect", dive, "--names").stdout.split() == names
@@ -92,13 +75,6 @@ class TestRecording:
         faster = as_json(dive, "--sound-speed", 1500)
         assert faster["next"] == f"sonarmap map {dive} --sound-speed 1500 -o map/"
         assert plain["farthest_m"] < faster["farthest_m"] < 1.02 * plain["farthest_m"]
-
-    def test_a_long_one_is_read_scan_by_scan_with_progress(self, tmp_path: Path) -> None:
-        """No scan is kept, and something is shown every hundred."""
-        path = written(tmp_path / "long.sonar", recording(250))
-        steps: list[tuple[int, int, str]] = []
-        assert len(overview.overview_of([path], progress=lambda *step: steps.append(step)).names) == 250
-        assert steps == [(0, 1, "long.sonar: 100 scans"), (0, 1, "long.sonar: 200 scans"), (1, 1, "long.sonar")]
 
 
 class TestOtherFormats:

@@ -3,14 +3,12 @@
 import json
 import re
 import shlex
-import shutil
 from pathlib import Path
 
 import laspy
 import numpy as np
 import pytest
 
-import sonarmap as sonarmap_package
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.folder import read_map_folder
@@ -23,7 +21,6 @@ from tests.tools.files.readers.pings.samples import START
 from tests.tools.products.export.clouds.test_points_of_scans import same_as_fused
 
 PINGS, LANES = 250, 3
-FILES = {"navigation.csv", "soundings.laz", "lines.json"}
 
 
 def survey_of(folder: Path, survey: Survey) -> list[Path]:
@@ -43,10 +40,11 @@ def mapped(survey: Survey, tmp_path_factory: pytest.TempPathFactory) -> Path:
     files = survey_of(folder, survey)
     where = f"{HERE.latitude},{HERE.longitude}"
     result = done(sonarmap("map", *files, "-o", folder / "out", "--origin", where))
-    said(result, "patches of lines, placed by the lines' navigation", "patches of lines")
+    said(result, "patches of lines")
     return folder
 
 
+@pytest.mark.slow
 def test_corrected_navigation_is_nearer_to_the_truth(mapped: Path, survey: Survey) -> None:
     rows = table_of(mapped / "out" / "navigation.csv")
     assert [row["line"] for row in rows] == [f"{k}" for k in range(LANES) for _ in range(PINGS)]
@@ -65,6 +63,7 @@ def test_corrected_navigation_is_nearer_to_the_truth(mapped: Path, survey: Surve
     assert np.abs((headings - recorded + 180) % 360 - 180).max() < 1.0
 
 
+@pytest.mark.slow
 def test_soundings_lie_where_the_navigation_says(mapped: Path, survey: Survey) -> None:
     las = laspy.read(mapped / "out" / "soundings.laz")
     assert len(las.points) == sum(len(line.pings) for line in survey.recorded[:LANES])
@@ -79,6 +78,7 @@ def test_soundings_lie_where_the_navigation_says(mapped: Path, survey: Survey) -
     assert (np.sign(np.asarray(las["beam_angle"])[far]) == -np.sign(across[far])).all()  # positive to starboard
 
 
+@pytest.mark.slow
 def test_lines_agree_better_where_they_overlap(mapped: Path) -> None:
     said_of = json.loads((mapped / "out" / "lines.json").read_text())
     before, after = (said_of["crossings"][when]["all"]["p95_m"] for when in ("before", "after"))
@@ -87,12 +87,7 @@ def test_lines_agree_better_where_they_overlap(mapped: Path) -> None:
     assert set(said_of["patch_test"]["biases"]) == {"latency_s", "roll_deg", "pitch_deg", "heading_deg"}
 
 
-def test_files_of_lines_are_listed_and_go_with_the_next_map(mapped: Path, tmp_path: Path) -> None:
-    summary = json.loads((mapped / "out" / "summary.json").read_text())
-    assert set(summary["files"]) >= FILES
-    assert summary["georeference"]["latitude"] == HERE.latitude
-
-
+@pytest.mark.slow
 def test_a_single_line_is_placed_by_its_navigation(survey: Survey, tmp_path: Path) -> None:
     (file, *_) = survey_of(tmp_path, survey)
     summary = printed(sonarmap("map", file, "-o", tmp_path / "out", "--json"))
@@ -117,21 +112,10 @@ def test_biases_are_taken_out_on_request(tmp_path: Path) -> None:
     assert same_as_fused(folder, np.concatenate([portion.points for portion in cloud.portions()]))
 
 
-@pytest.mark.slow
-def test_python_maps_lines_as_the_command_does(mapped: Path) -> None:
-    (mapped / "some").mkdir()
-    for k in (1, 2):
-        shutil.copy(mapped / f"{k}.gsf", mapped / "some")
-    result = sonarmap_package.map_scans(mapped / "some")
-    assert len(result.components) == 1
-    assert set(result.surveys) == {0, 1}
-    assert all(edge.kind == "loop" for edge in result.edges)  # along a line nothing is registered
-
-
-def test_options_that_lines_cannot_have_are_refused(mapped: Path, tmp_path: Path) -> None:
+def test_options_that_lines_cannot_have_are_refused(survey: Survey, tmp_path: Path) -> None:
     log = tmp_path / "log.csv"
     log.write_text("stamp,x_m,y_m\n0,0,0\n1,1,1\n")
-    file = mapped / "0.gsf"
+    file = survey_of(tmp_path, survey)[0]
     refused(sonarmap("map", file, "-o", tmp_path, "--priors", log), "contain their own navigation", "leave --priors")
     refused(sonarmap("map", file, "-o", tmp_path, "--patch-test"), "two lines", "1 given")
     refused(sonarmap("map", file, "-o", tmp_path, "--patch", "-3"), "above 0")
@@ -153,10 +137,11 @@ def test_lines_of_two_sites_are_no_map_together(survey: Survey, tmp_path: Path) 
     assert sonarmap(*words).exit_code == 0
 
 
-def test_inspect_shows_lines(mapped: Path) -> None:
-    text = " ".join(done(sonarmap("inspect", mapped / "0.gsf")).stdout.split())
+def test_inspect_shows_lines(survey: Survey, tmp_path: Path) -> None:
+    files = survey_of(tmp_path, survey)
+    text = " ".join(done(sonarmap("inspect", files[0])).stdout.split())
     assert "250 pings, 32,000 soundings" in text
     assert "0.0 % rejected" in text
-    (line,) = printed(sonarmap("inspect", mapped / "1.gsf", "--json"))["lines"]
+    (line,) = printed(sonarmap("inspect", files[1], "--json"))["lines"]
     assert line["pings"] == PINGS
     assert line["length"] == pytest.approx(2.4 * PINGS / 5, rel=0.1)

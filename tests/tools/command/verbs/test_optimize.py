@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.slam.optimize.chordal import ChordalProblem
-from sonarmap.tools.command.verbs.optimize import verdict
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.writers.g2o import write_g2o
 from tests.samples.clutter_scans import printed, printed_at, refused, said, sonarmap
@@ -228,6 +226,7 @@ def test_random_poses_do_not_matter_to_the_chordal_start(name: str, tmp_path: Pa
     assert full["chi_squared_after"] == pytest.approx(graph.optimize().chi_squared_after, rel=1e-6)
 
 
+@pytest.mark.quick_cases(1)
 @needs_graphs
 @pytest.mark.parametrize("name", ["tinyGrid3D", "smallGrid3D"])
 @pytest.mark.parametrize("seed", [1, 2])
@@ -239,28 +238,11 @@ def test_from_random_poses_the_certificate_tells_what_was_found(name: str, seed:
     assert (summary["certificate"]["verdict"] == "certified") == reached
 
 
+@pytest.mark.quick_cases(1)
 @needs_graphs
-@pytest.mark.parametrize("name", [*sorted(BEST)[:-2], pytest.param("sphere2500", marks=pytest.mark.slow), "tinyGrid3D"])
+@pytest.mark.parametrize("name", sorted(BEST, reverse=True))
 def test_benchmarks(name: str, tmp_path: Path) -> None:
     (tmp_path / "in.g2o").symlink_to(GRAPHS / f"{name}.g2o")
     summary = told(tmp_path / "in.g2o", "--objective", "isotropic")
     assert summary["cost_after"] == pytest.approx(BEST[name], rel=1e-6)
     assert summary["certificate"]["verdict"] == "certified"
-
-
-@pytest.mark.parametrize(
-    ("chi_squared", "changed", "words"),
-    [
-        (205.0, {}, "The poses fit the edges: chi-squared is 205, about 192 is usual."),
-        (260.0, {}, "contradict each other more than their sigmas allow: chi-squared is 260, about 192"),
-        (260.0, {}, "; --robust finds wrong edges and leaves them out."),
-        (260.0, {"robust": True}, "; their sigmas may be too small."),
-        (12.2, {}, "The poses fit the edges, better than their sigmas say: chi-squared is 12.2, about 192"),
-        (0.0, {"degrees_of_freedom": 0}, "every pose follows from one edge"),
-        (205.0, {"converged": False}, "Not converged: after 7 iterations"),
-    ],
-)
-def test_the_verdict_in_a_sentence(chi_squared: float, changed: dict[str, Any], words: str) -> None:
-    """With 192 degrees of freedom three standard deviations of chi-squared are 3 sqrt(384) = 58.8."""
-    usual = {"degrees_of_freedom": 192, "converged": True, "iterations": 7, "robust": False} | changed
-    assert words in verdict(usual | {"chi_squared_after": chi_squared}, usual["robust"])

@@ -147,11 +147,6 @@ class TestVerbs:
         refused(sonarmap("map", folder, "-o", folder / "out", *options), "nav.csv: line 3", "'scan_7'")
         assert not (folder / "out").exists()
 
-    def test_a_file_of_priors_in_the_folder_is_no_scan(self, folder: Path) -> None:
-        (folder / "nav.csv").rename(folder / "priors.csv")
-        for paths in ([folder], [str(folder / "*")]):
-            assert [one.name for one in read_scans(paths).scans] == ["scan_0", "scan_1", "scan_2"]
-
     @pytest.mark.parametrize("text", ["1,2,3", "1,2,3,4,5", "1,2,3,0", "1,2,3,nan", "1,2,3,inf", "a,2,3,4", ""])
     def test_default_sigmas_that_will_not_do(self, folder: Path, text: str) -> None:
         pair = (folder / "scan_0.ply", folder / "scan_1.ply")
@@ -164,7 +159,6 @@ class TestVerbs:
 
 
 ONE = ("--scans", "1", "--quiet", "-o")
-TINY = ("--scene", "harbor", "--scans", "1", "--seed", "9", "--sensor", "paper", "--spacing", "5")
 
 
 @pytest.mark.parametrize(
@@ -172,14 +166,8 @@ TINY = ("--scene", "harbor", "--scans", "1", "--seed", "9", "--sensor", "paper",
     [
         ("--like description.json --scene harbor --seed 9", ["leave out --scene, --seed"]),
         ("--like description.json --sensor paper", ["leave out --sensor"]),
-        ("--like description.json --trajectory survey", ["leave out --trajectory"]),
         ("--trajectory table1 --sensor sonar3d15", ["--sensor has no effect with --trajectory table1", "leave it out"]),
-        ("--trajectory table1 --sensor eclipse", ["--sensor has no effect with --trajectory table1", "leave it out"]),
-        ("--trajectory table1 --spacing 3", ["--spacing has no effect with --trajectory table1", "leave it out"]),
         ("--scans 1 --quiet --ghosts 1", ["ghosts is"]),
-        ("--scans 1 --quiet --speckle -0.5", ["speckle is"]),
-        ("--scans 1 --quiet --lobe 9", ["lobe is"]),
-        ("--scans 1 --quiet --threshold -1", ["threshold is"]),
     ],
 )
 def test_what_would_not_be_heeded_or_cannot_be_is_refused(tmp_path: Path, options: str, words: list[str]) -> None:
@@ -201,17 +189,3 @@ def test_the_noise_of_the_echoes_is_described_and_given_again(tmp_path: Path) ->
     again = ("--like", tmp_path / "a" / "description.json", "--quiet", "-o", tmp_path / "b")
     assert sonarmap("simulate", *again).exit_code == 0
     assert files_in(tmp_path / "a") == files_in(tmp_path / "b")
-
-
-def test_a_lower_threshold_leaves_more_points_of_the_same_scan(tmp_path: Path) -> None:
-    assert sonarmap("simulate", "--seed", "4", *ONE, tmp_path / "a").exit_code == 0
-    like = ("--like", tmp_path / "a" / "description.json")
-    assert sonarmap("simulate", *like, "--threshold", "0", *ONE, tmp_path / "b").exit_code == 0
-    few, many = (described(tmp_path / name)["scans"][0]["points"] for name in "ab")
-    assert 1.2 * few < many < 2 * few
-
-
-def test_table_1_has_the_papers_noise_alone(tmp_path: Path) -> None:
-    assert sonarmap("simulate", "--trajectory", "table1", *ONE, tmp_path / "out").exit_code == 0
-    noise = described(tmp_path / "out")["settings"]["noise"]
-    assert noise == {"sigma2": 1.0, "outliers": 0.0, "dropouts": 0.0, "ghosts": 0.0, "speckle": 0.0, "lobe": 0.0}
