@@ -54,15 +54,6 @@ def test_a_pair_as_json(pair: list[str], method: str) -> None:
     assert np.linalg.eigvalsh(found["covariance"]).min() > 0
 
 
-def test_a_pair_in_words(pair: list[str]) -> None:
-    result = sonarmap("register", *pair, "--method", "icp", *VOXEL)
-    assert (result.exit_code, result.stderr) == (0, "")
-    assert result.stdout.startswith("Registered: this transform is reliable.\n")
-    assert "voxels of 0.4 m" in result.stdout
-    assert "128 x" not in result.stdout
-    assert "nan" not in result.stdout
-
-
 def test_two_places_are_refused(tmp_path: Path) -> None:
     pair = write(tmp_path, here=scan(0, scene=1), there=scan(0, scene=2))
     result = sonarmap("register", *pair, "--method", "icp", *VOXEL, "--json")
@@ -87,18 +78,12 @@ def test_the_voxel_is_chosen_as_for_the_spectral_method(pair: list[str]) -> None
             "--method icp --yaw-peaks 6",
             ["--yaw-peaks has no effect with --method icp; leave it out, or use --method h"],
         ),
-        ("--yaw-peaks 3", ["--yaw-peaks has no effect with --method spectral; leave it out, or use --method hemis"]),
         ("--method hemisphere --hypotheses 12", ["--hypotheses has no effect", "or use --method spectral"]),
-        ("--method hemisphere --hypotheses 8", ["--hypotheses has no effect", "or use --method spectral"]),
         ("--method hemisphere --priors nav.csv", ["--priors has no effect", "or use --method spectral"]),
-        ("--method icp --priors nav.csv", ["--priors has no effect with --method icp", "--method spectral"]),
         (
             "--method icp --max-tilt 35 --device cpu",
             ["--device and --max-tilt have no effect", "leave them out", "spectral or hemisphere"],
         ),
-        ("--method kiss --no-strength", ["--strength has no effect"]),
-        ("--method icp --seed 0", ["--seed has no effect", "fpfh-ransac or fpfh-fgr"]),
-        ("--seed 3", ["--seed has no effect with --method spectral"]),
         ("--method icp --grid 64 --voxel 0.4", ["--grid has no effect with --method icp and --voxel"]),
         ("--method ipc", ["no method is called 'ipc'", *METHODS]),
     ],

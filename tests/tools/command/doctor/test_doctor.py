@@ -11,7 +11,7 @@ import pytest
 
 import sonarmap.tools.command.doctor.opencl as opencl_check
 from sonarmap.kernels.child import Answers
-from sonarmap.tools.command.doctor.finding import Finding
+from sonarmap.tools.command.doctor.finding import Finding, worst
 from sonarmap.tools.command.doctor.libraries import APT_PACKAGES, EXTRAS
 from tests.tools.command.doctor.broken import ROOT, broken_module, has_own_loader, sonarmap, without_drivers
 
@@ -197,3 +197,7 @@ class TestOpenCL:
         monkeypatch.setattr(opencl_check, "memory_is_short", lambda: True)
         finding = judged(monkeypatch, {"unavailable": "no OpenCL platform was found"})
         assert (finding.remedies, finding.seen.endswith("; see memory")) == ((), True)
+
+
+def test_the_worst_verdict_counts() -> None:
+    assert (worst([]), worst(["ok", "warning", "ok"]), worst(["warning", "wrong"])) == ("ok", "warning", "wrong")

@@ -29,7 +29,7 @@ CALLS = [
 
 
 @pytest.mark.parametrize("call", CALLS, ids=" ".join)
-@pytest.mark.parametrize("name", ["n" * 300, "gone"])
+@pytest.mark.parametrize("name", ["n" * 300, "gone"], ids=["long", "gone"])
 def test_a_path_that_the_system_refuses_is_no_defect(
     tmp_path: Path, call: tuple[str, ...], name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

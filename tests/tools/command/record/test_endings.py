@@ -73,6 +73,7 @@ def test_a_signal_ends_it_well(tmp_path: Path, number: int) -> None:
     assert lines[-1] == f"next: sonarmap inspect {tmp_path}/dive.sonar"
 
 
+@pytest.mark.slow
 def test_the_duration_ends_it_and_json_says_how_it_was(tmp_path: Path) -> None:
     with running(tmp_path / "dive.sonar", "--duration", "3s", "--json") as (recorder, to):
         send([*PACKETS[:10], *PACKETS[12:], *PACKETS[-2:], b"?"], to)
@@ -119,20 +120,6 @@ def test_a_disk_that_takes_no_more_leaves_whole_packets_in_the_part_that_is_name
     assert not (tmp_path / "dive.sonar").exists()
 
 
-@pytest.mark.slow
-def test_a_terminal_that_has_gone_does_not_end_it(tmp_path: Path) -> None:
-    with running(tmp_path / "dive.sonar") as (recorder, to):
-        assert recorder.stderr is not None
-        assert recorder.stdout is not None
-        recorder.stderr.close()
-        recorder.stdout.close()
-        send([b"noise, of which it wants to warn", *PACKETS], to)
-        until_written(tmp_path / "dive.part.sonar", sum(map(len, PACKETS)), recorder)
-        recorder.send_signal(signal.SIGTERM)
-        recorder.wait()
-    assert (tmp_path / "dive.sonar").read_bytes() == b"".join(PACKETS)
-
-
 LISTENER = """
 import sys
 import wlsonar
@@ -146,8 +133,8 @@ finally:
 """
 
 
-@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("options", [("--unicast", "127.0.0.1:{}"), ("--multicast", "239.255.47.48:{}")])
+@pytest.mark.slow
 def test_it_only_listens_and_where_it_is_told(tmp_path: Path, options: tuple[str, str]) -> None:
     """By the events that Python itself reports of sockets."""
     option, place = options[0], options[1].format(free_port())

@@ -58,15 +58,13 @@ def test_a_report_is_opened_whoever_uses_the_folder(out: Path, monkeypatch: pyte
         assert sonarmap("view", out).exit_code == 0
 
 
-@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("verb", "options", "other", "files"),
     [
         ("export into it", (), "map", {"trajectory.kitti", "trajectory.kitti.json"}),
-        ("map", ("--export", "kitti"), "view", {"report.html", "trajectory.kitti"}),
     ],
 )
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 def test_another_that_begins_meanwhile_is_refused(
     out: Path, verb: str, options: tuple[str, ...], other: str, files: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

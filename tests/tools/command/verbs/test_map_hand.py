@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from tests.samples.clutter_scans import T_WORLD_SENSOR, done, files_in, said, scan, sonarmap, table_of, write
-from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 GRID = ("--grid", "64", "--no-report")
 SCANS = 8
@@ -137,13 +135,6 @@ def test_a_wrong_point_is_named(dive: Path, out: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_one_point_leaves_open_is_said(dive: Path, out: Path, tmp_path: Path) -> None:
-    control = control_file(tmp_path, dive)
-    control.write_text("\n".join(control.read_text().splitlines()[:2]) + "\n")
-    result = sonarmap("map", dive, "-o", out, *GRID, "--control", control)
-    said(result, "the control points of the map leave open", "which way it points", "three that are not on a line")
-
-
 def test_two_folders_are_two_surveys_of_one_map(tmp_path: Path) -> None:
     """Nothing says how the second lies to the first but what its scans look like; each has a layer of its own."""
     for name, members in (("a", (0, 1)), ("b", (2, 3))):
@@ -168,14 +159,6 @@ def test_two_folders_are_two_surveys_of_one_map(tmp_path: Path) -> None:
     doubtful = [row["seen_by_too_few"] for row in summary["components"][0]["surveys"].values()]
     assert [len(whole) - len(layer) for whole, layer in zip(wholes, layers, strict=True)] == doubtful
     assert max(map(len, layers)) < len(read_scan(out / "map.ply").points) < sum(map(len, layers))
-
-
-def test_two_surveys_of_one_scan_each_have_no_pair_to_try() -> None:
-    """One pair alone never joins two surveys, so that there is nothing to find out."""
-    truth = ring_poses(2, turns=0.1)
-    result = Mapper(KnowingRegistrar(truth, np.eye(6) * 1e-4), 0.5).run(scans_of(truth), surveys=[0, 1])
-    assert result.components == ((0,), (1,))
-    assert result.gaps == ()
 
 
 @pytest.mark.slow

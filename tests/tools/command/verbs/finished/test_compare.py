@@ -11,10 +11,8 @@ import pytest
 import rasterio
 from PIL import Image
 
-import sonarmap as library
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
-from sonarmap.tools.products.compare.comparison import Comparison
 from sonarmap.tools.products.compare.distances import Verdict
 from tests.samples.clutter_scans import (
     T_WORLD_SENSOR,
@@ -75,6 +73,7 @@ def compared(maps: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) ->
     return printed(sonarmap("compare", maps["old"], maps["new"], "-o", out, *GRID, "--json")), out
 
 
+@pytest.mark.slow
 def test_the_hole_is_found_and_nothing_else(compared: tuple[dict[str, Any], Path]) -> None:
     result, out = compared
     assert result.keys() == KEYS | {"aligned", "files"}
@@ -91,6 +90,7 @@ def test_the_hole_is_found_and_nothing_else(compared: tuple[dict[str, Any], Path
     np.testing.assert_allclose(T_old_new, truth, atol=0.15)
 
 
+@pytest.mark.slow
 def test_the_files_agree(compared: tuple[dict[str, Any], Path]) -> None:
     result, out = compared
     written = json.loads((out / "changes.json").read_text())
@@ -105,6 +105,7 @@ def test_the_files_agree(compared: tuple[dict[str, Any], Path]) -> None:
         assert picture.size[0] == 1400
 
 
+@pytest.mark.slow
 def test_on_the_earth(maps: dict[str, Path], tmp_path: Path) -> None:
     place = ("--origin", "60.0,9.0,-3")
     result = done(sonarmap("compare", maps["old"], maps["old"], "-o", tmp_path, *GRID, *place))
@@ -137,12 +138,6 @@ def test_frames_on_the_earth_are_kept(tmp_path: Path) -> None:
     refused(sonarmap("compare", old, other, "-o", tmp_path / "c", *given[:1]), "count from 'surface'")
 
 
-def test_maps_of_one_frame_are_compared_as_they_are(maps: dict[str, Path], tmp_path: Path) -> None:
-    """None of them lies on the Earth."""
-    same = printed(sonarmap("compare", maps["old"], maps["old"], "-o", tmp_path, "--same-frame", "--json"))
-    assert (same["alignment"], same["regions"], same["areas_m2"]["new_only"]) == (None, [], 0)
-
-
 @pytest.mark.slow
 def test_another_place_is_refused(maps: dict[str, Path], tmp_path: Path) -> None:
     given = ("compare", maps["old"], maps["other"], "-o", tmp_path / "x", *GRID)
@@ -165,7 +160,8 @@ def test_another_place_is_refused(maps: dict[str, Path], tmp_path: Path) -> None
         (("new", "--crs", "EPSG:32632"), "--crs has no effect"),
     ],
 )
-def test_what_cannot_be_compared(maps: dict[str, Path], options: tuple[str, ...], words: str, tmp_path: Path) -> None:
+def test_what_cannot_be_compared(options: tuple[str, ...], words: str, tmp_path: Path) -> None:
+    maps = {name: finished_map(tmp_path / name) for name in ("old", "new")}
     given = [maps.get(each, each) for each in options]
     refused(sonarmap("compare", maps["old"], *given, "-o", tmp_path), words)
     refused(sonarmap("compare", maps["old"], maps["new"], "-o", maps["new"]), "is a map's folder")
@@ -180,13 +176,3 @@ def test_surveys_of_one_map(maps: dict[str, Path], tmp_path: Path) -> None:
     assert (pair["old"], pair["new"], pair["alignment"]) == ("survey 0", "survey 1", None)
     assert set(files_in(tmp_path / "out" / "survey_0_1")) == FILES
     assert [region["kind"] for region in pair["regions"]] == ["lost"]
-
-
-def test_from_python(maps: dict[str, Path]) -> None:
-    comparison = library.compare(maps["old"], maps["new"], edge=64)
-    assert isinstance(comparison, Comparison)
-    first, *more = str(comparison).splitlines()
-    assert first.startswith("1 region changed from")
-    assert len(more) == 2
-    with pytest.raises(library.InputError, match=r"`reach=-1\.0` cannot be used"):
-        library.compare(maps["old"], maps["new"], reach=-1.0)
