@@ -35,21 +35,12 @@ LINES: dict[str, list[str]] = {
     "sonarmap r": ["register", "record", "reproduce"],
     "sonarmap map --max-s": ["--max-speed", "--max-step"],  # rare options too
     "sonarmap map a.ply -o out --method ": list(METHODS),
-    "sonarmap register --method icp": ["icp", "icp-plane"],
-    "sonarmap map --export laz,km": ["laz,kml", "laz,kmz"],
     "sonarmap export map/ --format eiva": ["eiva-position", "eiva-attitude"],
     "sonarmap simulate --scene s": ["ship", "sandflat", "seabed", "shallow"],
-    "sonarmap register --frame ": ["flu", "frd", "rdf", "ned"],
-    "sonarmap map --units m": ["m", "mm"],
     "sonarmap map --vertical EGM": ["EGM96", "EGM2008"],
-    "sonarmap map --nav-frame ": ["frd", "ned", "flu", "enu"],
-    "sonarmap map --time-scale ": ["utc", "gps", "tai"],
-    "sonarmap optimize --start g": ["given"],
-    "sonarmap evaluate --align p": ["poses", "positions"],
     "sonarmap reproduce trans": ["translation"],
     "sonarmap simulate --priors attitude,": ["attitude,heading", "attitude,depth", "attitude,position"],
     "sonarmap map --priors ": [],  # nothing of ours: the shell completes files
-    "sonarmap register tar": [],
     "sonarmap --inst": ["--install-completion"],
     "sonarmap map --device g": ["gpu"],
 }
@@ -88,15 +79,6 @@ def test_devices_are_offered() -> None:
     offered = completed("sonarmap map --device ")
     assert offered[:2] == ["cpu", "gpu"]
     assert "0:0" in offered
-
-
-def test_zsh_and_fish_are_told_what_a_word_means() -> None:
-    zsh = asked(_SONARMAP_COMPLETE="complete_zsh", _TYPER_COMPLETE_ARGS="sonarmap map --max-")
-    assert '"--max-speed":"How fast the vehicle moves at most [m/s]; for scans whose stamps are times."' in zsh
-    fish = asked(
-        _SONARMAP_COMPLETE="complete_fish", _TYPER_COMPLETE_FISH_ACTION="get-args", _TYPER_COMPLETE_ARGS="sonarmap vi"
-    )
-    assert fish.startswith("view\tOpen a finished map")
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")

@@ -64,7 +64,7 @@ BEFORE, AFTER = False, True
 KEEP, WRITE = "sonarmap.slam.execute.journal:Journal.add", "sonarmap.tools.products.output.folder:write_points"
 
 
-@pytest.mark.quick_cases(2)
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("remove", [folder, journal, a_file_instead])
 @pytest.mark.parametrize("moment", [BEFORE, AFTER])
 def test_while_pairs_are_kept(out: Path, scans: list[str], remove: Removal, moment: bool, monkeypatch: Patch) -> None:

@@ -91,6 +91,7 @@ def begun(out: Path, to: tuple[str, int]) -> RecordingProcess:
     return process
 
 
+@pytest.mark.slow
 def test_one_that_was_killed_before_anything_came_leaves_no_file(tmp_path: Path, to: tuple[str, int]) -> None:
     process = begun(tmp_path, to)
     os.kill(recorders(tmp_path)[0], signal.SIGKILL)
@@ -159,6 +160,7 @@ def test_ended_by_others_again_and_again_it_begins_again(tmp_path: Path, to: tup
     assert recorders(tmp_path) == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="where processes cannot be looked at")
 def test_it_outlives_its_owner_and_the_next_one_takes_it_over(
     tmp_path: Path, to: tuple[str, int], monkeypatch: pytest.MonkeyPatch
@@ -215,19 +217,6 @@ def test_where_a_file_cannot_grow_it_begins_another(tmp_path: Path, to: tuple[st
     assert "the recording has ended, and begins again in another file" in out
     content = [(tmp_path / "recording" / name).read_bytes() for name in files(tmp_path)]
     assert content == [b"".join(PACKETS[:11]), b"".join(PACKETS[12:20])]
-
-
-@pytest.mark.slow
-def test_it_begins_when_the_port_is_free(tmp_path: Path, to: tuple[str, int]) -> None:
-    first = begun(tmp_path, to)
-    other = RecordingProcess(tmp_path / "other", options(to))
-    said = list[str]()
-    until(lambda: said.extend(heard(other)) or any("begins again" in line for line in said))
-    assert f"cannot listen at {to[0]}:{to[1]}" in " ".join(said)
-    assert files(tmp_path / "other") == []
-    first.end()
-    until(lambda: heard(other) or size(tmp_path / "other", "001.part.sonar") >= 0)
-    other.end()
 
 
 def test_a_folder_that_cannot_be_is_said(tmp_path: Path, to: tuple[str, int]) -> None:
