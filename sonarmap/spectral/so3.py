@@ -12,7 +12,7 @@ from sonarmap.kernels.device.readback import Pending, Readback
 from sonarmap.kernels.so3.correlation import LocalMaxima, RotationCorrelation
 from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
 
-# Degrees below this; its finest detail is 180 / 48 degrees. docs/registration.md has the figures of others.
+# Degrees below this; its finest detail is 180 / 48 degrees. docs/measured has the figures of others.
 _BANDWIDTH = 48
 # Sect. 2.8: radii of the layers, as shares of N/2; more layers than these did not do better.
 _LAYERS, _COUNT = (0.2, 0.8), 20

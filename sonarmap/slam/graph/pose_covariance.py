@@ -6,7 +6,7 @@ agree where they close cycles tells how large its errors are: chi-squared over i
 registrations share do not show there. All registrations of a scan share that scan's noise, so that edges are less sure
 than their cycles say; and all of a survey fall a little short, as every scan has its own gaps, rims and lobes, which
 move with the sensor: poses are the less sure the longer the way. What instruments measured of a pose is as sure as it
-was measured. The constants were found with the spectral registration on simulated surveys; docs/slam.md has the
+was measured. The constants were found with the spectral registration on simulated surveys; docs/measured has the
 figures.
 """
 

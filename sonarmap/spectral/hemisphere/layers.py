@@ -32,7 +32,7 @@ _LAYERS = (0.2, 0.8)
 # Sect. 2.5: the share of the radial axis of the 2D spectra that the yaw is read from.
 _RADIAL = (0.11, 0.45)
 # Standard deviations of the Gaussians that correlations are convolved with before a peak is looked for [bins]. The
-# heading is exact; the other unwraps distort a little, which spreads their peaks (docs/method.md has the figures).
+# heading is exact; the other unwraps distort a little, which spreads their peaks.
 _HEADING_BLUR = 0.7
 _TILT_BLUR = 1.5
 _YAW_BLUR = 1.5

@@ -34,7 +34,7 @@ def differ(a: Match, b: Match, edge: int) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """What makes a registration believed; docs/method.md says on which pairs the thresholds were measured."""
+    """When a registration is accepted."""
 
     # the least peak-to-sidelobe ratio of the translation, on a grid of up to 128 voxels per edge. On larger ones false
     # peaks are higher, and it grows with (edge / 128)^0.75.

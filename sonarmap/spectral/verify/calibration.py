@@ -1,5 +1,5 @@
 # pyright: strict
-"""How far off refined registrations are: fitted on simulated pairs of every kind, which docs/registration.md names."""
+"""How far off refined registrations are: fitted on simulated pairs of every kind, which docs/simulation.md names."""
 
 from dataclasses import dataclass
 

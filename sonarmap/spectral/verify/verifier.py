@@ -2,7 +2,7 @@
 
 Coarse to fine. On a grid of about half the edge, 64 voxels at most, every rotation gets its translation correlation, of
 which several peaks are taken, each with all shifts that a cyclic one stands for; points before the other scan's surface
-contradict. The best few distinct ones are refined and compared on the whole grid. docs/registration.md has the figures.
+contradict. The best few distinct ones are refined and compared on the whole grid. docs/registration.md has the steps.
 """
 
 from collections.abc import Sequence

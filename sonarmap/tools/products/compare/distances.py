@@ -20,7 +20,7 @@ from sonarmap.tools.products.compare.epoch import Epoch, levers
 from sonarmap.tools.products.compare.surface import RADIUS, Cores, cores_of, faced, layer_of, planes_at
 
 _LEVEL = 1.96  # sigmas, of 95 %
-# Found on simulated pairs of surveys, see docs/compare.md. _NOISE: the variance of a mean over what the scatter of its
+# Found on simulated pairs of surveys, see docs/measured. _NOISE: the variance of a mean over what the scatter of its
 # points says, as a map's points lie in voxels. Then by what two surveys see edges and corners differently [voxels]: how
 # far points are from their plane beyond _PLANE, and the squared tangent of the angle between both planes times _TILTED
 # and, where neither survey has a plane, more. _ERRING: squared tangent by which a normal errs at most, by noise.

@@ -12,7 +12,7 @@ its scan together: its part of the volume is J C J', with J the sum over the poi
 how the pose moves them upward. How the errors of two poses go together a map's folder does not say; their standard
 deviations are added, which is the largest that they can be together. A cell's own sigma counts whole as scatter that
 cells do not share, and so does how far all of its points are from its height: a wall or a stray echo makes a cell
-unsure. For these errors sigma is too large rather than too small; docs/section.md has what it was measured to be.
+unsure. For these errors sigma is too large rather than too small; docs/measured has what it was measured to be.
 """
 
 from collections.abc import Mapping
