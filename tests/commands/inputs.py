@@ -196,6 +196,10 @@ def graph(inputs: Inputs, path: Path) -> None:
     shutil.copy(inputs.made("map") / "graph.g2o", path)
 
 
+def settings(inputs: Inputs, path: Path) -> None:
+    path.write_text('[map]\ngrid = 96\nmax-tilt = 20\nmax-speed = 1.5\nexport = ["pcd"]\nreport = false\n')
+
+
 GATE, HARBOR = "simulate --scene floodgate --scans 8 --seed 1", "simulate --scene harbor --scans 4 --dive"
 
 
@@ -235,4 +239,5 @@ INPUTS: dict[str, Callable[[Inputs, Path], None]] = {
     "in.g2o": graph,
     "ties.csv": ties,
     "control.csv": control,
+    "survey.toml": settings,
 }

@@ -209,7 +209,7 @@ class TestClosest:
 def test_the_best_ends_nearer_and_stands_once(pair_test: HypothesisTest) -> None:
     rough = hypothesis(Rotation.from_rotvec([0, 0, 0.01]) * TRUE.rotation, true_shift(pair_test) + 0.8)
     first = pair_test.compare(with_evidence(pair_test, [rough]))[0]
-    best, *others = pair_test.finish([first, replace(first, candidate_psr=first.candidate_psr / 2)], spectral=False)
+    best, *others = pair_test.finish([first, replace(first, candidate_psr=first.candidate_psr / 2)])
     assert others == []
     assert off(pair_test, best) < min(0.3, off(pair_test, rough))
     T = pair_test.transform(best.fit)

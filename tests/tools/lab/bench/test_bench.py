@@ -1,6 +1,5 @@
-"""Benchmarks: times that are what they say, wrong kernels that are caught, and results that are stored and compared."""
+"""Benchmarks: times that are what they say, wrong kernels that are caught, and results that are stored."""
 
-import copy
 import json
 import multiprocessing
 import os
@@ -11,20 +10,15 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.bench import twins
 from sonarmap.tools.lab.bench.kernels import CASES, measure_case, measure_kernels, relative_difference
-from sonarmap.tools.lab.bench.output.compare import compare, read_result
-from sonarmap.tools.lab.bench.output.page import BEGIN, END, write_page
-from sonarmap.tools.lab.bench.output.picture import draw_roofline
 from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
 from sonarmap.tools.lab.bench.rates import Rates, Traffic, _kernels, _per_item
 from sonarmap.tools.lab.bench.spectra_cases import magnitude_case, real_forward_case
@@ -56,24 +50,6 @@ def stored(few: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert (printed.exit_code, printed.stderr) == (0, "")
     assert json.loads(printed.stdout) == json.loads(path.read_text())
     return path
-
-
-@pytest.fixture
-def steady(stored: Path) -> dict[str, Any]:
-    """The result without noise."""
-    result = json.loads(stored.read_text())
-    for row in result["kernels"]:
-        for name in ("first_quartile", "third_quartile", "least", "most"):
-            row["device_seconds"][name] = row["device_seconds"]["median"]
-    return result
-
-
-def slower(result: dict[str, Any], share: float) -> dict[str, Any]:
-    """The same with the first kernel slower by a share."""
-    changed = copy.deepcopy(result)
-    for name in ("median", "first_quartile", "third_quartile", "least", "most"):
-        changed["kernels"][0]["device_seconds"][name] *= 1 + share
-    return changed
 
 
 class TestTiming:
@@ -168,22 +144,6 @@ class TestPairs:
         assert bench.wait() == 130
 
 
-class TestCompare:
-    def test_slower_beyond_the_noise(self, steady: dict[str, Any]) -> None:
-        assert compare(steady, steady).changes == compare(steady, steady).notes == ()
-        slow = slower(steady, 0.5)
-        assert [change.what for change in compare(steady, slow).regressions] == ["RealFFT.forward at 16^3"]
-        faster = compare(slow, steady)
-        assert (faster.regressions, len(faster.changes)) == ((), 1)
-
-    def test_within_the_noise_nothing_differs(self, steady: dict[str, Any]) -> None:
-        assert compare(steady, slower(steady, 0.09)).changes == ()
-        noisy = copy.deepcopy(steady)
-        for row in noisy["kernels"]:
-            row["device_seconds"]["third_quartile"] *= 2
-        assert compare(noisy, slower(steady, 0.5)).changes == ()
-
-
 class TestCommand:
     def test_the_result_says_what_was_measured(self, stored: Path) -> None:
         result = json.loads(stored.read_text())
@@ -199,19 +159,9 @@ class TestCommand:
         monkeypatch.setattr("sonarmap.tools.lab.bench.twins.magnitude", lambda *given: right(*given) + np.float32(1))
         assert bench("--grid", "16", "--repeats", "2", "--pairs", "0").exit_code == 3
 
-    def test_regressions_end_with_4(self, steady: dict[str, Any], tmp_path: Path) -> None:
-        old, new = tmp_path / "old.json", tmp_path / "new.json"
-        old.write_text(json.dumps(steady))
-        new.write_text(json.dumps(slower(steady, 0.5)))
-        worse = bench("--from", new, "--compare", old)
-        assert worse.exit_code == 4
-        assert "worse: RealFFT.forward at 16^3" in worse.stderr
-        assert bench("--from", old, "--compare", new).exit_code == 0
-
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            (["--from", "missing.json"], "cannot read missing.json"),
             (["--grid", "98"], "--grid 98 is not an even product of 2, 3 and 5"),
             (["--no-kernels", "--pairs", "0"], "nothing to measure"),
         ],
@@ -220,27 +170,3 @@ class TestCommand:
         refused = bench(*arguments)
         assert refused.exit_code == 2
         assert words in " ".join(refused.stderr.split())
-
-    @pytest.mark.parametrize("content", ["", "[]", '{"kernels": [{}], "pairs": []}'])
-    def test_other_files_are_no_results(self, tmp_path: Path, content: str) -> None:
-        path = tmp_path / "other.json"
-        path.write_text(content)
-        with pytest.raises(InputError, match="is not a result of `sonarmap bench`"):
-            read_result(path)
-
-    def test_only_what_is_between_the_marks_of_a_page_is_replaced(self, steady: dict[str, Any], tmp_path: Path) -> None:
-        path = tmp_path / "page.md"
-        path.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
-        for _ in range(2):
-            write_page(path, steady)
-        text = path.read_text()
-        assert text.startswith(f"before\n{BEGIN}\n")
-        assert text.endswith(f"{END}\nafter\n")
-        assert "old" not in text
-
-    def test_the_picture_is_a_picture(self, steady: dict[str, Any], tmp_path: Path) -> None:
-        path = tmp_path / "roofline.png"
-        draw_roofline(path, steady)
-        assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
-        with pytest.raises(InputError, match="holds no kernels"):
-            draw_roofline(path, steady | {"kernels": []})

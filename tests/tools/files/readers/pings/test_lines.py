@@ -344,7 +344,8 @@ def test_raw_positions_of_an_xtf_whose_pings_have_none(tmp_path: Path) -> None:
 
 
 def test_a_gsf_library_that_does_not_load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-
     path = write_gsf(tmp_path / "line.gsf", LINE)
-    monkeypatch.setitem(sys.modules, "gsfpy3_09", None)
-    refuses("line.gsf: the GSF library does not load on this machine", read_line, path, [])
+    (tmp_path / "gsfpy3_09.py").write_text("raise Exception('no shared object')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "gsfpy3_09", raising=False)
+    refuses(r"line.gsf: the GSF library does not load on this machine \(no shared object\)", read_line, path, [])
