@@ -1,7 +1,7 @@
 """The public door: `import sonarmap` offers what the rooms declare, documented, and loads nothing before it is used."""
+
 # pyright: reportUnnecessaryTypeIgnoreComment=true
 # so that the misspelled name below is one to the type checker, too
-
 import inspect
 import re
 import subprocess
@@ -10,6 +10,7 @@ from dataclasses import fields, is_dataclass
 from fractions import Fraction
 from importlib import import_module
 from pathlib import Path
+from reprlib import repr as shortened
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 import sonarmap
+from tests.samples.places import ROOT
 from tests.samples.recordings import recording, written
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
@@ -47,6 +49,26 @@ class TestNames:
         )
         shown = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
         assert (shown.stdout, shown.stderr) == ("[]\nsonarmap.spectral.scan True\n", "")
+
+    def test_an_unknown_name_is_an_attribute_error(self) -> None:
+        with pytest.raises(AttributeError, match="No sonarmap attribute registre"):
+            _ = sonarmap.registre  # pyright: ignore[reportAttributeAccessIssue]
+
+    def test_importing_it_loads_no_library(self) -> None:
+        program = (
+            "import sys, sonarmap; print([m for m in ('numpy', 'scipy', 'gtsam', 'pyopencl') if m in sys.modules])"
+        )
+        shown = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+        assert shown.stdout.strip() == "[]", shown.stderr
+
+    @pytest.mark.slow
+    def test_it_is_imported_beside_packages_of_the_names_that_its_own_have(self, tmp_path: Path) -> None:
+        for room in ("kernels", "spectral", "slam", "tools"):
+            (tmp_path / room).mkdir()
+            (tmp_path / room / "__init__.py").write_text(f"raise SystemExit('the {room} of another project')\n")
+        program = "import sonarmap; print(sonarmap.Scan.__module__, callable(sonarmap.register))"
+        shown = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
+        assert (shown.stdout, shown.stderr) == ("sonarmap.spectral.scan True\n", "")
 
 
 def described(value: Any) -> str:
@@ -167,6 +189,70 @@ class TestRegister:
         (scan,) = sonarmap.prepare([cloud], method="planes")
         np.testing.assert_array_equal(scan.scan.points, np.delete(holed, 3, axis=0).astype(np.float32))
 
+    def test_columns_after_the_third_are_left_out(self) -> None:
+        wide = np.column_stack([points(1), np.full(8000, -1.0), np.full(8000, np.nan)])
+        (scan,) = sonarmap.prepare([wide], method="planes")
+        np.testing.assert_array_equal(scan.scan.points, points(1).astype(np.float32))
+
+    def test_map_coordinates_are_refused_as_those_of_a_file(self, tmp_path: Path) -> None:
+        far = points(1) + np.array([500_000.0, 5_800_000.0, 0.0])
+        np.save(tmp_path / "far.npy", far)
+        words = r"8,000 of 8,000 points .*lie beyond 100 km .*map coordinates.*subtract the sensor's position"
+        for given in (far, tmp_path / "far.npy", sonarmap.Scan(far.astype(np.float32))):
+            with pytest.raises(sonarmap.InputError, match=words):
+                sonarmap.register(given, points(2), method="planes")
+
+    def test_map_coordinates_of_few_digits_are_refused_too(self) -> None:
+        """As float32 they are off by centimeters."""
+        far = (points(1) + np.array([500_000.0, 5_800_000.0, 0.0])).astype(np.float32)
+        for use in (sonarmap.prepare, sonarmap.map_scans, lambda given: sonarmap.fuse(given, TRUTH[:2], 0.5)):
+            with pytest.raises(sonarmap.InputError, match="these look like map coordinates"):
+                use([far, points(2)])
+
+    def test_masks_are_not_forgotten(self) -> None:
+        masked = np.ma.masked_array(points(1), np.zeros((8000, 3), bool))
+        sonarmap.prepare([masked], method="planes")
+        masked[3] = np.ma.masked
+        rows: Any = list(masked)
+        for use in (
+            sonarmap.prepare,
+            lambda given: sonarmap.Scan(given[0].astype(np.float32)),
+            lambda _: sonarmap.prepare([rows]),
+        ):
+            with pytest.raises(sonarmap.InputError, match=r"masked, and masks are not used; .*getmaskarray"):
+                use([masked])
+
+    def test_millimeters_are_asked_for(self) -> None:
+        with pytest.raises(sonarmap.InputError, match=r"scan 0: half of its points .* are these millimeters"):
+            sonarmap.register(1000 * points(1), points(2), method="planes")
+        with pytest.raises(sonarmap.InputError, match=r"lie beyond 100 km .* are these millimeters"):
+            sonarmap.register(1e5 * points(1), points(2), method="planes")
+        with pytest.raises(sonarmap.InputError, match=r"map coordinates .*local grid"):
+            sonarmap.register(points(1) + 5000.0, points(2), method="planes")
+        meters = sonarmap.Scan(np.float32(1000) * points(1, np.float32))
+        assert sonarmap.prepare([meters], method="planes")  # whoever makes a `Scan` has read its unit
+
+    def test_one_array_is_no_list_of_scans(self) -> None:
+        with pytest.raises(sonarmap.InputError, match=r"give one as `\[points\]`"):
+            sonarmap.map_scans(points(1))
+
+    @pytest.mark.slow
+    def test_paths_and_scans(self, tmp_path: Path) -> None:
+        np.save(tmp_path / "target.npy", points(1))
+        source = sonarmap.Scan(T_TARGET_SOURCE.inv().apply(points(2)).astype(np.float32))
+        found = sonarmap.register(tmp_path / "target.npy", source, method="planes")
+        assert found.T_target_source is not None
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
+    def test_two_arrays_of_any_float_type(self, dtype: type) -> None:
+        target = points(1, dtype)
+        source = T_TARGET_SOURCE.inv().apply(points(2)).astype(dtype)
+        found = sonarmap.register(target, source, edge=64)
+        error = T_TARGET_SOURCE.inv() * found.T_target_source
+        assert np.linalg.norm(error.translation) < 0.5
+        assert error.rotation.magnitude() < 0.02
+
 
 class TestOtherDoors:
     def test_scans_of_a_folder_are_mapped_and_the_graph_optimized(self, tmp_path: Path) -> None:
@@ -196,6 +282,58 @@ class TestOtherDoors:
         wrong, right = (sonarmap.read_scans(tmp_path / "dive.sonar", sound_speed=speed) for speed in (None, 1517.0))
         for scan, other in zip(right, wrong, strict=True):
             np.testing.assert_allclose(scan.points, 1517.0 / 1480.0 * other.points, rtol=1e-6)
+
+    @pytest.mark.slow
+    def test_a_graph_and_its_file(self, tmp_path: Path) -> None:
+        from sonarmap.tools.files.writers.g2o import write_g2o
+
+        truth = ring_poses(5)
+        result = sonarmap.map_scans(scans_of(truth), method=KnowingRegistrar(truth, 1e-4 * np.eye(6)), voxel=0.5)
+        graph = sonarmap.PoseGraph(result.trajectory, result.edges)
+        write_g2o(tmp_path / "graph.g2o", graph)
+        of_graph, of_file = sonarmap.optimize(graph), sonarmap.optimize(tmp_path / "graph.g2o")
+        T, again = (solved.graph.trajectory.T_world_sensor for solved in (of_graph, of_file))
+        np.testing.assert_allclose(T.as_matrix(), again.as_matrix(), atol=1e-6)
+
+    @pytest.mark.slow
+    def test_a_method_of_ones_own_in_the_mapper(self) -> None:
+        truth = ring_poses(6, turns=0.3)
+        result = sonarmap.map_scans(scans_of(truth), method=KnowingRegistrar(truth, 1e-4 * np.eye(6)), voxel=0.5)
+        assert result.components == (tuple(range(6)),)
+        assert np.abs(result.trajectory.T_world_sensor.translation - truth.translation).max() < 0.2
+
+    @pytest.mark.parametrize(
+        ("given", "words"),
+        [
+            ({"sound_speed": 15.0}, "`sound_speed=15` is not a speed of sound in water"),
+            ({"range_scale": 0.0}, "`range_scale=0` is not a factor"),
+            ({"frame": "enu"}, "'enu' is not known; choose one of flu, frd, rdf, ned"),
+            ({"units": "inch"}, "'inch' is not known; choose one of m, cm"),
+            ({"sound_speed": 1500.0}, r"scan\.npy: `sound_speed=1500` cannot be used"),
+        ],
+    )
+    def test_corrections_that_cannot_be(self, tmp_path: Path, given: dict[str, Any], words: str) -> None:
+        np.save(tmp_path / "scan.npy", points(1))
+        with pytest.raises(sonarmap.InputError, match=words):
+            sonarmap.read_scans(tmp_path, **given)
+
+    @pytest.mark.slow
+    def test_results_are_printed_in_a_few_lines(self, tmp_path: Path) -> None:
+        truth = ring_poses(5)
+        result = sonarmap.map_scans(scans_of(truth), method=KnowingRegistrar(truth, 1e-4 * np.eye(6)), voxel=0.5)
+        rows = "".join(f"{scan.name},3.0,0.1\n" for scan in scans_of(truth)[:4])
+        (tmp_path / "log.csv").write_text("name,depth_m,depth_sigma_m\n" + rows)
+        navigated = sonarmap.read_navigation(tmp_path / "log.csv", scans_of(truth))
+        written = sonarmap.write_map(result, tmp_path / "map", report=False)
+        assert str(navigated) == "<Navigated 5 scans: depth of 4>"
+        assert str(result.solution).startswith("<Solution of 5 poses and ")
+        for each in (navigated, result, result.solution, written):
+            assert len(str(each).splitlines()) <= 4
+
+    def test_scans_of_a_folder(self, tmp_path: Path) -> None:
+        for k in (10, 9):
+            np.save(tmp_path / f"scan_{k}.npy", points(k))
+        assert [scan.name for scan in sonarmap.read_scans(tmp_path)] == ["scan_9", "scan_10"]
 
 
 door: Any = sonarmap  # to which a test may give what its types forbid
@@ -241,6 +379,119 @@ class TestArguments:
     def test_what_is_nothing_of_the_kind_is_refused(self, call: Any, words: str) -> None:
         with pytest.raises(sonarmap.InputError, match=words):
             call()
+
+    @pytest.mark.slow
+    def test_a_folder_is_given_by_its_path(self, tmp_path: Path) -> None:
+        for scan in scans_of(TRUTH):
+            np.save(tmp_path / f"{scan.name}.npy", scan.points)
+        for folder in (tmp_path, str(tmp_path)):
+            assert len(door.map_scans(folder, method=KNOWING, voxel=0.5).trajectory) == len(TRUTH)
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize(
+        ("name", "words"), [("objective", "choose one of full, isotropic"), ("start", "choose one of chordal, given")]
+    )
+    @pytest.mark.parametrize("objective", ["full", "isotropic"])
+    def test_of_optimizing(self, name: str, words: str, objective: str) -> None:
+        truth = ring_poses(5)
+        result = door.map_scans(scans_of(truth), method=KnowingRegistrar(truth, 1e-4 * np.eye(6)), voxel=0.5)
+        graph = door.PoseGraph(result.trajectory, result.edges)
+        with pytest.raises(sonarmap.InputError, match=f"`{name}='zz'` is not known; {words}"):
+            door.optimize(graph, **{"objective": objective, name: "zz"})
+
+    @pytest.mark.parametrize(
+        ("name", "value", "words"),
+        [
+            ("edge", 0, "try `edge=16` or `edge=18`"),
+            ("edge", "64", "wanted a whole number of voxels"),
+            ("edge", None, "wanted a whole number of voxels"),
+            ("edge", True, "wanted a whole number of voxels"),
+            ("edge", -16, "wanted a whole number of voxels"),
+            pytest.param("voxel", 10**400, "wanted a length in meters", id="huge voxel"),
+            pytest.param("max_tilt", 10**400, "wanted an angle in radians", id="huge tilt"),
+            ("edge", np.timedelta64(16, "s"), "wanted a whole number of voxels"),
+            ("seed", -1, "wanted a whole number from 0"),
+            ("seed", 2**63, "wanted a whole number from 0"),
+            ("voxel", "a", "wanted a length in meters"),
+            ("max_tilt", "x", "wanted an angle in radians"),
+            ("device", 5, "wanted the name of a device"),
+            ("seed", "x", "wanted a whole number"),
+            ("method", [], "wanted the name of a method"),
+        ],
+    )
+    def test_of_registration(self, name: str, value: object, words: str) -> None:
+        given = {"method": "planes", name: value}
+        for call in (
+            lambda: door.register(points(1), points(2), **given),
+            lambda: door.prepare([points(1)], **given),
+            lambda: door.map_scans([points(1), points(2)], **given),
+        ):
+            with pytest.raises(sonarmap.InputError, match=re.escape(f"`{name}={shortened(value)}`") + f".*{words}"):
+                call()
+
+    @pytest.mark.parametrize(
+        ("call", "words"),
+        [
+            (lambda: door.map_scans(None), "`scans=None` cannot be used; wanted a list of scans"),
+            (lambda: door.map_scans([None, points(1)]), r"scan 0 is object of shape \(\); wanted points"),
+            (lambda: door.map_scans([[[1, 2, 3], [4]]]), "scan 0 is not an array .*wanted points"),
+            (lambda: door.map_scans([points(1)] * 2, settings=3), "`settings=3` .*wanted MapperSettings or None"),
+            (lambda: door.map_scans([points(1)] * 2, ties=[1]), "`ties=1` .*wanted Tie"),
+            (lambda: door.map_scans([points(1)] * 2, method=3), "`method=3` .*wanted the name"),
+            (lambda: door.map_scans([points(1)] * 2, method=KnowingRegistrar), "`method=<class .*a Registrar of"),
+            (lambda: door.map_scans([points(1)] * 2, progress=5), "`progress=5` .*wanted a function of"),
+            (lambda: door.map_scans([Broken(), points(1)]), "scan 0 is not an array .no memory left.; wanted points"),
+            (lambda: door.map_scans([]), "`scans` holds no scans; wanted at least one"),
+            (lambda: door.prepare([]), "`scans` holds no scans; wanted at least one"),
+            (lambda: door.prepare("nofile"), "`scans='nofile'` cannot be used; wanted a list of scans; `map_scans` t"),
+            (lambda: door.prepare(Path("nofile")), "`scans=.*Path.* cannot be used; wanted a list of scans"),
+            (lambda: door.prepare([points(1)], edge=10**5000), "`edge=int too long to show` .*wanted a whole number"),
+            (lambda: door.read_scans(5), r"`paths=\(5,\)` .*wanted a path"),
+            (lambda: door.read_scans("a.ply", range_scale="a"), "`range_scale='a'` .*wanted a factor"),
+            (lambda: door.read_scans("a.ply", range_scale=10**400), "`range_scale=10*.*0` .*wanted a factor"),
+            (lambda: door.read_scans("a.ply", sound_speed=10**400), "`sound_speed=10*.*0` .*wanted a speed"),
+            (lambda: door.optimize(None), "`graph=None` .*wanted a PoseGraph, or the path"),
+            (lambda: door.optimize("a.g2o", objective=np.zeros(2)), "`objective=array.*wanted 'full' or"),
+            (lambda: door.optimize("a.g2o", start=[]), r"`start=\[\]` .*wanted 'chordal', 'given'"),
+        ],
+    )
+    def test_of_the_others(self, call: Any, words: str) -> None:
+        with pytest.raises(sonarmap.InputError, match=words):
+            call()
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("number", [Fraction(1, 2), np.float16(0.5), np.float32(0.5)])
+    def test_real_numbers_of_any_kind(self, number: Any) -> None:
+        options = {"edge": np.uint8(64), "voxel": number, "max_tilt": number}
+        assert door.prepare([points(1)], **options)[0].registrar.grid == door.Grid(64, 0.5)
+        assert door.map_scans(scans_of(TRUTH), method=KNOWING, **options).voxel == 0.5
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("kind", [tuple, np.array])
+    def test_surveys_of_any_sequence(self, kind: Any) -> None:
+        result = door.map_scans(scans_of(TRUTH), method=KNOWING, voxel=0.5, surveys=kind([0, 0, 1, 1]))
+        assert result.surveys == (0, 0, 1, 1)
+
+    @pytest.mark.parametrize(
+        "surveys",
+        [
+            *(1, "01", [0], [0, 0, 0], [0, None], [0, "1"], [0, 10**400], [0, 10**5000], [0, 2**64 - 1]),
+            *([0, [1]], [[0, 0]], [1, 0], [0.0, 1.0], [False, True], np.array(0), np.zeros((2, 1), int)),
+        ],
+    )
+    def test_surveys_that_number_no_scans(self, surveys: object) -> None:
+        words = r"(?s)`surveys=.*cannot be used; wanted the number of each scan's survey, ascending, 2 in all"
+        with pytest.raises(sonarmap.InputError, match=words):
+            door.map_scans([points(1)] * 2, method="planes", surveys=surveys)
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("kind", [np.int8, np.int16, np.int32, np.uint32, np.uint64])
+    @pytest.mark.filterwarnings("error")
+    def test_whole_numbers_of_any_kind(self, kind: Any) -> None:
+        same = door.register(points(1), points(2), edge=16, method="planes", seed=3)
+        found = door.register(points(1), points(2), edge=kind(16), method="planes", seed=kind(3))
+        np.testing.assert_array_equal(found.T_target_source.as_matrix(), same.T_target_source.as_matrix())
+        assert door.prepare([points(1)], edge=kind(16))
 
 
 BAD = [None, "text", -1, 0.0, True, np.nan, [], [None], {}, np.zeros((2, 2)), np.full((4, 3), np.nan), np.empty((0, 3))]
@@ -316,3 +567,25 @@ class TestBadArguments:
         given[1, 2, 2] = spoil
         with pytest.raises(sonarmap.InputError, match="`covariances"):
             door.fuse(**valid["fuse"] | {"covariances": given})
+
+
+class TestPointsThatAreNotFinite:
+    """They are dropped and counted, as those of a file are."""
+
+    @pytest.mark.parametrize("tensors", [False, True])
+    def test_of_a_cloud_of_open3d(self, tensors: bool) -> None:
+        o3d = pytest.importorskip("open3d")
+        holed = points(1)
+        holed[3] = np.nan
+        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(holed))
+        cloud = o3d.t.geometry.PointCloud.from_legacy(cloud) if tensors else cloud
+        (scan,) = sonarmap.prepare([cloud], method="planes")
+        np.testing.assert_array_equal(scan.scan.points, np.delete(holed, 3, axis=0).astype(np.float32))
+
+    def test_of_an_array(self, caplog: pytest.LogCaptureFixture) -> None:
+        holed = points(1)
+        holed[::8] = np.nan
+        holed[1::8, 2] = np.inf
+        (scan,) = sonarmap.prepare([holed], method="planes")
+        np.testing.assert_array_equal(scan.scan.points, holed[np.isfinite(holed).all(axis=1)].astype(np.float32))
+        assert "scan 0: dropped 2,000 of 8,000 points that are NaN or infinite" in caplog.text

@@ -1,13 +1,16 @@
 """Which pairs are registered without priors, and what they show of instruments that err more than they say."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.slam.free_pairs import errors_shown
-from sonarmap.spectral.scan import PosePrior
+from sonarmap.slam.execute.runner import Execution, PairRunner
+from sonarmap.slam.free_pairs import errors_shown, register_freely
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.surveys import ring_poses, step_pair
 
 COUNT = 40
@@ -33,6 +36,53 @@ PAIRS = [step_pair(k, TRUTH[k].inv() * TRUTH[k + 1], TIGHT) for k in range(COUNT
 
 def test_instruments_that_err_more_than_they_say_are_measured() -> None:
     seed = 0
+    assert errors_shown(PAIRS, priors([1] * 6, seed)) == {}
+    shown = errors_shown(PAIRS, priors([5, 5, 4, 9, 9, 6], seed))
+    assert shown == {
+        key: pytest.approx(times, rel=0.35) for key, times in (("attitude", 5), ("heading", 4), ("depth", 6))
+    }
+    without_heading = errors_shown(PAIRS, priors([5, 5, 4, 9, 9, 6], seed, [True, True, False, False, False, True]))
+    assert list(without_heading) == ["attitude", "depth"]
+    assert errors_shown(PAIRS[:5], priors([5] * 6, seed)) == {}
+    assert errors_shown(PAIRS, priors([5] * 6, seed, [False, False, True, True, True, True])) == {}
+
+
+class Truthful:
+    """Registers scans by the truth, and remembers which."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[int, int]] = []
+
+    def prepare(self, scan: Scan) -> int:
+        assert scan.prior is None
+        return int(scan.stamp)
+
+    def register(self, target: int, source: int) -> Registration:
+        self.asked.append((target, source))
+        T: RigidTransform = TRUTH[target].inv() * TRUTH[source]
+        return Registration(T, TIGHT, psr=9.0, overlap=0.8, accepted=source != 20, seconds=0.0, reason="")
+
+
+def test_few_pairs_are_asked_and_only_those_with_priors_of_one_survey() -> None:
+    measured, registrar = priors([1] * 6), Truthful()
+    points = np.random.default_rng(0).random((COUNT, 1, 3), np.float32)
+    scans = [Scan(points[k], stamp=float(k), prior=measured[k], name=f"s{k}") for k in range(COUNT)]
+    runner = PairRunner(Execution.here(registrar, 2), scans, 0, None)  # type: ignore[arg-type]
+    one = np.zeros(COUNT, np.intp)
+    pairs = register_freely(runner, scans, one)
+    assert 8 <= len(registrar.asked) <= 16
+    assert [pair.scans for pair in pairs] == [scans for scans in registrar.asked if scans[1] != 20]
+    assert all(j == i + 1 for i, j in registrar.asked)
+    bare = [replace(scan, prior=None) for scan in scans]
+    registrar.asked.clear()
+    for given, surveys in ((scans[:5], one), (bare, one), (scans, np.arange(COUNT))):
+        assert register_freely(runner, given, surveys) == []
+    assert registrar.asked == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_what_errs_more_than_it_says_is_measured(seed: int) -> None:
     assert errors_shown(PAIRS, priors([1] * 6, seed)) == {}
     shown = errors_shown(PAIRS, priors([5, 5, 4, 9, 9, 6], seed))
     assert shown == {

@@ -10,6 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.motion.limits import MotionLimits
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registration
@@ -43,9 +44,10 @@ def mapped(
     spoil: Callable[[int, int, Registration], Registration],
     loops: int = 0,
     kind: type[KnowingRegistrar] = Looking,
+    limits: MotionLimits | None = None,
 ) -> tuple[SurveyResult, Any]:
     registrar = kind(POSES, COVARIANCE, spoil)
-    settings = MapperSettings(LoopSettings(per_scan=loops))
+    settings = MapperSettings(LoopSettings(per_scan=loops), limits or MotionLimits())
     return Mapper(registrar, VOXEL, settings).run(scans_of(POSES)), registrar
 
 
@@ -95,3 +97,41 @@ def test_no_loops_are_tried_among_settled_scans() -> None:
     loops = [pair for pair in pairs if pair.role == "loop"]
     assert loops
     assert not any(max(pair.scans) < COUNT // 2 for pair in loops)
+
+
+@pytest.mark.slow
+def test_limits_find_steps_where_nothing_could_be_learned() -> None:
+    result, registrar = mapped(
+        lambda i, j, given: twin(given) if j == i + 1 else refused(given), limits=MotionLimits(step=4.0, turn_rate=0.5)
+    )
+    assert len(registrar.looks) >= COUNT - 1
+    assert len(result.components) == 1
+    assert largest_step_error(result) < 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wrong", [3, 7])
+def test_many_second_looks_do_not_hide_a_gap(wrong: int) -> None:
+    """Where not even the second look finds the step, the chain is as broken as it was."""
+
+    class Blind(Looking):
+        def register_expected(self, target: Any, source: Any, expected: ExpectedPose) -> Registration:
+            return refused(super().register_expected(target, source, expected))
+
+    across = {(i, j) for i in range(wrong + 1) for j in range(wrong + 1, COUNT)}
+    result, _ = mapped(lambda i, j, given: refused(given) if (i, j) in across else given, kind=Blind)
+    assert len(result.components) == 2
+
+
+@pytest.mark.slow
+def test_no_loops_among_settled_scans_however_many_they_are() -> None:
+    registrar = KnowingRegistrar(POSES, COVARIANCE)
+    mapper = Mapper(registrar, VOXEL, MapperSettings(LoopSettings(per_scan=2)))
+    survey = scans_of(POSES)
+    loops = [
+        [p for p in mapper.decided(survey, np.zeros(COUNT, int), (), n).pairs if p.role == "loop"]
+        for n in (0, COUNT // 2)
+    ]
+    assert any(max(pair.scans) < COUNT // 2 for pair in loops[0])
+    assert loops[1]
+    assert not any(max(pair.scans) < COUNT // 2 for pair in loops[1])

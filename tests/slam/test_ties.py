@@ -230,3 +230,76 @@ def test_points_of_scans_between_the_key_scans_count() -> None:
 def test_what_is_of_no_scan_is_refused(said: dict, words: str) -> None:
     with pytest.raises(InputError, match=words):
         Mapper(KnowingRegistrar(TRUTH, COVARIANCE), VOXEL).run(SCANS, **said)
+
+
+@pytest.mark.slow
+def test_a_false_tie_is_told_with_its_size_and_rejecting_it_undoes_it():
+    registrar = KnowingRegistrar(TRUTH, 4 * COVARIANCE)
+    alone = mapped([], registrar)
+    false = mapped([Tie(3, 17, "add", measured(3, 17, WRONG), "planted")], registrar)
+    tied = pair_of(false, 3, 17)
+    assert tied.kept
+    assert (tied.by_hand, tied.note) == ("given", "planted")
+    assert tied.contradicted > 300
+    assert error(false) > 5 * error(alone)
+    assert len(false.displaced) >= 1
+    rejected = mapped([Tie(3, 17, "reject")], registrar)
+    np.testing.assert_array_equal(
+        rejected.trajectory.T_world_sensor.as_matrix(), alone.trajectory.T_world_sensor.as_matrix()
+    )
+
+
+@pytest.mark.slow
+def test_a_step_that_is_rejected_and_a_pair_that_is_added_are_all_that_changes() -> None:
+    """Of what is searched for, the added pair alone is new."""
+    plain, registrar = (KnowingRegistrar(TRUTH, COVARIANCE, with_false_loops) for _ in range(2))
+    mapped([], plain)
+    result = mapped([Tie(5, 6, "reject"), Tie(2, 21, "add")], registrar)
+    assert set(registrar.pairs) - set(plain.pairs) <= {(2, 21)}
+    assert (5, 6) in result.gaps
+    assert len(result.components) == 1
+
+
+@pytest.mark.slow
+def test_accepting_a_pair_keeps_the_answer_that_the_survey_takes():
+    """The more probable answer of (2, 21) is wrong, and the survey takes the other: to accept it changes nothing."""
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        if (i, j) != (2, 21):
+            return given
+        right = replace(given, accepted=False, probability=0.4, reason="not sure")
+        wrong = replace(right, T_target_source=given.T_target_source * WRONG, probability=0.55)
+        return replace(wrong, alternatives=(right,))
+
+    registrar = KnowingRegistrar(TRUTH, COVARIANCE, spoil)
+    tried = mapped([Tie(2, 21, "add")], registrar)
+    edge = pair_of(tried, 2, 21).edge
+    assert edge is not None
+    off = edge.registration.T_target_source.translation - (TRUTH[2].inv() * TRUTH[21]).translation
+    assert float(np.linalg.norm(off)) < 0.3
+    assert error(tried) < 0.3
+
+
+@pytest.mark.slow
+def test_parts_that_points_place_share_the_world() -> None:
+    def run(control: list[ControlPoint], *ties: Tie) -> SurveyResult:
+        return Mapper(KnowingRegistrar(TRUTH, COVARIANCE, halved), VOXEL).run(SCANS, control=control, ties=ties)
+
+    assert len(run([]).components) == 2
+    whole = run(points([0, 4, 9, 13, 17, 22]))
+    assert whole.components == (tuple(range(24)),)
+    assert error(whole, IN_WORLD) < 0.3
+    lacking = run(points([0, 4, 9, 17]))
+    assert len(lacking.components) == 2
+    assert lacking.solution.graph.gauge.unmeasured.keys() == {12}
+    first = lacking.trajectory.take(range(12)).T_world_sensor.translation
+    assert np.linalg.norm(first - IN_WORLD[:12].translation, axis=1).max() < 0.4
+    joined = run(points([0, 4, 9]), Tie(10, 13, "add"))
+    assert len(joined.components) == 1
+    assert error(joined, IN_WORLD) < 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ties", [[], [Tie(11, 12, "reject")]])
+def test_without_such_ties_they_stay_apart(ties: list[Tie]) -> None:
+    assert len(joined(*ties).components) == 2

@@ -10,7 +10,8 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.grid import Grid, choose_grid, scan_center
+from sonarmap.kernels.fft.edges import EDGES
+from sonarmap.spectral.grid import Grid, choose_grid, coarse_edge, image_edge, scan_center
 from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.spectral.scan import PosePrior, Scan
@@ -145,3 +146,22 @@ def test_what_is_no_array(given: dict[str, Any]) -> None:
 def test_a_prior_of_no_pose(T: Any) -> None:
     with pytest.raises(InputError, match="`T_world_sensor` is not one finite pose"):
         PosePrior(T, np.ones(6))
+
+
+def test_every_edge_has_a_coarse_grid_and_images() -> None:
+    """Half of 90 is odd, half of 30 below the smallest: the nearest does. From 128 on it is 64."""
+    for edge in EDGES:
+        assert Grid(edge, 1.0).edge == edge
+        assert coarse_edge(edge) in EDGES
+        assert edge < 32 or edge > 128 or 0.44 < coarse_edge(edge) / edge < 0.56
+        assert edge < 128 or coarse_edge(edge) == 64
+        assert edge <= image_edge(edge) <= max(32, 4 / 3 * edge)
+        assert image_edge(edge) % 16 == 0
+        assert image_edge(edge) in EDGES
+    assert [coarse_edge(edge) for edge in (16, 64, 90, 96, 128, 160, 250, 512)] == [16, 32, 48, 48, 64, 64, 64, 64]
+    assert [image_edge(edge) for edge in (16, 90, 128, 450)] == [16, 96, 128, 480]
+
+
+def test_voxels_are_relative_to_the_center_in_meters_over_voxel() -> None:
+    points = np.array([[10.0, -2.0, 7.0]], np.float32)
+    np.testing.assert_allclose(Grid(16, 0.5).to_voxels(points, np.array([9.0, -1.0, 4.0])), [[2, -2, 6]])

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
-from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.grid import Grid, second_edge
 from sonarmap.spectral.judge.judgement import no_candidates
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
@@ -92,3 +92,46 @@ def test_a_pose_is_fixed_by_the_survey_s_voxel_on_both_grids(monkeypatch: pytest
     scan = registrar.prepare(Scan(structure(4, 3000)))
     registrar.register(scan, scan)
     assert set(judged) == {(64, 0.3), (32, 0.3)}
+
+
+@pytest.mark.slow
+def test_it_is_prepared_for_pairs_that_are_not_believed_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sonarmap.spectral.registration.second_edge", {64: 32, 32: None}.get)
+    looks = [0.9, 0.2, 0.6]  # of what answers say: the first pair's, then both looks' at the second pair
+
+    def answer(self: SpectralRegistrar, _: object) -> Registration:
+        return replace(no_candidates(1.0), probability=looks.pop(0), reason=f"{self.grid.edge} voxels")
+
+    grid = Grid(64, EXTENT / 64)
+    registrar = SpectralRegistrar(choose_device(), grid)
+    registrar._warm = True  # pyright: ignore[reportPrivateUsage]
+    scan = registrar.prepare(Scan(structure(4, 3000)))
+    monkeypatch.setattr(SpectralRegistrar, "_answer", answer)
+    asked: list[Scan] = []
+    prepare = SpectralRegistrar.prepare
+    monkeypatch.setattr(SpectralRegistrar, "prepare", lambda self, scan: asked.append(scan) or prepare(self, scan))
+    assert registrar.register(scan, scan).reason == "64 voxels"
+    assert not asked
+    again = registrar.register(scan, scan)
+    assert (again.probability, len(asked)) == (0.6, 1)
+    assert again.reason == "with voxels of 0.8 m, which noise and gaps hide less: 32 voxels"
+    looks.extend([0.5, 0.3])
+    assert registrar.register(scan, scan).probability == 0.5
+    assert len(asked) == 1
+
+
+@pytest.mark.parametrize(
+    ("edge", "second"), [(64, None), (120, None), (128, 64), (180, 90), (192, 96), (250, 128), (256, 128), (512, 256)]
+)
+def test_only_fine_grids_have_a_second(edge: int, second: int | None) -> None:
+    assert second_edge(edge) == second
+
+
+@pytest.mark.slow
+def test_what_is_believed_at_once_is_not_looked_at_again(registrar: SpectralRegistrar) -> None:
+    points = structure(4, 8000)
+    target, source = (registrar.prepare(noisy(of, 0.5, k)) for k, of in enumerate((points, T_TRUE.inv().apply(points))))
+    found = registrar.register(target, source)
+    assert found.accepted
+    assert found.reason.startswith("the scans match")
+    assert_near(found.T_target_source, T_TRUE, 0.3, 0.05)

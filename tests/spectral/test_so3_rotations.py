@@ -10,7 +10,7 @@ from sonarmap.kernels.device.device import Array, choose_device
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.prepare.prepared import Preparer
 from sonarmap.spectral.scan import Scan
-from sonarmap.spectral.so3 import PARTS, RotationPeaks, So3, Sweep
+from sonarmap.spectral.so3 import PARTS, RotationPeaks, So3, Sweep, distinct_rotations
 from tests.samples.scenes.reliefs import HERE, T_TRUE, THERE, relief, seen
 from tests.samples.scenes.structures import structure
 
@@ -158,3 +158,87 @@ def test_the_best_is_the_nearest_tilt_of_the_nearest_turn(bounded: Spectra, scan
     assert indices(best.R)[0] == GROUP * EACH + TILT
     assert best.scores[0] > best.scores[1]
     assert len(set(indices(best.R) // EACH)) == len(best.R) == 5
+
+
+def test_distinct_rotations_are_those_of_all_in_their_order() -> None:
+    z = [Rotation.from_euler("Z", angle, degrees=True) for angle in (0.0, 40.0, 3.0, 80.0, 44.0)]
+    first = RotationPeaks(Rotation.concatenate(z[:2]), np.array([0.9, 0.5]))
+    second = RotationPeaks(Rotation.concatenate(z[2:]), np.array([0.8, 0.7, 0.6]))
+    found = distinct_rotations([first, second])
+    np.testing.assert_allclose(np.rad2deg(found.R.magnitude()), [0, 40, 80], atol=1e-9)
+    np.testing.assert_array_equal(found.scores, [0.9, 0.5, 0.7])
+
+
+def test_each_band_names_rotations_by_itself(spectra: Spectra, target: Array) -> None:
+    """All in one batch, as each alone; `allowed` is asked of them all."""
+    true = Rotation.from_rotvec([0.3, -0.2, 1.9])
+    source = spectra.of(turned(true))
+    together = spectra.so3.candidates(target, source, 4, everything)
+    assert len(together) == len(PARTS) - 1
+    for part, peaks in zip(PARTS[1:], together, strict=True):
+        (alone,) = spectra.so3.candidates(target, source, 4, everything, [part])
+        np.testing.assert_allclose(peaks.scores, alone.scores, rtol=1e-5)
+        np.testing.assert_allclose((peaks.R * alone.R.inv()).magnitude(), 0, atol=1e-3)
+        assert errors(peaks, true).min() < 2.5
+
+
+def test_each_stands_for_its_group_by_its_highest(bounded: Spectra, scans: tuple[Array, Array]) -> None:
+    """In groups of one, all rotations show their values."""
+    every = bounded.so3.best_of(*scans, Sweep(SWEEP, 1, 0.0), len(SWEEP))
+    values = np.empty(len(SWEEP))
+    values[indices(every.R)] = every.scores
+    groups = values.reshape(-1, EACH)
+    best = swept(bounded, scans, len(TURNS))
+    np.testing.assert_array_equal(best.scores, -np.sort(-groups.max(axis=1), kind="stable"))
+    np.testing.assert_array_equal(values[indices(best.R)], best.scores)
+
+
+def test_equal_scans_score_one(spectra: Spectra, target: Array) -> None:
+    for first, count in PARTS:
+        assert np.linalg.norm(target.get()[:, first : first + count]) == pytest.approx(1.0, abs=1e-5)
+    peaks = spectra.best(target, target, 3, everything)
+    assert 0.9 < peaks.scores[0] <= 1.0 + 1e-4
+    assert errors(peaks, Rotation.identity())[0] < 1.0
+
+
+def test_groups_come_once_and_the_best_first_and_no_more_than_there_are(bounded, scans: tuple[Array, Array]) -> None:
+    best = swept(bounded, scans, 20)
+    assert len(best.R) == len(best.scores) == 20
+    assert best.scores.dtype == np.float64
+    assert (np.diff(best.scores) <= 0).all()
+    assert len(set(indices(best.R) // EACH)) == 20
+    every = swept(bounded, scans, 1000)
+    assert sorted(indices(every.R) // EACH) == list(range(len(TURNS)))
+    one_group = Sweep(SWEEP[:EACH], EACH, 0.0)
+    (only,) = bounded.so3.best_of(*scans, one_group, 3).scores
+    assert only in every.scores
+
+
+def test_many_peaks_are_looked_at_until_enough_are_allowed(spectra: Spectra, target: Array) -> None:
+    """More than are looked at together, as few rotations are possible."""
+    source = spectra.of(structure(3))
+
+    def rarely(R: Rotation) -> np.ndarray:
+        return R.apply([1, 0, 0])[:, 1] > 0.97
+
+    every, few = (spectra.best(target, source, 10_000, which) for which in (everything, rarely))
+    assert len(few.R) >= 3
+    assert rarely(few.R).all()
+    assert len(every.R) > 64 or len(every.R) > len(few.R)
+
+
+def test_none_is_near_a_better_one(bounded: Spectra, scans: tuple[Array, Array]) -> None:
+    every, apart = swept(bounded, scans, len(TURNS)), swept(bounded, scans, len(TURNS), 20.0)
+    assert apart.scores[0] == every.scores[0]
+    assert 8 <= len(apart.R) < len(every.R) / 2
+    for n in range(1, len(apart.R)):
+        nearest = (apart.R[:n].inv() * apart.R[n]).magnitude().min()
+        assert np.rad2deg(nearest) > 20.0
+    left_out = [R for R in every.R if np.rad2deg((apart.R.inv() * R).magnitude().min()) > 20.0]
+    assert left_out == []
+
+
+def test_the_value_at_a_peak_is_the_peaks(bounded: Spectra, scans: tuple[Array, Array]) -> None:
+    (peaks,) = bounded.so3.candidates(*scans, 3, lambda R: np.ones(len(R), dtype=bool), PARTS[:1])
+    values = bounded.so3.best_of(*scans, Sweep(peaks.R, 1, 0.0), 3).scores
+    np.testing.assert_allclose(values, peaks.scores, rtol=0.05)

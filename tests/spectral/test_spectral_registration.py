@@ -17,6 +17,16 @@ from tests.samples.scenes.reliefs import HERE, T_TRUE, THERE, above, relief, see
 from tests.samples.scenes.structures import difference, moved
 from tests.samples.scenes.structures import registered as register
 
+
+def waves_with_boxes(rng: np.random.Generator) -> np.ndarray:
+    """(60000, 3) [m]: a bed with five boxes whose waves are alike again 13 to 15 m farther."""
+    xy = rng.uniform(-45, 45, (60_000, 2))
+    z = 0.6 * np.sin(xy[:, 0] / 5) * np.cos(xy[:, 1] / 7)
+    for x, y, side, top in ((-12, 5, 6, 4), (8, -9, 4, 7), (15, 12, 8, 3), (-5, -18, 5, 5), (2, 16, 3, 6)):
+        z[(abs(xy[:, 0] - x) < side / 2) & (abs(xy[:, 1] - y) < side / 2)] = top
+    return np.column_stack([xy, z + rng.normal(0, 0.05, len(xy))])
+
+
 EDGE, VOXEL = 64, 0.5
 UNKNOWN = np.inf
 
@@ -58,6 +68,16 @@ class TestAccuracy:
         Q = RigidTransform.from_components([2, -3, 1], Rotation.from_rotvec(rotvec))
         registration = register(of_any_rotation, seen(relief(2), HERE), moved(seen(relief(2), THERE), Q))
         assert_near(registration.T_target_source, T_TRUE * Q.inv(), 1.0, 0.25)
+
+    @pytest.mark.slow
+    def test_what_stands_on_a_bed_of_equal_waves_decides(self) -> None:
+        """Waves of a bed lie upon one another as closely where they are laid one farther."""
+        registrar = SpectralRegistrar(choose_device(), Grid(128, 0.5))
+        there = above(6.1, 6.4, 12, 40)
+        for seed in (3, 8):
+            rng = np.random.default_rng(seed)
+            target, source = (seen(waves_with_boxes(rng), place, 30.0) for place in (HERE, there))
+            assert_near(register(registrar, target, source).T_target_source, HERE.inv() * there)
 
 
 class TestViews:

@@ -66,3 +66,12 @@ def test_the_height_at_a_shift_is_that_of_the_first_exponent(translation: Transl
     highest = translation.find(*far, R)
     np.testing.assert_array_equal(peak.index, highest.index)
     assert peak.value == pytest.approx(highest.value)
+
+
+def test_a_box_as_large_as_the_grid_bounds_nothing(translation: Translation, far: tuple[Any, Any]) -> None:
+    box = Box(np.array([7.0, 0, 0]), np.array([3.0, 3.0, EDGE / 2]))
+    assert not translation.is_bounded(box)
+    assert not translation.is_bounded(None)
+    boxed, free = translation.find_within(*far, Rotation.concatenate([R, R]), [box, None], 3, 2.0)
+    for some, all_of_them in zip(boxed, free, strict=True):
+        np.testing.assert_array_equal([p.shift for p in some], [p.shift for p in all_of_them])

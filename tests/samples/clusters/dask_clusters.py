@@ -31,6 +31,11 @@ def threads_cluster(workers: int, **options: Any) -> Any:
     return local_cluster(workers, **{"processes": False, "protocol": "tcp", "host": "127.0.0.1"} | options)
 
 
+def port_of(cluster: Any) -> int:
+    """Of its scheduler."""
+    return int(cluster.scheduler_address.rpartition(":")[2])
+
+
 def certificate(folder: Path, name: str = "lab") -> dict[str, str]:
     """A certificate that vouches for itself, as Dask's settings below distributed.comm: authority, certificate, key."""
     if shutil.which("openssl") is None:

@@ -56,3 +56,23 @@ def test_it_is_the_shortest_way_by_at_most_one_loop() -> None:
             for i, j in pairs.tolist()
         ]
         np.testing.assert_array_equal(separations(40, edges, pairs), wanted)
+
+
+CHAIN = chain_edges(RigidTransform.identity(10), COVARIANCE)
+
+
+def test_a_gap_is_crossed_by_a_loop_alone() -> None:
+    chain = [one for one in CHAIN if one.i != 4]
+    pairs = np.array([(3, 4), (3, 7), (0, 9)])
+    np.testing.assert_array_equal(separations(10, chain, pairs), [1, np.inf, np.inf])
+    bridge = edge(4, 6, T, COVARIANCE, "loop")
+    np.testing.assert_array_equal(separations(10, [*chain, bridge], pairs), [1, 3, 8])
+    np.testing.assert_array_equal(separations(11, CHAIN, np.array([(0, 10), (3, 4)])), [np.inf, 1])
+
+
+def test_the_forecast_asks_only_for_what_is_between_the_scans():
+    """The world may be moved."""
+    graph = pair_with(random_covariance(np.random.default_rng(4), 0.05, 0.5)).graph
+    moved = RigidTransform.from_exp_coords([0.3, -0.2, 1.1, 40, -7, 3]) * graph.trajectory.T_world_sensor
+    here, there = (forecast(each.optimize()) for each in (graph, graph.at(moved)))
+    assert here == pytest.approx(there, abs=0.02)

@@ -62,6 +62,32 @@ class TestNearest:
         assert share_near(plain.argmin(axis=1)) < 0.4
         assert share_near(index[:, 0]) > 0.6
 
+    def test_another_scan_is_placed_as_those_of_the_index_are(self):
+        """What one of them says of itself is itself first, and then its neighbors in their order."""
+        given = laps(7)
+        places, count = PlaceIndex(given), len(given)
+        index, _ = places.nearest(count - 1, gap=0)
+        for k in (0, 31, 59):
+            np.testing.assert_array_equal(places.most_like(given[k]), [k, *index[k][index[k] >= 0]])
+        np.testing.assert_array_equal(PlaceIndex(given[:1]).most_like(given[5]), [0])
+
+    def test_of_equals_the_first_comes_first(self):
+        alike = np.tile([1.0, 2, 3, 4, 5], (12, 1))
+        index, distance = PlaceIndex(alike).nearest(3, gap=2)
+        np.testing.assert_array_equal(index[[0, 1, 5]], [[3, 4, 5], [4, 5, 6], [0, 1, 2]])
+        assert not distance.any()
+
+    def test_tells_where_there_are_no_more(self):
+        index, distance = PlaceIndex(laps(5)[:8]).nearest(4, gap=5)
+        np.testing.assert_array_equal(index[0, 2:], [-1, -1])
+        np.testing.assert_array_equal(index[3], [-1] * 4)
+        assert np.isinf(distance[index < 0]).all()
+        assert np.isfinite(distance[index >= 0]).all()
+        for count in (1, 2, 3):
+            index, _ = PlaceIndex(laps(6)[:count]).nearest(2, gap=0)
+            assert index.shape == (count, 2)
+            assert (index >= 0).sum() == count * min(2, count - 1)
+
 
 class TestSurveys:
     def test_looks_in_the_others_only_where_asked_to(self):
@@ -110,3 +136,9 @@ class TestCandidates:
 def test_refuses_signatures_and_surveys_that_do_not_fit(given, words):
     with pytest.raises(InputError, match=words):
         PlaceIndex(*given)
+
+
+@pytest.mark.parametrize(("k", "gap"), [(0, 5), (3, -1)])
+def test_refuses_numbers(k, gap):
+    with pytest.raises(InputError, match="wanted at least 1 and at least 0"):
+        PlaceIndex(laps(16)).nearest(k, gap)

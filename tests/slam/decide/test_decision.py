@@ -8,6 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.decide.decision import Decision, decide
+from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, twin_odds
 from sonarmap.slam.pair import RegisteredPair, Role
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import drawn, measurements_of, random_covariance, registration, ring_poses
@@ -121,3 +122,95 @@ def test_order_does_not_matter():
     difference = one.solution.trajectory.T_world_sensor.inv() * other.solution.trajectory.T_world_sensor
     assert difference.as_exp_coords() == pytest.approx(np.zeros((12, 6)), abs=1e-5)
     assert [p.reason for p in one.pairs] == [p.reason for p in other.pairs[::-1]]
+
+
+def open_along(
+    truth: RigidTransform, i: int, j: int, place: float, off: RigidTransform | None = None
+) -> RegisteredPair:
+    """A loop along a wall: 1.5 m off along it, by a covariance that says so; refused for that."""
+    slid = RigidTransform.from_translation([1.5, 0, 0])
+    off = slid if off is None else off * slid
+    given = pair(truth, i, j, "loop", off, **unsure(place), evidence=(("fixed", 0.02),))
+    assert given.registration is not None
+    loose = COVARIANCE + np.diag([0, 0, 0, 25.0, 0, 0])
+    return replace(given, registration=replace(given.registration, covariance=loose))
+
+
+INSIDE, CONTRADICTING, JOINING = Support(sigmas=0.5, agrees=True), Support(sigmas=30.0), Support()
+
+
+def answers(support: Support, count: int, accepted: bool = True) -> list[PossibleEdge]:
+    """Accepted ones without a probability count as right with 90 %."""
+    given = registration(RigidTransform.identity(), COVARIANCE, accepted)
+    return [PossibleEdge(k, k + 9, given, support=support) for k in range(count)]
+
+
+@pytest.mark.slow
+def test_a_loop_that_leaves_a_direction_open_is_taken_for_the_others():
+    truth = ring_poses(12)
+    pairs = [*chain_of(truth), pair(truth, 0, 11, "loop"), pair(truth, 1, 10, "loop")]
+    taken = decided(truth, [*pairs, open_along(truth, 2, 9, 0.95)])
+    assert taken.pairs[-1].kept
+    assert worst(taken, truth) < 0.3
+    assert not decided(truth, [*pairs, open_along(truth, 2, 9, 0.5)]).pairs[-1].kept
+    aside = RigidTransform.from_translation([0, 3.0, 0])
+    assert not decided(truth, [*pairs, open_along(truth, 2, 9, 0.95, aside)]).pairs[-1].kept
+    elsewhere = decided(truth, [*pairs, open_along(truth, 2, 9, 0.95, RigidTransform.from_translation([1.5, 0, 0]))])
+    assert "measured where the scans, far from there, do not lie" in elsewhere.pairs[-1].reason
+    # it joins nothing
+    gap = [*chain_of(truth, k5=unsure(0.0)), pair(truth, 1, 10, "loop")]
+    result = decided(truth, [*gap, open_along(truth, 2, 9, 0.95), open_along(truth, 3, 8, 0.95)])
+    assert len(result.solution.graph.components) == 2
+
+
+@pytest.mark.slow
+def test_among_twins_two_parts_want_more_that_agree() -> None:
+    """Two pairs join parts; where eight of ten loops of one part are of twins, it takes four."""
+    truth = ring_poses(24)
+    gap = chain_of(truth, k15=unsure(0.0))
+    rng = np.random.default_rng(6)
+    twins: list[RegisteredPair] = []
+    for k in range(8):
+        off = RigidTransform.from_exp_coords(np.concatenate([0.5 * rng.standard_normal(3), 4 * rng.standard_normal(3)]))
+        twins.append(pair(truth, k % 6, 9 + k // 2, "loop", off))
+    right = [pair(truth, 0, 7, "loop"), pair(truth, 1, 8, "loop")]
+    ties = [pair(truth, 2 + k, 20 - k, "loop") for k in range(4)]
+    bridge = pair(truth, 14, 17, "bridge")
+
+    def parts(*more: RegisteredPair) -> int:
+        return len(decided(truth, [*gap, *more]).solution.graph.components)
+
+    assert parts(*right, *ties[:2]) == 1
+    assert parts(*right, bridge) == 1
+    assert parts(*right, *twins, *ties[:2]) == 2
+    assert parts(*right, *twins, bridge) == 2
+    assert parts(*right, *twins, *ties) == 1
+    assert worst(decided(truth, [*gap, *right, *twins, *ties]), truth) < 0.3
+
+
+@pytest.mark.slow
+def test_chi_squared_before_is_of_the_chained_poses():
+    truth = ring_poses(24)
+    result = decided(truth, [*chain_of(truth), pair(truth, 0, 23, "loop"), pair(truth, 2, 20, "loop")])
+    graph = result.solution.graph
+    assert result.solution.chi_squared_before == pytest.approx(graph.at(result.chained.T_world_sensor).chi_squared)
+    assert result.solution.chi_squared_before > 2 * result.solution.chi_squared_after
+
+
+def test_odds_are_what_loops_within_a_part_show() -> None:
+    assert twin_odds([]) == 1
+    # five of fifty are wrong as told, and thirty would be six times as many: less so while few have been judged
+    assert twin_odds([*answers(INSIDE, 45), *answers(CONTRADICTING, 5)]) == pytest.approx(1)
+    assert twin_odds([*answers(INSIDE, 20), *answers(CONTRADICTING, 30)]) == pytest.approx(32 / 7)
+    assert twin_odds(answers(CONTRADICTING, 1)) == pytest.approx(3 / 2.1)
+    # a survey without twins is not believed more than registrations say
+    assert twin_odds(answers(INSIDE, 200)) == 1
+    # what joins parts and what was not believed shows nothing
+    assert twin_odds([*answers(JOINING, 9), *answers(CONTRADICTING, 9, accepted=False)]) == 1
+
+
+@pytest.mark.parametrize("odds", [1.0, 2.0, 30.0])
+def test_odds_count_in_the_weight(odds: float) -> None:
+    answer = replace(*answers(INSIDE, 1), odds=odds)
+    wrong = 0.1 * odds / (0.1 * odds + 0.9)
+    assert answer.weight == pytest.approx(-np.log(wrong))

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.candidates.settings import LoopSettings
@@ -70,3 +71,34 @@ def test_a_lone_step_stays_where_a_third_of_all_are_or_a_person_vouches_for_it()
     assert len(decided(many).solution.graph.components) == 1
     assert len(decided(survey(1, 4, 7)).solution.graph.components) == 4
     assert len(decided(survey(4), Tie(4, 5, "accept")).solution.graph.components) == 1
+
+
+@pytest.mark.parametrize(
+    ("pairs", "lone"),
+    [
+        (survey(4), {(4, 5)}),
+        (survey(4, 6), {(4, 5), (6, 7)}),
+        (survey(4, confirmed=((3, 5),)), set()),
+        (survey(4, confirmed=((4, 7),)), set()),
+        (survey(4, confirmed=((1, 4), (5, 8))), {(4, 5)}),  # on one side of it each
+        (survey(4, probability=0.96), set()),
+        (survey(4, farthest=2), set()),  # two pairs are too few
+        (survey(0, 8), set()),  # a dive of one scan is none
+        ([p for p in survey(4) if p.i > 3 or p.j < 5], set()),  # crossed from one side alone
+        ([replace(p, registration=None) if p.expected else p for p in survey(4)], set()),
+        ([pair(4, 5, 0.9, accepted=False) if p.scans == (4, 5) else p for p in survey(4)], set()),
+        ([], set()),
+    ],
+)
+def test_a_lone_step_is_one_that_pairs_were_tried_across_in_vain(
+    pairs: list[RegisteredPair], lone: set[tuple[int, int]]
+) -> None:
+    assert lone_steps(pairs) == lone
+
+
+@pytest.mark.parametrize("expected", [False, True])
+def test_a_loop_over_the_whole_survey_confirms_a_step_wherever_it_was_looked_for(expected: bool) -> None:
+    """What was expected does not, where it is asked what was found freely."""
+    pairs = [*survey(4), pair(0, COUNT - 1, 0.9, expected=expected)]
+    assert lone_steps(pairs) == set()
+    assert lone_steps(pairs, free=True) == ({(4, 5)} if expected else set())

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.slam.decide.region import regions_about
 from sonarmap.slam.decide.robust import robust_optimize
 from sonarmap.slam.graph.edge import Edge, components, cut_edges
 from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.graph.trajectory import Trajectory, chain
+from tests.samples.lawnmower import lawnmower
 from tests.samples.surveys import (
     aliased,
     chain_edges,
@@ -108,3 +110,65 @@ def test_bridges_are_what_takes_a_component_apart() -> None:
     # of poses that the world holds they are not necessary
     chained = chain_edges(ring_poses(6), np.eye(6))
     assert [cut_edges(6, chained, held) for held in ([], [1, 4], [0, 2, 5])] == [set(range(5)), {0, 4}, set()]
+
+
+@pytest.mark.slow
+def test_a_chain_that_is_less_sure_than_it_says_does_not_leave_out_the_loops() -> None:
+    T, graph = lawnmower(1500, 2.5, 1)
+    drift = RigidTransform.from_exp_coords([0, 0, 4e-3, 0, 0, 0])
+    edges = [
+        edge(one.i, one.j, one.registration.T_target_source * drift, one.registration.covariance)
+        if one.kind == "sequential"
+        else one
+        for one in graph.edges
+    ]
+    wrong = scattered(graph, T, 20, 2)
+    result = robust_optimize(PoseGraph(graph.trajectory, (*wrong, *edges)))
+    assert not result.accepted[: len(wrong)].any()
+    assert result.accepted[len(wrong) :].mean() > 0.95
+
+
+def test_a_region_has_the_edges_with_both_ends_inside_and_its_rim_is_held() -> None:
+    """Regions that touch are one."""
+    graph = lawnmower(400, 2.0, 4)[1]
+    active = np.ones(len(graph.edges), bool)
+    active[450::7] = False
+    stamps = graph.trajectory.stamps.astype(int)
+    regions = regions_about(graph, active, [5, 6, 395], 20)
+    assert [{5, 6, 395} & set(region.edges.tolist()) for region in regions] == [{5, 6}, {395}]
+    for region in regions:
+        own = region.graph.trajectory.stamps.astype(int)  # which are the poses' numbers in the whole graph
+        inside = np.isin(stamps, own)
+        ends = np.array([(one.i, one.j) for one in graph.edges])
+        both = active & inside[ends].all(axis=1)
+        np.testing.assert_array_equal(region.edges, np.flatnonzero(both))
+        np.testing.assert_array_equal(own[[(one.i, one.j) for one in region.graph.edges]], ends[both])
+        leaving = ends[active & (inside[ends].sum(axis=1) == 1)]
+        np.testing.assert_array_equal(own[list(region.graph.fixed)], np.unique(leaving[inside[leaving]]))
+
+
+@pytest.mark.slow
+def test_every_component_is_judged_by_itself_and_held_poses_stay() -> None:
+    T, graph = two_rounds(6)
+    moved = [edge(one.i + COUNT, one.j + COUNT, one.registration.T_target_source, one.registration.covariance, one.kind)
+             for one in graph.edges]  # fmt: skip
+    bad = edge(COUNT + 3, COUNT + 15, RigidTransform.from_translation([3.0, 1, 0]), np.eye(6) * 1e-4, "loop")
+    place = RigidTransform.from_exp_coords([0.3, -0.2, 1.0, 50, 20, -3])
+    start = RigidTransform.concatenate([T, place * T])
+    both = PoseGraph(Trajectory(np.arange(2.0 * COUNT), start), (*graph.edges, *moved, bad), fixed=(COUNT + 7,))
+    result = robust_optimize(both)
+    assert np.flatnonzero(~result.accepted).tolist() == [len(both.edges) - 1]
+    found = result.solution.trajectory.T_world_sensor
+    np.testing.assert_allclose(found[[0, COUNT + 7]].as_matrix(), start[[0, COUNT + 7]].as_matrix(), atol=1e-5)
+    assert distance(found[COUNT:], found[:COUNT]) < 1e-3
+
+
+def test_without_wrong_edges_it_is_the_plain_optimum() -> None:
+    _, graph = two_rounds(4)
+    result = robust_optimize(graph)
+    plain = graph.optimize()
+    assert result.accepted.all()
+    np.testing.assert_allclose(
+        result.solution.trajectory.T_world_sensor.as_matrix(), plain.trajectory.T_world_sensor.as_matrix(), atol=1e-5
+    )
+    np.testing.assert_allclose(result.residuals, plain.residuals, atol=1e-3)

@@ -1,18 +1,23 @@
 """Fixes that everything else contradicts are found, and no others; and what an edge costs an optimum."""
 
 from dataclasses import replace
+from itertools import accumulate
+from operator import mul
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.slam.decide.contradiction import chi_squared, contradicted_edges
+from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.decide.wrong_measurements import NOTHING, agreement, judge_fixes
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.spectral.measured import twist
-from sonarmap.spectral.scan import PosePrior
-from tests.samples.surveys import chain_edges, drawn, measured_edge, random_covariance, ring_poses
+from sonarmap.spectral.scan import PosePrior, Scan
+from tests.samples.surveys import chain_edges, chained_graph, drawn, edge, measured_edge, random_covariance, ring_poses
 
 COUNT = 60
 TRUTH = RigidTransform.from_components([300.0, -80.0, -20.0], Rotation.from_euler("Z", 0.7)) * ring_poses(COUNT, 30.0)
@@ -189,3 +194,94 @@ def test_what_all_fixes_share_is_found_and_taken_off(error: str) -> None:
     assert judged.wrong == ()
     apart = np.array([judged.priors[k].T_world_sensor.translation - truth[k].translation for k in range(LANES)])
     assert np.abs(np.median(apart, axis=0)).max() < 0.8
+
+
+RING = 30
+
+
+LOOP = np.diag([0.01, 0.015, 0.02, 0.05, 0.06, 0.04]) ** 2
+
+
+def ring(seed: int) -> PoseGraph:
+    """A chain with a loop every few poses, one of them off by several sigmas."""
+    rng = np.random.default_rng(seed)
+    step = RigidTransform.from_exp_coords([0.02, -0.03, 2 * np.pi / RING, 1.0, 0.1, -0.05])
+    T = RigidTransform.concatenate(list(accumulate([step] * (RING - 1), mul, initial=RigidTransform.identity())))
+    pairs = [(k, k + 1) for k in range(RING - 1)] + [(0, 29), (2, 27), (4, 25), (6, 9), (10, 14), (3, 26)]
+    edges = []
+    for i, j in pairs:
+        off = rng.multivariate_normal(np.zeros(6), LOOP)
+        off += 7 * np.array([0.01, 0, 0, 0, 0.06, 0]) * ((i, j) == (6, 9))
+        noise = RigidTransform.from_exp_coords(off)
+        edges.append(edge(i, j, T[i].inv() * T[j] * noise, LOOP, "sequential" if j == i + 1 else "loop"))
+    return chained_graph(edges, RING)
+
+
+def test_a_far_one_comes_first() -> None:
+    graph = ring(0)
+    solution = graph.optimize()
+    graph = graph.at(solution.trajectory.T_world_sensor)
+    loops = np.array([one.kind == "loop" for one in graph.edges])
+    residuals = graph.residuals() ** 2
+    worst = int(np.argmax(np.where(loops, residuals, 0)))
+    assert contradicted_edges(graph, solution, loops, residuals[worst] * 0.99).tolist() == [worst]
+    assert contradicted_edges(graph, solution, np.zeros_like(loops), 0.1).tolist() == []
+    # the only tie is contradicted by nothing
+    graph = ring(1).keep(np.arange(RING + 5) < RING - 1)  # a chain
+    solution = graph.optimize()
+    graph = graph.at(solution.trajectory.T_world_sensor)
+    assert contradicted_edges(graph, solution, np.ones(RING - 1, bool), 1.0, 1.0).tolist() == []
+
+
+def test_a_place_does_not_bound_what_could_contradict_it() -> None:
+    priors = fixes(5, known=slice(3, 6))
+    points = np.zeros((1, 3), np.float32)
+    scans = [Scan(points, stamp=float(k), prior=priors[k], name=f"scan{k}") for k in range(COUNT)]
+    given = Measurements(tuple(scans), np.zeros(COUNT, int), Odometry(np.arange(COUNT), TRUTH, np.arange(float(COUNT))))
+    for understated, times in ({}, 1), ({"depth": 3.0, "attitude": 2.0}, 3):
+        kept = given.searched(understated)[20].prior
+        assert kept is not None
+        np.testing.assert_allclose(kept.sigmas, [np.inf] * 5 + [times * SIGMAS[5]])
+    assert given.scans == tuple(scans)
+    assert len(given.steps) == COUNT - 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_a_run_of_wrong_fixes_is_no_shared_error(seed: int) -> None:
+    """On lanes without loops, whose steps are unsure: with two of them broken and a lever arm all fixes would fit."""
+    truth, rng = lanes(), np.random.default_rng([seed, 9])
+    unsure, sigmas = 50 * COVARIANCE, SIGMAS * [1, 1, 1, 0.5, 0.5, 1]
+    edges = tuple(chain_edges(truth, unsure, drawn(np.random.default_rng(seed), unsure, LANES)[:-1]))
+    wrong, way = range(8, 21), rng.uniform(0, 2 * np.pi)
+    priors = {}
+    for k in range(LANES):
+        noise = sigmas * rng.standard_normal(6)
+        off = 24.0 * np.array([np.cos(way), np.sin(way), 0.0]) * (k in wrong)
+        R = Rotation.from_rotvec(noise[:3]) * truth[k].rotation
+        priors[k] = PosePrior(RigidTransform.from_components(truth[k].translation + off + noise[3:], R), sigmas.copy())
+    judged = judge_fixes(PoseGraph(Trajectory(np.arange(float(LANES)), truth), edges), priors)
+    assert judged.systematic is None
+    assert [fix.scan for fix in judged.wrong if fix.kind == "position"] == list(wrong)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_by_how_much_chi_squared_falls_without_an_edge(seed: int) -> None:
+    graph = ring(seed)
+    solution = graph.optimize()
+    graph = graph.at(solution.trajectory.T_world_sensor)
+    loops = np.array([one.kind == "loop" for one in graph.edges])
+    falls = {}
+    for k in np.flatnonzero(loops).tolist():
+        without = graph.keep(np.arange(len(loops)) != k).optimize().chi_squared_after
+        falls[k] = solution.chi_squared_after - without
+    bound = chi_squared(0.999, 6)
+    assert (graph.residuals()[loops] ** 2 < bound).all()  # none is far off by itself
+    for limit in (0.3 * max(falls.values()), 0.9 * max(falls.values())):
+        understated = max(1.0, float(np.median(list(falls.values()))) / chi_squared(0.5, 6))
+        limit = max(limit / understated, float((graph.residuals()[loops] ** 2).max()) + 1e-9)
+        expected = [k for k, fall in falls.items() if fall > limit * understated]
+        clear = all(abs(fall / limit / understated - 1) > 0.05 for fall in falls.values())
+        if clear:
+            assert contradicted_edges(graph, solution, loops, limit, limit).tolist() == expected

@@ -1,7 +1,10 @@
 """A cluster's workers: scans reach them beside the scheduler, other users notice nothing, certificates are used."""
 
+import os
+import signal
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +12,15 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.execute import worker as specs
 from sonarmap.slam.execute.cluster import cluster
 from sonarmap.slam.execute.executor import Executor
 from sonarmap.slam.execute.pair_text import to_text
 from sonarmap.slam.execute.runner import Execution, PairRunner
 from sonarmap.slam.pair import Candidate
 from sonarmap.spectral.scan import Scan
-from tests.samples.clusters.dask_clusters import certificate, local_cluster, threads_cluster
+from tests.samples.clusters.counting_proxy import counting_proxy
+from tests.samples.clusters.dask_clusters import certificate, local_cluster, port_of, threads_cluster
 from tests.samples.clusters.survey_worker import worker_spec
 from tests.samples.surveys import ring_poses, scans_of
 
@@ -72,6 +77,16 @@ class TestScans:
             assert register(executor, tmp_path / "notes") == expected
         assert sent.count(True) == 1
 
+    @pytest.mark.slow
+    def test_they_do_not_go_through_the_scheduler(self, threads: Any, tmp_path: Path, expected: list[str]) -> None:
+        """A pair's own share is a few kilobytes: its job, and its result."""
+        rng = np.random.default_rng(1)
+        scans = [replace(scan, points=rng.normal(size=(20_000, 3)).astype(np.float32)) for scan in SCANS]
+        with counting_proxy(port_of(threads)) as proxy, cluster(f"tcp://127.0.0.1:{proxy.port}") as executor:
+            assert register(executor, tmp_path / "notes", scans=scans) == expected
+        assert sum(scan.points.nbytes for scan in scans) > 2_000_000
+        assert proxy.passed / len(PAIRS) < 10_000
+
 
 class TestOtherUsers:
     @pytest.mark.slow
@@ -89,6 +104,16 @@ class TestOtherUsers:
             assert other.nthreads() == workers
             # the scheduler forgets our scans once it sees that we are gone
             assert _soon(lambda: {key for keys in other.has_what().values() for key in keys} == {kept.key, slow.key})
+
+    @pytest.mark.slow
+    def test_a_worker_without_work_frees_its_device(
+        self, threads: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("sonarmap.slam.execute.worker.IDLE", 2.0)
+        with cluster(threads.scheduler_address) as executor:
+            register(executor, tmp_path / "notes")
+            assert specs._workers
+        assert _soon(lambda: not specs._workers)
 
 
 def _sleeping(seconds: float) -> str:
@@ -128,6 +153,22 @@ class TestKilledWorkers:
 
         with pytest.raises(InputError, match=r"the scheduler at .* was lost\..*continues from there"):
             run()
+
+    def test_killed_again_and_again_between_pairs(self, tmp_path: Path, expected: list[str]) -> None:
+        """Whichever worker it is, and whatever scans it holds."""
+        rng = np.random.default_rng(3)
+        with local_cluster(2) as started, cluster(started.scheduler_address) as executor:
+            source = executor.transport.source
+
+            class Killing:
+                def source(self, scan: Any, load: Any) -> Any:
+                    if rng.random() < 0.1:
+                        nanny = started.workers[rng.integers(len(started.workers))]
+                        if nanny.pid is not None:
+                            os.kill(nanny.pid, signal.SIGKILL)
+                    return source(scan, load)
+
+            assert register(replace(executor, transport=Killing()), tmp_path / "notes") == expected
 
 
 @pytest.fixture(scope="module")

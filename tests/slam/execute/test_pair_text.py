@@ -1,6 +1,7 @@
 """The result of a pair as text, bit by bit; what a worker hands on, and how many prepared scans it keeps."""
 
 import json
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import replace
 from functools import partial
@@ -14,7 +15,8 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.execute.pair_text import from_text, signature_from_text, signature_to_text, to_text
 from sonarmap.slam.execute.transport import scan_key
-from sonarmap.slam.execute.worker import PairJob, Worker
+from sonarmap.slam.execute.worker import PairJob, Worker, prepared_limit
+from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.result import Registration
 from tests.samples.surveys import KnowingRegistrar, random_covariance, random_transforms, ring_poses, scans_of
 
@@ -136,3 +138,32 @@ def test_a_worker_hands_on_what_the_scans_alone_say() -> None:
     assert failure == ""
     np.testing.assert_array_equal(registration.covariance, covariance)
     assert registration.T_by_scans is None
+
+
+NO_PAIRS = ["", "{}", "[1]", "[" * 100_000, '{"failure": 7}', '{"registration": {}}', '{"registration": {"psr": 1}}']
+
+
+@pytest.mark.parametrize(
+    ("memory", "workers", "least", "most"),
+    [(2**40, 1, 16, 16), (2**33, 1, 9, 16), (2**34, 16, 8, 8), (2**26, 1, 2, 2)],
+)
+def test_as_many_scans_stay_prepared_as_are_useful(memory: int, workers: int, least: int, most: int) -> None:
+    registrar: Any = SimpleNamespace(device=SimpleNamespace(memory=memory), grid=SimpleNamespace(edge=128))
+    kept = prepared_limit(registrar, workers)
+    assert least <= kept <= most
+    assert kept <= 8 or kept * memory_plan(128).scan <= memory / 8
+    without_a_device: Any = SimpleNamespace()
+    assert prepared_limit(without_a_device) == 8
+
+
+@pytest.mark.parametrize(
+    ("read", "text"),
+    [
+        *((signature_from_text, text) for text in ("[[1.0]]", '["a"]', "[" * 100_000, "7")),
+        *((from_text, text) for text in NO_PAIRS),
+    ],
+)
+def test_other_text_is_refused(read: Callable[[str], object], text: str) -> None:
+    missing = (LookupError,) if read is from_text else ()
+    with pytest.raises((ValueError, TypeError, *missing)):
+        read(text)

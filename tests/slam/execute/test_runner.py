@@ -210,6 +210,11 @@ class TestCluster:
             work.run(f"cluster {address}", ending="kill 7 8")
         assert work.run() == undisturbed
 
+    def test_a_machine_that_fails_is_raised(self, work: Work, undisturbed: list[str], address: str) -> None:
+        with pytest.raises(DeviceError, match="the device is full"):
+            work.run(f"cluster {address}", ending="device 4 5")
+        assert work.run() == undisturbed
+
 
 class TestClusterThatIsNotThere:
     @pytest.fixture(autouse=True)
@@ -226,3 +231,20 @@ class TestClusterThatIsNotThere:
         monkeypatch.setitem(sys.modules, "distributed", None)
         with pytest.raises(InputError, match=r"pip install 'sonarmap\[cluster\]'"):
             work.run("cluster tcp://127.0.0.1:9")
+
+
+def test_timings_say_what_came_from_the_journal(work: Work) -> None:
+    for from_journal in (0, len(PAIRS)):
+        with work.execution("here") as execution:
+            runner = PairRunner(execution, SCANS, 2, None)
+            runner.register(candidates(PAIRS))
+            runner.step_done("optimized")
+        timings = execution.timings
+        assert [(time.target, time.source) for time in timings.pairs] == PAIRS
+        assert timings.from_journal == from_journal
+        assert all(time.seconds > 0 and time.from_journal == (from_journal > 0) for time in timings.pairs)
+        assert list(timings.stages) == ["pairs registered", "optimized"]
+    # those of a part have the survey's numbers
+    with work.execution("here") as execution:
+        PairRunner(execution, SCANS, 0, None).of([1, 3, 5, 8]).of([0, 1, 3]).register(candidates([(0, 1), (1, 2)]))
+    assert [(time.target, time.source) for time in execution.timings.pairs] == [(1, 3), (3, 8)]

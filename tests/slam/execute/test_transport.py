@@ -3,6 +3,7 @@
 import io
 import os
 import pickle
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -148,3 +149,51 @@ class TestKeys:
             Scan(POINTS, prior=PosePrior(RigidTransform.identity(), known.sigmas)),
         ]
         assert len({content_key(scan) for scan in scans}) == len(scans)
+
+
+class Counted(Sequence[Scan]):
+    """Scans that are read from somewhere, every time."""
+
+    def __init__(self) -> None:
+        self.read = [0] * COUNT
+
+    def __len__(self) -> int:
+        return COUNT
+
+    def __getitem__(self, k: int) -> Scan:  # pyright: ignore[reportIncompatibleMethodOverride]
+        self.read[k] += 1
+        return SCANS[k]
+
+    def __iter__(self) -> Iterator[Scan]:
+        return (self[k] for k in range(COUNT))
+
+
+@pytest.mark.slow
+def test_a_scan_is_read_for_its_key_and_for_its_file_and_never_again(tmp_path: Path) -> None:
+    scans = Counted()
+    with processes(2, spool=tmp_path / "spool") as executor:
+        runner = PairRunner(Execution(worker_spec(COUNT, tmp_path / "notes"), executor), scans, 0, None)
+        assert scans.read == [1] * COUNT
+        assert not list(tmp_path.glob("spool*"))
+        runner.register(PAIRS[:2])
+        assert scans.read == [2] * 3 + [1] * (COUNT - 3)
+        runner.register(PAIRS)
+        runner.signatures()
+        assert scans.read == [2] * COUNT
+        (folder,) = tmp_path.glob("spool*")
+        assert len(list(folder.iterdir())) == COUNT
+        assert folder.stat().st_mode & 0o077 == 0
+    assert not folder.exists()
+
+
+@pytest.mark.slow
+def test_a_stopped_run_leaves_nothing(tmp_path: Path) -> None:
+    def run() -> None:
+        with processes(2, spool=tmp_path / "spool") as executor:
+            PairRunner(Execution(worker_spec(COUNT, tmp_path / "notes"), executor), SCANS, 0, None).register(PAIRS)
+            assert len(list(tmp_path.glob("spool*"))) == 1
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run()
+    assert [path.name for path in tmp_path.iterdir()] == ["notes"]

@@ -11,7 +11,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.decide.wrong_control import without_wrong_control
 from sonarmap.slam.graph.control import ControlPoint, jacobian
 from sonarmap.slam.graph.gtsam_poses import to_values
-from sonarmap.slam.graph.place import place_by_control, robust_fit
+from sonarmap.slam.graph.place import place_by_control, place_in_world, robust_fit
 from sonarmap.slam.graph.pose_covariance import pose_covariances
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory, chain
@@ -166,3 +166,28 @@ def test_a_wrong_point_is_named_and_left_out_and_right_ones_are_not():
 def test_points_refuse_what_makes_no_sense_and_graphs_those_of_no_pose(changes, words):
     with pytest.raises(InputError, match=words):
         PoseGraph(Trajectory(np.zeros(2), TRUTH[:2]), (), control=(replace(point(4), **changes),))
+
+
+def test_attitudes_and_two_points_are_enough():
+    sigmas = np.array([0.003, 0.003, np.inf, np.inf, np.inf, np.inf])
+    priors = {k: PosePrior(TRUTH[k], sigmas) for k in range(COUNT)}
+    upright = graph([], priors=priors)
+    level = place_in_world(upright.trajectory, [range(COUNT)], priors)
+    control = (point(0), point(4))
+    placed = place_by_control(level, [range(COUNT)], control, priors)
+    solution = PoseGraph(placed, upright.edges, priors=tuple(priors.items()), control=control).optimize()
+    assert solution.graph.gauge.unmeasured == {}
+    assert distance(solution) < 0.4
+    alone = PoseGraph(placed, upright.edges, priors=tuple(priors.items()), control=control[:1])
+    assert alone.gauge.unmeasured[0].tolist() == [False, False, True, False, False, False]
+
+
+def test_points_on_a_line_leave_the_turn_about_it_open():
+    line = np.linspace(0, 1, 3)[:, None] * [20.0, 6.0, 1.0] + T_WORLD.translation
+    control = [
+        ControlPoint(f"L{k}", k, TRUTH[k].inv().apply(place), place, np.full(3, 0.05))
+        for k, place in zip((0, 4, 8), line, strict=True)
+    ]
+    assert graph(control).gauge.unmeasured[0][:3].any()
+    aside = replace(control[1], known=control[1].known + np.array([0.01, 0.0, 0.0]))
+    assert graph([control[0], aside, control[2]]).gauge.unmeasured[0][:3].any()

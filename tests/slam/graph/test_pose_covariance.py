@@ -5,17 +5,22 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.edge import Edge, scaled
 from sonarmap.slam.graph.gtsam_poses import to_values
 from sonarmap.slam.graph.marginals import Marginals, marginals
 from sonarmap.slam.graph.pose_covariance import pose_covariances, weighed
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution, factors_of
+from sonarmap.slam.graph.tangent import propagated
 from sonarmap.slam.graph.trajectory import Trajectory, chain
+from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
+from tests.samples.lawnmower import lawnmower
 from tests.samples.surveys import (
+    chain_edges,
+    chained_graph,
     drawn,
     edge,
     random_covariance,
@@ -189,3 +194,106 @@ def test_a_graph_that_does_not_tell_every_pose_is_refused() -> None:
     object.__setattr__(solution, "_linear", linear)
     with pytest.raises(InputError, match="no unique solution"):
         solution.covariances()
+
+
+def test_a_graph_without_loops_is_given_what_is_expected():
+    truth = ring_poses(5)
+    edges = chain_edges(truth, COVARIANCE)
+    graph = chained_graph(edges, 5)
+    np.testing.assert_allclose(edge_variances(graph), 13 * 0.15)
+    _, covariances = told(graph)
+    told_of_1 = 13 * 0.15 * COVARIANCE
+    # beside the one edge the way may be too short, as all ways may be, by a seventh of a step's standard deviation
+    steps = [each.registration.T_target_source for each in edges]
+    ways = [T.rotation.inv().apply(T.translation) for T in steps]
+    short = [way @ (13 * 0.15 * COVARIANCE[3:, 3:]) @ way / (way @ way) ** 2 for way in ways]
+    told_of_1[3:, 3:] += 0.02 * np.median(short) * np.outer(ways[0], ways[0])
+    np.testing.assert_allclose(covariances[1], told_of_1, rtol=2e-3, atol=1e-9)
+
+
+def test_a_step_that_the_motion_drew_aside_is_doubted_as_a_whole():
+    """At a lane's end the vehicle went 4 m less than it usually does: a doubt in the scans alone would let the motion
+    draw it farther, which is doubted the more."""
+    _, graph = ring(3)
+    edges = list(graph.edges)
+    k = next(n for n, each in enumerate(edges) if (each.i, each.j) == (4, 5))
+    by_scans = edges[k].registration
+    away = np.array([0.0, 0.0, 0.0, 4.0, 0.0, 0.0])
+    covariance = np.linalg.inv(np.linalg.inv(by_scans.covariance) + np.eye(6))
+    drawn = replace(
+        by_scans,
+        T_target_source=by_scans.T_target_source * RigidTransform.from_exp_coords(covariance @ away),
+        covariance=(covariance + covariance.T) / 2,
+        T_by_scans=by_scans.T_target_source,
+        covariance_by_scans=by_scans.covariance,
+    )
+    loose = replace(drawn, T_target_source=drawn.T_target_source * RigidTransform.from_translation([0.1, 0.0, 0.0]))
+    edges[k] = replace(edges[k], registration=loose)
+    told_edge = weighed(replace(graph, edges=tuple(edges))).edges[k].registration
+    assert told_edge.covariance[3, 3] > 10 * drawn.covariance[3, 3]
+
+    def drawn_by(registration: Registration) -> float:
+        return float(np.linalg.norm((by_scans.T_target_source.inv() * registration.T_target_source).translation))
+
+    assert drawn_by(told_edge) < 1.0
+    assert drawn_by(scaled([edges[k]], 1000.0)[0].registration) > 3.0
+
+
+@pytest.mark.slow
+def test_larger_errors_are_told_by_chi_squared_however_wide_covariances_were_stated():
+    """One sonar's registrations are a third as far off as stated: with loops enough its poses are the surer."""
+    factors = [np.median(edge_variances(ring(3, scale)[1])) for scale in (0.5, 1.0, 2.0)]
+    assert factors[0] < factors[1] < factors[2]
+    _, graph = ring(3)
+    first, second = (np.diagonal(told(each)[1], axis1=1, axis2=2)[1:] for each in (graph, graph.scaled(10.0)))
+    assert (second < 1.5 * first).all()
+
+
+def test_steps_over_a_bed_that_leaves_three_directions_open_are_weighed():
+    """They alone fix no pose well enough for GTSAM's covariances; what closes no cycle needs none."""
+    rng = np.random.default_rng(2)
+    at_bed = np.diag([0.003, 0.003, 2.0, 60.0, 60.0, 0.01]) ** 2
+    truth = ring_poses(40)
+    edges = []
+    for k in range(39):
+        to_sensor = RigidTransform.from_components(rng.normal([20, 5, -30], 3.0), Rotation.random(rng=rng))
+        edges.append(edge(k, k + 1, truth[k].inv() * truth[k + 1], propagated(to_sensor, at_bed)))
+    np.testing.assert_allclose(edge_variances(chained_graph(edges, 40)), 13 * 0.15, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_ways_fall_short_from_where_a_component_is_held():
+    """From its first pose, where instruments leave the place open; in the world from its middle."""
+    truth, graph = ring(5)
+    open_place = np.array([0.01, 0.01, np.inf, np.inf, np.inf, 0.05])
+    everything = np.array([0.01, 0.01, 0.02, 3.0, 3.0, 0.05])
+    for sigmas, middle in ((open_place, 0), (everything, None)):
+        priors = tuple((k, PosePrior(truth[k], sigmas)) for k in range(COUNT))
+        solution, covariances = told(replace(graph, priors=priors))
+        T = solution.trajectory.T_world_sensor
+        held = T.translation.mean(axis=0) if middle is None else T.translation[middle]
+        away = T.translation - held
+        turn = np.asarray(T.rotation.as_matrix())
+        added = turn @ (covariances - solution.covariances())[:, 3:, 3:] @ turn.swapaxes(1, 2)
+        # level, as depths are measured; what positions of 3 m take back is little
+        squared = (away[:, :2] ** 2).sum(axis=1)
+        far = squared > squared.mean() / 2
+        shares = np.trace(added[far, :2, :2], axis1=1, axis2=2) / squared[far]
+        assert shares.min() > 0
+        assert shares.max() < 1.3 * shares.min()
+
+
+def test_what_is_surely_beyond_the_most_is_told_so_and_the_rest_exactly() -> None:
+    rng = np.random.default_rng(1)
+    T, graph = lawnmower(120, 1.0, 1)
+    pairs = np.array([rng.choice(120, 2, replace=False) for _ in range(40)])
+    off = RigidTransform.from_exp_coords(rng.normal(size=(40, 6)) * np.geomspace(1e-3, 10, 40)[:, None])
+    tried = [edge(i, j, T[i].inv() * T[j] * own, np.eye(6) * 1e-4, "loop").registration
+             for (i, j), own in zip(pairs.tolist(), off, strict=True)]  # fmt: skip
+    solution = graph.optimize()
+    exact, known = solution.distances(pairs, tried), solution.distances(pairs, tried, most=6.0)
+    near = np.isfinite(known)
+    np.testing.assert_allclose(known[near], exact[near], rtol=1e-6)
+    assert (exact[~near] > 6).all()
+    assert (exact <= 6).any()
+    assert not near.all()

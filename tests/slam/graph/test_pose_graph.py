@@ -1,6 +1,7 @@
 """Trajectories and the pose graph: chains, conventions against Monte Carlo, loops, gauges, and a public benchmark."""
 
 import time
+from itertools import accumulate
 
 import numpy as np
 import pytest
@@ -8,8 +9,10 @@ from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.edge import spanning_tree
+from sonarmap.slam.graph.edge import components, spanning_tree
+from sonarmap.slam.graph.gtsam_poses import to_pose3
 from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.tangent import adjoint
 from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from tests.samples.places import DATA
@@ -189,3 +192,71 @@ def test_chain_follows_consecutive_edges_and_lets_loops_join_the_rest():
 def test_edges_refuse_indices_kinds_and_covariances_that_do_not_fit(i, j, kind, covariance, words):
     with pytest.raises(InputError, match=words):
         edge(i, j, RigidTransform.identity(), covariance, kind)
+
+
+def test_chain_composes_like_matrices_and_take_keeps_stamps_beside_their_poses():
+    T = random_transforms(np.random.default_rng(0), 5)
+    taken = Trajectory(np.arange(5.0), T).take([3, 1])
+    np.testing.assert_array_equal(taken.stamps, [3, 1])
+    np.testing.assert_array_equal(taken.T_world_sensor.as_matrix(), T.as_matrix()[[3, 1]])
+    rng = np.random.default_rng(1)
+    steps = random_transforms(rng, 6)
+    edges = [edge(k, k + 1, step, COVARIANCE) for k, step in enumerate(steps)]
+    wanted = list(accumulate(steps.as_matrix(), np.matmul, initial=np.eye(4)))
+    rng.shuffle(edges)  # pyright: ignore[reportArgumentType]
+    np.testing.assert_allclose(chain(edges, np.zeros(7)).T_world_sensor.as_matrix(), wanted, atol=1e-12)
+
+
+def test_components_start_at_the_identity_or_at_their_prior():
+    T = random_transforms(np.random.default_rng(4), 4)
+    edges = [
+        edge(0, 1, T[0].inv() * T[1], COVARIANCE),
+        edge(2, 3, T[2].inv() * T[3], COVARIANCE),
+        edge(3, 3, T[3], COVARIANCE, "prior"),
+    ]
+    assert components(5, edges) == ((0, 1), (2, 3), (4,))
+    poses = chain(edges, np.zeros(5)).T_world_sensor.as_matrix()
+    np.testing.assert_allclose(poses[0], np.eye(4), atol=1e-15)
+    np.testing.assert_allclose(poses[2:4], T[2:4].as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(poses[4], np.eye(4), atol=1e-15)
+
+
+@pytest.mark.parametrize("pair", [(1, 2), (2, 1)])
+def test_relative_covariance_is_the_edge_s_own_in_either_direction(pair):
+    rng = np.random.default_rng(2)
+    steps = random_transforms(rng, 3)
+    covariance = random_covariance(rng)
+    measured = [covariance if k == 1 else random_covariance(rng) for k in range(3)]
+    solution = chained_graph([edge(k, k + 1, steps[k], measured[k]) for k in range(3)], 4).optimize()
+    T_i_j, relative = solution.relative(*pair)
+    if pair == (2, 1):  # T_j_i Exp(xi') with xi' = -Ad(T_i_j) xi
+        turned = to_pose3(T_i_j.inv()).AdjointMap()
+        covariance = turned @ covariance @ turned.T
+        T_i_j = T_i_j.inv()
+    np.testing.assert_allclose(T_i_j.as_matrix(), steps[1].as_matrix(), atol=1e-9)
+    np.testing.assert_allclose(relative, covariance, atol=1e-6 * np.abs(covariance).max())
+
+
+def test_residuals_are_mahalanobis_lengths():
+    _, graph = ring_graph(8, np.random.default_rng(5), loops=True)
+    solution = graph.optimize()
+    poses = solution.trajectory.T_world_sensor
+    wanted = []
+    for e in graph.edges:
+        T_i_j = e.registration.T_target_source
+        error = (T_i_j.inv() * poses[e.i].inv() * poses[e.j]).as_exp_coords()
+        wanted.append(np.sqrt(error @ np.linalg.solve(e.registration.covariance, error)))
+    np.testing.assert_allclose(solution.residuals, wanted, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose((solution.residuals**2).sum(), solution.chi_squared_after, rtol=1e-6)
+
+
+def test_tangents_are_those_of_gtsam():
+    rng = np.random.default_rng(0)
+    T = random_transforms(rng, 1)[0]
+    xi = rng.normal(size=6) * 0.7
+    np.testing.assert_allclose(to_pose3(T).matrix(), T.as_matrix(), atol=1e-15)
+    moved = T * RigidTransform.from_exp_coords(xi)
+    np.testing.assert_allclose(to_pose3(T).retract(xi).matrix(), moved.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(to_pose3(T).localCoordinates(to_pose3(moved)), xi, atol=1e-12)
+    T = ring_poses(6)
+    np.testing.assert_allclose(adjoint(T), np.stack([to_pose3(one).AdjointMap() for one in T]), atol=1e-12)

@@ -15,6 +15,7 @@ from sonarmap.slam.graph.place import place_in_world
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.slam.optimize.solve import optimize
+from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.writers.g2o import write_g2o
@@ -204,3 +205,66 @@ def test_faulty_lines_are_named(lines: list[str], words: str, tmp_path: Path) ->
     path.write_text("\n".join(["VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1", *lines]) + "\n")
     with pytest.raises(InputError, match=words):
         read_g2o(path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_a_vehicle_that_hardly_moves_is_about_level(seed):
+    """Positions of 3 m along a line of 2.5 m would tell any roll: it is open, and as it was."""
+    leveled = RigidTransform.from_components(0.5 * np.outer(np.arange(6), [1.0, 0.3, 0.05]), Rotation.identity(6))
+    truth = RigidTransform.from_rotation(Rotation.from_euler("ZYX", [2.1, 0.05, -0.05])) * leveled
+    edges = chain_edges(truth, 1e-6 * np.eye(6))
+    rng = np.random.default_rng(seed)
+    sigmas = np.array([np.inf, np.inf, 0.05, 3.0, 3.0, 0.1])
+    off = [RigidTransform.from_translation(rng.normal(size=3) * sigmas[3:]) for _ in range(6)]
+    priors = {k: PosePrior(off[k] * truth[k], sigmas) for k in range(6)}
+    solution = graph(edges, priors, 6).optimize()
+    turned = (truth.rotation.inv() * solution.trajectory.T_world_sensor.rotation).magnitude()
+    assert np.rad2deg(turned).max() < 12
+    assert solution.graph.gauge.unmeasured[0].tolist() == [True, True, False, False, False, False]
+
+
+def test_coupled_turns_and_shifts_count_too() -> None:
+    information = semidefinite(6, 4, 3)
+    small = 1e-3 * OFF
+    assert squared(KnownPose(0, T_KNOWN, information), moved(small)) == pytest.approx(
+        small @ information @ small, rel=1e-3
+    )
+
+
+@pytest.mark.parametrize("row", range(6))
+def test_each_error_counts_with_its_own_sigma(row):
+    """One pose alone, held against another prior far tighter: chi-squared is the error over its sigma, squared."""
+    measured = T_WORLD
+    off = np.zeros(6)
+    off[row] = 0.3 * SIGMAS[row]
+    w = Rotation.from_euler("Z", twist(measured.rotation)).apply(off[:3])
+    true = RigidTransform.from_components(measured.translation + off[3:], Rotation.from_rotvec(w) * measured.rotation)
+    held = PoseGraph(
+        Trajectory(np.zeros(1), RigidTransform.concatenate([true])), (), (0,), ((0, PosePrior(measured, SIGMAS)),)
+    )
+    assert held.optimize().chi_squared_after == pytest.approx(0.09, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("known", "free"),
+    [
+        (("attitude", "heading", "position", "depth"), 0),
+        (("attitude", "depth"), 3),
+        (("position",), 3),
+        (("depth",), 3),
+        (("position", "depth"), 0),
+    ],
+)
+def test_what_no_instrument_tells_is_held(known, free):
+    truth, edges = ring(6)
+    priors = {k: told(truth[k], *known) for k in (0, 2, 3, 5)}
+    one = graph(edges, priors, 6)
+    assert sum(motion.axes.shape[1] for motion in one.gauge.open_motions.values()) == free
+    assert one.anchors == ()
+    solution = one.optimize()
+    measured = 30 + 4 * sum({"attitude": 2, "heading": 1, "position": 2, "depth": 1}[name] for name in known)
+    assert solution.degrees_of_freedom == measured - (36 - free)
+    assert solution.chi_squared_after <= solution.chi_squared_before
+    assert np.isfinite(solution.covariances()).all()

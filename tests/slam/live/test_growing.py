@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.slam.live.growing import GrowingMap, Navigate
 from sonarmap.slam.live.tracker import LOST
 from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.surveys import KnowingRegistrar, position_error, random_covariance, ring_poses, scans_of
@@ -255,3 +256,87 @@ def test_no_step_is_taken_over_what_came_between_whenever_a_part_begins(
     other = [survey for name, survey in surveys[0] if name == scans[25].name]
     assert set(first) == {0}
     assert set(other) <= {1}
+
+
+def reckoned(truth: RigidTransform) -> Navigate:
+    """Dead reckoning, which is right."""
+
+    def navigate(scans: Sequence[Scan]) -> tuple[Sequence[Scan], Odometry]:
+        times = np.array([scan.stamp for scan in scans])
+        return scans, Odometry(np.arange(len(scans)), true_poses(truth, scans), times)
+
+    return navigate
+
+
+def test_a_scan_that_is_not_the_last_chance_changes_nothing() -> None:
+    truth = ring_poses(40, turns=1.0)
+    scans = scans_of(truth)
+    grown = growing(truth)
+    for scan in scans[:5]:
+        grown.add(scan)
+    keys = list(grown.tracker.keys)
+    assert grown.add(scans[25], last_chance=False) is None
+    assert grown.tracker.keys == keys
+    assert grown.tracker.missed == 0
+    assert grown.add(scans[5]) is not None
+
+
+@pytest.mark.slow
+def test_a_step_off_the_usual_motion_has_to_be_sure() -> None:
+    ring = ring_poses(30, turns=0.5)
+    turned = RigidTransform.from_rotation(Rotation.from_rotvec([0.0, 0.0, 1.2]))
+    scans = scans_of(ring)
+    for probability in (0.9, 0.99):
+        truth = RigidTransform.concatenate([ring[:12], ring[12] * turned, ring[13:]])
+
+        def spoil(i: int, j: int, given: Registration, probability: float = probability) -> Registration:
+            return replace(given, probability=probability if j == 12 else 1.0)
+
+        grown = growing(truth, spoil)
+        placed = [grown.add(scan) for scan in scans[:13]]
+        assert (placed[12] is not None) == (probability > 0.95)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("probability", "believed"), [(0.9, False), (0.99, True)])
+def test_after_a_scan_that_fits_nothing_only_a_sure_one_goes_on(probability: float, believed: bool) -> None:
+    """As it may be a leap to a place that looks alike."""
+    truth = ring_poses(30, turns=0.5)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        if j == 12:
+            return replace(given, accepted=False, probability=0.0)
+        return replace(given, probability=probability if j == 13 else 1.0)
+
+    grown = growing(truth, spoil)
+    placed = [grown.add(scan) for scan in scans_of(truth)[:14]]
+    assert placed[12] is None
+    assert placed[13] is not None  # by the scan before, if by no other
+    assert (len(grown.parts) == 1) == believed
+
+
+@pytest.mark.slow
+def test_dead_reckoning_joins_parts() -> None:
+    grown, truth = leapt(reckoned)
+    assert grown.parts == {0: len(grown.tracker.keys)}
+    step = grown.poses[0].T_part_sensor.inv() * grown.poses[-1].T_part_sensor
+    off = step.translation - (truth[0].inv() * truth[-1]).translation
+    assert np.linalg.norm(off) < 1.5  # 1 percent of 40 m, and what the steps add
+
+
+@pytest.mark.slow
+def test_ellipsoids_grow_with_the_way_from_the_last_key_scan() -> None:
+    truth = ring_poses(30, turns=0.5)
+    grown = growing(truth)
+    sigmas: list[float] = []
+    for scan in scans_of(truth):
+        placed = grown.add(scan)
+        assert placed is not None
+        sigmas.append(float(np.trace(grown.pose(placed).covariance[3:, 3:])))
+    assert sigmas[0] == 0.0
+    assert sigmas[-1] > 2 * sigmas[5]
+
+
+@pytest.mark.slow
+def test_without_navigation_a_leap_leaves_two_parts() -> None:
+    assert len(leapt(lambda _: None)[0].parts) == 2

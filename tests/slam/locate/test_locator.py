@@ -10,7 +10,7 @@ from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.locate.located import Located
 from sonarmap.slam.locate.locator import Locator
-from sonarmap.slam.locate.surveyed_map import LEAST, SurveyedMap
+from sonarmap.slam.locate.surveyed_map import LEAST, SurveyedMap, View
 from sonarmap.spectral.grid import choose_grid
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import PosePrior, Scan
@@ -149,3 +149,12 @@ def test_a_prior_from_the_map_errs_about_axes_that_are_turned_with_the_heading()
     prior = surveyed.prior_at(at[0])
     assert prior is not None
     np.testing.assert_allclose(prior.sigmas, np.hypot(sigmas[[0, 1, 2, 4, 3, 5]], LEAST), rtol=1e-6)
+
+
+def test_a_view_holds_most_points_of_a_scan(surveyed: SurveyedMap) -> None:
+    points = scan_at(T_WORLD_SENSOR[0]).points + np.array([15, 0, 0], np.float32)
+    view = View.of(points)
+    assert view.reach == pytest.approx(np.quantile(np.linalg.norm(points, axis=1), 0.95))
+    ahead = T_WORLD_SENSOR[0] * RigidTransform.from_translation([-15.0, 0, 0])
+    seen = surveyed.seen_from(ahead, view)
+    assert 0.85 * len(points) < len(seen) < len(points)

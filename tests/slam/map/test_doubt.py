@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
-from sonarmap.slam.map.component_maps import CleanMap, clean_map
+from sonarmap.slam.map.component_maps import CleanMap, clean_map, part_doubtful
+from sonarmap.slam.map.free_space import Votes
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.mapper import Mapper, MapperSettings
@@ -142,3 +144,62 @@ def test_a_mapper_takes_the_least_number_of_scans() -> None:
     assert len(whole.optimized.points) == len(parted.optimized.points) + len(parted.doubtful.points)
     with pytest.raises(InputError, match="min_seen=0"):
         MapperSettings(min_seen=0)
+
+
+def row_of_points(seen: list[int], off: float) -> PointMap:
+    """Points a voxel apart along x, seen so often, and the last beside the middle of them by `off` voxels."""
+    count = len(seen)
+    points = np.zeros((count, 3))
+    points[:-1, 0] = np.arange(count - 1)
+    points[-1] = (count - 2) / 2, off, 0.0
+    ones = np.ones(count, np.int32)
+    return PointMap(points, np.full(count, 0.1, np.float32), None, 0 * ones, np.array(seen, np.int32), ones, ones, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("seen", "off", "beside"),
+    [
+        ([3, 2, 2, 3, 1], 1.2, True),  # around it (2.0 voxels): 2, 2 and, 1.92 off, 3, 3: 2.5 on average
+        ([3, 2, 2, 3, 1], 0.5, False),  # 0.71 voxels from what two saw: part of it
+        ([2, 1, 2, 2, 1], 1.2, False),  # 1.75 on average: hardly seen either
+        ([3, 2, 2, 3, 1], 2.1, False),  # nothing around
+    ],
+)
+def test_beside_a_surface_that_enough_scans_saw(seen: list[int], off: float, beside: bool) -> None:
+    point_map = row_of_points(seen, off)
+    count = len(seen)
+    vote = Votes(np.ones(count, int), np.zeros(count, int), np.full(count, 4), np.zeros(count, bool))
+    parted = part_doubtful(point_map, vote)
+    assert parted.doubtful.points.tolist() == (point_map.points[-1:].tolist() if beside else [])
+    unasked = Votes(vote.agree, vote.contradict, point_map.seen.copy(), vote.behind)
+    assert not len(part_doubtful(point_map, unasked).doubtful.points)  # nobody else looked
+    # something is always left
+    point_map = row_of_points([1, 1, 1], 1.0)
+    all_behind = Votes(np.zeros(3, int), np.zeros(3, int), np.full(3, 2), np.ones(3, bool))
+    assert len(part_doubtful(point_map, all_behind).clean.points) == 3
+
+
+@pytest.mark.slow
+def test_the_mapper_takes_the_least_number_of_scans() -> None:
+    truth = ring_poses(6, turns=0.5)
+    scans = scans_of(truth)
+    registrar = KnowingRegistrar(truth, 1e-4 * np.eye(6))
+    (whole,), (parted,) = (Mapper(registrar, 0.5, MapperSettings(min_seen=n)).run(scans).parts for n in (1, 2))
+    assert whole.doubtful is None
+    assert parted.doubtful is not None
+    assert len(whole.optimized.points) == len(parted.optimized.points) + len(parted.doubtful.points)
+    with pytest.raises(InputError, match="min_seen=0"):
+        MapperSettings(min_seen=0)
+
+
+@pytest.mark.slow
+def test_the_scans_order_and_names_and_the_world_do_not_matter(scans: list[Scan], parted: CleanMap) -> None:
+    order = np.random.default_rng(2).permutation(COUNT)
+    again = clean_map(PlacedScans.of([scans[k] for k in order], T[order], VOXEL, [100 + int(k) for k in order]))
+    for one, other in ((parted.clean, again.clean), (parted.doubtful, again.doubtful)):
+        distance, _ = KDTree(one.points).query(other.points)
+        assert (distance > 1e-9).sum() <= 2  # rounding may move a point over a cell's rim
+        assert abs(len(one.points) - len(other.points)) <= 2
+    shift = RigidTransform.from_translation(VOXEL * np.array([40.0, -7.0, 11.0]))
+    moved = clean_map(PlacedScans.of(scans, shift * T, VOXEL))
+    assert abs(moved.clean.doubted - parted.clean.doubted) <= 5  # rounding may move a point over a cell's rim

@@ -8,7 +8,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.component_maps import clean_map
 from sonarmap.slam.map.crossing import APART, PER_SCAN, CrossingError, crossing_error
 from sonarmap.slam.map.free_space import ball_search, uncontradicted, votes
-from sonarmap.slam.map.placed import PlacedScans
+from sonarmap.slam.map.placed import PlacedScans, beams_of
 from sonarmap.slam.map.point_map import PointMap, fuse
 from sonarmap.spectral.scan import Scan
 from tests.samples.scenes.room_scans import RADIUS, look, pole_distance, room_distance, room_poses
@@ -130,3 +130,55 @@ def test_a_single_pass_crosses_nothing_and_another_number_of_poses_is_refused(sc
     assert crossing_error(PlacedScans.of(scans[:1], poses()[:1], COARSE), poses()[:1]) == CrossingError(())
     with pytest.raises(InputError, match="14 scans and 13 poses"):
         crossing_error(PlacedScans.of(scans, poses(), COARSE), poses()[:13])
+
+
+def test_a_point_is_asked_about_in_every_view() -> None:
+    """A point in the open before one wall: all that look that way contradict it; one on the wall is agreed with."""
+    T = RigidTransform.from_translation([[0.0, 3.0, 0.0], [0.4, 3.5, 0.2], [-0.5, 4.0, -0.3]])
+    scans = scans_at(T, 0.0)
+    points = Scan(np.array([[6.0, 4.0, 0.5], [12.0, 4.0, 0.5]], np.float32))
+    probe = fuse(PlacedScans.of([points], RigidTransform.identity(1), VOXEL))
+    found = votes(probe, PlacedScans.of(scans, T, VOXEL))
+    assert found.contradict.tolist() == [3, 0]
+    assert found.agree.tolist() == [0, 3]
+    unsure = np.tile(np.diag(np.repeat([0.5, 5.0], 3) ** 2), (3, 1, 1))
+    vague = votes(probe, PlacedScans.of(scans, T, VOXEL, covariances=unsure))
+    assert not vague.contradict.any()
+
+
+@pytest.mark.slow
+def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
+    """A wall of the first survey that the second looks through stays in the first one's layer."""
+    T = room_poses(COUNT)
+    scans = scans_at(T, 0.0)
+    surveys = [0] * 4 + [1] * (COUNT - 4)
+    place = np.array([-3.0, 3.0, 0.0])
+    block = place + np.random.default_rng(1).uniform(-0.4, 0.4, (400, 3))
+    changed = [Scan(np.vstack([scans[0].points, T[0].inv().apply(block)]).astype(np.float32)), *scans[1:]]
+    of_surveys = PlacedScans.of(changed, T, VOXEL, surveys=surveys).by_survey
+    layers = {number: clean_map(placed).clean for number, placed in of_surveys.items()}
+    assert list(layers) == [0, 1]
+    assert {tuple(np.unique(layer.survey)) for layer in layers.values()} == {(0,), (1,)}
+    assert set(layers[0].scan.tolist()) == {0, 1, 2, 3}
+    assert PlacedScans.of(scans, T, VOXEL).by_survey == {}
+
+    def blocks(point_map: PointMap) -> int:
+        return int((np.abs(point_map.points - place) < 0.4).all(axis=1).sum())
+
+    together = clean_map(PlacedScans.of(changed, T, VOXEL, surveys=surveys), min_seen=1).clean
+    assert blocks(layers[0]) > 2 * blocks(together)
+    assert blocks(layers[1]) == 0
+
+
+def test_one_view_contradicts_nothing_and_no_view_neither() -> None:
+    T = room_poses(6)
+    scans = scans_at(T, 0.05)
+    one = PlacedScans.of(scans[:1], T[:1], VOXEL)
+    alone = fuse(one)
+    assert len(clear(alone, one).points) == len(alone.points)
+    both = Scan(np.vstack([scans[0].points, 0.4 * scans[0].points]))  # as of two places put together
+    assert not beams_of(both.points, VOXEL).single
+    placed = PlacedScans.of([both], T[:1], VOXEL)
+    found = votes(fuse(placed), placed)
+    assert not found.agree.any()
+    assert not found.contradict.any()

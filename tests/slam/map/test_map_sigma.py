@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map import point_map as point_maps
-from sonarmap.slam.map.placed import Beams, PlacedScans, beams_of
+from sonarmap.slam.map.placed import Beams, PlacedScans, beams_of, pose_variance
 from sonarmap.slam.map.point_map import PointMap, fuse
 from sonarmap.spectral.scan import Scan
 from tests.samples.scenes.room_scans import look, room_poses
@@ -133,3 +133,37 @@ def test_refuses_another_number_of_anything(given: dict) -> None:
     placed = PlacedScans.of([Scan(np.ones((1, 3), np.float32))], RigidTransform.identity(1), 1.0)
     with pytest.raises(InputError, match=f"1 scans and .* {next(iter(given))}"):
         replace(placed, **given)
+
+
+def test_a_scan_of_few_points_is_taken_for_no_view() -> None:
+    found = beams_of(np.array([[1.0, 2, 3], [0, 0, 0]]), VOXEL)
+    assert not found.single
+    np.testing.assert_allclose(found.sigma(np.array([3.7])), VOXEL / np.sqrt(12))
+
+
+def test_pose_variance_is_a_third_of_the_trace() -> None:
+    rng = np.random.default_rng(7)
+    covariance, points = random_covariance(rng, 0.3, 0.5), rng.normal(size=(20, 3)) * [5, 2, 1]
+    for point, found in zip(points, pose_variance(points, covariance), strict=True):
+        x, y, z = point
+        jacobian = np.hstack([-np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]), np.eye(3)])
+        np.testing.assert_allclose(found, np.trace(jacobian @ covariance @ jacobian.T) / 3, rtol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("together", [True, False])
+def test_scans_gain_from_their_number_only_where_they_err_apart_and_then_its_root_at_most(together: bool) -> None:
+    rng, count = np.random.default_rng(6), 3
+    truth = random_transforms(rng, count, length=2.0)
+    covariances = np.stack([random_covariance(rng, 0.002, 0.02) for _ in range(count)])
+    if together:
+        covariances = np.tile(np.diag(np.repeat([1e-12, 0.0016], 3)), (count, 1, 1))
+
+    def errors() -> RigidTransform:
+        if together:
+            return RigidTransform.from_translation(rng.normal(0, 0.04, 3)) * truth
+        return truth * RigidTransform.concatenate([drawn(rng, covariance) for covariance in covariances])
+
+    ratio, _ = ratios(rng, truth, covariances, 0.05, errors)
+    assert (ratio < (1.12 if together else 1.05)).all()
+    assert (ratio > (0.88 if together else 0.9 / np.sqrt(count))).all()

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map import cell
 from sonarmap.slam.map import point_map as point_maps
-from sonarmap.slam.map.cell import outline, overlapping
+from sonarmap.slam.map.cell import cell_keys, outline, overlapping
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import fuse
 from sonarmap.spectral.scan import Scan
@@ -120,3 +120,60 @@ def test_a_stray_point_does_not_disturb_the_predicted_overlap():
     struck = [replace(scan, points=np.vstack([stray, scan.points])) for scan in scans]
     clean, other = (overlapping([outline(one, 0.05) for one in of], truth[:2], 0.05, 1e-6)[1] for of in (scans, struck))
     np.testing.assert_allclose(other, clean, atol=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("merge_rows", [1, 1_000_000])
+def test_agrees_with_a_dictionary_of_voxels(merge_rows, monkeypatch):
+    monkeypatch.setattr(point_maps, "MERGE_ROWS", merge_rows)
+    rng = np.random.default_rng(0)
+    scans, voxel = random_scans(rng, 7), 0.4
+    T = random_transforms(rng, 7, angle=0.5, length=1.0)
+    indices = [3, 4, 8, 9, 11, 12, 20]
+    fused = fuse(PlacedScans.of(scans, T, voxel, indices))
+
+    origin = np.floor(T.translation[0] / voxel) * voxel
+    voxels = defaultdict(list)
+    for scan, index, pose in zip(scans, indices, T, strict=True):
+        points = pose.apply(scan.points.astype(np.float64))
+        strength = scan.strength if scan.strength is not None else np.full(len(points), np.nan)
+        for point, echo in zip(points, strength, strict=True):
+            voxels[tuple(np.floor((point - origin) / voxel).astype(int))].append((index, point, echo))
+    assert len(fused.points) == len(voxels)
+    assert fused.strength is not None
+    for k, at in enumerate(sorted(voxels)):
+        held, points, echoes = (list(column) for column in zip(*voxels[at], strict=True))
+        counts = Counter(held)
+        np.testing.assert_allclose(fused.points[k], np.mean(points, axis=0), atol=1e-12)
+        assert fused.count[k] == len(held)
+        assert fused.seen[k] == len(counts)
+        assert fused.scan[k] == min(counts, key=lambda index: (-counts[index], index))
+        known = [echo for echo in echoes if not np.isnan(echo)]
+        np.testing.assert_allclose(fused.strength[k], np.mean(known) if known else np.nan, rtol=1e-6)
+
+
+def test_cells_are_half_open_and_ordered():
+    points = np.array([[0.0, 0, 0], [0.999, 0, 0], [1.0, 0, 0], [-1e-9, 0, 0], [0, 1, 0], [0, 0, 1]])
+    keys, near = cell_keys(points, 1.0, np.zeros(3))
+    assert near.all()
+    assert keys[0] == keys[1]
+    assert keys[3] < keys[0] < keys[5] < keys[4] < keys[2]
+
+
+def test_needs_no_strength():
+    T = ring_poses(6)
+    assert fuse(PlacedScans.of(scans_of(T), T, 0.5)).strength is None
+
+
+def test_predicted_overlap_is_the_smaller_of_both_ways():
+    truth = ring_poses(6, radius=8.0)
+    scans = scans_of(truth)
+    half = replace(scans[1], points=scans[1].points[scans[1].points[:, 0] > 0])
+    outlines = [outline(scan, 2.0) for scan in (scans[0], scans[1], half)]
+    pairs, share = overlapping(outlines, truth[[0, 1, 1]], 2.0, 1e-6)
+    assert pairs.tolist() == [[0, 1], [1, 2]]
+    assert 0.4 < share[1] < 0.7  # all of the half lies in the whole, half of the whole in the half
+    assert 0 < share[0] < 1
+    few, large = overlapping(outlines, truth[[0, 1, 1]], 2.0, float(share[1]))
+    np.testing.assert_array_equal(few, pairs[share >= share[1]])
+    np.testing.assert_array_equal(large, share[share >= share[1]])

@@ -8,10 +8,12 @@ import pytest
 
 from sonarmap.slam.execute.executor import Executor, processes, this_process
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.map import portions
+from sonarmap.slam.map import crossing, portions
 from sonarmap.slam.map.component_maps import component_maps
+from sonarmap.slam.map.crossing import crossing_error
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import PointMap, fuse
+from sonarmap.slam.map.portions import in_portions
 from sonarmap.spectral.point_store import PointStore, let_go
 from sonarmap.spectral.scan import Scan
 from tests.samples.scenes.room_scans import look, room_poses
@@ -66,3 +68,24 @@ def test_the_map_of_scans_on_disk_is_the_same(scans: list[Scan]) -> None:
     on_disk = [replace(scan, points=store.keep(scan.points)) for scan in scans]
     let_go()
     assert_same(fuse(PlacedScans.of(on_disk, TRUTH, VOXEL)), fuse(PlacedScans.of(scans, TRUTH, VOXEL)))
+
+
+@pytest.mark.slow
+def test_of_many_scans_some_from_all_over_are_asked_for_crossings(
+    scans: list[Scan], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = [5 * k for k in range(COUNT)]
+    placed = PlacedScans.of(scans, TRUTH, 1.0, names)
+    assert {0, 5} <= {end for each in crossing_error(placed, TRUTH).crossings for end in (each.i, each.j)}
+    monkeypatch.setattr(crossing, "SCANS", 4)
+    taken = {end for each in crossing_error(placed, TRUTH).crossings for end in (each.i, each.j)}
+    assert taken
+    assert taken <= {0, 15, 30, 45}
+
+
+def test_portions_are_neighbors_of_so_many_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(portions, "_POINTS", 100)
+    monkeypatch.setattr(portions, "_SCANS", 3)
+    scans = [Scan(np.ones((size, 3), np.float32)) for size in (60, 40, 1, 250, 10, 10, 10, 10)]
+    done = dict(in_portions(this_process(), scans, sum, lambda places: ([len(scans[k].points) for k in places],)))
+    assert done == {range(2): 100, range(2, 3): 1, range(3, 4): 250, range(4, 7): 30, range(7, 8): 10}

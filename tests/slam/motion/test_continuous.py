@@ -173,3 +173,87 @@ def test_poses_beyond_the_ends_are_less_and_less_sure() -> None:
         sure.append(np.trace(covariances, axis1=1, axis2=2))
     assert 4 < np.mean(nees) < 12  # eight poses tell little of how the velocity wanders
     assert (np.mean(sure, axis=0)[2] > np.mean(sure, axis=0)[1]).all()
+
+
+def adjoint_by_hand(T: np.ndarray) -> np.ndarray:
+    R, (x, y, z) = T[:3, :3], T[:3, 3]
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.block([[R, np.zeros((3, 3))], [cross @ R, R]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_beyond_the_ends_it_is_less_and_less_sure(seed: int) -> None:
+    nees, sure = [], []
+    for draw in range(60):
+        truth = driven(12, 100 * seed + draw)
+        known = range(2 * FINE, 9 * FINE + 1, FINE)
+        asked = [2 * FINE - 6, 9 * FINE + 3, 9 * FINE + 6]
+        poses, covariances = exact(truth.take(known)).at(truth.stamps[asked])
+        nees += squared(poses.T_world_sensor, covariances, truth.T_world_sensor[asked]).tolist()
+        sure.append(np.trace(covariances, axis1=1, axis2=2))
+    assert 4 < np.mean(nees) < 12  # eight poses tell little of how the velocity wanders
+    assert (np.mean(sure, axis=0)[2] > np.mean(sure, axis=0)[1]).all()
+
+
+@pytest.mark.slow
+def test_errors_of_scans_are_there_between_them() -> None:
+    """All knots are off by one error: so are the poses between."""
+    truth = driven(40, 5)
+    rng = np.random.default_rng(1)
+    covariance = np.diag(np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.15]) ** 2)
+    apart = []
+    for _ in range(200):
+        # in the world, as the whole map may lie a bit aside
+        knots = truth.take(range(0, 8 * FINE, FINE))
+        off = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance))
+        first = knots.T_world_sensor[0]
+        moved = first * off * first.inv()
+        lever = first.inv() * knots.T_world_sensor
+        A = np.stack([RigidTransform.from_matrix(m).inv().as_matrix() for m in lever.as_matrix()])
+        covariances = np.stack([adjoint_by_hand(a) @ covariance @ adjoint_by_hand(a).T for a in A])
+        continuous = ContinuousTrajectory.through(
+            Trajectory(knots.stamps, moved * knots.T_world_sensor), covariances + EXACT
+        )
+        middle = 3 * FINE + FINE // 2
+        pose, known = continuous.at(truth.stamps[[middle]])
+        apart.append(float(squared(pose.T_world_sensor, known, truth.T_world_sensor[[middle]])[0]))
+    assert 3 < np.mean(apart) < 8
+
+
+def test_of_exact_scans_nothing_but_the_rates_own_noise_is_left() -> None:
+    truth, rates = wiggling(20)
+    knots = truth.take(range(0, len(truth), 100))
+    rng = np.random.default_rng(4)
+    between = [k for k in range(len(truth)) if 10 <= k % 100 <= 90]
+    for noise, most in ((0.0, 1e-6), (0.004, 4e-4)):
+        measured = TurnRates(truth.stamps, rates + 0.05 + noise * rng.standard_normal(rates.shape))
+        poses, known = ContinuousTrajectory.through(knots, np.tile(EXACT, (21, 1, 1)), measured).at(
+            truth.stamps[between]
+        )
+        error = (poses.T_world_sensor.inv() * truth.T_world_sensor[between]).rotation.as_rotvec()
+        assert np.sqrt((error**2).sum(axis=1).mean()) < most
+    of_turn = np.linalg.solve(known[:, :3, :3], error[:, :, None])[:, :, 0]
+    assert 1.5 < np.einsum("na,na->n", error, of_turn).mean() < 5
+
+
+def test_rates_of_another_sensor_or_time_change_nothing() -> None:
+    truth, rates = wiggling(12)
+    knots = truth.take(range(0, len(truth), 100))
+    plain, stamps = exact(knots), truth.stamps
+    covariances = np.tile(EXACT, (13, 1, 1))
+    strange = [
+        TurnRates(stamps, 3.0 * np.sin(5.3 * stamps[:, None] + np.array([0.0, 1.0, 2.0]))),
+        TurnRates(stamps + 5.0, rates),  # not known at the start
+        TurnRates(np.delete(stamps, slice(300, 380)), np.delete(rates, slice(300, 380), axis=0)),  # a gap
+    ]
+    for given in strange:
+        through = ContinuousTrajectory.through(knots, covariances, given)
+        assert through.turned is None
+        ours, theirs = through.at(stamps), plain.at(stamps)
+        np.testing.assert_array_equal(ours[0].T_world_sensor.as_matrix(), theirs[0].T_world_sensor.as_matrix())
+        np.testing.assert_array_equal(ours[1], theirs[1])
+    with pytest.raises(InputError, match="ascending"):
+        TurnRates(stamps[::-1], rates)
+    with pytest.raises(InputError, match="all finite"):
+        TurnRates(stamps, rates * np.nan)

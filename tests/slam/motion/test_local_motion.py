@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.slam.motion.reconsider import is_doubtful, with_both, with_motion, without_leaps
+from sonarmap.slam.graph.edge import Edge, scaled
+from sonarmap.slam.motion.local_motion import Step, likeness, rate_of, rates_by_others
+from sonarmap.slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.result import Registration
-from tests.samples.surveys import random_covariance, registration
-from tests.slam.motion.test_motion import USUAL, learned, moved, steps
+from tests.samples.surveys import chain_edges, chained_graph, random_covariance, registration, ring_poses, step_pair
+from tests.slam.motion.test_motion import FLOOR, USUAL, learned, moved, steps
 
 MOTION = learned(steps(40))
 EXPECTED = MOTION.expected(5, 6)
@@ -97,3 +99,177 @@ def test_answers_out_of_reach_are_dropped() -> None:
     near = without_leaps(pair(answer(moved(USUAL), 0.95, accepted=True)), MOTION).registration
     assert near is not None
     assert near.accepted
+
+
+SURE = np.diag(np.repeat([0.001, 0.01], 3) ** 2)
+
+
+def drifting(count: int = 40) -> list[RigidTransform]:
+    """Steps of 2 m, of which the vehicle looks aside by an angle that swings: by 29 degrees at most, over 40 steps."""
+    aside = 0.5 * np.sin(2 * np.pi * np.arange(count) / 40)
+    shifts = 2.0 * np.column_stack([np.cos(aside), np.sin(aside), np.zeros(count)])
+    return [
+        RigidTransform.from_components(shift, Rotation.from_rotvec([0.0, 0.0, 0.02 * np.cos(k)]))
+        for k, shift in enumerate(shifts)
+    ]
+
+
+ALIKE = np.array([0.0, 0.5, 0.8, 0.3, 0.9, 0.6])
+
+
+VARIED = np.array([0.02, 0.01, 0.1, 0.2, 0.4, 0.05]) ** 2
+
+
+def by_regression(
+    steps: list[Step], k: int, times: np.ndarray, surveys: np.ndarray, unit: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The twin: mean and variances of step k by Gaussian process regression with all others, one large matrix."""
+    others = [step for step in steps if step.k != k and surveys[step.k] == surveys[k]]
+    middle = (times[1:] + times[:-1]) / 2 / unit
+
+    def shared(a: int, b: int) -> np.ndarray:
+        return np.diag(VARIED * ALIKE ** abs(middle[a] - middle[b]))
+
+    among = np.block([[shared(a.k, b.k) + (a.covariance if a is b else 0) for b in others] for a in others])
+    across = np.hstack([shared(k, b.k) for b in others])
+    away = np.concatenate([step.rate - USUAL for step in others])
+    gain = across @ np.linalg.inv(among)
+    return USUAL + gain @ away, np.diag(np.diag(VARIED) - gain @ across.T)
+
+
+def some_steps(numbers: list[int], seed: int = 5) -> list[Step]:
+    """Measured with covariances that tie all six numbers."""
+    rng = np.random.default_rng(seed)
+    return [
+        Step(k, USUAL + np.sqrt(VARIED) * rng.standard_normal(6), random_covariance(rng, 0.02, 0.2)) for k in numbers
+    ]
+
+
+def test_a_sonar_that_stands_still_is_expected_there() -> None:
+    motion = learned([step_pair(k, RigidTransform.identity(), SURE) for k in range(9)])
+    expected = motion.expected(4, 5)
+    np.testing.assert_array_equal(expected.translation, 0)
+    np.testing.assert_allclose(expected.sigmas[3:], FLOOR[3:], rtol=1e-3)
+
+
+def test_a_vehicle_nearly_at_rest_has_no_way_to_go() -> None:
+    """A hovering vehicle jitters anywhere: the length of its steps holds no direction."""
+    rng = np.random.default_rng(4)
+    jitter = RigidTransform.from_translation(0.02 * rng.standard_normal((20, 3)))
+    motion = learned([step_pair(k, T, SURE) for k, T in enumerate(jitter)])
+    loose = SURE + np.diag([0, 0, 0, 9.0, 0, 0])
+    held = with_motion([step_pair(4, RigidTransform.identity(), loose)], motion)[0].registration
+    assert held is not None
+    assert held.covariance[3, 3] == pytest.approx(motion.expected(4, 5).sigmas[3] ** 2, rel=0.05)
+    assert np.linalg.norm(held.T_target_source.translation) < 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("slid", [1.5, 9.0])
+def test_along_a_wall_a_vehicle_goes_on_as_it_did_and_as_far(slid: float) -> None:
+    """Steps 6 to 13 see one wall, 30 degrees off ahead: how far they lead along it, the scans do not tell at all.
+
+    Where they seem to lead farther than the vehicle ever goes, they contradict the motion no more than elsewhere.
+    """
+    true, bare = drifting(), range(6, 14)
+    along = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
+    pairs = []
+    for k, T in enumerate(true):
+        given = registration(T, SURE, accepted=k not in bare)
+        if k in bare:
+            in_source = T.rotation.inv().apply(along)
+            open_along = SURE + np.pad(np.outer(in_source, in_source) * 50.0**2, (3, 0))
+            given = registration(RigidTransform.from_translation(-slid * along) * T, open_along, accepted=False)
+        pairs.append(RegisteredPair(k, k + 1, "sequential", registration=given))
+    motion = learned(pairs)
+    for k in bare:
+        held = with_motion([pairs[k]], motion)[0].registration
+        assert held is not None
+        off = rate_of(held.T_target_source)[3:] - rate_of(true[k])[3:]
+        assert abs(off @ along) < 0.15
+        assert np.linalg.norm(off) < 3 * np.sqrt(np.trace(held.covariance[3:, 3:]))
+    # the usual step alone, which looks straight ahead, is off by three times as much
+    assert abs((motion.usual[3:] - true[10].translation) @ along) > 0.4
+
+
+@pytest.mark.parametrize("gaps", [np.ones(9), np.array([1.0, 2.0, 0.5, 1.0, 4.0, 1.0, 1.0, 0.25, 1.0])])
+def test_both_filters_tell_what_the_regression_by_all_other_steps_does(gaps: np.ndarray) -> None:
+    times, surveys = np.concatenate([[3.0], 3.0 + np.cumsum(gaps)]), np.array([0] * 6 + [1] * 4)
+    steps = some_steps([0, 1, 3, 4, 7, 8])
+    rates, variances = rates_by_others(steps, USUAL, VARIED, ALIKE, times, surveys)
+    unit = float(np.median(np.delete(gaps, 5)))
+    for k in (0, 1, 2, 3, 4, 6, 7, 8):
+        rate, variance = by_regression(steps, k, times, surveys, unit)
+        np.testing.assert_allclose(rates[k], rate, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(variances[k], variance, rtol=1e-9)
+
+    # without steps the motion is the usual one
+    rates, variances = rates_by_others([], USUAL, VARIED, ALIKE, np.arange(4.0), np.zeros(4, int))
+    np.testing.assert_allclose(rates, np.tile(USUAL, (3, 1)))
+    np.testing.assert_allclose(variances, np.tile(VARIED, (3, 1)))
+
+
+def test_likeness_of_steps_in_a_row_is_found() -> None:
+    rng, count = np.random.default_rng(8), 800
+    away = np.zeros((count, 6))
+    for k in range(count):
+        fresh = np.sqrt(VARIED) * rng.standard_normal(6)
+        away[k] = fresh if k == 0 else ALIKE * away[k - 1] + np.sqrt(1 - ALIKE**2) * fresh
+    steps = [Step(k, USUAL + away[k], 1e-3 * np.diag(VARIED)) for k in range(count)]
+    surveys = np.zeros(count + 1, int)
+    np.testing.assert_allclose(likeness(steps, away.var(axis=0), surveys), ALIKE, atol=0.1)
+    # steps of different surveys are not in a row, and what is not known says nothing
+    np.testing.assert_array_equal(likeness(steps, VARIED, np.arange(count + 1)), 0)
+    unknown = [Step(step.k, step.rate, 9 * np.diag(VARIED)) for step in steps]
+    np.testing.assert_array_equal(likeness(unknown, VARIED, surveys), 0)
+
+
+def test_the_estimate_expects_a_pair_where_it_has_it() -> None:
+    poses = ring_poses(6)
+    solution = chained_graph(chain_edges(poses, TIGHT), 6).optimize()
+    floor = np.repeat([0.01, 0.05], 3)
+    (expected,) = expected_by(solution, [RegisteredPair(1, 4, "loop")], floor)
+    T = expected.T_target_source.inv() * poses[1].inv() * poses[4]
+    np.testing.assert_allclose(T.as_matrix(), np.eye(4), atol=1e-4)
+    covariance = solution.relative(1, 4)[1]
+    R = Rotation.from_rotvec(expected.rotation).as_matrix()
+    np.testing.assert_allclose(expected.sigmas[3:] ** 2, 3 * np.diag(R @ covariance[3:, 3:] @ R.T) + 0.05**2, rtol=1e-3)
+
+
+def test_the_motion_is_no_surer_where_registrations_agree_better() -> None:
+    """Scaling an edge scales the scans' part alone: as if the motion held what the scans say with that covariance.
+
+    But for the direction of the way, in which its length is known: it follows where the scans and the motion lead.
+    """
+    near = moved(USUAL) * RigidTransform.from_exp_coords([0.01, -0.02, 0.01, 0.1, 0.2, -0.1])
+    loose = TIGHT + np.diag([0, 0, 0, 4.0, 0, 0])
+
+    def fused(covariance: np.ndarray) -> Edge:
+        return Edge(5, 6, with_usual(registration(near, covariance)), "sequential")
+
+    for factor in (0.1, 1.0, 7.0):
+        (twice,) = scaled(scaled([fused(loose)], factor / 2), 2.0)
+        told, direct = twice.registration, fused(factor * loose).registration
+        np.testing.assert_allclose(told.covariance, direct.covariance, rtol=0.02, atol=1e-9)
+        off: np.ndarray = (told.T_target_source.inv() * direct.T_target_source).as_exp_coords()
+        assert off @ np.linalg.solve(direct.covariance, off) < 0.02**2
+    assert (
+        scaled([fused(loose)], 0.1)[0].registration.covariance[3, 3] > 0.5 * fused(loose).registration.covariance[3, 3]
+    )
+
+
+def test_what_was_looked_for_in_a_window_is_as_sure_as_the_window_where_it_is_wrong() -> None:
+    first, second = pair(answer(JUMP, 0.5)), replace(pair(answer(moved(USUAL), 0.9)), expected=EXPECTED)
+    assert first.registration is not None
+    assert second.registration is not None
+    both = with_both(first, second).registration
+    assert both is not None
+    T = second.registration.T_target_source
+    away = (T.inv() * EXPECTED.T_target_source).as_exp_coords()
+    R = np.kron(np.eye(2), T.rotation.as_matrix())
+    widened = R.T @ np.diag(EXPECTED.sigmas**2) @ R + np.outer(away, away)
+    np.testing.assert_allclose(both.covariance - second.registration.covariance, 0.1 * widened, atol=1e-12)
+    # about the usual motion the steps themselves are weighed
+    by_motion = with_both(first, second, MOTION).registration
+    assert by_motion is not None
+    np.testing.assert_array_equal(by_motion.covariance, second.registration.covariance)

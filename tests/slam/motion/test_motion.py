@@ -9,11 +9,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.motion.limits import MotionLimits
+from sonarmap.slam.motion.measured_motion import MeasuredMotion
 from sonarmap.slam.motion.motion import Motion
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.motion.reconsider import believing_steps
 from sonarmap.slam.pair import RegisteredPair
-from tests.samples.surveys import chained_graph, ring_poses, step_pair
+from tests.samples.surveys import chained_graph, registration, ring_poses, step_pair
 
 COVARIANCE = np.diag(np.repeat([0.001, 0.01], 3) ** 2)
 FLOOR = np.repeat([0.017, 0.1], 3)
@@ -224,3 +225,124 @@ def test_scans_in_no_order_have_no_usual_motion(seed: int) -> None:
     assert Motion.learn(shuffled, np.arange(20.0), np.zeros(20, int), FLOOR) is None
     stops = [step_pair(k, moved(USUAL * (rng.random() < 0.7)), COVARIANCE) for k in range(19)]
     assert Motion.learn(stops, np.arange(20.0), np.zeros(20, int), FLOOR) is not None
+
+
+def placed(pairs: list[RegisteredPair], opens: list[int], place: float = 0.95) -> list[RegisteredPair]:
+    """Refused registrations that leave one number open each, in turns, and have it anywhere; one is accepted."""
+    rng = np.random.default_rng(8)
+    result = []
+    for k, pair in enumerate(pairs):
+        assert pair.registration is not None
+        T, n = pair.registration.T_target_source, opens[k % len(opens)]
+        x = np.concatenate([T.rotation.as_rotvec(), T.translation])
+        sigma = 1.5 if n < 3 else 8.0
+        x[n] += sigma / 2 * rng.uniform(-1, 1)
+        in_source = np.kron(np.eye(2), moved(x).rotation.as_matrix().T)
+        covariance = COVARIANCE + sigma**2 * np.outer(in_source[:, n], in_source[:, n])
+        given = registration(moved(x), covariance, accepted=False)
+        result.append(replace(pair, registration=replace(given, probability=place, evidence=(("fixed", 0.1),))))
+    return [pairs[0], *result[1:]]
+
+
+def test_a_lone_doubtful_step_is_not_assumed_as_two_dives_may_meet_there() -> None:
+    own, motion = steps(20), learned(steps(20))
+    doubtful = possible(0.4, np.zeros(6))
+    assert believing_steps([*own, doubtful], motion) == [*own, doubtful]
+    assert not any(step.accepted for step in believing_steps([*own, doubtful], motion)[20:])
+    # nor is one believed that would be among many
+    (lone,) = believing_steps([*own, possible(0.65, np.zeros(6))], motion)[20:]
+    (likelier,) = believing_steps([*own, possible(0.75, np.zeros(6))], motion)[20:]
+    assert not lone.accepted
+    assert likelier.accepted
+    # nor are two of thirty
+    two = [*own, *own, doubtful, possible(0.1, np.zeros(6))]
+    assert believing_steps(two, motion) == two
+
+
+def test_an_assumed_step_lies_between_the_scans_and_the_motion_and_is_as_wide_as_both() -> None:
+    off, motion = np.array([0, 0, 0, 0, 2.0, 0]), learned(steps(20))
+    step, _ = believing_steps([possible(0.4, off), possible(0.1, off)], motion)
+    assert step.guess is not None
+    expected = motion.reach(3, 4)
+    assert (expected.sigmas > motion.expected(3, 4).sigmas).all()
+    between = moved(USUAL + off).translation - expected.translation
+    found = step.guess.T_target_source.translation
+    np.testing.assert_allclose(found, expected.translation + 0.4 * between, atol=0.05)
+    covariance = step.guess.covariance
+    assert np.linalg.eigvalsh(covariance).min() > 0
+    least = 0.4 * 0.6 * np.linalg.norm(between) ** 2
+    assert np.trace(covariance[3:, 3:]) > least + 0.6 * (expected.sigmas[3:] ** 2).sum()
+    # nothing is assumed where no motion is known
+    given = [possible(0.4, off)]
+    assert believing_steps(given, None) == given
+
+
+def test_rare_turns_count() -> None:
+    """A lawnmower goes straight for long, and then turns: the turns are no errors."""
+    pairs = steps(40)
+    turn = moved(USUAL * [1, 1, 5, 0.6, 1, 1])
+    for k in (9, 10, 19, 20, 29, 30):
+        pairs[k] = step_pair(k, turn, COVARIANCE)
+    motion = learned(pairs)
+    assert not motion.contradicts(9, 10, turn)
+    assert 4 * motion.expected(9, 10).sigmas[2] > 4 * USUAL[2]
+
+
+def test_rest_and_transit_are_told_apart() -> None:
+    """A second under way and 100 s at rest lead as far as the second did, and bridges over either say so."""
+    spans = np.array([1.0, 100.0] * 10)
+    stamps = 1e9 + np.concatenate([[0.0], np.cumsum(spans)])
+    under_way, at_rest = moved(np.array([0, 0, 0, 1.0, 0, 0])), RigidTransform.identity()
+    motion = learned([step_pair(k, at_rest if k % 2 else under_way, COVARIANCE) for k in range(20)], stamps)
+    for i, j, way in ((0, 2, 1.0), (1, 3, 1.0), (1, 2, 0.0), (2, 3, 1.0)):
+        expected = motion.expected(i, j)
+        assert abs(expected.translation[0] - way) < 2 * expected.sigmas[3], (i, j)
+    rates = np.array([[0, 0, 0, 1.0, 0, 0], np.zeros(6)])
+    known = replace(motion, rates=np.tile(rates, (10, 1)), variances=np.full((20, 6), 1e-8))
+    np.testing.assert_allclose(known.expected(0, 2).translation, [1, 0, 0], atol=1e-6)
+
+
+def test_short_steps_of_a_stream_tell_little_of_the_speed() -> None:
+    """Five steps of a fiftieth of the usual time, whose errors of 5 cm are more than the way."""
+    rng = np.random.default_rng(7)
+    spans, covariance = np.repeat([0.02, 1.0], [5, 8]), np.diag(np.repeat([0.005, 0.05], 3) ** 2)
+    errors = rng.multivariate_normal(np.zeros(6), covariance, len(spans)) * (spans < 1)[:, None]
+    pairs = [step_pair(k, moved(USUAL * span + errors[k]), covariance) for k, span in enumerate(spans)]
+    motion = learned(pairs, np.concatenate([[0.0], np.cumsum(spans)]))
+    speed = float(np.linalg.norm(USUAL[3:]))
+    assert motion.speed == pytest.approx(speed, rel=0.05)
+    assert (np.abs(motion.usual - USUAL)[3:] < 0.05 * speed).all()
+
+
+def test_what_all_steps_leave_open_stays_as_wide_as_is_assumed() -> None:
+    motion = learned(placed(steps(40), [4]))
+    held = [0, 1, 2, 3, 5]
+    assert (np.abs(motion.usual - USUAL)[held] < 4 * SPREAD[held] / np.sqrt(36)).all()
+    assert abs(motion.usual[4] - USUAL[4]) < np.sqrt(motion.covariance[4, 4])
+    assert motion.covariance[4, 4] > 0.5 * motion.usual[3] ** 2 / 3
+
+
+def test_where_few_are_sure_steps_that_leave_directions_open_tell_the_others() -> None:
+    """Along walls no step may hold all six numbers; together they do."""
+    motion = learned(placed(steps(40), [2, 4]))
+    assert (np.abs(motion.usual - USUAL) < 6 * SPREAD / np.sqrt(20)).all()
+    assert motion.covariance[4, 4] < 0.6**2
+    assert Motion.learn(placed(steps(40), [2, 4], 0.4), np.arange(41.0), np.zeros(41, int), FLOOR) is None
+
+
+def test_where_it_tells_nothing_the_learned_motion_does_and_without_anything_is_expected() -> None:
+    pairs, far = steps(20), RigidTransform.from_translation([500.0, 0, 0])
+    learned_motion = learned(pairs)
+    motion = MeasuredMotion(Odometry(np.arange(10), POSES[:10], TIMES[:10]), learned_motion, FINE)
+    assert motion.way(3, 4) is None
+    assert motion.way(14, 15) == learned_motion.way(14, 15)
+    fewer = motion.following(pairs[:15]).expected(16, 17)
+    np.testing.assert_array_equal(fewer.sigmas, learned_motion.following(pairs[:15]).expected(16, 17).sigmas)
+    assert (fewer.sigmas >= motion.expected(16, 17).sigmas).all()
+    unlearned = MeasuredMotion(motion.odometry, None, FINE)
+    assert [unlearned.is_measured(3, k) for k in (4, 14)] == [True, False]
+    assert unlearned.expected(3, 14).sigmas.min() > 3
+    assert not unlearned.contradicts(3, 14, far)
+    assert unlearned.is_beyond(3, 4, far)
+    assert unlearned.way(14, 15) is None
+    assert unlearned.following(pairs) is unlearned

@@ -9,8 +9,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap import map_scans
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.slam.motion.straighten import Straightened, straightened, ways
+from sonarmap.slam.motion.straighten import Straightened, sharper, straightened, ways
 from sonarmap.slam.motion.turn_rates import TurnRates
+from sonarmap.slam.pair import Pair
+from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES, simulate
@@ -143,3 +145,17 @@ def test_a_map_finds_the_way_and_straightens_its_scans() -> None:
     assert map_scans(straight).straightened is None
     turns = ((T[:-1].inv() * T[1:]).inv() * (U[:-1].inv() * U[1:])).rotation.magnitude()
     assert np.degrees(np.median(turns)) < 0.5
+
+
+def test_peaks_of_the_same_pairs_are_compared() -> None:
+    def pairs(*peaks: tuple[int, float, bool]) -> list[Pair]:
+        T = RigidTransform.from_components([1.0, 0, 0], Rotation.identity())
+        return [
+            Pair(i, i + 1, "sequential", registration=Registration(T, np.eye(6), psr, 0.5, accepted, 0.0, ""))
+            for i, psr, accepted in peaks
+        ]
+
+    before = pairs((0, 100.0, True), (1, 50.0, True), (2, 80.0, False), (3, 10.0, True))
+    assert sharper(pairs((0, 110.0, True), (1, 60.0, True), (2, 8.0, True)), before) > 0
+    assert sharper(pairs((0, 90.0, True), (1, 60.0, False)), before) < 0
+    assert sharper(pairs((7, 90.0, True)), before) == 0

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.odd.odd_scan import FOOT, Change
@@ -12,7 +13,7 @@ from sonarmap.slam.parts import unplaced
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
-from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.products.output.faults import faults
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
@@ -114,3 +115,34 @@ def test_a_change_is_done_to_the_viewpoints_too() -> None:
     assert changed.viewpoints is not None
     np.testing.assert_array_equal(changed.viewpoints, changed.points)
     assert changed.points.dtype == changed.viewpoints.dtype == np.float32
+
+
+@pytest.mark.slow
+def test_navigation_does_not_bring_it_back() -> None:
+    sigmas = np.array([np.inf, np.inf, np.inf, 0.1, 0.1, 0.1])
+    at = [PosePrior(RigidTransform.from_translation(T.translation), sigmas) for T in TRUTH]
+    scans = [replace(scan, prior=prior) for scan, prior in zip(with_odd({5: Change("y")}), at, strict=True)]
+    result = mapped(scans)
+    assert [odd.scan for odd in result.odd] == [5]
+    assert unplaced(result.components) == [5]
+
+
+@pytest.mark.slow
+def test_several_are_named_also_side_by_side() -> None:
+    changes = {3: Change("y"), 4: Change("z"), 8: Change(factor=FOOT)}
+    assert [odd.scan for odd in mapped(with_odd(changes)).odd] == [3, 4, 8]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fitting", [set(range(COUNT)), {5, 6}, {3, 5}])
+def test_what_any_neighbor_fits_as_it_is_is_not_odd(fitting: set[int]) -> None:
+    """As a mirrored scan of a symmetric place: what registrations fit is never left out."""
+
+    class Partly(Seeing):
+        def register(self, target: Any, source: Any) -> Registration:
+            self.blind = {target.index, source.index} <= fitting
+            return super().register(target, source)
+
+    result = mapped(with_odd({5: Change("y")}), Partly())
+    assert result.odd == ()
+    assert len(result.components) == 1

@@ -162,3 +162,25 @@ def test_a_whole_graph_is_taken_as_it_comes() -> None:
     assert np.abs(apart).max() < 1e-3
     with pytest.raises(InputError, match="no edge ties pose 5"):
         as_they_come(graph.keep(np.array([5 not in (one.i, one.j) or max(one.i, one.j) > 5 for one in graph.edges])))
+
+
+def test_a_prior_places_the_first_pose() -> None:
+    edges = edges_of(3)
+    T = RigidTransform.from_exp_coords([0.2, -0.4, 1.0, 30, -7, 2])
+    incremental = Incremental()
+    assert incremental.add_pose(5.0, [edge(0, 0, T, np.eye(6) * 1e-4, "prior")]) == 0
+    assert incremental.add_pose(6.5, [edges[0]]) == 1
+    np.testing.assert_array_equal(incremental.trajectory.stamps, [5.0, 6.5])
+    wanted = T * edges[0].registration.T_target_source
+    np.testing.assert_allclose(incremental.trajectory.T_world_sensor[1].as_matrix(), wanted.as_matrix(), atol=1e-6)
+
+
+def test_refuses_poses_that_nothing_ties_and_edges_to_nowhere() -> None:
+    edges = edges_of(4)
+    incremental = Incremental()
+    incremental.add_pose(0.0)
+    with pytest.raises(InputError, match="no edge ties pose 1"):
+        incremental.add_pose(1.0)
+    with pytest.raises(InputError, match="edge 1 -> 2 names a pose"):
+        incremental.add_edges([edges[1]])
+    assert len(incremental) == 1

@@ -98,3 +98,15 @@ def test_deviations_are_along_the_worlds_axes() -> None:
 
 def _covariances(count: int) -> np.ndarray:
     return np.stack([np.diag(np.full(6, 0.01))] * count)
+
+
+def test_a_map_that_agrees_moves_nothing() -> None:
+    line = a_line()
+    pieces = cut(line, 12.0)
+    T = RigidTransform.concatenate([piece.T_world_piece for piece in pieces])
+    same, sigmas = moved(line, np.array([p.middle for p in pieces]), T, _covariances(len(pieces)))
+
+    np.testing.assert_allclose(same.world_points(), line.world_points(), atol=1e-9)
+    np.testing.assert_allclose(same.places, line.places, atol=1e-9)
+    np.testing.assert_allclose(same.attitudes, line.attitudes, atol=1e-9)
+    assert sigmas.shape == (len(line.stamps), 6)

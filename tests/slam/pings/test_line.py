@@ -117,3 +117,22 @@ class TestCorrected:
             np.testing.assert_allclose(right.points, true.points, atol=1e-9)
             np.testing.assert_allclose(right.places, true.places, atol=0.03)
             assert np.abs(recorded.points - true.points).max() > 0.3
+
+    def test_heading_moves_starboard_soundings_astern(self) -> None:
+        a = 0.03
+        moved = [[2 - 7 * np.sin(a), 0.5 - 7 * np.cos(a), -11]]
+        np.testing.assert_allclose(corrected(single(), Biases(heading=a)).points, moved, atol=1e-12)
+
+    def test_pitch_moves_soundings_ahead(self) -> None:
+        a = 0.03
+        moved = [[2 + 10 * np.sin(a), -6.5, -1 - 10 * np.cos(a)]]
+        np.testing.assert_allclose(corrected(single(), Biases(pitch=a)).points, moved, atol=1e-12)
+
+    def test_roll_lowers_starboard_soundings(self) -> None:
+        a = 0.03
+        y, z = -7 * np.cos(a) + 10 * np.sin(a), -7 * np.sin(a) - 10 * np.cos(a)
+        np.testing.assert_allclose(corrected(single(), Biases(roll=a)).points, [[2, 0.5 + y, -1 + z]], atol=1e-12)
+
+    def test_the_opposite_undoes_all_but_products(self, line: PingLine) -> None:
+        back = corrected(corrected(line, WRONG), -WRONG)
+        np.testing.assert_allclose(back.points, line.points, atol=25 * 0.025**2)

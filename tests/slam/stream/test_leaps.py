@@ -52,3 +52,16 @@ def test_between_two_runs_there_is_no_way_and_what_is_fixed_stays() -> None:
 
 def _free(count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.zeros(count, int), np.zeros(count, bool)
+
+
+def test_few_scans_have_no_way() -> None:
+    times, T = way(2)
+    assert len(find_leaps(T, times, *_free(2), FLOOR).scans) == 0
+
+
+def test_who_leaps_and_stays_there_is_not_back() -> None:
+    times, T = way()
+    stays = leapt(T, {k: [3.0, 0, 0] for k in range(30, 60)})
+    found = find_leaps(stays, times, *_free(60), FLOOR)
+    assert {29, 30} & set(found.scans.tolist())
+    assert not found.back.any()

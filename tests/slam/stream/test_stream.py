@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.execute.runner import Execution, PairRunner
 from sonarmap.slam.mapper import Mapper, MapperSettings
@@ -188,3 +190,118 @@ def test_scans_between_are_as_far_off_as_key_scans_say(turn: float, shake: np.nd
         variance = told.variance(offset, STRIDE - offset)
         assert (squares < 1.6 * variance + 1e-9).all()
         assert (variance < 2.5 * squares + 6 * left).all()
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_a_few_key_scans_tell_little(count: int) -> None:
+    T = swinging(STRIDE * count, 0.0, 0 * SHAKE)[::STRIDE]
+    told = Unsteadiness.of(T, np.arange(float(count)), np.zeros(count, int))
+    np.testing.assert_allclose(told.variance(0.5, 0.5)[3:], (0.1 * 1.0) ** 2, rtol=1e-6)
+    np.testing.assert_array_equal(told.shaken, 0)
+
+
+@pytest.mark.slow
+def test_a_shaken_sensor_is_followed_by_registrations_or_else_by_dead_reckoning() -> None:
+    """The vehicle shakes from scan to scan."""
+    shake = 0.05 * np.sin(2.5 * np.arange(COUNT))
+    shaken = STREAM * RigidTransform.from_translation(np.outer(shake, [0, 0, 1.0]))
+    odometry = Odometry(np.arange(COUNT), shaken, 100.0 + np.arange(COUNT))
+    settings = MapperSettings(LoopSettings(per_scan=0))
+
+    def error(
+        told: Odometry | None, spoil: Callable[[int, int, Registration], Registration] = reach
+    ) -> tuple[float, set[int]]:
+        result = Mapper(KnowingRegistrar(shaken, COVARIANCE, spoil), VOXEL, settings).run(SCANS, odometry=told)
+        T = result.trajectory.T_world_sensor
+        off = (T[:-1].inv() * T[1:]).translation - (shaken[:-1].inv() * shaken[1:]).translation
+        return float(np.sqrt((off**2).sum(axis=1).mean())), set(result.keys or ())
+
+    followed, keys = error(None)
+
+    def keys_alone(i: int, j: int, given: Registration) -> Registration:
+        """As if scans between could not be registered, which makes no other key scans."""
+        is_probe = j == i + 1 and j - 1 not in keys
+        return reach(i, j, given) if is_probe or {i, j} <= keys else replace(given, accepted=False, probability=0.0)
+
+    steady, same = error(None, keys_alone)
+    assert same == keys
+    assert followed < 0.6 * steady
+    assert error(odometry, keys_alone)[0] < 0.6 * steady
+
+
+def test_a_steady_turn_at_uneven_times_is_no_shaking() -> None:
+    """The speed of one number changes steadily; half of that is what is found."""
+    times = np.array([0.0, 1.0, 3.0, 3.5, 6.0, 7.0, 9.0, 10.0, 12.0])
+    T = RigidTransform.from_components(
+        np.column_stack([0.5 * times, 0.01 * times**2, 0 * times]), Rotation.identity(len(times))
+    )
+    told = Unsteadiness.of(T, times, np.zeros(len(times), int))
+    np.testing.assert_allclose(told.shaken, 0, atol=1e-20)
+    # five key scans know, four are assumed
+    assert told.curved[4] - told.curved[5] == pytest.approx(5 / 9 * 0.01**2)
+
+
+@pytest.mark.slow
+def test_a_stream_of_which_many_scans_show_little_is_one() -> None:
+    """Of seven consecutive pairs that are tried four are refused; a pair that is farther apart is none of these."""
+    tried = np.unique(np.linspace(0, COUNT - 2, 7).astype(int))[::2].tolist()
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        given = reach(i, j, given)
+        return replace(given, accepted=False, probability=0.2) if i in tried and j == i + 1 else given
+
+    result, registrar = mapped(spoil=spoil)
+    assert {(k, k + 1) for k in tried} <= set(registrar.pairs)
+    assert result.keys is not None
+    assert len(result.keys) < COUNT / 5
+
+
+@pytest.mark.slow
+def test_a_survey_that_is_no_stream_is_registered_scan_by_scan() -> None:
+    """What was tried to find out is not tried again."""
+    sparse = ring_poses(48)
+    registrar = KnowingRegistrar(sparse, COVARIANCE)
+    result = Mapper(registrar, VOXEL, MapperSettings(LoopSettings(per_scan=0))).run(scans_of(sparse))
+    assert result.keys is None
+    assert sorted(registrar.pairs) == [(k, k + 1) for k in range(47)]
+
+
+@pytest.mark.slow
+def test_a_user_may_set_the_step() -> None:
+    result, _ = mapped(step=0.5)
+    assert result.keys is not None
+    ways = np.linalg.norm(np.diff(STREAM.translation[list(result.keys)], axis=0), axis=1)
+    assert 0.25 < np.median(ways) < 0.6
+    with pytest.raises(InputError, match="key_step"):
+        KeySettings(0.0)
+
+
+@pytest.mark.slow
+def test_strides_go_on_along_a_wall() -> None:
+    """A direction that scans leave open is so at half the way as well; a wrong place is not."""
+
+    def along(place: float, i: int, j: int, given: Registration) -> Registration:
+        if i < COUNT // 3 or j >= 2 * COUNT // 3:
+            return reach(i, j, given)
+        loose = np.diag([1e-6, 1e-6, 1e-6, 100.0, 1e-4, 1e-4])
+        return replace(given, covariance=loose, accepted=False, probability=place, evidence=(("fixed", 0.1),))
+
+    def strides(place: float) -> np.ndarray:
+        registrar = KnowingRegistrar(STREAM, COVARIANCE, partial(along, place))
+        runner = PairRunner(Execution.here(registrar, 2), SCANS, 2, None)
+        keys, _ = choose_keys(runner, np.zeros(COUNT, np.intp), VOXEL, KeySettings())
+        return np.diff([k for k in keys if COUNT // 3 <= k < 2 * COUNT // 3])
+
+    assert max(strides(place=0.3)) == 1
+    assert min(strides(place=0.95)) > 3
+
+
+def test_what_is_of_two_runs_is_not_compared() -> None:
+    """The same swinging twice, the second time far away and turned around."""
+    T, count = swinging(400, 0.02, SHAKE)[::STRIDE], 40
+    elsewhere = RigidTransform.from_components([50.0, -20.0, 5.0], Rotation.from_euler("z", 2.5))
+    both = RigidTransform.concatenate([T, elsewhere * T])
+    times = np.arange(float(count))
+    one = Unsteadiness.of(T, times, np.zeros(count, int))
+    two = Unsteadiness.of(both, np.concatenate([times, times]), np.repeat([0, 1], count))
+    np.testing.assert_allclose(two.shaken, one.shaken * (72 / 76) / (36 / 40), rtol=1e-6, atol=1e-12)

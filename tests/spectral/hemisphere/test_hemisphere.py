@@ -1,5 +1,7 @@
 """The rotation's steps one by one, with the sign of the conventions page, and a peak's covariance."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -10,6 +12,7 @@ from sonarmap.kernels.pomf.peak import Peak
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.covariance import peak_covariance, peak_width
 from sonarmap.spectral.hemisphere.layers import Hemisphere
+from sonarmap.spectral.hemisphere.match import Match, differ
 from sonarmap.spectral.overlap import overlap, unwrap
 from sonarmap.spectral.prepare.prepared import Prepared, Preparer
 from sonarmap.spectral.rotation_search import search_rotation
@@ -171,3 +174,28 @@ def test_a_low_peak_is_less_certain() -> None:
     peaks = (gaussian_peak(np.eye(3), psr) for psr in (100.0, 30.0))
     high, low = (peak_covariance(peak, Rotation.identity(), np.zeros(3), Grid(128, 1.0), 0.02) for peak in peaks)
     assert np.all(np.diag(low) > 3.9 * np.diag(high))
+
+
+def test_hypotheses_apart_by_a_whole_grid_are_one_answer(room: Room) -> None:
+    peak = room.translation.find(room.target, room.target, Rotation.identity())
+
+    def at(shift: tuple[float, float, float], yaw: float = 0.0) -> Match:
+        return Match(Rotation.from_euler("Z", yaw, degrees=True), replace(peak, shift=np.array(shift)), 1.0, 1.0)
+
+    assert not differ(at((31.8, 0.0, 2.0)), at((-31.9, 1.0, 0.0)), EDGE)
+    assert differ(at((31.8, 0.0, 2.0)), at((20.0, 0.0, 2.0)), EDGE)
+    assert differ(at((0.0, 0.0, 0.0)), at((0.0, 0.0, 0.0), yaw=25.0), EDGE)
+
+
+def test_tilt_keeps_to_its_limit(room: Room) -> None:
+    source = room.magnitude(Rotation.from_euler("X", 30, degrees=True))
+    estimate = room.hemisphere.tilt(room.layers, source, Rotation.identity(), np.deg2rad(10))
+    assert estimate is None or degrees(estimate.R) < 10 * np.sqrt(2) + 3
+
+
+def test_translation_is_turned_into_the_frame_of_the_source() -> None:
+    R = Rotation.from_euler("Z", 90, degrees=True)
+    wide_x = peak_covariance(gaussian_peak(np.diag([4.0, 1.0, 1.0])), R, np.zeros(3), Grid(128, 0.5), 0.02)
+    sigmas = np.diag(wide_x)[3:]
+    assert sigmas[1] == pytest.approx(4 * sigmas[0], rel=1e-3)  # the target's x is the source's -y
+    assert sigmas[2] == pytest.approx(sigmas[0], rel=1e-3)

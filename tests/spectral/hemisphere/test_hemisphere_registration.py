@@ -6,7 +6,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
@@ -132,3 +132,28 @@ def test_a_grid_that_stands_still_loses_what_leaves_it(of_the_paper: HemisphereR
     away = RigidTransform.from_translation([150.0, 0, 0]).apply(points).astype(np.float32)
     with pytest.raises(InputError, match="the grid of 64 voxels"):
         of_the_paper.prepare(Scan(away))
+
+
+@pytest.mark.slow
+def test_chosen_grid_works_without_being_told(registrar: HemisphereRegistrar) -> None:
+    scans = [Scan(structure(13)), Scan(moved(structure(13), TURN.inv()))]
+    own = HemisphereRegistrar(registrar.device, choose_grid(scans, EDGE))
+    assert_found(own.register(*map(own.prepare, scans)), TURN)
+
+
+@pytest.mark.slow
+def test_scans_of_different_places_are_refused(registrar: HemisphereRegistrar) -> None:
+    for seed in range(4):
+        registration = registered(registrar, structure(20 + seed), structure(30 + seed))
+        assert not registration.accepted
+        assert "believed from" in registration.reason
+
+
+@pytest.mark.slow
+def test_strength_of_points_outside_the_grid_does_not_count() -> None:
+    points = np.vstack([structure(12), np.array([[900, 0, 0]], np.float32)])
+    strength = np.zeros(len(points), np.float32)
+    strength[-1] = 5.0
+    registrar = HemisphereRegistrar(choose_device(), Grid(EDGE, 0.4), HemisphereConfig(use_strength=True))
+    prepared = registrar.prepare(Scan(points, strength))
+    assert registrar.register(prepared, prepared).accepted

@@ -126,3 +126,21 @@ def test_chi_squared_is_the_same_at_all_headings(leveled: bool, heading: float) 
         off = RigidTransform.from_components(T.translation + error[3:], Rotation.from_rotvec(error[:3]) * T.rotation)
         assert prior.normalized(off) == (pytest.approx(1.0, rel=0.02), 6), axis
         assert prior.allows(off.rotation)
+
+
+def test_a_poor_position_does_not_replace_the_motion_but_a_depth_does() -> None:
+    T_source = T_TARGET * EXPECTED.T_target_source * RigidTransform.from_translation([9.0, 7.0, 5.0])
+    sigmas = np.array([0.01, 0.01, 0.01, 3.0, 3.0, 0.05])
+    target, source = EXPECTED.priors(PosePrior(T_TARGET, sigmas), PosePrior(T_source, sigmas))
+    shift = target.T_world_sensor.rotation.apply(EXPECTED.translation)
+    way = source.T_world_sensor.translation - target.T_world_sensor.translation
+    np.testing.assert_allclose(way[:2], shift[:2], atol=1e-9)
+    assert way[2] == pytest.approx((T_source.translation - T_TARGET.translation)[2])
+
+
+def test_what_instruments_know_better_counts() -> None:
+    T_source = T_TARGET * EXPECTED.T_target_source * RigidTransform.from_translation([0.4, 0.2, 0.1])
+    target, source = EXPECTED.priors(measured(T_TARGET, *range(6)), measured(T_source, *range(6)))
+    relative = target.T_world_sensor.inv() * source.T_world_sensor
+    np.testing.assert_allclose(relative.as_matrix(), (T_TARGET.inv() * T_source).as_matrix(), atol=1e-9)
+    np.testing.assert_allclose(source.sigmas[3:], np.hypot(0.01, 0.01))

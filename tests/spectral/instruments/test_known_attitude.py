@@ -17,6 +17,12 @@ from tests.samples.relative_priors import ALL, ATTITUDE, DEPTH, knowing, unexact
 from tests.samples.scenes.reliefs import HERE, T_TRUE, THERE, relief, seen
 from tests.samples.scenes.structures import assert_near, difference
 
+
+@pytest.fixture(scope="module")
+def upright(registrar: SpectralRegistrar, scans: tuple[SpectralScan, SpectralScan]) -> Registration:
+    return registrar.register(*scans)
+
+
 EDGE, VOXEL = 64, 0.5
 SIGMAS = np.array([*np.deg2rad([1.0, 1.0, 3.0]), 1.0, 1.0, 0.15])
 RELATIVE = np.sqrt(2) * SIGMAS
@@ -83,6 +89,22 @@ class TestRelief:
         # scans that show much are believed more than a degree's measurement
         assert (sigmas(registration.covariance)[:2] < RELATIVE[:2] / 2).all()
         assert (np.abs(off(registration.T_target_source)) < 4 * sigmas(registration.covariance)).all()
+
+    def test_the_rotations_that_are_followed_are_at_the_measured_tilt(self, registrar, scans):
+        rotations = registrar._rotations(*scans, registrar._bounds(*scans))
+        assert len(rotations.scores) <= 4 * registrar.config.hypotheses
+        assert (np.diff(rotations.scores) <= 0).all()
+        up = (HERE.rotation * rotations.R * THERE.rotation.inv()).apply([0, 0, 1])
+        assert np.arccos(np.clip(up[:, 2], -1, 1)).max() < 2.01 * RELATIVE[0]
+        assert (rotations.R.inv() * T_TRUE.rotation).magnitude().min() < np.deg2rad(2.0)
+
+    @pytest.mark.slow
+    def test_without_instruments_there_is_nothing_else_and_exact_ones_do_not_move_it(self, registrar, scans, upright):
+        target, source = scans
+        registration = registrar.register(target, replace(source, prior=None))
+        assert registration.T_by_scans is None
+        assert registration.by_scans is registration
+        assert_near(upright.T_target_source, upright.by_scans.T_target_source, 0.1, 0.1 * VOXEL)
 
 
 def bed(seed: int) -> np.ndarray:
@@ -156,3 +178,33 @@ class TestFlatBed:
     def test_a_rich_place_is_not_taken_for_it(self, registrar, flat, scans):
         for prior in (None, PosePrior(THERE, SIGMAS)):
             assert not registrar.register(flat[0], replace(scans[1], prior=prior)).accepted
+
+    @pytest.mark.slow
+    def test_without_a_place_it_is_prepared_for_where_one_is_expected_and_not_believed(self, registrar, flat):
+        unplaced = SIGMAS.copy()
+        unplaced[3:5] = np.inf
+        placed = [replace(scan, prior=PosePrior(scan.prior.T_world_sensor, unplaced)) for scan in flat]
+        registration = registrar.register(*placed)
+        assert not registration.accepted
+        assert np.linalg.eigvalsh(registration.covariance)[-1] > 5.0**2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("degrees", "about"), [(9.0, 0.6), (9.0, 2.0), (7.5, 2.0)])
+def test_scans_that_lean_stay_level_and_are_believed_less(registrar, scans, upright, degrees, about):
+    """A sonar that guesses elevations shows all that stands leaning; both attitudes are measured within a degree.
+
+    Without instruments the scans fit best as they lean.
+    """
+    axis = np.array([np.cos(about), np.sin(about), 0])
+    lean = THERE.rotation.inv() * Rotation.from_rotvec(np.deg2rad(degrees) * axis) * THERE.rotation
+    points = lean.apply(seen(relief(1), THERE)).astype(np.float32)
+    source = registrar.prepare(Scan(points, prior=PosePrior(THERE, LEVEL)))
+    leaning = registrar.register(scans[0], replace(source, prior=None))
+    assert np.linalg.norm(off(leaning.T_target_source)[:2]) == pytest.approx(np.deg2rad(degrees), rel=0.05)
+    registration = registrar.register(scans[0], source)
+    assert np.linalg.norm(off(registration.T_target_source)[:2]) < np.deg2rad(max(4.0, 0.6 * degrees))
+    tilt, usual = (sigmas(each.by_scans.covariance)[:2] for each in (registration, upright))
+    assert (tilt > 2 * usual).all()
+    assert (np.abs(off(registration.by_scans.T_target_source)[:2]) < 4 * tilt).all()
+    assert_not_larger(registration.covariance, registration.by_scans.covariance)

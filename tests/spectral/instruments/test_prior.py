@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.prior import RelativePrior, relative_prior
+from sonarmap.spectral.prior import UNMEASURED_TILT, RelativePrior, relative_prior
 from sonarmap.spectral.scan import PosePrior
 from tests.samples.relative_priors import (
     ALL,
@@ -22,6 +22,7 @@ from tests.samples.relative_priors import (
     pair,
     prior,
     random_rotations,
+    unexact,
 )
 
 
@@ -38,6 +39,15 @@ class TestWhichSayAnything:
         np.testing.assert_allclose(measured.as_matrix(), T_TRUE.rotation.as_matrix(), atol=1e-14)
         assert pair(ATTITUDE).R_target_source is None
         assert pair(HEADING).R_target_source is None
+
+    @pytest.mark.parametrize("kind", ALL)
+    def test_one_thing_known_of_both_will_do(self, kind: slice) -> None:
+        relative = relative_prior(prior(T_TARGET, kind), prior(T_SOURCE, kind))
+        assert relative is not None
+        known = [kind == known_kind for known_kind in ALL]
+        assert [relative.knows_tilt, relative.knows_heading, relative.knows_position, relative.knows_depth] == known
+        one = relative.target
+        assert [one.knows_attitude, one.knows_heading, one.knows_position, one.knows_depth] == known
 
 
 class TestRotations:
@@ -90,6 +100,27 @@ class TestRotations:
         assert 20 < allowed.sum() < 1980
         np.testing.assert_array_equal(swapped.allows(rotations.inv(), slack=0.03), allowed)
 
+    def test_a_stack_is_its_rotations_one_by_one(self) -> None:
+        relative = pair(ATTITUDE, HEADING, sigmas=np.array([0.2, 0.4, 0.5, 1, 1, 1]))
+        stack = random_rotations(300, 2)
+        allowed = relative.allows(stack)
+        assert allowed.shape == (300,)
+        assert 0 < allowed.sum() < 300
+        assert allowed.tolist() == [relative.allows(stack[k]) for k in range(300)]
+
+    @pytest.mark.slow
+    def test_most_measured_pairs_are_allowed(self) -> None:
+        """4 sigmas leave out 1 in 3000 of two dimensions and 1 in 16000 of one."""
+        rng = np.random.default_rng(4)
+        draws = [RelativePrior(unexact(T_TARGET, rng), unexact(T_SOURCE, rng)) for _ in range(300)]
+        assert sum(not relative.allows(T_TRUE.rotation) for relative in draws) <= 2
+
+    def test_the_slack_is_of_the_tilt_too(self) -> None:
+        relative = pair(ATTITUDE, HEADING, sigmas=np.full(6, 1e-5))
+        tilted = T_TARGET.rotation.inv() * Rotation.from_rotvec([0.06, 0.08, 0]) * T_SOURCE.rotation
+        assert not relative.allows(tilted, slack=0.099)
+        assert relative.allows(tilted, slack=0.101)
+
 
 class TestHeadingsWithoutAttitude:
     @pytest.mark.parametrize(("attitudes", "widest"), [((HEADING,), 45.5), ((HEADING, ATTITUDE), 11.5)])
@@ -111,6 +142,23 @@ class TestHeadingsWithoutAttitude:
         ]
         np.testing.assert_array_equal(answers[0], answers[1])
         assert answers[0].any()
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("attitudes", [(), ("target",), ("source",)])
+    def test_no_roll_and_pitch_in_range_is_refused_for_the_truth(self, attitudes: tuple[str, ...]) -> None:
+        rng = np.random.default_rng(5)
+        yaws = rng.uniform(-np.pi, np.pi, (2, 600))
+        tilts = rng.choice([-1, 1], (2, 600, 2)) * UNMEASURED_TILT * rng.uniform(0, 1, (2, 600, 2)) ** 0.2
+        for k in range(600):
+            R = [Rotation.from_euler("ZYX", [yaws[i, k], *tilts[i, k]]) for i in range(2)]
+            priors = []
+            for name, yaw, rotation in zip(("target", "source"), yaws[:, k], R, strict=True):
+                known = name in attitudes
+                R_measured = rotation if known else Rotation.from_euler("Z", yaw)
+                kinds = (ATTITUDE, HEADING) if known else (HEADING,)
+                measured = RigidTransform.from_rotation(R_measured)
+                priors.append(prior(measured, *kinds, sigmas=np.full(6, 1e-6)))
+            assert RelativePrior(*priors).allows(R[0].inv() * R[1])
 
 
 class TestNormalized:
@@ -136,6 +184,15 @@ class TestNormalized:
         relative = RelativePrior(PosePrior(T_TARGET, sigmas[0]), PosePrior(T_SOURCE, sigmas[1]))
         turned = T_TARGET.rotation.inv() * Rotation.from_euler("Z", 0.05) * T_SOURCE.rotation
         assert relative.normalized(RigidTransform.from_rotation(turned))[0] == pytest.approx(1.0)
+
+    @pytest.mark.parametrize("kinds", [ALL, (ATTITUDE, HEADING, POSITION)])
+    def test_swapped_scans_and_the_inverse_give_the_same(self, kinds: tuple[slice, ...]) -> None:
+        relative = pair(*kinds)
+        swapped = RelativePrior(relative.source, relative.target)
+        moved = T_TRUE * RigidTransform.from_exp_coords([2e-4, -1e-4, 3e-4, 1, 2, 0.1])
+        here, there = relative.normalized(moved), swapped.normalized(moved.inv())
+        assert here[0] > 0.1
+        assert there == (pytest.approx(here[0], rel=2e-3), here[1])
 
 
 def poses_near(seed: int) -> RigidTransform:
@@ -188,3 +245,16 @@ class TestPosePrior:
         for T in (RigidTransform.concatenate([T_TARGET, T_SOURCE]), *off):
             with pytest.raises(InputError, match="finite"):
                 PosePrior(T, SIGMAS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kinds", [ALL, (ATTITUDE, DEPTH), (HEADING, POSITION), (ATTITUDE, POSITION)])
+def test_where_the_world_begins_and_points_makes_no_difference(kinds: tuple[slice, ...]) -> None:
+    """One turn about the vertical and one shift of both poses; the position's error is round."""
+    sigmas = np.array([0.1, 0.3, 0.2, 2.0, 2.0, 0.7])
+    T_other_world = about_vertical(2.1, (100, -40, 7))
+    here = RelativePrior(prior(T_TARGET, *kinds, sigmas=sigmas), prior(T_SOURCE, *kinds, sigmas=sigmas))
+    there = RelativePrior(
+        prior(T_other_world * T_TARGET, *kinds, sigmas=sigmas), prior(T_other_world * T_SOURCE, *kinds, sigmas=sigmas)
+    )
+    assert_alike(here, there, poses_near(12))

@@ -27,6 +27,19 @@ from tests.samples.relative_priors import (
     unexact,
 )
 
+
+def perturbed(T: RigidTransform, tangent: np.ndarray) -> RigidTransform:
+    """R <- Exp(w) R, t <- t + s of (n, 6) tangents."""
+    R = Rotation.from_rotvec(tangent[:, :3]) * T.rotation
+    return RigidTransform.from_components(T.translation + tangent[:, 3:], R)
+
+
+def differences(relative: RelativePrior, T: RigidTransform, step: float = 1e-5) -> np.ndarray:
+    """The jacobian of the residuals by central differences, (k, 6)."""
+    ahead, behind = (relative.residuals(perturbed(T, sign * step * np.eye(6))) for sign in (1, -1))
+    return (ahead - behind).T / (2 * step)
+
+
 EVERY: list[Kinds] = [
     tuple(kind for kind, known in zip(ALL, knows, strict=True) if known) for knows in product([True, False], repeat=4)
 ]
@@ -61,6 +74,32 @@ class TestWhateverIsKnown:
             assert residuals.shape == (1, sum(known(target, source)))
             np.testing.assert_allclose(residuals, 0, atol=1e-12)
 
+    @pytest.mark.quick_cases(5)
+    def test_and_nearly_where_a_little_is(self, target: Kinds) -> None:
+        """Of turns and shifts in units that count alike: a radian's turn moves by the scans' distance."""
+        far = float(np.linalg.norm(T_TRUE.translation))
+        units = np.repeat([1.0, 1 / far], 3)
+        for source in EVERY:
+            relative, T = between(target, source), tilted((0.02, -0.015), -0.4)
+            rows = units[known(target, source), None]
+            off = rows * (relative.residual_jacobian(stack(T))[0] - differences(relative, T)) / units
+            assert np.abs(off).max(initial=0) < 0.02 * np.sqrt(2)
+
+    @pytest.mark.quick_cases(5)
+    def test_the_covariance_is_of_the_residuals(self, target: Kinds) -> None:
+        for source in EVERY:
+            count = sum(known(target, source))
+            covariance = between(target, source).residual_covariance(stack(T_TRUE))[0]
+            assert covariance.shape == (count, count)
+            np.testing.assert_allclose(covariance, covariance.T, atol=1e-15)
+            assert (np.linalg.eigvalsh(covariance) > 0).all()
+
+    @pytest.mark.quick_cases(5)
+    def test_the_jacobian_is_exact_where_no_tilt_is_left(self, target: Kinds) -> None:
+        for source in EVERY:
+            relative, T = between(target, source), tilted((0.0, 0.0), 0.3)
+            np.testing.assert_allclose(relative.residual_jacobian(stack(T))[0], differences(relative, T), atol=1e-6)
+
 
 class TestResiduals:
     def test_they_are_the_tilts_the_turn_and_the_shift_in_the_world_in_this_order(self) -> None:
@@ -69,6 +108,29 @@ class TestResiduals:
         t = T_TRUE.translation + T_TARGET.rotation.inv().apply(shift)
         residuals = pair(*ALL).residuals(stack(RigidTransform.from_components(t, T.rotation)))
         np.testing.assert_allclose(residuals, [[*tilt, turn, *shift]], atol=1e-12)
+
+    @pytest.mark.parametrize("source", [ALL, (ATTITUDE, DEPTH), (HEADING, POSITION)], ids=names_of)
+    @pytest.mark.parametrize("target", [ALL, (ATTITUDE, POSITION, DEPTH)], ids=names_of)
+    def test_a_stack_is_its_poses_one_by_one(self, target: Kinds, source: Kinds) -> None:
+        relative = between(target, source)
+        poses = perturbed(T_TRUE, np.random.default_rng(1).normal(scale=0.3, size=(7, 6)))
+        residuals = relative.residuals(poses)
+        assert residuals.shape == (7, sum(known(target, source)))
+        for n in range(7):
+            np.testing.assert_allclose(relative.residuals(poses[n : n + 1])[0], residuals[n], atol=1e-14)
+
+    def test_chi_squared_is_theirs(self) -> None:
+        relative, T = pair(*ALL), tilted((0.01, -0.02), 0.1)
+        residual, covariance = relative.residuals(stack(T))[0], relative.residual_covariance(stack(T))[0]
+        assert relative.normalized(T) == (pytest.approx(residual @ np.linalg.inv(covariance) @ residual), 6)
+
+    def test_of_the_sources_reference_they_are_those_of_the_inverse(self) -> None:
+        """The source alone knows its heading: the world's axes are by its instruments."""
+        relative = between((ATTITUDE, POSITION, DEPTH), ALL)
+        shift = np.array([1.0, 2.0, -3.0])
+        moved = RigidTransform.from_components(T_SOURCE.translation - shift, T_SOURCE.rotation)
+        residuals = relative.residuals(stack(T_TARGET.inv() * moved))
+        np.testing.assert_allclose(residuals, [[0, 0, *shift]], atol=1e-12)
 
 
 DRAWS, BOXES = 800, 150
@@ -121,6 +183,15 @@ class TestTurned:
         np.testing.assert_allclose(in_world[0].apply([0, 1, 0]), [0, cosine, sine], atol=1e-12)
         np.testing.assert_allclose(in_world[1].apply([1, 0, 0]), [cosine, 0, -sine], atol=1e-12)
 
+    def test_all_tilts_of_a_turn_come_before_the_next_turn(self) -> None:
+        turns, tilts = np.array([0.3, -1.1]), np.array([[0.0, 0.0], [0.05, 0.02], [-0.01, 0.04]])
+        relative = pair(ATTITUDE, HEADING)
+        turned = relative.turned(turns, tilts)
+        assert len(turned) == 6
+        poses = RigidTransform.from_rotation(turned)
+        want = [[*tilt, turn] for turn in turns for tilt in tilts]
+        np.testing.assert_allclose(relative.residuals(poses), want, atol=1e-12)
+
 
 class TestReaches:
     def test_the_turns_reach_is_four_sigmas_and_half_a_turn_at_most(self) -> None:
@@ -128,6 +199,17 @@ class TestReaches:
         unsure = np.array([0.1, 0.1, 0.8, 1, 1, 1])
         assert between(ALL, ALL, unsure).turn_reach == pytest.approx(np.pi)
         assert between((ATTITUDE, HEADING), (ATTITUDE,)).turn_reach == np.pi
+
+    @pytest.mark.parametrize(
+        ("target", "source"), [((HEADING,), ALL), (ALL, (HEADING,)), ((DEPTH,), (DEPTH,))], ids=names_of
+    )
+    def test_it_is_infinite_without_both_attitudes(self, target: Kinds, source: Kinds) -> None:
+        assert between(target, source).tilt_sigma == np.inf
+
+    def test_the_tilts_sigma_is_that_of_the_less_sure_axis_of_both_scans(self) -> None:
+        sigmas = np.array([0.03, 0.01, 1, 1, 1, 1]), np.array([0.04, 0.02, 1, 1, 1, 1])
+        relative = RelativePrior(PosePrior(T_TARGET, sigmas[0]), PosePrior(T_SOURCE, sigmas[1]))
+        assert relative.tilt_sigma == pytest.approx(0.05)
 
 
 class TestShiftBox:
@@ -152,3 +234,18 @@ class TestShiftBox:
             off.append((T_TRUE.translation - box[0]) / box[1])
         assert (np.abs(off) > 1).sum() <= 2  # 0.1 are to be expected
         np.testing.assert_allclose(np.std(off, axis=0), 0.25, rtol=4 / np.sqrt(2 * BOXES))
+
+    def test_its_widths_are_along_the_targets_axes(self) -> None:
+        """The target looks North: East's error is along its y axis, backward."""
+        sigmas = np.array([1e-6, 1e-6, 1e-6, 3.0, 1.0, 0.2])
+        target, source = about_vertical(np.pi / 2, (1, 2, 3)), about_vertical(0.4, (5, 9, 4))
+        box = RelativePrior(PosePrior(target, sigmas), PosePrior(source, sigmas)).shift_box(Rotation.identity())
+        assert box is not None
+        np.testing.assert_allclose(box[0], [7, -4, 1], atol=1e-9)
+        np.testing.assert_allclose(box[1], 4 * np.sqrt(2) * np.array([1.0, 3.0, 0.2]), rtol=1e-4)
+
+    def test_the_sources_attitude_does_not_matter(self) -> None:
+        box, same = (between(ALL, source).shift_box(T_TRUE.rotation) for source in (ALL, (POSITION, DEPTH)))
+        assert box is not None
+        assert same is not None
+        np.testing.assert_allclose(box, same, atol=1e-12)

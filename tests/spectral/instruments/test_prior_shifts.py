@@ -98,3 +98,24 @@ class TestShifts:
         deep = pair(DEPTH, sigmas=np.full(6, 0.1))  # 4.5 m lower: no shorter than that, but as long as it likes
         assert deep.allows_shift(directions * 1000, T_TRUE.rotation).all()
         assert not deep.allows_shift(directions * (4.5 - 1.01 * limit), T_TRUE.rotation).any()
+
+    def test_nothing_known_of_the_shift_bounds_nothing(self) -> None:
+        t = np.random.default_rng(9).normal(scale=100, size=(20, 3))
+        assert pair(ATTITUDE, HEADING).allows_shift(t, T_TRUE.rotation).all()
+
+    def test_one_shift_may_be_asked_with_many_rotations(self) -> None:
+        relative = RelativePrior(prior(T_TARGET, DEPTH), prior(T_SOURCE, ATTITUDE, DEPTH))
+        rotations = T_TRUE.rotation * Rotation.from_rotvec([[0, 0, 0], [0.0, 0.8, 0]])
+        assert relative.allows_shift(T_TRUE.translation, rotations).tolist() == [True, False]
+        both = np.stack([T_TRUE.translation] * 2)
+        assert relative.allows_shift(both, rotations).tolist() == [True, False]
+        assert pair(*ALL).allows_shift(T_TRUE.translation, rotations).tolist() == [True, True]
+
+    def test_the_sources_attitude_will_do_with_the_rotation(self) -> None:
+        sigmas = np.full(6, 1e-3)
+        target, source = prior(T_TARGET, POSITION, DEPTH, sigmas=sigmas), prior(T_SOURCE, *ALL, sigmas=sigmas)
+        relative = RelativePrior(target, source)
+        off = T_TRUE.translation + Rotation.from_rotvec([0.3, 0.2, -0.4]).apply([0, 0, 4.0])
+        assert relative.allows_shift(T_TRUE.translation, T_TRUE.rotation)
+        assert not relative.allows_shift(off, T_TRUE.rotation, slack=0.1)
+        assert not relative.allows_shift(T_TRUE.translation, T_TRUE.rotation * Rotation.from_rotvec([0, 0.5, 0]))

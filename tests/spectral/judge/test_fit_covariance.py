@@ -1,5 +1,6 @@
 """The covariance of what was refined on the surfaces: what it leaves open, how it turns, and that it is honest."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,11 +10,13 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
 from sonarmap.kernels.device.device import choose_device
-from sonarmap.spectral.grid import Grid, choose_grid
-from sonarmap.spectral.judge.covariance import covers, fit_covariance
+from sonarmap.spectral.grid import Grid, choose_grid, coarse_edge
+from sonarmap.spectral.judge.covariance import Slide, covers, fit_covariance
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
+from sonarmap.spectral.verify.observability import Observability
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair
 from tests.samples.scenes.structures import registered
@@ -140,3 +143,67 @@ def test_where_no_points_are_near_anything_is_possible() -> None:
     zeros = {"doubt": np.zeros(6), "stretch": np.zeros(2), "stretching": np.zeros((2, 8))}
     fit = Fit(Rotation.identity(), np.zeros(3), np.zeros((6, 6)), 0.0, 0.0, 0.3, **zeros)
     np.testing.assert_allclose(np.sqrt(np.diag(by_scans(fit))), 10 * np.repeat([np.pi, 64.0], 3), rtol=1e-3)
+
+
+def plane(rng: np.random.Generator, noise: float) -> np.ndarray:
+    """Points of one level plane below the sensor."""
+    return np.column_stack([rng.uniform(-REACH, REACH, (COUNT, 2)), rng.normal(-20.0, noise, COUNT)])
+
+
+def shift_sigmas(fit: Fit) -> np.ndarray:
+    return np.sqrt(np.linalg.eigvalsh(by_scans(fit)[3:, 3:]))
+
+
+@pytest.mark.parametrize("edge", [64, 256])
+def test_a_direction_is_open_as_far_as_the_scans_agree_along_it(edge: int) -> None:
+    """Whatever the planes say, in voxels of the coarse grid, and by nothing where nothing is left of the peak."""
+    axes = Rotation.from_euler("ZYX", [0.4, -0.2, 0.1]).as_matrix()
+    slides = np.full((3, 3, 2), 0.02)
+    slides[0] = 1.0
+    grid, slide = Grid(edge, 0.5), Slide(odds=-1.0, weight=2.0, reach=6.0)
+    seen = Observability(axes, slides, np.full(2, 0.5))
+    assert slide.variance(seen, grid)[1:].tolist() == [0.0, 0.0]
+    coarse_voxel = edge / coarse_edge(edge)
+    assert slide.variance(seen, grid)[0] == pytest.approx((1 / (1 + np.e) - 0.03) * (6 * coarse_voxel) ** 2)
+    hypothesis = Hypothesis(Fit(Rotation.identity(), np.zeros(3), np.eye(6) * 1000, 0.1, 3000.0, 0.1), 0.4, 20.0)
+    hypothesis = replace(hypothesis, evidence=Evidence(psr=50.0))
+    middle = np.zeros(3), np.zeros(3)
+    before, after = (fit_covariance(hypothesis, middle, grid, some, slide).posterior for some in (None, seen))
+    opened, variances = (after - before)[3:, 3:], slide.variance(seen, grid) * grid.voxel**2
+    np.testing.assert_allclose(opened, (axes * variances) @ axes.T, rtol=0.05, atol=0.02 * variances[0])
+
+
+@pytest.mark.slow
+def test_a_plane_leaves_three_directions_open() -> None:
+    """Two shifts along it, and the turn about its normal; height, roll and pitch are fixed."""
+    rng = np.random.default_rng(3)
+    source = T_TARGET_SOURCE.inv().apply(plane(rng, 0.35))
+    covariance = about(register(plane(rng, 0.35), source).covariance, source.mean(axis=0))
+    turns, shifts = np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])), np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:]))
+    assert turns[2] > 10 * turns[1]
+    assert shifts[1] > 5 * shifts[0]
+
+
+@pytest.mark.slow
+def test_it_is_symmetric_and_positive_and_grows_with_the_voxel() -> None:
+    """The same scene, twice as large on voxels twice as large: turns as sure, shifts half as sure."""
+    rng = np.random.default_rng(5)
+    target, source = corner(rng), T_TARGET_SOURCE.inv().apply(corner(rng))
+    small, large = register(target, source), register(2 * target, 2 * source, voxel=2.0)
+    units = np.repeat([1.0, 2.0], 3)
+    np.testing.assert_allclose(large.covariance, small.covariance * np.outer(units, units), rtol=1e-3, atol=1e-12)
+    np.testing.assert_array_equal(small.covariance, small.covariance.T)
+    assert np.linalg.eigvalsh(small.covariance).min() > 0
+
+
+def test_what_may_be_chance_holds_nothing() -> None:
+    """A direction that is held by no more than the error of what holds it is open, one far above it is not."""
+    share = np.array([1e-3, 0.02, 0.1, 0.2, 0.3, 0.4])
+
+    def sigmas(doubt: float) -> np.ndarray:
+        information = np.diag(share) * 3000
+        return shift_sigmas(Fit(Rotation.identity(), np.zeros(3), information, 0.1, 3000.0, 0.3, np.full(6, doubt)))
+
+    np.testing.assert_allclose(sigmas(1e-5), sigmas(0.0), rtol=1e-2)
+    assert (sigmas(0.03) >= sigmas(0.0)).all()
+    assert sigmas(0.11)[-1] > 20 * sigmas(0.0)[-1]

@@ -139,3 +139,13 @@ def test_scans_that_share_nothing_are_refused(number: int) -> None:
     assert not registration.accepted
     assert registration.probability < 0.85
     assert replace(registration, alternatives=()).reason
+
+
+def test_a_rival_that_the_views_like_better_counts_even_where_its_peak_is_low() -> None:
+    best = hypothesis(60, 0.6)
+    assert probabilities(best, hypothesis(5, 0.9))[0] < probabilities(best, hypothesis(5, 0.3))[0]
+
+
+def test_few_poses_to_search_make_chance_agreement_rarer() -> None:
+    both = hypothesis(15, 0.6), hypothesis(12, 0.55)
+    assert probabilities(*both, search=-6.0)[0] > probabilities(*both, search=0.0)[0]

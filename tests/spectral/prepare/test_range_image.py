@@ -149,3 +149,35 @@ class TestManyViewpoints:
         given = view_of(device, points, np.tile(VIEWPOINT, (len(points), 1)))
         np.testing.assert_array_equal(cells_of(given), cells_of(view_of(device, points)))
         assert given.repeats == pytest.approx(1.0)
+
+    def test_every_place_has_an_image_of_what_was_seen_from_there(self, device: Device) -> None:
+        points, places = self.wall(1)
+        view = view_of(device, points, places)
+        assert view.ranges is not None
+        for viewpoint, cells in zip(view.places, view.ranges.get(), strict=True):
+            (place,) = [place for place in self.PLACES if np.allclose(place, viewpoint)]
+            near = cells[..., 0]
+            half = points[np.sign(points[:, 1]) == np.sign(place[1])]
+            ranges = np.linalg.norm(half - place, axis=1)
+            assert ranges.min() - 0.01 <= near[np.isfinite(near)].min()
+            assert near[np.isfinite(near)].max() <= ranges.max()
+
+    def test_of_very_many_places_some_take_part(self, device: Device) -> None:
+        """A line flown over a bed: 300 pings from 300 places."""
+        along = np.repeat(np.arange(300.0), 40)
+        across = np.tile(np.linspace(-15, 15, 40), 300)
+        points = np.column_stack([along, across, np.full(12_000, -12.0)])
+        places = np.column_stack([along, 0 * along, 0 * along])
+        view = view_of(device, points, places)
+        assert len(view.places) == 12
+        stations = view.places[:, 0]
+        assert stations.min() < 10
+        assert stations.max() > 290
+
+
+def test_both_views_are_asked_and_their_mean_told(device: Device) -> None:
+    """The target's sensor saw through to 30 voxels, the source's to 20 in the same direction."""
+    far, near = view_of(device, shell(30.0, 1)), view_of(device, shell(20.0, 2))
+    (shares,) = visibility(device, far, near, still(device), [(1.0, 0.0)]).read()
+    assert shares.contradict[0] == pytest.approx(0.5, abs=0.05)
+    assert shares.agree[0] == 0

@@ -64,6 +64,23 @@ class TestSignature:
         with pytest.raises(InputError, match="not finite"):
             signature(products(given))
 
+    def test_layers_turned_against_each_other_change_it(self):
+        given = coefficients()
+        changed = given.copy()
+        changed[:, 2] = turned(given.astype(np.complex128), Rotation.from_rotvec([0.3, -0.5, 0.8]))[:, 2]
+        assert np.linalg.norm(signature(products(changed)) - signature(products(given))) > 0.2
+
+    def test_neither_does_the_loudness_of_a_layer_nor_its_mean(self):
+        given = coefficients()
+        other = given * np.array([3, 0.1, 20, 1, 1e-3, 5, 1, 9], np.float32)[:, None]
+        other[0] += 7
+        np.testing.assert_allclose(signature(products(other)), signature(products(given)), atol=1e-6)
+        # a layer that holds nothing is zero
+        given[:, 0] = 0
+        per_degree = signature(products(given)).reshape(4, 10)
+        assert not per_degree[:, :4].any()
+        assert per_degree[:, 4:].any(axis=0).all()
+
 
 @pytest.fixture(scope="module")
 def registrar() -> SpectralRegistrar:
@@ -117,3 +134,11 @@ class TestOfScans:
                 changed = np.linalg.norm(of(registrar, moved(points, somewhere(rng))) - own)
                 assert changed < 0.4 * np.median(between)
                 assert changed < between.min()
+
+    def test_with_noise_and_points_missing_a_place_is_still_nearest_to_itself(self, registrar, places, signatures):
+        rng = np.random.default_rng(13)
+        for number, points in enumerate(places):
+            noisy = points + rng.normal(0, 0.1, points.shape).astype(np.float32)
+            seen = noisy[rng.random(len(noisy)) > 0.3]
+            got = of(registrar, moved(seen, somewhere(rng)))
+            assert np.argmin(np.linalg.norm(signatures - got, axis=1)) == number

@@ -75,3 +75,17 @@ def test_smoothed_further_what_is_near_a_rim_counts_as_rim() -> None:
         assert inner[4:-4, 4:-4].all()
         assert not np.delete(inner, np.s_[3:-3], axis=0).any()
         assert not np.delete(inner, np.s_[3:-3], axis=1).any()
+
+
+def test_few_points_are_smoothed_further() -> None:
+    surface = surface_of(np.array([[0.0, 0, 1], [2, 0, 1], [0, 3, 1]]))
+    for smooth in smoothed_further(chosen_device(), surface):
+        np.testing.assert_allclose(smooth.points, surface.points, atol=1e-5)
+
+
+def test_few_points_will_do_and_the_cells_are_of_the_smoothed_points() -> None:
+    surface = surface_of(np.array([[0.0, 0, 1], [2, 0, 1], [0, 3, 1]]))
+    np.testing.assert_allclose(np.abs(surface.normals[:, 2]), 1)
+    surface = surface_of(noisy_plane())
+    rows = surface.elements.cells.points.get()
+    np.testing.assert_array_equal(rows[:, :3], surface.points[rows[:, 3].copy().view(np.int32)])

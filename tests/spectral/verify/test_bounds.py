@@ -84,6 +84,29 @@ class TestSweep:
         assert np.rad2deg(np.diff(turns).max()) < 2.01
         assert 0.0 in turns
 
+    def test_a_turn_comes_with_all_its_tilts_the_measured_one_first(self) -> None:
+        relative = pair(ATTITUDE, HEADING)
+        sweep = bounds(relative).sweep
+        assert sweep is not None
+        each = sweep.tilts
+        assert len(sweep.R) % each == 0
+        residuals = relative.residuals(RigidTransform.from_rotation(sweep.R)).reshape(-1, each, 3)
+        np.testing.assert_allclose(residuals[:, :, 2], residuals[:, :1, 2] + np.zeros(each), atol=1e-9)
+        assert len(np.unique(np.round(residuals[:, 0, 2], 9))) == len(residuals)
+        tilts = residuals[:, :, :2] / relative.tilt_sigma
+        np.testing.assert_allclose(tilts[:, 0], 0, atol=1e-9)
+        lengths = np.repeat([1.0, 2.0], 6) + np.zeros((len(tilts), 1))
+        np.testing.assert_allclose(np.linalg.norm(tilts[:, 1:], axis=2), lengths, atol=0.03)
+        np.testing.assert_allclose(tilts.mean(axis=1), 0, atol=1e-9)
+
+    def test_unsure_headings_bound_no_turn(self) -> None:
+        sigmas = np.array([0.01, 0.02, 0.6, 1, 1, 1])
+        swept, all_around = (bounds(pair(*kinds, sigmas=sigmas)).sweep for kinds in ((ATTITUDE, HEADING), (ATTITUDE,)))
+        assert swept is not None
+        assert all_around is not None
+        assert len(swept.R) == len(all_around.R)
+        assert swept.apart == all_around.apart
+
 
 class TestShiftBox:
     def test_none_where_priors_do_not_bound_it(self) -> None:

@@ -4,10 +4,24 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from sonarmap.spectral.judge.covariance import by_stretch
 from sonarmap.spectral.prepare.surface import Surface
-from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.calibration import CALIBRATION
+from sonarmap.spectral.verify.fit import Fit, principal_axes, shares_along
 from sonarmap.spectral.verify.icp import Stage, Start, refine
 from tests.spectral.surfaces import chosen_device, surface_of
+
+
+def thick_corner(seed: int, noise: float) -> np.ndarray:
+    """Points of three walls at right angles, `noise` voxels (rms) off them, one for each voxel that they fill."""
+    rng = np.random.default_rng(seed)
+    u, off = rng.uniform(-1, 1, (13_000, 6)), rng.normal(0, noise, (3, 13_000))
+    floor = np.column_stack([56 * u[:, 0], 36 * u[:, 1], off[0] - 24])
+    side = np.column_stack([56 + off[1], 36 * u[:, 2], 24 * u[:, 3]])
+    back = np.column_stack([56 * u[:, 4], 36 + off[2], 24 * u[:, 5]])
+    points = np.vstack([floor, side, back])
+    return points[np.unique(np.floor(points), axis=0, return_index=True)[1]]
+
 
 R_TRUE, SHIFT_TRUE = Rotation.from_euler("ZYX", [20, -6, 9], degrees=True), np.array([7.0, -3.5, 1.25])
 REACHES = (4.0, 3.0, 3.0, 2.0, 2.0, 2.0, 1.5, 1.5, 1.5, 1.5)
@@ -192,3 +206,84 @@ class TestStretch:
         fit = refine_one(scan, scan, Rotation.identity(), np.zeros(3), REACHES, 3000, stretches=True)
         np.testing.assert_allclose(stretch_of(fit), 0, atol=1e-9)
         np.testing.assert_allclose(fit.shift, 0, atol=1e-9)
+
+    def test_what_both_scans_may_share_leaves_the_shift_less_sure(self, stretched: tuple[Surface, Surface]) -> None:
+        """Two scans stretched alike about places apart fit at a shift that is off by a share of their distance."""
+        rigid, estimated = rigid_and_stretched(stretched, Rotation.identity(), np.zeros(3))
+        apart = self.SOURCE_VIEW - self.TARGET_VIEW
+        left = by_stretch(estimated, np.linalg.inv(estimated.information))
+        direction = np.concatenate([np.zeros(3), apart / np.linalg.norm(apart)])
+        # the mean of two shares of one standard deviation each; their difference shows
+        expected = (CALIBRATION.stretched * np.linalg.norm(apart)) ** 2 / 2
+        assert direction @ left @ direction == pytest.approx(expected, rel=0.15)
+        assert not by_stretch(rigid, np.linalg.inv(rigid.information)).any()
+
+
+def test_information_does_not_depend_on_how_many_points_took_part(pair: tuple[Surface, Surface]) -> None:
+    few, many = (refine_one(*pair, R_TRUE, SHIFT_TRUE, REACHES, most) for most in (500, 3000))
+    assert few.pairs == pytest.approx(many.pairs, rel=0.1)
+    np.testing.assert_allclose(np.diag(few.information), np.diag(many.information), rtol=0.25)
+
+
+@pytest.mark.slow
+def test_noise_of_a_quarter_to_four_voxels_tells_itself_apart() -> None:
+    """The residual alone, within a fixed reach, is the same for a voxel of noise and for four."""
+    widths = []
+    for noise in (0.25, 0.5, 1.0, 2.0, 4.0):
+        target, source = (surface_of(thick_corner(seed, noise)) for seed in (1, 2))
+        rough = refine_one(target, source, Rotation.identity(), np.zeros(3), (4.0, 4.0, 3.0), 800)
+        fit = refine_one(target, source, rough.R, rough.shift, (4.0, 2.0, 1.5, 1.5), 800, rough.width)
+        widths.append(fit.width)
+        assert np.linalg.norm(fit.shift) < 0.3 * max(noise, 0.5)
+    assert (np.diff(widths) > 0.12 * np.array(widths[:-1])).all()
+    assert widths[-1] > 5 * widths[0]
+
+
+def test_points_that_lie_on_the_planes_count_in_full() -> None:
+    """Normals are unit vectors: the information about the shift sums to the points that took part, of both scans."""
+    plane = surface_of(lattice(12, 10, slope=0.2))
+    fit = refine_one(plane, plane, Rotation.identity(), np.zeros(3), (2.0,), 10_000)
+    assert fit.pairs == pytest.approx(2 * 24 * 20)
+    assert np.trace(fit.information[3:, 3:]) == pytest.approx(fit.pairs)
+    np.testing.assert_allclose(fit.information, fit.information.T)
+
+    # turns are about the source's grid center: one about x lifts a point by y, one about y lowers it by x
+    points = lattice(12, 10, 4.0)
+    x, y, _ = points.T
+    plane = surface_of(points)
+    fit = refine_one(plane, plane, Rotation.identity(), np.zeros(3), (2.0,), 10_000)
+    expected = 2 * np.array([np.sum(y**2), np.sum(x**2), 0])
+    np.testing.assert_allclose(np.diag(fit.information)[:3], expected, rtol=1e-6, atol=1e-3)
+
+
+def test_shares_of_other_information_lie_along_the_axes_of_the_first() -> None:
+    rng = np.random.default_rng(4)
+    halves = rng.normal(size=(2, 5, 6, 6))
+    information, other = halves @ halves.transpose(0, 1, 3, 2)
+    pairs = rng.uniform(100.0, 900.0, 5)
+    share, axes, lever = principal_axes(information, pairs)
+    np.testing.assert_allclose(shares_along(information, information, pairs), share, rtol=1e-9)
+    units = np.repeat([lever[2], 1.0], 3)
+    along = [v @ (other[2] / np.outer(units, units)) @ v / pairs[2] for v in axes[2].T]
+    np.testing.assert_allclose(shares_along(other, information, pairs)[2], along, rtol=1e-9)
+
+
+def test_stages_without_a_read_are_as_one_after_the_other(pair: tuple[Surface, Surface]) -> None:
+    first, second = Stage((8.0, 5.0, 3.0), 100), Stage((3.0, 2.0, 1.5), 800)
+    start = Start(Rotation.concatenate([R_TRUE]), SHIFT_TRUE[None] + 0.7, np.zeros(1))
+    (together,) = refine(chosen_device(), *pair, start, [first, second]).read()
+    (between,) = refine(chosen_device(), *pair, start, [first]).read()
+    start = Start(Rotation.concatenate([between.R]), between.shift[None], np.array([between.width]))
+    (last,) = refine(chosen_device(), *pair, start, [second]).read()
+    assert_same(together, last)
+
+
+def test_wide_scans_are_brought_together_as_a_whole() -> None:
+    """Two layers 3 voxels apart on either side: a narrow bell would stop where one layer of each meets."""
+    floor = np.column_stack([np.random.default_rng(3).uniform(-40, 40, (6000, 2)), np.zeros(6000)])
+    layers = np.vstack([floor[:3000], floor[3000:] + np.array([0, 0, 3.0])])
+    target, source = surface_of(layers), surface_of(layers[::-1] * np.array([1, -1, 1.0]))
+    narrow = refine_one(target, source, Rotation.identity(), np.array([0, 0, 2.6]), (1.5,) * 10, 3000)
+    wide = refine_one(target, source, Rotation.identity(), np.array([0, 0, 2.6]), (1.5,) * 10, 3000, width=2.0)
+    assert narrow.shift[2] > 2.5
+    assert abs(wide.shift[2]) < narrow.shift[2] - 0.5

@@ -8,7 +8,7 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.verify.fit import Fit
-from sonarmap.spectral.verify.observability import BANDS, Observability
+from sonarmap.spectral.verify.observability import BANDS, Observability, weakest
 
 
 def trench(seed: int, closed: bool) -> np.ndarray:
@@ -49,3 +49,20 @@ def test_a_trench_agrees_with_itself_along_its_length_alone() -> None:
 def test_walls_across_hold_it() -> None:
     opened, closed = seen_at_truth(closed=False), seen_at_truth(closed=True)
     assert (closed.slides[0, :, 1] < 0.95 * opened.slides[0, :, 1]).all()
+
+
+def test_the_weakest_directions_are_those_that_are_left_where_the_others_follow() -> None:
+    """A turn about z and a shift along y that do the same: neither is held but by what tells them apart."""
+    J = np.zeros((50, 6))
+    rng = np.random.default_rng(3)
+    J[:, 2] = 10 + 0.1 * rng.normal(size=50)
+    J[:, 4] = 1.0
+    J[:, [0, 1, 3, 5]] = rng.normal(size=(50, 4))
+    turns, shifts = weakest(J.T @ J)
+    assert abs(turns[2, 0]) > 0.9
+    assert abs(shifts[1, 0]) > 0.9
+    R = Rotation.from_euler("ZYX", [0.5, 0.2, -0.3]).as_matrix()
+    both = np.kron(np.eye(2), R)
+    turned, shifted = weakest(both @ (J.T @ J) @ both.T)
+    np.testing.assert_allclose(np.abs(turned.T @ R @ turns), np.eye(3), atol=1e-6)
+    np.testing.assert_allclose(np.abs(shifted.T @ R @ shifts), np.eye(3), atol=1e-6)

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.prepare.surface import Surface
-from sonarmap.spectral.verify.relief import alike_places, is_level
+from sonarmap.spectral.verify.relief import Heights, alike_places, is_level
 from tests.spectral.surfaces import surface_of
 
 CELL = 4.0
@@ -81,3 +81,37 @@ def test_a_bed_is_level_in_any_axes_and_a_corner_is_not() -> None:
     assert is_level(above(points, TILT))
     wall = np.column_stack([points[:, 2], points[:, :2]])
     assert not is_level(above(np.vstack([points, wall]), TILT))
+
+
+def test_how_alike_heights_are_is_told_by_the_cells_in_common() -> None:
+    """Summed by hand, to 1e-6, over all cells that both show at the shift."""
+    rng = np.random.default_rng(4)
+    target, source = seen(rng, (0, 0), 300), seen(rng, (6, 9), 250) - (8, -12, 0)
+
+    def cells(points: np.ndarray) -> dict[tuple[int, int], float]:
+        keys = [tuple(key) for key in np.floor(points[:, :2] / CELL).astype(int).tolist()]
+        return {key: float(np.mean([z for k, z in zip(keys, points[:, 2], strict=True) if k == key])) for key in keys}
+
+    def heights(points: np.ndarray) -> Heights:
+        return Heights.of(points, points[:, :2].min(axis=0), points[:, :2].max(axis=0))
+
+    (places,) = heights(target).alike([heights(source)])
+    ours, theirs = cells(target), cells(source)
+    assert len(places) > 3
+    for x, y, higher, value in places[:3].tolist():
+        both = [(ours[i + x, j + y], z) for (i, j), z in theirs.items() if (i + x, j + y) in ours]
+        correlation = np.corrcoef(np.array(both).T)[0, 1]
+        assert value == pytest.approx(np.arctanh(correlation) * np.sqrt(len(both)), rel=1e-6)
+        assert higher == pytest.approx(np.mean([a - b for a, b in both]), abs=1e-6)
+
+
+def test_lines_that_beams_draw_do_not_hold_a_scan_where_it_has_not_moved() -> None:
+    """Both scans show lines 5 voxels apart, at the same places of the sensor, which has moved by 13 voxels."""
+    along, across = np.meshgrid(np.arange(-30.0, 30.0), np.arange(-30.0, 30.0, 5.0))
+    lines = np.column_stack([along.ravel(), across.ravel()])
+    moved = np.array([5.0, 12.0, 0.0])
+    still = Rotation.identity()
+    named = alike_places(
+        above(bed(lines), still), above(bed(lines + moved[:2]) - moved, still), lambda R: R.magnitude() < 0.1, 1
+    )
+    np.testing.assert_allclose(named.shifts[0], moved, atol=CELL)

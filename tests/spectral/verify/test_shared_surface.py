@@ -1,5 +1,7 @@
 """Surfaces that two scans share."""
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -73,3 +75,28 @@ def test_what_the_other_scan_does_not_cover_is_not_missed() -> None:
     assert above.consistency == 0
     # nothing in common is nothing
     assert shares(bed(), moved(bed(), 0, 0, 500.0)) == (0, 0, 0)
+
+
+def test_a_wall_counts_as_much_as_the_wide_bed() -> None:
+    """The walls stand 8 voxels apart: the beds agree, nine points of ten, and half of all directions do not."""
+    agree, covered, overlap = shares(np.vstack([bed(), wall(10.0)]), np.vstack([bed(), wall(18.0)]))
+    assert overlap > 0.88
+    assert 0.4 < agree < 0.65
+    assert covered > agree
+
+
+def test_few_points_say_nearly_the_same() -> None:
+    target, source = surface_of(np.vstack([bed(), wall(10.0)])), surface_of(np.vstack([bed(), wall(11.0)]))
+    few, every = (shared_surface(target, source, STILL, HERE, most) for most in (400, ALL))
+    assert few.agree == pytest.approx(every.agree, abs=0.08)
+    assert few.overlap == pytest.approx(every.overlap, abs=0.08)
+
+
+def test_several_poses_are_looked_at_as_if_each_were_alone() -> None:
+    target, source = surface_of(np.vstack([bed(), wall(10.0)])), surface_of(np.vstack([bed(), wall(12.0)]))
+    turns, shifts = Rotation.concatenate([STILL, R, R.inv()]), np.array([HERE, SHIFT, SHIFT + 400.0])
+    poses = upload_poses(chosen_device(), turns.as_matrix(), shifts)
+    together = shared_surfaces(chosen_device(), target, source, poses, 500).read()
+    alone = [shared_surface(target, source, turn, shift, 500) for turn, shift in zip(turns, shifts, strict=True)]
+    for one, other in zip(together, alone, strict=True):
+        assert astuple(one) == pytest.approx(astuple(other), abs=1e-12)

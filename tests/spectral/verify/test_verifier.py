@@ -1,6 +1,7 @@
 """Candidates and hypotheses of a pair: shifts, evidence, what the finalists lack, and how the best is refined."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,10 +17,17 @@ from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.translation import Box
 from sonarmap.spectral.verify.bounds import Bounds
 from sonarmap.spectral.verify.fit import Fit
-from sonarmap.spectral.verify.hypothesis import Hypothesis, ranked
-from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest  # pyright: ignore[reportPrivateUsage]
-from sonarmap.spectral.verify.verifier import Selection, Verifier
+from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis, elsewhere, ranked
+from sonarmap.spectral.verify.hypothesis_testing import (
+    _SMOOTHED,
+    HypothesisTest,  # pyright: ignore[reportPrivateUsage]
+)
+from sonarmap.spectral.verify.icp import Stage, Start
+from sonarmap.spectral.verify.verifier import Candidates, Selection, Verifier, consistency
 from tests.samples.scenes.reliefs import above, relief, seen
+
+SEEN = Evidence(view=0.5, coarse_view=0.5, surface=0.5, overlap=0.5, residual=1.0, width=1.0, firmness=0.1)
+
 
 EDGE, VOXEL = 64, 0.5
 HERE, THERE = above(-5, 3, 12), above(4.0, -6.0, 13, 25, 4, -7)
@@ -107,6 +115,32 @@ class TestCandidates:
             highest = candidates.shifts[np.argmax(candidates.psr)]
             assert np.linalg.norm(highest - shift_of(pair)) < 2.0
 
+    def test_a_cyclic_shift_stands_for_several(self, verifier) -> None:
+        """-3 is also 61, and 1 also -63, but these leave nothing in common of 64 voxels; 20 is also -44."""
+        shifts = np.array([[20.0, -3.0, 1.0], [20.0, -30.0, 31.5], [50.0, -3.0, 70.0]])
+        peak, unwrapped = verifier._unwrapped(shifts, np.array([False, False, True]))
+        np.testing.assert_array_equal(peak, [0, 0, *[1] * 8, 2])
+        np.testing.assert_array_equal(unwrapped[:2], [[20.0, -3.0, 1.0], [-44.0, -3.0, 1.0]])
+        np.testing.assert_array_equal(unwrapped[-1], shifts[2])
+
+    def test_both_whitenings_name_candidates_on_one_scale(self, verifier, pair) -> None:
+        """The usual highest peak of either stands for the same height."""
+        candidates = verifier.candidates(*pair, peaks(WRONG, TRUE.rotation), ANYWHERE * 2)
+        assert sorted(set(candidates.rotation.tolist())) == [0, 1]
+        off = np.linalg.norm(candidates.shifts - shift_of(pair), axis=1)
+        heights = np.unique(candidates.psr[off < 2.0].round(6))
+        assert len(heights) >= 2
+        assert heights.max() < 2 * heights.min()
+        assert len(candidates.psr) > 1
+
+    def test_heights_are_those_of_the_highest_peaks_of_rotations(self) -> None:
+        R = Rotation.identity(5)
+        given = Candidates(np.array([0, 0, 1, 1, 2]), R, np.zeros((5, 3)), np.array([9.0, 4, 8, 2, 20]), np.zeros(5))
+        assert given.usual_height() == 9.0
+        assert given.raised(2.0).psr.tolist() == [18, 8, 16, 4, 40]
+        assert Candidates.joined([given, given.raised(0.5)]).psr.tolist() == [9, 4, 8, 2, 20, 4.5, 2, 4, 1, 10]
+        assert given.select(np.zeros(5, dtype=bool)).usual_height() == 1.0
+
 
 class TestEvidence:
     def test_the_true_pose_is_told_from_one_that_is_off(self, verifier, pair) -> None:
@@ -139,6 +173,13 @@ class TestEvidence:
         best = verifier.best(*blind, candidates, Selection(1))
         assert np.linalg.norm(candidates.shifts[best[0]] - shift_of(pair)) < 3.0
 
+    def test_poses_that_came_out_at_one_place_are_the_same(self, verifier, pair) -> None:
+        turned = Rotation.from_rotvec([0, 0, 0.02]) * TRUE.rotation
+        given = [hypothesis(turned, shift_of(pair) + 1.0)]
+        given += [hypothesis(TRUE.rotation, shift_of(pair)), hypothesis(WRONG, shift_of(pair))]
+        kept = looked_at(verifier, pair, given)
+        assert [each.fit for each in kept] == [given[1].fit, given[2].fit]
+
 
 ASIDE = np.array([5.0, -4.0, 0.0])  # voxels
 
@@ -169,6 +210,14 @@ class TestMissed:
         assert off(pair_test, missed[0]) < 1.0
         assert len(missed) <= len(beside)
 
+    def test_neither_a_finalist_nor_what_is_forbidden_is_named(self, pair_test: HypothesisTest, monkeypatch) -> None:
+        level = replace(pair_test, bounds=Bounds(np.deg2rad(3.0), None, VOXEL))
+        for test, offset in ((pair_test, 0 * ASIDE), (level, ASIDE)):
+            missed = test.find_missed([hypothesis(TRUE.rotation, true_shift(pair_test) + offset)])
+            assert all(off(pair_test, each) > 2.0 for each in missed)
+        monkeypatch.setattr(Bounds, "allow_shifts", lambda _bounds, _R, shifts: np.zeros(len(shifts), dtype=bool))
+        assert pair_test.find_missed([hypothesis(TRUE.rotation, true_shift(pair_test))]) == []
+
 
 class TestAlike:
     def known(self, pair_test: HypothesisTest, offset: np.ndarray, firmness: float) -> Hypothesis:
@@ -180,6 +229,24 @@ class TestAlike:
         named = pair_test.find_alike([self.known(pair_test, 2 * ASIDE, 0.01)])
         assert min(off(pair_test, each) for each in named) < 1.0
         assert len(named) <= 4
+
+    def test_nothing_is_named_that_is_forbidden(self, pair_test: HypothesisTest, monkeypatch) -> None:
+        monkeypatch.setattr(Bounds, "allow_shifts", lambda _bounds, _R, shifts: np.zeros(len(shifts), dtype=bool))
+        assert pair_test.find_alike([self.known(pair_test, 2 * ASIDE, 0.01)]) == []
+
+    def test_nothing_is_named_where_planes_hold_the_best_and_no_bed_is_seen(
+        self, pair_test: HypothesisTest, monkeypatch
+    ) -> None:
+        firm = self.known(pair_test, 2 * ASIDE, 0.1)
+        assert pair_test.find_alike([firm])
+        monkeypatch.setattr("sonarmap.spectral.verify.hypothesis_testing.is_level", lambda _surface: False)
+        assert pair_test.find_alike([firm]) == []
+
+    def test_what_is_known_is_not_named(self, pair_test: HypothesisTest) -> None:
+        both = [self.known(pair_test, offset, 0.01) for offset in (2 * ASIDE, 0 * ASIDE)]
+        named = pair_test.find_alike(both)
+        assert named
+        assert elsewhere(named, both) == named
 
 
 def test_the_true_place_wins_however_the_finalists_are_ordered(pair_test: HypothesisTest) -> None:
@@ -205,6 +272,30 @@ class TestClosest:
         assert off(pair_test, right) < 0.5
         assert right.evidence.closeness > wrong.evidence.closeness > 0.0
 
+    def test_it_outweighs_a_peak_twice_as_high(self, pair_test: HypothesisTest, monkeypatch) -> None:
+        right, wrong = self.compared(pair_test, monkeypatch, 1.0)
+        peak = replace(right.evidence, psr=2 * right.evidence.psr)
+        assert replace(wrong, evidence=peak).score > right.score
+        assert replace(wrong, evidence=replace(peak, closeness=wrong.evidence.closeness)).score < right.score
+
+    def test_the_best_keeps_it_to_the_end(self, pair_test: HypothesisTest, monkeypatch) -> None:
+        both = self.compared(pair_test, monkeypatch, 1.0)
+        best, *_ = pair_test.finish(both)
+        assert best.evidence.closeness == both[0].evidence.closeness
+
+    def test_what_smoother_surfaces_drive_off_stays_where_it_was(self, pair_test: HypothesisTest, monkeypatch) -> None:
+        steps = HypothesisTest._steps
+
+        def driven(test: HypothesisTest, start: Start, stages: list[Stage]) -> Any:
+            if list(stages) != [_SMOOTHED]:
+                return steps(test, start, stages)
+            return steps(test, replace(start, shifts=start.shifts + 2 * ASIDE), [Stage((0.05,), 100)])
+
+        monkeypatch.setattr(HypothesisTest, "_steps", driven)
+        right = self.compared(pair_test, monkeypatch, 1.0)[0]
+        assert off(pair_test, right) < 0.5
+        assert right.evidence.closeness > 0.0
+
 
 def test_the_best_ends_nearer_and_stands_once(pair_test: HypothesisTest) -> None:
     rough = hypothesis(Rotation.from_rotvec([0, 0, 0.01]) * TRUE.rotation, true_shift(pair_test) + 0.8)
@@ -215,3 +306,57 @@ def test_the_best_ends_nearer_and_stands_once(pair_test: HypothesisTest) -> None
     T = pair_test.transform(best.fit)
     np.testing.assert_allclose(T.translation, TRUE.translation, atol=0.3 * VOXEL)
     assert np.rad2deg((T.rotation.inv() * TRUE.rotation).magnitude()) < 0.3
+
+
+class TestConsistency:
+    def test_a_contradiction_weighs_as_four_agreements(self) -> None:
+        agree, contradict = np.array([0.0, 0.6, 0.1, 1.0]), np.array([0.0, 0.02, 0.3, 0.0])
+        np.testing.assert_allclose(consistency(agree, contradict), agree / (agree + 4 * contradict + 0.05))
+
+
+def test_how_far_a_pose_is_from_no_motion(pair_test: HypothesisTest) -> None:
+    """At no motion the scans' own frames agree; a shift counts in voxels, a turn as what is 30 voxels away moves."""
+    centers = [scan.volume.center for scan in (pair_test.target, pair_test.source)]
+    still = hypothesis(Rotation.identity(), (centers[1] - centers[0]) / VOXEL).fit
+    assert pair_test.moved(still) == pytest.approx(0.0, abs=1e-4)
+    moved = replace(still, shift=still.shift + np.array([3.0, 0.0, -4.0]))
+    assert pair_test.moved(moved) == pytest.approx(5.0, abs=1e-4)
+    turn = Rotation.from_rotvec([0, 0, 0.1])
+    turned = replace(still, R=turn, shift=(turn.apply(centers[1]) - centers[0]) / VOXEL)
+    assert pair_test.moved(turned) == pytest.approx(3.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("spread", [0.02, 0.04, 1.0])
+def test_of_hypotheses_at_the_same_pose_the_best_is_kept(spread: float) -> None:
+    """Compared pair by pair with SciPy's rotations; both signs of a quaternion are the same rotation."""
+    rng = np.random.default_rng(1)
+    R = Rotation.from_rotvec(rng.normal(0, spread, (40, 3)))
+    turned = Rotation.from_quat(rng.choice([-1, 1], (40, 1)) * R.as_quat())
+    fits = [Fit(turned[k], rng.normal(0, 50 * spread, 3), np.eye(6), 1.0, 1.0) for k in range(40)]
+    best_first = [Hypothesis(fit, 1.0, psr, SEEN) for fit, psr in zip(fits, np.linspace(9, 4, 40), strict=True)]
+    kept: list[Hypothesis] = []
+    for each in best_first:
+        away = [(each.fit.R.inv() * other.fit.R).magnitude() for other in kept]
+        apart = [np.linalg.norm(each.fit.shift - other.fit.shift) for other in kept]
+        if not any(turn <= np.deg2rad(3) and shift <= 2 for turn, shift in zip(away, apart, strict=True)):
+            kept.append(each)
+    assert ranked(best_first[::-1]) == kept
+    assert elsewhere(best_first, kept) == []
+
+
+def test_what_looks_hopeless_is_not_compared(pair_test: HypothesisTest, monkeypatch: pytest.MonkeyPatch) -> None:
+    both = [hypothesis(TRUE.rotation, true_shift(pair_test) + offset) for offset in (0 * ASIDE, 2 * ASIDE)]
+    true, beside = with_evidence(pair_test, both)
+    refined_again: list[int] = []
+    refine = HypothesisTest._refine
+
+    def counted(test: HypothesisTest, hypotheses: list[Hypothesis], *rest: Any) -> list[Hypothesis]:
+        refined_again.append(len(hypotheses))
+        return refine(test, hypotheses, *rest)
+
+    monkeypatch.setattr(HypothesisTest, "_refine", counted)
+    pair_test.compare([true, beside])
+    hopeless = replace(beside, evidence=replace(beside.evidence, width=50.0))
+    (only,) = pair_test.compare([hopeless, true])
+    assert refined_again == [2, 1]
+    assert off(pair_test, only) < 1.0

@@ -12,7 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import guarded
 from sonarmap.tools.command.main import run
 from sonarmap.tools.command.terminal import say
-from tests.samples.command_line import ROOT, SONARMAP
+from tests.samples.command_line import ROOT, SONARMAP, on_a_terminal, sonarmap
 
 
 def exit_code_of(command: Callable[[], object]) -> int:
@@ -78,6 +78,15 @@ class TestMessages:
         say(message)
         assert capsys.readouterr().err == f"{message}\n"
 
+    @pytest.mark.slow
+    def test_a_long_message_is_wrapped_by_words_on_a_terminal(self) -> None:
+        shown = on_a_terminal(
+            "from sonarmap.tools.command.terminal import say; say('harbor ' * 30, 'error: ', 'red')", columns=40
+        )
+        lines = [line.rstrip() for line in shown.replace("\x1b[31m", "").replace("\x1b[0m", "").splitlines()]
+        assert lines[0] == "error: harbor harbor harbor harbor"
+        assert all(len(line) <= 40 and set(line.split()) <= {"error:", "harbor"} for line in lines)
+
 
 class TestEntry:
     def test_an_interruption_before_the_verb_is_130(
@@ -105,3 +114,8 @@ start()
 """
         ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
         assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
+
+    @pytest.mark.slow
+    def test_version(self) -> None:
+        shown = sonarmap("--version")
+        assert (shown.returncode, shown.stdout.split()[0], shown.stderr) == (0, "sonarmap", "")

@@ -115,3 +115,13 @@ def test_it_answers_before_one_waits() -> None:
     ).stderr  # fmt: skip
     imported = {line.rpartition("|")[2].strip().partition(".")[0] for line in listed.splitlines()}
     assert not imported & {"scipy", "open3d", "matplotlib", "pyopencl", "gtsam", "pyproj", "rasterio"}
+
+
+@pytest.mark.slow
+def test_zsh_and_fish_are_told_what_a_word_means() -> None:
+    zsh = asked(_SONARMAP_COMPLETE="complete_zsh", _TYPER_COMPLETE_ARGS="sonarmap map --max-")
+    assert '"--max-speed":"How fast the vehicle moves at most [m/s]; for scans whose stamps are times."' in zsh
+    fish = asked(
+        _SONARMAP_COMPLETE="complete_fish", _TYPER_COMPLETE_FISH_ACTION="get-args", _TYPER_COMPLETE_ARGS="sonarmap vi"
+    )
+    assert fish.startswith("view\tOpen a finished map")

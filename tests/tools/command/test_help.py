@@ -68,3 +68,28 @@ def test_the_help_of_the_command_fits_a_screen() -> None:
     assert len(lines) <= 40
     assert all(any(line.startswith(f"  {verb} ") for line in lines) for verb in VERBS)
     assert any(line.startswith("  view       Open a finished map's report, OUT/report.html") for line in lines)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("verb", "words"),
+    [
+        ("map", "--grid N Voxels per edge, 16..512. The number is an even product of 2, 3 and 5. [default: 128]"),
+        ("map", "[default: 35]"),
+        ("map", "--report/--no-report Write report.html, the page that `sonarmap view OUT` opens. [default: --report]"),
+        ("map", "[default: learned]"),
+        ("register", "[default: --no-strength]"),
+        ("evaluate", "[default: poses]"),
+        ("bench", "[default: 64, 128 and 256]"),
+        ("record", "[default: until Ctrl-C]"),
+        ("reproduce", "[default: reproduction]"),
+        ("simulate", "[default: floodgate]"),
+    ],
+)
+def test_defaults_are_seen(verb: str, words: str) -> None:
+    assert words in flowing(page(verb, "--help-all"))
+
+
+def test_the_call_is_shown_with_what_it_needs() -> None:
+    assert page("map", "--help")[0] == "Usage: sonarmap map INPUT... -o OUT [OPTIONS]"
+    assert page("reproduce", "--help")[0] == "Usage: sonarmap reproduce NAME [DIR] [OPTIONS]"

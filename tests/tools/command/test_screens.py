@@ -1,9 +1,13 @@
 """Progress and results on terminals of 80 columns and fewer; few lines elsewhere."""
 
+import signal
+from pathlib import Path
+
 import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.progress import growing_progress, progress
+from tests.samples.clutter_scans import scan, write
 from tests.samples.screens import on_screen
 
 LONG = "scan_008 - scan_009: accepted: it is right with a probability of 99.6 %: " + "the views agree and so on; " * 8
@@ -76,3 +80,77 @@ class TestProgress:
         with pytest.raises(InputError):
             fail_after_one()
         assert capsys.readouterr().err == ""
+
+
+GRID = ("--grid", "64")
+
+
+SONARMAP = "from sonarmap.tools.command.main import run; run()"
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four in scans/, one of them of another place; beside them a copy and a file that is no scan."""
+    folder = tmp_path_factory.mktemp("dive") / "scans"
+    folder.mkdir()
+    write(folder, a=scan(0), b=scan(1), b_copy=scan(1), c=scan(2), d=scan(3, scene=2))
+    (folder / "e.ply").write_text("hello")
+    return folder.parent
+
+
+@pytest.mark.slow
+def test_a_map_that_is_incomplete_is_told_on_a_screen(scans: Path) -> None:
+    shown = on_screen(SONARMAP, "map", "scans", "scans/a.ply", "-o", "out", *GRID, folder=scans)
+    assert shown.exit_code == 3
+    assert len(shown.lines) <= 24  # the summary is among them
+    start = next(k for k, line in enumerate(shown.lines) if line.startswith("scans "))
+    assert shown.lines[start] == "scans     4 of 6 placed in one map (1 in no map, 1 cannot be read)"
+    rows = [line.split()[0] for line in shown.lines[start : start + 6]]
+    assert rows == ["scans", "loops", "track", "map", "time", "warning:"]
+    words = " ".join(line.strip() for line in shown.lines)
+    assert "warning: 1 of 5 scans is in no map" in words
+    assert "next      sonarmap view out " in words
+    assert "report.html" in words
+
+
+@pytest.mark.slow
+def test_a_message_while_a_bar_is_shown_stands_above_it() -> None:
+    program = COUNTING.replace("        time", "        if k == 5: say('a message')\n        time")
+    shown = on_screen("from sonarmap.tools.command.terminal import say\n" + program)
+    assert [line.split()[0] for line in shown.lines] == ["a", "mapping"]
+
+
+@pytest.mark.slow
+def test_a_stopped_map_says_what_is_kept(tmp_path: Path) -> None:
+    folder = tmp_path / "scans"
+    folder.mkdir()
+    write(folder, **{f"scan_{k}": scan(k % 4, scene=k // 4) for k in range(12)})
+    command = ("map", folder, "-o", tmp_path / "out", "--grid", "128")
+    shown = on_screen(SONARMAP, *command, when=r"mapping .* [2-9]/", sent=signal.SIGINT)
+    assert shown.exit_code == 130
+    words = " ".join(line.strip() for line in shown.lines)
+    assert "stopped: " in words
+    assert "pairs are done and kept in" in words
+    assert "the same command continues" in words
+    assert not (tmp_path / "out" / "map.ply").exists()
+
+
+@pytest.mark.slow
+def test_a_table_of_pairs_keeps_its_numbers(scans: Path) -> None:
+    for columns in (60, 80):
+        command = ("map", "scans", "-o", "out", *GRID, "--verbose")
+        shown = on_screen(SONARMAP, *command, columns=columns, rows=80, folder=scans)
+        head = next(k for k, line in enumerate(shown.lines) if line.startswith("pair "))
+        assert {"role", "peak", "overlap", "sigmas"} <= set(shown.lines[head].split())
+        assert ("distance" in shown.lines[head]) == (columns == 80)
+        assert shown.lines[head + 1].startswith("a - b")
+        assert "…" not in "".join(shown.lines[head : head + 5])
+
+
+@pytest.mark.slow
+def test_what_is_wrong_with_files_is_told_once(scans: Path) -> None:
+    shown = on_screen(SONARMAP, "map", "scans", "scans/a.ply", "-o", "out", *GRID, folder=scans, rows=60)
+    words = " ".join(line.strip() for line in shown.lines)
+    assert words.count("e.ply") == 1
+    assert "given more than once, and used once: scans/a.ply" in words
+    assert "the same points twice: b_copy of b; leave the copies out" in words

@@ -13,6 +13,7 @@ from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
+from sonarmap.tools.command.words.pairs import print_pairs
 from sonarmap.tools.command.words.survey import Mapped, warn_of_faults, way_length
 from sonarmap.tools.products.output.faults import contradictions, faults
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
@@ -151,3 +152,31 @@ def test_the_way_is_that_of_every_map_and_survey() -> None:
     assert way_length(survey) == pytest.approx(steps.sum())
     two = replace(survey, surveys=(0,) * 5 + (1,) * 7)
     assert way_length(two) == pytest.approx(steps.sum() - steps[4])
+
+
+@pytest.mark.slow
+def test_a_scan_that_is_to_blame_is_told_once() -> None:
+    assert faults(refusing(set(), ("scan4",)), NAMES) == ["scan4 is in no map: it is of no use; drop it"]
+    (several,) = faults(refusing(set(), ("scan4", "scan8")), NAMES)
+    assert several == "2 scans are in no map: scan4, scan8; the first: it is of no use; drop it"
+
+
+@pytest.mark.slow
+def test_each_gap_is_told_and_many_together() -> None:
+    survey, why = refusing({(1, 2), (4, 5)}), ": refused by the registration: too weak at"
+    assert len(survey.components) == 1
+    twins = ", bridged by other pairs, as two places of one build would be too, such as two tanks (then give the scans "
+    twins += "before and after in folders of their own)"
+    assert faults(survey, NAMES) == [f"gap between scan{k} and scan{k + 1}{twins}{why} {k}" for k in (1, 4)]
+    (many,) = faults(refusing({(k, k + 1) for k in (1, 3, 5, 7)}), NAMES)
+    assert many == f"4 gaps between consecutive scans{twins}, as between scan1 and scan2{why} 1"
+
+
+@pytest.mark.slow
+def test_the_table_says_why_a_pair_was_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    survey = refusing({(1, 2), (4, 5)})
+    print_pairs(survey, NAMES)
+    printed = capsys.readouterr().out
+    legend = "sigmas: how far the pair is from the final poses"
+    assert all(words in printed for words in ("chi-squared", "degrees of freedom", legend, "too weak"))
+    assert any(not pair.kept for pair in survey.pairs)

@@ -11,8 +11,9 @@ import pytest
 
 import sonarmap.tools.command.doctor.opencl as opencl_check
 from sonarmap.kernels.child import Answers
-from sonarmap.tools.command.doctor.finding import Finding, worst
+from sonarmap.tools.command.doctor.finding import Finding, Remedy, size, worst
 from sonarmap.tools.command.doctor.libraries import APT_PACKAGES, EXTRAS
+from sonarmap.tools.command.doctor.run import lines_of, summary
 from tests.tools.command.doctor.broken import ROOT, broken_module, has_own_loader, sonarmap, without_drivers
 
 CHECKS = ["Python", "libraries", "optional", "OpenCL", "memory", "cores", "disk", "temporary", "caches"]
@@ -135,6 +136,11 @@ class TestBrokenLibraries:
         assert "gtsam 1.0, wanted gtsam>=" in checks["libraries"]["seen"]
         assert re.search(r"-m pip install 'gtsam>=[\d.]+'$", commands_of(checks["libraries"])[0])
 
+    @pytest.mark.slow
+    def test_a_library_that_sizes_need_is_not_blamed_on_pyopencl(self, tmp_path: Path) -> None:
+        checks = quick(first=broken_module(tmp_path, "scipy", "SystemExit(1)"))
+        assert "while choosing a device" in checks["OpenCL"]["seen"]
+
 
 class TestLists:
     """What doctor knows by heart agrees with where it stands."""
@@ -201,3 +207,25 @@ class TestOpenCL:
 
 def test_the_worst_verdict_counts() -> None:
     assert (worst([]), worst(["ok", "warning", "ok"]), worst(["warning", "wrong"])) == ("ok", "warning", "wrong")
+
+
+class TestWords:
+    def test_commands_stand_alone_and_whole(self) -> None:
+        command = "a " * 60 + "b"
+        lines = lines_of(
+            Finding("wrong", "one " * 40 + "\ntwo", (Remedy("do:", command), Remedy("or this")), check="disk"), 80
+        )
+        assert lines[0].startswith("wrong    disk        one one")
+        assert [line.strip() for line in lines[-4:]] == ["two", "> do:", command, "> or this"]
+        assert max(len(line) for line in lines if command not in line) <= 80
+
+    def test_sizes(self) -> None:
+        sizes = {0: "0 bytes", 1023: "1023 bytes", 65536: "64 KiB", 1.5 * 2**20: "1.5 MiB", 3 * 2**34: "48 GiB"}
+        assert {n: size(n) for n in sizes} == sizes
+
+    def test_the_last_line(self) -> None:
+        good, bad, doubtful = (Finding(verdict, "") for verdict in ("ok", "wrong", "warning"))
+        assert summary([good, good]).endswith("all that is needed works")
+        assert summary([good, doubtful]).endswith("all that is needed works; 1 warning")
+        assert summary([good, bad, doubtful]).endswith("1 of 3 wrong, and 1 warning; follow the advice after >")
+        assert (worst([]), worst(["ok", "warning", "ok"])) == ("ok", "warning")

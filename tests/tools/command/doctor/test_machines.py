@@ -95,6 +95,16 @@ class TestDisks:
         monkeypatch.setattr(Path, "exists", refuse)
         assert look_at(tmp_path).fault == "permission denied"
 
+    @pytest.mark.slow  # all kernels are compiled
+    def test_a_map_with_a_read_only_home(self, tmp_path: Path, scans: Path) -> None:
+        with mounted(tmp_path / "home", "ro") as home:
+            environment = {"HOME": str(home), "XDG_CACHE_HOME": "", "MPLCONFIGDIR": ""}
+            out = str(tmp_path / "out")
+            made = sonarmap("map", str(scans), "--grid", "32", "-o", out, variables=environment)
+            assert "cannot be written (read-only file system)" in made.stderr
+            assert "Traceback" not in made.stderr
+            assert (tmp_path / "out" / "map.ply").exists()
+
 
 class TestMemory:
     @pytest.mark.slow

@@ -13,6 +13,7 @@ from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.readers.scans import read_survey
 from tests.samples.clutter_scans import (
+    clutter,
     done,
     files_in,
     plane,
@@ -253,3 +254,24 @@ def test_fewer_than_two_scans_that_can_be_read_are_an_error(good: str, tmp_path:
         result = sonarmap("map", *inputs, "-o", tmp_path / "out", *GRID)
         refused(result, "error: ", "bad.ply: the file is empty", f"{left} scans can be read; a map needs at least two")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_points_outside_a_grid_that_is_too_small_are_no_crash(tmp_path: Path) -> None:
+    far = np.vstack([clutter(1), np.array([[9e4, -9e4, 3.0]])]).astype(np.float32)
+    paths = write(tmp_path, a=far, b=scan(1))
+    assert sonarmap("register", *paths, *GRID, "--voxel", "0.2").exit_code in (0, 3)
+    assert sonarmap("register", *paths, *GRID).exit_code == 0
+
+
+@pytest.mark.slow
+def test_where_nothing_joins_any_two_scans_the_first_is_the_map(tmp_path: Path) -> None:
+    paths = write(tmp_path, a=scan(0), b=scan(1, scene=2))
+    result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
+    assert result.exit_code == 3
+    said(result, "gap between a and b", "1 of 2 scans is in no map", "others: b")
+    part = "map.ply map_all.ply map.png trajectory.tum"
+    run = "graph.g2o graph.json pairs.csv summary.json times.json journal.sqlite report.html"
+    assert set(files_in(tmp_path / "out")) == {*part.split(), *run.split()}
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert ([part["scans"] for part in summary["components"]], summary["unplaced"]) == ([[0]], [1])

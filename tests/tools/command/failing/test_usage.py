@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import Result
 
+from sonarmap.kernels.errors import InputError
 from tests.samples.clutter_scans import refused, said, scan, sonarmap, write
 
 
@@ -105,6 +106,16 @@ class TestJson:
     def test_without_json_stdout_stays_empty(self) -> None:
         assert sonarmap("map", "missing.ply", "-o", "out").stdout == ""
         assert sonarmap("devices", "--bogus").stdout == ""
+
+    @pytest.mark.slow
+    def test_a_failed_export(self, scans: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def fail(*_: object) -> None:
+            raise InputError("no room for it")
+
+        monkeypatch.setattr("sonarmap.tools.products.report.page.page.write_report", fail)
+        result = sonarmap("map", *scans[:2], "-o", tmp_path, *GRID, "--json")
+        assert failure(result) == {"error": "no room for it", "exit_code": 2}
+        assert (tmp_path / "map.ply").exists()
 
 
 class TestQuiet:

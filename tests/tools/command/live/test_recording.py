@@ -223,3 +223,16 @@ def test_a_folder_that_cannot_be_is_said(tmp_path: Path, to: tuple[str, int]) ->
     (tmp_path / "recording").write_bytes(b"7")
     with pytest.raises(InputError, match=r"cannot record to .*recording: File exists"):
         RecordingProcess(tmp_path, options(to))
+
+
+@pytest.mark.slow
+def test_it_begins_when_the_port_is_free(tmp_path: Path, to: tuple[str, int]) -> None:
+    first = begun(tmp_path, to)
+    other = RecordingProcess(tmp_path / "other", options(to))
+    said = list[str]()
+    until(lambda: said.extend(heard(other)) or any("begins again" in line for line in said))
+    assert f"cannot listen at {to[0]}:{to[1]}" in " ".join(said)
+    assert files(tmp_path / "other") == []
+    first.end()
+    until(lambda: heard(other) or size(tmp_path / "other", "001.part.sonar") >= 0)
+    other.end()

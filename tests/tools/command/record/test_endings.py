@@ -240,3 +240,17 @@ def test_ten_minutes_at_20_hz_with_one_in_a_hundred_lost(tmp_path: Path) -> None
     assert said["lost_here"] == {"receive_buffer": 0, "disk": 0}
     assert most < MOST_MEMORY
     assert late - early < MOST_GROWTH
+
+
+@pytest.mark.slow
+def test_a_terminal_that_has_gone_does_not_end_it(tmp_path: Path) -> None:
+    with running(tmp_path / "dive.sonar") as (recorder, to):
+        assert recorder.stderr is not None
+        assert recorder.stdout is not None
+        recorder.stderr.close()
+        recorder.stdout.close()
+        send([b"noise, of which it wants to warn", *PACKETS], to)
+        until_written(tmp_path / "dive.part.sonar", sum(map(len, PACKETS)), recorder)
+        recorder.send_signal(signal.SIGTERM)
+        recorder.wait()
+    assert (tmp_path / "dive.sonar").read_bytes() == b"".join(PACKETS)

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from sonarmap.slam.survey_grid import survey_grid
+from sonarmap.tools.command import overview
 from sonarmap.tools.command.navigation import PriorsFile, scans_with_priors
 from sonarmap.tools.files.readers.clock import clock_faults, clock_of, utc
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.clutter_scans import printed, refused, said, scan, sonarmap, write
 from tests.samples.places import DATA
-from tests.samples.recordings import imu_packets, shot_packets
+from tests.samples.recordings import imu_packets, recording, shot_packets, written
 
 REAL = DATA / "sonar3d15" / "ship_short.sonar"
 
@@ -75,6 +76,14 @@ class TestRecording:
         faster = as_json(dive, "--sound-speed", 1500)
         assert faster["next"] == f"sonarmap map {dive} --sound-speed 1500 -o map/"
         assert plain["farthest_m"] < faster["farthest_m"] < 1.02 * plain["farthest_m"]
+
+    @pytest.mark.slow
+    def test_a_long_one_is_read_scan_by_scan_with_progress(self, tmp_path: Path) -> None:
+        """No scan is kept, and something is shown every hundred."""
+        path = written(tmp_path / "long.sonar", recording(250))
+        steps: list[tuple[int, int, str]] = []
+        assert len(overview.overview_of([path], progress=lambda *step: steps.append(step)).names) == 250
+        assert steps == [(0, 1, "long.sonar: 100 scans"), (0, 1, "long.sonar: 200 scans"), (1, 1, "long.sonar")]
 
 
 class TestOtherFormats:

@@ -3,12 +3,14 @@
 import json
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import laspy
 import numpy as np
 import pytest
 
+import sonarmap as sonarmap_package
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.folder import read_map_folder
@@ -145,3 +147,23 @@ def test_inspect_shows_lines(survey: Survey, tmp_path: Path) -> None:
     (line,) = printed(sonarmap("inspect", files[1], "--json"))["lines"]
     assert line["pings"] == PINGS
     assert line["length"] == pytest.approx(2.4 * PINGS / 5, rel=0.1)
+
+
+FILES = {"navigation.csv", "soundings.laz", "lines.json"}
+
+
+def test_files_of_lines_are_listed_and_go_with_the_next_map(mapped: Path, tmp_path: Path) -> None:
+    summary = json.loads((mapped / "out" / "summary.json").read_text())
+    assert set(summary["files"]) >= FILES
+    assert summary["georeference"]["latitude"] == HERE.latitude
+
+
+@pytest.mark.slow
+def test_python_maps_lines_as_the_command_does(mapped: Path) -> None:
+    (mapped / "some").mkdir()
+    for k in (1, 2):
+        shutil.copy(mapped / f"{k}.gsf", mapped / "some")
+    result = sonarmap_package.map_scans(mapped / "some")
+    assert len(result.components) == 1
+    assert set(result.surveys) == {0, 1}
+    assert all(edge.kind == "loop" for edge in result.edges)  # along a line nothing is registered

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from tests.samples.clutter_scans import T_WORLD_SENSOR, done, files_in, said, scan, sonarmap, table_of, write
+from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 GRID = ("--grid", "64", "--no-report")
 SCANS = 8
@@ -170,3 +172,12 @@ def test_what_a_killed_run_had_half_written_goes(tmp_path: Path) -> None:
     (out / ".sonarmap").write_text("mine")
     assert sonarmap("map", tmp_path, "-o", out, "--grid", "64", "--quiet").exit_code == 0
     assert {name for name in files_in(out) if name.startswith(".")} == {".sonarmap"}
+
+
+@pytest.mark.slow
+def test_two_surveys_of_one_scan_each_have_no_pair_to_try() -> None:
+    """One pair alone never joins two surveys, so that there is nothing to find out."""
+    truth = ring_poses(2, turns=0.1)
+    result = Mapper(KnowingRegistrar(truth, np.eye(6) * 1e-4), 0.5).run(scans_of(truth), surveys=[0, 1])
+    assert result.components == ((0,), (1,))
+    assert result.gaps == ()

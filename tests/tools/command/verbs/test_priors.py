@@ -157,6 +157,11 @@ class TestVerbs:
         sigmas = parse_prior_sigmas("1,2,3,4")
         assert sigmas == {"roll_deg": 1, "pitch_deg": 1, "heading_deg": 2, "depth_m": 3, "x_m": 4, "y_m": 4}
 
+    def test_a_file_of_priors_in_the_folder_is_no_scan(self, folder: Path) -> None:
+        (folder / "nav.csv").rename(folder / "priors.csv")
+        for paths in ([folder], [str(folder / "*")]):
+            assert [one.name for one in read_scans(paths).scans] == ["scan_0", "scan_1", "scan_2"]
+
 
 ONE = ("--scans", "1", "--quiet", "-o")
 
@@ -189,3 +194,19 @@ def test_the_noise_of_the_echoes_is_described_and_given_again(tmp_path: Path) ->
     again = ("--like", tmp_path / "a" / "description.json", "--quiet", "-o", tmp_path / "b")
     assert sonarmap("simulate", *again).exit_code == 0
     assert files_in(tmp_path / "a") == files_in(tmp_path / "b")
+
+
+@pytest.mark.slow
+def test_a_lower_threshold_leaves_more_points_of_the_same_scan(tmp_path: Path) -> None:
+    assert sonarmap("simulate", "--seed", "4", *ONE, tmp_path / "a").exit_code == 0
+    like = ("--like", tmp_path / "a" / "description.json")
+    assert sonarmap("simulate", *like, "--threshold", "0", *ONE, tmp_path / "b").exit_code == 0
+    few, many = (described(tmp_path / name)["scans"][0]["points"] for name in "ab")
+    assert 1.2 * few < many < 2 * few
+
+
+@pytest.mark.slow
+def test_table_1_has_the_papers_noise_alone(tmp_path: Path) -> None:
+    assert sonarmap("simulate", "--trajectory", "table1", *ONE, tmp_path / "out").exit_code == 0
+    noise = described(tmp_path / "out")["settings"]["noise"]
+    assert noise == {"sigma2": 1.0, "outliers": 0.0, "dropouts": 0.0, "ghosts": 0.0, "speckle": 0.0, "lobe": 0.0}

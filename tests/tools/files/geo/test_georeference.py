@@ -167,3 +167,8 @@ def test_refuses_points_that_are_not_near() -> None:
     here = Georeference(10.0, 10.0)
     for convert, point in ((here.geodetic, [3e5, 0, 0]), (here.local, [20, 10, 0]), (here.geodetic, [np.nan, 0, 0])):
         refuses("200 km", convert, np.array([point], float))
+
+
+def test_heights_follow_the_surface() -> None:
+    here = Georeference(60.0, 5.0, height=2.0, vertical="MSL")
+    assert here.geodetic(np.array([[5000.0, -3000.0, -41.5]]))[0, 2] == pytest.approx(-39.5, abs=1e-9)

@@ -10,7 +10,7 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.corrections import FRAMES, UNITS, Corrections, PointFrame
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
-from tests.samples.cloud_files import TABLE, range_image
+from tests.samples.cloud_files import TABLE, npz, range_image
 from tests.samples.refusals import refuses
 
 POINTS = np.array([[1.5, -2.25, 0.75], [6.75, 0.125, -3.5]])
@@ -114,3 +114,10 @@ def test_integers_and_what_is_not_finite() -> None:
     np.testing.assert_allclose(turned.points, [[1.5, -0.25, 0.75]])
     points = PointFrame("ned").turned(Cloud(np.array([[np.nan, 1.0, 2.0], [1, np.inf, 3]]))).points
     np.testing.assert_array_equal(np.isfinite(points), [[True, False, True], [False, True, True]])
+
+
+def test_any_format_can_be_scaled(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", TABLE)
+    (tmp_path / "b.npz").write_bytes(npz(points=TABLE[:, :3]))
+    for scan in read_scans([tmp_path], Corrections(scale=0.5)).scans:
+        np.testing.assert_array_equal(scan.points, TABLE[:, :3] / 2)

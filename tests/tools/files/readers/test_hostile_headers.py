@@ -16,6 +16,9 @@ import snappy
 from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.navigation import parse_prior_sigmas
+from sonarmap.tools.files.memory import available_memory, require_memory
+from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.readers.scans import read_scan, read_survey
 from tests.samples.cloud_files import npz, put, range_image
 from tests.samples.clutter_scans import plane, refused_with_reason, said, sonarmap, write
@@ -179,3 +182,73 @@ class TestNesting:
     def test_it_is_an_error_in_words(self, tmp_path: Path, kind: str, content: bytes) -> None:
         path = put(tmp_path / "deep.json", content)
         refuses(re.escape(str(path)), POSE_FILES[kind].read, path)
+
+    def test_what_is_right_is_read(self, tmp_path: Path) -> None:
+        path = put(tmp_path / "a.json", b'{"a": [1, -2.5e-3, 9223372036854775807, 1e30, null, "\xc3\xb6"]}')
+        assert read_json(path, "a file") == {"a": [1, -2.5e-3, 2**63 - 1, 1e30, None, "ö"]}
+
+
+class TestMemory:
+    def test_a_system_that_does_not_tell_has_all_its_memory(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def missing(*_: object, **__: object) -> str:
+            raise FileNotFoundError
+
+        monkeypatch.setattr(Path, "read_text", missing)
+        assert available_memory() > 2**27
+        monkeypatch.setattr("sonarmap.tools.files.memory.os.sysconf", missing)
+        assert available_memory() == 4 << 30
+
+    def test_what_fits_is_taken_and_more_is_not(self) -> None:
+        available = available_memory()
+        assert 2**27 < available < 2**50
+        require_memory("a thing", available // 2, "take less")
+        with pytest.raises(InputError, match=r"a thing takes [\d,]+ GiB of memory, .* GiB to spare; take less"):
+            require_memory("a thing", 10**400, "take less")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [[], ["--repair"], ["--robust"]])
+@pytest.mark.parametrize(("given", "hostile"), [(b" 100 ", b" 1e308 "), (b" 1.5 ", b" 1e200 "), (b" 0.5 ", b" -1e29 ")])
+def test_a_graph_of_such_numbers_is_refused(tmp_path: Path, given: bytes, hostile: bytes, options: list[str]) -> None:
+    path = put(tmp_path / "in.g2o", POSE_FILES["g2o"].content.replace(given, hostile, 1))
+    result = sonarmap("optimize", path, "-o", tmp_path / "out.g2o", *options)
+    if (hostile, options) == (b" -1e29 ", ["--repair"]):
+        assert "nan" not in (tmp_path / "out.g2o").read_text()
+    else:
+        refused_with_reason(result)
+        said(result, f"error: {path}: line ")
+        assert not (tmp_path / "out.g2o").exists()
+
+
+@pytest.mark.parametrize("alignment", ["poses", "positions", "first"])
+def test_an_evaluation_of_such_numbers_ends(tmp_path: Path, alignment: str) -> None:
+    """With 1e200 it did not; the largest allowed can be computed with."""
+    truth = put(tmp_path / "truth.tum", POSE_FILES["tum"].content)
+    estimate = put(tmp_path / "estimate.tum", truth.read_bytes().replace(b"2.25", b"1e200", 1))
+    result = sonarmap("evaluate", estimate, truth, "--align", alignment)
+    refused_with_reason(result)
+    said(result, f"error: {estimate}: line 1 holds 1e+200; wanted ty within 1e+09: fix that line")
+    if alignment != "positions":
+        put(estimate, truth.read_bytes().replace(b"2.25", b"1e9", 1))
+        result = sonarmap("evaluate", estimate, truth, "--align", alignment, "--json")
+        assert result.exit_code == 0
+        assert "NaN" not in result.stdout
+
+
+@pytest.mark.parametrize("text", ["1e308,1,1,1", "1,1e-200,1,1", "1,1,inf,1"])
+def test_options_have_the_same_limits(text: str) -> None:
+    refuses("--prior-sigmas is", parse_prior_sigmas, text)
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("number", [b"1e16", b"9223372036854775808", b"1e30"])
+@pytest.mark.parametrize("options", [[], ["--repair"]])
+def test_weights_that_differ_too_much_to_be_added_are_an_error(
+    tmp_path: Path, number: bytes, options: list[str]
+) -> None:
+    edge = b"EDGE_SE3:QUAT 1 2 1.5 0.25 0 0 0 0 1 100 0.5 0.5 0.5 0.5 0.5 "
+    before, _, after = POSE_FILES["g2o"].content.rpartition(edge + b"100 ")
+    path = put(tmp_path / "in.g2o", before + edge + number + b" " + after)
+    result = sonarmap("optimize", path, "-o", tmp_path / "out.g2o", *options)
+    refused_with_reason(result)
+    said(result, "error: the pose graph of 3 poses and 2 edges has no unique solution")

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers import incoming as module
 from sonarmap.tools.files.readers.corrections import AS_RECORDED
@@ -223,6 +224,18 @@ class TestMcap:
         for k, each in enumerate(came):
             assert [after.scan.name for after in again(each.behind)] == [f"grows#{n}" for n in range(k + 1, 12)]
 
+    def test_in_the_folder_of_a_bag_that_ends_meanwhile(self, tmp_path: Path, whole: bytes) -> None:
+        folder = tmp_path / "bag"
+        folder.mkdir()
+        path, half = folder / "bag_0.mcap", len(whole) // 2
+        path.write_bytes(whole[:half])
+
+        def end() -> None:
+            (folder / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  version: 9\n")
+
+        came = followed(folder, appending(path, whole[half:]), end)
+        assert [each.scan.name for each in came] == [f"bag_0#{k}" for k in range(12)]
+
 
 def test_what_came_before_it_ended_is_read(tmp_path: Path) -> None:
     path = put(tmp_path / "dive.sonar", b"")
@@ -252,3 +265,24 @@ def test_a_replay_ends_when_it_is_asked_to(tmp_path: Path, clock: SimpleNamespac
     path, begun = written(tmp_path / "dive.sonar", list(recording(9))), clock.now
     came = list(replayed([str(path)], AS_RECORDED, 1.0, lambda: clock.now > begun + 0.5))
     assert len(came) == 3
+
+
+def test_a_replay_of_nothing_that_can_be_read_is_refused(tmp_path: Path) -> None:
+    path = put(tmp_path / "scan_0.ply", b"ply")
+    with pytest.raises(InputError, match=r"no scan can be read: .*scan_0.ply"):
+        next(replayed([str(path)], AS_RECORDED, 0.0, lambda: False))
+
+
+def test_names_go_on_after_a_mark(tmp_path: Path) -> None:
+    path = written(tmp_path / "dive.sonar", list(recording(5)))
+    came = followed(path)
+    assert [each.scan.name for each in followed(path, after=came[2].behind)] == ["dive#3", "dive#4"]
+
+
+def test_within_a_file_of_several_scans_it_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scans = [Scan(scan(k)[:60], stamp=float(k)) for k in range(4)]
+    monkeypatch.setattr(module, "_read", lambda *_: scans)
+    put(tmp_path / "dive.ply", b"7")
+    came = followed(tmp_path)
+    require_same(came, scans)
+    require_same(followed(tmp_path, after=came[1].behind), scans[2:])

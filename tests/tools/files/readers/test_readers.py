@@ -12,6 +12,7 @@ from sonarmap.tools.files.readers.clouds import rows
 from sonarmap.tools.files.readers.scans import read_scan, read_scans
 from sonarmap.tools.files.time_scales import utc_of_gps
 from tests.samples.cloud_files import POINTS, SAMPLES, STRENGTH, TABLE, las, npy, npz, pcd, ply, put, text
+from tests.samples.places import DATA
 from tests.samples.processor_time import thrifty
 from tests.samples.refusals import refuses
 
@@ -220,3 +221,17 @@ def test_three_columns_carry_no_strength(tmp_path):
         scan = read_scan(put(tmp_path / name, content))
         np.testing.assert_array_equal(scan.points, POINTS)
         assert scan.strength is None
+
+
+@pytest.mark.slow
+def test_real_rgbd_fragments_are_read_whole():
+    files = sorted((DATA / "redkitchen").glob("*.ply"))
+    if not files:
+        pytest.skip(f"no real fragments in {DATA / 'redkitchen'}")
+    read = read_scans(files)
+    assert [len(scan.points) for scan in read.scans] == [258342, 268977, 291605]
+    assert [scan.name for scan in read.scans] == ["cloud_bin_0", "cloud_bin_1", "cloud_bin_2"]
+    assert read.notes == ()
+    o3d = pytest.importorskip("open3d")
+    witness = np.asarray(o3d.io.read_point_cloud(str(files[0])).points)
+    np.testing.assert_array_equal(read.scans[0].points, witness.astype(np.float32))

@@ -201,3 +201,10 @@ def test_the_result_is_json():
 def test_right_means_6_degrees_and_3_voxels():
     for degrees, meters, right in ((5.9, 5.9, True), (0, 6.1, False), (6.1, 0, False)):
         assert PairError(degrees, meters).is_right(2.0) == right
+
+
+def test_a_single_pose_has_no_step():
+    result = evaluate(_walk(1), _walk(4), "first")
+    assert result.step_translation_m.shape == (0,)
+    assert result.unmatched_truths == 3
+    assert result.to_json()["rpe_m"] is None

@@ -196,3 +196,26 @@ def test_a_table_that_a_spreadsheet_saved_is_read(files: Path) -> None:
         assert (ours.T_target_source is None) == (theirs.T_target_source is None)
         if ours.T_target_source is not None and theirs.T_target_source is not None:
             assert (ours.T_target_source.as_matrix() == theirs.T_target_source.as_matrix()).all()
+
+
+def test_everything_is_printed_with_its_alignment(files: Path) -> None:
+    options = ("--map", files / "map.ply", "--surface", files / "truth.ply", "--summary", files / "summary.json")
+    printed = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", *options).stdout
+    for words in (
+        ": 500 points compared with the 500 points of truth.ply, aligned like the trajectory by all poses.",
+        "pairs, right within 6° and 1.50 m",
+        "Uncertainty of 5 poses, relative to the first pose: 100.0 % of the true poses",
+    ):
+        assert words in printed
+    rows = [line.split() for line in printed.splitlines()]
+    assert rows[[row[:1] for row in rows].index(["pairs,"])][-1] == "loops"
+    loops = [row[-1] for row in rows if row and row[0] in ("kept", "rejected", "failed", "unjudged")]
+    assert loops == ["1", "1", "1", "0", "1", "0"]
+    shares = [row[-1] for row in rows if row and row[0] in ("precision", "recall", "rejections'")]
+    assert shares == ["0.500", "0.500", "0.000", "0.000"]
+
+
+@pytest.mark.slow
+def test_without_the_options_their_keys_are_there_and_empty(files: Path) -> None:
+    told = evaluated(files)
+    assert [told[name] for name in ("map", "pairs", "uncertainty")] == [None, None, None]

@@ -203,3 +203,14 @@ def test_failed_and_unjudged_pairs_count_as_neither() -> None:
     score = score_pairs(pairs, TRUE_PAIRS, LOOP_VOXEL)
     assert (score.failed, score.unjudged, score.kept_right) == (1, 1, 1)
     assert (score.precision, score.recall) == (1.0, 1.0)
+
+
+def test_a_larger_voxel_forgives_more() -> None:
+    pair = tried(0, 2, True, 0.0, RIGHT_VOXELS + 1)
+    assert score_pairs([pair], TRUE_PAIRS, LOOP_VOXEL).kept_wrong == 1
+    assert score_pairs([pair], TRUE_PAIRS, 2 * LOOP_VOXEL).kept_right == 1
+
+
+def test_an_anchor_alone_says_nothing() -> None:
+    found, truth, covariances = drawn()
+    assert calibrate_poses(found[:1], truth[:1], covariances[:1]) is None

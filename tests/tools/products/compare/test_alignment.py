@@ -31,3 +31,7 @@ def test_too_few_or_two_places_are_refused() -> None:
     assert agreed(answers(1, 1), 5) is None
     elsewhere = answers(2, 3, RigidTransform.from_translation([30.0, 0, 0]) * TRUTH)
     assert agreed([*answers(1, 3), *elsewhere], 8) is None
+
+
+def test_a_single_view_is_enough_where_there_is_no_other() -> None:
+    assert agreed(answers(1, 1), 1) is not None

@@ -12,6 +12,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.tangent import lengths
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Map
+from sonarmap.tools.files.map_folder.surveyed import surveyed_map
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.maps import export_map
 from sonarmap.tools.products.compare.alignment import Alignment
@@ -180,3 +181,18 @@ def test_two_clouds_and_none(folder: Map, tmp_path: Path) -> None:
     assert isinstance(cloud, PointCloud)
     assert (cloud.sigma, beside) == (0.1, folder)
     assert compare_maps(cloud, beside, None, CompareSettings()).alignment is None
+
+
+def test_large_coordinates_are_counted_from_nearby(folder: Map) -> None:
+    points, far = folder.parts[0].points, np.array([450_123.0, 6_651_234.0, 0])
+    cloud = PointCloud.of_points(points + far, folder)
+    assert "its coordinates are counted from 450000, 6651000, 0 m" in cloud.notes[1]
+    assert np.abs(cloud.points).max() < 1000
+    assert cloud.weight.sum() == len(points)
+
+
+def test_views_of_a_map_lie_in_its_cloud(folder: Map) -> None:
+    real = surveyed_map(folder)
+    made_up = PointCloud.of_points(folder.parts[0].points, folder).seen_as(real)
+    assert set(made_up.seen_by.tolist()) == set(range(len(made_up.covariances)))
+    assert len(made_up.key_scan(made_up.apart[0]).points) >= 50

@@ -12,7 +12,7 @@ from sonarmap.tools.products.compare.distances import Distances, Verdict, distan
 from sonarmap.tools.products.compare.epoch import Epoch
 from sonarmap.tools.products.compare.regions import regions_of
 from sonarmap.tools.products.compare.surface import RADIUS, cores_of, layer_of
-from tests.tools.products.compare.made_up import NOISE, VOXEL, surveyed
+from tests.tools.products.compare.made_up import NOISE, VOXEL, bed, surveyed
 
 ALIGNMENT = np.diag(np.repeat([1e-3, 0.02], 3) ** 2)
 
@@ -171,3 +171,18 @@ def test_nothing_in_common() -> None:
     distances = compared(old, surveyed(2, size=5.0).moved(RigidTransform.from_translation([100.0, 0, 0])))
     assert set(np.unique(distances.verdict)) == {Verdict.OLD_ONLY, Verdict.NEW_ONLY}
     assert not regions_of(distances)
+
+
+def test_a_large_level_is_unsure() -> None:
+    old, new = surveyed(1, size=5.0), surveyed(2, size=5.0)
+    distances = distances_between(old, new, ALIGNMENT, VOXEL, 4 * VOXEL, bound=1e-3)
+    assert not (distances.verdict == Verdict.UNCHANGED).any()
+    assert (distances.verdict == Verdict.UNSURE).any()
+
+
+@pytest.mark.slow
+def test_core_points_are_the_surface_once() -> None:
+    cores = cores_of(surveyed(1, poses_err=False), VOXEL)
+    assert cores.area.sum() == pytest.approx(30 * 30, rel=0.05)
+    assert (cores.normals[:, 2] > 0.9).all()  # toward the sensors
+    assert np.abs(cores.points[:, 2] - bed(cores.points[:, :2])).std() < NOISE

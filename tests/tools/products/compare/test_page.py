@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sonarmap.tools.products.compare import page as page_module
 from sonarmap.tools.products.compare.comparison import Comparison
 from sonarmap.tools.products.compare.distances import Verdict, distances_between
 from sonarmap.tools.products.compare.page import UNSAID, changes_page
@@ -118,3 +119,60 @@ def test_the_table_and_the_picture_are_there_without_webgl(comparison: Compariso
         shown.page.locator("#regions tbody tr button").click()
     with opened(written(none, tmp_path)) as shown:
         assert "No change is beyond its error" in shown.page.inner_text("#regions")
+
+
+def test_of_many_points_some_are_shown(comparison: Comparison, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page_module, "MOST_POINTS", 500)
+    text = changes_page(comparison, DOT)
+    assert text == changes_page(comparison, DOT)  # the same at random
+    content, clouds = embedded(text)
+    assert [len(points) for points, _ in clouds.values()] == [500] * 3
+    assert content["clouds"]["old"]["all"] == len(comparison.old_points)  # type: ignore[index]
+
+
+@pytest.mark.slow
+def test_the_surveys_are_wiped_by_mouse_and_keyboard(path: Path) -> None:
+    """Left of the line is what the old survey alone shows there, right of it what the new one does."""
+    pixels = """(percent) => {
+        const { view } = sonarmap, { gl } = view.scene, { width, height } = gl.canvas;
+        view.wipe(percent);
+        view.draw();
+        const all = new Uint8Array(4 * width * height), half = width >> 1;
+        gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, all);
+        return [0, half].map((from) => {
+            let sum = 0;
+            for (let k = 0; k < all.length; k++) {
+                const x = (k >> 2) % width;
+                if (x >= from && x < from + half) sum = (31 * sum + all[k]) % 1000003;
+            }
+            return sum;
+        });
+    }"""
+    with opened(path, silent=False) as shown:
+        page = shown.page
+        old, new, both = (page.evaluate(pixels, percent) for percent in (100, 0, 50))
+        assert both == [old[0], new[1]]
+        assert old[0] != new[0]
+        page.locator("#wipe").focus()
+        page.keyboard.press("ArrowLeft")
+        assert page.evaluate("[sonarmap.view.scene.wipe, sonarmap.view.mode]") == [0.49, "both"]
+        line = page.locator("#line").bounding_box()
+        handle = page.locator("#wipe").bounding_box()
+        assert line
+        assert handle
+        y = handle["y"] + handle["height"] / 2
+        page.mouse.move(line["x"], y)
+        page.mouse.down()
+        page.mouse.move(line["x"] + 100, y, steps=3)
+        page.mouse.up()
+        moved = page.locator("#line").bounding_box()
+        assert moved
+        assert moved["x"] == pytest.approx(line["x"] + 100, abs=3)
+        page.mouse.move(line["x"] - 100, y)  # beside the handle the map is turned
+        before = page.evaluate("sonarmap.view.camera.azimuth")
+        page.mouse.down()
+        page.mouse.move(line["x"] - 150, y, steps=3)
+        page.mouse.up()
+        assert page.evaluate("sonarmap.view.camera.azimuth") != before
+        assert all("ReadPixels" in words for words in shown.said)  # that it is slow
+        assert all(address.startswith(("file:", "data:")) for address in shown.asked)

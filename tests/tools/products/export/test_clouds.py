@@ -157,3 +157,12 @@ def test_several_surveys_and_many_scans(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.asarray(las["scan"]), many)
     np.testing.assert_array_equal(las.point_source_id, many % 65_536)
     assert (np.asarray(las["seen"]) == 65_535).all()
+
+
+def test_coordinates_are_four_bytes_as_the_format_says(tmp_path: Path) -> None:
+    """Read by hand: PCD's header, then packed records."""
+    points, _ = cloud("near")
+    write_pcd(tmp_path / "map.pcd", points)
+    head, _, body = (tmp_path / "map.pcd").read_bytes().partition(b"DATA binary\n")
+    assert b"SIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 400\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 400\n" in head
+    np.testing.assert_array_equal(np.frombuffer(body, "<f4").reshape(-1, 3), points.astype(np.float32))

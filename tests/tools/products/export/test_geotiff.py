@@ -15,7 +15,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced, MapGrid
 from sonarmap.tools.products.export.geotiff import NODATA, write_geotiff
-from sonarmap.tools.products.export.grid import empty_share, sufficient_cell, top_cells
+from sonarmap.tools.products.export.grid import empty_share, round_cell, sufficient_cell, top_cells
 from tests.tools.products.export.finished import georeferenced, scattered
 
 
@@ -196,3 +196,8 @@ def test_what_the_file_says_of_itself(tmp_path: Path) -> None:
     for name, words in (("AREA_OR_POINT", "Area"), ("VERTICAL_REFERENCE", "EPSG:5714"), ("SIGN", "positive up")):
         assert words in tags[name]
     assert {path.name for path in tmp_path.iterdir()} == {"grid.tif", "grid.qml"}
+
+
+def test_cells_are_of_round_size() -> None:
+    sizes = {0.2: 0.2, 0.21: 0.5, 0.347: 0.5, 0.5: 0.5, 0.84: 1.0, 1.0: 1.0, 1.01: 2.0, 13.0: 20.0}
+    assert {voxel: round_cell(voxel) for voxel in sizes} == sizes

@@ -117,3 +117,37 @@ def test_altitudes_are_above_the_ellipsoid(tmp_path: Path) -> None:
     np.testing.assert_allclose([fix.altitude for fix in fixes], 44.5 - 31.25 + 0.5 * np.arange(6), atol=1e-6)
     variances = np.array([fix.position_covariance for fix in fixes]).reshape(-1, 3, 3)
     np.testing.assert_allclose(np.trace(variances, axis1=1, axis2=2), 0.06)
+
+
+def test_rosbags_reads_the_same_and_the_metadata_say_what_the_numbers_are(tmp_path: Path) -> None:
+    from mcap.reader import make_reader
+    from rosbags.highlevel import AnyReader
+
+    earth = dive()
+    write_mcap(tmp_path / "map.mcap", earth.folder, earth.part, earth)
+    with AnyReader([tmp_path / "map.mcap"]) as reader:
+        read = reader.messages([each for each in reader.connections if each.topic == "/pose"])
+        poses: list[tuple[int, Any]] = [(time, reader.deserialize(raw, each.msgtype)) for each, time, raw in read]
+    trajectory = earth.part.trajectory
+    np.testing.assert_allclose([time / 1e9 for time, _ in poses], trajectory.stamps, rtol=0, atol=1e-6)
+    places = [numbers(pose.pose.position, "xyz") for _, pose in poses]
+    np.testing.assert_allclose(places, trajectory.T_world_sensor.translation, atol=1e-12)
+    with (tmp_path / "map.mcap").open("rb") as file:
+        reader = make_reader(file)
+        assert reader.get_header().profile == "ros2"
+        (says,) = [record.metadata for record in reader.iter_metadata() if record.name == "sonarmap"]
+    assert (says["map"], says["time"], says["datum"], says["crs"]) == ("East-North-Up", "UTC", "WGS84", "EPSG:32632")
+    assert (float(says["latitude"]), float(says["longitude"]), says["vertical"]) == (60.0, 11.9995, "surface")
+
+
+def test_the_track(topics: dict[str, list[tuple[float, Any]]]) -> None:
+    ((time, path),) = topics["/track"]
+    trajectory = dive().part.trajectory
+    expected = trajectory.T_world_sensor.translation
+    assert time == 1.7e9
+    np.testing.assert_allclose([numbers(pose.pose.position, "xyz") for pose in path.poses], expected)
+    seconds = [pose.header.stamp.sec + pose.header.stamp.nanosec / 1e9 for pose in path.poses]
+    np.testing.assert_allclose(seconds, trajectory.stamps, rtol=0, atol=1e-6)
+    ((_, points),) = topics["/track/points"]
+    np.testing.assert_allclose(xyz(table(points)), expected, rtol=0, atol=1e-4)
+    assert table(points)["scan"].tolist() == list(range(6))

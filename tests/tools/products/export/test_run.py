@@ -3,6 +3,8 @@
 import csv
 import hashlib
 import json
+import re
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from sonarmap.tools.files.readers.clouds.pcd import read_pcd
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.run import ExportSettings, check_settings, export_map
-from tests.tools.products.export.finished import finished_map
+from tests.tools.products.export.finished import START, finished_map, program
 
 HERE = Georeference(60.0, 11.9999, height=-2.0, vertical="MSL", heading=70.0)
 ALL = ExportSettings(tuple(FORMATS))
@@ -230,3 +232,27 @@ def test_what_needs_no_place_is_written_of_every_part(two: Path, tmp_path: Path)
         table = np.loadtxt(tmp_path / f"trajectory{part.suffix}.tum")
         expected = np.column_stack([part.trajectory.stamps, T[:, :3, 3]])
         np.testing.assert_allclose(table[:, :4], expected, rtol=0, atol=1e-6)
+
+
+def test_a_rate_needs_a_format_of_poses_and_bounds_their_number(one: Path, tmp_path: Path) -> None:
+    for settings, words in (
+        (ExportSettings(("laz",), rate=4.0), "csv, eiva-position, eiva-attitude, tum, kitti"),
+        (ExportSettings(("tum",), rate=1e7), "more than 10,000,000 poses"),
+    ):
+        with pytest.raises(InputError, match=words):
+            export_map(read_map_folder(one), tmp_path / "none", settings)
+        assert not (tmp_path / "none").exists() or not list((tmp_path / "none").iterdir())
+
+
+def test_evo_reads_the_trajectories(one: Path, tmp_path: Path) -> None:
+    command = program("evo_traj", "pip install evo")
+    folder = read_map_folder(one)
+    export_map(folder, tmp_path, ExportSettings(("tum", "kitti")))
+    T = folder.parts[0].trajectory.T_world_sensor.translation
+    way = float(np.linalg.norm(np.diff(T, axis=0), axis=1).sum())
+    for kind in ("tum", "kitti"):
+        asked = [command, kind, str(tmp_path / f"trajectory.{kind}"), "--full_check"]
+        said = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
+        assert float(re.findall(r"path length \(m\)\s+([\d.]+)", said)[0]) == pytest.approx(way, abs=1e-3)
+        if kind == "tum":
+            assert float(re.findall(r"t_start \(s\)\s+([\d.]+)", said)[0]) == pytest.approx(START, abs=1e-3)

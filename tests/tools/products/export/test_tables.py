@@ -216,3 +216,9 @@ def test_eiva_s_lines_ascend_in_time_in_the_layout_of_its_page(tmp_path: Path, w
     np.testing.assert_array_equal(numbers[:, 0], np.sort(stamps))
     if write is write_eiva_position:
         assert numbers[0, 3] == 29.75  # the depth of scan 3
+
+
+def test_north_is_0_and_not_360(tmp_path: Path) -> None:
+    R = Rotation.from_euler("ZYX", [[90 + 1e-9, 0, 0], [90 - 1e-9, 0, 0]], degrees=True)
+    rows = rows_of(tmp_path, georeferenced(Georeference(0.0, 3.0), RigidTransform.from_rotation(R)))
+    assert {row[name] for row in rows for name in ("heading_deg", "heading_grid_deg")} == {"0.000000"}

@@ -73,3 +73,19 @@ def test_a_large_plan_is_coarser_and_strays_do_not_make_it_large() -> None:
     near = np.repeat(rng.uniform(0, 20, (5000, 2)), 2, axis=0)
     plan, kinds = plan_of([near, np.full((2, 2), 1e5)])
     assert max(kinds.shape) < 50
+
+
+def test_a_plan_of_nothing_is_empty() -> None:
+    _, kinds = plan_of([np.zeros((0, 2)), np.array([[1.0, 2.0]])])
+    assert kinds.tolist() == [[0]]
+
+
+def test_loops_come_back() -> None:
+    assert json.loads(messages.loops([(1, 9)])[1]) == {"kind": "loops", "pairs": [[1, 9]]}
+
+
+def test_points_that_are_far_are_coarser() -> None:
+    _, message = messages.cloud(0, np.array([[1e4, 0, 0]]))
+    assert isinstance(message, bytes)
+    assert np.frombuffer(message, "<i2", offset=12).tolist() == [32767, 0, 0]
+    assert len(messages.last(0, np.zeros((0, 3)))[1]) == 12

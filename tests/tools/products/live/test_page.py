@@ -135,3 +135,51 @@ def test_without_webgl_state_and_plan_are_still_there() -> None:
         assert "cannot be shown" in shown.page.inner_text("#stage")
         assert "x 1.0, y 2.0, z 3.0" in shown.page.inner_text("#alarm")
         assert "holes, never seen: 9" in shown.page.inner_text("#coverage")
+
+
+SURE = (np.eye(3) * 0.1).tolist()
+
+
+@pytest.mark.slow
+def test_the_camera_follows_until_it_is_moved_and_again_when_asked() -> None:
+    with LivePage() as live, opened(live) as shown:
+        page = shown.page
+
+        def drive(x: float, part: int = 0) -> None:
+            state = State("placed", pose=[x, 0, 0, 0, 0, 0, 1], half_axes=SURE, part=part, parts=2, alerts=(f"{x}",))
+            live.publish(("state", state.message))
+            wait_until(page, f"document.querySelector('#concerns').textContent === '{x}' && !sonarmap.view.waiting")
+
+        for each in messages.poses(0, [0, 1], [RigidTransform.identity()] * 2):
+            live.publish(each)
+        live.publish(messages.cloud(0, np.eye(3)))
+        live.publish(messages.cloud(1, np.eye(3)))
+        drive(1.0)
+        drive(7.0)
+        wait_until(page, "sonarmap.view.camera.target[0] === 7")
+        page.focus("#canvas")
+        page.keyboard.press("ArrowLeft")
+        assert page.get_attribute("#follow", "aria-pressed") == "false"
+        drive(9.0)
+        assert page.evaluate("sonarmap.view.camera.target[0]") == 7
+        page.keyboard.press("f")
+        wait_until(page, "sonarmap.view.camera.target[0] === 9")
+
+
+@pytest.mark.slow
+def test_the_last_sure_place_is_shown_in_its_part_until_the_camera_follows_again() -> None:
+    with LivePage() as live, opened(live) as shown:
+        page = shown.page
+        for each in messages.poses(0, [0, 1], [RigidTransform.identity()] * 2):
+            live.publish(each)
+        live.publish(messages.cloud(0, np.eye(3)))
+        live.publish(messages.cloud(1, np.eye(3)))
+        lost = State("lost", part=1, parts=2, sure=(0, [3, 0, 0]), pose=[0, 0, 0, 0, 0, 0, 1], half_axes=SURE)
+        live.publish(("state", lost.message))
+        wait_until(page, "document.querySelector('#said').textContent.includes('of part 1')")
+        assert "of part 0" in page.inner_text("#alarm")
+        page.click("#sure")
+        wait_until(page, "document.querySelector('#said').textContent.includes('of part 0')")
+        assert page.evaluate("sonarmap.view.camera.target[0]") == 3
+        page.click("#follow")
+        wait_until(page, "document.querySelector('#said').textContent.includes('of part 1')")

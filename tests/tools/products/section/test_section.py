@@ -9,7 +9,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.products.section.files import PROFILE, check_names, write_section
-from sonarmap.tools.products.section.picture import Titles
+from sonarmap.tools.products.section.picture import Titles, section_figure
 from sonarmap.tools.products.section.placed import Coordinates
 from sonarmap.tools.products.section.section import Section, profile_of, section_of
 from tests.samples.clutter_scans import files_in, table_of
@@ -109,3 +109,34 @@ def test_names_that_are_refused(tmp_path: Path) -> None:
         check_names(tmp_path / "cut.pdf", tmp_path / "map")
     with pytest.raises(InputError, match="the map's folder"):
         check_names(tmp_path / "map" / "cut.png", tmp_path / "map")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("rise", "factor"), [(0.0, 1.0), (0.5, 1.0), (40.0, 1.0), (40.0, 0.5), (2.0, 5.0)])
+def test_the_picture_has_one_scale(rise: float, factor: float) -> None:
+    points = np.linspace([0.0, 0, -rise], [10, 0, 0], 30)
+    found = section_of(placed(points), points[[0, -1], :2], 1.0, Coordinates())
+    titles = Titles("Section", "", "height above mean sea level", factor)
+    figure = section_figure(found, profile_of(found, 1.0), titles)
+    axes = figure.axes[0]
+    box = axes.get_window_extent()
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    assert box.height / (high - low) == pytest.approx(factor * box.width / (right - left))
+    assert left <= 0 < 10 <= right
+    assert low <= -rise <= 0 <= high
+    assert axes.get_xlabel() == "distance along the line [m]"
+    assert axes.get_ylabel() == "height above mean sea level\n[m]"
+
+
+def test_the_same_as_a_loop_over_many_points() -> None:
+    rng = np.random.default_rng(3)
+    points = rng.uniform(0, 10, (4000, 3))
+    found = section_of(placed(points), np.array([[0.0, 2.0], [10.0, 2.0]]), 0.5, Coordinates())
+    near = points[np.abs(points[:, 1] - 2) <= 0.5]
+    profile = profile_of(found, 0.7)
+    assert len(found.height) == len(near)
+    for k, middle in enumerate(profile.distance.tolist()[:-1]):
+        own = near[np.floor(near[:, 0] / 0.7) == round(middle / 0.7 - 0.5), 2]
+        assert profile.height[k] == pytest.approx(np.median(own))
+        assert (profile.lowest[k], profile.highest[k]) == (own.min(), own.max())
+    assert profile.distance[-1] == pytest.approx((9.8 + 10) / 2)

@@ -141,3 +141,11 @@ def test_two_maps_errors_add_in_squares() -> None:
     assert volume_between(map_, moved(map_, points + np.array([0, 0, 1])), 1.0).net[1] > alone
     certain = placed(points, 0.0)
     assert volume_between(map_, certain, 1.0).net[1] == pytest.approx(alone, rel=1e-6)
+
+
+def test_points_that_several_scans_saw() -> None:
+    map_ = placed(bed())
+    map_.part.columns["seen"][:30] = 1
+    assert volume_to_level(map_.seen_by(2), -10.0, 1.0).compared == 50
+    with pytest.raises(InputError, match="at most by 2; give a smaller --seen"):
+        map_.seen_by(3)

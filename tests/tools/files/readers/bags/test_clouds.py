@@ -2,11 +2,15 @@
 
 import re
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer as PlainWriter
 
+from sonarmap.tools.files.readers.bags.clouds import cloud_of
+from sonarmap.tools.files.readers.bags.mcap_file import open_mcap
 from sonarmap.tools.files.readers.bags.unpack import Unpacker
 from sonarmap.tools.files.readers.file import clouds_of
 from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
@@ -181,6 +185,12 @@ class TestTopics:
         assert len(read_scans([path]).scans) == 3
         refuses(re.escape(words), read_scans, [f"{path}::{topic}"])
 
+    def test_recordings_without_clouds_and_files_without_topics(self, tmp_path: Path) -> None:
+        words = r"no messages of type sensor_msgs/msg/PointCloud2 or .* are /chatter"
+        refuses(words, read_scans, [write_ros1(tmp_path / "a.bag", [CHATTER])])
+        (tmp_path / "a.xyz").write_text("1 2 3\n")
+        refuses("::/points names a topic, and text has none; leave it out", read_scans, [f"{tmp_path}/a.xyz::/points"])
+
 
 class TestFolders:
     def test_a_bag_is_one_input_among_others(self, tmp_path: Path) -> None:
@@ -264,3 +274,22 @@ def test_an_index_spares_passes_over_an_mcap_file(tmp_path: Path, monkeypatch: p
     unpacked.clear()
     assert [scan.stamp for scan in read_scans([cut]).scans] == [scan.stamp for scan in whole.scans]
     assert len(unpacked) > 2 * len(set(unpacked)) - 1 > 50
+
+
+def test_a_frame_that_is_no_text(tmp_path: Path) -> None:
+    """By a schema that is damaged."""
+    (message,) = open_mcap(write_foxglove(tmp_path / "a.mcap", point_cloud())).messages(["/points"], [])
+    as_number = message.schema.replace(b"frame_id\x18\x02 \x01(\t", b"frame_id\x18\x02 \x01(\x01")
+    assert as_number != message.schema
+    refuses(r"its foxglove.* contradicts itself", cloud_of, replace(message, schema=as_number))
+
+
+def test_clouds_as_json_are_refused(tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = PlainWriter(file)
+        writer.start()
+        schema = writer.register_schema("foxglove.PointCloud", "jsonschema", b"{}")
+        channel = writer.register_channel("/points", "json", schema)
+        writer.add_message(channel, 0, b"{}", 0)
+        writer.finish()
+    refuses(r"its foxglove\.PointCloud is encoded as 'json'; wanted cdr, ros1 or proto", read_scan, tmp_path / "a.mcap")

@@ -258,3 +258,24 @@ def test_metadata_that_say_something_else(tmp_path: Path, old: str, new: str, sh
     assert not read.unread
     assert [scan.stamp for scan in read.scans] == TIMES[:shots]
     assert not note or f"dive: {note}" in read.notes
+
+
+@pytest.mark.slow
+def test_many_chunks_of_next_to_nothing(tmp_path: Path) -> None:
+    """Each of them believable, and together a minute of work in 80 KB."""
+    path = put(tmp_path / "a.mcap", recordings()["mcap plain"][1][:8] + 450 * packed_chunk(EMPTY_RECORD, 131_000))
+    with quick(), pytest.raises(InputError, match="it holds more than the 72 records that may still come"):
+        read_scans([path])
+
+
+@pytest.mark.parametrize("kind", ["mcap plain", "mcap zstd"])
+def test_texts_of_mcap_without_end(tmp_path: Path, kind: str) -> None:
+    """In the first record and in the summary, whose records are of the right lengths: what the index says is left."""
+    content, text = recordings()[kind][1], struct.pack("<I", 2**32 - 1)
+    path = put(tmp_path / "a.mcap", content[:17] + text + content[21:])
+    with thrifty(), pytest.raises(InputError, match="it claims 4,294,967,295 bytes more"):
+        read_scans([path])
+    name = content.rindex(struct.pack("<I", len(CLOUD)) + CLOUD.encode())
+    path.write_bytes(content[:name] + text + content[name + 4 :])
+    with thrifty():
+        assert [scan.stamp for scan in read_scans([path]).scans] == TIMES

@@ -213,3 +213,12 @@ def test_too_little_says_nothing() -> None:
     assert contradiction(priors(values), few) is None
     assert contradiction(priors(values), none) is None
     assert contradiction([None] * len(truth), registered(truth, rng)) is None
+
+
+def test_what_cannot_be_told_apart_is_named_together() -> None:
+    """Without places a heading of the other sign is a yaw as well."""
+    rng, truth = drawn(5)
+    values = MISTAKES[SIGN](measured(truth, rng, np.array([1, 1, 1, 0, 0, 1], bool)))
+    verdict = contradiction(priors(values), registered(truth, rng))
+    assert verdict is not None
+    assert set(verdict.instead) == {SIGN, YAW}

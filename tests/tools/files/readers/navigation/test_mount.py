@@ -93,6 +93,10 @@ class TestUncertainty:
         prior = parse_mount("0,-30,0,1,0,0").of_sensor(vehicle(1, 2, 30, np.nan, np.nan, np.nan))
         np.testing.assert_array_equal(np.isfinite(prior.sigmas), [1, 1, 1, 0, 0, 0])
 
+    def test_nothing_changes_without_an_arm(self) -> None:
+        prior = parse_mount("0,0,0").of_sensor(vehicle(0, 0, 0, 0, 0, 0, sigmas=np.array([2.0, 2, 3, 0.5, 0.5, 0.1])))
+        np.testing.assert_allclose(sigmas_of(prior), [2, 2, 3, 0.5, 0.5, 0.1])
+
 
 @pytest.mark.parametrize("text", ["", "1,2", "1,2,3,4", "1,2,x", "1,2,nan", "400,0,0", "0,0,0,0,0,200"])
 def test_what_is_no_mount(text: str) -> None:

@@ -13,8 +13,10 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.instruments import COLUMNS
 from sonarmap.tools.files.readers.navigation.priors import navigate
-from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_talkers
+from sonarmap.tools.files.readers.navigation.read import read_navigation
+from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns, parse_talkers
 from sonarmap.tools.files.writers.trajectory import write_tum
+from tests.samples.places import DATA
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import START, read, scans_at
 
@@ -215,3 +217,18 @@ def test_rmc_counts_where_gga_is_missing(path: Path) -> None:
     values, _, notes = read(path, text, scans=scans_at(START, START + 25, START + 49))
     assert np.isfinite(values[:, 3:5]).all()
     assert any("not used: 1 places of RMC" in note for note in notes)
+
+
+def test_a_real_log_of_two_talkers_that_agree() -> None:
+    log = DATA / "real" / "navigation" / "pygpsdata-nmea4.log"
+    if not log.is_file():
+        pytest.skip("shared/data/real/navigation is not beside the checkout")
+    notes = list[str]()
+    found = read_navigation(log, NavigationSettings(), None, np.zeros(0), notes)
+    assert any("2 of GNSS (3 m)" in note for note in notes)
+    assert np.isfinite(found.values[:, 3]).sum() == 2
+
+
+def test_options_of_tables_have_no_effect(path: Path) -> None:
+    for settings in (NavigationSettings(columns=parse_columns("depth_m=a")), NavigationSettings(time_scale="gps")):
+        refuses("has no effect", read, path, dive(), settings)

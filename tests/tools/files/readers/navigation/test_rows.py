@@ -91,3 +91,18 @@ def test_a_wrong_row_spoils_no_scan(tmp_path: Path) -> None:
     require_words(
         tmp_path / "log.csv", ["-2.5 m", "above the water", "height_m=depth"], read, tmp_path / "log.csv", upside_down
     )
+
+
+def test_a_speed_that_is_known_says_more() -> None:
+    given = log()
+    values = given.values.copy()
+    values[40, 3:5] += [9.0, 0.0]
+    assert usable_rows(replace(given, values=values))[1] == []
+    assert [fault.line for fault in usable_rows(replace(given, values=values), fastest=2.0)[1]] == [42]
+
+
+def test_short_logs_and_rows_with_names_are_not_asked() -> None:
+    given = log(11)
+    assert usable_rows(given) == (given, [])
+    named = replace(log(), key="name")
+    assert usable_rows(named) == (named, [])

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.pings.line_file import read_line
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine
 from tests.tools.files.readers.pings.datagrams import DEPTHS, EM, OLD, Recorder
@@ -166,3 +167,8 @@ def test_the_second_head_of_an_em3000d_is_deeper(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.points[~second], line.kept[~second], atol=ROUNDED)
     np.testing.assert_allclose(found.points[second], line.kept[second] + [0, 0, 1.5], atol=ROUNDED)
     assert found.echo_sounder == "Kongsberg EM3000D"
+
+
+def test_ranges_alone_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"line\.all: it holds raw ranges, but no soundings; wanted datagrams X"):
+        read(tmp_path, b"".join([*positions(), EM.datagram("N", START, bytes(300))]))

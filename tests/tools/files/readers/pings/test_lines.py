@@ -349,3 +349,9 @@ def test_a_gsf_library_that_does_not_load(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "gsfpy3_09", raising=False)
     refuses(r"line.gsf: the GSF library does not load on this machine \(no shared object\)", read_line, path, [])
+
+
+def test_all_soundings_rejected(tmp_path: Path) -> None:
+    line = sample(3)
+    line.rejected[:] = True
+    refuses("all 27 soundings of its 3 pings are rejected", read, write_gsf(tmp_path / "line.gsf", line))

@@ -1,6 +1,7 @@
 """The IMU in a recording: attitude from gravity, turn rates, and when there is none to be had."""
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from wlsonar import range_image_protocol as rip
 
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import values_of
+from sonarmap.tools.files.readers.sonar.imu import turn_rates
 from tests.samples.cloud_files import range_image
 from tests.samples.recordings import START, imu_batch, imu_packets, read_sonar
 
@@ -115,3 +117,22 @@ class TestAttitude:
         assert "3 damaged packets left out" in note
         assert "packet 2 at byte" in note
         assert "is an IMU batch of 3 samples with 2 times, 6 forces and 6 turn rates" in note
+
+    def test_lost_and_doubled_batches_are_counted(self) -> None:
+        packets = imu_packets(2.0, lambda _: LEVEL, np.zeros(3))
+        notes: list[str] = []
+        read_sonar(b"".join([*packets[:4], packets[3], *packets[7:], shot(1.0)]), notes)
+        assert [note.partition(": ")[2] for note in notes] == [
+            "3 batches of the IMU missing by their numbers",
+            "1 doubled batch of the IMU left out",
+        ]
+
+
+class TestTurnRates:
+    def test_they_are_turned_to_our_axes(self, tmp_path: Path) -> None:
+        packets = imu_packets(1.0, lambda _: LEVEL, np.array([0.1, 0.2, -0.3]))
+        path = tmp_path / "dive.sonar"
+        path.write_bytes(b"".join([*packets[5:], shot(0.5), *packets[:6], b"garbage"]))
+        times, rates = turn_rates(path)
+        np.testing.assert_allclose(times, int(START) + np.arange(100) / 100, atol=1e-6)
+        np.testing.assert_allclose(rates, np.tile([0.1, -0.2, 0.3], (100, 1)), atol=1e-7)

@@ -242,6 +242,12 @@ class TestClock:
         notes = self.notes_of(stamps)
         assert [note[: len(words)] for note, words in zip(notes, wanted, strict=True)] == wanted
 
+    def test_the_speed_of_sound_changes(self) -> None:
+        stamps = [1.7e9 + k for k in range(5)]
+        assert self.notes_of(stamps, [1480.0, 1480.0, 1497.5, 1497.5, 1482.0]) == [
+            "the speed of sound changes 2 times, between 1480.0 and 1497.5 m/s"
+        ]
+
 
 def test_strength_images_without_a_time_belong_by_number() -> None:
     levels = np.full((3, 4), 50)

@@ -207,3 +207,9 @@ def test_the_time_of_a_scan_in_e57_is_gps_time(survey: Path, tmp_path: Path) -> 
         start = e57.get_header(1)["acquisitionStart"]["dateTimeValue"].value()
     assert start == 1_167_264_018 + 1
     assert time.gmtime(stamps[0])[:3] == (2017, 1, 1)
+
+
+def test_a_map_that_does_not_say_where_its_scans_are(survey: Path) -> None:
+    folder = read_map_folder(survey / "map")
+    with pytest.raises(InputError, match=r"does not say where the map's scans are; say .*--scans-from"):
+        mapped_scans(replace(folder, summary={**folder.summary, "settings": {}}))

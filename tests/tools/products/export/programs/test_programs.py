@@ -166,3 +166,20 @@ def test_the_grid_is_drawn_in_the_colors_of_its_heights(layers: dict[str, Any], 
     expected = (mpl.colormaps["viridis"](share)[..., :3] * 255).astype(int)
     assert np.abs(drawn - expected)[here].max() <= 6  # QGIS blends between 17 colors
     assert (drawn[~here] == 255).all()
+
+
+def test_columns_have_types(layers: dict[str, Any]) -> None:
+    for name, times in (
+        ("scans", ["utc"]),
+        ("track", ["first_utc", "last_utc"]),
+        ("geojson", ["utc", "first_utc", "last_utc"]),
+        ("csv", ["utc"]),
+    ):
+        assert {layers[name]["types"][column] for column in times} == {"datetime"}, name
+    for name in ("scans", "geojson", "csv"):
+        types = layers[name]["types"]
+        assert types["scan"].startswith("integer")
+        numbers = {types[column] for column in ("unix_s", "depth_m", "roll_deg", "heading_sigma_deg")}
+        assert numbers <= {"real", "double"}
+    assert layers["loops"]["types"]["kept"] == "boolean"
+    assert layers["loops"]["count"] == 2

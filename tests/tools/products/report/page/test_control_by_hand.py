@@ -82,3 +82,35 @@ def test_control_points_of_the_map_are_shown(content: Content, tmp_path: Path) -
         assert other["name"] == "pile"
         page.page.locator("label.control input").uncheck()
         assert page.page.evaluate(lines.format("control")) == 0
+
+
+@pytest.mark.slow
+def test_grid_coordinates_checks_and_two_sigmas_have_columns_of_their_own(content: Content, tmp_path: Path) -> None:
+    far = POINT | {"known": [500123.25, 6650000.5, -3.0]}
+    rows = [far | {"name": "a", "use": "check"}, far | {"name": "b", "sigma": [0.02, 0.02, 0.5]}]
+    with opened(path_of(content, tmp_path, control_points=rows)) as page:
+        first, second = saved(page, "control", tmp_path)
+        assert list(first)[5:] == ["easting_m", "northing_m", "height_m", "sigma_h_m", "sigma_v_m", "use"]
+        assert [first[name] for name in ("easting_m", "height_m", "sigma_h_m", "sigma_v_m", "use")] == [
+            *("500123.25", "-3", "0.05", "0.05", "check")
+        ]
+        assert [second[name] for name in ("sigma_h_m", "sigma_v_m", "use")] == ["0.02", "0.5", "control"]
+        assert "--control-crs EPSG:CODE" in page.page.locator("#control .command").inner_text()
+        for axis in ("East", "North"):
+            page.page.locator("#control").get_by_label(f"{axis} [m] of a").fill("12.5")
+        page.page.locator("#control .save").click()
+        assert "wanted one of them for all" in page.page.locator("#control .buttons").inner_text()
+
+
+@pytest.mark.slow
+def test_positions_that_were_left_out_are_shown(content: Content, tmp_path: Path) -> None:
+    track = content.shown["parts"][0]["track"]
+    with opened(path_of(content, tmp_path, wrong_fixes={track["scans"][3]: [30.5, -7.25]})) as page:
+        (piece,) = page.page.evaluate("sonarmap.view.wrong")
+        np.testing.assert_allclose(piece, [track["places"][3], [30.5, -7.25, track["places"][3][2]]], atol=1e-9)
+        count = "sonarmap.view.scene.lines.get('wrong').count"
+        assert page.page.evaluate(count) == 1 + 3  # a line to a cross
+        page.page.locator("label.wrong input").uncheck()
+        assert page.page.evaluate(count) == 0
+    with opened(path_of(content, tmp_path)) as page:
+        assert page.page.locator("label.wrong").count() == 0

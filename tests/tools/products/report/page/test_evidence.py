@@ -12,8 +12,11 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.products.report.page.evidence import (
     control_rows,
+    crossing_rows,
+    kept_sequential,
     map_key,
     navigation_rows,
+    pair_rows,
     tie_rows,
     track_of,
 )
@@ -114,3 +117,21 @@ def test_the_key_tells_maps_apart(folder: Map) -> None:
     changes = ({"settings": {"voxel": 0.25}}, {"ties": [{"target": "a"}]}, {"inputs": []})
     others = [map_key(summary | change, NAMES) for change in changes]
     assert len({key, map_key(summary, NAMES[::-1]), *others}) == 5
+
+
+def test_pairs_and_crossings() -> None:
+    """Every loop, and of consecutive pairs those that were not kept."""
+    common = {"reason": "why", "overlap": 0.123456, "probability": None}
+    pairs = [
+        {"target": 0, "source": 1, "role": "sequential", "kept": True, **common},
+        {"target": 1, "source": 2, "role": "sequential", "kept": False, **common},
+        {"target": 0, "source": 2, "role": "loop", "kept": True, **common},
+    ]
+    rows = pair_rows(pairs)
+    assert [(row["target"], row["source"]) for row in rows] == [(1, 2), (0, 2)]
+    assert kept_sequential(pairs) == [(0, 1)]
+    assert (rows[0]["overlap"], rows[0]["probability"], rows[0]["residual_sigmas"]) == (0.1235, None, None)
+    row = {"i": 3, "j": 20, "before_m": 0.5, "before_90_m": 1.25, "after_m": 0.123456, "after_90_m": 0.25}
+    (shown,) = crossing_rows({"crossings": [row]})
+    assert (shown["target"], shown["source"], shown["after_m"], shown["before_90_m"]) == (3, 20, 0.1235, 1.25)
+    assert crossing_rows({}) == []  # of an earlier version

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -137,3 +138,92 @@ def test_codes_of_numbers_in_equal_ratios() -> None:
     assert (low, high) == (2.0, 32.0)
     assert codes(np.array([np.nan]))[0].tolist() == [0]
     assert codes(np.array([5.0, 5.0]))[0].tolist() == [1, 1]
+
+
+def test_a_surface_takes_few_bytes_and_always_the_same() -> None:
+    """Three a point for its place: six bits an axis within the voxel, and little for which voxel it is."""
+    points = surface(60_000)
+    data, layout = pack(points, {}, VOXEL)
+    assert len(data) / len(points) < 3.3
+    assert (data, layout) == pack(points.copy(), {}, VOXEL)
+
+
+@pytest.mark.slow
+def test_false_echoes_are_drawn_in_a_color_of_their_own(shown: Opened) -> None:
+    """B is red at its pixel, whatever the map is colored by."""
+    page = shown.page
+    page.locator("label.doubtful input").check()
+    page.locator("label.track input").uncheck()
+    page.locator("label.kept input").uncheck()
+    wait_until(page, "sonarmap.view.doubtful")
+    look = """place => {
+        const { view } = sonarmap, { gl } = view.scene;
+        view.camera.lookAt(place, 8);
+        view.draw();
+        const pixel = new Uint8Array(4);
+        gl.readPixels(gl.canvas.width / 2, gl.canvas.height / 2, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+        return [...pixel];
+    }"""
+    assert page.evaluate(look, B.tolist())[:3] == [226, 40, 60]
+    assert page.evaluate(look, A.tolist())[:3] != [226, 40, 60]
+    for name in ("track", "kept", "doubtful"):
+        page.locator(f"label.{name} input").set_checked(name != "doubtful")
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_few_points(count: int) -> None:
+    points = np.array([[1.5, -2.5, 7.25]])[:count]
+    back, columns = unpack(*pack(points, {"scan": np.full(count, 3)}, VOXEL))
+    np.testing.assert_allclose(back, points)
+    assert columns["scan"].tolist() == [3] * count
+
+
+def test_many_doubtful_points_are_thinned_evenly(tmp_path: Path) -> None:
+    folder = doubted(tmp_path / "out", 100)
+    with patch("sonarmap.tools.products.report.page.points.MOST_DOUBTFUL", 30):
+        data, shown = doubtful_of(folder, folder.parts[0])
+    assert data is not None
+    assert shown is not None
+    assert (shown["all"], shown["count"]) == (100, 25)
+    points, columns = unpack(data, shown["packed"])
+    assert (len(points), set(columns)) == (25, {"seen", "looked", "scan"})
+
+
+@pytest.mark.parametrize("reach", [1e-4, 5.0, 4_000.0])
+def test_points_of_any_extent(reach: float) -> None:
+    points = np.random.default_rng(9).uniform(-reach, reach, (400, 3)) * [1.0, 0.3, 0.02]
+    back, _ = unpack(*pack(points, {}, VOXEL))
+    off, which = KDTree(points).query(back)
+    assert np.abs(back - points[which]).max() <= FINE / 2 + 1e-9
+    assert off.max() <= FINE
+
+
+@pytest.mark.slow
+def test_the_profile_says_its_numbers_and_shows_the_scan(shown: Opened) -> None:
+    """By the mouse over the last pose, and by keys."""
+    page = shown.page
+    svg = page.locator("#poses svg")
+    svg.scroll_into_view_if_needed()
+    box = svg.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.99 * box["width"], box["y"] + 40)
+    said = page.locator("#poses .said")
+    track = page.evaluate("sonarmap.view.part.track")
+    along = np.linalg.norm(np.diff(track["places"], axis=0), axis=1).sum()
+    for words in ("scan7", f"{along:.1f}\u202fm along", "worst direction"):
+        assert words in said.inner_text()
+    svg.press("ArrowLeft")
+    assert said.inner_text().startswith("scan6;")
+    svg.press("Enter")
+    assert "scan6" in page.locator("#picked").inner_text()
+    np.testing.assert_allclose(page.evaluate("sonarmap.view.camera.target"), track["places"][6])
+
+
+def test_the_track_before_the_loops(shown: Opened) -> None:
+    page = shown.page
+    count = "sonarmap.view.scene.lines.get('before').count"
+    assert page.evaluate(count) == 0
+    page.locator("label.before input").check()
+    assert page.evaluate(count) == page.evaluate("sonarmap.view.scene.lines.get('track').count")
+    track = page.evaluate("sonarmap.view.part.track")
+    np.testing.assert_allclose(np.subtract(track["before"], track["places"]), np.tile(SHIFT, (8, 1)), atol=2e-5)

@@ -20,7 +20,7 @@ from sonarmap.tools.products.report.page.content import Content, content_of
 from sonarmap.tools.products.report.page.page import SCRIPTS, report_text, write_report
 from tests.samples.places import ROOT
 from tests.tools.products.export.finished import finished_map
-from tests.tools.products.report.page.browser import WITHOUT_WEBGL, opened, wait_until
+from tests.tools.products.report.page.browser import WITHOUT_WEBGL, click, opened, wait_until
 from tests.tools.products.report.page.known_map import DOT, folder_of, known_points, written
 
 WEB = ROOT / "tools" / "products" / "report" / "page" / "web"
@@ -216,3 +216,44 @@ def test_pictures_where_the_points_are_damaged(content: Content, tmp_path: Path)
         with opened(path) as damaged:
             assert "cannot be unpacked" in damaged.page.locator("#map .notice").inner_text()
             assert damaged.page.locator("#map img").count() == 2
+
+
+@pytest.mark.slow
+def test_a_third_is_drawn_while_moving(content: Content, tmp_path: Path) -> None:
+    points = np.random.default_rng(2).uniform(-40, 40, (120_001, 3))
+    path = written(content_of(folder_of(points, tmp_path / "out")), tmp_path / "many.html")
+    counting = """
+        const draw = WebGL2RenderingContext.prototype.drawArrays;
+        WebGL2RenderingContext.prototype.drawArrays = function (mode, first, count) {
+            if (mode === this.POINTS) (window.drawn ??= []).push(count);
+            return draw.call(this, mode, first, count);
+        };"""
+    with opened(path, script=counting) as many:
+        assert many.page.evaluate("drawn[drawn.length - 1]") == 120_001
+        many.page.locator("#canvas").focus()
+        many.page.keyboard.press("ArrowLeft")
+        wait_until(many.page, "drawn.length >= 3 && drawn[drawn.length - 1] === 120001")  # once it stands still
+        assert 40_001 in many.page.evaluate("drawn")
+
+
+@pytest.mark.slow
+def test_scans_of_two_parts_are_tied(tmp_path: Path) -> None:
+    """A pose is picked in a part, and the other in the next; a line could not be drawn between their frames."""
+    folder = read_map_folder(finished_map(tmp_path / "out", split=True))
+    content = content_of(folder)
+    content = replace(content, shown=content.shown | {"pairs": [], "sequential": []})
+    with opened(written(content, tmp_path / "parts.html")) as parts:
+        for number, place in ((0, 1), (1, 2)):
+            if number:
+                parts.page.locator("#controls select").first.select_option("1")
+                wait_until(parts.page, f"sonarmap.view.part === sonarmap.content.parts[{number}]")
+            parts.page.evaluate("sonarmap.view.camera.fromAbove()")
+            pose = parts.page.evaluate(f"sonarmap.view.part.track.places[{place}]")
+            click(parts.page, pose)
+            if not number:
+                parts.page.get_by_role("button", name="Tie to another scan").click()
+        assert "scan1 and scan7" in parts.page.locator("#picked").inner_text()
+        parts.page.locator("#picked").get_by_role("button", name="add").click()
+        expected = [{"target": "scan1", "source": "scan7", "verdict": "add", "note": ""}]
+        assert parts.page.evaluate("sonarmap.decisions.ties") == expected
+        assert parts.page.evaluate("sonarmap.view.scene.lines.get('accepted').count") == 0
