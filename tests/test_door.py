@@ -194,14 +194,6 @@ class TestRegister:
         (scan,) = sonarmap.prepare([wide], method="planes")
         np.testing.assert_array_equal(scan.scan.points, points(1).astype(np.float32))
 
-    def test_map_coordinates_are_refused_as_those_of_a_file(self, tmp_path: Path) -> None:
-        far = points(1) + np.array([500_000.0, 5_800_000.0, 0.0])
-        np.save(tmp_path / "far.npy", far)
-        words = r"8,000 of 8,000 points .*lie beyond 100 km .*map coordinates.*subtract the sensor's position"
-        for given in (far, tmp_path / "far.npy", sonarmap.Scan(far.astype(np.float32))):
-            with pytest.raises(sonarmap.InputError, match=words):
-                sonarmap.register(given, points(2), method="planes")
-
     def test_map_coordinates_of_few_digits_are_refused_too(self) -> None:
         """As float32 they are off by centimeters."""
         far = (points(1) + np.array([500_000.0, 5_800_000.0, 0.0])).astype(np.float32)
@@ -282,18 +274,6 @@ class TestOtherDoors:
         wrong, right = (sonarmap.read_scans(tmp_path / "dive.sonar", sound_speed=speed) for speed in (None, 1517.0))
         for scan, other in zip(right, wrong, strict=True):
             np.testing.assert_allclose(scan.points, 1517.0 / 1480.0 * other.points, rtol=1e-6)
-
-    @pytest.mark.slow
-    def test_a_graph_and_its_file(self, tmp_path: Path) -> None:
-        from sonarmap.tools.files.writers.g2o import write_g2o
-
-        truth = ring_poses(5)
-        result = sonarmap.map_scans(scans_of(truth), method=KnowingRegistrar(truth, 1e-4 * np.eye(6)), voxel=0.5)
-        graph = sonarmap.PoseGraph(result.trajectory, result.edges)
-        write_g2o(tmp_path / "graph.g2o", graph)
-        of_graph, of_file = sonarmap.optimize(graph), sonarmap.optimize(tmp_path / "graph.g2o")
-        T, again = (solved.graph.trajectory.T_world_sensor for solved in (of_graph, of_file))
-        np.testing.assert_allclose(T.as_matrix(), again.as_matrix(), atol=1e-6)
 
     @pytest.mark.slow
     def test_a_method_of_ones_own_in_the_mapper(self) -> None:
@@ -571,16 +551,6 @@ class TestBadArguments:
 
 class TestPointsThatAreNotFinite:
     """They are dropped and counted, as those of a file are."""
-
-    @pytest.mark.parametrize("tensors", [False, True])
-    def test_of_a_cloud_of_open3d(self, tensors: bool) -> None:
-        o3d = pytest.importorskip("open3d")
-        holed = points(1)
-        holed[3] = np.nan
-        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(holed))
-        cloud = o3d.t.geometry.PointCloud.from_legacy(cloud) if tensors else cloud
-        (scan,) = sonarmap.prepare([cloud], method="planes")
-        np.testing.assert_array_equal(scan.scan.points, np.delete(holed, 3, axis=0).astype(np.float32))
 
     def test_of_an_array(self, caplog: pytest.LogCaptureFixture) -> None:
         holed = points(1)

@@ -78,17 +78,3 @@ def test_few_pairs_are_asked_and_only_those_with_priors_of_one_survey() -> None:
     for given, surveys in ((scans[:5], one), (bare, one), (scans, np.arange(COUNT))):
         assert register_freely(runner, given, surveys) == []
     assert registrar.asked == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_what_errs_more_than_it_says_is_measured(seed: int) -> None:
-    assert errors_shown(PAIRS, priors([1] * 6, seed)) == {}
-    shown = errors_shown(PAIRS, priors([5, 5, 4, 9, 9, 6], seed))
-    assert shown == {
-        key: pytest.approx(times, rel=0.35) for key, times in (("attitude", 5), ("heading", 4), ("depth", 6))
-    }
-    without_heading = errors_shown(PAIRS, priors([5, 5, 4, 9, 9, 6], seed, [True, True, False, False, False, True]))
-    assert list(without_heading) == ["attitude", "depth"]
-    assert errors_shown(PAIRS[:5], priors([5] * 6, seed)) == {}
-    assert errors_shown(PAIRS, priors([5] * 6, seed, [False, False, True, True, True, True])) == {}

@@ -184,16 +184,3 @@ def test_a_scan_is_read_for_its_key_and_for_its_file_and_never_again(tmp_path: P
         assert len(list(folder.iterdir())) == COUNT
         assert folder.stat().st_mode & 0o077 == 0
     assert not folder.exists()
-
-
-@pytest.mark.slow
-def test_a_stopped_run_leaves_nothing(tmp_path: Path) -> None:
-    def run() -> None:
-        with processes(2, spool=tmp_path / "spool") as executor:
-            PairRunner(Execution(worker_spec(COUNT, tmp_path / "notes"), executor), SCANS, 0, None).register(PAIRS)
-            assert len(list(tmp_path.glob("spool*"))) == 1
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        run()
-    assert [path.name for path in tmp_path.iterdir()] == ["notes"]

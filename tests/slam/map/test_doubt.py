@@ -180,19 +180,6 @@ def test_beside_a_surface_that_enough_scans_saw(seen: list[int], off: float, bes
 
 
 @pytest.mark.slow
-def test_the_mapper_takes_the_least_number_of_scans() -> None:
-    truth = ring_poses(6, turns=0.5)
-    scans = scans_of(truth)
-    registrar = KnowingRegistrar(truth, 1e-4 * np.eye(6))
-    (whole,), (parted,) = (Mapper(registrar, 0.5, MapperSettings(min_seen=n)).run(scans).parts for n in (1, 2))
-    assert whole.doubtful is None
-    assert parted.doubtful is not None
-    assert len(whole.optimized.points) == len(parted.optimized.points) + len(parted.doubtful.points)
-    with pytest.raises(InputError, match="min_seen=0"):
-        MapperSettings(min_seen=0)
-
-
-@pytest.mark.slow
 def test_the_scans_order_and_names_and_the_world_do_not_matter(scans: list[Scan], parted: CleanMap) -> None:
     order = np.random.default_rng(2).permutation(COUNT)
     again = clean_map(PlacedScans.of([scans[k] for k in order], T[order], VOXEL, [100 + int(k) for k in order]))

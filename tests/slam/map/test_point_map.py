@@ -122,36 +122,6 @@ def test_a_stray_point_does_not_disturb_the_predicted_overlap():
     np.testing.assert_allclose(other, clean, atol=2e-3)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("merge_rows", [1, 1_000_000])
-def test_agrees_with_a_dictionary_of_voxels(merge_rows, monkeypatch):
-    monkeypatch.setattr(point_maps, "MERGE_ROWS", merge_rows)
-    rng = np.random.default_rng(0)
-    scans, voxel = random_scans(rng, 7), 0.4
-    T = random_transforms(rng, 7, angle=0.5, length=1.0)
-    indices = [3, 4, 8, 9, 11, 12, 20]
-    fused = fuse(PlacedScans.of(scans, T, voxel, indices))
-
-    origin = np.floor(T.translation[0] / voxel) * voxel
-    voxels = defaultdict(list)
-    for scan, index, pose in zip(scans, indices, T, strict=True):
-        points = pose.apply(scan.points.astype(np.float64))
-        strength = scan.strength if scan.strength is not None else np.full(len(points), np.nan)
-        for point, echo in zip(points, strength, strict=True):
-            voxels[tuple(np.floor((point - origin) / voxel).astype(int))].append((index, point, echo))
-    assert len(fused.points) == len(voxels)
-    assert fused.strength is not None
-    for k, at in enumerate(sorted(voxels)):
-        held, points, echoes = (list(column) for column in zip(*voxels[at], strict=True))
-        counts = Counter(held)
-        np.testing.assert_allclose(fused.points[k], np.mean(points, axis=0), atol=1e-12)
-        assert fused.count[k] == len(held)
-        assert fused.seen[k] == len(counts)
-        assert fused.scan[k] == min(counts, key=lambda index: (-counts[index], index))
-        known = [echo for echo in echoes if not np.isnan(echo)]
-        np.testing.assert_allclose(fused.strength[k], np.mean(known) if known else np.nan, rtol=1e-6)
-
-
 def test_cells_are_half_open_and_ordered():
     points = np.array([[0.0, 0, 0], [0.999, 0, 0], [1.0, 0, 0], [-1e-9, 0, 0], [0, 1, 0], [0, 0, 1]])
     keys, near = cell_keys(points, 1.0, np.zeros(3))

@@ -182,21 +182,6 @@ def adjoint_by_hand(T: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_beyond_the_ends_it_is_less_and_less_sure(seed: int) -> None:
-    nees, sure = [], []
-    for draw in range(60):
-        truth = driven(12, 100 * seed + draw)
-        known = range(2 * FINE, 9 * FINE + 1, FINE)
-        asked = [2 * FINE - 6, 9 * FINE + 3, 9 * FINE + 6]
-        poses, covariances = exact(truth.take(known)).at(truth.stamps[asked])
-        nees += squared(poses.T_world_sensor, covariances, truth.T_world_sensor[asked]).tolist()
-        sure.append(np.trace(covariances, axis1=1, axis2=2))
-    assert 4 < np.mean(nees) < 12  # eight poses tell little of how the velocity wanders
-    assert (np.mean(sure, axis=0)[2] > np.mean(sure, axis=0)[1]).all()
-
-
-@pytest.mark.slow
 def test_errors_of_scans_are_there_between_them() -> None:
     """All knots are off by one error: so are the poses between."""
     truth = driven(40, 5)

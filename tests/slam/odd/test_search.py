@@ -131,18 +131,3 @@ def test_navigation_does_not_bring_it_back() -> None:
 def test_several_are_named_also_side_by_side() -> None:
     changes = {3: Change("y"), 4: Change("z"), 8: Change(factor=FOOT)}
     assert [odd.scan for odd in mapped(with_odd(changes)).odd] == [3, 4, 8]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fitting", [set(range(COUNT)), {5, 6}, {3, 5}])
-def test_what_any_neighbor_fits_as_it_is_is_not_odd(fitting: set[int]) -> None:
-    """As a mirrored scan of a symmetric place: what registrations fit is never left out."""
-
-    class Partly(Seeing):
-        def register(self, target: Any, source: Any) -> Registration:
-            self.blind = {target.index, source.index} <= fitting
-            return super().register(target, source)
-
-    result = mapped(with_odd({5: Change("y")}), Partly())
-    assert result.odd == ()
-    assert len(result.components) == 1

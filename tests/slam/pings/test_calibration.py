@@ -55,14 +55,6 @@ class TestEstimate:
             estimate_biases(lines, mounting=Biases())
 
     @pytest.mark.slow
-    def test_a_flat_bed_shows_roll_alone(self) -> None:
-        seen = estimate_biases(surveyed(3, rms=0.0))
-        assert seen.observable == ("roll",)
-        assert abs(seen.usable.roll - WRONG.roll) < np.radians(0.1)
-        assert (seen.usable.latency, seen.usable.pitch, seen.usable.heading) == (0.0, 0.0, 0.0)
-        assert (np.abs(sigmas(seen, WRONG)) < 3).all()
-
-    @pytest.mark.slow
     def test_navigation_errors_do_not_look_like_biases(self) -> None:
         seen = estimate_biases(surveyed(2, Biases(), lost=True))
         assert (np.abs(sigmas(seen, Biases())) < 3).all()
