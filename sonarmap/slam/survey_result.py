@@ -26,9 +26,9 @@ from sonarmap.slam.pair import Pair
 from sonarmap.slam.parts import placed
 from sonarmap.slam.tie import Tie
 
-DISPUTED = 3.0  # instruments contradict the map whose errors exceed so many of their sigmas in the median
-_MOST = 0.5  # or for which more than this share of the accepted pairs is rejected,
-_CHANCE = 0.01  # unless all these may be wrong, by their own probabilities, with more than this one
+# Instruments contradict the map if their median error exceeds DISPUTED sigmas, or if more than the share _MOST of the
+# accepted pairs is rejected. Pairs that are all wrong with a probability above _CHANCE do not count.
+DISPUTED, _MOST, _CHANCE = 3.0, 0.5, 0.01
 
 
 @dataclass(frozen=True, slots=True)

@@ -98,7 +98,7 @@ class Motion:
     def _learned(
         cls, steps: "_UsualSteps", times: np.ndarray, surveys: np.ndarray, floor: np.ndarray, limits: MotionLimits
     ) -> "Motion":
-        """By the mean and the covariance of these steps, and as far as they are few by what any vehicle may do."""
+        """The mean and covariance of the steps, drawn toward those of any vehicle if there are few."""
         rates, span = steps.rates, steps.span
         mean, speeds = rates.mean(axis=0), np.linalg.norm(rates[:, 3:], axis=1)
         known = len(rates) / (len(rates) + _ASSUMED)
@@ -240,8 +240,7 @@ class _UsualSteps:
 
 
 def _telling(pairs: Sequence[RegisteredPair], times: np.ndarray, limits: MotionLimits) -> list[RegisteredPair]:
-    """The steps within the limits that tell the motion: the accepted ones; where these are too few, less sure ones,
-    too."""
+    """Consecutive pairs from which the motion is learned: accepted ones; if they are too few, also probable ones."""
     possible = [pair for pair in pairs if pair.role == "sequential" and pair.registration is not None]
     possible = [pair for pair in possible if _within(limits, times, pair)]
     steps: list[RegisteredPair] = []

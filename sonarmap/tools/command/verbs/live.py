@@ -3,7 +3,7 @@
 import sys
 import time
 import webbrowser
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -110,7 +110,6 @@ def command(
     from sonarmap.tools.command.live.navigation_log import NAME
     from sonarmap.tools.command.live.recording import FOLDER
     from sonarmap.tools.files.readers.incoming import final_path
-    from sonarmap.tools.products.export.run import NoPlaceError
 
     inputs, out = source or [], output.out
     _require_source(inputs, live.replay)
@@ -148,15 +147,24 @@ def command(
             TiesAndControl(), earth, ExecutionOptions(), imu=imu, as_json=as_json, quiet=quiet,
         )  # fmt: skip
 
-    try:
-        finish(output, earth)
-    except NoPlaceError as error:
-        warn(f"{error}. The map is made without --export; 'sonarmap export {out}' writes it for other programs")
-        finish(replace(output, export=[]), replace(earth, crs=None))
-    except InputError as error:
-        again = f"sonarmap map {' '.join(mapped)} -o {out}"
-        raise InputError(f"{error}. What came is kept, and '{again}' with other options makes the map") from error
+    _make_map(finish, output, earth, mapped)
     clear(out)
+
+
+def _make_map(
+    make: Callable[[MapOutput, EarthPlace], None], output: MapOutput, earth: EarthPlace, inputs: Sequence[str]
+) -> None:
+    """Make the map of a dive that has ended; without --export where a format needs a place that nothing gave."""
+    from sonarmap.tools.products.export.run import NoPlaceError
+
+    try:
+        make(output, earth)
+    except NoPlaceError as error:
+        warn(f"{error}. The map is made without --export; 'sonarmap export {output.out}' writes it for other programs")
+        make(replace(output, export=[]), replace(earth, crs=None))
+    except InputError as error:
+        again = f"sonarmap map {' '.join(inputs)} -o {output.out}"
+        raise InputError(f"{error}. What came is kept, and '{again}' with other options makes the map") from error
 
 
 def _follow(
