@@ -136,5 +136,5 @@ def test_a_dive_of_another_scene_is_a_part_of_its_own(rubble: Path, tmp_path: Pa
     last = states[-1]
     assert last.parts >= 2
     assert last.part >= last.own > 0
-    assert any("a map of its own until a known place is seen" in state.sentence for state in states)
+    assert any("a separate part until a known place is seen" in state.sentence for state in states)
     assert not any(state.status in ("placed", "uncertain") for state in states)

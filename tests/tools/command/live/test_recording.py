@@ -143,20 +143,24 @@ def test_killed_it_begins_again_in_another_file(tmp_path: Path, to: tuple[str, i
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_ended_by_others_again_and_again_it_begins_again(tmp_path: Path, to: tuple[str, int], number: int) -> None:
-    """At once, and then after one, three and seven seconds: only `stop` ends it."""
-    process, said, stop = begun(tmp_path, to), list[str](), Event()
+    """At once, and then after one, three and seven seconds: only `stop` ends it.
+
+    Killed it leaves a file, and the next one has another name; terminated it leaves none, as nothing has come.
+    """
+    process, stop = begun(tmp_path, to), Event()
     keeping = Thread(target=process.keep_on, args=(stop,))
     keeping.start()
-    for count in range(1, 4):
-        until(lambda name=f"{count:03d}.part.sonar": len(recorders(tmp_path)) == 1 and size(tmp_path, name) >= 0)
+    names = [f"{count:03d}" if number == signal.SIGKILL else "001" for count in range(1, 5)]
+    for count, name in enumerate(names[:-1], start=1):
+        until(lambda part=f"{name}.part.sonar": len(recorders(tmp_path)) == 1 and size(tmp_path, part) >= 0)
         os.kill(recorders(tmp_path)[0], number)
-        until(lambda count=count: len(process.said) == count)
-    sent(tmp_path, "004.part.sonar", PACKETS, to)
+        until(lambda count=count: sum("begins again" in line for line in process.said) == count)
+    sent(tmp_path, f"{names[-1]}.part.sonar", PACKETS, to)
     stop.set()
     keeping.join()
-    said = list(process.said)
+    said = [line for line in process.said if "begins again" in line]
     assert [line.rpartition(" file")[2] for line in said] == ["", " in 1 s", " in 3 s"]
-    assert (tmp_path / "recording" / "004.sonar").read_bytes() == b"".join(PACKETS)
+    assert (tmp_path / "recording" / f"{names[-1]}.sonar").read_bytes() == b"".join(PACKETS)
     assert recorders(tmp_path) == []
 
 
