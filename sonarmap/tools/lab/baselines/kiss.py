@@ -7,7 +7,7 @@ from sonarmap.tools.extras import load_package
 from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, silent
 from sonarmap.tools.lab.baselines.features import REFINE
 from sonarmap.tools.lab.baselines.icp import iterate
-from sonarmap.tools.lab.baselines.result import MethodVerdict, PointRegistrar, judge_matches, query_on_all_cores
+from sonarmap.tools.lab.baselines.result import MethodVerdict, PointRegistrar, judge_matches
 
 # Matches that survive both prunings: 14..53 where right, 0 or 1 where wrong; its authors' examples want 5.
 _LEAST_INLIERS = 10
@@ -61,5 +61,5 @@ class KissRegistrar(PointRegistrar):
 
     def _dense(self, cloud: ThinnedCloud) -> int:
         """How many points have neighbors enough for a feature."""
-        distance, _ = query_on_all_cores(cloud.tree, cloud.points, [_NEIGHBORS + 1])  # a point is its own first
+        distance, _ = cloud.tree.query(cloud.points, [_NEIGHBORS + 1])  # a point is its own first
         return int((distance <= _NEIGHBOR_REACH * self.voxel).sum())

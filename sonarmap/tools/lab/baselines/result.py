@@ -6,50 +6,16 @@ pairs, and are fitted to them.
 """
 
 from abc import ABC, abstractmethod
-from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from threading import Thread
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.kernels.device.threads import thread_count
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.baselines.cloud import NORMAL_REACH, ThinnedCloud, thin
-
-
-def query_on_all_cores(
-    tree: KDTree, points: np.ndarray, k: Any = 1, reach: float = np.inf
-) -> tuple[np.ndarray, np.ndarray]:
-    """Distances and indices of the nearest points of a tree, as `KDTree.query` gives them.
-
-    SciPy's own threads read the caller's arrays. Were the main thread interrupted while it waits for them, the arrays
-    would be freed under them and the process would crash (SciPy 1.17). An interrupt reaches the main thread alone, so
-    another thread makes the call: it keeps the arrays until SciPy is done. It is a new one each time, as a pool whose
-    first thread is interrupted while it starts would never end.
-
-    Args:
-        tree: M points (M, D).
-        points: (N, D), in the tree's unit.
-        k: how many neighbors, or a list of which, counted from 1.
-        reach: neighbors farther away are left out: infinite distance and index M [the tree's unit].
-    """
-    answer: Future[tuple[Any, Any]] = Future()
-
-    def query() -> None:
-        try:
-            answer.set_result(tree.query(points, k, distance_upper_bound=reach, workers=thread_count()))
-        except BaseException as error:  # noqa: BLE001 - the caller raises it
-            answer.set_exception(error)
-
-    Thread(target=query, name="nearest neighbors").start()
-    distance, index = answer.result()
-    return np.asarray(distance), np.asarray(index)
-
 
 # A point has a counterpart within this distance, as in spectral/overlap.py [voxels].
 REACH = 2.0
@@ -152,7 +118,7 @@ def overlap(target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTr
 
 
 def _share(cloud: ThinnedCloud, points: np.ndarray, reach: float) -> float:
-    distance, _ = query_on_all_cores(cloud.tree, points, reach=reach)
+    distance, _ = cloud.tree.query(points, distance_upper_bound=reach)
     return float(np.isfinite(distance).mean())
 
 
@@ -167,7 +133,7 @@ def covariance(target: ThinnedCloud, source: ThinnedCloud, T_target_source: Rigi
     and more than 100 where little is shared.
     """
     moved = T_target_source.apply(source.points)
-    distance, nearest = query_on_all_cores(target.tree, moved, reach=REACH * voxel)
+    distance, nearest = target.tree.query(moved, distance_upper_bound=REACH * voxel)
     near = np.isfinite(distance)
     normals = target.normals[nearest[near]]
     off = np.sum(normals * (moved[near] - target.points[nearest[near]]), axis=1)
