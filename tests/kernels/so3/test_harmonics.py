@@ -70,9 +70,10 @@ class TestAnalyze:
 
     def test_each_layer_has_mean_0_and_variance_1_over_the_sphere(self, device):
         harmonics = Harmonics(device, 16, 32, 64)
-        magnitude = 900 + 7 * spectrum(32, 9)  # a large mean costs little precision
+        magnitude = 900 + 7 * spectrum(32, 9)  # a mean of 130 standard deviations
         got = harmonics.products(harmonics.analyze(device.to_device(magnitude), np.array([3.0, 9.0]))).get()
-        np.testing.assert_allclose(got[0], 0, atol=1e-6)
+        # squares of the means, which single precision leaves below 0.3 % of a standard deviation on any device
+        np.testing.assert_allclose(got[0], 0, atol=1e-5)
         energy = np.trace(got, axis1=1, axis2=2).sum() / 2
         assert 0.2 * 4 * np.pi < energy < 4 * np.pi * 1.001  # finer degrees hold the rest
         flat = device.to_device(np.full((16, 16, 9), 7.3, np.float32))  # a constant layer becomes 0
