@@ -100,16 +100,14 @@ def measure_case(case: KernelCase, device: Device, edge: int, repeats: int, buil
         edge=edge,
         device=times,
         twin=twin_times,
-        traffic=case.traffic,
+        moved=case.moved,
         error=relative_difference(case.read(run()), case.twin()),
         tolerance=case.tolerance,
-        flops=case.flops,
         peers={peer.name: own for peer, own in zip(peers, peer_times, strict=True)},
         compile_seconds=built_seconds + max(build_seconds(clock), first_seconds - times.median),
         launches=counts.launches,
         blocking_reads=counts.reads,
         kernel_seconds=kernel_seconds,
-        passes={name: case.passes[name] for name in kernel_seconds if name in case.passes},
     )
 
 

@@ -19,7 +19,6 @@ from sonarmap.kernels.surface.nearest import find_nearest, upload_places
 from sonarmap.kernels.surface.planes import NEIGHBORS, fit_planes
 from sonarmap.tools.lab.bench import twins
 from sonarmap.tools.lab.bench.case import RESAMPLED, KernelCase
-from sonarmap.tools.lab.bench.rates import Traffic
 from sonarmap.tools.lab.bench.workload import SMALL_SHIFT, SMALL_TURN, R, Workload
 
 
@@ -29,11 +28,10 @@ def voxelize_case(w: Workload) -> KernelCase:
     return KernelCase(
         "voxelize",
         "np.maximum.at",
-        Traffic(w.points.nbytes, w.volume_bytes, 8 * len(w.points)),
+        w.points.nbytes + w.volume_bytes + 8 * len(w.points),
         0.0,
         run=lambda: voxelize(w.device, points, w.edge, R, out=out),
         twin=lambda: twins.voxelize(w.points, R, volume),
-        flops=18 * len(w.points),
     )
 
 
@@ -46,11 +44,10 @@ def sample_case(w: Workload) -> KernelCase:
     return KernelCase(
         "sample",
         "map_coordinates",
-        Traffic(shell + directions.nbytes, out.nbytes),
+        shell + directions.nbytes + out.nbytes,
         RESAMPLED,
         run=lambda: sample(w.device, volume, table, w.radii, R, out=out),
         twin=lambda: twins.sample(w.magnitude, directions, w.radii, R, w.cores),
-        flops=30 * out.size,
     )
 
 
@@ -62,11 +59,10 @@ def normalize_layers_case(w: Workload) -> KernelCase:
     return KernelCase(
         "normalize_layers",
         "NumPy mean, std",
-        Traffic(2 * w.layers.nbytes, w.layers.nbytes),
+        2 * w.layers.nbytes + w.layers.nbytes,
         1e-5,
         run=lambda: normalize_layers(w.device, stack, device_window, device_mask, out=out),
         twin=lambda: twins.normalize_layers(w.layers, window, mask),
-        flops=8 * w.layers.size,
     )
 
 
@@ -80,11 +76,10 @@ def polar_magnitude_case(w: Workload) -> KernelCase:
     return KernelCase(
         "polar_magnitude",
         "np.abs, map_coordinates",
-        Traffic(ring * len(host), out.nbytes),
+        ring * len(host) + out.nbytes,
         RESAMPLED,
         run=lambda: polar_magnitude(w.device, spectrum, (w.edge, w.edge), radii, angles, out=out),
         twin=lambda: twins.polar_magnitude(host, radii, angles, w.cores),
-        flops=28 * out.size,
     )
 
 
@@ -103,7 +98,7 @@ def nearest_case(w: Workload) -> KernelCase:
     return KernelCase(
         "find_nearest",
         "scipy.spatial.KDTree",
-        Traffic(2 * _POINT * len(w.surface), 8 * len(w.surface)),
+        2 * _POINT * len(w.surface) + 8 * len(w.surface),
         _DISTANCE,
         run=lambda: find_nearest(w.device, cells, places, SMALL_TURN[None], SMALL_SHIFT[None], w.edge)[0],
         read=lambda result: result[0],
@@ -116,7 +111,7 @@ def planes_case(w: Workload) -> KernelCase:
     return KernelCase(
         "fit_planes",
         "scipy.spatial.KDTree, eigh",
-        Traffic(_POINT * len(w.surface), _ELEMENT * len(w.surface)),
+        _POINT * len(w.surface) + _ELEMENT * len(w.surface),
         _EQUALLY_FAR,
         run=lambda: fit_planes(w.device, cells, np.eye(3), np.empty((0, 3)), farthest=_FARTHEST, aside=1.0),
         read=lambda result: result.get()[:, :3],

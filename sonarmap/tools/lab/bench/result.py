@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from sonarmap.tools.lab.bench.rates import Rates, Traffic
 from sonarmap.tools.lab.bench.timing import Times
 
 
@@ -23,27 +22,25 @@ class KernelResult:
     # device, twin: times of the two [s]
     device: Times
     twin: Times
-    traffic: Traffic  # what the algorithm must move
+    moved: int  # bytes that the algorithm must move
     error: float  # relative L2 difference of the two results
     tolerance: float  # the largest that is right
-    flops: float  # operations of the algorithm; 0 where they do not matter
     peers: Mapping[str, Times]  # times of other libraries, by their names [s]
     compile_seconds: float  # building the programs, and what the first run took longer [s]
     launches: int  # kernels that one run launches
     blocking_reads: int  # how often the host waits for the device within the run
     # the device's own time by kernel, the median of some runs [s]; nothing where it notes no times
     kernel_seconds: Mapping[str, float] = field(default_factory=dict[str, float])
-    passes: Mapping[str, Traffic] = field(default_factory=dict[str, Traffic])  # what some of these kernels move
 
     @property
     def right(self) -> bool:
         """Whether the results agree; not where the error is NaN."""
         return self.error <= self.tolerance
 
-    def row(self, rates: Rates) -> dict[str, Any]:
-        """The kernel's row of the result, compared with what the device's memory gives."""
-        traffic, median = self.traffic, self.device.median
-        rate, limit = traffic.moved / median, rates.least_seconds(traffic)
+    def row(self, copy_rate: float) -> dict[str, Any]:
+        """The kernel's row of the result, compared with how fast the device copies [bytes/s]."""
+        median = self.device.median
+        rate = self.moved / median
         return {
             "kernel": self.name,
             "twin": self.twin_name,
@@ -51,35 +48,19 @@ class KernelResult:
             "device_seconds": asdict(self.device),
             "twin_seconds": asdict(self.twin),
             "ratio": self.twin.median / median,
-            "bytes_moved": traffic.moved,
+            "bytes_moved": self.moved,
             "rate": rate,
-            "rate_over_copy_rate": rate / rates.at("copy", traffic.touched),
+            "rate_over_copy_rate": rate / copy_rate,
             "error": self.error,
             "tolerance": self.tolerance,
             "right": self.right,
-            "bytes": asdict(traffic),
-            "limit_seconds": limit,
-            "share_of_limit": limit / median,
-            "flops": self.flops,
-            "flop_rate": self.flops / median,
             "compile_seconds": self.compile_seconds,
             "launches": self.launches,
             "blocking_reads": self.blocking_reads,
             "event_seconds": sum(self.kernel_seconds.values()) if self.kernel_seconds else None,
-            "passes": [
-                _pass_row(name, seconds, self.passes.get(name), rates) for name, seconds in self.kernel_seconds.items()
-            ],
+            "kernel_seconds": dict(self.kernel_seconds),
             "peers": [
                 {"library": name, "seconds": asdict(times), "ratio": times.median / median}
                 for name, times in self.peers.items()
             ],
         }
-
-
-def _pass_row(kernel: str, seconds: float, traffic: Traffic | None, rates: Rates) -> dict[str, Any]:
-    return {
-        "kernel": kernel,
-        "event_seconds": seconds,
-        "bytes": traffic and asdict(traffic),
-        "share_of_limit": traffic and rates.least_seconds(traffic) / seconds,
-    }

@@ -14,7 +14,6 @@ from sonarmap.tools.lab.bench.case import (
     KernelCase,
     peak_numbers,
 )
-from sonarmap.tools.lab.bench.rates import Traffic
 from sonarmap.tools.lab.bench.workload import BANDWIDTH, R, Workload
 
 # How far roll and pitch of 35 degrees carry the z axis.
@@ -36,11 +35,10 @@ def correlate_rotations_case(w: Workload) -> KernelCase:
     return KernelCase(
         "RotationCorrelation",
         "matmul, einsum, irfft2",
-        Traffic(2 * target.nbytes + table + half, half + volume, 2 * half),
+        2 * target.nbytes + table + 4 * half + volume,
         1e-5,
         run=lambda: correlation.correlate(*given)[0],
         twin=lambda: twins.correlate_rotations(target, source, wigner, edge, w.cores),
-        flops=2.5 * images * edge**2 * np.log2(edge**2) + table,
     )
 
 
@@ -51,12 +49,11 @@ def rotation_peaks_case(w: Workload) -> KernelCase:
     return KernelCase(
         "RotationCorrelation.peaks",
         "maximum_filter, np.argmax",
-        Traffic(reads=host.nbytes),
+        host.nbytes,
         0.0,
         run=lambda: correlation.peaks(values)[0],
         read=lambda peaks: np.column_stack([peaks.index, peaks.around[:, 13]]),
         twin=lambda: twins.segment_peaks(host, _SEGMENTS, images=len(correlation.betas)),
-        flops=26 * host.size,
     )
 
 
@@ -67,12 +64,11 @@ def agreement_case(w: Workload) -> KernelCase:
     return KernelCase(
         "agreement",
         "NumPy, a pose at a time",
-        Traffic(w.view.nbytes + w.seen.nbytes + len(w.poses[0]) * 16 * 4, len(w.poses[0]) * 3 * 4),
+        w.view.nbytes + w.seen.nbytes + len(w.poses[0]) * 19 * 4,
         _BORDERS,
         run=lambda: agreement(w.device, [viewing], poses, [(_REACH, _SLOPE)]).read()[0][0, :, 0],
         read=lambda result: result,
         twin=lambda: twins.agreement(w.view, w.seen, *w.poses, _REACH, _SLOPE),
-        flops=40 * len(w.seen) * len(w.poses[0]),
     )
 
 
@@ -94,12 +90,11 @@ def find_case(w: Workload) -> KernelCase:
     return KernelCase(
         "Correlator.find",
         "scipy.fft, NumPy, np.argmax",
-        Traffic(w.points.nbytes + 2 * w.half_bytes, w.half_bytes + w.volume_bytes, 2 * w.half_bytes),
+        w.points.nbytes + 5 * w.half_bytes + w.volume_bytes,
         _TWICE_TRANSFORMED,
         run=lambda: correlator.find(points, [Pose(R)], [target], 1, 3.0)[0][0][0],
         read=peak_numbers,
         twin=lambda: twins.peak(_correlation(w)),
-        flops=2 * w.transform_flops,
     )
 
 
@@ -109,12 +104,11 @@ def near_case(w: Workload) -> KernelCase:
     return KernelCase(
         "Correlator.near",
         "scipy.fft, NumPy, 27 voxels",
-        Traffic(w.points.nbytes + 2 * w.half_bytes, w.half_bytes),
+        w.points.nbytes + 3 * w.half_bytes,
         _TWICE_TRANSFORMED,
         run=lambda: correlator.near(points, [Pose(R)], [target], shift).read()[0],
         read=peak_numbers,
         twin=lambda: twins.peak(_correlation(w)),
-        flops=w.transform_flops,
     )
 
 

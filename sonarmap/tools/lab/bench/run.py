@@ -5,15 +5,17 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+import numpy as np
+
 from sonarmap.kernels.device.device import Device, choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.files.inputs import package_versions
+from sonarmap.tools.lab.bench.copying import measure_copy_rate
 from sonarmap.tools.lab.bench.kernels import CASES, measure_kernels
 from sonarmap.tools.lab.bench.machine import count_cores, load_average, processor_name
 from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
 from sonarmap.tools.lab.bench.peers import peer_versions
-from sonarmap.tools.lab.bench.rates import Rates, measure_rates, summarize_rates
 from sonarmap.tools.lab.bench.result import KernelResult
 from sonarmap.tools.lab.bench.survey import Command, measure_survey
 from sonarmap.tools.lab.progress import Follow
@@ -56,14 +58,14 @@ def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Co
     chosen = choose_device(selector)
     device = Device(chosen.cl_device, chosen.selector, chosen.notes, profiling=True)
     cores, before = count_cores(), load_average()
-    measured = [measure_rates(device, _RATE_REPEATS)]
+    rates = measure_copy_rate(device, _RATE_REPEATS)
     kernels: list[KernelResult] = []
     if plan.kernels:
         with follow("timing kernels", len(plan.edges) * len(CASES)) as step:
             kernels += measure_kernels(device, plan.edges, plan.repeats, plan.seed, cores, step)
     # again, as the machine's other work may have changed meanwhile
-    rates = summarize_rates(device, [*measured, measure_rates(device, _RATE_REPEATS)])
-    pairs = _pairs(selector, plan, rates, follow) if plan.pairs else []
+    copy_rate = float(np.median(rates + measure_copy_rate(device, _RATE_REPEATS)))
+    pairs = _pairs(selector, plan, follow) if plan.pairs else []
     survey = measure_survey(plan.survey, plan.seed, selector, follow, command) if plan.survey else None
     return {
         "device": {"name": device.name, "platform": device.platform},
@@ -73,21 +75,15 @@ def run_bench(selector: str | None, plan: BenchPlan, follow: Follow, command: Co
         "load_average": (before, load_average()),
         "seed": plan.seed,
         "repeats": plan.repeats,
-        "copy_rate": rates.copy_rate,
-        "rates": rates.best,
-        "flops": rates.flops,
-        "kernels": [kernel.row(rates) for kernel in kernels],
+        "copy_rate": copy_rate,
+        "kernels": [kernel.row(copy_rate) for kernel in kernels],
         "pairs": pairs,
         "survey": survey,
     }
 
 
-def _pairs(selector: str | None, plan: BenchPlan, rates: Rates, follow: Follow) -> list[dict[str, Any]]:
+def _pairs(selector: str | None, plan: BenchPlan, follow: Follow) -> list[dict[str, Any]]:
     with follow("simulating pairs", plan.pairs) as step:
         simulated = simulate_pairs(plan.pairs, plan.seed, step)
     with follow("registering pairs", len(plan.edges) * plan.pairs) as step:
-        rows = [measure_pairs(simulated, edge, selector, step) for edge in plan.edges]
-    for row in rows:
-        for stage in row["stages"]:
-            stage["limit_seconds"] = stage["array_bytes"] / rates.at("in_place", 8 * row["grid"] ** 3)
-    return rows
+        return [measure_pairs(simulated, edge, selector, step) for edge in plan.edges]

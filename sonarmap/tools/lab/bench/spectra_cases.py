@@ -13,22 +13,21 @@ from sonarmap.tools.lab.bench.case import (
     WHITENED,
     KernelCase,
     peak_numbers,
-    transform_passes,
     valid,
 )
+from sonarmap.tools.lab.bench.copying import copier
 from sonarmap.tools.lab.bench.peers import fft_peers
-from sonarmap.tools.lab.bench.rates import Traffic, copier
 from sonarmap.tools.lab.bench.workload import Workload
 
 
 def copy_case(w: Workload) -> KernelCase:
-    out, same = np.empty_like(w.volume), Traffic(w.volume_bytes, w.volume_bytes)
+    out = np.empty_like(w.volume)
 
     def twin() -> np.ndarray:
         np.copyto(out, w.volume)
         return out
 
-    return KernelCase("copy", "np.copyto", same, 0.0, copier(w.device, w.volume), twin)
+    return KernelCase("copy", "np.copyto", 2 * w.volume_bytes, 0.0, copier(w.device, w.volume), twin)
 
 
 def real_forward_case(w: Workload) -> KernelCase:
@@ -37,13 +36,11 @@ def real_forward_case(w: Workload) -> KernelCase:
     return KernelCase(
         "RealFFT.forward",
         "scipy.fft.rfftn",
-        Traffic(w.volume_bytes, w.half_bytes, 2 * w.half_bytes),
+        w.volume_bytes + 3 * w.half_bytes,
         FFT,
         run=lambda: fft.forward(volume, out=out),
         read=valid,
         twin=lambda: twins.forward(w.volume, w.cores),
-        flops=w.transform_flops,
-        passes=transform_passes(w),
         peers=lambda: fft_peers(w, inverse=False),
     )
 
@@ -56,13 +53,11 @@ def real_inverse_case(w: Workload) -> KernelCase:
     return KernelCase(
         "RealFFT.inverse",
         "scipy.fft.irfftn",
-        Traffic(w.half_bytes, w.volume_bytes, 2 * w.half_bytes),
+        3 * w.half_bytes + w.volume_bytes,
         FFT,
         run=lambda: fft.inverse(spectrum, out=out),
         twin=lambda: twins.inverse(w.spectrum, w.cores),
         restore=lambda: spectrum.set(padded),
-        flops=w.transform_flops,
-        passes=transform_passes(w),
         peers=lambda: fft_peers(w, inverse=True),
     )
 
@@ -72,11 +67,10 @@ def magnitude_case(w: Workload) -> KernelCase:
     return KernelCase(
         "magnitude",
         "np.abs, fftshift",
-        Traffic(w.half_bytes, w.half_bytes // 2),
+        w.half_bytes + w.half_bytes // 2,
         ELEMENTWISE,
         run=lambda: magnitude(w.device, spectrum, w.edge, out=out),
         twin=lambda: twins.magnitude(w.spectrum),
-        flops=4 * w.half_points,
     )
 
 
@@ -86,12 +80,11 @@ def whiten_case(w: Workload) -> KernelCase:
     return KernelCase(
         "whiten",
         "np.abs, np.divide",
-        Traffic(w.half_bytes, w.half_bytes),
+        2 * w.half_bytes,
         ELEMENTWISE,
         run=lambda: whiten(w.device, spectrum, out=out),
         read=valid,
         twin=lambda: twins.whiten(w.spectrum, host),
-        flops=6 * w.half_points,
     )
 
 
@@ -101,12 +94,11 @@ def cross_power_case(w: Workload) -> KernelCase:
     return KernelCase(
         "cross_power",
         "NumPy products",
-        Traffic(2 * w.half_bytes, w.half_bytes),
+        3 * w.half_bytes,
         ELEMENTWISE,
         run=lambda: cross_power(w.device, target, source, w.volume.shape, (BLUR, BLUR, BLUR), out=out),
         read=valid,
         twin=lambda: twins.cross_power(*w.whitened, BLUR, host),
-        flops=9 * w.half_points,
     )
 
 
@@ -116,13 +108,11 @@ def prepare_case(w: Workload) -> KernelCase:
     return KernelCase(
         "Pomf.prepare",
         "scipy.fft.rfftn, NumPy",
-        Traffic(w.volume_bytes, w.half_bytes, 2 * w.half_bytes),  # whitening can be part of the last pass
+        w.volume_bytes + 3 * w.half_bytes,  # whitening can be part of the last pass
         WHITENED,
         run=lambda: pomf.prepare(volume, out=out),
         read=valid,
         twin=lambda: twins.prepare(w.volume, w.cores),
-        flops=w.transform_flops + 6 * w.half_points,
-        passes=transform_passes(w),
     )
 
 
@@ -133,12 +123,10 @@ def correlate_case(w: Workload) -> KernelCase:
     return KernelCase(
         "Pomf.correlate",
         "NumPy, scipy.fft.irfftn",
-        Traffic(3 * w.half_bytes, w.half_bytes + w.volume_bytes),  # the product can be part of the first pass
+        4 * w.half_bytes + w.volume_bytes,  # the product can be part of the first pass
         WHITENED,
         run=lambda: pomf.correlate(target, source, out=out),
         twin=lambda: twins.correlate(*w.whitened, BLUR, scratch, w.cores),
-        flops=w.transform_flops + 9 * w.half_points,
-        passes=transform_passes(w),
     )
 
 
@@ -148,10 +136,9 @@ def find_peaks_case(w: Workload) -> KernelCase:
     return KernelCase(
         "find_peaks",
         "np.argmax, mean, std",
-        Traffic(reads=host.nbytes),
+        host.nbytes,
         1e-5,
         run=lambda: find_peaks(w.device, correlation)[0],
         read=peak_numbers,
         twin=lambda: twins.peak(host),
-        flops=4 * host.size,
     )

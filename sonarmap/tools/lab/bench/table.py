@@ -1,12 +1,11 @@
 """A benchmark's result for people, at a terminal."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.console import Group, RenderableType
+from rich.table import Table
 from rich.text import Text
-
-from sonarmap.tools.lab.wide_table import WideTable
 
 Row = Mapping[str, Any]
 Columns = Mapping[str, Callable[[Row], str]]
@@ -35,9 +34,8 @@ def of_memory(name: str, form: str = "{}") -> Callable[[Row], str]:
 
 # How fast a kernel is.
 RATES: Columns = {
-    "GFLOP/s": lambda row: f"{row['flop_rate'] / 1e9:.1f}" if row["flops"] else "",
     "GB/s": number("rate", ".1f", 1e-9),
-    "of limit": number("share_of_limit", ".0%"),
+    "of copying": number("rate_over_copy_rate", ".0%"),
     "difference": number("error", ".1e"),
 }
 # What a stage asks of the device.
@@ -54,8 +52,6 @@ def survey_rows(survey: Row) -> Iterator[Row]:
     for name, seconds in sorted(survey["stages"].items(), key=lambda stage: -stage[1]):
         yield {"stage": name, "s": seconds, "share": seconds / survey["seconds"], "scan": seconds / survey["scans"]}
 
-
-_RIGHT = frozenset(range(1, 20))  # of the columns: all but the names
 
 _TIMES: Columns = {
     "device ms": milliseconds("device_seconds"),
@@ -105,34 +101,30 @@ def describe(result: Row) -> RenderableType:
         rows = [row for row in result["kernels"] if row["grid"] == grid]
         lines = [line for row in rows for line in _kernel_lines(row)]
         parts += [Text(f"\nkernels at {grid}^3: medians [quartiles]")]
-        parts += [WideTable([*_KERNEL, "twin"], lines, _RIGHT - {len(_KERNEL)})]
+        parts += [_table([*_KERNEL, "twin"], lines)]
     if pairs:
         lines = [line for row in pairs for line in _pair_lines(row)]
         headings = ("grid and step", *_PAIR_TIMES, *_PAIR)
-        parts += [Text("\nsimulated pairs, seconds"), WideTable(headings, lines, _RIGHT)]
+        parts += [Text("\nsimulated pairs, seconds"), _table(headings, lines)]
     for row in pairs:
         parts += [Text(f"\nwhere a pair's time goes at {row['grid']}^3, with two scans prepared")]
-        parts += [WideTable([*_STAGE], cells(_STAGE, row["stages"]), _RIGHT)]
+        parts += [_table([*_STAGE], cells(_STAGE, row["stages"]))]
     if survey:
         words = (
             f"a survey of {survey['scans']} scans: {survey['seconds']:.1f} s, "
             f"{survey['seconds'] / survey['scans']:.2f} s a scan; {survey['pairs']} pairs, "
             f"scans prepared {survey['prepared']} times, {survey['peak_memory'] / 2**30:.2f} GiB"
         )
-        parts += [Text(f"\n{words}"), WideTable([*_SURVEY], cells(_SURVEY, survey_rows(survey)), _RIGHT)]
+        parts += [Text(f"\n{words}"), _table([*_SURVEY], cells(_SURVEY, survey_rows(survey)))]
     return Group(*parts)
 
 
 def _head(result: Row) -> list[str]:
     before, after = ("unknown" if load is None else f"{load:.1f}" for load in result["load_average"])
-    rates = result["rates"]
-    in_place, reading = (rates[name][max(rates["copy"])] / 1e9 for name in ("in_place", "read"))
-    copying, computing = result["copy_rate"] / 1e9, result["flops"] / 1e9
     return [
         f"{result['device']['name']} ({result['device']['platform']})",
         f"twins: {result['processor'] or 'unknown processor'}, {result['cores']} cores",
-        f"the device copies {copying:.1f} GB/s, changes in place {in_place:.1f}, reads {reading:.1f}, and computes "
-        f"{computing:.0f} GFLOP/s; load average {before} before, {after} after",
+        f"the device copies {result['copy_rate'] / 1e9:.1f} GB/s; load average {before} before, {after} after",
     ]
 
 
@@ -145,21 +137,26 @@ def _pair_words(row: Row) -> str:
 
 
 def _kernel_lines(row: Row) -> Iterator[list[str | Text]]:
-    """The kernel's, those of other libraries, and those of its passes whose traffic is known."""
+    """The kernel's, and those of other libraries."""
     line: list[str | Text] = [*cells(_KERNEL, [row])[0], row["twin"]]
     if not row["right"]:
-        line[-6:-1] = ["-", "-", "-", "-", Text(f"WRONG {row['error']:.1e}", "bold red")]
+        line[-5:-1] = ["-", "-", "-", Text(f"WRONG {row['error']:.1e}", "bold red")]
     yield line
     for peer in row["peers"]:
-        yield [f"  {peer['library']}", "", "", "", milliseconds("seconds")(peer), f"{peer['ratio']:.2f}", *[""] * 5]
-    for each in row["passes"]:
-        if each["bytes"]:
-            seconds = each["event_seconds"]
-            rate, share = sum(each["bytes"].values()) / seconds / 1e9, each["share_of_limit"]
-            yield [f"  {each['kernel']}", "", f"{1e3 * seconds:.3g}", *[""] * 4, f"{rate:.1f}", f"{share:.0%}", "", ""]
+        yield [f"  {peer['library']}", "", "", "", milliseconds("seconds")(peer), f"{peer['ratio']:.2f}", *[""] * 4]
 
 
 def _pair_lines(row: Row) -> Iterator[list[str]]:
     grid = f"{row['grid']}^3"
     yield [f"{grid} prepare a scan", *cells(_PAIR_TIMES, [row["prepare_seconds"]])[0], *[""] * len(_PAIR)]
     yield [f"{grid} register a pair", *cells(_PAIR_TIMES, [row["register_seconds"]])[0], *cells(_PAIR, [row])[0]]
+
+
+def _table(headings: Iterable[str], rows: Iterable[Sequence[str | Text]]) -> Table:
+    """Names to the left, numbers to the right."""
+    table = Table(box=None, pad_edge=False)
+    for k, heading in enumerate(headings):
+        table.add_column(heading, justify="right" if k and heading != "twin" else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    return table

@@ -32,16 +32,13 @@ class Workload:
         device: what the kernels run on.
         edge: N, voxels per edge.
         cores: threads that the twins may use.
-        volume_bytes, half_bytes, half_points: of a real volume, of its half spectrum, and how many numbers this has.
-        transform_flops: of a real transform.
+        volume_bytes, half_bytes: of a real volume and of its half spectrum.
     """
 
     def __init__(self, device: Device, edge: int, cores: int, seed: int) -> None:
         """Nothing is computed before it is asked for."""
         self.device, self.edge, self.cores, self._seed = device, edge, cores, seed
-        self.volume_bytes, self.half_points = 4 * edge**3, edge**2 * (edge // 2 + 1)
-        self.half_bytes = 8 * self.half_points
-        self.transform_flops = 2.5 * edge**3 * np.log2(edge**3)
+        self.volume_bytes, self.half_bytes = 4 * edge**3, 8 * edge**2 * (edge // 2 + 1)
 
     def rng(self, stream: int) -> np.random.Generator:
         """Random numbers that depend on the seed, the edge and the stream only."""

@@ -20,7 +20,6 @@ from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.bench import twins
 from sonarmap.tools.lab.bench.kernels import CASES, measure_case, measure_kernels, relative_difference
 from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
-from sonarmap.tools.lab.bench.rates import Rates, Traffic, _kernels, _per_item
 from sonarmap.tools.lab.bench.spectra_cases import magnitude_case, real_forward_case
 from sonarmap.tools.lab.bench.stages import PAIR_STAGES
 from sonarmap.tools.lab.bench.timing import interleave, summarize
@@ -32,7 +31,7 @@ from tests.samples.places import ROOT
 def few() -> Iterator[None]:
     """Rates of memory, which take seconds, by arrays that are quickly moved; and two kernels of all."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sonarmap.tools.lab.bench.rates._LARGEST", 2**20)
+        patch.setattr("sonarmap.tools.lab.bench.copying.MAX_BYTES", 2**20)
         for module in ("run", "kernels"):
             patch.setattr(f"sonarmap.tools.lab.bench.{module}.CASES", (real_forward_case, magnitude_case))
         yield
@@ -74,7 +73,7 @@ class TestKernels:
         results = list(measure_kernels(device, [edge], 2, 5, 2, lambda _: None))
         assert len(results) == len(CASES)
         assert {result.name: result.error for result in results if not result.right} == {}
-        assert all(result.traffic.moved > 0 and result.launches > 0 for result in results)
+        assert all(result.moved > 0 and result.launches > 0 for result in results)
 
     def test_a_wrong_kernel_is_told(self, device: Device) -> None:
         case = real_forward_case(Workload(device, 16, 1, 0))
@@ -90,24 +89,6 @@ class TestKernels:
         np.testing.assert_array_equal(first.points, again.points)
         np.testing.assert_array_equal(first.volume, again.volume)
         assert not np.array_equal(first.volume, other.volume)
-
-
-class TestRates:
-    def test_the_limit_is_the_sum_of_its_parts(self) -> None:
-        """Copying 2 x 300 B at 3 B/s, 80 B in place at 5, and reading 100 B at 7; sizes far below do not count."""
-        best = {"copy": {100: 99.0, 400: 3.0}, "in_place": {400: 5.0}, "read": {400: 7.0, 800: 6.0}, "fill": {400: 2.0}}
-        rates = Rates(best, 3.0, 1e9)
-        assert rates.least_seconds(Traffic(400, 300, 80)) == pytest.approx(600 / 3 + 80 / 5 + 100 / 7)
-        assert rates.least_seconds(Traffic(0, 10, 0)) == pytest.approx(10 / 2)
-        assert rates.at("copy", 1e9) == 3.0
-
-    def test_a_read_reads_all(self, device: Device) -> None:
-        """The kernel's sums, of numbers that are exact in single precision, in an order of their own."""
-        numbers = np.random.default_rng(5).integers(0, 50, 2**18).astype(np.float32)
-        count = numbers.size // 16 // _per_item(device)
-        sums = device.empty((count,))
-        _kernels(device)["read"](device.queue, (count,), None, device.to_device(numbers).data, sums.data)
-        assert sums.get().sum(dtype=np.float64) == numbers.sum(dtype=np.float64)
 
 
 @pytest.mark.slow
