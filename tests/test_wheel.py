@@ -43,6 +43,13 @@ def test_every_kind_of_file_is_packaged() -> None:
     assert not [path for path in others if path.suffix not in {*SUFFIXES, ".sh"}]
 
 
+def test_the_version_is_the_same_everywhere() -> None:
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
+    newest = next(line for line in (ROOT / "CHANGELOG.md").read_text().splitlines() if line.startswith("## "))
+    assert newest.split()[1] == version
+
+
 @pytest.mark.slow
 def test_the_wheel_holds_the_package_with_its_kernels_and_nothing_else(wheel: Path) -> None:
     expected = {path.relative_to(ROOT).as_posix() for path in PACKAGE.rglob("*") if path.suffix in SUFFIXES}
