@@ -5,23 +5,6 @@ from .kernels.device.device_info import DeviceInfo as DeviceInfo
 from .kernels.errors import DeviceError as DeviceError
 from .kernels.errors import InputError as InputError
 from .kernels.errors import SonarmapError as SonarmapError
-from .kernels.fft.transform import RealFFT as RealFFT
-from .kernels.points.voxelize import voxelize as voxelize
-from .kernels.pomf.peak import find_peaks as find_peaks
-from .kernels.pomf.peak_fit import Peak as Peak
-from .kernels.pomf.spectrum import Pomf as Pomf
-from .kernels.pomf.spectrum import magnitude as magnitude
-from .kernels.pomf.spectrum import whiten as whiten
-from .kernels.resample.layers import normalize_layers as normalize_layers
-from .kernels.resample.polar import polar_magnitude as polar_magnitude
-from .kernels.resample.sphere import latitude_longitude as latitude_longitude
-from .kernels.resample.sphere import rectangular_unwrap as rectangular_unwrap
-from .kernels.resample.sphere import rotational_unwrap as rotational_unwrap
-from .kernels.resample.sphere import sample as sample
-from .kernels.resample.sphere import upload_directions as upload_directions
-from .kernels.so3.correlation import RotationCorrelation as RotationCorrelation
-from .kernels.so3.harmonics import Harmonics as Harmonics
-from .kernels.so3.harmonics import equalizers as equalizers
 from .slam.candidates.settings import LoopSettings as LoopSettings
 from .slam.graph.control import ControlPoint as ControlPoint
 from .slam.graph.edge import Edge as Edge
@@ -66,21 +49,26 @@ from .tools.api import register as register
 from .tools.files.geo.georeference import Georeference as Georeference
 from .tools.files.map_folder.folder import Map as Map
 from .tools.files.map_folder.folder import MapPart as MapPart
+from .tools.files.readers.navigation.priors import Navigated as Navigated
 from .tools.maps import export_map as export_map
 from .tools.maps import fuse as fuse
 from .tools.maps import read_navigation as read_navigation
 from .tools.maps import write_map as write_map
 from .tools.maps import write_report as write_report
+from .tools.products.compare.comparison import Comparison as Comparison
+from .tools.products.compare.comparison import NotAlignedError as NotAlignedError
+from .tools.products.export.run import Exported as Exported
 
 __all__ = [
+    "Comparison",
     "ControlPoint",
     "Device",
     "DeviceError",
     "DeviceInfo",
     "Edge",
+    "Exported",
     "Georeference",
     "Grid",
-    "Harmonics",
     "HemisphereConfig",
     "HemisphereRegistrar",
     "InputError",
@@ -92,21 +80,19 @@ __all__ = [
     "Mapper",
     "MapperSettings",
     "MotionLimits",
+    "Navigated",
+    "NotAlignedError",
     "Odometry",
     "Optimized",
     "Pair",
-    "Peak",
     "Place",
     "PointMap",
-    "Pomf",
     "PoseGraph",
     "PosePrior",
     "PreparedScan",
-    "RealFFT",
     "Registrar",
     "Registration",
     "RelativePrior",
-    "RotationCorrelation",
     "Scan",
     "Solution",
     "SonarmapError",
@@ -118,32 +104,20 @@ __all__ = [
     "choose_device",
     "choose_grid",
     "compare",
-    "equalizers",
     "export_map",
     "factors_of",
-    "find_peaks",
     "fuse",
-    "latitude_longitude",
     "list_devices",
     "locate",
-    "magnitude",
     "map_scans",
-    "normalize_layers",
     "optimize",
-    "polar_magnitude",
     "prepare",
     "read_navigation",
     "read_scans",
-    "rectangular_unwrap",
     "register",
     "relative_prior",
-    "rotational_unwrap",
-    "sample",
     "to_transforms",
     "to_values",
-    "upload_directions",
-    "voxelize",
-    "whiten",
     "write_map",
     "write_report",
 ]

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-import sonarmap
+from sonarmap import kernels
 
-device = sonarmap.choose_device()
+device = kernels.choose_device()
 print(f"on {device.name}")
 
 rng = np.random.default_rng(3)
@@ -13,8 +13,8 @@ shift = (5, -12, 20)
 # The convention of the kernels: p_target = p_source + shift, so that the source lies the other way.
 source = np.roll(target, [-s for s in shift], axis=(0, 1, 2)) + rng.normal(0, 0.5, target.shape).astype(np.float32)
 
-pomf = sonarmap.Pomf(device, target.shape)
+pomf = kernels.Pomf(device, target.shape)
 spectra = [pomf.prepare(device.to_device(volume)) for volume in (target, source)]
-peak = sonarmap.find_peaks(device, pomf.correlate(*spectra))[0]
+peak = kernels.find_peaks(device, pomf.correlate(*spectra))[0]
 print(f"shifted by {peak.shift.round(1)}, the peak is {peak.psr:.0f} standard deviations high")
 assert np.allclose(peak.shift, shift, atol=0.2)

@@ -14,11 +14,18 @@ from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[2]
 API = {  # page: (title, what is on it, the file that lists the public names)
-    "tools": ("Scans to maps", "Read scans, register two of them, make a map, optimize a graph.", "tools/api.py"),
-    "maps": ("Finished maps", "Write a map, open it, export it, and fuse its scans again.", "tools/maps.py"),
+    "tools": (
+        "Scans and maps",
+        "Register scans, make a map, write, open and export it.",
+        "tools/__init__.pyi",
+    ),
     "spectral": ("Registration", "Scans, and how one lies relative to another.", "spectral/__init__.pyi"),
     "slam": ("Surveys", "Poses, pose graphs, pairs and maps.", "slam/__init__.pyi"),
-    "kernels": ("Kernels", "Devices, transforms, volumes and peaks.", "kernels/__init__.pyi"),
+    "kernels": (
+        "Kernels",
+        "Names of `sonarmap.kernels`: devices, transforms, peaks.",
+        "kernels/__init__.pyi",
+    ),
 }
 
 
@@ -62,7 +69,12 @@ def public_names(source: Path) -> dict[str, str]:
 
 
 def api_index() -> str:
-    lines = ["# API", "", "Everything here is a name of `sonarmap`: `sonarmap.register`, `sonarmap.Scan`.", ""]
+    lines = [
+        "# API",
+        "",
+        "Everything here is a name of `sonarmap`, as `sonarmap.register`; kernels are names of `sonarmap.kernels`.",
+        "",
+    ]
     lines.append("Frames, units and the order of covariances: [conventions](../conventions.md).")
     for room, (title, subject, source) in API.items():
         names = ", ".join(
@@ -74,8 +86,9 @@ def api_index() -> str:
 
 def api_page(room: str) -> str:
     title, subject, source = API[room]
+    package = "sonarmap.kernels" if room == "kernels" else "sonarmap"
     blocks = [
-        f"::: {origin}.{name}\n    options:\n      heading: sonarmap.{name}\n      toc_label: {name}\n"
+        f"::: {origin}.{name}\n    options:\n      heading: {package}.{name}\n      toc_label: {name}\n"
         for name, origin in public_names(ROOT / source).items()
     ]
     return "\n".join([f"# {title}", "", subject, "", *blocks])

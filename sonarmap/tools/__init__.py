@@ -3,3 +3,7 @@
 `files`: what a file says and gets. `methods`: which methods of registration there are. `products`: what becomes of a
 finished map. `lab`: simulator, scores, experiments, benchmarks. `command`: what the user asks for.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

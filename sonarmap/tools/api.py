@@ -15,7 +15,7 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.result import Registrar, Registration
-from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.given import (
     ScanLike,
     as_paths,
@@ -26,6 +26,7 @@ from sonarmap.tools.given import (
     public,
     require,
     require_type,
+    with_navigation,
 )
 from sonarmap.tools.methods.registry import Setup, find_method, reused
 
@@ -44,8 +45,6 @@ if TYPE_CHECKING:
     from sonarmap.spectral.registration import SpectralRegistrar
     from sonarmap.tools.files.map_folder.folder import Map
     from sonarmap.tools.products.compare.comparison import Comparison
-
-__all__ = ["PreparedScan", "compare", "locate", "map_scans", "optimize", "prepare", "read_scans", "register"]
 
 _MAX_TILT = float(np.deg2rad(35.0))  # the paper's range of roll and pitch (Sect. 2.7)
 _EDGE = 128
@@ -151,6 +150,8 @@ def map_scans(
     device: str | None = None,
     seed: int = 0,
     settings: "MapperSettings | None" = None,
+    stamps: Sequence[float] | None = None,
+    priors: "Sequence[PosePrior | None] | None" = None,
     surveys: Sequence[int] | None = None,
     odometry: "Odometry | None" = None,
     progress: "Progress | None" = None,
@@ -167,6 +168,9 @@ def map_scans(
         voxel, edge, max_tilt, device, seed: as of `register`. With a method of your own `voxel` is the map's and sets
             the tolerances, and the others are ignored.
         settings: of loops, motion, key scans, bridges and the map.
+        stamps: the time of each scan [s], in place of its own.
+        priors: what navigation measured of each scan's pose, in place of its own; None where it measured nothing.
+            `read_navigation` reads it from a file.
         surveys: the number of each scan's survey, ascending; all are of one by default.
         odometry: dead reckoning of the scans.
         progress: called with (steps done, steps planned so far, text) after each step.
@@ -195,6 +199,7 @@ def map_scans(
         surveys = lines if surveys is None else surveys
     else:
         survey = as_scans(scans)
+    survey = with_navigation(survey, stamps, priors)
     numbers = as_surveys(surveys, len(survey))
     grid = survey_grid(survey, edge, voxel)
     if isinstance(method, str):

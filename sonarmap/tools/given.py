@@ -4,6 +4,7 @@
 import os
 import re
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import wraps
 from inspect import signature
 from numbers import Integral, Real
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from sonarmap.kernels.device.cache import LOGGER
 from sonarmap.kernels.errors import InputError, path_error
-from sonarmap.spectral.scan import Scan, refuse_mask
+from sonarmap.spectral.scan import PosePrior, Scan, refuse_mask
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, looks_like, refuse_map_coordinates, scan_of_cloud
 from sonarmap.tools.files.user_file import naming
 
@@ -135,6 +136,23 @@ def as_surveys(surveys: Sequence[int] | None, count: int) -> list[int] | None:
         wanted = f"the number of each scan's survey, ascending, {count} in all, such as [0, 0, 1], or None"
         raise _refusal("surveys", surveys, wanted)
     return [int(number) for number in numbers]
+
+
+def with_navigation(
+    scans: Sequence[Scan], stamps: Sequence[float] | None, priors: Sequence[PosePrior | None] | None
+) -> Sequence[Scan]:
+    """The scans with other stamps and priors. Raises InputError: there are not as many, or they are of other types."""
+    for name, values, kinds, wanted in (
+        ("stamps", stamps, (Real,), "the time of each scan in seconds"),
+        ("priors", priors, (PosePrior, type(None)), "a PosePrior of each scan, or None where there is none"),
+    ):
+        if values is not None and len(as_list(name, values, kinds, wanted)) != len(scans):
+            raise _refusal(name, values, f"{wanted}, {len(scans)} in all")
+    if stamps is not None:
+        scans = [replace(scan, stamp=float(stamp)) for scan, stamp in zip(scans, stamps, strict=True)]
+    if priors is not None:
+        scans = [replace(scan, prior=prior) for scan, prior in zip(scans, priors, strict=True)]
+    return scans
 
 
 def as_list(name: str, given: object, kinds: tuple[Any, ...], wanted: str) -> list[Any]:

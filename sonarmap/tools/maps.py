@@ -19,7 +19,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.map_folder.folder import Map, MapPart
+from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.writers.folder_lock import locked
 from sonarmap.tools.given import (
     ScanLike,
@@ -43,18 +43,6 @@ if TYPE_CHECKING:
     from sonarmap.tools.files.readers.navigation.settings import NavFrame
     from sonarmap.tools.files.time_scales import TimeScale
     from sonarmap.tools.products.export.run import Exported
-
-__all__ = [
-    "Georeference",
-    "Map",
-    "MapPart",
-    "export_map",
-    "fuse",
-    "read_navigation",
-    "write_map",
-    "write_report",
-]
-
 
 _ORTHONORMAL = 1e-3  # by how much a rotation's rows may not be, as of numbers that were rounded
 

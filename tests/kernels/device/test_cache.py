@@ -16,7 +16,7 @@ COMPUTE = """
 import sonarmap, numpy, os
 for _ in range(2):
     device = sonarmap.choose_device("cpu")
-print(sonarmap.voxelize(device, device.to_device(numpy.zeros((1, 4), numpy.float32) + 1), 16).get().sum())
+print(sonarmap.kernels.voxelize(device, device.to_device(numpy.zeros((1, 4), numpy.float32) + 1), 16).get().sum())
 print(os.environ["XDG_CACHE_HOME"], os.environ.get("POCL_CACHE_DIR", ""))
 """
 
