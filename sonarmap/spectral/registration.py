@@ -87,7 +87,7 @@ class SpectralRegistrar(GridRegistrar):
             DeviceError: the device has too little memory.
         """
         self.config = config or SpectralConfig()
-        super().__init__(device, grid, memory_plan(grid.edge, max_tilt=self.config.max_tilt))
+        super().__init__(device, grid, memory_plan(grid.edge))
         self.so3 = So3(device, grid.edge, self.config.max_tilt)
         self._preparer = Preparer(device, grid, self.config.use_strength, farthest=self.so3.farthest)
         self._verifier = Verifier(device, grid.edge)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict
 from functools import lru_cache
-from statistics import mean
 from typing import Any
 
 from scipy.spatial.transform import RigidTransform
@@ -52,10 +51,9 @@ def _trace(selector: str | None, grid: Grid, pairs: list[tuple[Scan, Scan]]) -> 
             register(target, source)
     # those that none of these pairs needed as well: tables of other pairs have the same rows
     names = dict.fromkeys(PAIR_STAGES.values())
-    points = round(mean(len(scan.points) for pair in pairs for scan in pair))
     return {
         "device_memory": usage.most,
-        "planned_memory": memory_plan(grid.edge, "spectral", points, config.max_tilt).pair,
+        "planned_memory": memory_plan(grid.edge).pair,
         "stages": [_per_pair(clock.stages.get(name, Stage(name)), len(pairs)) for name in names],
     }
 

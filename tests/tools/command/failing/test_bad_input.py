@@ -190,7 +190,7 @@ class SmallDevice:
         return getattr(self._actual, name)
 
 
-@pytest.mark.parametrize(("memory", "fitting"), [(2**31, "--grid 360"), (2**28, "--grid 120"), (2**10, "another")])
+@pytest.mark.parametrize(("memory", "fitting"), [(2**31, "--grid 360"), (2**28, "--grid 96"), (2**10, "another")])
 def test_a_grid_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, memory: int, fitting: str) -> None:
     def choose_small(selector: str | None = None) -> Device:
         device = choose_device(selector)
