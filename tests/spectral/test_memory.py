@@ -69,8 +69,6 @@ def test_counted_by_hand() -> None:
     del second
     gc.collect()
     assert (usage.now, usage.most) == (420, 508)
-    assert sum(usage.at_most.values()) == 508
-    assert all(place.startswith("spectral/test_memory.py:") for place in usage.at_most)
     usage.restart()
     assert (usage.most, usage.largest) == (first.nbytes, 0)
 
