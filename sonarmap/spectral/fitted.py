@@ -1,4 +1,4 @@
-"""The numbers that were fitted to recorded evidence: one table, which `sonarmap reproduce judge DIR --write` makes."""
+"""The numbers that were fitted to recorded evidence: one table, which `sonarmap reproduce confidence --write` makes."""
 
 import json
 from pathlib import Path

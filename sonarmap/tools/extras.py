@@ -21,6 +21,7 @@ EXTRA_OF = {
     "trimesh": "mesh",
     "pye57": "e57",
     "open3d": "lab",
+    "pandas": "lab",
 }
 
 

@@ -2,79 +2,50 @@
 
 import os
 import signal
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import ClassVar
+from types import SimpleNamespace
 
 import numpy as np
 
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Section
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.provenance import Provenance
-from sonarmap.tools.lab.reproduce.rows import column
-from sonarmap.tools.lab.reproduce.table import Table
 
 JOBS = ("a", "b", "c", "d", "e")
+ran: list[str] = []  # the jobs that were run in this process
 
 
-@dataclass(frozen=True, slots=True)
-class FakeSettings:
-    seed: int = 1
-    fast: bool = False
+def fake(seed: int = 1, end: str = "", outcomes: dict[str, Outcome] | None = None) -> Experiment:
+    """`end` as in "kill c" says how a job ends: by a signal, an "error", or an "interrupt"; or jobs with outcomes."""
+    how, _, last = end.partition(" ")
 
-
-class Fake(Experiment):
-    """Counts what it does; where `stop` names a job, that job ends as `by` says."""
-
-    name: ClassVar[str] = "fake"
-    sources: ClassVar[tuple[str, ...]] = ()
-
-    def __init__(self, settings: FakeSettings | None = None, stop: str = "", by: str = "interrupt") -> None:
-        super().__init__(settings or FakeSettings())
-        self.stop, self.by = stop, by
-        self.ran: list[str] = []
-
-    def jobs(self) -> Sequence[str]:
-        return JOBS
-
-    def run(self, job: str) -> Outcome:
-        if job == self.stop:
-            if self.by == "kill":
-                os.kill(os.getpid(), signal.SIGKILL)
-            raise KeyboardInterrupt
-        self.ran.append(job)
-        value = float(np.random.default_rng([self.settings.seed, JOBS.index(job)]).normal())
+    def run(job: str) -> Outcome:
+        if job == last and how == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if job == last:
+            raise InputError(f"no scene is called {job!r}") if how == "error" else KeyboardInterrupt
+        ran.append(job)
+        if outcomes:
+            return outcomes[job]
+        value = float(np.random.default_rng([seed, JOBS.index(job)]).normal())
         row = {"job": job, "value": value, "high": value > 0, "gap": float("nan") if job == "b" else 0.1 + 0.2}
         return Outcome((row,), ({"job": job, "seconds": 0.25},))
 
-    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
-        mean = np.mean(column(rows, "value"))
-        return Section(
-            title="A fake, Fig. 0",
-            tables=(
-                Table("Claims", ("what", "paper", "ours, mean", "verdict"), (("mean", "0", f"{mean:.6f}", "so"),)),
-            ),
-            times=(Table("Times", ("jobs", "s"), (("5", "1.25"),)),),
-            pictures={"fake.png": "The numbers.", "fake-2.png": "The numbers | again."},
-        )
-
-    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(1, 1))
-        figure.subplots().plot(column(rows, "value"))
-        for name in ("fake.png", "fake-2.png"):
-            figure.savefig(folder / name)
+    return Experiment("fake", SimpleNamespace(seed=seed), list(outcomes or JOBS), run, ())
 
 
-def create(request: Request) -> Fake:
-    return Fake(FakeSettings(1 if request.seed is None else request.seed, request.quick))
+def create(request: Request) -> Experiment:
+    return fake(1 if request.seed is None else request.seed, request.scene or "")
 
 
-def origin(fake: Fake, **changes: object) -> Provenance:
+def origin(experiment: Experiment, **changes: object) -> Provenance:
     """Of a fake, on a device that is not there."""
-    settings = {"seed": fake.settings.seed, "fast": fake.settings.fast}
     fixed = {"sources": "ab", "device": "a device", "platform": "OpenCL 3.0 X  Y", "versions": {"numpy": "2"}}
     machine = {"processor": "a processor", "cores": 2}
-    return Provenance(**({"name": "fake", "settings": settings} | fixed | machine | changes))  # pyright: ignore
+    return Provenance(**({"name": "fake", "settings": vars(experiment.settings)} | fixed | machine | changes))  # pyright: ignore
+
+
+def run_all(experiment: Experiment) -> tuple[list[Row], list[Row]]:
+    """The rows and the times of all jobs."""
+    done = [experiment.run(job) for job in experiment.jobs]
+    return [row for outcome in done for row in outcome.rows], [row for outcome in done for row in outcome.seconds]

@@ -1,5 +1,6 @@
 """The options of `sonarmap reproduce`."""
 
+import math
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,16 +22,11 @@ from sonarmap.tools.command.options.option import (
     option,
 )
 from sonarmap.tools.command.options.registration import VoxelOption, check_seed, check_tilt
-from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, groups, members
+from sonarmap.tools.lab.reproduce.experiments import ALL, EXPERIMENTS, PAIR_SETS, PAPER
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.methods.registry import METHODS, find_method
 
-_NAMES = "; ".join(
-    f"'{group}' runs {', '.join(f'{name} ({EXPERIMENTS[name].shows})' for name in members(group))}"
-    for group in groups()
-    if members(group) != (group,)
-)
-_ALONE = "; ".join(f"{group} ({EXPERIMENTS[group].shows})" for group in groups() if members(group) == (group,))
+_NAMES = "; ".join(f"{name} ({entry.shows})" for name, entry in EXPERIMENTS.items())
 # Steps and noise of the experiments fit the paper's 256 m and are too large for a small scene.
 SCENES = [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0]
 _experiment = partial(option, EXPERIMENT)
@@ -39,17 +35,17 @@ _rare = partial(_experiment, rare=True)
 NameArgument = Annotated[
     str,
     typer.Argument(
-        help=f"An experiment, or a group of them. {_NAMES}; {_ALONE}.",
+        help=f"An experiment, or '{ALL}' for the paper's: {', '.join(PAPER)}. There are {_NAMES}.",
         metavar="NAME",
         rich_help_panel=INPUT,
-        autocompletion=completes((*EXPERIMENTS, *groups())),
+        autocompletion=completes((*EXPERIMENTS, ALL)),
     ),
 ]
 FolderArgument = Annotated[
     Path | None,
     typer.Argument(
-        help="For real: a folder with scans and a gt.log, or a folder of such folders. For judge: OUT of evidence. "
-        "For decisions: where registrations are kept.",
+        help="For real: a folder with scans and a gt.log, or a folder of such folders. For decisions: where "
+        "registrations are kept.",
         metavar="DIR",
         show_default=False,
         rich_help_panel=INPUT,
@@ -75,9 +71,20 @@ class ExperimentOptions:
         autocompletion=completes(SCENES),
     )
     sigma2: list[float] | None = _rare(
-        "V", "Variance of the range noise at the largest range \\[m^2]; may be repeated."
+        "V",
+        "Variance of the range noise at the largest range \\[m^2]; may be repeated.",
+        callback=checked(
+            lambda values: all(0 <= value < math.inf for value in values), "{} m^2; variances must be 0 or more"
+        ),
     )
     seeds: int | None = _rare("N", "Number of seeds.", min=1)
+    set: list[str] | None = _rare(
+        "NAME",
+        "For pairs: overlap (of every overlap), paths (Table 1, extended) or unrelated; may be repeated.",
+        callback=checked(lambda names: PAIR_SETS.keys() >= {*names}, f"{{}}; choose from {', '.join(PAIR_SETS)}"),
+        autocompletion=completes(PAIR_SETS),
+        shown="all",
+    )
     pairs: int | None = _rare("N", "Number of pairs.", min=1)
     seed: int | None = _rare(
         "S", "The first seed, or the seed of the pairs; the same seed gives the same results.", callback=check_seed
@@ -101,16 +108,11 @@ class ExperimentOptions:
     known: str | None = _rare(
         "WHAT",
         "For real: also register every pair with measurements of WHAT, drawn about the truth: "
-        "attitude,heading,depth,position, or some of them.",
+        "attitude,heading,depth,position, or some of them (to 1.5 deg, 3 deg, 0.15 m, 3 m).",
         autocompletion=completes_list(INSTRUMENTS),
     )
-    known_sigmas: str | None = _rare(
-        "A,H,D,P",
-        "Standard deviations for --known: attitude, heading \\[deg], depth, position \\[m].",
-        shown="1.5,3,0.15,3",
-    )
     write: bool = flag(
-        EXPERIMENT, "--write", "For judge: write what was fitted into the package, which judges by it from then on."
+        EXPERIMENT, "--write", "For confidence: store what was fitted in the package, which uses it from then on."
     )
 
 

@@ -13,7 +13,7 @@ from sonarmap.tools.command.options.running import DeviceOption, JsonOption, Qui
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.stops import when_stopped
 from sonarmap.tools.command.terminal import print_json, printable, result_console, say
-from sonarmap.tools.lab.reproduce.experiments import Request, chosen, create, entry_of
+from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, chosen, create
 
 if TYPE_CHECKING:
     from sonarmap.tools.lab.reproduce.folder import Record
@@ -34,17 +34,19 @@ def command(
     An experiment on simulated scans is one of the paper's, to compare our numbers with the paper's, or one of this
     project's evaluations, to compare methods. 'reproduce real DIR' compares methods on your own scans.
 
-    OUT gets NAME.csv with every row, NAME.md with the tables, NAME*.png with the figures, and the times in
+    OUT gets NAME.csv with every row, NAME.md with the tables, NAME.png with a figure, and the times in
     NAME-seconds.csv, NAME-times.md and NAME.json. If a run is stopped, the same command continues where it stopped;
     finished jobs are kept in OUT/journal.sqlite.
     """
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.spectral.grid import Grid
+    from sonarmap.tools.extras import require
     from sonarmap.tools.files.writers.atomic import require_writable
 
+    require("pandas")
     if options.grid is not None:
         Grid(options.grid, 1.0)
-    several = {"sigma2": _each_once(options.sigma2), "method": _each_once(options.method)}
+    several = {name: _each_once(getattr(options, name)) for name in ("sigma2", "set", "method")}
     asked = Request(folder=folder, **{**asdict(options), **several, "write": options.write or None})
     names = chosen(name, asked)
     require_writable(run.out)
@@ -87,11 +89,12 @@ def _reproduce(name: str, job: ExperimentJob, printed: bool) -> "Record":
     follow = partial(progress, quiet=job.silent)
     with when_stopped(lambda: f"finished jobs are kept in {out}; the same command continues from there"):
         result = run(experiment, origin, out, follow, RunOptions(job.run.fresh, _workers(name, job)), job.say)
-    record = write_experiment(out, experiment, result, origin, request.of(name).command(name))
+    shown = experiment.conclude(result.rows) if experiment.conclude else result.rows
+    record = write_experiment(out, experiment, result, shown, origin, request.command(name))
     if printed:
         _print(record, out)
-    if request.write:
-        job.say(experiment.write([row for outcome in result.outcomes.values() for row in outcome.rows]))
+    if request.write and experiment.write:
+        job.say(experiment.write(shown))
     return record
 
 
@@ -99,23 +102,22 @@ def _workers(name: str, job: ExperimentJob) -> "WorkerProcesses | None":
     """The processes for an experiment; None for this process alone."""
     from sonarmap.tools.lab.reproduce.worker import WorkerProcesses
 
-    entry = entry_of(name)
     if job.run.workers == 1:
         return None
-    if entry.timed:
+    if EXPERIMENTS[name].timed:
         job.say(f"{name}: measures times, so --workers has no effect; one process runs its jobs")
         return None
-    request = replace(job.request.of(name), device=None)
-    return WorkerProcesses(job.run.workers, entry.module, request, job.request.opened.selector)
+    request = replace(job.request, device=None)
+    return WorkerProcesses(job.run.workers, EXPERIMENTS[name].module, request, job.request.opened.selector)
 
 
 def _print(record: "Record", out: Path) -> None:
-    from sonarmap.tools.lab.reproduce.folder import duration, settings_table
+    from sonarmap.tools.lab.reproduce.folder import duration
 
-    console, section = result_console(), record.section
-    console.print(section.title, style="bold", markup=False)
+    console = result_console()
+    console.print(record.title, style="bold", markup=False)
     console.print()
-    for table in (settings_table(record), *section.tables, *section.times):
+    for table in (*record.tables, *record.times):
         console.print(table.rich())
         console.print()
     files = ", ".join(printable(str(out / name)) for name in record.files)

@@ -1,8 +1,8 @@
 """The paper's experiments on simulated scans, and evaluations that compare methods.
 
-In: an experiment's name and options (`experiments.py` has the table). Out: rows, tables and figures in a folder.
-`experiment.py` says what an experiment is: jobs that can be run one by one, and a section made of their rows. `run.py`
-runs the jobs, with a journal and workers (`worker.py`); `provenance.py` says which rows may be used again.
-`settings.py`, `rows.py`, `table.py`, `beside.py`, `figure.py` and `calibration_tables.py` hold what experiments share.
-An experiment is a module with `create`, beside a section that shows its rows; `folder.py` writes files.
+In: an experiment's name and options (`experiments.py` has the table). Out: rows, tables and a picture in a folder.
+Each experiment has a module with `create`, which makes it from the options: its settings, its jobs, and how one is
+done (`experiment.py`). `run.py` runs the jobs, with a journal and workers (`worker.py`); `provenance.py` says which
+rows may be used again. `tables.py`, `paper_tables.py` and `figures.py` say what is shown of the rows, `render.py` makes
+tables of them by pandas, and `folder.py` writes the files.
 """

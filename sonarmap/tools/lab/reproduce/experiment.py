@@ -1,16 +1,29 @@
-"""What an experiment is: jobs that can be done one by one, and what is made of all their rows."""
+"""What an experiment is: jobs that can be run one by one, each with rows of numbers."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
-from pathlib import Path
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
-from sonarmap.tools.lab.reproduce.table import Table
+from sonarmap.spectral.grid import Grid
+from sonarmap.tools.lab.reproduce.experiments import Request
 
 Value = str | int | float | bool
 Row = Mapping[str, Value]
+Settings = SimpleNamespace  # values of JSON's types by name; with the sources they decide all rows
+
+EXTENT = 256.0  # of the paper's grid [m]
+# An option -> the settings that it changes, of those that an experiment has
+_CHANGED_BY = {
+    "scene": ("scene", "scenes"),
+    "grid": ("edge", "edges"),
+    "sigma2": ("sigma2",),
+    "seeds": ("seeds",),
+    "seed": ("seed", "first_seed"),
+    "pairs": ("pairs",),
+    "voxel": ("voxel",),
+    "max_tilt": ("max_tilt",),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,87 +35,41 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
-    """The tables and pictures of an experiment, for its page."""
+class Experiment:
+    """An experiment as it was asked for. What it shows of its rows is in `tables.py` and `figures.py`."""
 
-    title: str  # a heading, with the paper's figures and tables in it
-    tables: tuple[Table, ...]  # the first has the paper's values, or the other methods', beside ours, and what follows
-    times: tuple[Table, ...] = ()  # tables of run times; they differ between runs and stand in a file of their own
-    # file names of the figures -> captions, in order
-    pictures: Mapping[str, str] = field(default_factory=dict)
-
-
-class Experiment(ABC):
-    """An experiment, with its settings. A new one is a class and a row of EXPERIMENTS.
-
-    Jobs whose keys differ in the last part alone, as 3/a and 3/b, may share work: they are done by one process.
-
-    Attributes:
-        name: on the command line, and of its files.
-        sources: folders and files whose code decides rows, with the file of the experiment's own class.
-        make_section: the words and tables, from the rows and times of all jobs and the settings.
-        draw_pictures: writes the section's pictures into an existing folder, from the rows and the settings.
-        settings: a frozen dataclass of JSON's types: with the sources it decides all rows.
-        device: to run jobs on, as the experiment needs it: a Device, or the text that `choose_device` takes.
-    """
-
-    name: ClassVar[str]
-    sources: ClassVar[tuple[str, ...]]
-    make_section: ClassVar[Callable[[Sequence[Row], Sequence[Row], Any], Section]]
-    draw_pictures: ClassVar[Callable[[Path, Sequence[Row], Any], None]] = staticmethod(lambda *_: None)
-
-    def __init__(self, settings: Any, device: Any = None) -> None:
-        """Nothing is planned on the device before a job is run."""
-        self.settings, self.device = settings, device
-
-    @abstractmethod
-    def jobs(self) -> Sequence[str]:
-        """The keys of all jobs, in the order in which they are done; each can be done alone."""
-
-    @abstractmethod
-    def run(self, job: str) -> Outcome:
-        """Do one job. What jobs share (plans, prepared scans) is kept by the experiment, and may be made anew."""
-
-    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
-        """The words and tables."""
-        return type(self).make_section(rows, seconds, self.settings)
-
-    def write(self, rows: Sequence[Row]) -> str:
-        """Write what was fitted where the package reads it, and say so; most experiments fit nothing."""
-        raise NotImplementedError
-
-    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
-        """Write the section's pictures; none of them shows times."""
-        type(self).draw_pictures(folder, rows, self.settings)
+    name: str  # on the command line, and of its files
+    settings: Settings
+    # The keys of all jobs, in the order in which they are done. Jobs whose keys differ in the last part alone, as 3/a
+    # and 3/b, may share work: they are done by one process.
+    jobs: Sequence[str]
+    run: Callable[[str], Outcome]  # does one job, whichever were done before
+    sources: tuple[str, ...]  # folders and files whose code decides rows, its own module among them
+    # Methods that the last part of each job's key names; "" for none. The jobs of each are kept for themselves: when
+    # the code of one method changes, those of the others stay done.
+    methods: tuple[str, ...] = ()
+    deciding: tuple[str, ...] = ("edge", "seed")  # settings that decide a method's rows, with the key, code and device
+    conclude: Callable[[Sequence[Row]], Sequence[Row]] | None = None  # makes of all rows those that tables show
+    write: Callable[[Sequence[Row]], str] | None = None  # stores what was fitted to the rows, and says where
 
 
-def in_turns(counts: Mapping[str, int]) -> list[str]:
-    """Jobs of sets of so many draws each, as in swath-0003; the sets in turns, so that a run that is stopped has some
-    of each."""
-    numbered = [(number / count, f"{name}-{number:04d}") for name, count in counts.items() for number in range(count)]
-    return [job for _, job in sorted(numbered)]
+def as_asked(request: Request, usual: Mapping[str, Any], quick: Mapping[str, Any]) -> Settings:
+    """The usual settings, changed as the options say; of a quick run also as `quick` says where none does."""
+    values = {**usual, **(quick if request.quick else {})}
+    for option, names in _CHANGED_BY.items():
+        value = getattr(request, option)
+        for name in (name for name in names if name in values and value is not None):
+            is_list = isinstance(usual[name], tuple) and not isinstance(value, tuple)
+            values[name] = (value,) if is_list else value
+    return Settings(**values | dict(request.settings))
 
 
-class ByMethod(Experiment):
-    """An experiment whose jobs are of one method each, which the last part of a job's key names.
+def all_seeds(settings: Settings) -> range:
+    """As many as are asked for, from the first."""
+    return range(settings.first_seed, settings.first_seed + settings.seeds)
 
-    The jobs of each method are kept for themselves: when the code of one changes, those of the others stay done.
 
-    Attributes:
-        make_scans: makes what all methods register, from the parts of a job's key that say which scans these are.
-        scans: the same; what it made last is kept for the next method.
-    """
-
-    make_scans: ClassVar[Callable[..., Any]]
-    # names of the settings that decide a job's rows, with its key, the code and the device
-    deciding: ClassVar[tuple[str, ...]] = ("edge", "seed")
-
-    def __init__(self, settings: Any, device: str | None = None) -> None:
-        """`device` as `choose_device` takes it."""
-        super().__init__(settings, device)
-        self.scans = lru_cache(maxsize=1)(self.make_scans)
-
-    @property
-    def methods(self) -> tuple[str, ...]:
-        """Keys of METHODS."""
-        return self.settings.compared.methods
+def paper_grid(edge: int) -> Grid:
+    """A grid of `edge` voxels along each edge, as large as the paper's, which has 256 voxels of about 1 m."""
+    Grid(edge, 1.0)  # its error names the edge alone
+    return Grid(edge, EXTENT / edge)

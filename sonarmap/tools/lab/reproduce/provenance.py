@@ -1,22 +1,16 @@
 """Where an experiment's rows come from: its settings, the code, the device, and what is installed."""
 
-import inspect
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.files.writers.json_text import to_json
 from sonarmap.tools.lab.bench.machine import count_cores, processor_name
-from sonarmap.tools.lab.reproduce.experiment import ByMethod, Experiment
-from sonarmap.tools.methods.fingerprint import ROOT, fingerprint, method_sources, method_versions, source_digest
+from sonarmap.tools.lab.reproduce.experiment import Experiment
+from sonarmap.tools.methods.fingerprint import fingerprint, method_sources, method_versions, source_digest
 from sonarmap.tools.methods.registry import find_method
-
-# Files that only show rows: changing them does not make jobs run again.
-SHOWING = ("*section.py", "*remarks.py", "*figure.py", "*tables.py", "*summary.py")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,25 +45,21 @@ class Provenance:
 
 def provenance(experiment: Experiment, device: Device) -> Provenance:
     """Of an experiment on a device, with the code that runs now."""
-    own = os.path.relpath(Path(inspect.getfile(type(experiment))).resolve(), ROOT)
-    sources = source_digest((*experiment.sources, own), SHOWING)
-    methods = {}
-    if isinstance(experiment, ByMethod):
-        methods = {name: _method_fingerprint(experiment, name, sources, device) for name in experiment.methods}
+    sources = source_digest(experiment.sources)
     return Provenance(
         name=experiment.name,
-        settings=to_json(experiment.settings),
+        settings=to_json(vars(experiment.settings)),
         sources=sources,
         device=device.name,
         platform=device.platform,
         versions=package_versions(),
         processor=processor_name(),
         cores=count_cores(),
-        methods=methods,
+        methods={name: _method_fingerprint(experiment, name, sources, device) for name in experiment.methods},
     )
 
 
-def _method_fingerprint(experiment: ByMethod, name: str, sources: str, device: Device) -> str:
+def _method_fingerprint(experiment: Experiment, name: str, sources: str, device: Device) -> str:
     """Of one method's rows; a method that uses no device has the same rows with every one."""
     used = [device.name, device.platform] if "device" in find_method(name).options else None
     deciding = {setting: getattr(experiment.settings, setting) for setting in experiment.deciding}

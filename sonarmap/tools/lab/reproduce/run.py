@@ -14,7 +14,7 @@ from sonarmap.slam.execute.executor import processes, this_process
 from sonarmap.slam.execute.journal import Journal, JournalEntry
 from sonarmap.tools.files.writers.json_text import to_json
 from sonarmap.tools.lab.progress import Follow
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row
 from sonarmap.tools.lab.reproduce.provenance import Provenance
 from sonarmap.tools.lab.reproduce.worker import JobResult, WorkerProcesses, begin, run_in_worker, run_jobs
 
@@ -29,9 +29,14 @@ class Result:
     job_seconds: Mapping[str, float]  # how long every job took when it was run, in the same order [s]
 
     @property
-    def seconds(self) -> float:
-        """Of all jobs together, whenever they were run [s]."""
-        return sum(self.job_seconds.values())
+    def rows(self) -> list[Row]:
+        """Of all jobs."""
+        return [row for outcome in self.outcomes.values() for row in outcome.rows]
+
+    @property
+    def times(self) -> list[Row]:
+        """Of all jobs, the rows of times."""
+        return [row for outcome in self.outcomes.values() for row in outcome.seconds]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +64,7 @@ def run(
         InputError, DeviceError: from a job, or the journal cannot be used.
     """
     options = options or RunOptions()
-    jobs = list(dict.fromkeys(experiment.jobs()))
+    jobs = list(dict.fromkeys(experiment.jobs))
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -18,7 +18,7 @@ class WorkerProcesses:
     """New processes that each make the same experiment, with a device of its own."""
 
     count: int  # how many, at least 1
-    module: str  # has the experiment's `create`, as `experiments.maker` takes it
+    module: str  # has the experiment's `create`, as `create_from` takes it
     request: "Request"  # what to make, without a device
     device: str | None  # as `choose_device` takes it
 
@@ -36,9 +36,9 @@ def begin(processes: WorkerProcesses) -> None:
     """Make the experiment in a new process."""
     global _experiment
     from sonarmap.kernels.device.device import choose_device
-    from sonarmap.tools.lab.reproduce.experiments import maker
+    from sonarmap.tools.lab.reproduce.experiments import create_from
 
-    _experiment = maker(processes.module)(replace(processes.request, device=choose_device(processes.device)))
+    _experiment = create_from(processes.module, replace(processes.request, device=choose_device(processes.device)))
 
 
 def run_in_worker(groups: Sequence[Sequence[str]]) -> list[list[JobResult]]:

@@ -3,6 +3,7 @@
 import shutil
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import reduce
 from importlib import import_module
 from pathlib import Path
@@ -15,7 +16,7 @@ from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.run import run
 from tests.samples.clutter_scans import files_in, refused, said, sonarmap
 from tests.samples.damage.pose_files import POSE_FILES
-from tests.samples.experiments.fake_experiment import Fake, origin
+from tests.samples.experiments.fake_experiment import fake, origin
 from tests.tools.command.failing.test_nothing_lost import RESULTS
 
 GRID = ("--grid", "64")
@@ -119,13 +120,12 @@ def test_while_a_graph_is_optimized(out: Path, remove: Removal, monkeypatch: Pat
 def test_while_an_experiment_runs(tmp_path: Path) -> None:
     out = tmp_path / "out"
 
-    class Removing(Fake):
-        def run(self, job: str) -> Outcome:
-            if job == "c":
-                shutil.rmtree(out)
-            return super().run(job)
+    def removing(job: str) -> Outcome:
+        if job == "c":
+            shutil.rmtree(out)
+        return Outcome(({"job": job},))
 
-    fake = Removing()
+    experiment = replace(fake(), run=removing)
     with pytest.raises(InputError, match=r"journal\.sqlite was removed or replaced while"):
-        run(fake, origin(fake), out, lambda *_: nullcontext(lambda _: None))
+        run(experiment, origin(experiment), out, lambda *_: nullcontext(lambda _: None))
     assert not out.exists()

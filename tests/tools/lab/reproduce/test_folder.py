@@ -1,7 +1,6 @@
 """The files of an experiment, and the verb that makes them."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,18 +8,14 @@ from typer.testing import CliRunner, Result
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.main import app
-from sonarmap.tools.lab.reproduce import experiments
-from sonarmap.tools.lab.reproduce.folder import (
-    read_record,
-    write_experiment,
-)
-from sonarmap.tools.lab.reproduce.run import JOURNAL, run
-from tests.samples.experiments.fake_experiment import Fake, origin
-from tests.tools.lab.reproduce.test_run import ALIKE, bytes_of, complete, silence
+from sonarmap.tools.lab.reproduce.folder import write_rows
+from sonarmap.tools.lab.reproduce.run import JOURNAL
+from tests.samples.experiments import fake_experiment
+from tests.samples.experiments.fake_experiment import fake
+from tests.tools.lab.reproduce.test_run import ALIKE, bytes_of, complete
 
+pytestmark = pytest.mark.usefixtures("faked")
 FILES = {*ALIKE, "fake-seconds.csv", "fake-times.md", "fake.json"}
-
-FAKE = experiments.ExperimentEntry("Fig. 0", "tests.samples.experiments.fake_experiment", ("seed",))
 
 
 def reproduce(*arguments: str) -> Result:
@@ -37,10 +32,8 @@ class TestFolder:
         before = bytes_of(tmp_path)
         (tmp_path / "fake.md").unlink()
         (tmp_path / "fake.md").mkdir()
-        fake = Fake()
-        fake.settings = replace(fake.settings, seed=3)
         with pytest.raises(InputError, match=r"fake\.md"):
-            complete(tmp_path, fake)
+            complete(tmp_path, fake(seed=3))
         (tmp_path / "fake.md").rmdir()
         (tmp_path / "fake.md").write_bytes(before["fake.md"])
         assert bytes_of(tmp_path) == before
@@ -56,24 +49,15 @@ class TestFolder:
         complete(tmp_path)
         assert files_in(tmp_path) == FILES | {"mine.png"}
 
-    def test_a_record_comes_back_and_an_incomplete_one_does_not(self, tmp_path: Path) -> None:
-        fake = Fake()
-        result = run(fake, origin(fake), tmp_path, silence)
-        written = write_experiment(tmp_path, fake, result, origin(fake), "the command")
-        assert read_record(tmp_path, "fake") == written
-        (tmp_path / "fake-2.png").unlink()
-        assert read_record(tmp_path, "fake") is None
-        (tmp_path / "fake.json").write_text("{}")
-        assert read_record(tmp_path, "fake") is None
+    def test_csv_cells(self, tmp_path: Path) -> None:
+        rows = [{"a": True, "b": -1e-9, "c": 3, "d": "S0, S1"}, {"a": False, "b": float("nan"), "c": -4}]
+        write_rows(tmp_path / "a.csv", rows)
+        assert (tmp_path / "a.csv").read_bytes() == b'a,b,c,d\n1,0.0000,3,"S0, S1"\n0,,-4,\n'
 
 
 class TestCommand:
-    @pytest.fixture(autouse=True)
-    def _fakes(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": FAKE})
-
     def test_all(self, tmp_path: Path) -> None:
-        arguments = ["all", "--seed", "3", "-o", str(tmp_path / "out")]
+        arguments = ["fake", "--seed", "3", "-o", str(tmp_path / "out")]
         shown = reproduce(*arguments)
         assert (shown.exit_code, shown.exception) == (0, None)
         assert "fake: 5 of 5" in shown.stderr
@@ -87,16 +71,15 @@ class TestCommand:
         assert (shown.exit_code, shown.stderr) == (0, "")
         printed = json.loads(shown.stdout)["experiments"][0]
         assert printed["name"] == "fake"
-        assert printed["section"]["tables"][0]["headings"] == ["what", "paper", "ours, mean", "verdict"]
+        assert printed["tables"][1]["headings"] == ["high", "mean"]
         assert {Path(name).name for name in printed["files"]} == FILES
 
     def test_interrupted_it_says_what_is_kept(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("tests.samples.experiments.fake_experiment.create", lambda _: Fake(stop="d"))
+        monkeypatch.setattr(fake_experiment, "create", lambda _: fake(end="interrupt d"))
         shown = reproduce("fake", "-o", str(tmp_path))
         assert shown.exit_code == 130
         assert "stopped: finished jobs are kept in" in shown.stderr
-        monkeypatch.undo()
-        monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": FAKE})
+        monkeypatch.setattr(fake_experiment, "create", lambda _: fake())
         shown = reproduce("fake", "-o", str(tmp_path))
         assert "going on: 3 of 5 jobs were done" in shown.stderr
         assert files_in(tmp_path) == FILES

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from sonarmap.kernels.device.device import Device
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.experiments import create
-from sonarmap.tools.lab.reproduce.real.real_set import read_sets, without_truth
+from sonarmap.tools.lab.reproduce.real_set import read_sets, without_truth
 from tests.samples.experiments.real_folders import asked, gt_log, put, simulated
 from tests.samples.refusals import refuses
 
@@ -76,7 +76,7 @@ class TestRuns:
             turn = RigidTransform.from_rotation(Rotation.from_euler("Z", degrees, degrees=True))
             (folder / "gt.log").write_text(gt_log(0, 1, simulated()[2] * turn))
             experiment = create("real", asked(folder, device, method=("planes",), voxel=2.0))
-            (job,) = experiment.jobs()
+            (job,) = experiment.jobs
             rows.append(experiment.run(job).rows[0])
         assert [row["right"] for row in rows] == [True, False]
         assert abs(float(rows[1]["rotation_deg"]) - 20) < 3

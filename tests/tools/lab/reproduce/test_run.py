@@ -1,4 +1,4 @@
-"""Experiments: stopped, resumed, in other processes, with what decides a result, and as tables."""
+"""Experiments: stopped, resumed, in other processes, with what decides a result."""
 
 import math
 import signal
@@ -15,28 +15,28 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.journal import Journal, JournalEntry
 from sonarmap.tools.files.writers.json_text import to_json
-from sonarmap.tools.lab.reproduce.experiment import Outcome
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create
 from sonarmap.tools.lab.reproduce.folder import write_experiment
-from sonarmap.tools.lab.reproduce.methods import EVALUATED
-from sonarmap.tools.lab.reproduce.provenance import SHOWING, Provenance, provenance
-from sonarmap.tools.lab.reproduce.rows import wilson
+from sonarmap.tools.lab.reproduce.provenance import Provenance, provenance
+from sonarmap.tools.lab.reproduce.registrations import EVALUATED
 from sonarmap.tools.lab.reproduce.run import JOURNAL, RunOptions, run
-from sonarmap.tools.lab.reproduce.table import write_csv
 from sonarmap.tools.lab.reproduce.worker import WorkerProcesses
 from sonarmap.tools.methods.fingerprint import ROOT, source_digest
-from tests.samples.experiments.fake_experiment import JOBS, Fake, FakeSettings, origin
+from tests.samples.experiments import fake_experiment
+from tests.samples.experiments.fake_experiment import JOBS, fake, origin
 from tests.samples.experiments.real_folders import put
 
-ALIKE = ("fake.csv", "fake.md", "fake.png", "fake-2.png")
+pytestmark = pytest.mark.usefixtures("faked")
+ALIKE = ("fake.csv", "fake.md", "fake.png")
 KILLED = f"""
-import sys; sys.path.insert(0, {str(ROOT)!r})
+import sys; sys.path.insert(0, {str(ROOT.parent)!r})
 from contextlib import nullcontext
 from pathlib import Path
-from tests.samples.experiments.fake_experiment import Fake, origin
+from tests.samples.experiments.fake_experiment import fake, origin
 from sonarmap.tools.lab.reproduce.run import run
-fake = Fake(stop="d", by="kill")
-run(fake, origin(fake), Path(sys.argv[1]), lambda *_: nullcontext(lambda _: None))
+killed = fake(end="kill d")
+run(killed, origin(killed), Path(sys.argv[1]), lambda *_: nullcontext(lambda _: None))
 """
 
 
@@ -45,12 +45,13 @@ def silence(_label: str, _total: int) -> Iterator:
     yield lambda _note: None
 
 
-def complete(folder: Path, fake: Fake | None = None, fresh: bool = False) -> tuple[Fake, list[str]]:
-    """Run to the end and write; the experiment, and what was said."""
-    fake, said = fake or Fake(), []
-    result = run(fake, origin(fake), folder, silence, RunOptions(fresh), said.append)
-    write_experiment(folder, fake, result, origin(fake), "sonarmap reproduce fake")
-    return fake, said
+def complete(folder: Path, experiment: Experiment | None = None, fresh: bool = False) -> tuple[list[str], list[str]]:
+    """Run to the end and write; the jobs that were run, and what was said."""
+    experiment, said = experiment or fake(), []
+    fake_experiment.ran.clear()
+    result = run(experiment, origin(experiment), folder, silence, RunOptions(fresh), said.append)
+    write_experiment(folder, experiment, result, result.rows, origin(experiment), "sonarmap reproduce fake")
+    return [*fake_experiment.ran], said
 
 
 def bytes_of(folder: Path) -> dict[str, bytes]:
@@ -63,24 +64,22 @@ class TestStopping:
         assert killed.returncode == -signal.SIGKILL, killed.stderr.decode()
         resumed, said = complete(tmp_path / "killed")
         undisturbed, _ = complete(tmp_path / "whole")
-        assert (resumed.ran, undisturbed.ran) == (["d", "e"], list(JOBS))
+        assert (resumed, undisturbed) == (["d", "e"], list(JOBS))
         assert said == ["fake: going on: 3 of 5 jobs were done"]
         assert bytes_of(tmp_path / "killed") == bytes_of(tmp_path / "whole")
 
     def test_an_interrupt_loses_only_the_job_that_is_being_run(self, tmp_path: Path) -> None:
-        fake = Fake(stop="c")
+        stopped = fake(end="interrupt c")
         with pytest.raises(KeyboardInterrupt):
-            run(fake, origin(fake), tmp_path, silence)
-        assert complete(tmp_path)[0].ran == ["c", "d", "e"]
+            run(stopped, origin(stopped), tmp_path, silence)
+        assert complete(tmp_path)[0] == ["c", "d", "e"]
 
     def test_jobs_that_are_done_are_not_run_again_but_with_fresh_which_leaves_others(self, tmp_path: Path) -> None:
-        other = FakeSettings(seed=2)
-        complete(tmp_path, Fake(other))
+        complete(tmp_path, fake(seed=2))
         complete(tmp_path)
-        again, said = complete(tmp_path)
-        assert (again.ran, said) == ([], ["fake: 5 of 5 jobs were done before"])
-        assert complete(tmp_path, fresh=True)[0].ran == list(JOBS)
-        assert complete(tmp_path, Fake(other))[0].ran == []
+        assert complete(tmp_path) == ([], ["fake: 5 of 5 jobs were done before"])
+        assert complete(tmp_path, fresh=True)[0] == list(JOBS)
+        assert complete(tmp_path, fake(seed=2))[0] == []
 
     def test_a_damaged_entry_is_computed_again(self, tmp_path: Path) -> None:
         complete(tmp_path)
@@ -88,51 +87,38 @@ class TestStopping:
         with closing(sqlite3.connect(tmp_path / JOURNAL)) as database, database:
             database.execute("UPDATE entry SET content = '[1]' WHERE label = 'fake c'")
         again, said = complete(tmp_path)
-        assert again.ran == ["c"]  # as its label says
+        assert again == ["c"]  # as its label says
         assert f"1 results in {tmp_path / JOURNAL} are damaged: their jobs are run again" in said[0]
         assert bytes_of(tmp_path) == before
 
     def test_an_entry_that_cannot_be_read_is_the_journals_fault(self, tmp_path: Path) -> None:
-        fake, _ = complete(tmp_path)
+        complete(tmp_path)
         with Journal(tmp_path / JOURNAL) as journal:
-            journal.add([JournalEntry(origin(fake).key("c"), "fake c", "[" * 100_000, 1.0)])
+            journal.add([JournalEntry(origin(fake()).key("c"), "fake c", "[" * 100_000, 1.0)])
         with pytest.raises(InputError, match=r"journal\.sqlite is not a journal of sonarmap, or it is damaged"):
             complete(tmp_path)
-
-
-class Given(Fake):
-    """Jobs whose outcomes a test gives."""
-
-    def __init__(self, outcomes: dict[str, Outcome]) -> None:
-        super().__init__()
-        self.outcomes = outcomes
-
-    def jobs(self) -> list[str]:
-        return list(self.outcomes)
-
-    def run(self, job: str) -> Outcome:
-        self.ran.append(job)
-        return self.outcomes[job]
 
 
 def test_numbers_come_back_bit_by_bit_and_what_is_no_finite_number_as_nan(tmp_path: Path) -> None:
     row = {"a": 0.1 + 0.2, "b": 1 / 3, "c": 5e-324, "d": 2**63, "e": True, "f": "S0 | \u2028 \r\n", "g": -0.0}
     strange = Outcome(({"x": math.nan, "y": math.inf},))
-    given = Given({"a": Outcome((row,), ({"s": 0.5},)), "b": strange})
+    whole = Outcome((row,), ({"s": 0.5},))
+    given = fake(outcomes={"a": whole, "b": strange})
+    fake_experiment.ran.clear()
     for _ in range(2):
         outcomes = run(given, origin(given), tmp_path, silence).outcomes
-        assert outcomes["a"] == given.outcomes["a"]
+        assert outcomes["a"] == whole
         assert [type(value) for value in outcomes["a"].rows[0].values()] == [type(value) for value in row.values()]
         assert math.copysign(1, float(outcomes["a"].rows[0]["g"])) == -1
         assert all(math.isnan(float(value)) for value in outcomes["b"].rows[0].values())
-    assert given.ran == ["a", "b"]
+    assert fake_experiment.ran == ["a", "b"]
 
 
 class TestKey:
     @pytest.mark.parametrize(
         "changes",
         [
-            {"settings": {"seed": 2, "fast": False}},
+            {"settings": {"seed": 2}},
             {"sources": "cd"},
             {"device": "another"},
             {"platform": "OpenCL 1.2"},
@@ -141,40 +127,40 @@ class TestKey:
         ],
     )
     def test_all_that_decides_rows_counts_and_the_host_does_not(self, changes: dict[str, object]) -> None:
-        assert origin(Fake()).key("a") != origin(Fake(), **changes).key("a")
-        assert origin(Fake()).key("a") == origin(Fake(), processor="another", cores=64).key("a")
-        assert Provenance(**to_json(origin(Fake(), **changes))) == origin(Fake(), **changes)
+        assert origin(fake()).key("a") != origin(fake(), **changes).key("a")
+        assert origin(fake()).key("a") == origin(fake(), processor="another", cores=64).key("a")
+        assert Provenance(**to_json(origin(fake(), **changes))) == origin(fake(), **changes)
 
     def test_jobs_of_a_method_depend_on_its_fingerprint_alone(self) -> None:
-        before = origin(Fake(), methods={"mine": "1", "yours": "1"})
-        after = origin(Fake(), methods={"mine": "2", "yours": "1"}, device="another", settings={"seed": 2})
+        before = origin(fake(), methods={"mine": "1", "yours": "1"})
+        after = origin(fake(), methods={"mine": "2", "yours": "1"}, device="another", settings={"seed": 2})
         assert before.key("a/mine") != after.key("a/mine")
         assert before.key("a/yours") == after.key("a/yours") != before.key("b/yours")
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_every_experiment_names_its_sources(name: str, device: Device, tmp_path: Path) -> None:
-    folder = put(tmp_path) if EXPERIMENTS[name].on_folder else None
+    folder = put(tmp_path) if EXPERIMENTS[name].folder else None
     experiment = create(name, Request(device=device, quick=True, folder=folder))
-    origin = provenance(experiment, device)
+    module = EXPERIMENTS[name].module.partition(":")[0].removeprefix("sonarmap.").replace(".", "/")
+    assert f"{module}.py" in experiment.sources or name == "confidence"  # which is fitted anew each time
     assert source_digest(experiment.sources)
-    methods = [method for method in EVALUATED if method in origin.methods]
-    assert bool(methods) is (name in ("steps", "pairs", "unrelated", "real", "kinds"))
-    assert len(set(origin.methods.values())) == len(origin.methods)
+    digests = provenance(experiment, device).methods
+    assert any(method in digests for method in EVALUATED) is (name in ("pairs", "real", "kinds"))
+    assert len(set(digests.values())) == len(digests)
 
 
 def workers(count: int, scene: str | None = None) -> RunOptions:
     return RunOptions(
-        workers=WorkerProcesses(count, "tests.samples.experiments.ending_experiment", Request(scene=scene), device=None)
+        workers=WorkerProcesses(count, "tests.samples.experiments.fake_experiment", Request(scene=scene), device=None)
     )
 
 
 class TestWorkers:
     @pytest.mark.slow
     def test_rows_are_those_of_one_process(self, tmp_path: Path) -> None:
-        fake = Fake()
-        alone = run(fake, origin(fake), tmp_path / "alone", silence)
-        shared = run(Fake(), origin(fake), tmp_path / "shared", silence, workers(2))
+        alone = run(fake(), origin(fake()), tmp_path / "alone", silence)
+        shared = run(fake(), origin(fake()), tmp_path / "shared", silence, workers(2))
         # by text, as one of the values is NaN
         assert str(list(shared.outcomes.items())) == str(list(alone.outcomes.items()))
         assert list(shared.job_seconds) == list(JOBS)
@@ -185,29 +171,4 @@ class TestWorkers:
     )
     def test_the_error_of_a_job_and_a_killed_process_are_errors(self, tmp_path: Path, scene: str, words: str) -> None:
         with pytest.raises(InputError, match=words):
-            run(Fake(), origin(Fake()), tmp_path, silence, workers(1, scene=scene))
-
-
-@pytest.mark.parametrize(
-    ("successes", "trials", "low", "high"),
-    [(0, 10, 0.0, 0.2775), (7, 10, 0.3968, 0.8922), (81, 263, 0.2553, 0.3662)],
-)
-def test_published_intervals(successes: int, trials: int, low: float, high: float) -> None:
-    """81 of 263 is the example of Newcombe (Statistics in Medicine 17, 1998, method 3)."""
-    rate = wilson(successes, trials)
-    assert (rate.low, rate.high) == pytest.approx((low, high), abs=5e-5)
-    assert str(wilson(7, 10)) == "7/10 [0.40..0.89]"
-
-
-class TestTables:
-    def test_csv_cells(self, tmp_path: Path) -> None:
-        write_csv(tmp_path / "a.csv", ("a", "b", "c", "d"), [(True, -1e-9, 3, "S0, S1"), (False, float("nan"), -4, "")])
-        assert (tmp_path / "a.csv").read_bytes() == b'a,b,c,d\n1,0.0000,3,"S0, S1"\n0,,-4,\n'
-
-
-def test_files_that_only_show_rows_do_not_count() -> None:
-    folder = ("tools/lab/reproduce/gaussian",)
-    shown = [f"{folder[0]}/{name}.py" for name in ("section", "figure")]
-    decides = [f"{folder[0]}/{name}.py" for name in ("run", "series", "__init__")]
-    assert source_digest(folder, SHOWING) == source_digest(tuple(decides))
-    assert source_digest(tuple(shown), SHOWING) == source_digest(())
+            run(fake(), origin(fake()), tmp_path, silence, workers(1, scene=scene))

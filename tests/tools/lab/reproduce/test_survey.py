@@ -11,17 +11,15 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.pairs import TriedPair
-from sonarmap.tools.lab.reproduce.folder import verdicts
-from sonarmap.tools.lab.reproduce.rows import where
-from sonarmap.tools.lab.reproduce.scale.run import WHOLE, Scale, ScaleSettings
-from sonarmap.tools.lab.reproduce.survey import simulated
-from sonarmap.tools.lab.reproduce.survey.mapped import MappedSurvey
-from sonarmap.tools.lab.reproduce.survey.row import MAP, survey_rows
-from sonarmap.tools.lab.reproduce.survey.run import SurveyExperiment
-from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, SurveySettings, simulate_survey
+from sonarmap.tools.lab.reproduce import survey_rows as simulated
+from sonarmap.tools.lab.reproduce.decisions import RULES, USUAL
+from sonarmap.tools.lab.reproduce.experiments import Request, create
+from sonarmap.tools.lab.reproduce.scale import WHOLE
+from sonarmap.tools.lab.reproduce.survey_mapped import MappedSurvey
+from sonarmap.tools.lab.reproduce.survey_rows import MAP, SimulatedSurvey, simulate_survey, survey_rows
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.shapes.solids import Mesh
-from tests.samples.experiments.shown import run_all, show
+from tests.samples.experiments.fake_experiment import run_all
 from tests.samples.scenes.simulated import COARSE, QUIET
 from tests.samples.surveys import ring_poses
 
@@ -109,24 +107,34 @@ def test_two_dives_follow_each_other_and_keep_their_own_numbers(monkeypatch: pyt
 
 
 @pytest.mark.slow
-def test_what_was_mapped_what_it_took_and_two_dives(device: Device, tmp_path: Path) -> None:
-    settings = SurveySettings(first_seed=3, counts=(5,), dive=4, unusable=0.2, edge=64, systems=("sonarmap",))
-    rows, seconds = run_all(experiment := SurveyExperiment(settings, device.selector))
-    row = rows[0]
+def test_what_was_mapped_and_what_it_took(device: Device) -> None:
+    settings = {"first_seed": 3, "counts": (5,), "dive": 0, "unusable": 0.2}
+    (row, *_), (seconds,) = run_all(create("survey", Request(device, quick=True, settings=settings)))
     assert (row["row"], row["scans"], row["unusable"], row["placed"]) == (MAP, 5, 1, 4)
     assert float(row["ate_after_voxels"]) < 1
-    parts = [float(seconds[0][f"{stage}_s"]) for stage in ("registering", "signing", "optimizing", "fusing")]
+    parts = [float(seconds[f"{stage}_s"]) for stage in ("registering", "signing", "optimizing", "fusing")]
     assert min(parts) >= 0
-    assert sum(parts) == pytest.approx(float(seconds[0]["total_s"]))
-    section = show(experiment, tmp_path, rows, seconds)
-    assert {verdict.claim.split(", ")[1] for verdict in verdicts(section)} == {"5 scans", "2 dives of 4"}
+    assert sum(parts) == pytest.approx(float(seconds["total_s"]))
 
 
 @pytest.mark.slow
 def test_a_made_up_survey_of_many_scans_is_mapped_and_measured() -> None:
-    (row,), seconds = run_all(Scale(ScaleSettings(counts=(60,), points=2000)))
-    (whole,) = where(seconds, stage=WHOLE)
+    (row,), seconds = run_all(create("scale", Request(settings={"counts": (60,), "points": 2000})))
+    (whole,) = (each for each in seconds if each["stage"] == WHOLE)
     assert (row["scans"], row["placed"], row["wrong_kept"]) == (60, 60, 0)
     assert float(row["ate_m"]) < 0.3
     assert int(row["kept_loops"]) > 20
     assert float(whole["processor_s"]) > 0.1
+
+
+@pytest.mark.slow
+def test_what_was_registered_is_decided_again(device: Device, tmp_path: Path) -> None:
+    settings = {"scenes": ("floodgate",), "seeds": 1, "first_seed": 5, "scans": 5, "edge": 64}
+    request = Request(device, folder=tmp_path, settings=settings)
+    (first, again) = (create("decisions", request).run("floodgate-5").rows for _ in range(2))
+    rows = {row["rule"]: row for row in first}
+    assert list(rows) == list(RULES)
+    whole, chained = rows[USUAL], rows["without loops"]
+    assert int(whole["registered"]) >= int(whole["pairs"]) > 4 == chained["pairs"]
+    assert chained["loop_kept_right"] == 0 < int(whole["loop_kept_right"])
+    assert list(again) == [{**row, "registered": 0} for row in rows.values()]

@@ -1,0 +1,250 @@
+"""The pictures of experiments, one of each that has any."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from sonarmap.tools.lab.reproduce.experiment import Settings
+from sonarmap.tools.lab.reproduce.floodgate import MAP_90, PAIR, PAPER_METHODS, POSE, TRUTH, chained, placed, survey
+from sonarmap.tools.lab.reproduce.registrations import EVALUATED, OURS
+from sonarmap.tools.lab.reproduce.render import where, wilson
+from sonarmap.tools.lab.reproduce.tables import expected_error, with_bins, worst_first
+from sonarmap.tools.lab.simulate.scenes.bed import SCENE_EDGE
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh
+
+_TENTHS = (-1e-9, *(k / 10 for k in range(1, 11)))
+_WRONG = "0.88"  # the gray behind wrong registrations
+_PANELS = (("rotation", ("yaw", "roll", "pitch"), "deg"), ("translation", ("x", "y", "z"), "m"))
+_LEAST_SPAN = 10.0  # of vertical axes [degrees, m], so that what is right looks flat
+_OUTCOMES = (
+    ("right, accepted", "#2a7f3f", "right and accepted"),
+    ("right, not accepted", "#a9d6b0", "right and not accepted"),
+    ("wrong, not accepted", "#dddddd", "not right and not accepted"),
+    ("wrong, accepted", "#c0392b", "not right and accepted"),
+)
+_PLAN_HEIGHT = -4.0  # of the section through the flood gate: the water's surface is at 0 [m]
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A picture: its caption, and what writes it as PNG from the rows and settings of an experiment."""
+
+    caption: str
+    draw: Callable[[Path, pd.DataFrame, Settings], None]
+
+
+def panels(lines: int, columns: int, width: float, height: float, **shared: Any) -> tuple[Any, np.ndarray]:
+    """An empty figure, with room for all that is drawn, and its axes (lines, columns), each of a size [inches]."""
+    from matplotlib.figure import Figure as Plot
+
+    plot = Plot(figsize=(width * columns, height * lines), dpi=90, layout="constrained")
+    axes = plot.subplots(lines, columns, squeeze=False, **shared)
+    for each in axes.ravel():
+        each.grid(alpha=0.3)
+    return plot, axes
+
+
+def save(plot: Any, path: Path, legend: Any = None) -> None:
+    """Write a figure; the legend of some axes stands below it, in one line."""
+    if legend is not None:
+        lines, names = legend.get_legend_handles_labels()
+        plot.legend(lines, names, loc="outside lower center", ncols=min(len(names), 8), frameon=False, fontsize=8)
+    plot.savefig(path, format="png")
+
+
+def draw_rates(axes: Any, groups: Sequence[tuple[float, pd.DataFrame]], **style: Any) -> None:
+    """A curve of the shares right at places along the horizontal axis, with their 95 % intervals."""
+    places, share = [place for place, _ in groups], np.array([some["right"].mean() for _, some in groups], float)
+    bounds = np.array([wilson(int(some["right"].sum()), len(some)) for _, some in groups]).T
+    axes.errorbar(places, share, yerr=np.abs(bounds - share), markersize=4, elinewidth=0.6, **style)
+    axes.set_ylim(-0.05, 1.05)
+
+
+def draw_translation(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+    """The first seed of the first scene under the most noise, as Fig. 15."""
+    _draw_series(path, frame, settings, ("D2", "D4", "D6"), "distance_m", "true distance [m]")
+
+
+def draw_rotation(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+    """The first seed of the first scene, as Figs. 16 and 17."""
+    _draw_series(path, frame, settings, settings.noises, "true_yaw_deg", "true yaw [degrees]")
+
+
+def _draw_series(
+    path: Path, frame: pd.DataFrame, settings: Settings, noises: Sequence[str], over: str, label: str
+) -> None:
+    """Rotation at the left, translation at the right, a line of axes for each noise: lines true, crosses estimated."""
+    noises = [noise for noise in noises if noise in settings.noises] or settings.noises[:1]
+    first = frame[(frame["scene"] == settings.scenes[0]) & (frame["seed"] == settings.first_seed)]
+    plot, axes = panels(len(noises), 2, 5.0, 2.8, sharex=True)
+    for noise, line in zip(noises, axes, strict=True):
+        some = first[first["noise"] == noise]
+        half = float(np.min(np.diff(some[over]))) / 2 if len(some) > 1 else 1.0
+        for axis, (what, names, unit) in zip(line, _PANELS, strict=True):
+            for place in some[over][~some["right"].astype(bool)]:
+                axis.axvspan(place - half, place + half, color=_WRONG, linewidth=0)
+            for k, name in enumerate(names):
+                axis.plot(some[over], some[f"true_{name}_{unit}"], color=f"C{k}", linewidth=1.2)
+                axis.plot(some[over], some[f"found_{name}_{unit}"], "x", color=f"C{k}", label=name)
+            low, high = axis.get_ylim()
+            if high - low < _LEAST_SPAN:
+                axis.set_ylim((low + high - _LEAST_SPAN) / 2, (low + high + _LEAST_SPAN) / 2)
+            axis.legend(loc="upper left", fontsize=8, frameon=False, ncols=3)
+            axis.set(title=f"{noise}: {what}", ylabel=f"estimated [{'degrees' if unit == 'deg' else unit}]")
+    for axis in axes[-1]:
+        axis.set_xlabel(label)
+    save(plot, path)
+
+
+def draw_limits(path: Path, frame: pd.DataFrame, _settings: Settings) -> None:
+    """A column per angle, a dot per registration, its color what was tilted, as Fig. 9."""
+    plot, axes = panels(1, 3, 4.0, 3.6)
+    titles = {"yaw": "yaw, from its highest peak", "roll": "roll, yaw given", "pitch": "pitch, yaw given"}
+    for axis, (name, title) in zip(axes[0], titles.items(), strict=True):
+        for k, kind in enumerate(("none", "roll", "pitch", "both")):
+            some = frame[frame["tilted"] == kind]
+            beside = some["tilt_deg"] + 0.6 * (k - 1)  # so that dots of one tilt do not hide each other
+            axis.plot(beside, some[f"{name}_off_deg"], ".", markersize=5, alpha=0.7, label=f"{kind} tilted")
+        axis.set(title=title, xlabel="tilt [degrees]", ylabel="estimated - true [degrees]")
+    save(plot, path, axes[0, 0])
+
+
+def draw_gaussian(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+    """Rates over the scans: axes per noise, a color per method, a mark per grid, a little beside each other."""
+    plot, axes = panels(1, len(settings.sigma2), 5.6, 3.8, sharey=True)
+    for axis, sigma2 in zip(axes[0], settings.sigma2, strict=True):
+        lines = list(frame[frame["sigma2"] == sigma2].groupby(["grid", "method"], sort=False))
+        methods = list(dict.fromkeys(method for (_, method), _ in lines))
+        for k, ((grid, method), some) in enumerate(lines):
+            places = [(scan + 0.1 * (k - (len(lines) - 1) / 2), each) for scan, each in some.groupby("scan")]
+            mark = ("o-", "s--", "^:")[settings.edges.index(grid) % 3]
+            draw_rates(axis, places, fmt=mark, color=f"C{methods.index(method)}", label=f"{grid}³, {method}")
+        axis.set(title=f"σ² = {sigma2:g} m²", xlabel="scan of Table 1", xticks=range(10))
+    axes[0, 0].set_ylabel("share of seeds that are right")
+    save(plot, path, axes[0, 0])
+
+
+def draw_floodgate(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+    """The maps of the first survey by the paper's methods and ours, each on its finest grid, from above."""
+    now = survey(settings.first_seed, settings.scans)
+    first = frame[frame["seed"] == settings.first_seed]
+    pairs = where(first, f"row == '{PAIR}'")
+    maps = {(TRUTH, 0): now.T_world_sensor}
+    for method, some in pairs.groupby("method", sort=False):
+        if method in PAPER_METHODS:
+            edge = some["grid"].max()
+            rows = some[some["grid"] == edge].to_dict("records")
+            maps[method, edge] = now.T_world_sensor[0] * chained(rows, "found")
+    columns = min(len(maps), 3)
+    plot, axes = panels(-(-len(maps) // columns), columns, 4.6, 4.8)
+    heights = [float(z) for z in np.quantile(placed(now, now.T_world_sensor)[:, 2], [0.01, 0.995])]
+    lines = outlines(now.mesh, _PLAN_HEIGHT)
+    for axis, ((method, edge), poses) in zip(axes.ravel(), maps.items(), strict=False):
+        ends = where(first, f"row == '{POSE}' and method == '{method}' and grid == {edge}")
+        image = _draw_map(axis, placed(now, poses), lines, heights)
+        for T, style in ((now.T_world_sensor, "k-"), (poses, "m.-")):
+            axis.plot(*T.translation[:, :2].T, style, linewidth=1.4, markersize=4)
+        name = f"{method} {edge}³" if edge else method
+        axis.set_title(f"{name}: 90 % within {ends[MAP_90].iloc[-1]:.1f} m", fontsize=11)
+    for axis in axes.ravel()[len(maps) :]:
+        axis.set_axis_off()
+    plot.colorbar(image, ax=axes, label="height of the highest point [m]", shrink=0.6, pad=0.01)
+    save(plot, path)
+
+
+def _draw_map(axes: Any, points: np.ndarray, lines: np.ndarray, heights: Sequence[float]) -> Any:
+    """Points from above, the highest on top, colored by height, over the outlines of what is solid."""
+    from matplotlib.collections import LineCollection
+
+    x, y, z = points[np.argsort(points[:, 2], kind="stable")].T
+    half = SCENE_EDGE / 2
+    image = axes.scatter(x, y, s=0.4, c=z, vmin=heights[0], vmax=heights[1], linewidths=0, marker="s")
+    axes.add_collection(LineCollection(list(lines), color="black", linewidth=0.6, zorder=4))
+    axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
+    return image
+
+
+def outlines(mesh: Mesh, height: float) -> np.ndarray:
+    """(S, 2, 2) [m]: where triangles that reach from below a height to it or above are cut."""
+    corners = mesh.vertices[mesh.triangles]
+    above = corners[:, :, 2] >= height
+    cut = corners[above.any(axis=1) & ~above.all(axis=1)]
+    start, end = cut, np.roll(cut, -1, axis=1)
+    rise = end[:, :, 2] - start[:, :, 2]
+    crossed = (start[:, :, 2] >= height) != (end[:, :, 2] >= height)  # two of three sides, always
+    share = (height - start[:, :, 2]) / np.where(crossed, rise, 1.0)
+    places = start[:, :, :2] + share[:, :, None] * (end - start)[:, :, :2]
+    return places[crossed].reshape(-1, 2, 2)
+
+
+def draw_pairs(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+    """Rates by overlap, by every method; a panel for any yaw and one for any rotation."""
+    some = where(frame, "set == 'overlap'")
+    plot, axes = panels(1, 2, 5.0, 4.0, sharey=True)
+    for axis, turn in zip(axes[0], ("yaw", "any"), strict=True):
+        of_turn = where(some, f"turn == '{turn}'")
+        for method in settings.methods if len(of_turn) else ():
+            mine = with_bins(of_turn[of_turn["method"] == method], "shared", _TENTHS, "tenth")
+            groups = [(each["shared"].mean(), each) for _, each in mine.groupby("tenth", observed=True)]
+            color = f"C{EVALUATED.index(method)}" if method in EVALUATED else "k"
+            draw_rates(axis, groups, fmt="o-", color=color, linewidth=2.2 if method == OURS else 1.1, label=method)
+        axis.set(title=f"any {turn}" if turn == "yaw" else "any rotation", xlabel="share of the points in common")
+    axes[0, 0].set_ylabel("share that is right")
+    save(plot, path, axes[0, 0])
+
+
+def draw_kinds(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+    """How often ours is right against the probability that it reports: a panel for every kind, in ten bins."""
+    some = where(worst_first(frame), f"method == '{OURS}'")
+    columns = min(4, len(settings.kinds))
+    plot, axes = panels(-(-len(settings.kinds) // columns), columns, 2.7, 2.8, sharex=True, sharey=True)
+    for axis, (kind, mine) in zip(axes.ravel(), some.groupby("kind", sort=False) if len(some) else (), strict=False):
+        bins = with_bins(mine, "probability", _TENTHS, "tenth").groupby("tenth", observed=True)
+        axis.plot([0, 1], [0, 1], "k--", linewidth=0.8)
+        draw_rates(axis, [(each["probability"].mean(), each) for _, each in bins], fmt="o-", color="C0")
+        axis.set_title(f"{kind}: {expected_error(mine):.3f}", fontsize=9)
+    plot.supxlabel("reported probability (mean of a bin)", fontsize=9)
+    plot.supylabel("share that is right", fontsize=9)
+    save(plot, path)
+
+
+def draw_real(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+    """Shares right and wrong, accepted or not: a panel for every set, a bar for every method."""
+    bars = list(dict.fromkeys(zip(frame["method"], frame["known"], strict=True)))
+    plot, axes = panels(1, len(settings.sets), 2.8, 0.32 * len(bars) + 1.8, sharey=True)
+    for axis, name in zip(axes[0], settings.sets, strict=True):
+        for k, (method, known) in enumerate(bars):
+            some = frame[(frame["set"] == name) & (frame["method"] == method) & (frame["known"] == known)]
+            left = 0.0
+            for label, color, condition in _OUTCOMES:
+                share = len(where(some, condition)) / max(len(some), 1)
+                axis.barh(k, share, left=left, color=color, label=None if k else label, height=0.75)
+                left += share
+        axis.set(title=name, xlabel="share of registrations", xlim=(0, 1))
+    names = [method if known == "nothing" else f"{method}, {known} known" for method, known in bars]
+    axes[0, 0].set_yticks(range(len(bars)), names, fontsize=8)
+    axes[0, 0].invert_yaxis()
+    save(plot, path, axes[0, 0])
+
+
+FIGURES: Mapping[str, Figure] = MappingProxyType(
+    {
+        "translation": Figure("Lines are true values, crosses are estimates; gray marks wrong ones.", draw_translation),
+        "rotation": Figure("Lines are true values, crosses are estimates; gray marks wrong ones.", draw_rotation),
+        "limits": Figure("Errors of the estimates against the tilt, as Fig. 9.", draw_limits),
+        "gaussian": Figure("The share of seeds that are right at each scan, with 95 % intervals.", draw_gaussian),
+        "floodgate": Figure(
+            "The maps from above, as Figs. 25, 28 and 30. Thin lines show what is solid 4 m below the surface; the "
+            "true path is black, the estimated path magenta.",
+            draw_floodgate,
+        ),
+        "pairs": Figure("Share of right registrations against the overlap, with 95 % intervals.", draw_pairs),
+        "kinds": Figure(f"How often `{OURS}` is right against the probability it reports, by kind.", draw_kinds),
+        "real": Figure("Right and wrong registrations by set, accepted (dark) or not (light).", draw_real),
+    }
+)

@@ -1,0 +1,251 @@
+"""The flood gate (paper Sect. 4, Table 2, Figs. 22 to 31): maps of eighteen scans, made by chaining registrations."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
+from time import perf_counter
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.result import Registrar, Registration
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, pair_error
+from sonarmap.tools.lab.reproduce.experiment import (
+    EXTENT,
+    Experiment,
+    Outcome,
+    Row,
+    Value,
+    all_seeds,
+    as_asked,
+    paper_grid,
+)
+from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.registrations import PARAMETERS, finish_device, parameter_cells
+from sonarmap.tools.lab.simulate.paths.stations import COLUMNS, PAPER_COUNT, ROWS
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap, shared_view
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh
+from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
+from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
+from sonarmap.tools.methods.registry import ALL_METHODS, build, is_installed
+
+VOXEL = 2.0  # of methods without a grid of their own [m]
+# Methods, in the order of tables and figures -> whether they run once on each of the paper's grids
+COMPARED: Mapping[str, bool] = MappingProxyType(
+    {
+        **{"icp": False, "icp-plane": False, "planes": False, "fpfh-ransac": False, "kiss": False},
+        **{"hemisphere": True, "spectral": True},
+    }
+)
+PAPER_METHODS = ("icp", "planes", "hemisphere", "spectral")  # the paper's three, and ours
+TRUTH = "true poses"
+# Three surveys, each with a bed, a sea and a noise of its own; their scans from the start
+_USUAL = {"methods": tuple(COMPARED), "edges": (128, 256), "seeds": 3, "first_seed": 1, "scans": PAPER_COUNT}
+SOURCES = (
+    *("tools/lab/simulate", "tools/lab/evaluate", *ALL_METHODS),
+    *(f"tools/lab/reproduce/{name}.py" for name in ("experiment", "registrations", "floodgate")),
+)
+SCENE = "floodgate"
+RIGHT_M = 6.0  # three voxels of the paper's coarser grid [m]; one bar for all methods, whatever their voxels
+MAP, PAIR, POSE = "map", "pair", "pose"
+MAP_MEDIAN, MAP_90, DISPLACED_90 = "map_median_m", "map_90_m", "displaced_90_m"
+
+
+def create(request: Request) -> Experiment:
+    """Every method registers every scan to the one before it; a map is what chaining these makes.
+
+    A job is a pair, as in 1/icp/0/05, or what is made of a survey's pairs, as in 1/icp/0/map. `quick` is one survey by
+    the paper's methods, on one grid.
+    """
+    compared = {"methods": PAPER_METHODS} if request.quick else {}
+    settings = as_asked(request, _USUAL, {**compared, "edges": (128,), "seeds": 1})
+    left_out = tuple(name for name in settings.methods if not is_installed(name))
+    settings.methods, settings.left_out = tuple(m for m in settings.methods if m not in left_out), left_out
+    runs = [
+        (name, edge)
+        for name in COMPARED
+        if name in settings.methods
+        for edge in (settings.edges if COMPARED[name] else (0,))
+    ]
+    jobs = []
+    for seed in all_seeds(settings):
+        jobs.append(f"{seed}/{TRUTH}/0/{MAP}")
+        parts = [*(f"{source:02d}" for source in range(1, settings.scans)), MAP]
+        jobs += [f"{seed}/{method}/{edge}/{part}" for method, edge in runs for part in parts]
+    return Experiment("floodgate", settings, jobs, _Chains(settings.scans, request.device).run, SOURCES)
+
+
+class _Chains:
+    """Registers the pairs of surveys, one survey and method at a time."""
+
+    def __init__(self, scans: int, device: Device | None) -> None:
+        self._scans, self._device = scans, device
+        self._current: tuple[tuple[int, str, int], Registrar, dict[int, Any]] | None = None
+        self._step = cache(self._measure)
+
+    def run(self, job: str) -> Outcome:
+        """Register one pair, or chain the pairs of one survey, which are registered anew where that is not just done.
+
+        Raises:
+            InputError: a scan shows too little.
+        """
+        first, method, second, part = job.split("/")
+        seed, edge = int(first), int(second)
+        run: dict[str, Value] = {"seed": seed, "method": method, "grid": edge}
+        now = survey(seed, self._scans)
+        if part == MAP:
+            sources = range(1, self._scans)
+            steps = [self._step(seed, method, edge, k)[0].T_target_source for k in sources] if method != TRUTH else None
+            return Outcome(tuple({"row": POSE} | run | row for row in pose_rows(now, steps)))
+        source = int(part)
+        found, prepare, register = self._step(seed, method, edge, source)
+        row = {"row": PAIR} | run | pair_row(now, source, found.T_target_source, bool(found.accepted))
+        return Outcome((row,), (run | {"scan": source, "prepare_s": prepare, "register_s": register},))
+
+    def _measure(self, seed: int, method: str, edge: int, source: int) -> tuple[Registration, float, float]:
+        """One registration; times of preparing the source and of the pair, whose target is prepared [s]."""
+        registrar, prepared = self._registrar(seed, method, edge)
+        scans = survey(seed, self._scans).scans
+        if source - 1 not in prepared:
+            prepared[source - 1] = registrar.prepare(scans[source - 1])
+            finish_device(registrar)
+        start = perf_counter()
+        prepared[source] = registrar.prepare(scans[source])
+        finish_device(registrar)
+        middle = perf_counter()
+        result = registrar.register(prepared[source - 1], prepared[source])
+        end = perf_counter()
+        for old in [k for k in prepared if k != source]:
+            del prepared[old]
+        return result, middle - start, end - middle
+
+    def _registrar(self, seed: int, method: str, edge: int) -> tuple[Registrar, dict[int, Any]]:
+        """The registrar of one survey and the scans that it holds prepared; one at a time, for the device's memory.
+
+        A new one first registers a scan to itself, untimed: kernels are compiled and packages imported then.
+        """
+        key = (seed, method, edge)
+        if self._current is None or self._current[0] != key:
+            self._current = None
+            grid = paper_grid(edge) if edge else Grid(round(EXTENT / VOXEL), VOXEL)
+            registrar = build(method, grid, self._device.selector if self._device else None, seed)
+            scan = registrar.prepare(survey(seed, self._scans).scans[0])
+            registrar.register(scan, scan)
+            self._current = (key, registrar, {})
+        return self._current[1], self._current[2]
+
+
+@dataclass(frozen=True, slots=True)
+class FloodgateSurvey:
+    """N scans of one scene, in the order in which they were taken."""
+
+    scans: tuple[Scan, ...]  # in their sensor frames
+    T_world_sensor: RigidTransform  # their true poses; the world is the scene's frame, East-North-Up
+    mesh: Mesh  # the scene's true surface [m, world]
+    # N - 1 shares of points that truly have a counterpart in the scan before, the smaller of both ways
+    overlap: tuple[float, ...]
+    # N - 1 shares of what a scan shows that lies in the view of the scan before, the smaller of both ways, without
+    # noise
+    shared: tuple[float, ...]
+
+    def step(self, source: int) -> RigidTransform:
+        """The true T_target_source of the pair source - 1 (target), source (source)."""
+        return self.T_world_sensor[source - 1].inv() * self.T_world_sensor[source]
+
+
+@lru_cache(maxsize=1)
+def survey(seed: int, count: int = PAPER_COUNT) -> FloodgateSurvey:
+    """The survey from `seed`: the same seed, the same scans. Views are compared with the beams of the path's layout."""
+    simulation = simulate(SimulationSettings(scene=SCENE, trajectory="paper18", count=count, seed=seed))
+    scans, T, scene = simulation.scans, simulation.truth.T_world_sensor, build_scene(SCENE, seed)
+    sensor = replace(simulation.settings.sensor, columns=COLUMNS, rows=ROWS)
+    return FloodgateSurvey(
+        scans=scans,
+        T_world_sensor=T,
+        mesh=scene.mesh,
+        overlap=tuple(
+            mutual_overlap(scans[k - 1].points, scans[k].points, T[k - 1].inv() * T[k]) for k in range(1, count)
+        ),
+        shared=tuple(shared_view(scene, sensor, T[k - 1], T[k]) for k in range(1, count)),
+    )
+
+
+def chain_poses(first: RigidTransform, steps: Sequence[RigidTransform]) -> RigidTransform:
+    """Pose k is pose k - 1 times the step T_{k-1}_k, whether it was accepted or not; pose 0 is `first`."""
+    poses = [first]
+    for step in steps:
+        poses.append(poses[-1] * step)
+    return RigidTransform.concatenate(poses)
+
+
+def pair_row(survey: FloodgateSurvey, source: int, estimated: RigidTransform, accepted: bool) -> dict[str, Value]:
+    """The row of one registration of the scan `source` to the one before it, with the truth."""
+    truth = survey.step(source)
+    error = pair_error(estimated, truth)
+    return {
+        "scan": source,
+        "rotation_deg": error.rotation_deg,
+        "translation_m": error.translation_m,
+        "right": error.within(RIGHT_DEG, RIGHT_M),
+        "accepted": accepted,
+        "overlap": survey.overlap[source - 1],
+        "shared": survey.shared[source - 1],
+        **parameter_cells(estimated, "found"),
+        **parameter_cells(truth, "true"),
+    }
+
+
+def pose_rows(survey: FloodgateSurvey, steps: Sequence[RigidTransform] | None) -> list[dict[str, Value]]:
+    """The rows of all poses that the steps chain from the first true one, with the map of the scans so far.
+
+    Args:
+        survey: N scans.
+        steps: N - 1 registrations; None for the true poses.
+
+    Returns:
+        N rows: the pose's error, and median and 90th percentile of the distances [m] of all points of the scans up to
+        it, at their poses, to the true surface; the 90th percentile of how far they are from their own true places.
+    """
+    true = survey.T_world_sensor
+    poses = true if steps is None else chain_poses(true[0], steps)
+    points, true_points = (placed(survey, T_world_sensor) for T_world_sensor in (poses, true))
+    distance, displaced = surface_distance(survey.mesh, points), np.linalg.norm(points - true_points, axis=1)
+    ends = np.cumsum([len(scan.points) for scan in survey.scans])
+    rows: list[dict[str, Value]] = []
+    for scan, end in enumerate(ends):
+        error = pair_error(poses[scan], true[scan])
+        median, high = np.quantile(distance[:end], [0.5, 0.9])
+        rows.append(
+            {
+                "scan": scan,
+                "rotation_deg": error.rotation_deg,
+                "translation_m": error.translation_m,
+                MAP_MEDIAN: float(median),
+                MAP_90: float(high),
+                DISPLACED_90: float(np.quantile(displaced[:end], 0.9)),
+            }
+        )
+    return rows
+
+
+def placed(survey: FloodgateSurvey, T_world_sensor: RigidTransform) -> np.ndarray:
+    """The points of all scans at these poses, (P, 3) [m, world]."""
+    scans = zip(T_world_sensor, survey.scans, strict=True)
+    return np.concatenate([T.apply(scan.points.astype(np.float64)) for T, scan in scans])
+
+
+def transform(row: Row, which: str) -> RigidTransform:
+    """The T_target_source that a pair's row holds as "found" or as "true"."""
+    x, y, z, yaw, roll, pitch = (float(row[f"{which}_{name}"]) for name in PARAMETERS)
+    return RigidTransform.from_components([x, y, z], Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True))
+
+
+def chained(pairs: Sequence[Row], which: str) -> RigidTransform:
+    """N poses, T_first_sensor, that the N - 1 pairs of one survey chain, as "found" or as "true"."""
+    return chain_poses(RigidTransform.identity(), [transform(row, which) for row in pairs])

@@ -1,0 +1,144 @@
+"""Pairs of every kind of scan, by every method, with what instruments know and without."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from math import inf, radians
+from types import MappingProxyType
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.covariance_at_sensor import cross_matrices
+from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Value, as_asked
+from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.registrations import (
+    SOURCES,
+    answer,
+    claims,
+    compared_methods,
+    errors,
+    registrar,
+)
+from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
+from sonarmap.tools.lab.simulate.kinds.kind import KindPair
+from sonarmap.tools.lab.simulate.sensing.navigation import Instruments
+from sonarmap.tools.methods.registry import find_method
+
+BATCH = 5  # pairs of a job
+# So many pairs of each kind, of a set that neither development nor the tests use; voxels per edge
+_USUAL = {"kinds": tuple(SCAN_KINDS), "pairs": 100, "seed": 77014, "edge": 128}
+NOTHING, LEVELED, NAVIGATION = "none", "attitude,depth", "navigation"
+NAVIGATED = "swath"  # the kind that is registered with navigation too
+NAVIGATION_OVERLAPS = (0.05, 0.4)  # those pairs share less
+# What is known beforehand -> the instruments that measured it
+PRIORS: Mapping[str, Instruments | None] = MappingProxyType(
+    {
+        NOTHING: None,
+        LEVELED: Instruments(attitude=radians(1.5), heading=inf, depth=0.15, position=inf),
+        NAVIGATION: Instruments(attitude=radians(1.5), heading=radians(1.5), depth=0.15, position=1.0),
+    }
+)
+DIRECTIONS = (1, 2, 3)
+
+
+def create(request: Request) -> Experiment:
+    """A job is five pairs of a kind, what is known, and one method, as in swath/none/003/spectral.
+
+    `quick` is one batch of two kinds on half the voxels.
+    """
+    usual = _USUAL | compared_methods(request)
+    settings = as_asked(request, usual, {"kinds": ("patch", "swath"), "pairs": BATCH, "edge": 64})
+
+    @lru_cache(maxsize=1)
+    def pairs_of(kind: str, navigated: bool, batch: int) -> list[tuple[KindPair, Grid]]:
+        """The pairs of a batch, without priors, each with its grid; one that its scene does not have is left out."""
+        pairs = []
+        for number in range(batch * BATCH, (batch + 1) * BATCH):
+            try:
+                pair = kind_pair(kind, number, settings.seed, NAVIGATION_OVERLAPS if navigated else None)
+            except InputError:
+                continue
+            pairs.append((pair, choose_grid((pair.target, pair.source), settings.edge)))
+        return pairs
+
+    def run(job: str) -> Outcome:
+        kind, known, batch, method = job.split("/")
+        pairs = pairs_of(kind, known == NAVIGATION, int(batch))
+        device = request.opened.selector
+        return Outcome(tuple(_row(pair, grid, known, method, device) for pair, grid in pairs))
+
+    jobs = [
+        f"{kind}/{known}/{batch:03d}/{method}"
+        for kind in settings.kinds
+        for batch in range(-(-settings.pairs // BATCH))
+        for known in PRIORS
+        for method in settings.methods
+        if known == NOTHING or ("priors" in find_method(method).options and (known != NAVIGATION or kind == NAVIGATED))
+    ]
+    return Experiment("kinds", settings, jobs, run, (*SOURCES, "tools/lab/reproduce/kinds.py"), settings.methods)
+
+
+def _row(pair: KindPair, grid: Grid, known: str, method: str, device: str | None) -> Row:
+    instruments = PRIORS[known]
+    given = pair if instruments is None else pair.with_priors(instruments)
+    registration = answer(registrar(method, grid, device), given.target, given.source)
+    cells: dict[str, Value] = {name: getattr(pair, name) for name in ("kind", "number", "scene", "relief", "shared")}
+    cells |= {"priors": known, "method": method, "voxel_m": grid.voxel}
+    cells |= errors(registration, pair.T_target_source, grid.voxel) | claims(registration)
+    if known == NAVIGATION and given.target.prior is not None and given.source.prior is not None:
+        cells |= navigation_cells(registration, pair.T_target_source, given.target.prior, given.source.prior)
+    return cells
+
+
+def navigation_cells(
+    registration: Registration, truth: RigidTransform, target: PosePrior, source: PosePrior
+) -> dict[str, Value]:
+    """A registration compared with navigation alone, along three directions of its translation.
+
+    The directions are the eigenvectors of the covariance of the translation, in the target's axes, 1, 2, 3 with growing
+    standard deviations. Of each the cells hold the standard deviations and the errors, with their signs, of the
+    estimate and of navigation alone [m].
+
+    Args:
+        registration: the estimate.
+        truth: the true T_target_source.
+        target, source: what navigation says of the two scans; all of it is measured.
+
+    Returns:
+        Nothing where the registration has no covariance.
+    """
+    covariance = np.asarray(registration.covariance)[3:, 3:]
+    if not np.isfinite(covariance).all():
+        return {}
+    R = registration.T_target_source.rotation.as_matrix()  # the covariance is along the source's axes
+    variances, axes = np.linalg.eigh(R @ covariance @ R.T)
+    navigated = target.T_world_sensor.inv() * source.T_world_sensor
+    known = np.sqrt(np.einsum("ik,ij,jk->k", axes, navigation_covariance(target, source), axes))
+    columns = {
+        "sigma_m": np.sqrt(np.maximum(variances, 0.0)),
+        "navigation_sigma_m": known,
+        "error_m": (registration.T_target_source.translation - truth.translation) @ axes,
+        "navigation_error_m": (navigated.translation - truth.translation) @ axes,
+    }
+    return {
+        f"direction{number}_{name}": float(values[number - 1])
+        for number in DIRECTIONS
+        for name, values in columns.items()
+    }
+
+
+def navigation_covariance(target: PosePrior, source: PosePrior) -> np.ndarray:
+    """(3, 3) of the translation of the measured T_target_source, in the target's axes [m^2].
+
+    Both positions err, and so does the target's rotation, which turns the whole way to the source.
+    """
+    way = source.T_world_sensor.translation - target.T_world_sensor.translation
+    lever = cross_matrices(way[None])[0]
+    world = np.diag(target.sigmas[3:] ** 2 + source.sigmas[3:] ** 2)
+    world += lever @ np.diag(target.sigmas[:3] ** 2) @ lever.T
+    R = target.T_world_sensor.rotation.as_matrix()
+    return R.T @ world @ R

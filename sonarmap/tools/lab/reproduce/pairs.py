@@ -1,0 +1,175 @@
+"""Pairs that had no part in development, by every method: of every overlap, along Table 1's path, and unrelated."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import pi
+from time import perf_counter
+from typing import cast
+
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.result import Registrar
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Settings, Value, as_asked, paper_grid
+from sonarmap.tools.lab.reproduce.experiments import PAIR_SETS, Request
+from sonarmap.tools.lab.reproduce.registrations import (
+    OURS,
+    SOURCES,
+    answer,
+    claims,
+    compared_methods,
+    errors,
+    finish_device,
+    registrar,
+)
+from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair, evaluation_unrelated
+from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
+from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_MOST
+from sonarmap.tools.lab.simulate.plan import table1_pair
+from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
+from sonarmap.tools.lab.simulate.sensing.noise import Noise
+from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
+
+OVERLAP, PATHS, UNRELATED = PAIR_SETS
+BATCH = 5  # pairs of a job: of the set overlap one of every range of overlap
+_FREE_SHARE = 5  # for so many pairs with any yaw there is one with any rotation
+# Neither development nor the tests use pairs of these seeds. The methods other than ours register less, as they take
+# ten times as long.
+_USUAL = {
+    "sets": (OVERLAP, PATHS, UNRELATED),
+    "counts": {"yaw": 1000, "any": 1000 // _FREE_SHARE, UNRELATED: 500},  # pairs of each turn, and unrelated ones
+    "peers": {"yaw": 300, "any": 300 // _FREE_SHARE, UNRELATED: 500},  # how many of these the others register
+    "seed": 20110,  # of these pairs
+    # paths: the seeds go round over the scenes; variances of the range noise at the largest range [m^2]
+    "scenes": ("floodgate", "harbor", "bridge", "wreck"),
+    "sigma2": (1.0, 2.0, 4.0),
+    "seeds": 20,
+    "peer_seeds": 12,
+    "first_seed": 101,
+    "edge": 128,  # voxels per edge; their size is chosen for each pair, and as large as the paper's along paths
+}
+_QUICK = {"counts": {"yaw": BATCH, "any": BATCH, UNRELATED: BATCH}, "sigma2": (1.0,), "seeds": 1, "edge": 64}
+
+
+@dataclass(frozen=True, slots=True)
+class SetPair:
+    """One simulated pair."""
+
+    # which pair it is; of the sets overlap and unrelated: turn, number, scene, sigma2 (0, 1 or 2: as if the scene were
+    # of 256 m), shared (the noise-free overlap), voxel_m; of paths: scene, seed, sigma2, step
+    cells: dict[str, Value]
+    # target, source: the scans
+    target: Scan
+    source: Scan
+    truth: RigidTransform | None  # T_target_source between their frames; None where they share nothing
+    grid: Grid
+
+
+def create(request: Request) -> Experiment:
+    """A job is five pairs by one method, as in yaw/003/spectral and unrelated/003/spectral, or the scans of a path, as
+    in paths/floodgate/101/1.0/spectral. `quick` is one job of each sort and method on half the voxels."""
+    usual = _USUAL | compared_methods(request)
+    if request.set:
+        usual["sets"] = request.set
+    if request.pairs:
+        some = -(-request.pairs // _FREE_SHARE)
+        usual["counts"] = usual["peers"] = {"yaw": request.pairs, "any": some, UNRELATED: request.pairs}
+    if request.seeds:
+        usual["peer_seeds"] = request.seeds
+    settings = as_asked(request, usual, _QUICK | ({"counts": usual["counts"]} if request.pairs else {}))
+    pairs_of = lru_cache(maxsize=1)(lambda batch: list(_pairs(batch, settings)))
+    registrar_on = lru_cache(maxsize=len(settings.methods))(registrar)
+
+    def run(job: str) -> Outcome:
+        batch, _, method = job.rpartition("/")
+        max_tilt = pi if batch.startswith("any") else None
+        done = [
+            _registered(pair, method, registrar_on(method, pair.grid, request.opened.selector, max_tilt))
+            for pair in pairs_of(batch)
+        ]
+        return Outcome(tuple(row for row, _ in done), tuple(seconds for _, seconds in done))
+
+    jobs = [job for name in settings.sets for job in _jobs(name, settings)]
+    return Experiment("pairs", settings, jobs, run, (*SOURCES, "tools/lab/reproduce/pairs.py"), settings.methods)
+
+
+def _jobs(name: str, settings: Settings) -> Iterator[str]:
+    """The jobs of a set, all methods of the same pairs in a row."""
+    if name == PATHS:
+        for k in range(settings.seeds):
+            path = f"{PATHS}/{settings.scenes[k % len(settings.scenes)]}/{settings.first_seed + k}"
+            methods = [method for method in settings.methods if method == OURS or k < settings.peer_seeds]
+            yield from (f"{path}/{sigma2!r}/{method}" for sigma2 in settings.sigma2 for method in methods)
+        return
+    for part in ("yaw", "any") if name == OVERLAP else (UNRELATED,):
+        ours, others = (-(-counts[part] // BATCH) for counts in (settings.counts, settings.peers))
+        for k in range(ours):
+            yield from (f"{part}/{k:03d}/{method}" for method in settings.methods if method == OURS or k < others)
+
+
+def _pairs(batch: str, settings: Settings) -> Iterator[SetPair]:
+    """The pairs of a job, which its method decides nothing about; one that its scene does not have is left out."""
+    part, *path, last = batch.split("/")
+    if part == PATHS:
+        scene, seed = path
+        for step in range(TABLE1_MOST):
+            target, source, truth = table1_pair(step, int(seed), float(last), scene)
+            cells: dict[str, Value] = {"set": PATHS, "scene": scene, "seed": int(seed), "sigma2": float(last)}
+            yield SetPair(cells | {"step": step}, target, source, truth, paper_grid(settings.edge))
+        return
+    for number in range(int(last) * BATCH, (int(last) + 1) * BATCH):
+        # those with the turn "any" are of the next seed
+        pair = (
+            unrelated(number, settings.seed, settings.edge)
+            if part == UNRELATED
+            else related(number, settings.seed + (part == "any"), cast(Turn, part), settings.edge)
+        )
+        if pair is not None:
+            yield pair
+
+
+def _registered(pair: SetPair, method: str, registrar: Registrar) -> tuple[dict[str, Value], dict[str, Value]]:
+    """The row of a pair, and its time, of preparing both scans and registering them."""
+    finish_device(registrar)
+    start = perf_counter()
+    registration = answer(registrar, pair.target, pair.source)
+    cells = pair.cells | {"method": method}
+    seconds = cells | {"seconds": perf_counter() - start}
+    scored = {} if pair.truth is None else errors(registration, pair.truth, pair.grid.voxel)
+    return cells | scored | claims(registration), seconds
+
+
+def related(number: int, seed: int, turn: Turn, edge: int) -> SetPair | None:
+    """Pair `number` of the set `seed`, on a grid of `edge` voxels; None where the scene has no such pair."""
+    pair = evaluation_pair(number, seed, turn)
+    scale = SCENE_KINDS[pair.scene].scale
+    try:
+        target, source, truth = pair.scans()
+        bare_target, bare_source, _ = replace(pair, noise=Noise()).scans()
+    except InputError:
+        return None
+    shared = mutual_overlap(bare_target.points, bare_source.points, truth, OVERLAP_RADIUS * scale)
+    grid = choose_grid((target, source), edge)
+    cells = _cells(OVERLAP, turn, number, pair.scene, pair.noise, shared, grid)
+    return SetPair(cells, target, source, truth, grid)
+
+
+def unrelated(number: int, seed: int, edge: int) -> SetPair | None:
+    """Pair `number` of the set `seed` of pairs that share nothing; None where a scene has no clear place."""
+    pair = evaluation_unrelated(number, seed)
+    try:
+        target, source = pair.scans()
+    except InputError:
+        return None
+    grid = choose_grid((target, source), edge)
+    cells = _cells(UNRELATED, "none", number, pair.scene, pair.noise, 0.0, grid)
+    return SetPair(cells, target, source, None, grid)
+
+
+def _cells(name: str, turn: str, number: int, scene: str, noise: Noise, shared: float, grid: Grid) -> dict[str, Value]:
+    sigma2 = noise.sigma2 / SCENE_KINDS[scene].scale ** 2
+    cells: dict[str, Value] = {"set": name, "turn": turn, "number": number, "scene": scene}
+    return cells | {"sigma2": round(sigma2, 6), "shared": shared, "voxel_m": grid.voxel}

@@ -1,0 +1,135 @@
+"""The methods that are compared, and what a registration says beside the truth, as cells of a row."""
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.result import Registrar, Registration
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.evaluate.trajectory import pair_error
+from sonarmap.tools.lab.reproduce.experiment import Value
+from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.methods.registry import Setup, find_method, is_installed
+
+OURS = "spectral"
+EVALUATED = (OURS, "hemisphere", "kiss", "fpfh-ransac", "fpfh-fgr", "icp", "icp-plane", "planes")
+PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
+# The code that decides the rows of an experiment on simulated pairs, beside the methods'
+SOURCES = (
+    *("tools/lab/simulate", "tools/lab/evaluate", "spectral/grid.py"),
+    *(f"tools/lab/reproduce/{name}.py" for name in ("experiment", "registrations")),
+)
+
+
+def compared_methods(request: Request) -> dict[str, tuple[str, ...]]:
+    """The settings "methods", those that were asked for or all that are installed, and "left_out".
+
+    Raises:
+        InputError: a method that was asked for is unknown or not installed.
+    """
+    if request.method:
+        for name in request.method:
+            if not is_installed(name):
+                registrar(name, Grid(16, 1.0), None)  # its error says what to install
+        return {"methods": request.method, "left_out": ()}
+    left_out = tuple(name for name in EVALUATED if not is_installed(name))
+    return {"methods": tuple(name for name in EVALUATED if name not in left_out), "left_out": left_out}
+
+
+def registrar(name: str, grid: Grid, device: str | None, max_tilt: float | None = None) -> Registrar:
+    """A method, a key of METHODS, with its defaults, the same whatever pair it is built for.
+
+    A method that bounds roll and pitch does so at `max_tilt` [rad], if given. `device` is as `choose_device` takes it.
+
+    Raises:
+        InputError, DeviceError: there is no such method, its package is not installed, or the device is too small.
+    """
+    method = find_method(name)
+    changes = {} if max_tilt is None or "max_tilt" not in method.options else {"max_tilt": max_tilt}
+    return method.make(Setup(grid, device, changes=changes))
+
+
+def finish_device(registrar: Registrar) -> None:
+    """Wait for the device of a method that has one, so that what follows is timed alone."""
+    device = getattr(registrar, "device", None)
+    if device is not None:
+        device.queue.finish()
+
+
+def answer(registrar: Registrar, target: Scan, source: Scan) -> Registration:
+    """Prepare and register two scans; where a method raises InputError, the identity counts as refused."""
+    try:
+        return registrar.register(registrar.prepare(target), registrar.prepare(source))
+    except InputError as error:
+        return refused(str(error))
+
+
+def refused(reason: str) -> Registration:
+    """A refused registration: the identity, without a covariance."""
+    nothing = np.full((6, 6), np.nan)
+    return Registration(RigidTransform.identity(), nothing, float("nan"), 0.0, False, 0.0, reason)
+
+
+def parameter_cells(T: RigidTransform, which: str) -> dict[str, float]:
+    """PARAMETERS, in the paper's order, as cells whose names begin with "found" or "true"."""
+    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True).tolist()
+    values = (*T.translation.tolist(), yaw, roll, pitch)
+    return {f"{which}_{name}": value for name, value in zip(PARAMETERS, values, strict=True)}
+
+
+def claims(registration: Registration) -> dict[str, Value]:
+    """What a registration reports about itself.
+
+    The cells: accepted; probability that it is right, psr (both NaN from methods that have none); its estimated
+    overlap; sigma_deg and sigma_m, standard deviations along the worst direction; its reason.
+    """
+    sigma_deg, sigma_m = float("nan"), float("nan")
+    if np.isfinite(covariance := registration.covariance).all():
+        worst = (np.linalg.eigvalsh(block)[-1] for block in (covariance[:3, :3], covariance[3:, 3:]))
+        turn, sigma_m = (float(np.sqrt(max(variance, 0.0))) for variance in worst)
+        sigma_deg = float(np.rad2deg(turn))
+    return {
+        "accepted": bool(registration.accepted),
+        "probability": float(getattr(registration, "probability", float("nan"))),
+        "psr": float(registration.psr),
+        "overlap": float(registration.overlap),
+        "sigma_deg": sigma_deg,
+        "sigma_m": sigma_m,
+        "reason": registration.reason,
+    }
+
+
+def errors(registration: Registration, truth: RigidTransform, voxel: float) -> dict[str, Value]:
+    """The errors of a registration against the true T_target_source between the scans; `voxel` of the grid [m].
+
+    The cells: right (`PairError.is_right`); rotation_deg, translation_m, translation_voxels; nees.
+    """
+    error = pair_error(registration.T_target_source, truth)
+    return {
+        "right": error.is_right(voxel),
+        "rotation_deg": error.rotation_deg,
+        "translation_m": error.translation_m,
+        "translation_voxels": error.translation_m / voxel,
+        "nees": nees(registration.T_target_source, registration.covariance, truth),
+    }
+
+
+def nees(T_estimate: RigidTransform, covariance: np.ndarray, truth: RigidTransform) -> float:
+    """The normalized estimation error squared: xi' covariance^-1 xi with truth = T_estimate Exp(xi).
+
+    If the covariance is that of the errors, it is distributed as chi-squared with six degrees of freedom (Bar-Shalom,
+    Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, Sect. 5.4, doi
+    10.1002/0471221279). NaN where the covariance of xi, (6, 6), rotation first [rad, m], is not positive definite.
+    """
+    xi = (T_estimate.inv() * truth).as_exp_coords()
+    try:
+        whitened = np.linalg.solve(np.linalg.cholesky(covariance), xi)
+    except np.linalg.LinAlgError:
+        return float("nan")
+    return float(whitened @ whitened)
+
+
+def less_turns(angle: float) -> float:
+    """An angle without its whole turns [degrees], -180..180."""
+    return (angle + 180) % 360 - 180

@@ -1,0 +1,162 @@
+"""Tables of an experiment's rows: which rows, by what they are grouped, and what is shown of each group."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+from scipy.stats import binomtest
+
+from sonarmap.tools.lab.reproduce.experiment import Row
+
+DASH = "–"  # for what there is not
+Cell = Callable[[pd.DataFrame], str]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A line for each group of rows. Conditions are expressions of pandas' `eval`, as "accepted and not right"."""
+
+    title: str
+    by: tuple[str, ...]  # the columns whose values make the groups and name the lines
+    cells: Mapping[str, Cell]  # heading -> what is shown of the rows of a group
+    rows: str | Callable[[pd.DataFrame], pd.DataFrame] = ""  # which rows: a condition, or what to make of them
+    across: str = ""  # a column whose values stand side by side, each with all the cells
+    total: str = ""  # the name of a further line, of all rows
+    times: bool = False  # whether it shows the times, which differ between runs
+
+
+@dataclass(frozen=True, slots=True)
+class Rendered:
+    """A table as it is shown: a title, headings, and rows with as many cells each."""
+
+    title: str
+    headings: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def markdown(self) -> str:
+        """As GitHub shows it, the title in bold."""
+        lines = [self.headings, ("---",) * len(self.headings), *self.rows]
+        cells = (" | ".join(cell.replace("|", "\\|") for cell in line) for line in lines)
+        return f"**{self.title}**\n\n" + "".join(f"| {line} |\n" for line in cells)
+
+    def rich(self) -> Any:
+        """As rich prints it."""
+        from sonarmap.tools.lab.wide_table import WideTable
+
+        return WideTable(self.headings, self.rows, title=self.title)
+
+
+def frame_of(rows: Sequence[Row]) -> pd.DataFrame:
+    """The rows as a table of pandas, a column for every key in the order in which they first appear."""
+    frame = pd.DataFrame([dict(row) for row in rows])
+    for name, column in frame.items():  # truth values that some rows do not have
+        if column.dtype == object and column.map(type).isin((bool, float)).all():
+            frame[name] = column.astype("boolean")
+    return frame
+
+
+def where(frame: pd.DataFrame, condition: str) -> pd.DataFrame:
+    """The rows that fulfill a condition: all where it is empty, none where its columns are missing."""
+    if not condition or frame.empty:
+        return frame
+    try:
+        fulfilled = frame.eval(condition, engine="python")
+    except pd.errors.UndefinedVariableError:
+        return frame.iloc[:0]
+    return frame[fulfilled.fillna(False).astype(bool)]
+
+
+def render(table: Table, frame: pd.DataFrame) -> Rendered | None:
+    """The table of these rows; None where there are none."""
+    some = table.rows(frame) if callable(table.rows) else where(frame, table.rows)
+    if some.empty:
+        return None
+    parts = [None] if not table.across else _parts(some[table.across])
+    headings = [_joined(part, heading) for part in parts for heading in table.cells]
+    lines = [(*names, *_cells(table, group, parts)) for names, group in _groups(table, some)]
+    return Rendered(table.title, (*map(_heading, table.by), *headings), tuple(lines))
+
+
+def _parts(column: pd.Series) -> list[Any]:
+    """The values of a column, those of bins in their order."""
+    return [part for part in getattr(column.dtype, "categories", column.unique()) if (column == part).any()]
+
+
+def _groups(table: Table, frame: pd.DataFrame) -> Iterator[tuple[list[str], pd.DataFrame]]:
+    for names, group in frame.groupby(list(table.by), sort=False, dropna=False, observed=True):
+        yield [_shown(name) for name in names], group
+    if table.total:
+        yield [table.total, *[""] * (len(table.by) - 1)], frame
+
+
+def _cells(table: Table, group: pd.DataFrame, parts: Sequence[Any]) -> Iterator[str]:
+    for part in parts:
+        some = group if part is None else group[group[table.across] == part]
+        yield from (cell(some) if len(some) else DASH for cell in table.cells.values())
+
+
+def _joined(part: Any, heading: str) -> str:
+    return heading if part is None else f"{_shown(part)}: {heading}" if heading else _shown(part)
+
+
+def _heading(column: str) -> str:
+    return {"sigma2": "σ² [m²]", "tilt_deg": "tilt [°]"}.get(column, column.replace("_", " "))
+
+
+def _shown(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def wilson(hits: int, trials: int) -> tuple[float, float]:
+    """The 95 % interval of a rate (DOI 10.1080/01621459.1927.10502953), of one trial or more."""
+    interval = binomtest(hits, trials).proportion_ci(0.95, method="wilson")
+    return float(interval.low), float(interval.high)
+
+
+def count(condition: str = "") -> Cell:
+    """How many rows fulfill a condition."""
+    return lambda frame: str(len(where(frame, condition)))
+
+
+def share(condition: str, of: str = "", form: str = "count") -> Cell:
+    """How many of the rows that fulfill `of` also fulfill a condition, with the interval of the rate: as
+    "3/4 [0.30..0.95]", or with the form "percent" as "75 % [30..95]", or with "plain" as "3/4"."""
+
+    def cell(frame: pd.DataFrame) -> str:
+        trials = where(frame, of)
+        if trials.empty:
+            return DASH
+        hits, total = len(where(trials, condition)), len(trials)
+        low, high = wilson(hits, total)
+        if form == "percent":
+            return f"{100 * hits / total:.0f} % [{100 * low:.0f}..{100 * high:.0f}]"
+        return f"{hits}/{total}" + (f" [{low:.2f}..{high:.2f}]" if form == "count" else "")
+
+    return cell
+
+
+def ratio(hits: str, of: str) -> Cell:
+    """One column's sum over another's, in percent."""
+
+    def cell(frame: pd.DataFrame) -> str:
+        total = float(frame[of].sum())
+        return f"{100 * float(frame[hits].sum()) / total:.1f} %" if total else DASH
+
+    return cell
+
+
+def number(column: str, digits: int, how: str = "median", condition: str = "") -> Cell:
+    """The median of a column (or what else pandas calls `how`) of the rows that fulfill a condition."""
+
+    def cell(frame: pd.DataFrame) -> str:
+        some = where(frame, condition)
+        value = float(getattr(some[column], how)()) if column in some else float("nan")
+        return DASH if value != value else f"{value:,.{digits}f}"
+
+    return cell
+
+
+def joined(separator: str, *cells: Cell) -> Cell:
+    """Several cells as one."""
+    return lambda frame: separator.join(cell(frame) for cell in cells)

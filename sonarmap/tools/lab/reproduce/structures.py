@@ -1,0 +1,192 @@
+"""Whole structures in a grid that stands still, moved or tilted, under noise of the voxels (Sects. 2.7 and 3)."""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property, lru_cache
+from time import perf_counter
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
+from sonarmap.spectral.result import Registration
+from sonarmap.tools.lab.evaluate.trajectory import pair_error
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Settings, all_seeds, as_asked, paper_grid
+from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.registrations import parameter_cells
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.shapes.structure import NOISES, occupy, surface_points, swap, voxel_scan
+
+# Two seeds of each scene; a grid of `edge` voxels that is as large as the paper's
+_USUAL = {"scenes": ("floodgate", "clutter"), "noises": tuple(NOISES), "seeds": 2, "first_seed": 1, "edge": 256}
+_QUICK = {"scenes": ("floodgate",), "seeds": 1}
+# Shifts, in steps of (1, 2, 3) m
+_TRANSLATION = _USUAL | {"steps": (4, 8, 12, 16, 20, 24, 28, 30, 32, 34, 36, 38, 40, 44, 48, 52, 56, 60)}
+# Turns about the middle of the grid: roll and pitch both of `tilt_deg`
+_ROTATION = _USUAL | {"noises": ("D0", "D2", "D4", "D6"), "tilt_deg": 10.0, "yaws_deg": tuple(range(8, 89, 8))}
+# Each tilt, of roll, of pitch, and of both at once, under each yaw
+_LIMITS = _USUAL | {
+    "noises": ("D0",),
+    "edge": 128,
+    "tilts_deg": (5, 10, 15, 20, 25, 30, 35),
+    "yaws_deg": (-80, -40, 0, 40, 80),
+}
+SOURCES = (
+    *("kernels", "spectral", "tools/lab/simulate", "tools/lab/evaluate"),
+    *(f"tools/lab/reproduce/{name}.py" for name in ("experiment", "registrations", "structures")),
+)
+RIGHT_DEG, RIGHT_VOXELS = 2.0, 2.0
+_SPACING = 0.7  # of the surface's points [voxels]: next to no voxel that it crosses stays void
+_DIRECTION = np.array([1.0, 2.0, 3.0])  # of every shift, x, y, z: a step is one such vector [m]
+_LEAST_COMMON = 0.01  # share of the structure's voxels that has to be left in the frame
+_FARTHEST = np.deg2rad(60.0)  # how far roll and pitch are looked for, so that a bound does not help
+
+
+def create_translation(request: Request) -> Experiment:
+    """Structures shifted out of the frame (Figs. 12, 14, 15)."""
+    settings = as_asked(request, _TRANSLATION, _QUICK | {"noises": ("D0", "D4", "D6"), "steps": (16, 30, 40)})
+    shifts = [RigidTransform.from_translation(step * _DIRECTION) for step in settings.steps]
+    return _moved("translation", settings, request.opened, shifts)
+
+
+def create_rotation(request: Request) -> Experiment:
+    """Structures turned (Figs. 16, 17)."""
+    settings = as_asked(request, _ROTATION, _QUICK | {"noises": ("D0", "D4"), "yaws_deg": (8, 32, 64, 88)})
+    angles = [(yaw, settings.tilt_deg, settings.tilt_deg) for yaw in settings.yaws_deg]
+    turns = [RigidTransform.from_rotation(Rotation.from_euler("ZYX", turn, degrees=True)) for turn in angles]
+    return _moved("rotation", settings, request.opened, turns)
+
+
+def create_limits(request: Request) -> Experiment:
+    """What the resampling is off by under tilt (Figs. 7 to 9)."""
+    settings = as_asked(request, _LIMITS, _QUICK | {"tilts_deg": (10.0, 20.0, 35.0), "yaws_deg": (-40.0, 40.0)})
+    kinds = ("none", "roll", "pitch", "both")
+    jobs = [f"{scene}/{seed}/{kind}" for scene, seed in _structures(settings) for kind in kinds]
+    return Experiment("limits", settings, jobs, _tilting(settings, request.opened), SOURCES)
+
+
+class _Structures:
+    """The paper's registration of structures as voxels of the grid, which is the frame that they move out of."""
+
+    def __init__(self, settings: Settings, device: Device) -> None:
+        self.device, self.grid = device, paper_grid(settings.edge)
+
+    @cached_property
+    def registrar(self) -> HemisphereRegistrar:
+        """The paper's chain."""
+        return HemisphereRegistrar(self.device, self.grid, HemisphereConfig.paper(centered=False))
+
+    def points(self, scene: str, seed: int) -> np.ndarray:
+        """(N, 3) float64 [m] all over a scene's surfaces, dense enough for the grid's voxels."""
+        return _surface(scene, seed, _SPACING * self.grid.voxel)
+
+    def prepare(self, points: np.ndarray, noise: str, seeds: Sequence[int]) -> LayeredScan:
+        """Points as voxels with noise, which the seeds decide."""
+        rng = np.random.default_rng(np.random.SeedSequence(seeds))
+        occupied = swap(occupy(points, self.grid), NOISES[noise], rng)
+        return self.registrar.prepare(voxel_scan(occupied, self.grid, noise))
+
+
+@lru_cache(maxsize=1)
+def _surface(scene: str, seed: int, spacing: float) -> np.ndarray:
+    return surface_points(build_scene(scene, seed).mesh, spacing).astype(np.float64)
+
+
+def _structures(settings: Settings) -> list[tuple[str, int]]:
+    """Every scene with every seed."""
+    return [(scene, seed) for scene in settings.scenes for seed in all_seeds(settings)]
+
+
+def _moved(name: str, settings: Settings, device: Device, motions: Sequence[RigidTransform]) -> Experiment:
+    """Every motion, a T_target_source, of every structure under every noise, as in "floodgate/D0/1"."""
+    jobs = [f"{scene}/{noise}/{seed}" for scene, seed in _structures(settings) for noise in settings.noises]
+    structures = _Structures(settings, device)
+
+    def run(job: str) -> Outcome:
+        """Register the structure at rest (source) to the same one moved (target), each with noise of its own.
+
+        A motion that moves it out of the frame, but for a hundredth, is passed over: nothing is left to register.
+        """
+        scene, noise, number = job.split("/")
+        seed, grid = int(number), structures.grid
+        points = structures.points(scene, seed)
+        extent = int(occupy(points, grid).sum())
+        family = [seed, list(NOISES).index(noise)]
+        source = structures.prepare(points, noise, [*family, 0])
+        rows, seconds = [], []
+        for number, T_target_source in enumerate(motions):
+            moved = T_target_source.apply(points)
+            common = float(occupy(moved, grid).sum() / extent)
+            if common < _LEAST_COMMON:
+                continue
+            start = perf_counter()
+            target = structures.prepare(moved, noise, [*family, number + 1])
+            device.queue.finish()
+            prepared = perf_counter() - start
+            registration = structures.registrar.register(target, source)
+            begin = {"scene": scene, "noise": noise, "seed": seed, "number": number}
+            rows.append(begin | _moved_cells(T_target_source, registration, grid.voxel) | {"common": common})
+            times = {"case": job, "number": number, "prepare_s": prepared, "register_s": registration.seconds}
+            seconds.append(times)
+        return Outcome(tuple(rows), tuple(seconds))
+
+    return Experiment(name, settings, jobs, run, SOURCES)
+
+
+def _moved_cells(truth: RigidTransform, registration: Registration, voxel: float) -> dict:
+    error = pair_error(registration.T_target_source, truth)
+    steps = dict(registration.step_psr)
+    return {
+        **parameter_cells(truth, "true"),
+        **parameter_cells(registration.T_target_source, "found"),
+        "distance_m": float(np.linalg.norm(truth.translation)),
+        "rotation_deg": error.rotation_deg,
+        "translation_voxels": error.translation_m / voxel,
+        "right": error.within(RIGHT_DEG, RIGHT_VOXELS * voxel),
+        "accepted": registration.accepted,
+        **{"psr": registration.psr, "yaw_psr": steps["yaw"], "tilt_psr": steps["tilt"]},
+    }
+
+
+def _tilting(settings: Settings, device: Device) -> Callable[[str], Outcome]:
+    """Runs a job of the limits, as "floodgate/1/both": all tilts of one kind under all yaws."""
+    structures = _Structures(settings, device)
+
+    def run(job: str) -> Outcome:
+        scene, seed, kind = job.split("/")
+        points = structures.points(scene, int(seed))
+        still = structures.prepare(points, "D0", [0])
+        rows, seconds = [], []
+        for tilt in (0.0,) if kind == "none" else settings.tilts_deg:
+            for yaw in settings.yaws_deg:
+                start = perf_counter()
+                pitch, roll = (tilt if kind in (angle, "both") else 0.0 for angle in ("pitch", "roll"))
+                truth = Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
+                off = _steps(structures, structures.prepare(truth.apply(points), "D0", [0]), still, truth)
+                rows.append({"scene": scene, "seed": int(seed), "tilted": kind, "tilt_deg": tilt, "yaw_deg": yaw} | off)
+                seconds.append({"job": job, "tilt_deg": tilt, "yaw_deg": yaw, "seconds": perf_counter() - start})
+        return Outcome(tuple(rows), tuple(seconds))
+
+    return run
+
+
+def _steps(structures: _Structures, target: LayeredScan, source: LayeredScan, truth: Rotation) -> dict[str, float]:
+    """Each step for itself: yaw as it is read off first, roll and pitch with yaw known, and the whole chain."""
+    registrar = structures.registrar
+    true_yaw = truth.as_euler("ZYX", degrees=True)[0]
+    yaw = registrar.hemisphere.yaw_candidates(target.layers, source.layers, 1)[0]
+    off = np.rad2deg(yaw.R.as_rotvec()[2]) - true_yaw
+    known = Rotation.from_euler("Z", true_yaw, degrees=True)
+    tilt = registrar.hemisphere.tilt(target.layers, source.magnitude, known, _FARTHEST)
+    R = known if tilt is None else tilt.R * known
+    _, pitch, roll = R.as_euler("ZYX", degrees=True) - truth.as_euler("ZYX", degrees=True)
+    chain = registrar.register(target, source)
+    return {
+        "yaw_off_deg": float((off + 90) % 180 - 90),  # the peak repeats after half a turn
+        "yaw_psr": yaw.psr,
+        "roll_off_deg": float(roll),
+        "pitch_off_deg": float(pitch),
+        "tilt_psr": 0.0 if tilt is None else tilt.psr,
+        "chain_off_deg": float(np.rad2deg((truth.inv() * chain.T_target_source.rotation).magnitude())),
+        "chain_shift_voxels": float(np.linalg.norm(chain.T_target_source.translation) / structures.grid.voxel),
+    }

@@ -1,0 +1,164 @@
+"""Simulated surveys, and the result of a system on one against the truth: a row of numbers, and one for each pose."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.slam.candidates.places import PlaceIndex
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.evaluate.map_error import Reference, map_error
+from sonarmap.tools.lab.evaluate.pairs import score_pairs
+from sonarmap.tools.lab.evaluate.place_recall import AMONG, GAP, recall, revisits
+from sonarmap.tools.lab.evaluate.pose_calibration import calibrate_poses
+from sonarmap.tools.lab.evaluate.trajectory import Evaluation, evaluate
+from sonarmap.tools.lab.reproduce.experiment import Row, Value
+from sonarmap.tools.lab.reproduce.survey_mapped import MappedSurvey
+from sonarmap.tools.lab.simulate.plan import plan
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh
+from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
+from sonarmap.tools.lab.simulate.simulation import simulate
+
+MAP, POSE = "map", "pose"  # of the column "row"
+ROLES = ("sequential", "bridge", "loop")
+BETWEEN = "between"  # pairs of different dives, whatever their role
+FATES = ("kept_right", "kept_wrong", "refused_right", "refused_wrong")
+_CALIBRATION = ("within_95", "position_within_95", "nees_mean", "position_nees_mean")
+_NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedSurvey:
+    """N scans, and what is true of them."""
+
+    scans: tuple[Scan, ...]  # one dive's after another's; their stamps count them from 0
+    truth: Trajectory  # their poses; the world is the scene's frame, East-North-Up
+    dives: np.ndarray  # (N,) int, the number of the survey of each scan, as given to the mapper
+    unusable: frozenset[int]  # the scans that show nothing of the scene
+    mesh: Mesh  # the scene's true surface [m, world]
+
+
+def simulate_survey(scene: str, seed: int, count: int, unusable: float, dives: Sequence[int] = (1,)) -> SimulatedSurvey:
+    """Simulate `count` scans of each of the dives, in their order; their relative pose is given nowhere.
+
+    The scene is a key of SCENE_KINDS, the seed that of the scene, the waves and the noise; a share of the scans is
+    unusable: it shows nothing of the scene. `dives` are as `tools.lab.simulate.paths.trajectories` counts them.
+    """
+    settings = replace(plan(scene, "lawnmower", None, seed), count=count, unusable=unusable)
+    done = [simulate(replace(settings, dive=dive)) for dive in dives]
+    scans = [scan for simulation in done for scan in simulation.scans]
+    poses = RigidTransform.concatenate([simulation.truth.T_world_sensor for simulation in done])
+    return SimulatedSurvey(
+        scans=tuple(replace(scan, stamp=float(k), name=f"scan_{k:03d}") for k, scan in enumerate(scans)),
+        truth=Trajectory(np.arange(len(scans), dtype=np.float64), poses),
+        dives=np.repeat(np.arange(len(done)), count),
+        unusable=frozenset(number + k * count for k, each in enumerate(done) for number in each.faults),
+        mesh=build_scene(scene, seed).mesh,
+    )
+
+
+def survey_rows(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> tuple[Row, ...]:
+    """All rows of what one system made of a survey, with voxels of this edge [m].
+
+    Trajectories are aligned over the placed scans that are usable; other scans that a system places are
+    ignored here, but its map contains them.
+    """
+    before, after = _evaluated(survey, mapped)
+    row = {"row": MAP} | estimate_cells(survey, mapped, voxel)
+    row |= _map(survey, mapped, after, voxel) | _recall(survey, mapped, voxel)
+    return (row, *_poses(before, after))
+
+
+def estimate_cells(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
+    """What poses and pairs are worth, as the first cells of `survey_rows`."""
+    before, after = _evaluated(survey, mapped)
+    cells = _placed(survey, mapped, len(after.stamps)) | {"voxel_m": voxel} | _errors(before, after, voxel)
+    return cells | _calibration(survey, mapped) | _pairs(survey, mapped, voxel)
+
+
+def _evaluated(survey: SimulatedSurvey, mapped: MappedSurvey) -> tuple[Evaluation | None, Evaluation]:
+    """Before loops, where that is known, and after."""
+    usable = [place for place, scan in enumerate(mapped.placed) if scan not in survey.unusable]
+    after = evaluate(mapped.trajectory.take(usable), survey.truth)
+    return None if mapped.chained is None else evaluate(mapped.chained.take(usable), survey.truth), after
+
+
+def _placed(survey: SimulatedSurvey, mapped: MappedSurvey, usable: int) -> dict[str, Value]:
+    return {
+        "scans": len(survey.scans),
+        "unusable": len(survey.unusable),
+        "placed": usable,
+        "placed_unusable": len(mapped.placed) - usable,
+        "components": mapped.components,
+    }
+
+
+def _errors(before: Evaluation | None, after: Evaluation, voxel: float) -> dict[str, Value]:
+    ates = {"before": before.ate_m if before else _NAN, "after": after.ate_m}
+    return {
+        **{f"ate_{when}_m": ate for when, ate in ates.items()},
+        **{f"ate_{when}_voxels": ate / voxel for when, ate in ates.items()},
+        "ate_after_deg": float(np.sqrt(np.mean(after.rotation_deg**2))),
+    }
+
+
+def _calibration(survey: SimulatedSurvey, mapped: MappedSurvey) -> dict[str, Value]:
+    calibration = None
+    if mapped.covariances is not None:
+        truth = survey.truth.T_world_sensor[list(mapped.placed)]
+        calibration = calibrate_poses(mapped.trajectory.T_world_sensor, truth, mapped.covariances)
+    cells = calibration.to_json() if calibration else {}
+    return {key: cells.get(key, _NAN) for key in _CALIBRATION}
+
+
+def _pairs(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
+    """Pairs with an unusable scan that have a part in the estimate are wrong, whatever they measured."""
+    usable = [k for k in range(len(survey.scans)) if k not in survey.unusable]
+    truth = {k: survey.truth.T_world_sensor[k] for k in usable}
+    chosen = {role: [pair for pair in mapped.pairs if pair.role == role] for role in ROLES}
+    chosen[BETWEEN] = [pair for pair in mapped.pairs if survey.dives[pair.target] != survey.dives[pair.source]]
+    cells: dict[str, Value] = {}
+    for name, pairs in chosen.items():
+        score = score_pairs(pairs, truth, voxel)
+        counts = (score.kept_right, score.kept_wrong, score.rejected_right, score.rejected_wrong)
+        cells |= {f"{name}_{fate}": count for fate, count in zip(FATES, counts, strict=True)}
+    kept = sum(pair.kept for pair in mapped.pairs if survey.unusable & {pair.target, pair.source})
+    return cells | {"pairs": len(mapped.pairs), "unusable_kept": kept}
+
+
+def _map(survey: SimulatedSurvey, mapped: MappedSurvey, after: Evaluation, voxel: float) -> dict[str, Value]:
+    """Of all points, and of those that two scans or more saw: stray echoes are seen once."""
+    surface = Reference("the true surface", "surface", lambda points: surface_distance(survey.mesh, points))
+    cells: dict[str, Value] = {}
+    for name, points in (("map", mapped.points), ("map_twice", mapped.points[mapped.seen >= 2])):
+        error = map_error(after.T_truth_estimate.apply(points), surface, voxel) if len(points) else None
+        cells |= {f"{name}_points": len(points)}
+        cells |= {f"{name}_{key}": getattr(error, key, _NAN) for key in ("median_m", "p90_m", "within_voxel")}
+    before, after_loops = mapped.crossings
+    return cells | {"crossing_before_m": before, "crossing_after_m": after_loops}
+
+
+def _recall(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
+    """Of the scans that have a signature; those without can neither be found nor find."""
+    signed = sorted(mapped.signatures)
+    shares, count = [_NAN] * len(AMONG), 0
+    if signed:
+        places = PlaceIndex(np.stack([mapped.signatures[k] for k in signed]), survey.dives[signed])
+        again = revisits([survey.scans[k] for k in signed], survey.truth.T_world_sensor[signed], voxel)
+        index, _ = places.nearest(AMONG[-1], GAP)
+        shares, count = recall(index, again), int(again.any(axis=1).sum())
+    return {"revisited": count, **{f"recall_{k}": share for k, share in zip(AMONG, shares, strict=True)}}
+
+
+def _poses(before: Evaluation | None, after: Evaluation) -> list[Row]:
+    """Where each usable scan is, aligned, and where it truly is [m]."""
+    trajectories = {"true": after.T_true, "after": after.T_aligned} | ({"before": before.T_aligned} if before else {})
+    places = {name: T.translation.tolist() for name, T in trajectories.items()}
+    return [
+        {"row": POSE, "scan": int(stamp)}
+        | {f"{axis}_{name}_m": place[k][n] for name, place in places.items() for n, axis in enumerate("xyz")}
+        for k, stamp in enumerate(after.stamps.tolist())
+    ]

@@ -1,0 +1,109 @@
+"""Evidence that is recorded, and the confidence that is fitted to it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.special import expit
+
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.spectral.fitted import FITTED
+from sonarmap.spectral.judge.covariance import SLIDE, fit_covariance
+from sonarmap.spectral.registration import SpectralRegistrar
+from sonarmap.tools.lab.reproduce.confidence import reference
+from sonarmap.tools.lab.reproduce.confidence_fit import CLUES, fit_logistic, fit_odds, judged
+from sonarmap.tools.lab.reproduce.evidence import Recorder, fit_of, recorded_pairs, seen_of
+from sonarmap.tools.lab.reproduce.evidence_pairs import draw
+from sonarmap.tools.lab.reproduce.experiment import Row
+from sonarmap.tools.lab.reproduce.experiments import Request, create
+
+SEED = 5
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[Row]:
+    """The rows of a few draws on few voxels."""
+    experiment = create("confidence", Request(choose_device(), quick=True, seed=SEED))
+    jobs = ["patch-0000", "sound_speed-0002", "unrelated-0000", "distorted-0001"]
+    return [row for job in jobs for row in experiment.run(job).rows]
+
+
+@pytest.mark.slow
+def test_what_was_recorded_is_judged_as_when_it_was_registered(rows: list[Row]) -> None:
+    pairs = recorded_pairs(rows)
+    assert {pair.cells["set"] for pair in pairs} == {"patch", "sound_speed", "unrelated", "distorted"}
+    pair = next(pair for pair in draw("patch", 0, SEED, 64))
+    registrar = SpectralRegistrar(choose_device(), pair.grid)
+    registration = registrar.register(registrar.prepare(pair.target), registrar.prepare(pair.source))
+    recorded = next(each for each in pairs if each.cells["set"] == "patch" and each.cells["known"] == "none")
+    again = judged([recorded], SLIDE)
+    np.testing.assert_allclose(again.clues[0], [dict(registration.evidence)[f"p_{name}"] for name in CLUES], atol=1e-6)
+    covariance = fit_covariance(recorded.hypotheses[0], recorded.centers, recorded.grid, recorded.seen)
+    np.testing.assert_allclose(covariance.posterior, registration.covariance, rtol=1e-6)
+    assert again.fixed[0] == pytest.approx(registration.fixed, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_the_fit_is_a_table_that_the_package_reads(
+    rows: list[Row], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    experiment = create("confidence", Request(choose_device(), quick=True, seed=SEED))
+    assert experiment.conclude is not None
+    assert experiment.write is not None
+    concluded = experiment.conclude(rows)
+    whole = concluded[0]
+    right, likely, accepted = (int(whole[name]) for name in ("right", "likely_right", "accepted_right"))
+    assert right >= likely >= accepted >= 0
+    monkeypatch.setattr("sonarmap.tools.lab.reproduce.confidence.TABLE", tmp_path / "fitted.json")
+    assert "fitted.json" in experiment.write(concluded)
+    written = json.loads((tmp_path / "fitted.json").read_text())
+    assert set(written) == set(FITTED)
+    assert list(written["probability"]["clues"]) == list(CLUES) == list(FITTED["probability"]["clues"])
+    assert len(written["probability"]["weights"]) == len(FITTED["probability"]["weights"])
+    assert written["made"]["pairs"] == whole["pairs"]
+
+
+def test_the_logistic_is_what_made_the_rows() -> None:
+    rng = np.random.default_rng(1)
+    columns, share = rng.normal(size=(20_000, 3)), rng.uniform(0.3, 1.0, 20_000)
+    right = rng.random(20_000) < share * expit(0.5 + columns @ [1.0, -2.0, 0.0])
+    constant, weights = fit_logistic(columns, right, share)
+    assert constant == pytest.approx(0.5, abs=0.12)
+    np.testing.assert_allclose(weights, [1.0, -2.0, 0.0], atol=0.12)
+
+
+def test_odds_hold_what_products_of_clues_say() -> None:
+    rng = np.random.default_rng(2)
+    clues = rng.normal(size=(8000, len(CLUES)))
+    log_odds = 2 * clues[:, 0] * clues[:, 1] - clues[:, 2]
+    right = rng.random(8000) < expit(log_odds)
+    fitted = fit_odds(clues, right, np.ones(8000))
+    assert np.corrcoef(fitted.of(clues), log_odds)[0, 1] > 0.97
+    again = fit_odds(clues, right, np.ones(8000), fitted)
+    np.testing.assert_allclose(again.of(clues), fitted.of(clues), atol=0.02)
+
+
+@pytest.mark.slow
+def test_the_table_is_not_older_than_what_it_was_fitted_on() -> None:
+    """What the registration measures of a few pairs is what it measured when the table was written.
+
+    Where it is not: `sonarmap reproduce confidence -o OUT --write`.
+    """
+    found = reference(choose_device())
+    assert found.keys() == FITTED["reference"].keys()
+    for number, clues in found.items():
+        assert clues == pytest.approx(FITTED["reference"][number], abs=0.05)
+
+
+@pytest.mark.slow
+def test_a_text_holds_a_fit_with_its_instruments() -> None:
+    pair = list(draw("patch", 1, SEED, 64))[1]
+    recorder = Recorder(choose_device(), pair.grid)
+    recorder.register(recorder.prepare(pair.target), recorder.prepare(pair.source))
+    numbers = json.loads(str(recorder.cells(pair.truth)[0]["numbers"]))
+    fit, seen = fit_of(numbers), seen_of(numbers)
+    assert fit.prior is not None
+    assert fit.prior.jacobian.shape == (3, 6)
+    assert (fit.information.shape, seen.axes.shape) == ((6, 6), (3, 3))
+    assert recorder.cells(pair.truth) == []

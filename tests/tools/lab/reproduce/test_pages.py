@@ -1,0 +1,50 @@
+"""Every experiment in a tiny form: its rows hold no times, its page has its tables and picture, the same each time."""
+
+from pathlib import Path
+
+import pytest
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create
+from sonarmap.tools.lab.reproduce.figures import FIGURES
+from sonarmap.tools.lab.reproduce.folder import write_experiment
+from sonarmap.tools.lab.reproduce.provenance import provenance
+from sonarmap.tools.lab.reproduce.run import run
+from sonarmap.tools.lab.reproduce.tables import SHOWN
+from tests.samples.experiments.real_folders import put
+from tests.tools.lab.reproduce.test_run import silence
+
+FEW = ("hemisphere", "planes")
+_CLUTTER = {"scenes": ("clutter",), "first_seed": 3, "edge": 64}
+TINY = {
+    "translation": {"settings": _CLUTTER | {"steps": (8, 16)}},
+    "rotation": {"settings": _CLUTTER | {"yaws_deg": (8, 64)}},
+    "limits": {"settings": _CLUTTER | {"tilts_deg": (10,), "yaws_deg": (-40,)}},
+    "gaussian": {"grid": 32},
+    "floodgate": {"settings": {"methods": ("icp", "hemisphere"), "edges": (32,), "scans": 3}},
+    "pairs": {"grid": 32, "method": FEW, "pairs": 1},
+    "kinds": {"grid": 32, "method": ("spectral", "planes")},
+    "real": {"grid": 32, "method": ("spectral", "planes"), "known": "attitude,depth"},
+    "survey": {"settings": {"first_seed": 3, "counts": (5,), "dive": 4, "unusable": 0.2}},
+    "scale": {"settings": {"counts": (60,), "points": 2000}},
+    "decisions": {"settings": {"scans": 4}},
+    "confidence": {"settings": {"counts": {"patch": 1, "unrelated": 1, "still": 2}}},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_a_page_that_is_the_same_each_time(name: str, device: Device, tmp_path: Path) -> None:
+    folder = put(tmp_path / "in") if EXPERIMENTS[name].folder else None
+    experiment = create(name, Request(device, quick=True, folder=folder, **TINY[name]))  # pyright: ignore
+    origin = provenance(experiment, device)
+    pages = []
+    for out in (tmp_path / "a", tmp_path / "b"):
+        result = run(experiment, origin, tmp_path, silence)
+        shown = experiment.conclude(result.rows) if experiment.conclude else result.rows
+        record = write_experiment(out, experiment, result, shown, origin, "the command")
+        pages.append({path.name: path.read_bytes() for path in out.iterdir() if path.suffix in (".md", ".csv", ".png")})
+    assert pages[0] == pages[1]
+    assert (f"{name}.png" in pages[0]) is (name in FIGURES)
+    assert len(record.tables) == 1 + sum(not table.times for table in SHOWN[name].tables) or name == "pairs"
+    assert not any(key.endswith("_s") or "second" in key or "memory" in key for row in result.rows for key in row)
