@@ -35,7 +35,7 @@ _rare = partial(_experiment, rare=True)
 NameArgument = Annotated[
     str,
     typer.Argument(
-        help=f"An experiment, or '{ALL}' for the paper's: {', '.join(PAPER)}. There are {_NAMES}.",
+        help=f"An experiment, or '{ALL}' for the paper's. There are {_NAMES}. The paper's are {', '.join(PAPER)}.",
         metavar="NAME",
         rich_help_panel=INPUT,
         autocompletion=completes((*EXPERIMENTS, ALL)),

@@ -19,8 +19,8 @@ from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.lab.reproduce.confidence_fit import JudgedPairs, fit_odds, fit_slide, judged
 from sonarmap.tools.lab.reproduce.evidence import Recording, recorded_pairs
 from sonarmap.tools.lab.reproduce.evidence_pairs import DISTORTED, STILL, SURVEY, UNRELATED, draw
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, as_asked
-from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row
+from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
 from sonarmap.tools.methods.fingerprint import fingerprint
 

@@ -11,8 +11,8 @@ from sonarmap.slam.execute.worker import Worker, prepared_limit
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.slam.survey_grid import survey_grid
 from sonarmap.spectral.registration import SpectralRegistrar
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, all_seeds, as_asked
-from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, all_seeds
+from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
 from sonarmap.tools.lab.reproduce.survey_mapped import mapped_of
 from sonarmap.tools.lab.reproduce.survey_rows import SimulatedSurvey, estimate_cells, simulate_survey
 from sonarmap.tools.lab.simulate.kinds.kind import ROUGH_SCENES

@@ -3,27 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
 
 from sonarmap.spectral.grid import Grid
-from sonarmap.tools.lab.reproduce.experiments import Request
 
 Value = str | int | float | bool
 Row = Mapping[str, Value]
 Settings = SimpleNamespace  # values of JSON's types by name; with the sources they decide all rows
 
 EXTENT = 256.0  # of the paper's grid [m]
-# An option -> the settings that it changes, of those that an experiment has
-_CHANGED_BY = {
-    "scene": ("scene", "scenes"),
-    "grid": ("edge", "edges"),
-    "sigma2": ("sigma2",),
-    "seeds": ("seeds",),
-    "seed": ("seed", "first_seed"),
-    "pairs": ("pairs",),
-    "voxel": ("voxel",),
-    "max_tilt": ("max_tilt",),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,17 +38,6 @@ class Experiment:
     deciding: tuple[str, ...] = ("edge", "seed")  # settings that decide a method's rows, with the key, code and device
     conclude: Callable[[Sequence[Row]], Sequence[Row]] | None = None  # makes of all rows those that tables show
     write: Callable[[Sequence[Row]], str] | None = None  # stores what was fitted to the rows, and says where
-
-
-def as_asked(request: Request, usual: Mapping[str, Any], quick: Mapping[str, Any]) -> Settings:
-    """The usual settings, changed as the options say; of a quick run also as `quick` says where none does."""
-    values = {**usual, **(quick if request.quick else {})}
-    for option, names in _CHANGED_BY.items():
-        value = getattr(request, option)
-        for name in (name for name in names if name in values and value is not None):
-            is_list = isinstance(usual[name], tuple) and not isinstance(value, tuple)
-            values[name] = (value,) if is_list else value
-    return Settings(**values | dict(request.settings))
 
 
 def all_seeds(settings: Settings) -> range:

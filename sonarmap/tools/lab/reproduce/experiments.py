@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from sonarmap.kernels.errors import InputError
@@ -167,6 +167,30 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
             + (f". It takes {known}" if known else "")
         )
     return names
+
+
+# An option -> the settings that it changes, of those that an experiment has
+_CHANGED_BY = {
+    "scene": ("scene", "scenes"),
+    "grid": ("edge", "edges"),
+    "sigma2": ("sigma2",),
+    "seeds": ("seeds",),
+    "seed": ("seed", "first_seed"),
+    "pairs": ("pairs",),
+    "voxel": ("voxel",),
+    "max_tilt": ("max_tilt",),
+}
+
+
+def as_asked(request: Request, usual: Mapping[str, Any], quick: Mapping[str, Any]) -> SimpleNamespace:
+    """The usual settings, changed as the options say; of a quick run also as `quick` says where none does."""
+    values = {**usual, **(quick if request.quick else {})}
+    for option, names in _CHANGED_BY.items():
+        value = getattr(request, option)
+        for name in (name for name in names if name in values and value is not None):
+            is_list = isinstance(usual[name], tuple) and not isinstance(value, tuple)
+            values[name] = (value,) if is_list else value
+    return SimpleNamespace(**values | dict(request.settings))
 
 
 def create(name: str, request: Request) -> "Experiment":

@@ -22,10 +22,9 @@ from sonarmap.tools.lab.reproduce.experiment import (
     Row,
     Value,
     all_seeds,
-    as_asked,
     paper_grid,
 )
-from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
 from sonarmap.tools.lab.reproduce.registrations import PARAMETERS, finish_device, parameter_cells
 from sonarmap.tools.lab.simulate.paths.stations import COLUMNS, PAPER_COUNT, ROWS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene

@@ -15,8 +15,8 @@ from sonarmap.spectral.hemisphere.registration import HemisphereConfig, Hemisphe
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Value, all_seeds, as_asked, paper_grid
-from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Value, all_seeds, paper_grid
+from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
 from sonarmap.tools.lab.reproduce.registrations import less_turns, parameter_cells
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, TABLE1_RIG
 from sonarmap.tools.lab.simulate.plan import table1_pair

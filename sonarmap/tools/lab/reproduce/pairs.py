@@ -13,8 +13,8 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Settings, Value, as_asked, paper_grid
-from sonarmap.tools.lab.reproduce.experiments import PAIR_SETS, Request
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Settings, Value, paper_grid
+from sonarmap.tools.lab.reproduce.experiments import PAIR_SETS, Request, as_asked
 from sonarmap.tools.lab.reproduce.registrations import (
     OURS,
     SOURCES,

@@ -16,8 +16,8 @@ from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.scans import read_scan
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, all_seeds, as_asked
-from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, all_seeds
+from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
 from sonarmap.tools.lab.reproduce.real_set import RealPair, RealSet, read_sets, without_truth
 from sonarmap.tools.lab.reproduce.registrations import (
     answer,

@@ -18,8 +18,8 @@ from sonarmap.slam.mapper import Mapper
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.lab.evaluate.trajectory import evaluate, pair_error
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Settings, Value, all_seeds, as_asked
-from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Settings, Value, all_seeds
+from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
 from sonarmap.tools.lab.reproduce.made_up import MadeUpRegistrar, MadeUpSurvey, make_up
 
 # Numbers of scans, ascending; points of each scan; surveys of each number; edge of the survey's voxels [m]

@@ -11,8 +11,8 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Settings, all_seeds, as_asked, paper_grid
-from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Settings, all_seeds, paper_grid
+from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
 from sonarmap.tools.lab.reproduce.registrations import parameter_cells
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.shapes.structure import NOISES, occupy, surface_points, swap, voxel_scan

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from functools import lru_cache
 
 from sonarmap.slam.survey_grid import survey_grid
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Value, all_seeds, as_asked
-from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Value, all_seeds
+from sonarmap.tools.lab.reproduce.experiments import Request, as_asked
 from sonarmap.tools.lab.reproduce.survey_mapped import OURS, PEERS, STAGES, SYSTEMS, installed, map_survey
 from sonarmap.tools.lab.reproduce.survey_rows import SimulatedSurvey, simulate_survey, survey_rows
 from sonarmap.tools.methods.registry import ALL_METHODS

@@ -4,8 +4,7 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce import registrations
-from sonarmap.tools.lab.reproduce.experiment import as_asked
-from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, chosen
+from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, as_asked, chosen
 from sonarmap.tools.lab.reproduce.registrations import EVALUATED, compared_methods
 from tests.samples.refusals import refuses
 
