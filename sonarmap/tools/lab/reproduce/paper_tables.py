@@ -10,7 +10,7 @@ import pandas as pd
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
-from sonarmap.tools.lab.reproduce.floodgate import DISPLACED_90, MAP_90, MAP_MEDIAN, PAIR, POSE, TRUTH, chained
+from sonarmap.tools.lab.reproduce.floodgate import DISPLACED_90, MAP_90, MAP_MEDIAN, PAIR, POSE, chained
 from sonarmap.tools.lab.reproduce.gaussian import RANKED
 from sonarmap.tools.lab.reproduce.registrations import less_turns
 from sonarmap.tools.lab.reproduce.render import DASH, Cell, Table, count, joined, number, share, where
@@ -173,12 +173,6 @@ GAUSSIAN = (
         },
     ),
     Table(
-        "Every scan: right, and median error of all seeds [°, m]",
-        (*_GAUSSIAN[:2], "scan"),
-        {"right": share("right"), "error": joined(", ", number("rotation_deg", 1), number("translation_m", 1))},
-        across="method",
-    ),
-    Table(
         "Median run times [s]",
         ("grid", "method"),
         {
@@ -232,20 +226,6 @@ FLOODGATE = (
         },
     ),
     Table(
-        "Every pair: median error [°, m], and how many are wrong",
-        ("scan",),
-        {"": joined(", ", number("rotation_deg", 1), number("translation_m", 2), count("not right"))},
-        rows=lambda frame: _named(where(frame, f"row == '{PAIR}'")),
-        across="method and grid",
-    ),
-    Table(
-        "Every pose of the chain, which starts at the true first pose: median error [°, m]",
-        ("scan",),
-        {"": joined(", ", number("rotation_deg", 1), number("translation_m", 2))},
-        rows=lambda frame: _named(where(frame, f"row == '{POSE}' and method != '{TRUTH}' and scan > 0")),
-        across="method and grid",
-    ),
-    Table(
         "Seconds per registration, without preparing the scans",
         ("method", "grid"),
         {
@@ -255,9 +235,3 @@ FLOODGATE = (
         times=True,
     ),
 )
-
-
-def _named(frame: pd.DataFrame) -> pd.DataFrame:
-    """The rows with a column of method and grid, as in "spectral 128³" or "icp"."""
-    grid = frame["grid"].astype(int).astype(str)
-    return frame.assign(**{"method and grid": frame["method"].where(grid == "0", frame["method"] + " " + grid + "³")})

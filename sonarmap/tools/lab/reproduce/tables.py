@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
-from sonarmap.tools.lab.evaluate.place_recall import AMONG
 from sonarmap.tools.lab.reproduce.confidence import HELD_OUT, SET_HELD_OUT
 from sonarmap.tools.lab.reproduce.decisions import USUAL
 from sonarmap.tools.lab.reproduce.paper_tables import (
@@ -94,13 +93,6 @@ PAIRS = (
             "refused though right, of the right": share("not accepted", "right"),
         },
         rows="set == 'overlap'",
-    ),
-    Table(
-        "Right registrations by scene",
-        ("turn", "method"),
-        {"": share("right", form="percent")},
-        rows="set == 'overlap'",
-        across="scene",
     ),
     Table(
         "Median errors of right registrations that share more than half, σ² up to 1 m²",
@@ -311,20 +303,7 @@ REAL = (
 )
 
 
-def roles(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row for the pairs of each role in each map, where there are any."""
-    maps = where(frame, "row == 'map'")
-    ids = maps[["scene", "seed", "survey", "system"]]
-    columns = {role: {f"{role}_{fate}": fate for fate in FATES} for role in (*ROLES, BETWEEN)}
-    parts = [
-        pd.concat([ids, maps[list(names)].rename(columns=names)], axis=1).assign(pairs=role)
-        for role, names in columns.items()
-    ]
-    return pd.concat(parts)[lambda some: some[list(FATES)].sum(axis=1) > 0]
-
-
 _SURVEY = ("scene", "seed", "survey", "system")
-_WRONG = ("unusable_kept", *(f"{role}_kept_wrong" for role in ROLES))
 SURVEY = (
     Table(
         "Poses and pairs",
@@ -343,7 +322,7 @@ SURVEY = (
             "positions": number("position_within_95", 2),
             "mean squared error of poses (6)": number("nees_mean", 1),
             "of positions (3)": number("position_nees_mean", 1),
-            "wrong pairs kept": lambda frame: f"{frame[list(_WRONG)].sum().sum()}",
+            "unusable pairs kept": number("unusable_kept", 0),
         },
         rows="row == 'map'",
     ),
@@ -361,15 +340,11 @@ SURVEY = (
         },
         rows="row == 'map'",
     ),
-    Table("Pairs", (*_SURVEY, "pairs"), {f.replace("_", " "): number(f, 0) for f in FATES}, rows=roles),
     Table(
-        "Recall of revisits by signatures alone",
+        "Pairs: kept right, kept wrong, refused right, refused wrong",
         _SURVEY,
-        {
-            "scans with a revisit": number("revisited", 0),
-            **{f"among {k}": number(f"recall_{k}", 2) for k in AMONG},
-        },
-        rows="row == 'map' and system == 'sonarmap'",
+        {role: joined(", ", *(number(f"{role}_{fate}", 0) for fate in FATES)) for role in (*ROLES, BETWEEN)},
+        rows="row == 'map'",
     ),
     Table(
         "Times and memory",
@@ -437,12 +412,6 @@ DECISIONS = (
         rows=lambda frame: frame.assign(relief=frame["scene"].map(relief_of)),
     ),
     Table("By scene", ("scene",), _DECISIONS, rows=f"rule == '{USUAL}'"),
-    Table(
-        "The worst maps",
-        ("scene", "seed"),
-        _DECISIONS,
-        rows=lambda frame: where(frame, f"rule == '{USUAL}'").nlargest(10, "ate_after_voxels"),
-    ),
 )
 
 _CONFIDENCE: Mapping[str, Cell] = {

@@ -12,8 +12,8 @@ from sonarmap.spectral.fitted import FITTED
 from sonarmap.spectral.judge.covariance import SLIDE, fit_covariance
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.tools.lab.reproduce.confidence import reference
-from sonarmap.tools.lab.reproduce.confidence_fit import CLUES, fit_logistic, fit_odds, judged
-from sonarmap.tools.lab.reproduce.evidence import Recorder, fit_of, recorded_pairs, seen_of
+from sonarmap.tools.lab.reproduce.confidence_fit import CLUES, fit_logistic, judged
+from sonarmap.tools.lab.reproduce.evidence import recorded_pairs
 from sonarmap.tools.lab.reproduce.evidence_pairs import draw
 from sonarmap.tools.lab.reproduce.experiment import Row
 from sonarmap.tools.lab.reproduce.experiments import Request, create
@@ -73,17 +73,6 @@ def test_the_logistic_is_what_made_the_rows() -> None:
     np.testing.assert_allclose(weights, [1.0, -2.0, 0.0], atol=0.12)
 
 
-def test_odds_hold_what_products_of_clues_say() -> None:
-    rng = np.random.default_rng(2)
-    clues = rng.normal(size=(8000, len(CLUES)))
-    log_odds = 2 * clues[:, 0] * clues[:, 1] - clues[:, 2]
-    right = rng.random(8000) < expit(log_odds)
-    fitted = fit_odds(clues, right, np.ones(8000))
-    assert np.corrcoef(fitted.of(clues), log_odds)[0, 1] > 0.97
-    again = fit_odds(clues, right, np.ones(8000), fitted)
-    np.testing.assert_allclose(again.of(clues), fitted.of(clues), atol=0.02)
-
-
 @pytest.mark.slow
 def test_the_table_is_not_older_than_what_it_was_fitted_on() -> None:
     """What the registration measures of a few pairs is what it measured when the table was written.
@@ -94,16 +83,3 @@ def test_the_table_is_not_older_than_what_it_was_fitted_on() -> None:
     assert found.keys() == FITTED["reference"].keys()
     for number, clues in found.items():
         assert clues == pytest.approx(FITTED["reference"][number], abs=0.05)
-
-
-@pytest.mark.slow
-def test_a_text_holds_a_fit_with_its_instruments() -> None:
-    pair = list(draw("patch", 1, SEED, 64))[1]
-    recorder = Recorder(choose_device(), pair.grid)
-    recorder.register(recorder.prepare(pair.target), recorder.prepare(pair.source))
-    numbers = json.loads(str(recorder.cells(pair.truth)[0]["numbers"]))
-    fit, seen = fit_of(numbers), seen_of(numbers)
-    assert fit.prior is not None
-    assert fit.prior.jacobian.shape == (3, 6)
-    assert (fit.information.shape, seen.axes.shape) == ((6, 6), (3, 3))
-    assert recorder.cells(pair.truth) == []

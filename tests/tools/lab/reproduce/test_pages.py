@@ -47,4 +47,10 @@ def test_a_page_that_is_the_same_each_time(name: str, device: Device, tmp_path: 
     assert pages[0] == pages[1]
     assert (f"{name}.png" in pages[0]) is (name in FIGURES)
     assert len(record.tables) == 1 + sum(not table.times for table in SHOWN[name].tables) or name == "pairs"
+    if name == "pairs":
+        rows = {which: [row for row in result.rows if row["set"] == which] for which in ("paths", "unrelated")}
+        assert [row["step"] for row in rows["paths"]] == [*range(13)] * len(FEW)
+        assert all("right" not in row and "nees" not in row for row in rows["unrelated"])
+    if name in ("survey", "scale"):  # all usable scans are in one map
+        assert all(row["placed"] == row["scans"] - row.get("unusable", 0) for row in result.rows if "placed" in row)  # pyright: ignore
     assert not any(key.endswith("_s") or "second" in key or "memory" in key for row in result.rows for key in row)

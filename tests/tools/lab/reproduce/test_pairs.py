@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.lab.reproduce.experiments import Request, create
@@ -88,12 +87,3 @@ class TestPairs:
         few, many = (create("pairs", Request(set=("overlap",), pairs=n, method=("planes",))).jobs for n in (6, 20))
         assert set(few) < set(many)
         assert few == ["yaw/000/planes", "yaw/001/planes", "any/000/planes"]
-
-    @pytest.mark.slow
-    def test_of_unrelated_pairs_nothing_is_right_and_paths_have_thirteen_scans(self, device: Device) -> None:
-        experiment = create("pairs", Request(device, quick=True, grid=32, method=("planes",)))
-        assert len(experiment.jobs) == 4
-        rows = {job.partition("/")[0]: experiment.run(job).rows for job in experiment.jobs}
-        assert all("right" not in row and "nees" not in row for row in rows["unrelated"])
-        assert [row["step"] for row in rows["paths"]] == [*range(13)]
-        assert any(row["right"] for row in rows["paths"][:2])

@@ -1,7 +1,5 @@
 """The paper's experiments: what their rows hold, and that they are the same from every run."""
 
-import csv
-import json
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
-from sonarmap.kernels.device.device import Device, choose_device
-from sonarmap.slam.execute.journal import Journal
+from sonarmap.kernels.device.device import choose_device
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.main import app
@@ -26,11 +23,9 @@ from sonarmap.tools.lab.reproduce.floodgate import (
     pose_rows,
     transform,
 )
-from sonarmap.tools.lab.reproduce.gaussian import VARIANTS, about_center, row_of
-from sonarmap.tools.lab.reproduce.provenance import provenance
+from sonarmap.tools.lab.reproduce.gaussian import about_center, row_of
 from sonarmap.tools.lab.reproduce.registrations import parameter_cells
-from sonarmap.tools.lab.reproduce.run import JOURNAL
-from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, table1_transform
+from sonarmap.tools.lab.simulate.paths.trajectories import table1_transform
 from sonarmap.tools.lab.simulate.plan import table1_pair
 from sonarmap.tools.lab.simulate.shapes.solids import box, merge
 
@@ -39,16 +34,6 @@ class TestStructures:
     def shifted(self, *steps: int) -> Request:
         settings = {"scenes": ("clutter",), "noises": ("D0", "D6"), "seeds": 1, "first_seed": 3, "edge": 64}
         return Request(choose_device(), settings=settings | {"steps": steps})
-
-    @pytest.mark.slow
-    def test_rows_hold_the_truth_and_are_right(self) -> None:
-        rows = create("translation", self.shifted(8, 16, 40)).run("clutter/D6/3").rows
-        assert [row["distance_m"] for row in rows] == pytest.approx([8 * 14**0.5, 16 * 14**0.5, 40 * 14**0.5])
-        assert [row["true_y_m"] for row in rows] == [16, 32, 80]
-        assert rows[0]["right"]
-        assert rows[0]["found_y_m"] == pytest.approx(16, abs=2)
-        common = [float(row["common"]) for row in rows]
-        assert 0 < common[2] < common[1] < common[0] < 1
 
     def test_rows_are_the_same_whatever_came_before_without_shifts_that_leave_nothing_in_the_frame(self) -> None:
         first, second = (create("translation", self.shifted(8, 200)) for _ in range(2))
@@ -110,27 +95,6 @@ class TestGaussian:
     def test_scenes_that_the_papers_steps_do_not_fit_are_refused(self, tmp_path: Path) -> None:
         result = CliRunner().invoke(app, ["reproduce", "gaussian", "--scene", "pool", "-o", str(tmp_path / "out")])
         assert (result.exit_code, (tmp_path / "out").exists()) == (2, False)
-
-    @pytest.mark.slow
-    def test_two_runs_with_one_seed_give_the_same_rows(self, tmp_path: Path, device: Device) -> None:
-        """Once by the command line, and two jobs again in another order by an experiment of its own."""
-        arguments = ["reproduce", "gaussian", "--quick", "--grid", "32", "--seed", "2", "-o", str(tmp_path), "--json"]
-        shown = CliRunner().invoke(app, [*arguments, "--device", device.selector])
-        assert (shown.exit_code, shown.stderr) == (0, "")
-        with (tmp_path / "gaussian.csv").open(newline="") as file:
-            rows = list(csv.DictReader(file))
-        scans = [(str(index), method) for index in range(TABLE1_COUNT) for method in VARIANTS]
-        assert [(row["scan"], row["method"]) for row in rows] == scans
-        record = json.loads(shown.stdout)["experiments"][0]
-        assert record["command"] == "sonarmap reproduce gaussian --quick --grid 32 --seed 2"
-        assert len((tmp_path / "gaussian-seconds.csv").read_text().splitlines()) == 1 + len(rows)
-        again = create("gaussian", Request(device, quick=True, grid=32, seed=2))
-        origin = provenance(again, device)
-        with Journal(tmp_path / JOURNAL) as journal:
-            kept = {job: entry for job in again.jobs if (entry := journal.entry(origin.key(job)))}
-        assert list(kept) == list(again.jobs)
-        for job in ("32/1.0/2/S4", "32/1.0/2/S1"):
-            assert list(again.run(job).rows) == json.loads(kept[job].content)["rows"]
 
 
 def turn(yaw: float, pitch: float, roll: float) -> Rotation:

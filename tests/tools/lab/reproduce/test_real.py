@@ -6,10 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
-from typer.testing import CliRunner
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.experiments import create
 from sonarmap.tools.lab.reproduce.real_set import read_sets, without_truth
 from tests.samples.experiments.real_folders import asked, gt_log, put, simulated
@@ -81,18 +79,3 @@ class TestRuns:
         assert [row["right"] for row in rows] == [True, False]
         assert abs(float(rows[1]["rotation_deg"]) - 20) < 3
         assert [row["voxel_m"] for row in rows] == [2.0, 2.0]
-
-
-class TestCommand:
-    @pytest.mark.slow
-    def test_a_folder(self, tmp_path: Path, device: Device) -> None:
-        put(tmp_path / "in" / "quay")
-        arguments = ["reproduce", "real", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--grid", "32", "-q"]
-        arguments += ["--method", "planes", "--device", device.selector]
-        result = CliRunner().invoke(app, arguments)
-        assert result.exit_code == 0, result.output
-        page = (tmp_path / "out" / "real.md").read_text()
-        assert page.startswith("# Pairs of real scans\n")
-        assert "\nsonarmap reproduce real DIR --grid 32 --method planes\n" in page
-        assert str(tmp_path) not in page
-        assert (tmp_path / "out" / "real.png").is_file()

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.result import Registration
-from sonarmap.tools.lab.reproduce.registrations import claims, errors, nees, parameter_cells, refused, registrar
+from sonarmap.tools.lab.reproduce.registrations import claims, errors, nees, refused, registrar
 
 TRUTH = RigidTransform.from_components([3.0, -1.0, 0.5], Rotation.from_euler("ZYX", [0.7, -0.2, 0.1]))
 COVARIANCE = np.diag(np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.4]) ** 2)
@@ -22,15 +22,6 @@ def test_one_deviation_along_any_axis_of_the_body_counts_one(axis: int) -> None:
     estimate = TRUTH * RigidTransform.from_exp_coords(xi).inv()
     assert nees(estimate, COVARIANCE, TRUTH) == pytest.approx(1.0, rel=1e-9)
     assert nees(estimate, COVARIANCE / 4, TRUTH) == pytest.approx(4.0, rel=1e-9)
-
-
-def test_draws_from_the_covariance_are_calibrated() -> None:
-    rng = np.random.default_rng(np.random.SeedSequence([7]))
-    mixed = rng.standard_normal((6, 6))
-    covariance = 1e-2 * mixed @ mixed.T / 6 + 1e-4 * np.eye(6)
-    draws = rng.multivariate_normal(np.zeros(6), covariance, 400)
-    values = [nees(TRUTH * RigidTransform.from_exp_coords(xi).inv(), covariance, TRUTH) for xi in draws]
-    assert np.mean(values) == pytest.approx(6.0, abs=4 * np.sqrt(12 / 400))
 
 
 def test_no_covariance_no_number() -> None:
@@ -54,11 +45,6 @@ def test_what_is_refused_says_nothing() -> None:
     cells = errors(refused("why"), TRUTH, 0.25) | claims(refused("why"))
     assert (cells["right"], cells["accepted"], cells["reason"]) == (False, False, "why")
     assert all(math.isnan(float(cells[key])) for key in ("nees", "psr", "probability", "sigma_m"))
-
-
-def test_parameters_are_in_the_papers_order() -> None:
-    T = RigidTransform.from_components([1, 2, 3], Rotation.from_euler("ZYX", [40, 5, -7], degrees=True))
-    assert list(parameter_cells(T, "true").values()) == pytest.approx([1, 2, 3, 40, -7, 5])
 
 
 def test_the_bound_on_tilt_is_lifted_where_there_is_one(device: Device) -> None:

@@ -13,7 +13,6 @@ import pytest
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.execute.journal import Journal, JournalEntry
 from sonarmap.tools.files.writers.json_text import to_json
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create
@@ -68,12 +67,6 @@ class TestStopping:
         assert said == ["fake: going on: 3 of 5 jobs were done"]
         assert bytes_of(tmp_path / "killed") == bytes_of(tmp_path / "whole")
 
-    def test_an_interrupt_loses_only_the_job_that_is_being_run(self, tmp_path: Path) -> None:
-        stopped = fake(end="interrupt c")
-        with pytest.raises(KeyboardInterrupt):
-            run(stopped, origin(stopped), tmp_path, silence)
-        assert complete(tmp_path)[0] == ["c", "d", "e"]
-
     def test_jobs_that_are_done_are_not_run_again_but_with_fresh_which_leaves_others(self, tmp_path: Path) -> None:
         complete(tmp_path, fake(seed=2))
         complete(tmp_path)
@@ -90,13 +83,6 @@ class TestStopping:
         assert again == ["c"]  # as its label says
         assert f"1 results in {tmp_path / JOURNAL} are damaged: their jobs are run again" in said[0]
         assert bytes_of(tmp_path) == before
-
-    def test_an_entry_that_cannot_be_read_is_the_journals_fault(self, tmp_path: Path) -> None:
-        complete(tmp_path)
-        with Journal(tmp_path / JOURNAL) as journal:
-            journal.add([JournalEntry(origin(fake()).key("c"), "fake c", "[" * 100_000, 1.0)])
-        with pytest.raises(InputError, match=r"journal\.sqlite is not a journal of sonarmap, or it is damaged"):
-            complete(tmp_path)
 
 
 def test_numbers_come_back_bit_by_bit_and_what_is_no_finite_number_as_nan(tmp_path: Path) -> None:

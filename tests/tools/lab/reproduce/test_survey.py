@@ -14,12 +14,10 @@ from sonarmap.tools.files.map_folder.pairs import TriedPair
 from sonarmap.tools.lab.reproduce import survey_rows as simulated
 from sonarmap.tools.lab.reproduce.decisions import RULES, USUAL
 from sonarmap.tools.lab.reproduce.experiments import Request, create
-from sonarmap.tools.lab.reproduce.scale import WHOLE
 from sonarmap.tools.lab.reproduce.survey_mapped import MappedSurvey
-from sonarmap.tools.lab.reproduce.survey_rows import MAP, SimulatedSurvey, simulate_survey, survey_rows
+from sonarmap.tools.lab.reproduce.survey_rows import SimulatedSurvey, simulate_survey, survey_rows
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.shapes.solids import Mesh
-from tests.samples.experiments.fake_experiment import run_all
 from tests.samples.scenes.simulated import COARSE, QUIET
 from tests.samples.surveys import ring_poses
 
@@ -104,27 +102,6 @@ def test_two_dives_follow_each_other_and_keep_their_own_numbers(monkeypatch: pyt
     assert len(both.unusable) == 2
     for k, (scan, alone) in enumerate(zip(both.scans, (*second.scans, *first.scans), strict=True)):
         assert np.array_equal(scan.points, alone.points), k
-
-
-@pytest.mark.slow
-def test_what_was_mapped_and_what_it_took(device: Device) -> None:
-    settings = {"first_seed": 3, "counts": (5,), "dive": 0, "unusable": 0.2}
-    (row, *_), (seconds,) = run_all(create("survey", Request(device, quick=True, settings=settings)))
-    assert (row["row"], row["scans"], row["unusable"], row["placed"]) == (MAP, 5, 1, 4)
-    assert float(row["ate_after_voxels"]) < 1
-    parts = [float(seconds[f"{stage}_s"]) for stage in ("registering", "signing", "optimizing", "fusing")]
-    assert min(parts) >= 0
-    assert sum(parts) == pytest.approx(float(seconds["total_s"]))
-
-
-@pytest.mark.slow
-def test_a_made_up_survey_of_many_scans_is_mapped_and_measured() -> None:
-    (row,), seconds = run_all(create("scale", Request(settings={"counts": (60,), "points": 2000})))
-    (whole,) = (each for each in seconds if each["stage"] == WHOLE)
-    assert (row["scans"], row["placed"], row["wrong_kept"]) == (60, 60, 0)
-    assert float(row["ate_m"]) < 0.3
-    assert int(row["kept_loops"]) > 20
-    assert float(whole["processor_s"]) > 0.1
 
 
 @pytest.mark.slow
