@@ -7,12 +7,11 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from sonarmap.tools.lab.reproduce.experiment import Settings
 from sonarmap.tools.lab.reproduce.floodgate import MAP_90, PAIR, PAPER_METHODS, POSE, TRUTH, chained, placed, survey
 from sonarmap.tools.lab.reproduce.registrations import EVALUATED, OURS
-from sonarmap.tools.lab.reproduce.render import where, wilson
+from sonarmap.tools.lab.reproduce.render import Frame, where, wilson
 from sonarmap.tools.lab.reproduce.tables import expected_error, with_bins, worst_first
 from sonarmap.tools.lab.simulate.scenes.bed import SCENE_EDGE
 from sonarmap.tools.lab.simulate.shapes.solids import Mesh
@@ -35,7 +34,8 @@ class Figure:
     """A picture: its caption, and what writes it as PNG from the rows and settings of an experiment."""
 
     caption: str
-    draw: Callable[[Path, pd.DataFrame, Settings], None]
+    draw: Callable[[Path, Frame, Settings], None]
+    rows: str = ""  # the condition of the rows that it shows; where there are none, there is no picture
 
 
 def panels(lines: int, columns: int, width: float, height: float, **shared: Any) -> tuple[Any, np.ndarray]:
@@ -57,7 +57,7 @@ def save(plot: Any, path: Path, legend: Any = None) -> None:
     plot.savefig(path, format="png")
 
 
-def draw_rates(axes: Any, groups: Sequence[tuple[float, pd.DataFrame]], **style: Any) -> None:
+def draw_rates(axes: Any, groups: Sequence[tuple[float, Frame]], **style: Any) -> None:
     """A curve of the shares right at places along the horizontal axis, with their 95 % intervals."""
     places, share = [place for place, _ in groups], np.array([some["right"].mean() for _, some in groups], float)
     bounds = np.array([wilson(int(some["right"].sum()), len(some)) for _, some in groups]).T
@@ -65,19 +65,17 @@ def draw_rates(axes: Any, groups: Sequence[tuple[float, pd.DataFrame]], **style:
     axes.set_ylim(-0.05, 1.05)
 
 
-def draw_translation(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+def draw_translation(path: Path, frame: Frame, settings: Settings) -> None:
     """The first seed of the first scene under the most noise, as Fig. 15."""
     _draw_series(path, frame, settings, ("D2", "D4", "D6"), "distance_m", "true distance [m]")
 
 
-def draw_rotation(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+def draw_rotation(path: Path, frame: Frame, settings: Settings) -> None:
     """The first seed of the first scene, as Figs. 16 and 17."""
     _draw_series(path, frame, settings, settings.noises, "true_yaw_deg", "true yaw [degrees]")
 
 
-def _draw_series(
-    path: Path, frame: pd.DataFrame, settings: Settings, noises: Sequence[str], over: str, label: str
-) -> None:
+def _draw_series(path: Path, frame: Frame, settings: Settings, noises: Sequence[str], over: str, label: str) -> None:
     """Rotation at the left, translation at the right, a line of axes for each noise: lines true, crosses estimated."""
     noises = [noise for noise in noises if noise in settings.noises] or settings.noises[:1]
     first = frame[(frame["scene"] == settings.scenes[0]) & (frame["seed"] == settings.first_seed)]
@@ -101,7 +99,7 @@ def _draw_series(
     save(plot, path)
 
 
-def draw_limits(path: Path, frame: pd.DataFrame, _settings: Settings) -> None:
+def draw_limits(path: Path, frame: Frame, _settings: Settings) -> None:
     """A column per angle, a dot per registration, its color what was tilted, as Fig. 9."""
     plot, axes = panels(1, 3, 4.0, 3.6)
     titles = {"yaw": "yaw, from its highest peak", "roll": "roll, yaw given", "pitch": "pitch, yaw given"}
@@ -114,7 +112,7 @@ def draw_limits(path: Path, frame: pd.DataFrame, _settings: Settings) -> None:
     save(plot, path, axes[0, 0])
 
 
-def draw_gaussian(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+def draw_gaussian(path: Path, frame: Frame, settings: Settings) -> None:
     """Rates over the scans: axes per noise, a color per method, a mark per grid, a little beside each other."""
     plot, axes = panels(1, len(settings.sigma2), 5.6, 3.8, sharey=True)
     for axis, sigma2 in zip(axes[0], settings.sigma2, strict=True):
@@ -129,7 +127,7 @@ def draw_gaussian(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
     save(plot, path, axes[0, 0])
 
 
-def draw_floodgate(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+def draw_floodgate(path: Path, frame: Frame, settings: Settings) -> None:
     """The maps of the first survey by the paper's methods and ours, each on its finest grid, from above."""
     now = survey(settings.first_seed, settings.scans)
     first = frame[frame["seed"] == settings.first_seed]
@@ -143,7 +141,7 @@ def draw_floodgate(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
     columns = min(len(maps), 3)
     plot, axes = panels(-(-len(maps) // columns), columns, 4.6, 4.8)
     heights = [float(z) for z in np.quantile(placed(now, now.T_world_sensor)[:, 2], [0.01, 0.995])]
-    lines = outlines(now.mesh, _PLAN_HEIGHT)
+    lines, image = outlines(now.mesh, _PLAN_HEIGHT), None
     for axis, ((method, edge), poses) in zip(axes.ravel(), maps.items(), strict=False):
         ends = where(first, f"row == '{POSE}' and method == '{method}' and grid == {edge}")
         image = _draw_map(axis, placed(now, poses), lines, heights)
@@ -182,13 +180,12 @@ def outlines(mesh: Mesh, height: float) -> np.ndarray:
     return places[crossed].reshape(-1, 2, 2)
 
 
-def draw_pairs(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+def draw_pairs(path: Path, frame: Frame, settings: Settings) -> None:
     """Rates by overlap, by every method; a panel for any yaw and one for any rotation."""
-    some = where(frame, "set == 'overlap'")
     plot, axes = panels(1, 2, 5.0, 4.0, sharey=True)
     for axis, turn in zip(axes[0], ("yaw", "any"), strict=True):
-        of_turn = where(some, f"turn == '{turn}'")
-        for method in settings.methods if len(of_turn) else ():
+        of_turn = frame[frame["turn"] == turn]
+        for method in settings.methods:
             mine = with_bins(of_turn[of_turn["method"] == method], "shared", _TENTHS, "tenth")
             groups = [(each["shared"].mean(), each) for _, each in mine.groupby("tenth", observed=True)]
             color = f"C{EVALUATED.index(method)}" if method in EVALUATED else "k"
@@ -198,12 +195,11 @@ def draw_pairs(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
     save(plot, path, axes[0, 0])
 
 
-def draw_kinds(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+def draw_kinds(path: Path, frame: Frame, settings: Settings) -> None:
     """How often ours is right against the probability that it reports: a panel for every kind, in ten bins."""
-    some = where(worst_first(frame), f"method == '{OURS}'")
     columns = min(4, len(settings.kinds))
     plot, axes = panels(-(-len(settings.kinds) // columns), columns, 2.7, 2.8, sharex=True, sharey=True)
-    for axis, (kind, mine) in zip(axes.ravel(), some.groupby("kind", sort=False) if len(some) else (), strict=False):
+    for axis, (kind, mine) in zip(axes.ravel(), worst_first(frame).groupby("kind", sort=False), strict=False):
         bins = with_bins(mine, "probability", _TENTHS, "tenth").groupby("tenth", observed=True)
         axis.plot([0, 1], [0, 1], "k--", linewidth=0.8)
         draw_rates(axis, [(each["probability"].mean(), each) for _, each in bins], fmt="o-", color="C0")
@@ -213,7 +209,7 @@ def draw_kinds(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
     save(plot, path)
 
 
-def draw_real(path: Path, frame: pd.DataFrame, settings: Settings) -> None:
+def draw_real(path: Path, frame: Frame, settings: Settings) -> None:
     """Shares right and wrong, accepted or not: a panel for every set, a bar for every method."""
     bars = list(dict.fromkeys(zip(frame["method"], frame["known"], strict=True)))
     plot, axes = panels(1, len(settings.sets), 2.8, 0.32 * len(bars) + 1.8, sharey=True)
@@ -243,8 +239,14 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "true path is black, the estimated path magenta.",
             draw_floodgate,
         ),
-        "pairs": Figure("Share of right registrations against the overlap, with 95 % intervals.", draw_pairs),
-        "kinds": Figure(f"How often `{OURS}` is right against the probability it reports, by kind.", draw_kinds),
+        "pairs": Figure(
+            "Share of right registrations against the overlap, with 95 % intervals.", draw_pairs, "set == 'overlap'"
+        ),
+        "kinds": Figure(
+            f"How often `{OURS}` is right against the probability it reports, by kind.",
+            draw_kinds,
+            f"method == '{OURS}'",
+        ),
         "real": Figure("Right and wrong registrations by set, accepted (dark) or not (light).", draw_real),
     }
 )

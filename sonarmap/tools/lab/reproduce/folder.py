@@ -15,7 +15,7 @@ from sonarmap.tools.files.writers.table import write_table
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Row
 from sonarmap.tools.lab.reproduce.figures import FIGURES
 from sonarmap.tools.lab.reproduce.provenance import Provenance
-from sonarmap.tools.lab.reproduce.render import Rendered, frame_of, render
+from sonarmap.tools.lab.reproduce.render import Rendered, frame_of, render, where
 from sonarmap.tools.lab.reproduce.run import Result
 from sonarmap.tools.lab.reproduce.tables import SHOWN
 
@@ -48,6 +48,8 @@ def write_experiment(
     """
     name, rows, seconds = experiment.name, result.rows, result.times
     figure = FIGURES.get(name)
+    drawn_rows = where(frame_of(rows), figure.rows) if figure else None
+    figure = None if drawn_rows is None or drawn_rows.empty else figure
     figures, timed = [f"{name}.png"] if figure else [], [f"{name}-seconds.csv"] if seconds else []
     record = Record(
         name=name,
@@ -64,7 +66,7 @@ def write_experiment(
     with tempfile.TemporaryDirectory() as drawn:
         picture = Path(drawn) / f"{name}.png"
         if figure:
-            figure.draw(picture, frame_of(rows), experiment.settings)
+            figure.draw(picture, drawn_rows, experiment.settings)
         with all_or_none():
             if figure:
                 _write(folder / picture.name, picture.read_bytes())

@@ -5,7 +5,6 @@ from statistics import median_low
 from types import MappingProxyType
 
 import numpy as np
-import pandas as pd
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig
@@ -13,7 +12,7 @@ from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from sonarmap.tools.lab.reproduce.floodgate import DISPLACED_90, MAP_90, MAP_MEDIAN, PAIR, POSE, chained
 from sonarmap.tools.lab.reproduce.gaussian import RANKED
 from sonarmap.tools.lab.reproduce.registrations import less_turns
-from sonarmap.tools.lab.reproduce.render import DASH, Cell, Table, count, joined, number, share, where
+from sonarmap.tools.lab.reproduce.render import DASH, Cell, Frame, Table, count, joined, number, share, where
 
 # The distance up to which the paper says or shows that registrations succeed [voxels of 1 m] (Figs. 12, 14, 15)
 PAPER_REACH = MappingProxyType({"D0": 150, "D1": 140, "D2": 140, "D3": 140, "D4": 140, "D5": 120, "D6": 110})
@@ -22,22 +21,22 @@ _ROUNDING = 0.5  # [m]: 40 steps are 149.7 m and count as the paper's 150
 PAPER_LAST = MappingProxyType({1.0: 8, 2.0: 6})
 
 
-def reach(series: pd.DataFrame) -> float:
+def reach(series: Frame) -> float:
     """The farthest shift of one series up to which every one is right [m]; 0 where the first is wrong."""
     ordered = series.sort_values("distance_m", kind="stable")
     right = ordered["distance_m"][ordered["right"].astype(int).cummin() == 1]
     return float(right.max()) if len(right) else 0.0
 
 
-def _series(frame: pd.DataFrame) -> list[pd.DataFrame]:
+def _series(frame: Frame) -> list[Frame]:
     return [series for _, series in frame.groupby(["scene", "seed"], sort=False)]
 
 
-def _shown_reach(series: pd.DataFrame) -> str:
+def _shown_reach(series: Frame) -> str:
     return f"{'≥' if series['right'].all() else ''}{reach(series):.0f}"
 
 
-def _within_range(frame: pd.DataFrame) -> str:
+def _within_range(frame: Frame) -> str:
     paper = PAPER_REACH[frame["noise"].iloc[0]]
     return share("right", f"distance_m <= {paper + _ROUNDING}")(frame)
 
@@ -61,10 +60,10 @@ _DEVIATION = MappingProxyType({"yaw": 5, "roll": 3, "pitch": 3})
 _WITHIN = " and ".join(f"{name}_off <= {most}" for name, most in _DEVIATION.items()) + " and translation_voxels <= 2"
 
 
-def deviations(frame: pd.DataFrame) -> pd.DataFrame:
+def deviations(frame: Frame) -> Frame:
     """The rows, with how far estimated angles are from the true ones [degrees]."""
     off = {name: frame[f"found_{name}_deg"] - frame[f"true_{name}_deg"] for name in _DEVIATION}
-    return frame.assign(**{f"{name}_off": less_turns(values).abs() for name, values in off.items()})
+    return frame.assign(**{f"{name}_off": abs(less_turns(values)) for name, values in off.items()})
 
 
 ROTATION = (
@@ -83,7 +82,7 @@ ROTATION = (
 )
 
 
-def _sizes(frame: pd.DataFrame) -> pd.DataFrame:
+def _sizes(frame: Frame) -> Frame:
     return frame.assign(**{f"{name}_size": frame[f"{name}_off_deg"].abs() for name in ("yaw", "roll", "pitch")})
 
 
@@ -110,7 +109,7 @@ LIMITS = (
 )
 
 
-def last_right(frame: pd.DataFrame, over: str, *series: str) -> list[int]:
+def last_right(frame: Frame, over: str, *series: str) -> list[int]:
     """Of each series, in their order, the last step that is right with all before it; -1 where the first is wrong.
 
     `over` is the column of the steps, `series` those that name a series.
@@ -127,17 +126,17 @@ def step_name(step: int) -> str:
     return f"S{step}" if step >= 0 else "none"
 
 
-def _last_scan(frame: pd.DataFrame) -> str:
+def _last_scan(frame: Frame) -> str:
     ends = last_right(frame, "scan", "seed")
     return f"{step_name(median_low(ends))} ({' '.join(map(step_name, ends))})"
 
 
-def _paper_last(frame: pd.DataFrame) -> str:
+def _paper_last(frame: Frame) -> str:
     last = PAPER_LAST.get(float(frame["sigma2"].iloc[0]))
     return DASH if last is None else f"S{last}"
 
 
-def _reached(frame: pd.DataFrame) -> str:
+def _reached(frame: Frame) -> str:
     last, ends = PAPER_LAST.get(float(frame["sigma2"].iloc[0])), last_right(frame, "scan", "seed")
     return DASH if last is None else f"{sum(end >= last for end in ends)} of {len(ends)}"
 
@@ -187,22 +186,22 @@ GAUSSIAN = (
 )
 
 
-def _by_survey(row: str, value: Callable[[pd.DataFrame], float], form: str = ".2f") -> Cell:
+def _by_survey(row: str, value: Callable[[Frame], float], form: str = ".2f") -> Cell:
     """A value of each survey, of its pairs or of its poses; those of the true poses are shown of maps alone."""
 
-    def cell(frame: pd.DataFrame) -> str:
+    def cell(frame: Frame) -> str:
         some = where(frame, f"row == '{row}'")
         return DASH if some.empty else " / ".join(f"{value(each):{form}}" for _, each in some.groupby("seed"))
 
     return cell
 
 
-def _last(column: str) -> Callable[[pd.DataFrame], float]:
+def _last(column: str) -> Callable[[Frame], float]:
     """Of the last pose: there distances are those of the whole map."""
     return lambda poses: float(poses[column].iloc[-1])
 
 
-def ate_m(pairs: pd.DataFrame) -> float:
+def ate_m(pairs: Frame) -> float:
     """Root mean square of the positions' errors of one survey after the best rigid alignment [m]."""
     stamps, rows = np.arange(len(pairs) + 1, dtype=np.float64), pairs.to_dict("records")
     found, true = (Trajectory(stamps, chained(rows, which)) for which in ("found", "true"))

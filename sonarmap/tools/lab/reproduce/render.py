@@ -10,7 +10,8 @@ from scipy.stats import binomtest
 from sonarmap.tools.lab.reproduce.experiment import Row
 
 DASH = "–"  # for what there is not
-Cell = Callable[[pd.DataFrame], str]
+Frame = Any  # a DataFrame of pandas, of whose types Pyright knows too little
+Cell = Callable[[Frame], str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +21,7 @@ class Table:
     title: str
     by: tuple[str, ...]  # the columns whose values make the groups and name the lines
     cells: Mapping[str, Cell]  # heading -> what is shown of the rows of a group
-    rows: str | Callable[[pd.DataFrame], pd.DataFrame] = ""  # which rows: a condition, or what to make of them
+    rows: str | Callable[[Frame], Frame] = ""  # which rows: a condition, or what to make of them
     across: str = ""  # a column whose values stand side by side, each with all the cells
     total: str = ""  # the name of a further line, of all rows
     times: bool = False  # whether it shows the times, which differ between runs
@@ -47,16 +48,16 @@ class Rendered:
         return WideTable(self.headings, self.rows, title=self.title)
 
 
-def frame_of(rows: Sequence[Row]) -> pd.DataFrame:
+def frame_of(rows: Sequence[Row]) -> Frame:
     """The rows as a table of pandas, a column for every key in the order in which they first appear."""
-    frame = pd.DataFrame([dict(row) for row in rows])
+    frame: Frame = pd.DataFrame([dict(row) for row in rows])
     for name, column in frame.items():  # truth values that some rows do not have
         if column.dtype == object and column.map(type).isin((bool, float)).all():
             frame[name] = column.astype("boolean")
     return frame
 
 
-def where(frame: pd.DataFrame, condition: str) -> pd.DataFrame:
+def where(frame: Frame, condition: str) -> Frame:
     """The rows that fulfill a condition: all where it is empty, none where its columns are missing."""
     if not condition or frame.empty:
         return frame
@@ -67,7 +68,7 @@ def where(frame: pd.DataFrame, condition: str) -> pd.DataFrame:
     return frame[fulfilled.fillna(False).astype(bool)]
 
 
-def render(table: Table, frame: pd.DataFrame) -> Rendered | None:
+def render(table: Table, frame: Frame) -> Rendered | None:
     """The table of these rows; None where there are none."""
     some = table.rows(frame) if callable(table.rows) else where(frame, table.rows)
     if some.empty:
@@ -78,19 +79,19 @@ def render(table: Table, frame: pd.DataFrame) -> Rendered | None:
     return Rendered(table.title, (*map(_heading, table.by), *headings), tuple(lines))
 
 
-def _parts(column: pd.Series) -> list[Any]:
+def _parts(column: Any) -> list[Any]:
     """The values of a column, those of bins in their order."""
     return [part for part in getattr(column.dtype, "categories", column.unique()) if (column == part).any()]
 
 
-def _groups(table: Table, frame: pd.DataFrame) -> Iterator[tuple[list[str], pd.DataFrame]]:
+def _groups(table: Table, frame: Frame) -> Iterator[tuple[list[str], Frame]]:
     for names, group in frame.groupby(list(table.by), sort=False, dropna=False, observed=True):
         yield [_shown(name) for name in names], group
     if table.total:
         yield [table.total, *[""] * (len(table.by) - 1)], frame
 
 
-def _cells(table: Table, group: pd.DataFrame, parts: Sequence[Any]) -> Iterator[str]:
+def _cells(table: Table, group: Frame, parts: Sequence[Any]) -> Iterator[str]:
     for part in parts:
         some = group if part is None else group[group[table.across] == part]
         yield from (cell(some) if len(some) else DASH for cell in table.cells.values())
@@ -123,7 +124,7 @@ def share(condition: str, of: str = "", form: str = "count") -> Cell:
     """How many of the rows that fulfill `of` also fulfill a condition, with the interval of the rate: as
     "3/4 [0.30..0.95]", or with the form "percent" as "75 % [30..95]", or with "plain" as "3/4"."""
 
-    def cell(frame: pd.DataFrame) -> str:
+    def cell(frame: Frame) -> str:
         trials = where(frame, of)
         if trials.empty:
             return DASH
@@ -139,7 +140,7 @@ def share(condition: str, of: str = "", form: str = "count") -> Cell:
 def ratio(hits: str, of: str) -> Cell:
     """One column's sum over another's, in percent."""
 
-    def cell(frame: pd.DataFrame) -> str:
+    def cell(frame: Frame) -> str:
         total = float(frame[of].sum())
         return f"{100 * float(frame[hits].sum()) / total:.1f} %" if total else DASH
 
@@ -149,7 +150,7 @@ def ratio(hits: str, of: str) -> Cell:
 def number(column: str, digits: int, how: str = "median", condition: str = "") -> Cell:
     """The median of a column (or what else pandas calls `how`) of the rows that fulfill a condition."""
 
-    def cell(frame: pd.DataFrame) -> str:
+    def cell(frame: Frame) -> str:
         some = where(frame, condition)
         value = float(getattr(some[column], how)()) if column in some else float("nan")
         return DASH if value != value else f"{value:,.{digits}f}"

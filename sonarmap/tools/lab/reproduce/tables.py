@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from statistics import median_low
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,7 +23,7 @@ from sonarmap.tools.lab.reproduce.paper_tables import (
     step_name,
 )
 from sonarmap.tools.lab.reproduce.registrations import OURS
-from sonarmap.tools.lab.reproduce.render import DASH, Cell, Table, count, joined, number, ratio, share, where
+from sonarmap.tools.lab.reproduce.render import DASH, Cell, Frame, Table, count, joined, number, ratio, share, where
 from sonarmap.tools.lab.reproduce.survey_rows import BETWEEN, FATES, ROLES
 from sonarmap.tools.lab.simulate.kinds.kind import relief_of
 
@@ -47,7 +48,7 @@ CALIBRATION: Mapping[str, Cell] = {
 _SECONDS: Mapping[str, Cell] = {"median [s]": number("seconds", 2), "most [s]": number("seconds", 2, "max")}
 
 
-def with_bins(frame: pd.DataFrame, column: str, bounds: tuple[float, ...], name: str) -> pd.DataFrame:
+def with_bins(frame: Frame, column: str, bounds: tuple[float, ...], name: str) -> Frame:
     """The rows with a further column, between which bounds a number lies, and ordered by it; the first bound is left
     out, the last is not."""
     labels = [f"{max(low, 0):g}..{high:g}" for low, high in pairwise(bounds)]
@@ -55,20 +56,20 @@ def with_bins(frame: pd.DataFrame, column: str, bounds: tuple[float, ...], name:
     return frame.assign(**{name: bins}).dropna(subset=[name]).sort_values(name, kind="stable")
 
 
-def overlaps(frame: pd.DataFrame) -> pd.DataFrame:
+def overlaps(frame: Frame) -> Frame:
     """Pairs that share something, by how much they share."""
     some = where(frame, "set == 'overlap'")
     return some if some.empty else with_bins(some, "shared", (0, 0.2, 0.4, 0.6, 0.8, 1.0), "overlap shared")
 
 
-def reported(frame: pd.DataFrame) -> pd.DataFrame:
+def reported(frame: Frame) -> Frame:
     """Ours, by the probability that it reports."""
     some = where(frame, f"set == 'overlap' and method == '{OURS}'")
     bounds = (-1e-9, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0)
     return some if some.empty else with_bins(some, "probability", bounds, "reported probability")
 
 
-def _reach(frame: pd.DataFrame) -> str:
+def _reach(frame: Frame) -> str:
     ends = last_right(frame, "step", "scene", "seed")
     return f"{step_name(median_low(ends))} ({step_name(min(ends))}..{step_name(max(ends))})"
 
@@ -150,14 +151,14 @@ PAIRS = (
 NOT_FLAT = "relief != 'flat'"  # flat scenes cannot fix a pose
 
 
-def outcome(frame: pd.DataFrame) -> str:
+def outcome(frame: Frame) -> str:
     """Right, accepted of the right, and how many are wrong and accepted, as in "93 %, 88 %, 1"."""
     right = where(frame, "right")
     accepted = f"{100 * len(where(right, 'accepted')) / len(right):.0f} %" if len(right) else DASH
     return f"{100 * len(right) / len(frame):.0f} %, {accepted}, {len(where(frame, 'accepted and not right'))}"
 
 
-def worst_first(frame: pd.DataFrame) -> pd.DataFrame:
+def worst_first(frame: Frame) -> Frame:
     """The rows without those that know navigation, the kind with the least share right first; and a column of what each
     method was given."""
     some = where(frame, "priors != 'navigation'")
@@ -168,7 +169,7 @@ def worst_first(frame: pd.DataFrame) -> pd.DataFrame:
     return some.sort_values("share", kind="stable").drop(columns="share")
 
 
-def expected_error(frame: pd.DataFrame) -> float:
+def expected_error(frame: Frame) -> float:
     """The expected calibration error of the probability (Guo et al., ICML 2017, arXiv 1706.04599), ten equal bins: the
     mean, over registrations, of how far the mean probability of a bin is from the share right in it."""
     rated = frame.dropna(subset=["probability"])
@@ -176,7 +177,7 @@ def expected_error(frame: pd.DataFrame) -> float:
     return float(off.groupby(_tenths(rated["probability"])).sum().abs().sum() / len(rated)) if len(rated) else np.nan
 
 
-def usual_error(frame: pd.DataFrame) -> float:
+def usual_error(frame: Frame) -> float:
     """The mean expected calibration error of exact probabilities like these: what so few registrations leave."""
     p = frame["probability"].dropna().to_numpy()
     if not len(p):
@@ -186,11 +187,11 @@ def usual_error(frame: pd.DataFrame) -> float:
     return float(np.abs(right_less_p @ bins).sum(axis=1).mean() / len(p))
 
 
-def _tenths(p: pd.Series) -> pd.Series:
+def _tenths(p: Any) -> Any:
     return (p * 10).astype(int).clip(upper=9)
 
 
-def _decimals(value: Callable[[pd.DataFrame], float], digits: int) -> Cell:
+def _decimals(value: Callable[[Frame], float], digits: int) -> Cell:
     return lambda frame: DASH if np.isnan(shown := value(frame)) else f"{shown:.{digits}f}"
 
 
@@ -202,7 +203,7 @@ REPORTED: Mapping[str, Cell] = {
 }
 
 
-def directions(frame: pd.DataFrame) -> pd.DataFrame:
+def directions(frame: Frame) -> Frame:
     """Of swaths with navigation, a row of each of the three directions; it is fixed where its standard deviation is
     below a third of navigation's."""
     some = where(frame, f"priors == 'navigation' and method == '{OURS}'")
@@ -264,13 +265,13 @@ KINDS = (
 )
 
 
-def _given(frame: pd.DataFrame) -> pd.DataFrame:
+def _given(frame: Frame) -> Frame:
     """Real pairs, with a column of what each method was given."""
     known = frame["method"].where(frame["known"] == "nothing", frame["method"] + ", known: " + frame["known"])
     return frame.assign(given=known)
 
 
-def _of_pair(frame: pd.DataFrame) -> str:
+def _of_pair(frame: Frame) -> str:
     """One registration, or how many of several draws are right and accepted."""
     if len(frame) > 1:
         return f"{len(where(frame, 'right'))} of {len(frame)}; {len(where(frame, 'accepted'))} accepted"
@@ -384,11 +385,11 @@ SCALE = (
 )
 
 
-def _sum(frame: pd.DataFrame, *fates: str) -> int:
+def _sum(frame: Frame, *fates: str) -> int:
     return int(frame[[f"{role}_{fate}" for role in ROLES for fate in fates]].sum().sum())
 
 
-def _in_ellipsoids(frame: pd.DataFrame) -> str:
+def _in_ellipsoids(frame: Frame) -> str:
     """The share of poses in their ellipsoids, over all surveys."""
     return f"{100 * np.average(frame['within_95'], weights=frame['placed'] - 1):.1f} %"
 
