@@ -13,6 +13,7 @@ from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, discar
 from sonarmap.tools.files.writers.json_text import to_json, write_json
 from sonarmap.tools.files.writers.table import write_table
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Row
+from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS
 from sonarmap.tools.lab.reproduce.figures import FIGURES
 from sonarmap.tools.lab.reproduce.provenance import Provenance
 from sonarmap.tools.lab.reproduce.render import Rendered, frame_of, render, where
@@ -54,7 +55,7 @@ def write_experiment(
     record = Record(
         name=name,
         command=command,
-        title=SHOWN[name].title,
+        title=f"{name}: {EXPERIMENTS[name].shows}",
         tables=(_settings_table(provenance), *_rendered(name, shown, times=False)),
         times=_rendered(name, seconds, times=True),
         seconds=sum(result.job_seconds.values()),
@@ -100,7 +101,7 @@ def duration(seconds: float) -> str:
 
 def _rendered(name: str, rows: Sequence[Row], *, times: bool) -> tuple[Rendered, ...]:
     frame = frame_of(rows)
-    tables = [render(table, frame) for table in SHOWN[name].tables if table.times == times]
+    tables = [render(table, frame) for table in SHOWN[name] if table.times == times]
     return tuple(table for table in tables if table is not None)
 
 

@@ -1,7 +1,6 @@
 """What is shown of the rows of each experiment: its tables. Changing them makes no job run again."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from itertools import pairwise
 from statistics import median_low
 from types import MappingProxyType
@@ -26,15 +25,6 @@ from sonarmap.tools.lab.reproduce.registrations import OURS
 from sonarmap.tools.lab.reproduce.render import DASH, Cell, Frame, Table, count, joined, number, ratio, share, where
 from sonarmap.tools.lab.reproduce.survey_rows import BETWEEN, FATES, ROLES
 from sonarmap.tools.lab.simulate.kinds.kind import relief_of
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """The page of an experiment."""
-
-    title: str
-    tables: tuple[Table, ...]
-
 
 # Normalized squared errors that 95 % of the truths lie below if covariances are right (their mean is then 6)
 INSIDE = f"nees <= {chi2.ppf(0.95, 6):.9f}"
@@ -432,19 +422,19 @@ CONFIDENCE = (
     Table("By set; fitted to the others", ("group",), _CONFIDENCE, f"by == 'set' and fitted_to == '{SET_HELD_OUT}'"),
 )
 
-SHOWN: Mapping[str, Shown] = MappingProxyType(
+SHOWN: Mapping[str, tuple[Table, ...]] = MappingProxyType(
     {
-        "translation": Shown("Translation under noise of the voxels: Figs. 12, 14, 15", TRANSLATION),
-        "rotation": Shown("Rotation under noise of the voxels: Figs. 16, 17", ROTATION),
-        "limits": Shown("The limits of the resampling: Figs. 7, 8, 9", LIMITS),
-        "gaussian": Shown("Gaussian noise along the beams: Table 1, Figs. 20 and 21", GAUSSIAN),
-        "floodgate": Shown("A flood gate, eighteen scans: Sect. 4, Table 2, Figs. 22 to 31", FLOODGATE),
-        "pairs": Shown("Pairs of scans", PAIRS),
-        "kinds": Shown("Every kind of scan", KINDS),
-        "real": Shown("Pairs of real scans", REAL),
-        "survey": Shown("Maps of whole surveys", SURVEY),
-        "scale": Shown("Thousands of scans", SCALE),
-        "decisions": Shown("Decisions of the graph", DECISIONS),
-        "confidence": Shown("Probability and covariance", CONFIDENCE),
+        "translation": TRANSLATION,
+        "rotation": ROTATION,
+        "limits": LIMITS,
+        "gaussian": GAUSSIAN,
+        "floodgate": FLOODGATE,
+        "pairs": PAIRS,
+        "kinds": KINDS,
+        "real": REAL,
+        "survey": SURVEY,
+        "scale": SCALE,
+        "decisions": DECISIONS,
+        "confidence": CONFIDENCE,
     }
 )

@@ -10,7 +10,6 @@ from sonarmap.tools.lab.reproduce import figures, tables
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, ExperimentEntry
 from sonarmap.tools.lab.reproduce.figures import Figure
 from sonarmap.tools.lab.reproduce.render import Table, number
-from sonarmap.tools.lab.reproduce.tables import Shown
 from tests.samples.experiments import fake_experiment
 
 
@@ -26,10 +25,9 @@ def draw(path: Path, frame: pd.DataFrame, _settings: SimpleNamespace) -> None:
 def faked(monkeypatch: pytest.MonkeyPatch) -> None:
     """The table of experiments has the fake, which shows a table, a time and a picture."""
     entry = ExperimentEntry("Fig. 0", fake_experiment.__name__, ("seed",))
-    monkeypatch.setattr("sonarmap.tools.lab.reproduce.experiments.EXPERIMENTS", {**EXPERIMENTS, "fake": entry})
-    monkeypatch.setattr("sonarmap.tools.command.verbs.reproduce.EXPERIMENTS", {**EXPERIMENTS, "fake": entry})
+    for module in ("lab.reproduce.experiments", "lab.reproduce.folder", "command.verbs.reproduce"):
+        monkeypatch.setattr(f"sonarmap.tools.{module}.EXPERIMENTS", {**EXPERIMENTS, "fake": entry})
     means = Table("Means", ("high",), {"mean": number("value", 6, "mean")})
     times = Table("Times", ("job",), {"s": number("seconds", 2)}, times=True)
-    shown = Shown("A fake, Fig. 0", (means, times))
-    monkeypatch.setattr("sonarmap.tools.lab.reproduce.folder.SHOWN", {**tables.SHOWN, "fake": shown})
+    monkeypatch.setattr("sonarmap.tools.lab.reproduce.folder.SHOWN", {**tables.SHOWN, "fake": (means, times)})
     monkeypatch.setattr("sonarmap.tools.lab.reproduce.folder.FIGURES", {**figures.FIGURES, "fake": Figure("N", draw)})

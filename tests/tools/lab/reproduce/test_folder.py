@@ -61,7 +61,7 @@ class TestCommand:
         shown = reproduce(*arguments)
         assert (shown.exit_code, shown.exception) == (0, None)
         assert "fake: 5 of 5" in shown.stderr
-        assert "A fake, Fig. 0" in shown.stdout
+        assert "fake: Fig. 0" in shown.stdout
         assert files_in(tmp_path / "out") == FILES
         assert "\nsonarmap reproduce fake --seed 3\n" in (tmp_path / "out" / "fake.md").read_text()
         assert reproduce(*arguments).stderr == "fake: 5 of 5 jobs were done before\n"

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from sonarmap.tools.lab.reproduce.experiment import Row
 from sonarmap.tools.lab.reproduce.paper_tables import deviations, last_right, reach
-from sonarmap.tools.lab.reproduce.render import Table, count, frame_of, number, render, share, where, wilson
+from sonarmap.tools.lab.reproduce.render import Table, count, frame_of, number, render, share, where
 from sonarmap.tools.lab.reproduce.tables import INSIDE, KINDS, PAIRS, directions, expected_error, usual_error
 
 ROWS: list[Row] = [
@@ -18,15 +18,6 @@ ROWS: list[Row] = [
     {"method": "b", "kind": "x", "right": True, "accepted": True, "error": 2.0},
     {"method": "b", "other": 1},
 ]
-
-
-@pytest.mark.parametrize(
-    ("hits", "trials", "low", "high"),
-    [(0, 10, 0.0, 0.2775), (7, 10, 0.3968, 0.8922), (81, 263, 0.2553, 0.3662)],
-)
-def test_published_intervals(hits: int, trials: int, low: float, high: float) -> None:
-    """81 of 263 is the example of Newcombe (Statistics in Medicine 17, 1998, method 3)."""
-    assert wilson(hits, trials) == pytest.approx((low, high), abs=5e-5)
 
 
 def test_a_line_for_each_group_and_one_of_all() -> None:
