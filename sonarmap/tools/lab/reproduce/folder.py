@@ -7,9 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.json_file import read_json
-from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, discard
+from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
 from sonarmap.tools.files.writers.json_text import to_json, write_json
 from sonarmap.tools.files.writers.table import write_table
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Row
@@ -63,7 +61,6 @@ def write_experiment(
         provenance=provenance,
         files=(f"{name}.csv", f"{name}.md", *timed, f"{name}-times.md", *figures, f"{name}.json"),
     )
-    former = _former_files(folder / f"{name}.json")
     with tempfile.TemporaryDirectory() as drawn:
         picture = Path(drawn) / f"{name}.png"
         if figure:
@@ -78,8 +75,6 @@ def write_experiment(
             _write(folder / f"{name}.md", _page(record, caption).encode())
             _write(folder / f"{name}-times.md", f"# {record.title}: times\n\n{_times(record)}".encode())
             write_json(folder / f"{name}.json", to_json(record) | {"job_seconds": result.job_seconds})
-    for old in former.difference(record.files):
-        discard(folder / old)
     return record
 
 
@@ -124,15 +119,6 @@ def _times(record: Record) -> str:
     versions = record.provenance.versions.items()
     installed = ", ".join(f"{name} {version}" for name, version in versions if version and name != "system")
     return f"{tables}{record.jobs} jobs in {duration(record.seconds)} on {record.provenance.place}, with {installed}.\n"
-
-
-def _former_files(path: Path) -> set[str]:
-    """The files that an earlier run left, where there was one."""
-    try:
-        files = read_json(path, "a result of `sonarmap reproduce`")["files"]
-        return {Path(str(name)).name for name in files}
-    except (InputError, LookupError, TypeError):
-        return set()
 
 
 def _cell(value: object) -> str:

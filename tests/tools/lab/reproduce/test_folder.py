@@ -39,16 +39,6 @@ class TestFolder:
         assert bytes_of(tmp_path) == before
         assert files_in(tmp_path) == FILES
 
-    def test_a_former_runs_further_files_go(self, tmp_path: Path) -> None:
-        complete(tmp_path)
-        record = json.loads((tmp_path / "fake.json").read_text())
-        (tmp_path / "fake-old.png").write_bytes(b"")
-        (tmp_path / "mine.png").write_bytes(b"")
-        record["files"].append("fake-old.png")
-        (tmp_path / "fake.json").write_text(json.dumps(record))
-        complete(tmp_path)
-        assert files_in(tmp_path) == FILES | {"mine.png"}
-
     def test_csv_cells(self, tmp_path: Path) -> None:
         rows = [{"a": True, "b": -1e-9, "c": 3, "d": "S0, S1"}, {"a": False, "b": float("nan"), "c": -4}]
         write_rows(tmp_path / "a.csv", rows)
