@@ -1,11 +1,12 @@
 """A benchmark's result for people, at a terminal."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
+
+from sonarmap.tools.lab.plain_table import plain_table
 
 Row = Mapping[str, Any]
 Columns = Mapping[str, Callable[[Row], str]]
@@ -101,21 +102,21 @@ def describe(result: Row) -> RenderableType:
         rows = [row for row in result["kernels"] if row["grid"] == grid]
         lines = [line for row in rows for line in _kernel_lines(row)]
         parts += [Text(f"\nkernels at {grid}^3: medians [quartiles]")]
-        parts += [_table([*_KERNEL, "twin"], lines)]
+        parts += [plain_table([*_KERNEL, "twin"], lines, names=["twin"])]
     if pairs:
         lines = [line for row in pairs for line in _pair_lines(row)]
         headings = ("grid and step", *_PAIR_TIMES, *_PAIR)
-        parts += [Text("\nsimulated pairs, seconds"), _table(headings, lines)]
+        parts += [Text("\nsimulated pairs, seconds"), plain_table(headings, lines)]
     for row in pairs:
         parts += [Text(f"\nwhere a pair's time goes at {row['grid']}^3, with two scans prepared")]
-        parts += [_table([*_STAGE], cells(_STAGE, row["stages"]))]
+        parts += [plain_table([*_STAGE], cells(_STAGE, row["stages"]))]
     if survey:
         words = (
             f"a survey of {survey['scans']} scans: {survey['seconds']:.1f} s, "
             f"{survey['seconds'] / survey['scans']:.2f} s a scan; {survey['pairs']} pairs, "
             f"scans prepared {survey['prepared']} times, {survey['peak_memory'] / 2**30:.2f} GiB"
         )
-        parts += [Text(f"\n{words}"), _table([*_SURVEY], cells(_SURVEY, survey_rows(survey)))]
+        parts += [Text(f"\n{words}"), plain_table([*_SURVEY], cells(_SURVEY, survey_rows(survey)))]
     return Group(*parts)
 
 
@@ -150,13 +151,3 @@ def _pair_lines(row: Row) -> Iterator[list[str]]:
     grid = f"{row['grid']}^3"
     yield [f"{grid} prepare a scan", *cells(_PAIR_TIMES, [row["prepare_seconds"]])[0], *[""] * len(_PAIR)]
     yield [f"{grid} register a pair", *cells(_PAIR_TIMES, [row["register_seconds"]])[0], *cells(_PAIR, [row])[0]]
-
-
-def _table(headings: Iterable[str], rows: Iterable[Sequence[str | Text]]) -> Table:
-    """Names to the left, numbers to the right."""
-    table = Table(box=None, pad_edge=False)
-    for k, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if k and heading != "twin" else "left", overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    return table

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
+from rich.table import Table as RichTable
 from scipy.stats import binomtest
 
+from sonarmap.tools.lab.plain_table import plain_table
 from sonarmap.tools.lab.reproduce.experiment import Row
 
 DASH = "–"  # for what there is not
@@ -41,11 +43,9 @@ class Rendered:
         cells = (" | ".join(cell.replace("|", "\\|") for cell in line) for line in lines)
         return f"**{self.title}**\n\n" + "".join(f"| {line} |\n" for line in cells)
 
-    def rich(self) -> Any:
+    def rich(self) -> RichTable:
         """As rich prints it."""
-        from sonarmap.tools.lab.wide_table import WideTable
-
-        return WideTable(self.headings, self.rows, title=self.title)
+        return plain_table(self.headings, self.rows, self.title)
 
 
 def frame_of(rows: Sequence[Row]) -> Frame:
