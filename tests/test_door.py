@@ -452,7 +452,7 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]
     graph = door.PoseGraph(result.trajectory, result.edges)
     corrections = {"sound_speed": None, "range_scale": 1.0, "frame": "flu", "units": "m"}
     survey = dict.fromkeys(("settings", "surveys", "odometry", "progress")) | {"ties": (), "control": ()}
-    options = dict.fromkeys(("origin", "cell", "contours", "clip", "scans", "spacing", "rate", "progress"))
+    options = dict.fromkeys(("origin", "cell", "scans", "progress"))
     log = dict.fromkeys(("origin", "sigmas", "columns", "time_scale", "crs", "frame", "declination"))
     return {
         "choose_device": {"selector": None},

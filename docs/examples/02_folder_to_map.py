@@ -3,7 +3,7 @@
 import sys
 
 import sonarmap
-from sonarmap.tools.files.writers.points import write_points
+from sonarmap.tools.files.writers.points import write_ply
 
 folder, map_file = sys.argv[1:]
 result = sonarmap.map_scans(folder, edge=64, progress=lambda done, planned, text: print(f"{done}/{planned} {text}"))
@@ -14,5 +14,5 @@ for stamp, position in zip(result.trajectory.stamps, result.trajectory.T_world_s
     print(f"at {stamp:g} s the sensor was at {position.round(2)} m")
 
 largest = max(result.maps, key=lambda point_map: len(point_map.points))
-write_points(map_file, largest.points, {"count": largest.count, "sigma": largest.sigma})
+write_ply(map_file, largest.points, {"count": largest.count, "sigma": largest.sigma})
 print(f"{len(largest.points)} points written to {map_file}")

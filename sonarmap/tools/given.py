@@ -37,7 +37,7 @@ _CALLED = {
 }
 _LENGTH = "a length in meters above zero, such as 0.5, or None"
 _CHECKED_WHERE_USED = {"method", "graph"}  # which may be objects, too
-_ABOVE_ZERO = {"reach", "cloud_sigma", "cell", "contours", "spacing", "rate"}
+_ABOVE_ZERO = {"reach", "cloud_sigma", "cell"}
 # Name of an argument -> its types, and what is wanted, in words. What another number may be, they say that use it.
 _ARGUMENTS: dict[str, tuple[tuple[Any, ...], str]] = {
     "method": (_TEXT, "the name of a method, such as 'spectral', or for `map_scans` a Registrar of your own"),
@@ -54,12 +54,10 @@ _ARGUMENTS: dict[str, tuple[tuple[Any, ...], str]] = {
     "objective": (_TEXT, "'full' or 'isotropic'"),
     "start": (_TEXT, "'chordal', 'given' or 'incremental'"),
     **dict.fromkeys(("robust", "same_frame", "alone", "report"), ((bool, np.bool_), "True or False")),
-    **dict.fromkeys(("reach", "cloud_sigma", "cell", "contours", "spacing"), ((Real, *_NONE), _LENGTH)),
-    "rate": ((Real, *_NONE), "a number of poses per second above zero, or None"),
+    **dict.fromkeys(("reach", "cloud_sigma", "cell"), ((Real, *_NONE), _LENGTH)),
     "offset": ((Real,), "seconds, such as 37.0"),
     "declination": ((Real, *_NONE), "an angle in radians, or None"),
     "crs": (_TEXT + _NONE, "a projected CRS in quotes, such as 'EPSG:32632', or None"),
-    "clip": ((*_PATHS, *_NONE), "'W,S,E,N', the path of a GeoJSON file, or None"),
     "columns": ((Mapping, *_NONE), "{quantity: heading of its column}, such as {'depth_m': 'KP_DEPTH'}, or None"),
     "time_scale": (_TEXT + _NONE, "'utc', 'gps', 'tai' or None"),
     "heading_reference": (_TEXT, "'true' or 'grid'"),

@@ -130,13 +130,9 @@ def export_map(
     crs: str | None = None,
     cell: float | None = None,
     height: str = "top",
-    contours: float | None = None,
-    clip: str | None = None,
     points: str = "map",
     scans: Iterable[int] | None = None,
     scans_from: Sequence[str | os.PathLike[str]] = (),
-    spacing: float | None = None,
-    rate: float | None = None,
     progress: "Progress | None" = None,
 ) -> "Exported":
     """Write a finished map in other programs' formats, as `sonarmap export` does; all files appear together, or none.
@@ -148,14 +144,10 @@ def export_map(
         origin: where the map lies on the Earth; None for what the map itself says.
         crs: projected coordinates, as "EPSG:25832"; "map" for points in the map's frame; None for the UTM zone.
         cell: edge of a grid's cell [m]; None for the voxel, rounded up.
-        height: of a cell: "top", "mean", "median", "shoalest" or "deepest".
-        contours: between contours [m]; None for none.
-        clip: "W,S,E,N", or the path of a GeoJSON file with polygons.
+        height: of a cell: "top", "mean" or "shoalest".
         points: "map", or "all" for every point of every scan, which are read again.
         scans: the numbers of the scans whose points are written; None for all.
         scans_from: where the scans are now; empty for where they were read.
-        spacing: edge of the cubes of which each keeps one point [m]; None for all points.
-        rate: of poses in files of poses [Hz]; None for the scans'.
         progress: called with (files written, files in all, the next one's name).
 
     Raises:
@@ -173,10 +165,9 @@ def export_map(
     finished = finished if origin is None else replace(finished, georeference=origin)
     settings = ExportSettings(
         tuple(known_formats(as_list("formats", formats, (str,), "the name of a format, or a list of names"))),
-        *(crs, cell, rate, height, contours, clip, points == "all"),
+        *(crs, cell, height, points == "all"),
         None if scans is None else tuple(sorted({*as_list("scans", scans, (Integral,), "numbers of scans")})),
         tuple(as_paths("scans_from", scans_from)),
-        spacing,
     )
     with locked(finished.path, writing=Path(to).resolve() == finished.path.resolve()):
         exported = export(finished, Path(to), settings, progress)

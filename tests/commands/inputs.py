@@ -197,7 +197,7 @@ def graph(inputs: Inputs, path: Path) -> None:
 
 
 def settings(inputs: Inputs, path: Path) -> None:
-    path.write_text('[map]\nexport = ["pcd"]\nreport = false\n')
+    path.write_text('[map]\nexport = ["mcap"]\nreport = false\n')
 
 
 GATE, HARBOR = "simulate --scene floodgate --scans 8 --seed 1", "simulate --scene harbor --scans 4 --dive"

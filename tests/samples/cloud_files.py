@@ -100,16 +100,6 @@ def sonar_packets(frames: int = 3) -> list[bytes]:
     return packets
 
 
-def pcd_with_origin() -> bytes:
-    """TABLE relative to an origin, as `write_pcd` writes points that lie far from 0."""
-    relative = TABLE - np.array([100.0, -300.0, 0.0, 0.0], np.float32)
-    return (
-        "# .PCD v0.7 - Point Cloud Data file format\n# origin of x, y, z [m]: 100 -300 0\nVERSION 0.7\n"
-        "FIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\n"
-        f"WIDTH {len(TABLE)}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(TABLE)}\nDATA binary\n"
-    ).encode() + relative.astype("<f4").tobytes()
-
-
 SAMPLES: dict[str, tuple[str, bytes]] = {
     "ply ascii": (".ply", ply("ascii")),
     "ply little": (".ply", ply("binary_little_endian")),
@@ -120,7 +110,6 @@ SAMPLES: dict[str, tuple[str, bytes]] = {
     "pcd ascii": (".pcd", pcd("ascii")),
     "pcd binary": (".pcd", pcd("binary")),
     "pcd compressed": (".pcd", pcd("binary_compressed")),
-    "pcd with an origin": (".pcd", pcd_with_origin()),
     "xyz": (".xyz", text()),
     "txt named by a comment": (".txt", text("\t", "# intensity z y x\n", (3, 2, 1, 0))),
     "csv": (".csv", text(";", "I;x;y;z\r\n", (3, 0, 1, 2), end="\r\n")),

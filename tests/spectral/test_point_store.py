@@ -12,7 +12,7 @@ from sonarmap.spectral import point_store
 from sonarmap.spectral.point_store import PointStore
 from sonarmap.tools.files.readers import scans
 from sonarmap.tools.files.readers.scans import read_survey
-from sonarmap.tools.files.writers.points import write_points
+from sonarmap.tools.files.writers.points import write_ply
 from tests.samples.refusals import refuses
 
 
@@ -52,7 +52,7 @@ def test_a_survey_is_read_the_same_from_memory_and_disk(tmp_path: Path, monkeypa
     rng = np.random.default_rng(2)
     for k in range(5):
         strength = rng.random(60).astype(np.float32)
-        write_points(tmp_path / f"scan{k}.ply", rng.normal(size=(60, 3)), {"intensity": strength} if k % 2 else {})
+        write_ply(tmp_path / f"scan{k}.ply", rng.normal(size=(60, 3)), {"intensity": strength} if k % 2 else {})
     told: list[tuple[int, int, str]] = []
     in_memory = read_survey([tmp_path], progress=lambda *step: told.append(step))
     monkeypatch.setattr(scans, "PointStore", lambda: PointStore(700))

@@ -69,9 +69,8 @@ def test_it_is_exported(written: sonarmap.Map, scans: Path, tmp_path: Path) -> N
     [
         ({"formats": "gtiff"}, "'gtiff'; did you mean geotiff"),
         ({"formats": "laz", "cell": -1.0}, "`cell=-1.0` cannot be used; wanted a length in meters above zero"),
-        ({"formats": "laz", "spacing": "a"}, "`spacing='a'` cannot be used"),
+        ({"formats": "laz", "cell": "a"}, "`cell='a'` cannot be used"),
         ({"formats": "laz", "height": "low"}, "`height='low'` is not known; choose one of top"),
-        ({"formats": "laz", "rate": 2.0}, "`rate` has no effect without a format of poses"),
         ({"formats": "laz", "origin": (60, 5)}, "`origin=.*wanted Georeference or None"),
         ({"formats": "laz", "crs": "EPSG:1"}, "EPSG:1"),
     ],

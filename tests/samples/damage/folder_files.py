@@ -27,7 +27,7 @@ max_tilt = 12.5  # degrees
 method = "spectral"
 mount = "0,0,180"
 max-speed = 2
-export = ["pcd", "kitti"]
+export = ["mcap", "g2o"]
 report = false
 [simulate]
 seed = 5

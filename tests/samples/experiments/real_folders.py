@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.writers.points import write_points
+from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
 
@@ -33,7 +33,7 @@ def put(folder: Path, names: tuple[str, str] = ("0.npy", "cloud_bin_1.ply")) -> 
         if name.endswith("npy"):
             np.save(folder / name, scan.points)
         else:
-            write_points(folder / name, scan.points)
+            write_ply(folder / name, scan.points)
     (folder / "gt.log").write_text(gt_log(0, 1, T))
     return folder
 

@@ -79,7 +79,6 @@ class MapOutput:
             stamps: of the scans; none where they are not read yet.
             later: whether the navigation, which is not read yet, may tell where the map lies.
         """
-        from sonarmap.tools.files.map_folder.names import OF_EACH
         from sonarmap.tools.products.export.run import ExportSettings, check_files, check_settings
 
         formats = self.export
@@ -87,9 +86,6 @@ class MapOutput:
             raise InputError("--crs has no effect without --export; leave it out, or name a format")
         settings = ExportSettings(tuple(formats), crs)
         check_settings(settings, georeference, stamps, later)
-        if own := [name for name in formats if FORMATS[name].file in OF_EACH]:
-            file = FORMATS[own[0]].file.format("")
-            raise InputError(f"--export {own[0]} would write {file}, which `map` writes anyway; leave it out")
         check_files(settings, self.out)
         return settings
 

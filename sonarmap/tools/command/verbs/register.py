@@ -29,11 +29,8 @@ UNRELIABLE = 3
 
 
 def _require_points_suffix(path: Path) -> None:
-    from sonarmap.tools.files.writers.points import WRITERS
-
-    if path.suffix.lower() not in WRITERS:
-        ending = f"{' or '.join(WRITERS)}, as in --write moved{next(iter(WRITERS))}"
-        raise InputError(f"{path}; give a name that ends in {ending}.")
+    if path.suffix.lower() != ".ply":
+        raise InputError(f"{path}; give a name that ends in .ply, as in --write moved.ply")
 
 
 WriteOption = Annotated[
@@ -41,7 +38,7 @@ WriteOption = Annotated[
     value_option(
         OUTPUT,
         "FILE",
-        "Write the moved scan, PLY or PCD: the source's points in the target's frame. "
+        "Write the moved scan as PLY: the source's points in the target's frame. "
         "Nothing is written if the registration is not reliable.",
         callback=refused_by(_require_points_suffix),
     ),
@@ -109,15 +106,15 @@ def _read(paths: Sequence[str], corrections: "Corrections", write: Path | None) 
 def write_moved(path: Path, scan: "Scan", T_target_source: "RigidTransform") -> None:
     """Write a scan in the frame of another [m], its strengths as `intensity` and its viewpoints as vp_x, vp_y and vp_z.
 
-    The suffix says the format; p_target = T p_source. Raises InputError: the file cannot be written.
+    p_target = T p_source. Raises InputError: the file cannot be written.
     """
-    from sonarmap.tools.files.writers.points import write_points
+    from sonarmap.tools.files.writers.points import write_ply
 
     moved = moved_scan(scan, T_target_source)
     columns = {} if moved.strength is None else {"intensity": moved.strength}
     if moved.viewpoints is not None:
         columns |= {f"vp_{axis}": moved.viewpoints[:, k] for k, axis in enumerate("xyz")}
-    write_points(path, moved.points, columns)
+    write_ply(path, moved.points, columns)
 
 
 def moved_scan(scan: "Scan", T_target_source: "RigidTransform") -> "Scan":

@@ -7,8 +7,6 @@ from pathlib import Path
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.csv_table import PAIRS, SUMMARY
 from sonarmap.tools.files.readers.json_file import read_json
-from sonarmap.tools.files.writers.points import WRITERS
-from sonarmap.tools.files.writers.trajectory import TRAJECTORY_WRITERS
 
 OF_EACH = ("map{}.ply", "map{}.png", "trajectory{}.tum")  # with a place for the number of the component
 GRAPH, FULL_GRAPH = "graph.g2o", "graph.json"
@@ -17,9 +15,8 @@ TIMES, JOURNAL = "times.json", "journal.sqlite"
 PICTURE = ".png"
 REPORT = "report.html"  # written after the others, from them
 OF_LINES = NAVIGATION, SOUNDINGS, LINES = "navigation.csv", "soundings.laz", "lines.json"  # of a map of lines of pings
-_MAP_SUFFIXES, _TRAJECTORY_SUFFIXES = ("|".join(map(re.escape, known)) for known in (WRITERS, TRAJECTORY_WRITERS))
-_MAP = re.compile(rf"map(_all)?(_\d+)?(_survey_\d+)?({_MAP_SUFFIXES})")
-_OF_PART = re.compile(_MAP.pattern + rf"|map(_\d+)?\.png|trajectory(_\d+)?({_TRAJECTORY_SUFFIXES})")
+_MAP = re.compile(r"map(_all)?(_\d+)?(_survey_\d+)?\.ply")
+_OF_PART = re.compile(_MAP.pattern + r"|map(_\d+)?\.png|trajectory(_\d+)?\.tum")
 
 
 def side_car(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Point clouds to files, binary, with a field per column. A new format is a `write_...` and a row of WRITERS."""
+"""Point clouds to PLY files, binary, with a property per column."""
 
 import re
 from collections.abc import Mapping
@@ -9,22 +9,12 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.writers.atomic import atomic_path
 
-ORIGIN = "# origin of x, y, z [m]:"  # in PCD a comment to other programs; our reader adds it
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _FLOAT32_REACH = 2048.0  # [m]: up to here float32 is 0.06 mm off at most
 _PLY_TYPES = {
     "i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint",
     "f4": "float", "f8": "double",
 }  # fmt: skip
-
-
-def write_points(path: str | Path, points: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
-    """Write points (N, 3) [m] and `columns` {name: (N,)} in the format that the suffix of `path` names. Raises
-    InputError: an unknown suffix, a path that cannot be written, or see `pack_records`."""
-    suffix = Path(path).suffix.lower()
-    if suffix not in WRITERS:
-        raise InputError(f"cannot write {path}: unknown format {suffix!r}; known formats are {', '.join(WRITERS)}")
-    WRITERS[suffix](path, points, columns)
 
 
 def write_ply(path: str | Path, points: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
@@ -36,41 +26,8 @@ def write_ply(path: str | Path, points: np.ndarray, columns: Mapping[str, np.nda
         *(f"property {_PLY_TYPES[dtype.kind + str(dtype.itemsize)]} {name}" for name, dtype in fields),
         "end_header",
     ]
-    _write(Path(path), lines, records)
-
-
-def write_pcd(path: str | Path, points: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
-    """Write points (N, 3) [m] and `columns` {name: (N,)}, such as intensity, to PCD 0.7. Coordinates are float32, as
-    Open3D reads those of 8 bytes as 0, and relative to `float32_origin(points)`, a comment of the header where it is
-    not 0; points of float32 are written as they are."""
-    exact = points.dtype == np.float32 or points.ndim != 2
-    origin = np.zeros(3) if exact else float32_origin(points)
-    records = pack_records(points if exact else (points - origin).astype(np.float32), columns)
-    names = records.dtype.names or ()
-    dtypes = [records.dtype[name] for name in names]
-    lines = [
-        "# .PCD v0.7 - Point Cloud Data file format",
-        *([f"{ORIGIN} {' '.join(f'{x:.17g}' for x in origin.tolist())}"] if origin.any() else []),
-        "VERSION 0.7",
-        f"FIELDS {' '.join(names)}",
-        f"SIZE {' '.join(str(dtype.itemsize) for dtype in dtypes)}",
-        f"TYPE {' '.join(dtype.kind.upper() for dtype in dtypes)}",
-        f"COUNT {' '.join('1' for _ in names)}",
-        f"WIDTH {len(records)}",
-        "HEIGHT 1",
-        "VIEWPOINT 0 0 0 1 0 0 0",
-        f"POINTS {len(records)}",
-        "DATA binary",
-    ]
-    _write(Path(path), lines, records)
-
-
-WRITERS = {".ply": write_ply, ".pcd": write_pcd}
-
-
-def _write(path: Path, header: list[str], records: np.ndarray) -> None:
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
-        file.write("\n".join([*header, ""]).encode("ascii"))
+    with atomic_path(Path(path)) as temporary, temporary.open("wb") as file:
+        file.write("\n".join([*lines, ""]).encode("ascii"))
         file.write(records.view(np.uint8).data)
 
 
@@ -97,7 +54,7 @@ def pack_records(points: np.ndarray, columns: Mapping[str, np.ndarray] | None) -
 
 
 def _portable(name: str, column: np.ndarray) -> np.ndarray:
-    """The column in a type that PLY and PCD both have."""
+    """The column in a type that PLY has."""
     kind, size = column.dtype.kind, column.dtype.itemsize
     if kind not in "fiub":
         raise InputError(f"column {name} holds {column.dtype}; wanted numbers")

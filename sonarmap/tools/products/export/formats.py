@@ -26,9 +26,7 @@ _ALIKE = 0.85  # a name is taken for one that it is so much alike: geotif
 HEIGHTS = {
     "top": "mean of the points within one voxel below the cell's highest, weighted by 1 / sigma^2",
     "mean": "mean of the cell's points, weighted by 1 / sigma^2",
-    "median": "median of the cell's points, the lower one of two",
     "shoalest": "the cell's highest point",
-    "deepest": "the cell's lowest point",
 }
 
 
@@ -48,8 +46,6 @@ class ExportFormat:
     of_points: bool = False  # whether it holds points, which may be those of scans; without a place in the map's frame
     of_surface: bool = False  # whether it holds a mesh
     of_grid: bool = False  # whether it holds a grid from above
-    with_contours: bool = False  # whether --contours adds to it
-    of_poses: bool = False  # whether it holds poses and nothing of scans, so that they may be at a rate of their own
     beside: tuple[str, ...] = ()  # the names of further files that the writer may write
     stamps: tuple[float, float] = (-math.inf, math.inf)  # from where on and up to where the scans' stamps must lie [s]
     library: str | None = None  # a module that an extra of sonarmap brings, without which it cannot be written
@@ -107,22 +103,15 @@ FORMATS = {
         beside=("grid{}.qml",),
         library="rasterio",
     ),
-    "kml": ExportFormat("map{}.kml", "kml:write_kml", "the track, KML 2.2", "geographic", with_contours=True),
-    "kmz": ExportFormat(
-        "map{}.kmz", "kml:write_kmz", "the track and the map as a picture, KMZ", "geographic", with_contours=True
-    ),
+    "kmz": ExportFormat("map{}.kmz", "kmz:write_kmz", "the track and the map as a picture, KMZ", "geographic"),
     "csv": ExportFormat(
-        "poses{}.csv",
-        "tables:write_poses_csv",
-        "the scans' positions, attitudes and covariances, CSV",
-        of_poses=True,
+        "poses{}.csv", "tables:write_poses_csv", "the scans' positions, attitudes and covariances, CSV"
     ),
     "eiva-position": ExportFormat(
         "eiva_position{}.txt",
         "tables:write_eiva_position",
         "the scans' positions for EIVA NaviEdit",
         "geographic",
-        of_poses=True,
         stamps=TIMES,  # NaviEdit merges by them
     ),
     "eiva-attitude": ExportFormat(
@@ -130,21 +119,15 @@ FORMATS = {
         "tables:write_eiva_attitude",
         "the scans' attitudes for EIVA NaviEdit",
         "geographic",
-        of_poses=True,
         stamps=TIMES,
     ),
     "geojson": ExportFormat(
-        "track{}.geojson",
-        "track_features:write_geojson",
-        "track, scans and loops, GeoJSON",
-        "geographic",
-        with_contours=True,
+        "track{}.geojson", "track_features:write_geojson", "track, scans and loops, GeoJSON", "geographic"
     ),
     "gpkg": ExportFormat(
         "track{}.gpkg",
         "track_features:write_geopackage",
         "track, scans and loops, GeoPackage",
-        with_contours=True,
         library="pyogrio",
     ),
     "mesh-ply": ExportFormat(
@@ -160,15 +143,6 @@ FORMATS = {
         "map",
         stamps=(0.0, 2.0**31),  # of a ROS time
         library="mcap",
-    ),
-    "pcd": ExportFormat(
-        "map{}.pcd", "tables:write_cloud", "the map's points, PCD 0.7 in float32 beside an origin", "map"
-    ),
-    "tum": ExportFormat(
-        "trajectory{}.tum", "tables:write_poses", "the poses with their times, TUM", "map", of_poses=True
-    ),
-    "kitti": ExportFormat(
-        "trajectory{}.kitti", "tables:write_poses", "the poses as 3x4 matrices, KITTI", "map", of_poses=True
     ),
     "g2o": ExportFormat(
         "graph{}.csv",
@@ -192,8 +166,6 @@ def known_formats(names: Iterable[str]) -> list[str]:
             alike = get_close_matches(name, FORMATS, 1, _ALIKE)
             if not alike:
                 near = "".join(f"did you mean {other}? Else " for other in get_close_matches(name, FORMATS, 1))
-                if name.startswith("contour"):
-                    near = "contours are drawn by --contours M into kml, kmz, geojson and gpkg. Else "
                 raise InputError(f"{name!r}; {near}choose from {', '.join(FORMATS)}, several separated by commas")
             name = alike[0]
         if library := FORMATS[name].library:

@@ -81,7 +81,6 @@ class Georeferenced(MapGrid):
 
     georeference: Georeference  # of the part's frame
     projection: Projection  # the CRS of projected coordinates
-    contours: float | None = None  # between contours in files that hold lines [m]; None for no contours
 
     @cached_property
     def points(self) -> np.ndarray:

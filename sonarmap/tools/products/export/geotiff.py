@@ -16,7 +16,7 @@ from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.formats import HEIGHTS
 from sonarmap.tools.products.export.georeferenced import Georeferenced, MapGrid
 from sonarmap.tools.products.export.grid import HEIGHT_COLORS, Cells, empty_share, sufficient_cell
-from sonarmap.tools.products.export.kml import xml_bytes
+from sonarmap.tools.products.export.kmz import xml_bytes
 
 NODATA = -9999.0
 _BLOCK = 256  # edge of a tile

@@ -68,17 +68,13 @@ def cells_of(
     voxel: float,
 ) -> Cells:
     """The heights that HEIGHTS names, of points as of `top_cells`; all points of a cell count."""
-    if how in ("top", "mean"):
+    if how != "shoalest":
         return top_cells(row, column, height, sigma, count, voxel if how == "top" else np.inf)
     width = int(column.max(initial=0)) + 1
     cells, cell, size = np.unique(row * width + column, return_inverse=True, return_counts=True)
-    order, ends = np.lexsort((height, cell)), np.cumsum(size)
-    chosen = order[{"deepest": ends - size, "median": ends - size + (size - 1) // 2, "shoalest": ends - 1}[how]]
-    deviation = sigma[chosen].astype(np.float64)
-    if how == "median":
-        squares = sigma.astype(np.float64) ** 2 + (height - height[chosen][cell]) ** 2
-        deviation = np.sqrt(np.bincount(cell, squares) / size)
-    return Cells(cells // width, cells % width, height[chosen], deviation, np.bincount(cell, count))
+    highest = np.lexsort((height, cell))[np.cumsum(size) - 1]
+    deviation = sigma[highest].astype(np.float64)
+    return Cells(cells // width, cells % width, height[highest], deviation, np.bincount(cell, count))
 
 
 def round_cell(voxel: float) -> float:

@@ -4,7 +4,7 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +20,13 @@ from sonarmap.tools.files.map_folder.whole import write_summary
 from sonarmap.tools.files.writers.atomic import all_or_none, require_writable
 from sonarmap.tools.files.writers.folder_lock import locked
 from sonarmap.tools.files.writers.json_text import write_json
-from sonarmap.tools.products.export.clip import MAP_FRAME, Clip, read_clip
 from sonarmap.tools.products.export.clouds.cloud import Cloud
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.georeferenced import Georeferenced, MapGrid
 from sonarmap.tools.products.export.grid import MANY_EMPTY, round_cell
-from sonarmap.tools.products.export.sampled import sampled
 from sonarmap.tools.products.export.side_car import side_car_content
+
+MAP_FRAME = "map"  # as --crs names the map's own coordinates
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +38,10 @@ class ExportSettings:
     # be in MAP_FRAME
     crs: str | None = None
     cell: float | None = None  # edge of a cell of grids, pictures and surfaces [m]; None for the voxel, rounded up
-    rate: float | None = None  # of the poses in formats that hold nothing else [Hz]; None for the scans'
     height: str = "top"  # of a cell, a name of HEIGHTS
-    contours: float | None = None  # between contours [m]; None for none
-    clip: str | None = None  # outside of which no points are exported: see `read_clip`
     of_scans: bool = False  # whether files of points hold every point of every scan, or those of the map
     scans: tuple[int, ...] | None = None  # of which scans, then; None for all
     scans_from: tuple[str, ...] = ()  # where these are read; empty for where `map` read them
-    spacing: float | None = None  # of which points one is kept in each cube of this edge [m]
 
     @property
     def projected(self) -> str | None:
@@ -117,18 +113,12 @@ def check_settings(
 
 def _require_fitting(settings: ExportSettings) -> None:
     """Refuse options that no chosen format takes."""
-    of_points = settings.of_scans or settings.scans is not None or settings.spacing is not None
-    takers = {
-        "--rate": (settings.rate is not None, "of_poses", "poses"),
-        "--points, --scans and --spacing": (of_points, "of_points", "points"),
-        "--contours": (settings.contours is not None, "with_contours", "lines"),
-    }
-    for option, (is_given, kind, words) in takers.items():
-        fitting = [name for name, form in FORMATS.items() if getattr(form, kind)]
-        if is_given and not set(fitting) & set(settings.formats):
-            raise InputError(
-                f"{option} has no effect without a format of {words} ({', '.join(fitting)}); name one, or leave it out"
-            )
+    fitting = [name for name, form in FORMATS.items() if form.of_points]
+    if (settings.of_scans or settings.scans is not None) and not set(fitting) & set(settings.formats):
+        raise InputError(
+            f"--points and --scans have no effect without a format of points ({', '.join(fitting)}); name one, or "
+            "leave them out"
+        )
     other = [name for name in settings.needing_place if FORMATS[name].coordinates == "projected"]
     if settings.crs == MAP_FRAME and other:
         raise InputError(
@@ -161,15 +151,13 @@ def export_map(
     stamps = [stamp for part in folder.parts for stamp in part.trajectory.stamps.tolist()]
     check_settings(settings, folder.georeference, stamps)
     _refuse_second_heading(folder)
-
-    folder, clips = _clipped(folder, settings)
     cell = settings.cell or round_cell(folder.voxel)
 
     def on_earth(part: MapPart) -> Georeferenced | None:
         if (here := folder.georeference) is None or not folder.on_earth(part):
             return None
         projection = Projection.of(here, settings.projected)
-        return Georeferenced(folder, part, here, projection, settings.contours, cell=cell, height=settings.height)
+        return Georeferenced(folder, part, here, projection, cell=cell, height=settings.height)
 
     earths = {part.suffix: on_earth(part) for part in folder.parts}
     of_scans = settings.of_scans or settings.scans is not None
@@ -191,8 +179,9 @@ def export_map(
             if step is not None:
                 step(done, len(jobs), path.name)
             before, earth = len(written), None if settings.in_map_frame(name) else earths[part.suffix]
-            cloud = Cloud(folder, part, earth, scans, settings.scans, settings.spacing, clips.get(part.suffix))
-            details = _write(name, path, cloud, settings, cell)
+            local = MapGrid(folder, part, cell=cell, height=settings.height) if FORMATS[name].of_grid else None
+            cloud = Cloud(folder, part, earth, scans, settings.scans)
+            details = FORMATS[name].write(path, folder, part, earth or local, cloud, cell)
             if FORMATS[name].of_grid:
                 grids.append({"file": path.name} | {key: details[key] for key in _OF_GRID})
             for temporary, each in tuple(written[before:]):
@@ -212,36 +201,6 @@ def _grid_note(grid: Mapping[str, Any]) -> str:
     file, cell, share, sufficient = grid.values()
     larger = "" if sufficient == cell else f"; of cells of {sufficient:g} m (--cell) at most {MANY_EMPTY:.0%} are"
     return f"{file}: {share:.1%} of the cells within its coverage are empty{larger}"
-
-
-def _write(name: str, path: Path, cloud: Cloud, settings: ExportSettings, cell: float) -> Mapping[str, Any]:
-    """Write one file, and return what its side-car says of it: of poses at a rate, if it holds nothing else."""
-    form, (folder, part, earth), rate = FORMATS[name], (cloud.folder, cloud.part, cloud.earth), settings.rate
-    if rate is None or not form.of_poses:
-        local = MapGrid(folder, part, cell=cell, height=settings.height) if form.of_grid else None
-        return form.write(path, folder, part, earth or local, cloud, cell)
-    poses = sampled(part, np.array(folder.surveys(part)), rate)
-    details = form.write(path, folder, poses, earth and replace(earth, part=poses))
-    return {**details, "rate_hz": rate, "poses": len(poses.scans)}
-
-
-def _clipped(folder: Map, settings: ExportSettings) -> tuple[Map, dict[str, Clip]]:
-    """The map without the points outside of --clip, and by the parts' suffixes what is inside."""
-    if settings.clip is None:
-        return folder, {}
-    clips = {
-        part.suffix: read_clip(settings.clip, folder.georeference if folder.on_earth(part) else None, settings.crs)
-        for part in folder.parts
-    }
-    parts: list[MapPart] = []
-    for part in folder.parts:
-        parts.append(part.take(clips[part.suffix].inside(part.points)))
-    if not any(len(part.points) for part in parts):
-        raise InputError(
-            f"--clip {settings.clip}: no point of the map lies there; a box is in degrees, or in the "
-            "coordinates that --crs names (map: meters of the map's frame)"
-        )
-    return replace(folder, parts=tuple(parts)), clips
 
 
 def _refuse_second_heading(folder: Map) -> None:

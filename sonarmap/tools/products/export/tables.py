@@ -1,5 +1,5 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-"""Files of rows: poses.csv, EIVA NaviEdit's two, graph.csv (docs/formats/output.md has their columns), cloud and poses.
+"""Files of rows: poses.csv, EIVA NaviEdit's two, graph.csv (docs/formats/output.md has their columns).
 
 EIVA's layout is that of its support page "Merge format", the formats "NavLab" for position and for attitude, without a
 line of names: https://eiva.freshdesk.com/support/solutions/articles/43000529417.
@@ -16,9 +16,7 @@ from sonarmap.tools.files.map_folder.names import GRAPH
 from sonarmap.tools.files.time_scales import utc_texts
 from sonarmap.tools.files.user_file import read_content
 from sonarmap.tools.files.writers.atomic import atomic_path
-from sonarmap.tools.files.writers.points import write_points
 from sonarmap.tools.files.writers.table import write_table
-from sonarmap.tools.files.writers.trajectory import write_trajectory
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.track_features import ANGLES, SIGMAS
 
@@ -101,13 +99,3 @@ def write_graph(path: Path, folder: Map, part: MapPart, earth: Georeferenced | N
         raise InputError(f"{error}; map again") from error
     with atomic_path(path.with_name(GRAPH)) as temporary:
         temporary.write_bytes(content)
-
-
-def write_cloud(path: Path, folder: Map, part: MapPart, earth: Georeferenced | None) -> None:
-    """Write the points and all their columns, in the map's frame, in the format that the suffix of `path` names."""
-    write_points(path, part.points, part.columns)
-
-
-def write_poses(path: Path, folder: Map, part: MapPart, earth: Georeferenced | None) -> None:
-    """Write the poses, in the map's frame, in the format that the suffix of `path` names."""
-    write_trajectory(path, part.trajectory)

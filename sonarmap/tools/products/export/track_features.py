@@ -1,6 +1,6 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""Track, scans, loops and contours of a map as features with attributes: the same as GeoJSON and as GeoPackage."""
+"""Track, scans and loops of a map as features with attributes: the same as GeoJSON and as GeoPackage."""
 
 import struct
 from collections.abc import Iterator, Sequence
@@ -13,7 +13,6 @@ import numpy as np
 
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.files.writers.json_text import write_json
-from sonarmap.tools.products.export.contours import contours_of
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 
 _POINT_Z, _LINE_Z = 1001, 1002  # ISO WKB
@@ -29,18 +28,9 @@ class Feature:
     scans: np.ndarray  # (k,) indices into the part's scans, through which it passes; a point has one
     # names and values; None where nothing is known. Each feature of a layer has the same names.
     attributes: dict[str, Any]
-    contour: np.ndarray | None = None  # (n, 3) easting, northing, height [m], instead of the scans
-
-    def geodetic(self, earth: Georeferenced) -> np.ndarray:
-        """(n, 3) latitude, longitude [deg], height [m]."""
-        return earth.poses[self.scans] if self.contour is None else earth.projection.unproject(self.contour)
-
-    def projected(self, earth: Georeferenced) -> np.ndarray:
-        """(n, 3) easting, northing, height [m]."""
-        return earth.projected_poses[self.scans] if self.contour is None else self.contour
 
 
-LAYERS = ("track", "scans", "loops", "contours")
+LAYERS = ("track", "scans", "loops")
 ANGLES = ("roll_deg", "pitch_deg", "heading_deg")
 SIGMAS = ("east_sigma_m", "north_sigma_m", "up_sigma_m", "roll_sigma_deg", "pitch_sigma_deg", "heading_sigma_deg")
 
@@ -52,7 +42,6 @@ def features_of(earth: Georeferenced) -> list[Feature]:
         *(Feature("track", line, _track(earth, line) | heights) for line in earth.lines),
         *(Feature("scans", np.array([k]), _scan(earth, k) | heights) for k in range(len(earth.part.scans))),
         *_loops(earth),
-        *(_contour(line, heights) for line in contours_of(earth)),
     ]
 
 
@@ -93,18 +82,13 @@ def _loops(earth: Georeferenced) -> Iterator[Feature]:
             yield Feature("loops", np.array([index[loop.target], index[loop.source]]), attributes)
 
 
-def _contour(line: np.ndarray, heights: dict[str, str]) -> Feature:
-    height = float(line[0, 2])
-    return Feature("contours", np.zeros(0, np.int64), {"height_m": height, "depth_m": 0.0 - height} | heights, line)
-
-
 def write_geojson(path: Path, earth: Georeferenced) -> None:
     """Write a FeatureCollection (RFC 7946) of longitude, latitude [deg, WGS84] and height [m].
 
     The property `layer` of a feature is a name of LAYERS. A line across the 180th meridian is cut there (section
     3.1.9). Heights count from the property `height_reference`, which the RFC wants to be the WGS84 ellipsoid.
     """
-    features = [_feature(each, each.geodetic(earth)[:, [1, 0, 2]]) for each in features_of(earth)]
+    features = [_feature(each, earth.poses[each.scans][:, [1, 0, 2]]) for each in features_of(earth)]
     write_json(path, {"type": "FeatureCollection", "features": features})
 
 
@@ -169,7 +153,7 @@ def _write_layer(path: Path, layer: str, features: Sequence[Feature], earth: Geo
     try:
         write(
             str(path),
-            np.array([_wkb(feature.projected(earth)) for feature in features], dtype=object),
+            np.array([_wkb(earth.projected_poses[feature.scans]) for feature in features], dtype=object),
             [values for values, _ in columns],
             names,
             field_mask=[mask for _, mask in columns],

@@ -26,8 +26,8 @@ from sonarmap.tools.files.readers.csv_table import PAIRS
 from sonarmap.tools.files.writers.atomic import all_or_none, discard
 from sonarmap.tools.files.writers.g2o import write_g2o
 from sonarmap.tools.files.writers.json_text import write_json
-from sonarmap.tools.files.writers.points import write_points
-from sonarmap.tools.files.writers.trajectory import TRAJECTORY_WRITERS, write_trajectory
+from sonarmap.tools.files.writers.points import write_ply
+from sonarmap.tools.files.writers.trajectory import write_tum
 from sonarmap.tools.products.output.graph_file import survey_graph
 from sonarmap.tools.products.output.pairs_file import write_pairs
 from sonarmap.tools.products.output.run import SurveyRun
@@ -102,12 +102,12 @@ def _write_part(path: Path, result: SurveyResult, c: int) -> None:
     own = maps.layers[int(layer[1])] if layer else None
     point_map, doubtful = (own.clean, own.doubtful) if own else (maps.optimized, maps.doubtful)
     match path.suffix:
-        case suffix if suffix in TRAJECTORY_WRITERS:
-            write_trajectory(path, trajectory)
+        case ".tum":
+            write_tum(path, trajectory)
         case _ if _ALL.fullmatch(path.stem):
-            write_points(path, *_both_layers(point_map, doubtful))
+            write_ply(path, *_both_layers(point_map, doubtful))
         case _:
-            write_points(path, point_map.points, _columns(point_map))
+            write_ply(path, point_map.points, _columns(point_map))
 
 
 def _both_layers(clean: PointMap, doubtful: PointMap | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:

@@ -62,7 +62,7 @@ def when(patch: Patch, function: str, remove: Callable[[], None], after: bool = 
 
 
 BEFORE, AFTER = False, True
-KEEP, WRITE = "sonarmap.slam.execute.journal:Journal.add", "sonarmap.tools.products.output.folder:write_points"
+KEEP, WRITE = "sonarmap.slam.execute.journal:Journal.add", "sonarmap.tools.products.output.folder:write_ply"
 
 
 @pytest.mark.quick_cases(1)

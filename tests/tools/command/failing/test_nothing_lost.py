@@ -130,7 +130,7 @@ def test_a_damaged_row_of_the_journal_is_computed_again(tmp_path: Path, scans: l
     assert (tmp_path / "map.ply").read_bytes() == (mapped / "map.ply").read_bytes()
 
 
-@pytest.mark.parametrize("written", ["write_points", "draw_map", "write_g2o", "write_pairs", "write_json"])
+@pytest.mark.parametrize("written", ["write_ply", "draw_map", "write_g2o", "write_pairs", "write_json"])
 @pytest.mark.slow
 def test_stopped_while_it_writes(
     out: Path, scans: list[str], mapped: Path, written: str, monkeypatch: pytest.MonkeyPatch

@@ -7,13 +7,12 @@ from pathlib import Path
 import pytest
 
 from sonarmap.tools.files.writers.folder_lock import locked
-from sonarmap.tools.files.writers.trajectory import write_trajectory
-from sonarmap.tools.products.export import tables
+from sonarmap.tools.products.export import mcap
 from tests.samples import command_line
 from tests.samples.clutter_scans import done, files_in, refused, said, scan, sonarmap, write
 from tests.tools.products.export.finished import finished_map
 
-KITTI = ("--format", "kitti", "--quiet")
+MCAP = ("--format", "mcap", "--quiet")
 
 
 @pytest.fixture
@@ -26,9 +25,9 @@ def commands(out: Path) -> dict[str, tuple[str | Path, ...]]:
     return {
         "map": ("map", out.parent / "scans", "-o", out, "--grid", "64"),
         "view": ("view", out, "--write", "--no-open"),
-        "export into it": ("export", out, "--to", out, *KITTI),
-        "export of another into it": ("export", out.parent / "other", "--to", out, *KITTI),
-        "export from it": ("export", out, "--to", out.parent / "gis", *KITTI),
+        "export into it": ("export", out, "--to", out, *MCAP),
+        "export of another into it": ("export", out.parent / "other", "--to", out, *MCAP),
+        "export from it": ("export", out, "--to", out.parent / "gis", *MCAP),
     }
 
 
@@ -61,7 +60,7 @@ def test_a_report_is_opened_whoever_uses_the_folder(out: Path, monkeypatch: pyte
 @pytest.mark.parametrize(
     ("verb", "options", "other", "files"),
     [
-        ("export into it", (), "map", {"trajectory.kitti", "trajectory.kitti.json"}),
+        ("export into it", (), "map", {"map.mcap", "map.mcap.json"}),
     ],
 )
 @pytest.mark.slow
@@ -69,14 +68,14 @@ def test_another_that_begins_meanwhile_is_refused(
     out: Path, verb: str, options: tuple[str, ...], other: str, files: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It begins when the first has a file that is not yet under its name."""
-    tried = []
+    tried, write = [], mcap.write_mcap
 
     def slow(path: Path, *arguments: object) -> None:
-        write_trajectory(path, *arguments)  # pyright: ignore[reportArgumentType]
+        write(path, *arguments)
         assert list(out.glob(".sonarmap.*"))
         tried.append(command_line.sonarmap(*map(str, commands(out)[other])))
 
-    monkeypatch.setattr(tables, "write_trajectory", slow)
+    monkeypatch.setattr(mcap, "write_mcap", slow)
     done(sonarmap(*commands(out)[verb], *options))
     assert [(ended.returncode, "in use" in ended.stderr) for ended in tried] == [(2, True)]
     listed = json.loads((out / "summary.json").read_text())["files"]

@@ -14,13 +14,11 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.csv_table import plain_text, read_csv_table
 from sonarmap.tools.files.readers.navigation.match import named_scan
 from sonarmap.tools.files.readers.scans import read_scan
-from sonarmap.tools.files.writers.points import WRITERS, write_points
+from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.priors import write_template
 from sonarmap.tools.files.writers.table import write_table
 from tests.samples.command_line import ROOT
 from tests.samples.refusals import refuses
-
-SUFFIXES = sorted(WRITERS)
 
 
 def cloud(count: int, seed: int = 0) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -34,29 +32,27 @@ def cloud(count: int, seed: int = 0) -> tuple[np.ndarray, dict[str, np.ndarray]]
     return points, columns
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("count", [1, 1000])
-def test_points_and_strength_come_back_bit_by_bit(tmp_path, suffix, count):
+def test_points_and_strength_come_back_bit_by_bit(tmp_path, count):
     points, columns = cloud(count)
-    path = tmp_path / "new" / f"map{suffix}"
-    write_points(path, points, columns)
+    path = tmp_path / "new" / "map.ply"
+    write_ply(path, points, columns)
     assert list(path.parent.iterdir()) == [path]
     scan = read_scan(path)
     np.testing.assert_array_equal(scan.points, points)
     assert scan.strength is not None
     np.testing.assert_array_equal(scan.strength, columns["intensity"])
-    write_points(path, points)
+    write_ply(path, points)
     bare = read_scan(path)
     np.testing.assert_array_equal(bare.points, points)
     assert bare.strength is None
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_open3d_reads_points_and_every_column(tmp_path, suffix):
+def test_open3d_reads_points_and_every_column(tmp_path):
     o3d = pytest.importorskip("open3d")
     points, columns = cloud(300)
-    path = tmp_path / f"map{suffix}"
-    write_points(path, points, columns)
+    path = tmp_path / "map.ply"
+    write_ply(path, points, columns)
     read = o3d.t.io.read_point_cloud(str(path)).point
     np.testing.assert_array_equal(read["positions"].numpy(), points)
     for name, column in columns.items():
@@ -74,22 +70,21 @@ def test_open3d_reads_points_and_every_column(tmp_path, suffix):
         ({"text": np.array(list("abcde"))}, "numbers"),
     ],
 )
-def test_columns_that_no_header_can_hold_and_unknown_suffixes_are_refused(tmp_path, columns, said):
-    refuses(said, write_points, tmp_path / "map.ply", cloud(5)[0], columns)
-    refuses(r"\.pcd.*\.ply|\.ply.*\.pcd", write_points, tmp_path / "map.laz", cloud(5)[0])
+def test_columns_that_no_header_can_hold_are_refused(tmp_path, columns, said):
+    refuses(said, write_ply, tmp_path / "map.ply", cloud(5)[0], columns)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_failed_write_keeps_what_was_there(tmp_path, monkeypatch):
     path = tmp_path / "map.ply"
-    write_points(path, cloud(5)[0])
+    write_ply(path, cloud(5)[0])
     before = path.read_bytes()
 
     def full(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    refuses("No space left", write_points, path, cloud(50)[0])
+    refuses("No space left", write_ply, path, cloud(50)[0])
     assert path.read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 1
 
@@ -141,8 +136,7 @@ def test_the_report_s_files_are_written_likewise(tmp_path: Path) -> None:
     assert rest == (tmp_path / "a.csv").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_columns_take_a_type_that_both_formats_have(tmp_path, suffix):
+def test_columns_take_a_type_that_the_format_has(tmp_path):
     points, _ = cloud(3)
     columns = {
         "wide": np.array([1, -2, 3], np.int64),
@@ -152,10 +146,10 @@ def test_columns_take_a_type_that_both_formats_have(tmp_path, suffix):
         "big": np.array([1.25, 2.0, 3.0], ">f8"),
         "seen": np.array([7, 8, 65535], ">u2"),
     }
-    write_points(tmp_path / f"map{suffix}", points.astype(np.float64), columns)
-    axes = [(axis, "<f4" if suffix == ".pcd" else "<f8") for axis in "xyz"]  # Open3D reads no PCD of 8 bytes
-    packed = np.dtype([*axes, *zip(columns, ("<i4", "<f8", "u1", "<f4", "<f8", "<u2"), strict=True)])
-    body = (tmp_path / f"map{suffix}").read_bytes()[-3 * packed.itemsize :]
+    write_ply(tmp_path / "map.ply", points.astype(np.float64), columns)
+    kinds = ("<f8", "<f8", "<f8", "<i4", "<f8", "u1", "<f4", "<f8", "<u2")
+    packed = np.dtype(list(zip(("x", "y", "z", *columns), kinds, strict=True)))
+    body = (tmp_path / "map.ply").read_bytes()[-3 * packed.itemsize :]
     records = np.frombuffer(body, packed)
     np.testing.assert_array_equal(records["y"], points[:, 1].astype(np.float64))
     for name, column in columns.items():

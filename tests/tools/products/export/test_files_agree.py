@@ -1,6 +1,7 @@
 """A folder that the mapper's result became, exported: what the files say of a pose is the same in all of them."""
 
 import json
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import pytest
 from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
-from sonarmap.tools.products.export.kml import GX
+from sonarmap.tools.products.export.kmz import GX
 from sonarmap.tools.products.export.run import ExportSettings, export_map
 from sonarmap.tools.products.output.folder import write_survey
 from sonarmap.tools.products.output.run import SurveyRun
@@ -21,7 +22,7 @@ from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 COUNT = 8
 HERE = Georeference(69.9, 17.9995, height=-3.5, vertical="MSL", heading=37.0)
-FORMATS = ("csv", "eiva-position", "eiva-attitude", "geojson", "gpkg", "geotiff", "kml", "kmz", "mcap", "g2o")
+FORMATS = ("csv", "eiva-position", "eiva-attitude", "geojson", "gpkg", "geotiff", "kmz", "mcap", "g2o")
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +67,7 @@ def test_places_and_times(exported: tuple[Path, Map]) -> None:
     features = json.loads((out / "track.geojson").read_text())["features"]
     points = np.array([f["geometry"]["coordinates"] for f in features if f["properties"]["layer"] == "scans"])
     np.testing.assert_allclose(points, np.column_stack([degrees[:, ::-1], heights]), rtol=0, atol=1e-5)
-    root = ElementTree.parse(out / "map.kml").getroot()
+    root = ElementTree.fromstring(zipfile.ZipFile(out / "map.kmz").read("doc.kml"))
     (line,) = (element.text or "" for element in root.iterfind(".//{*}LineString/{*}coordinates"))
     track = [[float(x) for x in (element.text or "").split()] for element in root.iter(f"{{{GX}}}coord")]
     for places in (track, [[float(x) for x in row.split(",")] for row in line.split()]):

@@ -20,7 +20,7 @@ from tests.tools.products.export.finished import COUNT, START, STEP, finished_ma
 
 HERE = Georeference(60.0, 9.0)
 FILES = ("map.ply", "graph.json", "summary.json")
-SETTINGS = ExportSettings(("laz", "kml"))
+SETTINGS = ExportSettings(("laz", "kmz"))
 
 
 @pytest.fixture(scope="module")

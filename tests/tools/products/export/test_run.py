@@ -1,30 +1,24 @@
 """A finished map exported: side-cars, what is refused, what is left out, and that nothing is half there."""
 
-import csv
 import hashlib
 import json
-import re
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
 import laspy
-import numpy as np
 import pytest
 from pyproj import CRS
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
-from sonarmap.tools.files.readers.clouds.pcd import read_pcd
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.run import ExportSettings, check_settings, export_map
-from tests.tools.products.export.finished import START, finished_map, program
+from tests.tools.products.export.finished import finished_map
 
 HERE = Georeference(60.0, 11.9999, height=-2.0, vertical="MSL", heading=70.0)
 ALL = ExportSettings(tuple(FORMATS))
-PLAIN = (("map", "mcap"), ("map", "pcd"), ("trajectory", "tum"), ("trajectory", "kitti"))
-PLAIN += (("surface", "ply"), ("surface", "glb"))
+PLAIN = (("map", "mcap"), ("surface", "ply"), ("surface", "glb"))
 LAZ = ExportSettings(("laz",))
 
 
@@ -45,28 +39,6 @@ def placed(folder: Path, here: Georeference = HERE) -> Map:
 
 def side_car(path: Path) -> dict:
     return json.loads(path.with_name(f"{path.name}.json").read_text())
-
-
-def test_poses_at_a_rate_pass_through_the_scans(one: Path, tmp_path: Path) -> None:
-    """Eight scans in 17.5 s: of 4 poses a second every tenth is a scan's."""
-    exported = export_map(read_map_folder(one), tmp_path, ExportSettings(("csv", "tum", "laz"), rate=4.0))
-    part = read_map_folder(one).parts[0]
-    poses = np.loadtxt(tmp_path / "trajectory.tum")
-    spans = np.diff(part.trajectory.stamps)
-    assert np.allclose(spans, 2.5)
-    np.testing.assert_allclose(np.diff(poses[:, 0]), 0.25, atol=1e-6)
-    at_scans = poses[::10, 1:4]
-    np.testing.assert_allclose(at_scans, part.trajectory.T_world_sensor.translation, atol=1e-6)
-    with (tmp_path / "poses.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == len(poses) == 10 * (len(spans)) + 1
-    assert [int(row["scan"]) for row in rows[:12]] == 10 * [0] + 2 * [1]
-    sigmas = np.array([float(row["east_sigma_m"]) for row in rows])
-    assert sigmas[15] ** 2 > (sigmas[10] ** 2 + sigmas[20] ** 2) / 2  # less sure between than the scans beside it
-    said = side_car(tmp_path / "poses.csv")
-    assert (said["scans"], said["details"]["rate_hz"], said["details"]["poses"]) == (len(part.scans), 4.0, len(rows))
-    assert "rate_hz" not in side_car(tmp_path / "map.laz")["details"]
-    assert tmp_path / "map.laz" in exported.files
 
 
 def test_every_file_has_a_side_car_that_says_what_it_is(one: Path, tmp_path: Path) -> None:
@@ -195,8 +167,8 @@ def test_in_the_map_s_own_folder_they_are_listed_and_a_later_map_removes_them(tm
     out = finished_map(tmp_path / "out", georeference=HERE)
     before = json.loads((out / "summary.json").read_text())
     (out / "notes.txt").write_text("mine")
-    export_map(read_map_folder(out), out, ExportSettings(("laz", "kml")))
-    names = ["map.laz", "map.laz.json", "map.kml", "map.kml.json"]
+    export_map(read_map_folder(out), out, ExportSettings(("laz", "kmz")))
+    names = ["map.laz", "map.laz.json", "map.kmz", "map.kmz.json"]
     after = json.loads((out / "summary.json").read_text())
     assert after == before | {"files": before["files"] + names}
     export_map(read_map_folder(out), out, LAZ)
@@ -223,36 +195,3 @@ def test_what_needs_no_place_is_written_of_every_part(two: Path, tmp_path: Path)
     files = {path.name for path in export_map(folder, tmp_path, ExportSettings(names)).files}
     expected = {f"{name}{part}.{suffix}" for name, suffix in PLAIN for part in ("", "_2")} | {"graph.g2o", "graph.csv"}
     assert files == expected | {f"{name}.json" for name in expected}
-    for part in folder.parts:
-        (cloud,) = read_pcd((tmp_path / f"map{part.suffix}.pcd").read_bytes())
-        np.testing.assert_allclose(cloud.points, part.points, rtol=0, atol=1e-4)
-        rows = np.loadtxt(tmp_path / f"trajectory{part.suffix}.kitti").reshape(-1, 3, 4)
-        T = part.trajectory.T_world_sensor.as_matrix()
-        np.testing.assert_allclose(rows, T[:, :3], atol=1e-9)
-        table = np.loadtxt(tmp_path / f"trajectory{part.suffix}.tum")
-        expected = np.column_stack([part.trajectory.stamps, T[:, :3, 3]])
-        np.testing.assert_allclose(table[:, :4], expected, rtol=0, atol=1e-6)
-
-
-def test_a_rate_needs_a_format_of_poses_and_bounds_their_number(one: Path, tmp_path: Path) -> None:
-    for settings, words in (
-        (ExportSettings(("laz",), rate=4.0), "csv, eiva-position, eiva-attitude, tum, kitti"),
-        (ExportSettings(("tum",), rate=1e7), "more than 10,000,000 poses"),
-    ):
-        with pytest.raises(InputError, match=words):
-            export_map(read_map_folder(one), tmp_path / "none", settings)
-        assert not (tmp_path / "none").exists() or not list((tmp_path / "none").iterdir())
-
-
-def test_evo_reads_the_trajectories(one: Path, tmp_path: Path) -> None:
-    command = program("evo_traj", "pip install evo")
-    folder = read_map_folder(one)
-    export_map(folder, tmp_path, ExportSettings(("tum", "kitti")))
-    T = folder.parts[0].trajectory.T_world_sensor.translation
-    way = float(np.linalg.norm(np.diff(T, axis=0), axis=1).sum())
-    for kind in ("tum", "kitti"):
-        asked = [command, kind, str(tmp_path / f"trajectory.{kind}"), "--full_check"]
-        said = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
-        assert float(re.findall(r"path length \(m\)\s+([\d.]+)", said)[0]) == pytest.approx(way, abs=1e-3)
-        if kind == "tum":
-            assert float(re.findall(r"t_start \(s\)\s+([\d.]+)", said)[0]) == pytest.approx(START, abs=1e-3)

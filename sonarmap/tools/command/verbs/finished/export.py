@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.options.checks import checked, choice, is_positive, length
+from sonarmap.tools.command.options.checks import choice, length
 from sonarmap.tools.command.options.option import OUTPUT, REQUIRED, option
 from sonarmap.tools.command.options.output import EarthPlace, FormatsOption, export_with_progress
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
@@ -52,15 +52,8 @@ class ExportedFiles:
     )
     height: str = choice(
         OUTPUT,
-        "Height of a cell: top, mean, median, shoalest or deepest. top is the mean of its uppermost surface.",
+        "Height of a cell: top, mean or shoalest. top is the mean of its uppermost surface.",
         HEIGHTS,
-    )
-    contours: float | None = length(
-        OUTPUT, "Add contours so far apart \\[m] to geojson, gpkg, kml, kmz.", "no contours", shown=True
-    )
-    clip: str | None = _output(
-        "AREA",
-        "Only what is within W,S,E,N or a GeoJSON file's polygons. The box is in degrees, or as --crs has it.",
     )
     points: str = choice(
         OUTPUT,
@@ -73,13 +66,6 @@ class ExportedFiles:
     )
     scans_from: list[str] = _output(
         "PATH", "Where the scans are now; may be repeated.", [], shown="where `map` read them", rare=True
-    )
-    spacing: float | None = length(OUTPUT, "Keep one point in each cube of this edge \\[m].", "all points", shown=True)
-    rate: float | None = _output(
-        "HZ",
-        "Poses a second in files of poses \\[Hz].",
-        callback=checked(is_positive, "{} Hz; give a rate above 0, or leave it out for the scans'"),
-        rare=True,
     )
 
 
@@ -104,14 +90,10 @@ def command(
         formats=tuple(files.format),
         crs=earth.crs,
         cell=files.cell,
-        rate=files.rate,
         height=files.height,
-        contours=files.contours,
-        clip=files.clip,
         of_scans=files.points == "all",
         scans=scans,
         scans_from=tuple(files.scans_from),
-        spacing=files.spacing,
     )
     with locked(source, writing=to.resolve() == source.resolve()):
         folder = read_map_folder(source)

@@ -86,7 +86,7 @@ def cloud_of_columns(columns: Mapping[str, np.ndarray], notes: Sequence[str] = (
 
 
 def columns_of(scan: Scan) -> dict[str, np.ndarray]:
-    """{name: (N,)} for `write_points`: intensity, time and vp_x, vp_y, vp_z, as far as the scan has them."""
+    """{name: (N,)} for `write_ply`: intensity, time and vp_x, vp_y, vp_z, as far as the scan has them."""
     columns = {} if scan.strength is None else {"intensity": scan.strength}
     if scan.times is not None:
         columns["time"] = scan.times

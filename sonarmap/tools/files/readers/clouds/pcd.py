@@ -16,11 +16,9 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.memory import require_memory
 from sonarmap.tools.files.readers.clouds import rows
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, cloud_of_columns, column_roles
-from sonarmap.tools.files.readers.limits import LARGEST
 
 _HEADER = re.compile(rb"\A(.*?)^DATA[ \t]+(ascii|binary|binary_compressed)[ \t]*\r?\n", re.DOTALL | re.MULTILINE)
 _HEADER_LIMIT = 1 << 20
-_ORIGIN = "# origin of x, y, z [m]:"  # as tools/files/writers/points.py has it
 _VIEWPOINT_NOTE = (
     "the line VIEWPOINT is taken as the sensor's place in the frame of the points; where the points are in the "
     "sensor's own frame, set it to 0 0 0 1 0 0 0"
@@ -35,15 +33,13 @@ _Columns = tuple[dict[str, np.ndarray], list[str]]  # what is read, by role, and
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """One entry of names, dtypes and counts per field; `points` of them; the origin (3,) to add to them, and where the
-    sensor was, (3,) float64 [m]."""
+    """One entry of names, dtypes and counts per field; `points` of them; where the sensor was, (3,) float64 [m]."""
 
     names: list[str]
     dtypes: list[str]
     counts: list[int]
     points: int
     lines: int
-    origin: np.ndarray
     viewpoint: np.ndarray
 
     @property
@@ -67,23 +63,16 @@ def read_pcd(content: bytes) -> list[Cloud]:
         raise InputError(f"field {', '.join(wide)} has more than one value per point (COUNT); wanted one")
     read = {b"ascii": _read_ascii, b"binary": _read_binary, b"binary_compressed": _read_compressed}[match[2]]
     columns, surplus = read(content, match.end(), header, roles)
-    with np.errstate(invalid="ignore"):  # a signaling NaN is dropped later like any other
-        for axis, x in zip("xyz" if header.origin.any() else "", header.origin, strict=False):
-            columns[axis] = columns[axis].astype(np.float64) + x
     cloud = cloud_of_columns(columns, surplus)
     if cloud.viewpoints is None and header.viewpoint.any():
-        viewpoints = np.tile(header.viewpoint + header.origin, (len(cloud.points), 1))
+        viewpoints = np.tile(header.viewpoint, (len(cloud.points), 1))
         cloud = replace(cloud, viewpoints=viewpoints, notes=(*cloud.notes, _VIEWPOINT_NOTE))
     return [cloud]
 
 
 def _parse_header(text: bytes) -> _Header:
     entries: dict[str, list[str]] = {}
-    origin = np.zeros(3)
     for line in text.decode("latin-1").split("\n"):
-        if line.startswith(_ORIGIN):
-            numbers = line.removeprefix(_ORIGIN)
-            origin = _numbers(numbers, 3, LARGEST, _ORIGIN[2:], "three numbers of meters")
         words = line.split()
         if words and not words[0].startswith("#"):
             entries[words[0].upper()] = words[1:]
@@ -109,7 +98,6 @@ def _parse_header(text: bytes) -> _Header:
         counts=[_integer(count, "COUNT", least=1) for count in counts],
         points=points,
         lines=text.count(b"\n") + 1,
-        origin=origin,
         # PCL's sensor_origin; how it was turned there does not matter
         viewpoint=_numbers(pose, 7, most, "VIEWPOINT", wanted)[:3],
     )

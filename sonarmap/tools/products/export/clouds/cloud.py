@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.map.cell import cell_keys, lattice_origin
 from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.time_scales import are_times
-from sonarmap.tools.products.export.clip import Clip
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 
 
@@ -36,8 +34,6 @@ class Cloud:
     earth: Georeferenced | None  # of the same part, for projected coordinates; None for the map's own
     scans: Sequence[Scan] | None = None  # all of the map's, for their points; None for the map's own points
     chosen: tuple[int, ...] | None = None  # which of the scans; None for all
-    spacing: float | None = None  # one point is kept in each cube of this edge [m]
-    clip: Clip | None = None  # outside of which scans lose their points; the part has lost its own
 
     @property
     def timed(self) -> bool:
@@ -61,21 +57,16 @@ class Cloud:
         """All points, none of them empty.
 
         Raises InputError: there are none."""
-        taken, origin, empty = np.zeros(0, np.int64), None, True
+        empty = True
         for name, points, columns, stamps, place in self._whole():
-            if self.spacing is not None and len(points):
-                origin = lattice_origin(points, self.spacing) if origin is None else origin
-                taken, kept = _first_of_each(points, self.spacing, origin, taken)
-                points, stamps = points[kept], stamps[kept]
-                columns = {key: column[kept] for key, column in columns.items()}
             if len(points):
                 empty = False
                 yield Portion(name, self.placed(points), columns, stamps, self.placed(place[None])[0])
         if empty:
-            raise InputError("no points are left of the chosen scans; choose others, or another --clip")
+            raise InputError("the chosen scans have no points; choose others")
 
     def _whole(self) -> Iterator[tuple[str, np.ndarray, Mapping[str, np.ndarray], np.ndarray, np.ndarray]]:
-        """Portions in the map's frame, not thinned."""
+        """Portions in the map's frame."""
         part = self.part
         if self.scans is None:
             middle = np.median(part.points, axis=0) if len(part.points) else np.zeros(3)
@@ -96,18 +87,4 @@ class Cloud:
             if with_echo:
                 columns["intensity"] = np.full(size, np.nan, np.float32) if scan.strength is None else scan.strength
             stamps = np.full(size, part.trajectory.stamps[k])
-            if self.clip is not None:
-                inside = self.clip.inside(points)
-                points, stamps = points[inside], stamps[inside]
-                columns = {key: column[inside] for key, column in columns.items()}
             yield self.folder.names[number], points, columns, stamps, T.translation
-
-
-def _first_of_each(
-    points: np.ndarray, edge: float, origin: np.ndarray, taken: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The cubes (ascending) that are taken now, and the indices of the points that are the first in theirs."""
-    keys, near = cell_keys(points, edge, origin)
-    cubes, first = np.unique(keys, return_index=True)
-    new = ~np.isin(cubes, taken, assume_unique=True)
-    return np.union1d(taken, cubes[new]), np.sort(np.flatnonzero(near)[first[new]])

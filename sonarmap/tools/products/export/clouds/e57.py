@@ -31,7 +31,7 @@ def write_e57(path: Path, cloud: Cloud) -> Mapping[str, Any]:
     from pye57 import e57 as library  # pyright: ignore[reportMissingTypeStubs]
 
     total = 0
-    seed = sha256(cloud.part.points.tobytes() + repr((cloud.chosen, cloud.spacing)).encode()).hexdigest()
+    seed = sha256(cloud.part.points.tobytes() + repr(cloud.chosen).encode()).hexdigest()
     with atomic_path(path) as temporary, _guids_from(library, seed):
         temporary.unlink()
         with E57(str(temporary), mode="w") as file:

@@ -105,21 +105,14 @@ def test_they_are_those_of_the_map(survey: Path) -> None:
     assert same_as_fused(folder, np.concatenate([portion.points for portion in cloud.portions()]))
 
 
-def test_some_scans_thinned_and_clipped_in_the_frame_of_the_map(survey: Path, tmp_path: Path) -> None:
-    chosen = ("--scans", "1,3-3", "--spacing", "0.5", "--clip=-3,-4,2,5", "--crs", "map")
+def test_some_scans_in_the_frame_of_the_map(survey: Path, tmp_path: Path) -> None:
+    chosen = ("--scans", "1,3-3", "--crs", "map")
     done(sonarmap("export", survey / "map", "--to", tmp_path, "--format", "xyz", *chosen))
     table = np.loadtxt(tmp_path / "points.xyz", comments="/")
     points, scans = expected(survey)
-    inside = (points[:, :2] > [-3, -4]).all(axis=1) & (points[:, :2] < [2, 5]).all(axis=1) & np.isin(scans, [1, 3])
-    assert len(table) == len(np.unique(np.floor(points[inside] / 0.5), axis=0))
-    apart = len(table) - len(np.unique(np.floor(table[:, :3] / 0.5), axis=0))
-    assert 0 <= apart <= 3  # by the last digit across a cube's border
+    np.testing.assert_allclose(table[:, :3], points[np.isin(scans, [1, 3])], rtol=0, atol=1e-4)
     assert set(table[:, 4]) == {1, 3}
-    away = np.abs(points[inside][:, None] - table[None, ::50, :3]).max(axis=2).min(axis=0)
-    assert away.max() < 1e-4  # each is a point of a scan
-    refused(
-        sonarmap("export", survey / "map", "--to", tmp_path, "--format", "xyz", "--scans", "9"), "no points are left"
-    )
+    refused(sonarmap("export", survey / "map", "--to", tmp_path, "--format", "xyz", "--scans", "9"), "have no points")
 
 
 @pytest.mark.parametrize("change", ["gone", "longer", "fewer"])

@@ -25,7 +25,7 @@ LAYERS = {
     "track": "track.gpkg|layername=track",
     "loops": "track.gpkg|layername=loops",
     "geojson": "track.geojson|geometrytype=Point",
-    "kml": "map.kml",
+    "kmz": "map.kmz",
     "csv": f"poses.csv?{COLUMNS}&xField=easting_m&yField=northing_m&crs={{crs}}",
     "csv in degrees": f"poses.csv?{COLUMNS}&xField=lon_deg&yField=lat_deg&crs=EPSG:4326",
 }

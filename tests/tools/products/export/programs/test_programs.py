@@ -1,4 +1,4 @@
-"""Exports in Rerun, CloudCompare, PCL and QGIS, where these are installed."""
+"""Exports in Rerun, CloudCompare and QGIS, where these are installed."""
 
 import json
 import os
@@ -15,7 +15,7 @@ import rasterio
 from PIL import Image
 
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.writers.points import write_points
+from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.laz import write_laz
@@ -76,35 +76,19 @@ def named(names: list[str], table: np.ndarray, name: str) -> np.ndarray:
     return table[:, index]
 
 
-@pytest.mark.parametrize(
-    ("kind", "columns"), [("ply", ("intensity",)), ("pcd", ("sigma",)), ("laz", ("sigma", "seen"))]
-)
+@pytest.mark.parametrize(("kind", "columns"), [("ply", ("intensity",)), ("laz", ("sigma", "seen"))])
 def test_clouds(tmp_path: Path, kind: str, columns: tuple[str, ...]) -> None:
     """Of a PLY, coordinates and strengths come by themselves; the others are chosen in CloudCompare's dialog."""
     earth, path = made_up(), tmp_path / f"map.{kind}"
     if kind == "laz":
         write_laz(path, cloud_of(earth))
     else:
-        write_points(path, earth.part.points, earth.part.columns)
+        write_ply(path, earth.part.points, earth.part.columns)
     names, table = in_cloudcompare(path)
     expected = earth.projected_points if kind == "laz" else earth.part.points
     np.testing.assert_allclose(table[:, :3], expected, rtol=0, atol=1e-3)
     for name in columns:
         np.testing.assert_allclose(named(names, table, name), earth.part.columns[name], rtol=1e-5, atol=1e-5)
-
-
-def test_pcl_reads_every_field(tmp_path: Path) -> None:
-    command = program("pcl_convert_pcd_ascii_binary", "Debian: pcl-tools")
-    part = made_up().part
-    write_points(tmp_path / "map.pcd", part.points, part.columns)
-    subprocess.run([command, tmp_path / "map.pcd", tmp_path / "text.pcd", "0"], capture_output=True, check=True)
-    lines = (tmp_path / "text.pcd").read_text().splitlines()
-    (fields,) = (line.split()[1:] for line in lines if line.startswith("FIELDS"))
-    table = np.loadtxt(lines[lines.index("DATA ascii") + 1 :])
-    assert sorted(fields) == sorted(["x", "y", "z", *part.columns])
-    np.testing.assert_allclose(table[:, :3], part.points, rtol=0, atol=1e-3)
-    for name, column in part.columns.items():
-        np.testing.assert_allclose(table[:, fields.index(name)], column, rtol=1e-6, atol=1e-9)
 
 
 EARTH = dive()
@@ -114,7 +98,7 @@ CRS = "EPSG:32632"
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("gis")
-    for name in ("geotiff", "kml", "kmz", "csv", "geojson", "gpkg"):
+    for name in ("geotiff", "kmz", "csv", "geojson", "gpkg"):
         FORMATS[name].write(out / FORMATS[name].file.format(""), EARTH.folder, EARTH.part, EARTH)
     return out
 
@@ -139,18 +123,18 @@ def layers(exported: Path) -> dict[str, Any]:
 
 def test_all_are_layers_of_the_crs_that_they_name(layers: dict[str, Any]) -> None:
     assert {name for name, says in layers.items() if not says["valid"]} == set()
-    degrees = {"geojson", "kml", "csv in degrees"}
+    degrees = {"geojson", "kmz", "csv in degrees"}
     crs = {name: "EPSG:4326" if name in degrees else CRS for name in layers}
     assert {name: says["crs"] for name, says in layers.items()} == crs
 
 
 def test_places_agree(layers: dict[str, Any]) -> None:
-    """The KML has the track twice, and its ends."""
+    """The KMZ has the track twice, and its ends."""
     poses = EARTH.projected_poses
     for name in ("scans", "track", "geojson", "csv", "csv in degrees"):
         np.testing.assert_allclose(layers[name]["places"], poses, rtol=0, atol=1e-3, err_msg=name)
-    np.testing.assert_allclose(layers["kml"]["places"], [*poses, *poses, poses[0], poses[-1]], rtol=0, atol=1e-3)
-    assert layers["kml"]["renderer"] == "embeddedSymbol"  # the KML's own colors
+    np.testing.assert_allclose(layers["kmz"]["places"], [*poses, *poses, poses[0], poses[-1]], rtol=0, atol=1e-3)
+    assert layers["kmz"]["renderer"] == "embeddedSymbol"  # the KMZ's own colors
 
 
 def test_the_grid_is_drawn_in_the_colors_of_its_heights(layers: dict[str, Any], exported: Path) -> None:

@@ -15,7 +15,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH
 from sonarmap.tools.files.readers.json_file import read_json
-from sonarmap.tools.files.writers.points import write_points
+from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.products.report.page.content import content_of
 from sonarmap.tools.products.report.page.points import FRACTION, TILE, codes, doubtful_of, pack
 from tests.tools.products.report.page.browser import Opened, click, opened, wait_until
@@ -37,7 +37,7 @@ def doubted(out: Path, count: int = 2, **spoiled: Any) -> Map:
         "scan": np.arange(len(points)) % 8,
         "doubtful": left_out.astype(np.uint8),
     }
-    write_points(out / "map_all.ply", points, columns | spoiled)
+    write_ply(out / "map_all.ply", points, columns | spoiled)
     graph = read_json(out / FULL_GRAPH, "a graph")
     for pose in graph["poses"]:
         before = np.array(pose["T_world_sensor"])

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""KML and KMZ: valid by the OGC's and Google's schemas, read by lxml and fastkml, places worked by hand."""
+"""KMZ: valid by the OGC's and Google's schemas, read by lxml and fastkml, places worked by hand."""
 
 import io
 import zipfile
@@ -16,7 +16,7 @@ from PIL import Image
 
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.kml import write_kml, write_kmz
+from sonarmap.tools.products.export.kmz import write_kmz
 from tests.tools.products.export.finished import START, georeferenced, scattered, timed
 
 NAMES = {"kml": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
@@ -24,9 +24,8 @@ PLACES = [(-70.0, -60.0002), (-17.5, 179.9999)]
 
 
 def document(path: Path) -> etree._Element:
-    """The document of a KML or KMZ, after a check by the schema."""
-    content = zipfile.ZipFile(path).read("doc.kml") if path.suffix == ".kmz" else path.read_bytes()
-    root = etree.fromstring(content)
+    """The document of a KMZ, after a check by the schema."""
+    root = etree.fromstring(zipfile.ZipFile(path).read("doc.kml"))
     schema = get_schema_parser()
     assert schema.validate(root), schema.error_log
     return root
@@ -36,10 +35,9 @@ def texts(root: etree._Element, query: str) -> list[str]:
     return [str(element.text) for element in root.iterfind(query, NAMES)]
 
 
-def written(folder: Path, earth: Georeferenced, kind: str = "kml") -> Path:
-    write = write_kml if kind == "kml" else write_kmz
-    write(folder / f"map.{kind}", earth)
-    return folder / f"map.{kind}"
+def written(folder: Path, earth: Georeferenced) -> Path:
+    write_kmz(folder / "map.kmz", earth)
+    return folder / "map.kmz"
 
 
 def test_times(tmp_path: Path) -> None:
@@ -56,9 +54,9 @@ def test_times(tmp_path: Path) -> None:
 def test_placemarks_are_read_by_another_library_too(tmp_path: Path) -> None:
     """Without times there is no timed track; characters that XML cannot hold become question marks."""
     earth = georeferenced(Georeference(60.0, 5.0), scattered(4))
-    read = fastkml.kml.KML.parse(io.BytesIO(written(tmp_path, earth).read_bytes()))
-    names = [feature.name for feature in read.features[0].features]
-    assert names == ["track", "track with times", "start", "end"]
+    content = zipfile.ZipFile(written(tmp_path, earth)).read("doc.kml")
+    names = [feature.name for feature in fastkml.kml.KML.parse(io.BytesIO(content)).features[0].features]
+    assert [name for name in names if name not in ("map", "heights")] == ["track", "track with times", "start", "end"]
     counted = timed(earth, np.arange(4.0))
     folder = replace(counted.folder, names=("<a>&\x07\udcff", *"bcd"))
     root = document(written(tmp_path, replace(counted, folder=folder)))
@@ -70,7 +68,7 @@ def test_placemarks_are_read_by_another_library_too(tmp_path: Path) -> None:
 def test_every_point_is_in_the_picture(place: tuple[float, float], tmp_path: Path) -> None:
     """Its pixel, by the box and the picture's size alone, has a color; two pictures where 180 degrees are crossed."""
     earth = georeferenced(Georeference(*place, heading=20.0), scattered(4, reach=60.0))
-    path = written(tmp_path, earth, "kmz")
+    path = written(tmp_path, earth)
     archive = zipfile.ZipFile(path)
     assert archive.namelist()[0] == "doc.kml"
     drawn = 0
@@ -92,9 +90,9 @@ def test_every_point_is_in_the_picture(place: tuple[float, float], tmp_path: Pat
 
 def test_a_kmz_keeps_its_files_readable(tmp_path: Path) -> None:
     earth = georeferenced(Georeference(60.0, 5.0), scattered(2))
-    path = written(tmp_path, earth, "kmz")
+    path = written(tmp_path, earth)
     before = path.read_bytes()
     entries = zipfile.ZipFile(path).infolist()
     assert {entry.filename for entry in entries} == {"doc.kml", "files/map_1.png", "files/legend.png"}
     assert all(entry.external_attr >> 16 & 0o444 == 0o444 for entry in entries)
-    assert before == written(tmp_path, earth, "kmz").read_bytes()
+    assert before == written(tmp_path, earth).read_bytes()

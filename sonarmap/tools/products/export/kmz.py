@@ -1,4 +1,4 @@
-"""KML and KMZ for Google Earth and the like: a map's track, where it starts and ends, and pictures on the ground.
+"""KMZ for Google Earth and the like: a map's track, where it starts and ends, and pictures on the ground.
 
 Everything is clamped to the ground, which on the sea is the water's surface: below it Google Earth's own sea floor,
 coarse and often above the true one, would hide the map. The coordinates have their heights all the same.
@@ -7,7 +7,9 @@ coarse and often above the true one, would hide the map. The coordinates have th
 import re
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -18,9 +20,8 @@ import numpy as np
 from sonarmap.tools.files.geo.georeference import VERTICALS
 from sonarmap.tools.files.time_scales import utc_text
 from sonarmap.tools.files.writers.atomic import atomic_path
-from sonarmap.tools.products.export.contours import contours_of
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.kml_pictures import Picture, legend_of, pictures_of
+from sonarmap.tools.products.export.grid import HEIGHT_COLORS
 
 KML, GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
 _CLAMPED = {"altitudeMode": "clampToGround"}
@@ -32,16 +33,21 @@ _LEGEND_PLACE = {  # in the lower left corner of the screen, in its own size
     for name, x, y in (("overlayXY", "0", "0"), ("screenXY", "0.02", "0.06"), ("size", "-1", "-1"))
 }
 _NARROWEST = 100.0  # of what is in view at first [m]
+_LARGEST, _SMALLEST = 4096, 1024  # edge of a picture: beyond it graphics cards shrink it, below it edges are blurred
+_DEGREE = 111_195.0  # of latitude on the mean sphere [m]; a pixel's size need not be exact
 
 
-def write_kml(path: Path, earth: Georeferenced) -> None:
-    """Write the track of a part, with times where the scans have them, as KML 2.2."""
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(_document(earth))
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A PNG on the Earth."""
+
+    png: bytes  # the file
+    box: dict[str, float]  # north, south, east, west [deg]; west is less than east
 
 
 def write_kmz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
-    """Write the same, the map from above as a picture on the ground, and a legend, as KMZ; returns what it shows."""
+    """Write the track of a part, with times where the scans have them, the map from above as a picture on the ground,
+    and a legend, as KML 2.2 in a zip archive; returns what the picture shows."""
     pictures = [(f"files/map_{number}.png", picture) for number, picture in enumerate(pictures_of(earth), 1)]
     # the document comes first, where readers look for it
     contents = [("doc.kml", _document(earth, pictures)), *((name, picture.png) for name, picture in pictures)]
@@ -57,13 +63,12 @@ def write_kmz(path: Path, earth: Georeferenced) -> Mapping[str, Any]:
     }
 
 
-def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = ()) -> bytes:
-    """The document in UTF-8; `pictures` of the map, with the paths under which they will be in a KMZ."""
+def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]]) -> bytes:
+    """The document in UTF-8; `pictures` of the map, with their paths in the archive."""
     part, track = earth.part, {"tessellate": "1", **_CLAMPED}
     track["coordinates"] = "\n".join(_coordinate(place, ",") for place in earth.poses)
     ends = [_place(earth, "start", 0), _place(earth, "end", -1)]
     line = {"name": "track", "styleUrl": "#track", "LineString": track}
-    contours = [_contour(earth, each) for each in contours_of(earth)]
     document = {
         "name": f"{earth.folder.path.resolve().name} map{part.suffix}",
         "open": "1",
@@ -74,8 +79,7 @@ def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = ()
         "LookAt": _look_at(earth),
         "Style": {"@id": "track", "LineStyle": {"color": _TRACK_COLOR, "width": "3"}},
         "GroundOverlay": [_overlay(href, picture, number) for number, (href, picture) in enumerate(pictures, 1)],
-        "ScreenOverlay": [{"name": "heights", "Icon": {"href": _LEGEND}, **_LEGEND_PLACE}] if pictures else [],
-        "Folder": [{"name": "contours", "Placemark": contours}] if contours else [],
+        "ScreenOverlay": {"name": "heights", "Icon": {"href": _LEGEND}, **_LEGEND_PLACE},
         "Placemark": [line, *_timed_track(earth), *ends],
     }
     return xml_bytes("kml", {"@xmlns": KML, "@xmlns:gx": GX, "Document": document})
@@ -117,12 +121,6 @@ def _look_at(earth: Georeferenced) -> dict[str, str]:
     return place | {"range": f"{1.5 * max(extent, _NARROWEST):.0f}"} | _CLAMPED
 
 
-def _contour(earth: Georeferenced, contour: np.ndarray) -> dict[str, Any]:
-    places = earth.projection.unproject(contour)
-    line = {"tessellate": "1", **_CLAMPED, "coordinates": "\n".join(_coordinate(place, ",") for place in places)}
-    return {"name": f"{contour[0, 2]:g} m", "LineString": line}
-
-
 def _overlay(href: str, picture: Picture, number: int) -> dict[str, Any]:
     box = {side: f"{degrees:.10f}" for side, degrees in picture.box.items()}
     name = "map" if number == 1 else f"map, piece {number}"
@@ -154,3 +152,63 @@ def _coordinate(place: np.ndarray, separator: str) -> str:
     """Longitude, latitude [deg] and height [m] of a place (3,): to a tenth of a millimeter."""
     latitude, longitude, height = place.tolist()
     return separator.join((f"{longitude:.10f}", f"{latitude:.10f}", f"{height:.4f}"))
+
+
+def pictures_of(earth: Georeferenced) -> list[Picture]:
+    """The map from above, colored by height, clear where there are no points: one picture, two across 180 degrees.
+
+    A pixel shows the same height as a cell of the GeoTIFF would there.
+    """
+    from matplotlib import colormaps
+
+    latitude, longitude, _ = earth.points.T
+    middle = earth.georeference.longitude
+    longitude = middle + (longitude - middle + 180) % 360 - 180  # without the jump at 180 degrees
+    across = _DEGREE * np.cos(np.radians(np.abs(latitude).min()))
+    extents = np.ptp(latitude) * _DEGREE, np.ptp(longitude) * across
+    cell = max(earth.cell_m, *(extent / _LARGEST for extent in extents))
+    # columns that go round the Earth evenly, so that 180 degrees is the edge of a column
+    around, down = round(360 * across / cell), cell / _DEGREE
+    row = np.floor((90 - latitude) / down).astype(np.int64)
+    column = np.floor((longitude + 180) / 360 * around).astype(np.int64)
+    low, high = earth.shown_heights
+    pictures: list[Picture] = []
+    for turn in np.unique(column // around).tolist():
+        here = column // around == turn
+        upper, left = int(row[here].min()), int(column[here].min())
+        cells = earth.cells(row[here] - upper, column[here] - left, here)
+        rows, width = int(cells.row.max()) + 1, int(cells.column.max()) + 1
+        colors = np.zeros((rows, width, 4), np.uint8)
+        shares = np.clip((cells.height - low) / (high - low), 0, 1)
+        colors[cells.row, cells.column] = colormaps[HEIGHT_COLORS](shares, bytes=True)
+        box = {"north": 90 - upper * down, "south": 90 - (upper + rows) * down}
+        for side, edge in (("east", left + width), ("west", left)):
+            box[side] = -180 + 360 * (edge - turn * around) / around
+        pictures.append(Picture(_png(colors), box))
+    return pictures
+
+
+def legend_of(earth: Georeferenced) -> bytes:
+    """A PNG that says which color is which height."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+
+    low, high = earth.shown_heights
+    figure = Figure(figsize=(1.4, 3.2), dpi=110, facecolor=(1, 1, 1, 0.85))
+    axes = figure.add_axes((0.1, 0.05, 0.18, 0.9))
+    scale = figure.colorbar(ScalarMappable(Normalize(low, high), HEIGHT_COLORS), cax=axes)
+    scale.set_label(f"height [m] above\n{VERTICALS[earth.georeference.vertical]}", fontsize=8)
+    scale.ax.tick_params(labelsize=8)
+    drawn = BytesIO()
+    figure.savefig(drawn, format="png")
+    return drawn.getvalue()
+
+
+def _png(colors: np.ndarray) -> bytes:
+    from PIL import Image
+
+    times = max(1, _SMALLEST // max(colors.shape[:2]))
+    drawn = BytesIO()
+    Image.fromarray(colors.repeat(times, axis=0).repeat(times, axis=1)).save(drawn, format="png", optimize=True)
+    return drawn.getvalue()
