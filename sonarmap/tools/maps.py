@@ -143,7 +143,7 @@ def export_map(
         formats: their names, as "laz", or ["laz", "geotiff", "kmz"]: see docs/export.md.
         origin: where the map lies on the Earth; None for what the map itself says.
         crs: projected coordinates, as "EPSG:25832"; "map" for points in the map's frame; None for the UTM zone.
-        cell: edge of a grid's cell [m]; None for the voxel, rounded up.
+        cell: edge of a grid's cell [m]; None for two voxels, rounded up to 1, 2 or 5 times a power of ten.
         height: of a cell: "top", "mean" or "shoalest".
         points: "map", or "all" for every point of every scan, which are read again.
         scans: the numbers of the scans whose points are written; None for all.

@@ -22,7 +22,7 @@ from tests.commands.pages import (
 )
 
 # Options of other programs that sentences name.
-FOREIGN = {"-m", "--no-deps", "--quiet"}
+FOREIGN = {"-m", "--filters", "--no-deps", "--quiet"}
 
 
 def test_pages_have_commands_and_wrong_ones_are_refused() -> None:

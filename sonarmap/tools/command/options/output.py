@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from sonarmap.tools.products.export.run import Exported, ExportSettings
 
 _KNOWN = "; ".join(f"{name}: {known.words}" for name, known in FORMATS.items())
+CELL = "two voxels, rounded up"  # to 1, 2 or 5 times a power of ten: where --cell is not given
 _output = partial(option, OUTPUT)
 _earth = partial(option, EARTH)
 

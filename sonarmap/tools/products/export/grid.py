@@ -83,6 +83,11 @@ def round_cell(voxel: float) -> float:
     return float(next(step for step in (power, 2 * power, 5 * power, 10 * power) if step >= voxel * (1 - 1e-9)))
 
 
+def default_cell(voxel: float) -> float:
+    """The edge of a cell where none is given [m]: of cells of one voxel a tenth would be empty, as points are means."""
+    return round_cell(2 * voxel)
+
+
 def empty_share(places: np.ndarray, cell: float, reach: float) -> float:
     """The share of a grid's covered cells that hold no point.
 

@@ -23,7 +23,7 @@ from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.products.export.clouds.cloud import Cloud
 from sonarmap.tools.products.export.formats import FORMATS
 from sonarmap.tools.products.export.georeferenced import Georeferenced, MapGrid
-from sonarmap.tools.products.export.grid import MANY_EMPTY, round_cell
+from sonarmap.tools.products.export.grid import MANY_EMPTY, default_cell
 from sonarmap.tools.products.export.side_car import side_car_content
 
 MAP_FRAME = "map"  # as --crs names the map's own coordinates
@@ -37,7 +37,7 @@ class ExportSettings:
     # of projected coordinates, such as EPSG:25832; None for the UTM zone of the map's origin; points and grids may also
     # be in MAP_FRAME
     crs: str | None = None
-    cell: float | None = None  # edge of a cell of grids, pictures and surfaces [m]; None for the voxel, rounded up
+    cell: float | None = None  # edge of a cell of grids, pictures and surfaces [m]; None for `default_cell`
     height: str = "top"  # of a cell, a name of HEIGHTS
     of_scans: bool = False  # whether files of points hold every point of every scan, or those of the map
     scans: tuple[int, ...] | None = None  # of which scans, then; None for all
@@ -151,7 +151,7 @@ def export_map(
     stamps = [stamp for part in folder.parts for stamp in part.trajectory.stamps.tolist()]
     check_settings(settings, folder.georeference, stamps)
     _refuse_second_heading(folder)
-    cell = settings.cell or round_cell(folder.voxel)
+    cell = settings.cell or default_cell(folder.voxel)
 
     def on_earth(part: MapPart) -> Georeferenced | None:
         if (here := folder.georeference) is None or not folder.on_earth(part):

@@ -2,10 +2,9 @@
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The volume between a map's surface and a plane, or that of another map, with its standard deviation.
 
-Both surfaces are grids of one lattice. The height of a cell is the weighted mean of its points within half a voxel of
-their median, or of those of the uppermost surface, as `products.export.grid` has it. Cut is what lies above the target,
-plane or other map, and fill what is missing below it. Only cells that both have count; the area that one alone has is
-said beside.
+Both surfaces are grids of one lattice, whose cells have heights as `products.export.grid` has them. Cut is what lies
+above the target, plane or other map, and fill what is missing below it. Only cells that both have count; the area that
+one alone has is said beside.
 
 The error is that of the poses, and the scatter of the cells. A pose's error, small turn and shift, moves all points of
 its scan together: its part of the volume is J C J', with J the sum over the points of the area they stand for, times
@@ -17,18 +16,15 @@ unsure. For these errors sigma is too large rather than too small; docs/measured
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.tangent import upward
-from sonarmap.tools.products.export.grid import Cells, check_size, top_cells, weight_of
+from sonarmap.tools.products.export.grid import Cells, cells_of, check_size, weight_of
 from sonarmap.tools.products.section.placed import PlacedMap
 
 _MOST = 1e12  # cells along an edge: more than any grid may have
-
-Height = Literal["median", "top"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +51,9 @@ class Volume:
         return volumes | {"cell_m": self.cell} | {f"area_{name}_m2": area for name, area in areas.items()}
 
 
-def volume_to_level(placed: PlacedMap, level: float, cell: float, kind: Height = "median") -> Volume:
+def volume_to_level(placed: PlacedMap, level: float, cell: float, kind: str = "top") -> Volume:
     """From a map to the plane at a height [m], as `PlacedMap.heights` counts; `cell` is the edge of cells [m], `kind`
-    what the height of a cell is.
+    what the height of a cell is, a name of `formats.HEIGHTS`.
 
     Raises InputError: a grid too large to be of use."""
     lattice = _lattice(cell, placed.part.points)
@@ -66,7 +62,7 @@ def volume_to_level(placed: PlacedMap, level: float, cell: float, kind: Height =
     return _summed(level - surface.cells.height, [(surface, np.arange(len(surface.key)))], cell, (area, 0.0, 0.0))
 
 
-def volume_between(first: PlacedMap, second: PlacedMap, cell: float, kind: Height = "median") -> Volume:
+def volume_between(first: PlacedMap, second: PlacedMap, cell: float, kind: str = "top") -> Volume:
     """From one map to another: cut is what was lost, fill what was gained. Where both lie on the Earth the second is
     brought to the first one's frame; otherwise both are in one.
 
@@ -114,18 +110,18 @@ class _Surface:
 
     @classmethod
     def of(
-        cls, placed: PlacedMap, flat: np.ndarray, cell: float, lattice: tuple[np.ndarray, int], kind: Height
+        cls, placed: PlacedMap, flat: np.ndarray, cell: float, lattice: tuple[np.ndarray, int], kind: str
     ) -> "_Surface":
         """Of a map's points at x, y (M, 2) [m]; the lattice as `_lattice` has it."""
         column, row = (np.floor(flat / cell).astype(np.int64) - lattice[0]).T
         height, columns = placed.heights, placed.part.columns
         key, index, count = np.unique(row * lattice[1] + column, return_inverse=True, return_counts=True)
-        order, last = np.lexsort((height, index)), np.cumsum(count) - 1
-        level = height[order[last if kind == "top" else last - count // 2]][index]
-        half = placed.voxel / 2
-        used = np.abs(height - level + (half if kind == "top" else 0.0)) <= half
+        highest = np.full(len(key), -np.inf)
+        np.maximum.at(highest, index, height)
+        below = {"top": placed.voxel, "mean": np.inf, "shoalest": 0.0}[kind]
+        used = height >= highest[index] - below
         sure = columns["sigma"][used]
-        cells = top_cells(row[used], column[used], height[used], sure, columns["count"][used], placed.voxel)
+        cells = cells_of(kind, row[used], column[used], height[used], sure, columns["count"][used], placed.voxel)
         spread = np.bincount(index, (height - cells.height[index]) ** 2) / count
         own, weight = index[used], weight_of(sure)
         scan = np.searchsorted(placed.part.scans, columns["scan"][used])

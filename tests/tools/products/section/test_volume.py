@@ -45,14 +45,13 @@ def test_the_height_of_the_origin_counts() -> None:
 
 
 def test_the_height_of_a_cell_and_what_makes_it_unsure() -> None:
-    """In one cell four points lie at -10, -10, -9.9 and -6 m; the median's are the first three, the top is the last."""
-    stray = np.array([[0.5, 0.5, -10], [0.4, 0.5, -9.9], [0.5, 0.4, -6.0]])
-    map_ = placed(np.vstack([bed(), stray]), 0.1)
-    assert volume_to_level(map_, -10.0, 1.0).cut[0] == pytest.approx(0.1 / 3)
-    assert volume_to_level(map_, -10.0, 1.0, "top").cut[0] == pytest.approx(4)
-    height = -10 + 0.1 / 3
-    spread = (2 * (0.1 / 3) ** 2 + (0.2 / 3) ** 2 + (-6 - height) ** 2) / 4
-    own = 0.1**2 + (2 * (0.1 / 3) ** 2 + (0.2 / 3) ** 2) / 3
+    """In one cell four points lie at -10, -10, -6.2 and -6 m; the top is the mean of the last two, within a voxel."""
+    wall = np.array([[0.5, 0.5, -10], [0.4, 0.5, -6.2], [0.5, 0.4, -6.0]])
+    map_ = placed(np.vstack([bed(), wall]), 0.1)
+    for kind, height in (("top", -6.1), ("mean", -8.05), ("shoalest", -6.0)):
+        assert volume_to_level(map_, -10.0, 1.0, kind).cut[0] == pytest.approx(10 + height)
+    spread = (2 * 3.9**2 + 2 * 0.1**2) / 4
+    own = 0.1**2 + 0.1**2
     assert volume_to_level(map_, -10.0, 1.0).net[1] == pytest.approx(np.sqrt(79 * 0.1**2 + own + spread), rel=1e-5)
 
 

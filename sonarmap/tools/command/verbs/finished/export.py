@@ -10,7 +10,7 @@ import typer
 
 from sonarmap.tools.command.options.checks import choice, length
 from sonarmap.tools.command.options.option import OUTPUT, REQUIRED, option
-from sonarmap.tools.command.options.output import EarthPlace, FormatsOption, export_with_progress
+from sonarmap.tools.command.options.output import CELL, EarthPlace, FormatsOption, export_with_progress
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.terminal import print_json, printable
 from sonarmap.tools.files.writers.folder_lock import locked
@@ -47,9 +47,7 @@ class ExportedFiles:
 
     to: Path = _output("DIR", "Folder for the files; it may be OUT itself.", REQUIRED)
     format: FormatsOption
-    cell: float | None = length(
-        OUTPUT, "Edge of a grid's cell \\[m].", "the map's voxel", shown="the map's voxel, rounded up to 1, 2 or 5"
-    )
+    cell: float | None = length(OUTPUT, "Edge of a grid's cell \\[m].", CELL)
     height: str = choice(
         OUTPUT,
         "Height of a cell: top, mean or shoalest. top is the mean of its uppermost surface.",

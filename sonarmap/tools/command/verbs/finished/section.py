@@ -12,7 +12,7 @@ from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.checks import checked, is_positive, length
 from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, flag, option
-from sonarmap.tools.command.options.output import EarthPlace
+from sonarmap.tools.command.options.output import CELL, EarthPlace
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.terminal import print_json, print_result, say
 from sonarmap.tools.command.verbs.finished.opened import open_map
@@ -42,7 +42,7 @@ class SectionFiles:
     out: Path = option(
         OUTPUT, "FILE", "NAME.png: picture and tables; NAME.csv: the tables alone.", REQUIRED, "-o", "--out"
     )
-    cell: float | None = length(OUTPUT, "Length of a cell of the profile \\[m].", "the map's voxel")
+    cell: float | None = length(OUTPUT, "Length of a cell of the profile \\[m].", CELL)
     exaggeration: float = option(
         OUTPUT,
         "F",
@@ -68,6 +68,7 @@ def command(
     """
     import numpy as np
 
+    from sonarmap.tools.products.export.grid import default_cell
     from sonarmap.tools.products.section.files import check_names, write_section
     from sonarmap.tools.products.section.picture import Titles
     from sonarmap.tools.products.section.placed import Coordinates, PlacedMap
@@ -82,7 +83,7 @@ def command(
     if not placed.upright:
         say("no instrument measured which way is up; heights are along the z axis of the map's frame")
     section = section_of(placed, given.to_map(ends), line.width or _VOXELS * placed.voxel, given)
-    cell = files.cell or placed.voxel
+    cell = files.cell or default_cell(placed.voxel)
     profile = profile_of(section, cell)
     lowest, highest = float(section.height.min()), float(section.height.max())
     stretched = "" if files.exaggeration == 1 else f"; heights stretched {files.exaggeration:g} times"

@@ -10,14 +10,14 @@ import typer
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.checks import checked, choice, length
 from sonarmap.tools.command.options.option import INPUT, flag, option
+from sonarmap.tools.command.options.output import CELL
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.terminal import print_json, print_result, print_rows, say
 from sonarmap.tools.command.verbs.finished.opened import SAME_FRAME, open_map
+from sonarmap.tools.products.export.formats import HEIGHTS
 
 if TYPE_CHECKING:
     from sonarmap.tools.products.section.placed import PlacedMap
-
-_VOXELS = 2  # edge of a cell, where --cell is not given: cells of one voxel have gaps between points
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,9 +32,11 @@ class Target:
     )
     to: Path | None = option(INPUT, "OTHER", "Another folder that `sonarmap map` wrote.")
     same_frame: bool = flag(INPUT, "--same-frame", SAME_FRAME)
-    cell: float | None = length(INPUT, "Edge of a cell of both grids \\[m].", "two voxels")
+    cell: float | None = length(INPUT, "Edge of a cell of both grids \\[m].", CELL)
     height: str = choice(
-        INPUT, "Height of a cell: median of its points, or top, the uppermost surface.", ("median", "top")
+        INPUT,
+        "Height of a cell: top, mean or shoalest, as of `export`. top is the mean of its uppermost surface.",
+        HEIGHTS,
     )
     seen: int = option(INPUT, "N", "Count points that so many scans saw.", 1, min=1)
 
@@ -50,14 +52,14 @@ def command(
     Cut is what lies above the plane, or was lost; fill what is missing below it, or was gained. Surfaces are compared
     where both were seen; the area that only one of two maps shows is printed beside.
     """
-    from sonarmap.tools.products.section.volume import Height, volume_between, volume_to_level
+    from sonarmap.tools.products.export.grid import default_cell
+    from sonarmap.tools.products.section.volume import volume_between, volume_to_level
 
     if (target.level is None) == (target.to is None):
         given = "neither" if target.level is None else "both"
         raise InputError(f"{given} of --level and --to given; wanted one: --level Z for a plane, or --to OTHER_MAP")
     if target.to is None and target.same_frame:
         raise InputError("--same-frame has no effect without --to; leave it out")
-    kind: Height = "top" if target.height == "top" else "median"
     first = _opened(source, target.seen)
     if target.to is not None:
         second = _opened(target.to, target.seen)
@@ -68,11 +70,11 @@ def command(
                     "again with positions or --origin, or give --same-frame if they are in one anyway"
                 )
             first, second = (replace(each, georeference=None) for each in (first, second))  # heights as they are, too
-        cell = target.cell or _VOXELS * max(first.voxel, second.voxel)
-        volume, words = volume_between(first, second, cell, kind), ("lost", "gained")
+        cell = target.cell or default_cell(max(first.voxel, second.voxel))
+        volume, words = volume_between(first, second, cell, target.height), ("lost", "gained")
     else:
         assert target.level is not None
-        volume = volume_to_level(first, target.level, target.cell or _VOXELS * first.voxel, kind)
+        volume = volume_to_level(first, target.level, target.cell or default_cell(first.voxel), target.height)
         words = "above the plane", "missing below it"
     if as_json:
         ends = {"map": source, "level_m": target.level, "to": target.to}
