@@ -54,7 +54,6 @@ class Comparison:
         alignment: how the new map was brought onto the old one; None where frames were kept.
         distances: of all core points, frame of the old map.
         regions: that changed, the largest volume first.
-        old_points, new_points: of both surveys, (M, 3) float64 [m], frame of the old map.
         notes: what the user should know of a cloud, in words.
     """
 
@@ -63,8 +62,6 @@ class Comparison:
     alignment: Alignment | None
     distances: Distances
     regions: tuple[Region, ...]
-    old_points: np.ndarray
-    new_points: np.ndarray
     notes: tuple[str, ...] = ()
 
     @cached_property
@@ -191,7 +188,7 @@ def _compared(
 ) -> Comparison:
     reach, bound = settings.reach or REACH * voxel, settings.bound or BOUND * voxel
     distances = distances_between(old, new, covariance, voxel, reach, bound)
-    return Comparison(*names, alignment, distances, tuple(regions_of(distances)), old.points, new.points)
+    return Comparison(*names, alignment, distances, tuple(regions_of(distances)))
 
 
 def _on_earth(each: Map | PointCloud) -> Georeference | None:

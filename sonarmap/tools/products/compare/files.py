@@ -1,7 +1,7 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""The files of a comparison, all or none: what changed as JSON, table, picture and page, and what is known of every
-core point."""
+"""The files of a comparison, all or none: what changed as JSON, table and picture, and what is known of every core
+point."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,7 +19,6 @@ from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.table import write_table
 from sonarmap.tools.products.compare.comparison import Comparison
 from sonarmap.tools.products.compare.distances import Distances, Verdict
-from sonarmap.tools.products.compare.page import changes_page
 from sonarmap.tools.products.compare.picture import draw_changes
 from sonarmap.tools.products.compare.regions import Region
 from sonarmap.tools.products.export.geotiff import NODATA
@@ -63,9 +62,6 @@ def write_comparison(
         write_ply(out / f"{PREFIX}.ply", distances.cores.points, columns)
         _write_regions(out / f"{PREFIX}.csv", regions, place)
         draw_changes(out / f"{PREFIX}.png", comparison)
-        picture = written[-1][0].read_bytes()
-        with atomic_path(out / f"{PREFIX}.html") as temporary:
-            temporary.write_text(changes_page(comparison, picture), encoding="utf-8")
         if world is not None and place is not None:
             _write_laz(out / f"{PREFIX}.laz", world, columns, place[1])
             _write_geotiff(out / f"{PREFIX}.tif", world, distances, place[1])

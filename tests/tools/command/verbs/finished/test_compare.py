@@ -34,7 +34,7 @@ KEYS = {"old", "new", "alignment", "voxel_m", "core_points", "level_of_detection
 KEYS |= {"regions", "notes", "volume_sigmas_widened"}
 REGION = {"number", "kind", "area_m2", "height_m", "volume_m3", "volume_sigma_m3", "unseen_m2", "core_points"}
 REGION |= {"place_m", "lowest_m", "highest_m"}
-FILES = {"changes.json", "changes.ply", "changes.csv", "changes.png", "changes.html"}
+FILES = {"changes.json", "changes.ply", "changes.csv", "changes.png"}
 
 
 def scans(folder: Path, seed: int, poses: list[int], dug: float = 0.0, scene: int = 1) -> Path:
