@@ -1,5 +1,6 @@
 """A comparison from above: distances in color, what cannot be said gray, the regions numbered with their volumes."""
 
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -7,16 +8,14 @@ import numpy as np
 
 from sonarmap.tools.products.compare.comparison import Comparison
 from sonarmap.tools.products.compare.distances import Distances, Verdict
-from sonarmap.tools.products.report.small_png import shrink, write_png
+from sonarmap.tools.products.png import write_png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_WIDTH, _DPI = 10.0, 140  # [in]
-_PANEL, _LOWEST, _HIGHEST = 7.6, 3.0, 10.0  # of the panel [in]: its width, and between which heights it has
-_LEFT, _BELOW, _ABOVE = 0.9, 0.65, 0.95  # beside the panel [in]
-_TEXT, _TITLE = 9.0, 14.0  # [pt]
+_WIDTH, _BESIDE, _HEIGHTS, _DPI = 7.6, (2.4, 1.6), (3.0, 10.0), 140  # of the axes, and of what is beside them [in]
+_TEXT, _LINE_LENGTH = 9.0, 110  # [pt]; characters of a line below the title
 _COLORS, _UNKNOWN, _INK = "RdBu", "#B8B8B8", "#000000"
 _LARGEST = 0.98  # quantile of significant distances at which colors end
 _LISTED = 12  # regions that are labeled; all are outlined
@@ -24,10 +23,7 @@ _LISTED = 12  # regions that are labeled; all are outlined
 
 def draw_changes(path: Path, comparison: Comparison) -> None:
     """Write a PNG of a comparison. Raises InputError: the file cannot be written."""
-    from matplotlib import colormaps
-
-    ramp = colormaps[_COLORS](np.linspace(0, 1, 160))[:, :3]
-    write_png(lambda: changes_figure(comparison), path, (_UNKNOWN,), ramp)
+    write_png(changes_figure(comparison), path)
 
 
 def changes_figure(comparison: Comparison) -> "Figure":
@@ -36,41 +32,34 @@ def changes_figure(comparison: Comparison) -> "Figure":
 
     distances, points = comparison.distances, comparison.distances.cores.points
     extent = np.maximum(np.ptp(points[:, :2], axis=0), distances.voxel)
-    panel = float(np.clip(_PANEL * extent[1] / extent[0], _LOWEST, _HIGHEST))
-    height = panel + _BELOW + _ABOVE
-    figure = Figure(figsize=(_WIDTH, height), dpi=_DPI)
-    axes = figure.add_axes((_LEFT / _WIDTH, _BELOW / height, _PANEL / _WIDTH, panel / height))
+    tall = float(np.clip(_WIDTH * extent[1] / extent[0], *_HEIGHTS))
+    figure = Figure(figsize=(_WIDTH + _BESIDE[0], tall + _BESIDE[1]), dpi=_DPI, layout="constrained")
+    axes = figure.add_subplot()
     axes.set_aspect("equal", adjustable="datalim")
     # a core point is about a voxel wide
-    size = (72 * min(_PANEL / extent[0], panel / extent[1]) * distances.voxel) ** 2
-    known, most = colored(distances)
+    size = (72 * min(_WIDTH / extent[0], tall / extent[1]) * distances.voxel) ** 2
+    known, most = _colored(distances)
+    unknown = points[~known]
     axes.scatter(
-        points[~known, 0], points[~known, 1], size, _UNKNOWN, edgecolor="none", rasterized=True, label="cannot be said"
+        unknown[:, 0], unknown[:, 1], size, _UNKNOWN, edgecolor="none", rasterized=True, label="cannot be said"
     )
     order = np.flatnonzero(known)[np.argsort(points[known, 2], kind="stable")]
     x, y = points[order, :2].T
     dots = axes.scatter(x, y, size, distances.distance[order], cmap=_COLORS, vmin=-most, vmax=most)
     dots.set(edgecolor="none", rasterized=True)
     _outline(axes, comparison)
-    axes.set_xlabel("x [m]", fontsize=_TEXT)
-    axes.set_ylabel("y [m]", fontsize=_TEXT)
-    axes.tick_params(labelsize=_TEXT)
+    axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.legend(loc="upper right", fontsize=_TEXT, markerscale=2)
-    place = ((_LEFT + _PANEL + 0.2) / _WIDTH, _BELOW / height, 0.018, panel / height)
-    bar = figure.colorbar(dots, cax=figure.add_axes(place), extend="both")
-    bar.set_label("distance along the normal [m]: gained positive, lost negative", fontsize=_TEXT)
+    figure.colorbar(dots, ax=axes, extend="both", label="distance along the normal [m]: gained positive, lost negative")
     first, *more = str(comparison).splitlines()
     count = len(comparison.regions)
-    figure.text(
-        _LEFT / _WIDTH, 1 - 0.36 / height, f"{count} changed region{'' if count == 1 else 's'}", fontsize=_TITLE
-    )
+    figure.suptitle(f"{count} changed region{'' if count == 1 else 's'}")
     below = f"{first.rpartition(': ')[2]}; {'; '.join(line.strip() for line in more)}"
-    text = figure.text(_LEFT / _WIDTH, 1 - 0.66 / height, below, fontsize=_TEXT)
-    shrink(text, (_WIDTH - _LEFT - 0.2) * _DPI)
+    axes.set_title(textwrap.fill(below, _LINE_LENGTH), fontsize=_TEXT)
     return figure
 
 
-def colored(distances: Distances) -> tuple[np.ndarray, float]:
+def _colored(distances: Distances) -> tuple[np.ndarray, float]:
     """Which core points have a color, (K,) bool, as something can be said of them; and the distance at which colors end
     [m]."""
     known = np.isfinite(distances.distance) & (distances.verdict != Verdict.UNSURE)

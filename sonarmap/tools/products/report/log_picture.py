@@ -7,7 +7,7 @@ import numpy as np
 
 from sonarmap.tools.files.readers.navigation.overview import LogOverview
 from sonarmap.tools.files.readers.navigation.rows import KINDS
-from sonarmap.tools.products.report.small_png import write_png
+from sonarmap.tools.products.png import write_png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +22,7 @@ _OUTSIDE = 0.5  # of the good rows' extent, beyond which a wrong place is not sh
 
 def draw_log(found: LogOverview, path: Path) -> None:
     """Write a PNG of the log. The same log gives the same bytes. Raises InputError: the file cannot be written."""
-    write_png(lambda: log_figure(found), path, (_GOOD, _WRONG))
+    write_png(log_figure(found), path)
 
 
 def log_figure(found: LogOverview) -> "Figure":

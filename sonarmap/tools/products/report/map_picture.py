@@ -14,8 +14,8 @@ from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.parts import placed
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
+from sonarmap.tools.products.png import write_png
 from sonarmap.tools.products.report.naming import plain_text, survey_date, survey_name
-from sonarmap.tools.products.report.small_png import write_png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,15 +36,12 @@ _MARK: dict[str, Any] = {"linestyle": "none", "color": "white", "markeredgecolor
 def draw_map(
     path: Path, result: SurveyResult, rank: int, inputs: Sequence[str], georeference: Georeference | None = None
 ) -> None:
-    """Write a PNG of map number `rank`, 1 for the largest, seen from above. The same map gives the same bytes.
+    """Write a PNG of map number `rank`, 1 for the largest, seen from above.
 
     `inputs` are the files or folders that were mapped, `georeference` None where it is not known.
 
     Raises InputError: the file cannot be written."""
-    from matplotlib import colormaps
-
-    ramp = colormaps[_COLORS](np.linspace(0, 1, 256))[:, :3]
-    write_png(lambda: map_figure(result, rank, inputs, georeference), path, _TRACKS, ramp)
+    write_png(map_figure(result, rank, inputs, georeference), path)
 
 
 def map_figure(

@@ -7,19 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sonarmap.tools.products.report.small_png import shrink, write_png
+from sonarmap.tools.products.png import write_png
 from sonarmap.tools.products.section.section import Profile, Section
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.collections import PathCollection
     from matplotlib.figure import Figure
 
-_WIDTH, _DPI = 11.7, 140  # [in], of A4 landscape
-_PANEL, _LOWEST, _HIGHEST = 9.2, 2.4, 6.4  # of the panel [in]: its width, and between which heights it has
-_LEFT, _BELOW, _ABOVE = 1.0, 0.65, 0.95  # beside the panel [in]
-_TEXT, _TITLE = 10.0, 15.0  # [pt]
-_LINE_LENGTH = 30  # characters of the vertical axis' name
+_WIDTH, _BESIDE, _HEIGHTS, _DPI = 9.2, (2.5, 1.8), (2.4, 6.4), 140  # of the axes, and of what is beside them [in]
+_LINE_LENGTH, _BELOW_LENGTH = 30, 110  # characters: of the vertical axis' name, and of a line below the title
 _COLORS, _LINE = "viridis", "#D55E00"
 _SURE = (0.02, 0.98)  # quantiles of the sigmas between which the colors change
 _BROKEN = 2.5  # cells between two medians from which on they are not joined
@@ -37,68 +32,35 @@ class Titles:
 
 
 def draw_section(path: Path, section: Section, profile: Profile, titles: Titles) -> None:
-    """Write a PNG of a section. The same section gives the same bytes.
-
-    Raises InputError: the file cannot be written."""
-    from matplotlib import colormaps
-
-    ramp = colormaps[_COLORS](np.linspace(0, 1, 256))[:, :3]
-    write_png(lambda: section_figure(section, profile, titles), path, (_LINE,), ramp)
+    """Write a PNG of a section. Raises InputError: the file cannot be written."""
+    write_png(section_figure(section, profile, titles), path)
 
 
 def section_figure(section: Section, profile: Profile, titles: Titles) -> "Figure":
     """The figure: a meter is as long upward as along the line, times the exaggeration."""
     from matplotlib.figure import Figure
 
-    length, span = section.length, float(np.ptp(section.height))
-    panel = float(np.clip(_PANEL * 1.15 * span * titles.exaggeration / length, _LOWEST, _HIGHEST))
-    height = panel + _BELOW + _ABOVE
-    figure = Figure(figsize=(_WIDTH, height), dpi=_DPI)
-    axes = figure.add_axes((_LEFT / _WIDTH, _BELOW / height, _PANEL / _WIDTH, panel / height))
-    dots = _draw_points(axes, section)
-    _draw_profile(axes, profile, titles)
-    # limits of one scale: the panel's shape is what it is, so what is too short gets room
-    upward = max(1.15 * span, length * panel / _PANEL / titles.exaggeration)
-    along = max(length, upward * titles.exaggeration * _PANEL / panel)
-    middle = float(section.height.min() + section.height.max()) / 2
-    axes.set_xlim(length / 2 - along / 2, length / 2 + along / 2)
-    axes.set_ylim(middle - upward / 2, middle + upward / 2)
-    axes.grid(color="0.6", alpha=0.35, linewidth=0.6)
-    axes.tick_params(labelsize=_TEXT)
-    axes.set_xlabel("distance along the line [m]", fontsize=_TEXT)
-    axes.set_ylabel(textwrap.fill(f"{titles.height} [m]", _LINE_LENGTH), fontsize=_TEXT)
-    axes.legend(loc="upper right", fontsize=_TEXT - 1, framealpha=0.85, edgecolor="none")
-    bar = figure.colorbar(
-        dots, cax=figure.add_axes(((_LEFT + _PANEL + 0.2) / _WIDTH, _BELOW / height, 0.018, panel / height))
-    )
-    bar.set_label("sigma of the points [m]", fontsize=_TEXT)
-    for up, words, points, weight in ((0.42, titles.title, _TITLE, "bold"), (0.72, titles.below, _TEXT, "normal")):
-        text = figure.text(_LEFT / _WIDTH, 1 - up / height, words, fontsize=points, weight=weight)
-        shrink(text, (_WIDTH - _LEFT - 0.3) * _DPI)
-    return figure
-
-
-def _draw_points(axes: "Axes", section: Section) -> "PathCollection":
-    """The points, the surest on top."""
-    order = np.argsort(-section.sigma, kind="stable")
+    tall = 1.15 * _WIDTH * float(np.ptp(section.height)) * titles.exaggeration / section.length
+    size = _WIDTH + _BESIDE[0], float(np.clip(tall, *_HEIGHTS)) + _BESIDE[1]
+    figure = Figure(figsize=size, dpi=_DPI, layout="constrained")
+    axes = figure.add_subplot()
+    axes.set_aspect(titles.exaggeration, adjustable="datalim")
+    axes.update_datalim([(0.0, section.height.min()), (section.length, section.height.max())])  # the whole line
+    order = np.argsort(-section.sigma, kind="stable")  # the surest on top
     least, most = np.quantile(section.sigma, _SURE).tolist()
-    size = float(np.clip(4000 / np.sqrt(len(order)) / 6, 3, 26))
+    area = float(np.clip(4000 / np.sqrt(len(order)) / 6, 3, 26))
     dots = axes.scatter(
-        section.distance[order], section.height[order], size, section.sigma[order], cmap=_COLORS, vmin=least, vmax=most
+        section.distance[order], section.height[order], area, section.sigma[order], cmap=_COLORS, vmin=least, vmax=most
     )
     dots.set(edgecolor="none", rasterized=True)
-    return dots
-
-
-def _draw_profile(axes: "Axes", profile: Profile, titles: Titles) -> None:
-    """The medians, joined where no cell between them is empty for long."""
-    gaps = np.flatnonzero(np.diff(profile.distance) > _BROKEN * titles.cell) + 1
-    axes.plot(
-        np.insert(profile.distance, gaps, np.nan),
-        np.insert(profile.height, gaps, np.nan),
-        ".-",
-        markersize=3,
-        color=_LINE,
-        linewidth=1.2,
-        label=f"median of every {titles.cell:.3g} m",
-    )
+    gaps = np.flatnonzero(np.diff(profile.distance) > _BROKEN * titles.cell) + 1  # medians are not joined across them
+    x, y = (np.insert(values, gaps, np.nan) for values in (profile.distance, profile.height))
+    axes.plot(x, y, ".-", markersize=3, color=_LINE, linewidth=1.2, label=f"median of every {titles.cell:.3g} m")
+    axes.grid(color="0.6", alpha=0.35, linewidth=0.6)
+    axes.set_xlabel("distance along the line [m]")
+    axes.set_ylabel(textwrap.fill(f"{titles.height} [m]", _LINE_LENGTH))
+    axes.legend(loc="upper right", fontsize=9, framealpha=0.85, edgecolor="none")
+    figure.colorbar(dots, ax=axes, label="sigma of the points [m]")
+    figure.suptitle(textwrap.fill(titles.title, _BELOW_LENGTH), weight="bold")
+    axes.set_title(textwrap.fill(titles.below, _BELOW_LENGTH), fontsize=10)
+    return figure

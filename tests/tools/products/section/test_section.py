@@ -118,6 +118,7 @@ def test_the_picture_has_one_scale(rise: float, factor: float) -> None:
     found = section_of(placed(points), points[[0, -1], :2], 1.0, Coordinates())
     titles = Titles("Section", "", "height above mean sea level", factor)
     figure = section_figure(found, profile_of(found, 1.0), titles)
+    figure.draw_without_rendering()
     axes = figure.axes[0]
     box = axes.get_window_extent()
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
