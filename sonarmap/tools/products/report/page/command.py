@@ -19,8 +19,7 @@ _OF_MAPPER = (
     (("limits", "step"), "--max-step", None, 1.0),
     (("min_seen",), "--min-seen", 2, 1.0),
 )
-# The page itself adds the files that it saves, whose control points are in the map's own coordinates.
-_NOT_OPTIONS = ("inputs", "method", "ties", "control", "control_crs")
+_NOT_OPTIONS = ("inputs", "method", "ties")  # the page itself adds the ties that it saves
 _EAST = 90.0  # the heading of a map's x axis, unless --origin-heading says otherwise [deg]
 
 

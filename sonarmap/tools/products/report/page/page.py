@@ -17,7 +17,7 @@ SCRIPTS = tuple(
     for name in (
         *("map/packed", "map/camera", "map/shaders", "map/scene", "map/picking", "map/palettes", "elements", "charts"),
         *("map/colorings", "map/layers", "map/geodesy", "map/labels", "map/gestures", "map/canvas", "map/view"),
-        *("map/controls", "map/picked", "byhand/csv", "byhand/decisions", "byhand/ties", "byhand/control"),
+        *("map/controls", "map/picked", "ties"),
         *("profile", "sections", "main"),
     )
 )

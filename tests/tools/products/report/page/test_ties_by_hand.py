@@ -136,9 +136,9 @@ def test_decisions_survive_a_reload_and_are_forgotten(content: Content, tmp_path
 
 @pytest.mark.slow
 def test_what_the_browser_kept_may_be_damaged(content: Content, tmp_path: Path) -> None:
-    damaged = ["", "null", "3", '{"ties": 3}', "{", '{"ties":[{}],"control":[]}', '{"ties":[3,null],"control":[]}']
+    damaged = ["", "null", "3", '{"ties": 3}', "{", '{"ties":[{}]}', '{"ties":[3,null]}']
     with opened(path_of(content, tmp_path, ties=[MADE])) as page:
-        for kept in [*damaged, '{"ties":[],"control":[{"name":1}]}']:
+        for kept in damaged:
             page.page.evaluate("kept => localStorage.setItem(sonarmap.decisions.key, kept)", kept)
             page.page.reload()
             assert saved(page, "ties", tmp_path) == [tie(0, 7, "add", MADE["note"])], kept

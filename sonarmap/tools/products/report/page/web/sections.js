@@ -2,6 +2,7 @@
 
 const FIRST_ROWS = 50; // of a long list
 const WORST = 8; // crossings that are listed
+const AXES = ["East", "North", "Up"];
 
 /** All sections that this survey has something for: [[id, heading, elements], ...]; `choose` and `showPose` show in the map. */
 function sectionsOf(content, pictures, decisions, choose, showPose) {
@@ -13,7 +14,6 @@ function sectionsOf(content, pictures, decisions, choose, showPose) {
     ["poses", "Along the track", tracks.map(([part, number]) => profileChart(part, content, (k) => showPose(number, k)))],
     ["crossings", "Crossings of the track", crossingSection(content, choose)],
     ["navigation", against, [...navigationSection(content), ...controlResiduals(content.control_points)]],
-    ["control", "Control points by hand", controlSection(content, decisions)],
     ["pictures", "Pictures", Object.entries(pictures).map(([name, url]) => picture(name, url))],
     ["settings", "Settings", [table(["setting", "value"], content.settings)]],
     ["provenance", "Provenance", provenanceSection(content)],
@@ -123,5 +123,22 @@ function navigationSection({ navigation }) {
     ...charts.filter(Boolean),
     table(["measured", "root mean square of the difference", "standard deviation it was given", "scans"],
       names.map((_, k) => spread(k)).filter(Boolean)),
+  ];
+}
+
+/** How far the map's points lie from the known places. */
+function controlResiduals(points) {
+  if (!points.length) return [];
+  const rms = (rows, of) => short(Math.sqrt(rows.reduce((total, row) => total + of(row) ** 2, 0) / rows.length), "m");
+  const uses = [["control", "the map is held to them"], ["check", "only compared"]].map(([use, words]) =>
+    [use, words, points.filter((row) => row.use === use && row.counted)]);
+  const signed = (value) => `${value < 0 ? "−" : "+"}${meters(Math.abs(value), 0.001)}`;
+  return [
+    make("h3", {}, "Control points"),
+    table(["rms of map less known", ...AXES, "all three", "points"], uses.filter(([, , rows]) => rows.length).map(([use, words, rows]) =>
+      [`${use} (${words})`, ...[0, 1, 2].map((k) => rms(rows, (row) => row.residual[k])), rms(rows, (row) => lengthOf(row.residual)), rows.length])),
+    table(["map less known", ...AXES, "distance", "in sigmas", "use", "scan"], points.map((row) =>
+      [row.name, ...row.residual.map(signed), meters(lengthOf(row.residual), 0.001), short(row.in_sigmas, "σ"),
+        `${row.use}${row.left_out ? ", left out: the others contradict it" : row.counted ? "" : ", in a part that is not in the world"}`, row.scan])),
   ];
 }

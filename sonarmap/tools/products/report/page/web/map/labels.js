@@ -35,13 +35,8 @@ function putLabels(view, labels) {
   drawBar(view);
 }
 
-/** Control points that the map was made with, and those that the user named. */
-function controlLabels({ part, content, control, decisions }) {
-  const index = new Map(part.track.scans.map((scan, k) => [content.names[scan], k]));
-  const own = decisions.control.filter(({ scan, name }) => index.has(scan) && !control.some((point) => point.name === name));
-  const named = own.map(({ name, scan, point }) => [fromSensor(part.track, index.get(scan), point), `△ ${name}`]);
-  return [...control.map(({ name, known }) => [known, `△ ${name}`]), ...named].slice(0, MOST_LABELS);
-}
+/** Control points that the map was made with. */
+const controlLabels = ({ control }) => control.map(({ name, known }) => [known, `△ ${name}`]).slice(0, MOST_LABELS);
 
 /** How high a text may stand [pixels]: lower than its place where it would cover one before it. */
 function freeHeight(taken, [x, y], text) {

@@ -15,21 +15,7 @@ function pickedRows(view, content, hit) {
   if (hit.pair)
     return [...pairRows(content, hit.pair), make("p", { class: "decide" }, "By hand: ", verdictButtons(view.decisions, hit.pair))];
   if ("doubtful" in hit) return [doubtfulList(view, content, hit)];
-  return hit.place ? pointRows(view, content, hit) : poseRows(view, content, hit.pose);
-}
-
-/** A point, and a button that names it. */
-function pointRows(view, content, hit) {
-  const scan = view.points.columns.scan[hit.point];
-  const name = () => {
-    const point = toSensor(view.part.track, view.part.track.scans.indexOf(scan), hit.place);
-    const form = namedForm(view.decisions, view.decisions.nameControl(content.names[scan], point), view);
-    naming.replaceWith(form);
-    shown.hidden = true; // the form is long enough
-    form.querySelector("input").select();
-  };
-  const [shown, naming] = [pointList(view, content, hit), button("Name as a control point", name)];
-  return [shown, naming];
+  return hit.place ? [pointList(view, content, hit)] : poseRows(view, content, hit.pose);
 }
 
 function list(title, rows) {
@@ -65,12 +51,15 @@ function pointList(view, content, { point, place }) {
   const { columns } = view.points, { scales } = view.part;
   const value = (name, unit) => (columns[name]?.[point] ? short(valueOf(columns[name][point], scales[name]), unit) : "");
   const several = "survey" in view.colorings;
+  const { track } = view.part, scan = columns.scan[point];
+  const inScan = toSensor(track, track.scans.indexOf(scan), place).map((x) => meters(x, view.points.quantum)).join(", ");
   return list("Point", [
     ...placeRows(view, place, view.points.quantum),
     ["standard deviation", value("sigma", "m")],
     ["echo", value("echo")],
     ["seen by", counted(columns.seen[point], "scan")],
-    ["mostly by", content.names[columns.scan[point]]],
+    ["mostly by", content.names[scan]],
+    ["x, y, z in that scan", inScan], // as --control takes them
     several && ["of survey", columns.survey[point]],
   ]);
 }

@@ -1,0 +1,259 @@
+// Ties by hand: what is decided, the buttons at pairs, the list, and the file for `sonarmap map --ties`.
+
+const areTexts = (values) => values.every((value) => typeof value === "string");
+const isTie = ({ target, source, verdict, note }) => areTexts([target, source, verdict, note]);
+
+class Decisions {
+  /** Those that the browser kept for this map; else those that the map was made with, as the next file must hold them, too. */
+  constructor(content) {
+    this.content = content;
+    this.key = `sonarmap ${content.key}`;
+    this.listeners = [];
+    this.lost = false; // whether the browser keeps nothing
+    this.index = new Map(content.names.map((name, k) => [name, k]));
+    const consecutive = { role: "sequential", kept: true, reason: "consecutive scans, kept" };
+    const tried = [...content.sequential.map(([target, source]) => ({ target, source, ...consecutive })), ...content.pairs];
+    this.tried = new Map(tried.map((pair) => [`${pair.target} ${pair.source}`, pair]));
+    const added = content.ties.filter(({ verdict }) => verdict === "add");
+    this.added = new Set(added.map(({ target, source }) => `${this.index.get(target)} ${this.index.get(source)}`));
+    this.ties = this.kept() ?? this.asMade();
+  }
+
+  /** The ties that the map was made with. */
+  asMade() {
+    return this.content.ties.map(({ effect, ...tie }) => ({ ...tie }));
+  }
+
+  kept() {
+    try {
+      const { ties } = JSON.parse(localStorage.getItem(this.key));
+      return ties.every(isTie) ? ties : null;
+    } catch {
+      return null; // nothing is there, or nothing may be read
+    }
+  }
+
+  /** Have the browser keep the decisions. */
+  keep() {
+    try {
+      localStorage.setItem(this.key, JSON.stringify({ ties: this.ties }));
+    } catch {
+      this.lost = true;
+    }
+  }
+
+  changed() {
+    this.keep();
+    for (const listener of this.listeners) listener();
+  }
+
+  forget() {
+    this.ties = this.asMade();
+    this.changed();
+  }
+
+  /** The tie of a pair, by the numbers of its scans; undefined where the user decided nothing. */
+  tieOf({ target, source }) {
+    const { names } = this.content;
+    return this.ties.find((tie) => tie.target === names[target] && tie.source === names[source]);
+  }
+
+  /** Decide about a pair: accept, reject, add, or null for undecided. */
+  decide(pair, verdict) {
+    const tie = this.tieOf(pair);
+    const { names } = this.content;
+    if (!verdict) this.ties = this.ties.filter((other) => other !== tie);
+    else if (!tie) this.ties.push({ target: names[pair.target], source: names[pair.source], verdict, note: "" });
+    else {
+      tie.verdict = verdict;
+      if (verdict !== "add") delete tie.transform;
+    }
+    this.changed();
+  }
+
+  remove(one) {
+    this.ties = this.ties.filter((other) => other !== one);
+    this.changed();
+  }
+
+  /** What a tie between two scans would join, the earlier as the target. */
+  between(one, other) {
+    const { names } = this.content;
+    return { target: names[Math.min(one, other)], source: names[Math.max(one, other)] };
+  }
+
+  /** The pair of a tie: as it was tried, or new. */
+  pairOf({ target, source }) {
+    const [i, j] = [this.index.get(target), this.index.get(source)];
+    return this.tried.get(`${i} ${j}`) ?? { target: i, source: j, role: "new", kept: false, reason: "not tried by the map" };
+  }
+
+  wasTried = ({ target, source }) => this.tried.has(`${target} ${source}`);
+
+  /** The verdict for a pair: "add" where no search of the map proposed it, as "accept" counts only for pairs that are tried. */
+  inFavor(pair) {
+    return this.wasTried(pair) && !this.added.has(`${pair.target} ${pair.source}`) ? "accept" : "add";
+  }
+}
+
+const TIE_COLUMNS = ["target", "source", "verdict", "note"];
+const TRANSFORM = ["x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg", "sigma_m", "sigma_deg"];
+
+/** Buttons that decide about a pair; they show what is decided, wherever it was. */
+function verdictButtons(decisions, pair) {
+  const buttons = [decisions.inFavor(pair), "reject", null].map((verdict) =>
+    button(verdict ?? "undecided", () => decisions.decide(pair, verdict)));
+  const box = make("span", { class: "verdicts", role: "group", "aria-label": "Tie by hand" }, ...buttons);
+  box.update = () => {
+    const verdict = decisions.tieOf(pair)?.verdict ?? "undecided";
+    for (const each of buttons) each.setAttribute("aria-pressed", each.textContent === verdict);
+  };
+  box.update();
+  return box;
+}
+
+/** The ties as a file. A tie with a transform keeps it. */
+function tiesFile({ ties, content }) {
+  const columns = ties.some(({ transform }) => transform && Object.keys(transform).length) ? [...TIE_COLUMNS, ...TRANSFORM] : TIE_COLUMNS;
+  return csvOf(`ties for sonarmap map --ties, decided in the report of: ${content.title}`, columns, ties.map((tie) => ({ ...tie, ...tie.transform })));
+}
+
+/** What is decided, a line each with a note; ties by name; and the file. `choose` shows a pair in the map. */
+function tieSection(content, decisions, choose) {
+  const made = new Map(content.ties.map((tie) => [`${tie.target}\n${tie.source}`, tie]));
+  const body = make("div");
+  const line = (tie) => {
+    const pair = decisions.pairOf(tie), words = `${tie.target}\u00a0– ${tie.source}`;
+    const known = pair.target !== undefined && pair.source !== undefined;
+    const before = made.get(`${tie.target}\n${tie.source}`);
+    return [
+      known ? link(words, () => choose(pair)) : `${words} (no scans of this map)`,
+      known ? verdictButtons(decisions, pair) : button("remove", () => decisions.remove(tie)),
+      make("input", { type: "text", value: tie.note, placeholder: "why", "aria-label": `note on ${words}`, oninput: (event) => {
+        tie.note = event.target.value;
+        decisions.keep();
+      } }),
+      before ? before.effect || "as before" : known ? `new; ${pair.kept ? "the map kept it" : decisions.wasTried(pair) ? "the map refused it" : "not tried"}` : "",
+    ];
+  };
+  let shown = null;
+  const fill = () => {
+    const listed = JSON.stringify(decisions.ties.map(({ target, source }) => [target, source]));
+    if (listed === shown) return; // the buttons show their verdicts themselves, and keep the focus
+    shown = listed;
+    body.replaceChildren(decisions.ties.length
+      ? table(["scans", "verdict", "note", "in this map"], decisions.ties.map(line))
+      : make("p", {}, "Nothing is decided yet."));
+  };
+  follow(decisions, fill);
+  return [
+    make("p", {}, `Where you know better than the map: accept or reject a pair here, in the list of loops or in the map, or tie two
+      scans that the map did not try. Then save ties.csv and map again. A rejected pair costs no registration again.`),
+    body,
+    nameForm(content, decisions, choose),
+    fileButtons(decisions),
+    commandBox(decisions),
+  ];
+}
+
+/** Two scans by their names. */
+function nameForm(content, decisions, choose) {
+  const said = make("p", { role: "status" });
+  const field = (label) => make("input", { type: "text", list: "scan-names", "aria-label": label, placeholder: label, autocomplete: "off" });
+  const [one, other] = [field("one scan"), field("the other scan")];
+  const scanOf = (input) => decisions.index.get(input.value) ?? decisions.index.get(input.value.trim());
+  const add = () => {
+    const scans = [scanOf(one), scanOf(other)];
+    const wrong = [one, other].find((_, k) => scans[k] === undefined);
+    if (wrong) said.textContent = `${wrong.value ? `"${wrong.value}" is not a scan of this map` : "Name two scans"}; the list offers their names.`;
+    else if (scans[0] === scans[1]) said.textContent = "A tie joins two different scans.";
+    else {
+      const pair = decisions.pairOf(decisions.between(...scans));
+      const verdict = decisions.inFavor(pair);
+      said.textContent = verdict === "add" ? "Added: `sonarmap map` will register the pair." : "The map tried this pair already: it is accepted.";
+      decisions.decide(pair, verdict);
+      choose(pair, false);
+      one.value = other.value = "";
+    }
+  };
+  return make("form", { class: "filter", onsubmit: (event) => (event.preventDefault(), add()) },
+    make("datalist", { id: "scan-names" }, ...content.names.map((name) => make("option", { value: name }))),
+    one, other, make("button", { type: "submit" }, "Tie the two"), said);
+}
+
+/** Save, and back to what the map was made with. */
+function fileButtons(decisions) {
+  const said = make("p", { role: "status" });
+  const buttons = make("div", { class: "buttons" },
+    saveButton(decisions), button("Discard new decisions", () => decisions.forget()), said);
+  const update = () => {
+    buttons.hidden = !decisions.ties.length;
+    if (decisions.lost) said.textContent = "This browser keeps nothing for pages on disk: save the file before you close this page.";
+  };
+  follow(decisions, update);
+  return buttons;
+}
+
+const saveButton = (decisions) => button("Save ties.csv", () => saveFile("ties.csv", tiesFile(decisions)), { class: "save" });
+
+/** The folder of this page, quoted for a POSIX shell: that of the map, whose pairs are not registered again. */
+function ownFolder() {
+  const folder = location.protocol === "file:" ? decodeURIComponent(location.pathname).replace(/\/[^/]*$/, "") : "map";
+  return /^[\w@%+=:,.\/-]+$/.test(folder) ? folder : `'${folder.replaceAll("'", "'\"'\"'")}'`;
+}
+
+/** The command that makes the map again with the ties. */
+function commandBox(decisions) {
+  const command = make("code", { class: "command", tabindex: 0 });
+  const box = make("div", {}, make("p", {}, `Then run this where you ran the first map, with the file there; add any other options that
+    you gave. Click on it to select it.`), command);
+  const update = () => {
+    const { options, inputs } = decisions.content.command;
+    command.textContent = `${options} -o ${ownFolder()} --ties ties.csv ${inputs}`;
+    box.hidden = !decisions.ties.length;
+  };
+  follow(decisions, update);
+  return box;
+}
+
+/** Beside the map: how much is decided, and the file. */
+function showDecided(box, decisions) {
+  const { length } = decisions.ties;
+  box.replaceChildren(...(length ? [make("p", {}, make("a", { href: "#ties" }, `${counted(length, "tie")} by hand`), " ", saveButton(decisions))] : []));
+}
+
+/** A text without halves of characters, which UTF-8 cannot say: as their numbers, as Python's backslashreplace has them. */
+function wellFormed(text) {
+  const half = /[\ud800-\udbff](?![\udc00-\udfff])|(?<![\ud800-\udbff])[\udc00-\udfff]/g;
+  return String(text).replace(half, (unit) => `\\u${unit.charCodeAt(0).toString(16)}`);
+}
+
+/** A text on one line. */
+function oneLine(text) {
+  return wellFormed(text).replace(/[\x00-\x1f\x7f\x85\u2028\u2029]/g, " ").trim();
+}
+
+/**
+ * A cell: with an apostrophe before what a spreadsheet would take for a formula, as tools/files/readers/csv_table.py has it, and in quotes
+ * where it must be: some divide cells at semicolons, and a line that began with # would be a comment.
+ */
+function cellOf(value) {
+  let text = oneLine(value ?? "");
+  if (/^'*[=+\-@\uff1d\uff0b\uff0d\uff20]/.test(text) && !Number.isFinite(Number(text)))
+    text = `'${text}`;
+  return /[",;]|^#/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
+}
+
+/** A comment in a line, a heading, and rows: {column: value} each, of which none is empty. */
+function csvOf(comment, columns, rows) {
+  const line = (cells) => cells.map(cellOf).join(",");
+  const lines = [`# ${oneLine(comment).replace(/[,;"]/g, " ")}`, line(columns), ...rows.map((row) => line(columns.map((name) => row[name])))];
+  return `${lines.join("\n")}\n`;
+}
+
+/** Have the browser save a text as a file in UTF-8. */
+function saveFile(name, text) {
+  const url = URL.createObjectURL(new Blob([text], { type: "text/csv;charset=utf-8" }));
+  make("a", { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 60000);
+}
