@@ -81,7 +81,7 @@ def write_map(
     from sonarmap.tools.files.readers.selection import select_files
     from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.products.output.folder import write_survey
-    from sonarmap.tools.products.output.run import SurveyRun
+    from sonarmap.tools.products.output.summary import SurveyRun
 
     require_type("folder", [folder], str, os.PathLike)
     require_type("result", [result], SurveyResult)

@@ -15,8 +15,8 @@ from typing import Any
 from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.tools.command.live.again import Again, in_words
 from sonarmap.tools.command.live.mapping import MappingSettings, run_mapping
+from sonarmap.tools.products.live.messages import State
 from sonarmap.tools.products.live.server import LivePage
-from sonarmap.tools.products.live.state import State
 
 _TICK = 0.2  # seconds after which an end that was asked for is noticed, at the latest
 _MOST_FAILURES = 5  # in a row, of a dive that somebody else records

@@ -35,7 +35,7 @@ from sonarmap.tools.files.readers.incoming import Incoming, Mark, incoming, repl
 from sonarmap.tools.methods.fingerprint import method_key
 from sonarmap.tools.products.live import messages
 from sonarmap.tools.products.live.coverage import coverage
-from sonarmap.tools.products.live.state import State
+from sonarmap.tools.products.live.messages import State
 
 _FIRST = 10  # scans that choose the voxel, or those of so many seconds
 _FIRST_SECONDS = 3.0

@@ -279,7 +279,7 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
     from sonarmap.tools.files.inputs import input_rows
     from sonarmap.tools.files.map_folder.names import JOURNAL
     from sonarmap.tools.products.output.folder import write_survey
-    from sonarmap.tools.products.output.run import SurveyRun, survey_times
+    from sonarmap.tools.products.output.summary import SurveyRun, survey_times
 
     read, method, settings, out = survey.read, survey.method, survey.settings, output.out
     prepared = prepared_limit(method.registrar, options.processes)

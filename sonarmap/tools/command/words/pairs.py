@@ -80,7 +80,7 @@ def _numbers(pair: "Pair") -> dict[str, str]:
 
 def print_hand(result: "SurveyResult", names: Sequence[str]) -> None:
     """Print what ties and control points of a survey came to; nothing without any."""
-    from sonarmap.tools.products.output.hand import control_fit, has_no_effect, tie_effect
+    from sonarmap.tools.products.output.pairs_file import control_fit, has_no_effect, tie_effect
 
     for tie in result.ties:
         if not has_no_effect(result, tie):

@@ -16,8 +16,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import block_diag
 
-from sonarmap.tools.products.compare.epoch import Epoch, levers
-from sonarmap.tools.products.compare.surface import RADIUS, Cores, cores_of, faced, layer_of, planes_at
+from sonarmap.tools.products.compare.surface import RADIUS, Cores, Epoch, cores_of, faced, layer_of, levers, planes_at
 
 _LEVEL = 1.96  # sigmas, of 95 %
 # Found on simulated pairs of surveys, see docs/measured. _NOISE: the variance of a mean over what the scatter of its

@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # the command line names the formats in its help, which is to
     from pathlib import Path
 
     from sonarmap.tools.files.map_folder.folder import Map, MapPart
-    from sonarmap.tools.products.export.clouds.cloud import Cloud
+    from sonarmap.tools.products.export.clouds import Cloud
     from sonarmap.tools.products.export.georeferenced import MapGrid
 
 _ALIKE = 0.85  # a name is taken for one that it is so much alike: geotif
@@ -92,9 +92,9 @@ class ExportFormat:
 
 FORMATS = {
     "laz": ExportFormat("map{}.laz", "laz:write_laz", "points, LAZ 1.4", of_points=True),
-    "copc": ExportFormat("map{}.copc.laz", "clouds.copc:write_copc", "points in an octree, COPC 1.0", of_points=True),
-    "e57": ExportFormat("map{}.e57", "clouds.e57:write_e57", "points, E57", of_points=True, library="pye57"),
-    "xyz": ExportFormat("map{}.xyz", "clouds.text:write_xyz", "points, a line each, XYZ", of_points=True),
+    "copc": ExportFormat("map{}.copc.laz", "laz:write_copc", "points in an octree, COPC 1.0", of_points=True),
+    "e57": ExportFormat("map{}.e57", "clouds:write_e57", "points, E57", of_points=True, library="pye57"),
+    "xyz": ExportFormat("map{}.xyz", "clouds:write_xyz", "points, a line each, XYZ", of_points=True),
     "geotiff": ExportFormat(
         "grid{}.tif",
         "geotiff:write_geotiff",
@@ -104,29 +104,25 @@ FORMATS = {
         library="rasterio",
     ),
     "kmz": ExportFormat("map{}.kmz", "kmz:write_kmz", "the track and the map as a picture, KMZ", "geographic"),
-    "csv": ExportFormat(
-        "poses{}.csv", "tables:write_poses_csv", "the scans' positions, attitudes and covariances, CSV"
-    ),
+    "csv": ExportFormat("poses{}.csv", "track:write_poses_csv", "the scans' positions, attitudes and covariances, CSV"),
     "eiva-position": ExportFormat(
         "eiva_position{}.txt",
-        "tables:write_eiva_position",
+        "track:write_eiva_position",
         "the scans' positions for EIVA NaviEdit",
         "geographic",
         stamps=TIMES,  # NaviEdit merges by them
     ),
     "eiva-attitude": ExportFormat(
         "eiva_attitude{}.txt",
-        "tables:write_eiva_attitude",
+        "track:write_eiva_attitude",
         "the scans' attitudes for EIVA NaviEdit",
         "geographic",
         stamps=TIMES,
     ),
-    "geojson": ExportFormat(
-        "track{}.geojson", "track_features:write_geojson", "track, scans and loops, GeoJSON", "geographic"
-    ),
+    "geojson": ExportFormat("track{}.geojson", "track:write_geojson", "track, scans and loops, GeoJSON", "geographic"),
     "gpkg": ExportFormat(
         "track{}.gpkg",
-        "track_features:write_geopackage",
+        "track:write_geopackage",
         "track, scans and loops, GeoPackage",
         library="pyogrio",
     ),
@@ -146,7 +142,7 @@ FORMATS = {
     ),
     "g2o": ExportFormat(
         "graph{}.csv",
-        "tables:write_graph",
+        "track:write_graph",
         "the pose graph, g2o, and beside it the name, time and frame of its vertices, CSV",
         "map",
         of_all_parts=True,

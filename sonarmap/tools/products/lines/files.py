@@ -1,25 +1,31 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """navigation.csv, soundings.laz and lines.json: the files of a map that was made of lines of pings."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sonarmap.slam.pings.biases import corrected
 from sonarmap.slam.pings.calibration import PatchTest
 from sonarmap.slam.pings.crossings import Crossings
+from sonarmap.slam.pings.line import PingLine
+from sonarmap.slam.pings.moved import moved
+from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.names import LINES, NAVIGATION, OF_LINES, SOUNDINGS, SUMMARY
 from sonarmap.tools.files.map_folder.whole import write_summary
+from sonarmap.tools.files.readers.clouds.cloud import PingPatch
 from sonarmap.tools.files.readers.json_file import read_json
+from sonarmap.tools.files.readers.pings.line_file import read_line
+from sonarmap.tools.files.readers.pings.patches import LineReading
 from sonarmap.tools.files.time_scales import are_times, utc_texts
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
 from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.files.writers.table import write_table
 from sonarmap.tools.products.export.laz import gps_times, las_header
-from sonarmap.tools.products.lines.moved_lines import MovedLine
 
 COLUMNS = (
     *("line", "ping", "utc", "unix_s", "lat_deg", "lon_deg", "easting_m", "northing_m", "height_m"),
@@ -29,6 +35,58 @@ COLUMNS = (
 )
 _DECIMALS = (10, 10, 4, 4, 4, 5, 5, 5, 4, 4, 4, 4, 4, 4, 5, 5, 5)
 _DIMENSIONS = {"ping": ("u4", "ping of the line, from 0"), "beam_angle": ("f4", "from down, + starboard [deg]")}
+
+
+@dataclass(frozen=True, slots=True)
+class MovedLine:
+    """One line.
+
+    Attributes:
+        path: its file.
+        before: as it was recorded, in the map's world.
+        after: as the map has it.
+        sigmas: (P, 6) standard deviations of the pings' poses afterwards: rotation about East, North, Up [rad], then
+            along these [m].
+    """
+
+    path: Path
+    before: PingLine
+    after: PingLine
+    sigmas: np.ndarray
+
+    @property
+    def shifts(self) -> np.ndarray:
+        """(P, 3) East, North, Up [m] by which the map moves the pings' places."""
+        return self.after.places - self.before.places
+
+
+def moved_lines(
+    patches: Mapping[int, PingPatch], result: SurveyResult, georeference: Georeference, reading: LineReading
+) -> list[MovedLine]:
+    """The lines of which patches lie in the world, in the order of their first scans; files are read again.
+
+    Args:
+        patches: by scan.
+        georeference: of the map's world.
+        reading: as their patches were cut.
+
+    Raises:
+        InputError: a file was changed or removed since.
+    """
+    placed = {k for k, prior in result.solution.graph.priors if prior.knows_position}
+    in_world = {k for members in result.components if placed.intersection(members) for k in members}
+    of_files: dict[Path, list[int]] = {}
+    for k in sorted(patches):
+        if k in in_world:
+            of_files.setdefault(patches[k].path, []).append(k)
+    lines: list[MovedLine] = []
+    for path, scans in of_files.items():
+        recorded = read_line(path, []).immersed(reading.draught).placed(georeference)
+        before = corrected(recorded, reading.biases)
+        middles = np.array([patches[k].middle for k in scans])
+        after, sigmas = moved(before, middles, result.trajectory.T_world_sensor[scans], result.covariances[scans])
+        lines.append(MovedLine(path, recorded, after, sigmas))
+    return lines
 
 
 def write_lines(

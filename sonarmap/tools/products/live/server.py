@@ -11,6 +11,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from http import HTTPStatus
 from ipaddress import ip_address
+from string import Template
 from threading import Thread
 from typing import Any, Self
 from urllib.parse import parse_qs, urlsplit
@@ -20,9 +21,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.products.live.kept import Kept
-from sonarmap.tools.products.live.messages import Message
-from sonarmap.tools.products.live.page import live_page
+from sonarmap.tools.products.live.messages import Kept, Message
+from sonarmap.tools.products.report.page.page import REPORT_WEB, joined, part
 
 MOST_BROWSERS = 8
 LARGEST = 1024  # message from a browser, which has nothing to say [bytes]
@@ -38,6 +38,12 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 _quiet = logging.Logger("sonarmap.live", logging.CRITICAL + 1)  # what strangers send is no news
+OWN = "sonarmap.tools.products.live.web"
+_OF_REPORT = (
+    *("map/camera", "map/shaders", "map/scene", "map/picking", "map/palettes", "elements"),
+    *("map/layers", "map/labels", "map/gestures", "map/controls"),
+)
+_OWN = ("dive", "clouds", "view", "coverage", "live")
 
 
 class LivePage:
@@ -201,3 +207,16 @@ def _name_of(host: str) -> str:
     with suppress(ValueError):
         return (urlsplit(f"//{host}").hostname or "").lower()
     return ""
+
+
+def live_page() -> tuple[str, str]:
+    """The page, and its Content-Security-Policy."""
+    scripts = [*((REPORT_WEB, name) for name in _OF_REPORT), *((OWN, name) for name in _OWN)]
+    parts = joined(
+        [(REPORT_WEB, "page.css"), (OWN, "live.css")], [(package, f"{name}.js") for package, name in scripts]
+    )
+    policy = (
+        f"default-src 'none'; connect-src 'self'; img-src data:; style-src {parts['style_hash']}; "
+        f"script-src {parts['script_hash']}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+    return Template(part(OWN, "live.html")).substitute(parts), policy

@@ -15,7 +15,7 @@ from sonarmap.slam.odd.scaled import ScaledScans
 from sonarmap.slam.pair import DEFECT, Pair
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
-from sonarmap.tools.products.output.hand import has_no_effect, is_contradicted, tie_effect
+from sonarmap.tools.products.output.pairs_file import has_no_effect, is_contradicted, tie_effect
 
 UNMOVED = 0.001  # poses moved by less than this were not moved [voxels]
 LISTED = 10  # names of scans in a sentence

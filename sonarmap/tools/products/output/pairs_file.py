@@ -1,4 +1,5 @@
-"""`pairs.csv`: every pair that was tried, what was measured, and what became of it, for spreadsheets and scripts."""
+"""What became of pairs, ties and control points: `pairs.csv` with every pair that was tried, and rows of
+summary.json."""
 
 import math
 from collections.abc import Sequence
@@ -8,10 +9,15 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.slam.decide.hand import CONTRADICTED
+from sonarmap.slam.graph.control import MeasuredControl
 from sonarmap.slam.graph.tangent import worst_sigmas
 from sonarmap.slam.pair import Pair
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.map_folder.pairs import ANSWERS, POSE_COLUMNS
+from sonarmap.tools.files.readers.ties import POSE, SIGMAS
 from sonarmap.tools.files.writers.table import write_table
 
 COLUMNS = (
@@ -80,3 +86,91 @@ def _cell(value: Any) -> Any:
     if isinstance(value, bool | np.bool_):
         return _WORDS[bool(value)]
     return value if isinstance(value, str) or math.isfinite(value) else ""
+
+
+def tie_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
+    """Every tie of scans of these names, with what became of it."""
+    return [
+        {"target": names[tie.i], "source": names[tie.j], "verdict": tie.verdict, "note": tie.note}
+        | {"effect": tie_effect(result, tie)}
+        | ({} if tie.given is None else _transform_row(tie.given))
+        for tie in result.ties
+    ]
+
+
+def _transform_row(given: Registration) -> dict[str, float]:
+    """A transform and its standard deviations as the columns of a file of ties have them [m, deg].
+
+    Standard deviations that differ by direction become their root mean squares.
+    """
+    turn, shift = np.sqrt(np.diag(given.covariance).reshape(2, 3).mean(axis=1)).tolist()
+    angles = given.T_target_source.rotation.as_euler("ZYX", degrees=True)[::-1]
+    values = [*given.T_target_source.translation.tolist(), *angles.tolist(), shift, float(np.degrees(turn))]
+    return dict(zip((*POSE, *SIGMAS), values, strict=True))
+
+
+def tie_effect(result: SurveyResult, tie: Tie) -> str:
+    """What became of a tie, in words."""
+    pair = next((pair for pair in result.pairs if pair.scans == tie.scans), None)
+    if pair is None:
+        if tie.verdict == "reject":
+            return "was not tried, so there is nothing to reject"
+        return "was not tried, so there is no registration to accept; use the verdict add to register it"
+    if tie.verdict == "reject":
+        return "rejected by hand: left out of the graph"
+    if not pair.kept or pair.edge is None:
+        return f"not in the graph: {pair.reason}"
+    words = pair.reason
+    if tie.given is None and not pair.edge.registration.accepted:
+        words += f"; the registration itself was not sure ({pair.edge.registration.probability:.0%})"
+    if is_contradicted(result, tie):
+        words += (
+            f"; the rest of the survey contradicts it: chi-squared {pair.contradicted:.4g}, where {CONTRADICTED:.1f} "
+            "is the most that is usual"
+        )
+    return words
+
+
+def is_contradicted(result: SurveyResult, tie: Tie) -> bool:
+    """Whether the rest of the survey speaks against a tie that is in the graph."""
+    return any(pair.scans == tie.scans and pair.contradicted > CONTRADICTED for pair in result.pairs)
+
+
+def has_no_effect(result: SurveyResult, tie: Tie) -> bool:
+    """Whether a tie should be in the graph, and is not."""
+    return tie.verdict != "reject" and not any(pair.scans == tie.scans and pair.kept for pair in result.pairs)
+
+
+def control_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
+    """Every control and check point in scans of these names, with its residual."""
+    return [
+        {"name": each.point.name, "scan": names[each.point.scan], **fields_of(each.point, "point", "known")}
+        | {**fields_of(each, "estimated", "residual"), "sigma": each.point.sigmas, "use": each.point.use}
+        | {"in_sigmas": each.in_sigmas}
+        for each in result.control
+    ]
+
+
+def control_fit(result: SurveyResult, names: Sequence[str]) -> dict[str, Any] | None:
+    """How well the map fits its control and its check points, and which were left out; None without any.
+
+    Points of parts that do not lie in the world do not count, nor do those that were left out.
+    """
+    if not result.control:
+        return None
+    counted = [each for each in result.control if each.in_world and not each.left_out]
+    return {
+        **{use: _fit([each for each in counted if each.point.use == use]) for use in ("control", "check")},
+        "left_out": [
+            {"name": each.point.name, "scan": names[each.point.scan], "sigmas": each.wrong}
+            for each in result.control
+            if each.left_out
+        ],
+    }
+
+
+def _fit(points: Sequence[MeasuredControl]) -> dict[str, Any]:
+    lengths = np.array([np.linalg.norm(each.residual) for each in points])
+    squares = [each.residual @ each.residual for each in points]
+    rms, largest = (float(np.sqrt(np.mean(squares))), float(lengths.max())) if points else (None, None)
+    return {"points": len(points), "rms_m": rms, "largest_m": largest}

@@ -3,11 +3,13 @@
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from typing import Any, get_args
 
 import numpy as np
 
+from sonarmap.kernels.device.device import Device
+from sonarmap.slam.execute.runner import Timings
 from sonarmap.slam.graph.gauge import MEASURED
 from sonarmap.slam.graph.tangent import worst_sigmas
 from sonarmap.slam.map.crossing import CrossingError
@@ -15,12 +17,44 @@ from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.pair import Pair, Role
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.inputs import package_versions
+from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.files.readers.csv_table import PAIRS
+from sonarmap.tools.files.readers.scans import Unread
 from sonarmap.tools.products.output.faults import contradictions, faults, odd_rows, systematic_words, understated_rows
-from sonarmap.tools.products.output.hand import control_fit, control_rows, tie_rows
-from sonarmap.tools.products.output.pairs_file import fields_of
-from sonarmap.tools.products.output.run import SurveyRun
+from sonarmap.tools.products.output.pairs_file import control_fit, control_rows, fields_of, tie_rows
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyRun:
+    """names: of the scans, in their order.
+    settings: as the user gave them or as they were chosen; dataclasses are fine as values.
+    device: what it ran on; None for a method that takes none.
+    unread: scans that could not be read.
+    inputs: the files, as `input_rows` describes them.
+    georeference: where the map lies on the Earth; None where it is not known.
+    times: how long it took, for times.json: see `survey_times`; None for no such file."""
+
+    names: Sequence[str]
+    settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    device: Device | None = None
+    unread: Sequence[Unread] = ()
+    inputs: Sequence[Mapping[str, Any]] = ()
+    georeference: Georeference | None = None
+    times: Mapping[str, Any] | None = None
+
+
+def survey_times(timings: Timings, workers: int | str) -> dict[str, Any]:
+    """The content of `times.json`: what differs between runs that give the same results; `workers` is how many
+    processes registered, or the address of the cluster that did."""
+    return {
+        "workers": workers,
+        "pairs_from_journal": timings.from_journal,
+        "pairs": timings.pairs,
+        "stages_s": timings.stages,
+        "peak_memory_bytes": peak_memory(),
+    }
 
 
 def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.files.readers.corrections import AS_RECORDED
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
-from sonarmap.tools.products.live.state import State
+from sonarmap.tools.products.live.messages import State
 from tests.samples.clutter_scans import done, scan, sonarmap, write
 
 FULL = "cannot be written: No space left on device"

@@ -15,12 +15,12 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.files.map_folder.scans import mapped_scans
-from sonarmap.tools.products.export.clouds.cloud import Cloud
+from sonarmap.tools.products.export.clouds import Cloud
 from tests.samples.clutter_scans import done, printed, refused, said, sonarmap, table_of
 from tests.samples.lines import HERE, gsf_of
 from tests.slam.pings.simulated_lines import WRONG, Biases, Survey, simulated
 from tests.tools.files.readers.pings.samples import START
-from tests.tools.products.export.clouds.test_points_of_scans import same_as_fused
+from tests.tools.products.export.test_points_of_scans import same_as_fused
 
 PINGS, LANES = 250, 3
 

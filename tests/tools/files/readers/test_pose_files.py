@@ -20,8 +20,7 @@ from sonarmap.tools.files.readers.poses.trajectory import read_kitti, read_tum
 from sonarmap.tools.files.writers.g2o import write_g2o
 from sonarmap.tools.files.writers.json_text import to_json, write_json
 from sonarmap.tools.files.writers.trajectory import write_tum
-from sonarmap.tools.products.output.run import SurveyRun
-from sonarmap.tools.products.output.summary import survey_summary
+from sonarmap.tools.products.output.summary import SurveyRun, survey_summary
 from tests.samples.places import DATA
 from tests.samples.refusals import refuses
 from tests.samples.surveys import KnowingRegistrar, edge, random_covariance, random_transforms, ring_poses, scans_of

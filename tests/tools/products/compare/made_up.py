@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.linalg import block_diag
 
-from sonarmap.tools.products.compare.epoch import Epoch, levers
+from sonarmap.tools.products.compare.surface import Epoch, levers
 
 VOXEL = 0.5
 NOISE = 0.05  # [m]

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.tangent import lengths
-from sonarmap.tools.products.compare.alignment import agreed
+from sonarmap.tools.products.compare.comparison import agreed
 from tests.samples.surveys import drawn
 
 COVARIANCE = np.diag(np.repeat([3e-3, 0.05], 3) ** 2)

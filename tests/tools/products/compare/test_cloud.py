@@ -15,12 +15,11 @@ from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.map_folder.surveyed import surveyed_map
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.maps import export_map
-from sonarmap.tools.products.compare.alignment import Alignment
 from sonarmap.tools.products.compare.cloud import PointCloud, opened_surveys
-from sonarmap.tools.products.compare.comparison import CompareSettings, compare_maps
+from sonarmap.tools.products.compare.comparison import Alignment, CompareSettings, compare_maps
 from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between
-from sonarmap.tools.products.compare.epoch import Epoch
 from sonarmap.tools.products.compare.regions import regions_of
+from sonarmap.tools.products.compare.surface import Epoch
 from tests.samples.surveys import drawn
 from tests.tools.products.compare.made_up import VOXEL, surveyed
 from tests.tools.products.export.finished import finished_map, local_of

@@ -9,9 +9,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.products.compare.comparison import Comparison
 from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between
-from sonarmap.tools.products.compare.epoch import Epoch
 from sonarmap.tools.products.compare.regions import regions_of
-from sonarmap.tools.products.compare.surface import RADIUS, cores_of, layer_of
+from sonarmap.tools.products.compare.surface import RADIUS, Epoch, cores_of, layer_of
 from tests.tools.products.compare.made_up import NOISE, VOXEL, bed, surveyed
 
 ALIGNMENT = np.diag(np.repeat([1e-3, 0.02], 3) ** 2)

@@ -13,7 +13,7 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.track_features import cut_at_180, write_geojson, write_geopackage
+from sonarmap.tools.products.export.track import cut_at_180, write_geojson, write_geopackage
 from tests.tools.products.export.finished import program
 from tests.tools.products.export.poses import dive, with_part
 

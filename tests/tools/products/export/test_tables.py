@@ -20,7 +20,7 @@ from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.time_scales import GPS_EPOCH, are_times, gps_of_utc
 from sonarmap.tools.files.writers.g2o import write_g2o
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.tables import (
+from sonarmap.tools.products.export.track import (
     COLUMNS,
     write_eiva_attitude,
     write_eiva_position,

@@ -8,8 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.products.live import messages
 from sonarmap.tools.products.live.coverage import coverage
-from sonarmap.tools.products.live.messages import Message
-from sonarmap.tools.products.live.state import State
+from sonarmap.tools.products.live.messages import Message, State
 
 BETWEEN = 3  # scans from one key scan to the next
 

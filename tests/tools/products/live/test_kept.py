@@ -5,8 +5,8 @@ import json
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.tools.products.live import kept, messages
-from sonarmap.tools.products.live.kept import Kept
+from sonarmap.tools.products.live import messages
+from sonarmap.tools.products.live.messages import Kept
 
 T = RigidTransform.identity()
 
@@ -61,7 +61,7 @@ def test_a_slow_browser_gets_the_latest_alone() -> None:
 def test_texts_do_not_wait_for_clouds() -> None:
     store, reached = filled(), dict[type, int]()
     first = store.after(reached)
-    assert sum(isinstance(message, bytes) for message in first) == kept.AT_ONCE
+    assert sum(isinstance(message, bytes) for message in first) == messages.AT_ONCE
     store.add(("state", "lost"))
     assert store.after(reached)[0] == "lost"
 

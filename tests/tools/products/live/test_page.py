@@ -10,8 +10,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.products.live import messages
 from sonarmap.tools.products.live.coverage import coverage
+from sonarmap.tools.products.live.messages import State
 from sonarmap.tools.products.live.server import LivePage
-from sonarmap.tools.products.live.state import State
 from tests.tools.products.live.known_dive import KnownDive
 from tests.tools.products.report.page.browser import SOFTWARE, WITHOUT_WEBGL, Opened, browsed, wait_until
 

@@ -20,9 +20,8 @@ from websockets.typing import Origin
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.products.live import messages, server
-from sonarmap.tools.products.live.messages import Message
+from sonarmap.tools.products.live.messages import Message, State
 from sonarmap.tools.products.live.server import LivePage
-from sonarmap.tools.products.live.state import State
 
 STATE: Message = ("state", State("placed", alerts=("here",)).message)
 

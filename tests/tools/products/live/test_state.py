@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from sonarmap.tools.products.live.state import State
+from sonarmap.tools.products.live.messages import State
 
 
 @pytest.mark.parametrize(

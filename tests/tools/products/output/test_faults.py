@@ -17,7 +17,7 @@ from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.inputs import input_rows
 from sonarmap.tools.files.readers.ties import POSE, SIGMAS, read_ties
 from sonarmap.tools.products.output.faults import faults
-from sonarmap.tools.products.output.hand import tie_rows
+from sonarmap.tools.products.output.pairs_file import tie_rows
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 COUNT = 10

@@ -8,10 +8,8 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.products.section.files import PROFILE, check_names, write_section
-from sonarmap.tools.products.section.picture import Titles, section_figure
-from sonarmap.tools.products.section.placed import Coordinates
-from sonarmap.tools.products.section.section import Section, profile_of, section_of
+from sonarmap.tools.products.section.files import PROFILE, Titles, check_names, section_figure, write_section
+from sonarmap.tools.products.section.section import Coordinates, Section, profile_of, section_of
 from tests.samples.clutter_scans import files_in, table_of
 from tests.tools.products.section.made_up import placed
 

@@ -18,7 +18,7 @@ from sonarmap.tools.command.terminal import print_json, print_result, say
 from sonarmap.tools.command.verbs.finished.opened import open_map
 
 if TYPE_CHECKING:
-    from sonarmap.tools.products.section.placed import Coordinates, PlacedMap
+    from sonarmap.tools.products.section.section import Coordinates, PlacedMap
 
 _input = partial(option, INPUT)
 _VOXELS = 2  # to either side, where --width is not given
@@ -69,10 +69,8 @@ def command(
     import numpy as np
 
     from sonarmap.tools.products.export.grid import default_cell
-    from sonarmap.tools.products.section.files import check_names, write_section
-    from sonarmap.tools.products.section.picture import Titles
-    from sonarmap.tools.products.section.placed import Coordinates, PlacedMap
-    from sonarmap.tools.products.section.section import profile_of, section_of
+    from sonarmap.tools.products.section.files import Titles, check_names, write_section
+    from sonarmap.tools.products.section.section import Coordinates, PlacedMap, profile_of, section_of
 
     check_names(files.out, source)
     ends = np.array([_place(name, text, line.degrees) for name, text in (("--from", line.start), ("--to", line.end))])
@@ -123,7 +121,7 @@ def _place(name: str, text: str, in_degrees: bool) -> list[float]:
 
 def _given(line: Line, world: "Coordinates | None", placed: "PlacedMap") -> "Coordinates":
     """The coordinates of --from and --to. Raises InputError: both options, or a map whose place is not known."""
-    from sonarmap.tools.products.section.placed import Coordinates
+    from sonarmap.tools.products.section.section import Coordinates
 
     if line.world and line.degrees:
         raise InputError("--world and --degrees exclude one another; give the one in which --from and --to are")

@@ -17,7 +17,7 @@ from sonarmap.tools.command.verbs.finished.opened import SAME_FRAME, open_map
 from sonarmap.tools.products.export.formats import HEIGHTS
 
 if TYPE_CHECKING:
-    from sonarmap.tools.products.section.placed import PlacedMap
+    from sonarmap.tools.products.section.section import PlacedMap
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def command(
 
 def _opened(path: Path, least: int) -> "PlacedMap":
     """The largest part of a map, with the points that so many scans saw."""
-    from sonarmap.tools.products.section.placed import PlacedMap
+    from sonarmap.tools.products.section.section import PlacedMap
 
     placed = PlacedMap.of(open_map(path))
     if not placed.upright:

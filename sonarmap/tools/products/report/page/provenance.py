@@ -1,15 +1,21 @@
 # pyright: strict
-"""What a map was made with and from, as rows of text for the page."""
+"""What a map was made of and with: its title, its settings, and the command that makes it again."""
 
+import glob
 import math
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from pathlib import Path, PurePath
+from typing import Any, cast
 
 import numpy as np
 
 from sonarmap.kernels.counted import counted
-from sonarmap.tools.products.report.naming import survey_date, survey_name
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.time_scales import are_times, utc_text
 
+_NAMED = 3  # inputs in a title
+_DATE = len("2024-05-17")
 # Of settings whose name does not say it; the others are counts, shares and names.
 UNITS = {
     "edge": "voxels",
@@ -32,6 +38,59 @@ CITATION = (
     "Bülow, H., Birk, A.: Spectral registration of noisy sonar data for underwater 3D mapping. "
     "Autonomous Robots 30 (2011). doi:10.1007/s10514-011-9221-8"
 )
+# Settings of the mapper that an option sets: where they are, the option, its default, and how many of the option's
+# units there are in one of the setting's.
+_OF_MAPPER = (
+    (("loops", "per_scan"), "--loops", 2, 1.0),
+    (("keys", "step"), "--key-step", None, 1.0),
+    (("limits", "speed"), "--max-speed", None, 1.0),
+    (("limits", "turn_rate"), "--max-turn-rate", None, math.degrees(1.0)),
+    (("limits", "step"), "--max-step", None, 1.0),
+    (("min_seen",), "--min-seen", 2, 1.0),
+)
+_NOT_OPTIONS = ("inputs", "method", "ties")  # the page itself adds the ties that it saves
+_EAST = 90.0  # the heading of a map's x axis, unless --origin-heading says otherwise [deg]
+
+
+def inputs_of(settings: Mapping[str, Any]) -> list[str]:
+    """Files, folders or patterns, as they were given."""
+    given = settings.get("inputs", [])
+    return [str(path) for path in (given if isinstance(given, list) else [given])]  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
+
+
+def survey_name(inputs: Sequence[str]) -> str:
+    """The names of the first files or folders that were given; of a pattern, or of many in one folder, that folder's.
+    Empty where there is none."""
+    folders = {Path(path).absolute().parent for path in inputs}
+    if len(inputs) > _NAMED and len(folders) == 1:
+        inputs = [str(*folders)]
+    names = list(dict.fromkeys(_name(path) for path in inputs))
+    return ", ".join(names[:_NAMED]) + (" and others" if len(names) > _NAMED else "")
+
+
+def survey_date(stamps: np.ndarray) -> str:
+    """The day on which scans with these stamps (n,) [s] were taken, or the first and the last; empty where the stamps
+    are no times."""
+    if not are_times(stamps):
+        return ""
+    first, last = (utc_text(float(stamp))[:_DATE] for stamp in (stamps.min(), stamps.max()))
+    return first if first == last else f"{first} to {last}"
+
+
+def plain_text(name: str, longest: int | None = None) -> str:
+    """A name as one line of a picture's text: a dollar sign begins no formula, and the middle of a long one is left
+    out."""
+    name = "".join(c if c.isprintable() else "?" for c in name)
+    if longest is not None and len(name) > longest:
+        name = f"{name[: longest // 2]}…{name[-((longest - 1) // 2) :]}"
+    return name.replace("$", r"\$")
+
+
+def _name(path: str) -> str:
+    pure = PurePath(path)
+    if glob.has_magic(pure.name) and pure.parent.name:
+        return pure.parent.name
+    return pure.name or Path(path).absolute().name or path
 
 
 def title(inputs: Sequence[str], stamps: np.ndarray) -> str:
@@ -70,3 +129,51 @@ def _worded(name: str, value: Any) -> str:
     unit = UNITS[name]
     in_degrees = f" ({math.degrees(value):.4g} deg{unit[3:]})" if unit.startswith("rad") else ""
     return f"{value:.6g} {unit}{in_degrees}"
+
+
+def map_command(settings: Mapping[str, Any], georeference: Georeference | None = None) -> dict[str, str]:
+    """`sonarmap map` with the options that summary.json has settings of, and apart its inputs, all quoted for a POSIX
+    shell; the map's place on the Earth is said where no navigation says it again.
+
+    The page adds its own folder, so that its bytes do not depend on where it lies. The grid is as it was, so that pairs
+    that are in the journal are not registered again.
+    """
+    words = ["sonarmap", "map"]
+    if "method" in settings:
+        words += ["--method", str(settings["method"])]
+    grid = settings.get("grid")
+    if isinstance(grid, Mapping):
+        words += ["--grid", str(grid["edge"]), "--voxel", str(grid["voxel"])]  # pyright: ignore[reportUnknownArgumentType]
+    for name, value in settings.items():
+        for each in cast("list[Any]", value) if isinstance(value, list) else [value]:
+            if name not in _NOT_OPTIONS and isinstance(each, str | int | float):
+                words += _option(f"--{name.replace('_', '-')}", each)
+    words += _mapper_words(settings.get("mapper"))
+    if georeference is not None and "priors" not in settings:
+        words += _origin_words(georeference)
+    inputs = [f"./{path}" if path.startswith("-") else path for path in inputs_of(settings)]
+    return {"options": shlex.join(words), "inputs": shlex.join(inputs)}
+
+
+def _mapper_words(mapper: Any) -> list[str]:
+    words: list[str] = []
+    for path, option, default, factor in _OF_MAPPER:
+        value = mapper
+        for name in path:
+            value = value.get(name) if isinstance(value, Mapping) else None  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+        if isinstance(value, int | float) and value != default:
+            words += _option(option, value if factor == 1.0 else float(f"{value * factor:.12g}"))
+    return words
+
+
+def _origin_words(here: Georeference) -> list[str]:
+    words = _option("--origin", f"{here.latitude!r},{here.longitude!r},{here.height!r}")
+    words += ["--vertical", here.vertical]
+    return words if here.heading == _EAST else [*words, "--origin-heading", repr(here.heading)]
+
+
+def _option(name: str, value: str | float) -> list[str]:
+    if isinstance(value, bool):
+        return [name] if value else []
+    text = str(value)
+    return [f"{name}={text}"] if text.startswith("-") else [name, text]

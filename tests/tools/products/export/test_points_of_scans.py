@@ -23,12 +23,11 @@ from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from sonarmap.tools.files.map_folder.scans import mapped_scans
 from sonarmap.tools.files.readers.scans import read_survey
 from sonarmap.tools.files.writers.points import write_ply
-from sonarmap.tools.products.export.clouds.cloud import Cloud
-from sonarmap.tools.products.export.clouds.copc import write_copc
-from sonarmap.tools.products.export.laz import write_laz
+from sonarmap.tools.products.export.clouds import Cloud
+from sonarmap.tools.products.export.laz import write_copc, write_laz
 from sonarmap.tools.products.export.run import ExportSettings, export_map
 from sonarmap.tools.products.output.folder import write_survey
-from sonarmap.tools.products.output.run import SurveyRun
+from sonarmap.tools.products.output.summary import SurveyRun
 from tests.samples.clutter_scans import done, refused, scan, sonarmap
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 from tests.tools.products.export.finished import cloud_of, georeferenced, local_of, scattered
@@ -161,8 +160,8 @@ def test_straightened_scans_are_straightened_by_the_same_way(tmp_path: Path) -> 
 
 def test_an_octree_of_several_levels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Coarse levels are spread over the map; laspy, copclib and LASzip read as many points as the LAZ has."""
-    monkeypatch.setattr("sonarmap.tools.products.export.clouds.copc._CELLS", 8)
-    monkeypatch.setattr("sonarmap.tools.products.export.clouds.copc._FEW", 50)
+    monkeypatch.setattr("sonarmap.tools.products.export.laz._CELLS", 8)
+    monkeypatch.setattr("sonarmap.tools.products.export.laz._FEW", 50)
     cloud = cloud_of(georeferenced(Georeference(60.0, 5.0), scattered(reach=30.0), points=6_000))
     write_laz(tmp_path / "map.laz", cloud)
     path = tmp_path / "map.copc.laz"
