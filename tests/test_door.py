@@ -193,7 +193,7 @@ class TestRegister:
 class TestOtherDoors:
     def test_scans_of_a_folder_are_mapped_and_the_graph_optimized(self, tmp_path: Path) -> None:
         """By a method of one's own; a graph and its file are optimized alike."""
-        from sonarmap.tools.files.writers.g2o import write_g2o
+        from sonarmap.tools.files.writers.poses import write_g2o
 
         for scan in scans_of(TRUTH):
             np.save(tmp_path / f"{scan.name}.npy", scan.points)

@@ -237,7 +237,7 @@ def locate(
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
     from sonarmap.slam.locate.locator import Locator
-    from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+    from sonarmap.tools.files.map_folder.folder import surveyed_map
     from sonarmap.tools.maps import opened_map
 
     surveyed, listed = surveyed_map(opened_map(folder)), as_survey(scans)
@@ -279,7 +279,7 @@ def compare(
             (`NotAlignedError`).
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
-    from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+    from sonarmap.tools.files.map_folder.folder import surveyed_map
     from sonarmap.tools.maps import Map, opened_map
     from sonarmap.tools.products.compare.cloud import opened_surveys
     from sonarmap.tools.products.compare.comparison import CompareSettings, compare_maps
@@ -344,7 +344,7 @@ def optimize(
     from sonarmap.slam.graph.pose_graph import PoseGraph
     from sonarmap.slam.optimize.solve import optimize as optimize_graph
     from sonarmap.tools.files.readers.poses.g2o import read_g2o, require_connected
-    from sonarmap.tools.files.readers.poses.graph_json import read_graph_json
+    from sonarmap.tools.files.readers.poses.trajectory import read_graph_json
 
     if not isinstance(graph, PoseGraph):
         require(graph=graph)

@@ -20,7 +20,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Map
-from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.files.writers.atomic import locked
 from sonarmap.tools.given import (
     ScanLike,
     as_arguments,

@@ -43,8 +43,7 @@ def parse_prior_sigmas(text: str) -> dict[str, float]:
 
     Raises InputError: not four numbers above 0.
     """
-    from sonarmap.tools.files.readers.instruments import COLUMNS
-    from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA
+    from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST, LEAST_SIGMA
 
     try:
         attitude, heading, depth, position = (float(part) for part in text.split(","))

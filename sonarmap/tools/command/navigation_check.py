@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo.georeference import Georeference
-    from sonarmap.tools.files.readers.navigation.check.mistakes import Contradiction
+    from sonarmap.tools.files.readers.navigation.mistakes import Contradiction
 
 
 class ContradictedError(SonarmapError):
@@ -38,7 +38,7 @@ def contradiction_of(
     import numpy as np
     from scipy.spatial.transform import RigidTransform
 
-    from sonarmap.tools.files.readers.navigation.check.contradictions import LEAST_PAIRS, Registered, contradiction
+    from sonarmap.tools.files.readers.navigation.contradictions import LEAST_PAIRS, Registered, contradiction
 
     sure = [(*pair.scans, pair.registration) for pair in free if pair.registration is not None]
     if len(sure) < LEAST_PAIRS:
@@ -55,7 +55,7 @@ def with_mistake(
     """A map with what would have the scans' priors, of a file, agree with it, where these err more than stated."""
     if not result.understated:
         return result
-    from sonarmap.tools.files.readers.navigation.check.map_check import contradiction_of_map
+    from sonarmap.tools.files.readers.navigation.contradictions import contradiction_of_map
 
     priors, kinds = [scan.prior for scan in scans], tuple(result.understated)
     found = contradiction_of_map(result.solution.graph, priors, kinds, _origin(georeference))

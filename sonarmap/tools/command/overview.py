@@ -12,11 +12,11 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.survey_grid import grid_of_extents
 from sonarmap.spectral.grid import Grid, trimmed_box
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.readers.clock import Clock, clock_of
+from sonarmap.tools.files.readers.checks import Clock, clock_of
 from sonarmap.tools.files.readers.corrections import AS_RECORDED, Corrections
 from sonarmap.tools.files.readers.file import FORMATS, format_of
 from sonarmap.tools.files.readers.instruments import values_of
-from sonarmap.tools.files.readers.pings.overview import LineOverview, line_overview
+from sonarmap.tools.files.readers.pings.line_file import LineOverview, line_overview
 from sonarmap.tools.files.readers.scans import Progress, ScanEntry, files_of, read_entries, stamps_of
 from sonarmap.tools.files.readers.selection import select_files
 

@@ -61,7 +61,7 @@ def print_result(sentence: str) -> None:
 
 def print_json(value: Any, indent: int | None = None) -> None:
     """Print a value that `to_json` takes on stdout; what is not a finite number is null."""
-    from sonarmap.tools.files.writers.json_text import to_json
+    from sonarmap.tools.files.writers.tables import to_json
 
     typer.echo(json.dumps(to_json(value), indent=indent, allow_nan=False))
 

@@ -1,10 +1,13 @@
-"""Files that a user names: regular ones that memory can hold, or a pipe that the command was given on purpose."""
+"""The files that a user names, read whole; among them JSON, whatever it holds."""
 
+import json
+import math
 import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.memory import require_memory
@@ -12,6 +15,8 @@ from sonarmap.tools.files.memory import require_memory
 # `<(...)` of a shell is one of the second kind; the last is an empty file
 _GIVEN = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/", os.devnull)
 _LARGEST_PIPE = 1 << 28  # bytes
+_LARGEST = 1e30  # of a number: as large as an information, see `tools.files.readers.poses.pose_rows`
+_LARGEST_INTEGER = 2**63 - 1
 
 
 @contextmanager
@@ -67,3 +72,31 @@ def require_file(path: Path, pipe: bool = False) -> None:
         raise InputError(f"cannot read {path}: {error}; check its name") from error
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or (pipe and str(path).startswith(_GIVEN))):
         raise InputError(f"cannot read {path}: it is a pipe or a device; wanted a file: write it to one, and give that")
+
+
+def read_json(path: Path, expected: str) -> Any:
+    """What the file, which should be what is `expected`, holds. Raises InputError: it cannot be read, is no JSON in
+    UTF-8, is nested too deeply, or holds NaN, Infinity or a number beyond 1e30 (a whole one: 2^63)."""
+    try:
+        text = read_content(Path(path), pipe=True).decode("utf-8")
+        return json.loads(text, parse_float=_number, parse_int=_integer, parse_constant=_no_number)
+    except InputError as error:
+        raise InputError(f"{error}; expected {expected}") from error
+    except ValueError as error:
+        reason = str(error)
+    except RecursionError:
+        reason = "it is nested too deeply"
+    raise InputError(f"cannot read {path}: {reason}; expected {expected}")
+
+
+def _number(text: str) -> float:
+    number = float(text)
+    return number if math.fabs(number) <= _LARGEST else _no_number(text)
+
+
+def _integer(text: str) -> int:
+    return int(text) if len(text) <= 20 and abs(int(text)) <= _LARGEST_INTEGER else _no_number(text)
+
+
+def _no_number(text: str) -> Any:
+    raise ValueError(f"it holds the number {text[:40]}, which is too large or none at all")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.worker import WorkerSpec
 from sonarmap.tools.files.inputs import package_versions
-from sonarmap.tools.files.writers.json_text import to_json
+from sonarmap.tools.files.writers.tables import to_json
 from sonarmap.tools.methods.registry import Setup, find_method
 
 if TYPE_CHECKING:

@@ -15,9 +15,7 @@ from sonarmap.tools.files.readers.control import read_control
 from sonarmap.tools.files.readers.navigation.odometry import read_odometry
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
-from sonarmap.tools.files.readers.poses.graph_json import FORMAT, read_graph_json
-from sonarmap.tools.files.readers.poses.gt_log import read_gt_log
-from sonarmap.tools.files.readers.poses.trajectory import read_kitti, read_tum
+from sonarmap.tools.files.readers.poses.trajectory import FORMAT, read_graph_json, read_gt_log, read_kitti, read_tum
 from sonarmap.tools.files.readers.ties import read_ties
 from sonarmap.tools.lab.evaluate.survey import SurveySummary, read_summary
 from sonarmap.tools.lab.simulate.folder import read_settings

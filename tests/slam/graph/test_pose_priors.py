@@ -18,7 +18,7 @@ from sonarmap.slam.optimize.solve import optimize
 from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
-from sonarmap.tools.files.writers.g2o import write_g2o
+from sonarmap.tools.files.writers.poses import write_g2o
 from tests.samples.surveys import chain_edges, chained_graph, drawn, random_covariance, ring_poses
 
 SIGMAS = np.array([0.004, 0.007, 0.02, 0.5, 0.8, 0.05])

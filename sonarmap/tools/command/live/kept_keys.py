@@ -18,8 +18,7 @@ from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.readers.clouds.cloud import refuse_map_coordinates
 from sonarmap.tools.files.readers.incoming import Mark
-from sonarmap.tools.files.writers.atomic import atomic_path, require_writable
-from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.files.writers.atomic import atomic_path, locked, require_writable
 from sonarmap.tools.methods.fingerprint import fingerprint
 
 FOLDER = "live"  # within the map's folder

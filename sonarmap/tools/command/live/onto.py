@@ -11,8 +11,7 @@ from sonarmap.slam.locate.surveyed_map import LEAST
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.command.live.kept_keys import KeptKey
-from sonarmap.tools.files.map_folder.folder import Map
-from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+from sonarmap.tools.files.map_folder.folder import Map, surveyed_map
 from sonarmap.tools.files.readers.incoming import Mark
 
 

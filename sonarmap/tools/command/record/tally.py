@@ -7,8 +7,14 @@ from typing import Any
 from google.protobuf.message import Message
 from wlsonar import range_image_protocol as rip
 
-from sonarmap.tools.files.readers.sonar.messages import STRENGTH, message_of, range_image_type, stamp_of
-from sonarmap.tools.files.readers.sonar.shots import Remembered, ShotNumbers
+from sonarmap.tools.files.readers.sonar.messages import (
+    STRENGTH,
+    Remembered,
+    ShotNumbers,
+    message_of,
+    range_image_type,
+    stamp_of,
+)
 
 RANGES, STRENGTHS, SHADED, IMU = "range_images", "strength_images", "shaded_images", "imu_batches"
 _REMEMBERED = 1024  # packets of a kind, among which doubled ones are recognized

@@ -45,7 +45,7 @@ def command(measurement: Measurement, as_json: JsonOption = False) -> None:
     equivalent's is marked WRONG, and the exit code is 3.
     """
     from sonarmap.tools.files.writers.atomic import require_writable
-    from sonarmap.tools.files.writers.json_text import write_json
+    from sonarmap.tools.files.writers.tables import write_json
 
     if measurement.out is not None:
         require_writable(measurement.out.parent)
@@ -62,7 +62,7 @@ def _run(asked: Measurement, as_json: bool) -> tuple[dict[str, Any], list[str]]:
     """The result, printed, as JSON's types; and the kernels that are wrong."""
     from rich.console import Console
 
-    from sonarmap.tools.files.writers.json_text import to_json
+    from sonarmap.tools.files.writers.tables import to_json
     from sonarmap.tools.lab.bench.run import BenchPlan, run_bench
     from sonarmap.tools.lab.bench.table import describe
 

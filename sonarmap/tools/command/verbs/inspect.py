@@ -179,7 +179,7 @@ def _print(overview: "Overview", following: str | None) -> None:
 
 
 def _times(overview: "Overview") -> dict[str, str]:
-    from sonarmap.tools.files.readers.clock import utc
+    from sonarmap.tools.files.readers.checks import utc
 
     clock = overview.clock
     if clock is None:

@@ -33,8 +33,7 @@ from sonarmap.tools.command.words.survey import (
     warn_of_some,
     written_summary,
 )
-from sonarmap.tools.files.writers.atomic import require_writable
-from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.files.writers.atomic import locked, require_writable
 
 if TYPE_CHECKING:
     from sonarmap.slam.graph.control import ControlPoint

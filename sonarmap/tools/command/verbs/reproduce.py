@@ -125,6 +125,6 @@ def _print(record: "Record", out: Path) -> None:
 
 
 def _as_json(records: "Sequence[Record]", out: Path) -> dict[str, object]:
-    from sonarmap.tools.files.writers.json_text import to_json
+    from sonarmap.tools.files.writers.tables import to_json
 
     return {"experiments": [to_json(record) | {"files": [out / name for name in record.files]} for record in records]}

@@ -24,7 +24,7 @@ def command(
     """
     from sonarmap.tools.files.readers.scans import read_survey
     from sonarmap.tools.files.writers.atomic import require_writable
-    from sonarmap.tools.files.writers.priors import require_new, write_template
+    from sonarmap.tools.files.writers.tables import require_new, write_template
 
     require_new(out)
     require_writable(out.parent)

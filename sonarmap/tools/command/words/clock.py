@@ -3,12 +3,12 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sonarmap.tools.files.readers.clock import Clock
+    from sonarmap.tools.files.readers.checks import Clock
 
 
 def clock_json(clock: "Clock") -> dict[str, Any]:
     """A clock as JSON has it."""
-    from sonarmap.tools.files.readers.clock import utc
+    from sonarmap.tools.files.readers.checks import utc
 
     return {
         "start": clock.start,
@@ -25,7 +25,7 @@ def clock_json(clock: "Clock") -> dict[str, Any]:
 
 def span_words(clock: "Clock") -> str:
     """From when to when."""
-    from sonarmap.tools.files.readers.clock import utc
+    from sonarmap.tools.files.readers.checks import utc
 
     lasts = f"{clock.end - clock.start:,.1f} s"
     if clock.is_set:

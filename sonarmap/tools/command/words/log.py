@@ -11,7 +11,7 @@ from sonarmap.tools.command.terminal import print_rows, printable
 from sonarmap.tools.command.words.clock import clock_json, rate_words, span_words
 
 if TYPE_CHECKING:
-    from sonarmap.tools.files.readers.clock import Clock
+    from sonarmap.tools.files.readers.checks import Clock
     from sonarmap.tools.files.readers.navigation.overview import LogOverview
 
 _UNITS = {"deg": "degrees", "m": "m"}

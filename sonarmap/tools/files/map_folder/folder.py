@@ -1,5 +1,5 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
 """The folder that `sonarmap map` wrote, read back."""
 
 import os
@@ -12,18 +12,18 @@ import numpy as np
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.gauge import MEASURED
 from sonarmap.slam.graph.tangent import sigma_words, upward
 from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.locate.surveyed_map import SurveyedMap
 from sonarmap.slam.map.placed import pose_variance
 from sonarmap.slam.map.surface import on_surface
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.map_folder.names import FULL_GRAPH, SUMMARY
-from sonarmap.tools.files.map_folder.whole import as_written, require_own
+from sonarmap.tools.files.map_folder.names import FULL_GRAPH, SUMMARY, as_written, require_own
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
-from sonarmap.tools.files.readers.json_file import read_json
-from sonarmap.tools.files.readers.limits import LARGEST
-from sonarmap.tools.files.readers.poses.graph_json import trajectory_of
-from sonarmap.tools.files.user_file import naming, read_content
+from sonarmap.tools.files.readers.instruments import LARGEST
+from sonarmap.tools.files.readers.poses.trajectory import trajectory_of
+from sonarmap.tools.files.user_file import naming, read_content, read_json
 
 COLUMNS = ("count", "seen", "sigma", "scan", "survey")  # that every map has
 
@@ -240,3 +240,16 @@ def map_points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, 
             "negative counts; it is damaged: map again"
         )
     return points, columns
+
+
+def surveyed_map(folder: Map) -> SurveyedMap:
+    """The largest part of the map: frame, points, and the poses from which they were seen."""
+    part = folder.parts[0]
+    return SurveyedMap(
+        points=part.points,
+        seen_by=np.searchsorted(part.scans, part.columns["scan"]),
+        T_map_sensor=part.trajectory.T_world_sensor,
+        covariances=part.covariances,
+        voxel=folder.voxel,
+        measured=np.array([part.knows(name) for name in MEASURED]),
+    )

@@ -11,8 +11,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pair import Role
 from sonarmap.tools.files.readers.csv_table import CsvTable, read_csv_table
-from sonarmap.tools.files.readers.limits import LARGEST
-from sonarmap.tools.files.readers.navigation.cells import number
+from sonarmap.tools.files.readers.instruments import LARGEST
+from sonarmap.tools.files.readers.navigation.rows import number
 from sonarmap.tools.files.user_file import naming
 
 CHAIN = "sequential"  # the role of consecutive scans; pairs of any other role are loops

@@ -14,8 +14,7 @@ from sonarmap.slam.pings.biases import Biases
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.inputs import input_rows
 from sonarmap.tools.files.map_folder.folder import Map
-from sonarmap.tools.files.map_folder.names import SUMMARY
-from sonarmap.tools.files.map_folder.whole import as_written
+from sonarmap.tools.files.map_folder.names import SUMMARY, as_written
 from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
 from sonarmap.tools.files.readers.pings.patches import LineReading
 from sonarmap.tools.files.readers.scans import ReadScans, read_survey

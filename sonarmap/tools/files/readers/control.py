@@ -13,8 +13,8 @@ from sonarmap.slam.graph.control import ControlPoint, Use
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.csv_table import CsvRow, CsvTable, read_csv_table
-from sonarmap.tools.files.readers.navigation.cells import degrees, number, number_within, refuse
-from sonarmap.tools.files.readers.navigation.match import named_scan
+from sonarmap.tools.files.readers.navigation.log import named_scan
+from sonarmap.tools.files.readers.navigation.rows import degrees, number, number_within, refuse
 from sonarmap.tools.files.user_file import naming
 
 POINT = ("x_m", "y_m", "z_m")
@@ -137,7 +137,7 @@ def _local(
 ) -> tuple[np.ndarray, Georeference | None]:
     """(n, 3) East, North and Up of the map's origin, and where that is."""
     from sonarmap.tools.files.geo.projection import on_the_earth
-    from sonarmap.tools.files.readers.navigation.earth import rounded_origin
+    from sonarmap.tools.files.readers.navigation.settings import rounded_origin
 
     height = 0.0 if georeference is None else georeference.height
     # heights count from the vertical reference, the others from the map's origin

@@ -12,8 +12,13 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA
 
+# The largest numbers that files may hold: beyond any use, and far below where squares overflow.
+# Of a coordinate, a rotation's parts and a standard deviation [m, rad, degrees]: 80 times as wide as the Earth.
+LARGEST = 1e9
+LARGEST_STAMP = 1e19  # nanoseconds since 1970 are 1.8e18
+LARGEST_INFORMATION = 1e30  # its inverse is the largest variance
+LEAST_SIGMA = 1e-9  # [m, rad, degrees]; a quaternion is not shorter either
 PRIORS = "priors.csv"  # as `sonarmap simulate` calls the file beside its scans
 # In the order of PosePrior's sigmas
 COLUMNS = ("roll_deg", "pitch_deg", "heading_deg", "x_m", "y_m", "depth_m")
@@ -25,6 +30,13 @@ SIGMA_COLUMNS = tuple("_sigma_".join(column.rsplit("_", 1)) for column in COLUMN
 LARGEST_OF = {"roll_deg": 180.0, "pitch_deg": 90.0, "heading_deg": 360.0}
 
 _UNITS = np.array([np.pi / 180] * 3 + [1.0] * 3)  # of the columns, in radians and meters
+
+
+def largest_of(column: str) -> float:
+    """How large the numbers of a column may be, by its name: a stamp or id, an information (I11, ...), or any other."""
+    if column.startswith("I"):
+        return LARGEST_INFORMATION
+    return LARGEST_STAMP if column in ("stamp", "id") else LARGEST
 
 
 def check_measured(column: str, number: float) -> None:

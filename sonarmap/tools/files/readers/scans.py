@@ -8,10 +8,10 @@ from pathlib import Path
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.point_store import PointStore, in_turn
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.checks import repeated_in_words, strange_sizes
 from sonarmap.tools.files.readers.clouds.cloud import PingPatch, scan_of_cloud
 from sonarmap.tools.files.readers.corrections import AS_RECORDED, Corrections
 from sonarmap.tools.files.readers.file import FORMATS, NamedCloud, clouds_of
-from sonarmap.tools.files.readers.scan_sizes import repeated_in_words, strange_sizes
 from sonarmap.tools.files.readers.selection import Selection, select_files
 
 Progress = Callable[[int, int, str], None]

@@ -13,8 +13,7 @@ from pathlib import Path
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.csv_table import PAIRS, SUMMARY
 from sonarmap.tools.files.readers.instruments import PRIORS
-from sonarmap.tools.files.readers.json_file import read_json
-from sonarmap.tools.files.user_file import require_file
+from sonarmap.tools.files.user_file import read_json, require_file
 
 BAG_METADATA, BAG_TITLE = "metadata.yaml", "rosbag2_bagfile_information"  # of a ROS 2 bag that is a folder
 _BAG_FILES = (".db3", ".mcap", ".db3.zstd", ".mcap.zstd")

@@ -13,8 +13,8 @@ from sonarmap.slam.tie import VERDICTS, Tie, Verdict
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.csv_table import CsvTable, read_csv_table
-from sonarmap.tools.files.readers.navigation.cells import number_within, refuse
-from sonarmap.tools.files.readers.navigation.match import named_scan
+from sonarmap.tools.files.readers.navigation.log import named_scan
+from sonarmap.tools.files.readers.navigation.rows import number_within, refuse
 
 NAMES = ("target", "source", "verdict")
 POSE = ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")

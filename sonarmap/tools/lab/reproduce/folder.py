@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
-from sonarmap.tools.files.writers.json_text import to_json, write_json
-from sonarmap.tools.files.writers.table import write_table
+from sonarmap.tools.files.writers.tables import to_json, write_json, write_table
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Row
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS
 from sonarmap.tools.lab.reproduce.figures import FIGURES

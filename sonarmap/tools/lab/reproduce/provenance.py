@@ -6,7 +6,7 @@ from typing import Any
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.tools.files.inputs import package_versions
-from sonarmap.tools.files.writers.json_text import to_json
+from sonarmap.tools.files.writers.tables import to_json
 from sonarmap.tools.lab.bench.machine import count_cores, processor_name
 from sonarmap.tools.lab.reproduce.experiment import Experiment
 from sonarmap.tools.methods.fingerprint import fingerprint, method_sources, method_versions, source_digest

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.file import FORMATS, TRAJECTORY
 from sonarmap.tools.files.readers.instruments import PRIORS
-from sonarmap.tools.files.readers.poses.gt_log import GT_LOG, TruePair, read_gt_log
+from sonarmap.tools.files.readers.poses.trajectory import GT_LOG, TruePair, read_gt_log
 from sonarmap.tools.files.readers.selection import natural_key
 
 _NUMBERED = re.compile(r"(?:.*\D)?(\d{1,9})", re.ASCII | re.DOTALL)

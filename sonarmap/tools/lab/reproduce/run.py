@@ -12,7 +12,7 @@ from typing import Any
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.executor import processes, this_process
 from sonarmap.slam.execute.journal import Journal, JournalEntry
-from sonarmap.tools.files.writers.json_text import to_json
+from sonarmap.tools.files.writers.tables import to_json
 from sonarmap.tools.lab.progress import Follow
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row
 from sonarmap.tools.lab.reproduce.provenance import Provenance

@@ -6,12 +6,11 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.files.readers.clouds.cloud import columns_of
 from sonarmap.tools.files.readers.instruments import PRIORS
-from sonarmap.tools.files.readers.json_file import read_json
+from sonarmap.tools.files.user_file import read_json
 from sonarmap.tools.files.writers.atomic import all_or_none
-from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.files.writers.points import write_ply
-from sonarmap.tools.files.writers.priors import write_priors
-from sonarmap.tools.files.writers.trajectory import write_tum
+from sonarmap.tools.files.writers.poses import write_tum
+from sonarmap.tools.files.writers.tables import write_json, write_priors
 from sonarmap.tools.lab.simulate.sensing.navigation import Fixes, Instruments, dead_reckoning, measure_poses
 from sonarmap.tools.lab.simulate.simulation import Simulation, SimulationSettings, settings_from_json
 

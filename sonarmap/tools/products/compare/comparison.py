@@ -20,8 +20,7 @@ from sonarmap.slam.locate.surveyed_map import SurveyedMap
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.map_folder.folder import Map
-from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+from sonarmap.tools.files.map_folder.folder import Map, surveyed_map
 from sonarmap.tools.products.compare.cloud import PointCloud
 from sonarmap.tools.products.compare.distances import Distances, Verdict, distances_between
 from sonarmap.tools.products.compare.regions import Region, regions_of

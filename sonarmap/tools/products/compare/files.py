@@ -11,11 +11,9 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, require_writable
-from sonarmap.tools.files.writers.folder_lock import locked
-from sonarmap.tools.files.writers.json_text import write_json
+from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, locked, require_writable
 from sonarmap.tools.files.writers.points import write_ply
-from sonarmap.tools.files.writers.table import write_table
+from sonarmap.tools.files.writers.tables import write_json, write_table
 from sonarmap.tools.products.compare.comparison import Comparison
 from sonarmap.tools.products.compare.distances import Distances, Verdict
 from sonarmap.tools.products.compare.regions import Region

@@ -15,7 +15,7 @@ from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.time_scales import are_times
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.files.writers.points import float32_origin, pack_records
-from sonarmap.tools.files.writers.trajectory import pose_numbers
+from sonarmap.tools.files.writers.poses import pose_numbers
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 
 if TYPE_CHECKING:

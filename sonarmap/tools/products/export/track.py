@@ -21,8 +21,7 @@ from sonarmap.tools.files.map_folder.names import GRAPH
 from sonarmap.tools.files.time_scales import utc_texts
 from sonarmap.tools.files.user_file import read_content
 from sonarmap.tools.files.writers.atomic import atomic_path
-from sonarmap.tools.files.writers.json_text import write_json
-from sonarmap.tools.files.writers.table import write_table
+from sonarmap.tools.files.writers.tables import write_json, write_table
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 
 _POINT_Z, _LINE_Z = 1001, 1002  # ISO WKB

@@ -15,16 +15,14 @@ from sonarmap.slam.pings.moved import moved
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
-from sonarmap.tools.files.map_folder.names import LINES, NAVIGATION, OF_LINES, SOUNDINGS, SUMMARY
-from sonarmap.tools.files.map_folder.whole import write_summary
+from sonarmap.tools.files.map_folder.names import LINES, NAVIGATION, OF_LINES, SOUNDINGS, SUMMARY, write_summary
 from sonarmap.tools.files.readers.clouds.cloud import PingPatch
-from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.readers.pings.line_file import read_line
 from sonarmap.tools.files.readers.pings.patches import LineReading
 from sonarmap.tools.files.time_scales import are_times, utc_texts
+from sonarmap.tools.files.user_file import read_json
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
-from sonarmap.tools.files.writers.json_text import write_json
-from sonarmap.tools.files.writers.table import write_table
+from sonarmap.tools.files.writers.tables import write_json, write_table
 from sonarmap.tools.products.export.laz import gps_times, las_header
 
 COLUMNS = (

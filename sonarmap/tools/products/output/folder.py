@@ -19,15 +19,15 @@ from sonarmap.tools.files.map_folder.names import (
     PICTURE,
     SUMMARY,
     TIMES,
+    checksums,
     earlier_files,
+    write_summary,
 )
-from sonarmap.tools.files.map_folder.whole import checksums, write_summary
 from sonarmap.tools.files.readers.csv_table import PAIRS
 from sonarmap.tools.files.writers.atomic import all_or_none, discard
-from sonarmap.tools.files.writers.g2o import write_g2o
-from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.files.writers.points import write_ply
-from sonarmap.tools.files.writers.trajectory import write_tum
+from sonarmap.tools.files.writers.poses import write_g2o, write_tum
+from sonarmap.tools.files.writers.tables import write_json
 from sonarmap.tools.products.output.graph_file import survey_graph
 from sonarmap.tools.products.output.pairs_file import write_pairs
 from sonarmap.tools.products.output.summary import SurveyRun, survey_summary

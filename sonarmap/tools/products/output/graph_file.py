@@ -11,7 +11,7 @@ from sonarmap.slam.motion.straighten import Way
 from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.files.readers.poses.graph_json import FORMAT
+from sonarmap.tools.files.readers.poses.trajectory import FORMAT
 from sonarmap.tools.products.output.pairs_file import fields_of, pair_row, registration_of
 from sonarmap.tools.products.output.summary import scan_rows
 

@@ -18,7 +18,7 @@ from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.map_folder.pairs import ANSWERS, POSE_COLUMNS
 from sonarmap.tools.files.readers.ties import POSE, SIGMAS
-from sonarmap.tools.files.writers.table import write_table
+from sonarmap.tools.files.writers.tables import write_table
 
 COLUMNS = (
     *("target", "source", "role", "kept", "accepted", "reason", "predicted_overlap", "overlap", "alike", "agreeing"),

@@ -10,7 +10,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.writers.atomic import all_or_none
-from sonarmap.tools.files.writers.table import write_table
+from sonarmap.tools.files.writers.tables import write_table
 from sonarmap.tools.products.png import write_png
 from sonarmap.tools.products.section.section import Coordinates, Profile, Section
 

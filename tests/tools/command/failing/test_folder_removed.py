@@ -107,7 +107,7 @@ def test_before_the_map_is_written_it_is_made_again(out: Path, scans: list[str],
 def test_while_a_graph_is_optimized(out: Path, remove: Removal, monkeypatch: Patch) -> None:
     source = out.parents[1] / "in.g2o"
     source.write_bytes(POSE_FILES["g2o"].content)
-    when(monkeypatch, "sonarmap.tools.files.writers.g2o:_line", lambda: remove(out))
+    when(monkeypatch, "sonarmap.tools.files.writers.poses:_line", lambda: remove(out))
     result = sonarmap("optimize", source, "-o", out / "out.g2o")
     if remove is folder:  # nothing was written yet: it is made again
         assert result.exit_code == 0

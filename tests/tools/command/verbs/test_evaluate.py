@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.writers.trajectory import write_tum
+from sonarmap.tools.files.writers.poses import write_tum
 from tests.samples.clutter_scans import printed, refused, said, sonarmap
 
 STAMPS = 5.0 + np.arange(4)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.files.writers.atomic import locked
 from sonarmap.tools.products.export import mcap
 from tests.samples import command_line
 from tests.samples.clutter_scans import done, files_in, refused, said, scan, sonarmap, write

@@ -10,7 +10,7 @@ import pytest
 from sonarmap.slam.survey_grid import survey_grid
 from sonarmap.tools.command import overview
 from sonarmap.tools.command.navigation import PriorsFile, scans_with_priors
-from sonarmap.tools.files.readers.clock import clock_faults, clock_of, utc
+from sonarmap.tools.files.readers.checks import clock_faults, clock_of, utc
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.clutter_scans import printed, refused, said, scan, sonarmap, write

@@ -12,7 +12,7 @@ from typer.testing import Result
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.poses.trajectory import read_tum
 from sonarmap.tools.files.readers.scans import read_scan, read_survey
-from sonarmap.tools.files.writers.trajectory import write_tum
+from sonarmap.tools.files.writers.poses import write_tum
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from tests.samples.clutter_scans import (
     T_WORLD_SENSOR,

@@ -11,7 +11,7 @@ from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.slam.optimize.chordal import ChordalProblem
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
-from sonarmap.tools.files.writers.g2o import write_g2o
+from sonarmap.tools.files.writers.poses import write_g2o
 from tests.samples.clutter_scans import printed, printed_at, refused, said, sonarmap
 from tests.samples.places import DATA
 from tests.samples.surveys import edge, random_covariance, ring_poses

@@ -19,8 +19,8 @@ from sonarmap.tools.command.method import ConfiguredMethod
 from sonarmap.tools.command.verbs.register import _as_json, moved_scan, write_moved
 from sonarmap.tools.command.words.registration import print_registration, transform_words
 from sonarmap.tools.files.readers.scans import read_scan
-from sonarmap.tools.files.writers.json_text import to_json
 from sonarmap.tools.files.writers.points import write_ply
+from sonarmap.tools.files.writers.tables import to_json
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.methods.registry import Setup
 from tests.samples.clutter_scans import T_WORLD_SENSOR, done, files_in, printed, refused, said, scan, sonarmap, write

@@ -18,8 +18,8 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.navigation import parse_prior_sigmas
 from sonarmap.tools.files.memory import available_memory, require_memory
-from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.readers.scans import read_scan, read_survey
+from sonarmap.tools.files.user_file import read_json
 from tests.samples.cloud_files import npz, put, range_image
 from tests.samples.clutter_scans import plane, refused_with_reason, said, sonarmap, write
 from tests.samples.damage.pose_files import POSE_FILES, numbers_in

@@ -15,11 +15,9 @@ from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
-from sonarmap.tools.files.readers.poses.gt_log import read_gt_log
-from sonarmap.tools.files.readers.poses.trajectory import read_kitti, read_tum
-from sonarmap.tools.files.writers.g2o import write_g2o
-from sonarmap.tools.files.writers.json_text import to_json, write_json
-from sonarmap.tools.files.writers.trajectory import write_tum
+from sonarmap.tools.files.readers.poses.trajectory import read_gt_log, read_kitti, read_tum
+from sonarmap.tools.files.writers.poses import write_g2o, write_tum
+from sonarmap.tools.files.writers.tables import to_json, write_json
 from sonarmap.tools.products.output.summary import SurveyRun, survey_summary
 from tests.samples.places import DATA
 from tests.samples.refusals import refuses

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, clear_leftovers
-from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, clear_leftovers, locked
 from tests.samples.command_line import ROOT
 
 
@@ -79,7 +78,7 @@ def test_who_writes_alone_in_a_folder_removes_what_killed_runs_left(tmp_path: Pa
 HOLD = """
 import sys
 from pathlib import Path
-from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.files.writers.atomic import locked
 with locked(Path(sys.argv[1]), writing=True):
     print("held", flush=True)
     sys.stdin.read()

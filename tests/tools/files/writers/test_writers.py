@@ -12,11 +12,10 @@ import pytest
 
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.csv_table import plain_text, read_csv_table
-from sonarmap.tools.files.readers.navigation.match import named_scan
+from sonarmap.tools.files.readers.navigation.log import named_scan
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.files.writers.points import write_ply
-from sonarmap.tools.files.writers.priors import write_template
-from sonarmap.tools.files.writers.table import write_table
+from sonarmap.tools.files.writers.tables import write_table, write_template
 from tests.samples.command_line import ROOT
 from tests.samples.refusals import refuses
 

@@ -11,7 +11,7 @@ from typer.testing import Result
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.writers.points import write_ply
-from sonarmap.tools.files.writers.trajectory import write_tum
+from sonarmap.tools.files.writers.poses import write_tum
 from sonarmap.tools.lab.evaluate.survey import read_summary
 from tests.samples.clutter_scans import refused_with_reason, said, sonarmap
 

@@ -13,7 +13,7 @@ import pytest
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.writers.json_text import to_json
+from sonarmap.tools.files.writers.tables import to_json
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create
 from sonarmap.tools.lab.reproduce.folder import write_experiment

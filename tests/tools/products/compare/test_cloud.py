@@ -11,8 +11,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.tangent import lengths
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.map_folder.folder import Map
-from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+from sonarmap.tools.files.map_folder.folder import Map, surveyed_map
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.maps import export_map
 from sonarmap.tools.products.compare.cloud import PointCloud, opened_surveys

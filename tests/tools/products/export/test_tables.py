@@ -18,7 +18,7 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.time_scales import GPS_EPOCH, are_times, gps_of_utc
-from sonarmap.tools.files.writers.g2o import write_g2o
+from sonarmap.tools.files.writers.poses import write_g2o
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.track import (
     COLUMNS,

@@ -16,8 +16,8 @@ from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.files.readers.poses.graph_json import read_graph_json
-from sonarmap.tools.files.writers.json_text import write_json
+from sonarmap.tools.files.readers.poses.trajectory import read_graph_json
+from sonarmap.tools.files.writers.tables import write_json
 from sonarmap.tools.products.output.graph_file import survey_graph
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 

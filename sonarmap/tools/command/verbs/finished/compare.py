@@ -137,7 +137,7 @@ def _place(first: "Map | PointCloud", earth: EarthPlace) -> "tuple[Georeference,
 def _registrar(folder: "Map", method: MethodOptions) -> "SpectralRegistrar":
     """On the grid that suits the views of a map."""
     from sonarmap.spectral.registration import SpectralRegistrar
-    from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+    from sonarmap.tools.files.map_folder.folder import surveyed_map
 
     registrar = configure_method(surveyed_map(folder).key_scans(), method, survey=True).registrar
     assert isinstance(registrar, SpectralRegistrar)  # as other methods are refused

@@ -13,7 +13,7 @@ from sonarmap.tools.command.options.option import OUTPUT, REQUIRED, option
 from sonarmap.tools.command.options.output import CELL, EarthPlace, FormatsOption, export_with_progress
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.terminal import print_json, printable
-from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.files.writers.atomic import locked
 from sonarmap.tools.products.export.formats import HEIGHTS
 
 _output = partial(option, OUTPUT)

@@ -69,7 +69,7 @@ def command(
     """
     from sonarmap.slam.locate.locator import Locator
     from sonarmap.spectral.registration import SpectralRegistrar
-    from sonarmap.tools.files.map_folder.surveyed import surveyed_map
+    from sonarmap.tools.files.map_folder.folder import surveyed_map
     from sonarmap.tools.files.readers.scans import read_scans
     from sonarmap.tools.files.writers.atomic import require_writable
 
@@ -115,7 +115,7 @@ def _write(path: Path, located: "Sequence[Located]") -> None:
     from scipy.spatial.transform import RigidTransform
 
     from sonarmap.slam.graph.trajectory import Trajectory
-    from sonarmap.tools.files.writers.trajectory import write_tum
+    from sonarmap.tools.files.writers.poses import write_tum
 
     if not located:
         warn(f"{path} is not written, as no scan was located")

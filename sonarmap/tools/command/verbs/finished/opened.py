@@ -11,7 +11,7 @@ from sonarmap.tools.command.method import checked_method
 from sonarmap.tools.command.options.output import EarthPlace
 from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.terminal import say
-from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.files.writers.atomic import locked
 from sonarmap.tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import typer
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.option import RUNNING, switch
 from sonarmap.tools.command.terminal import printable
-from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.files.writers.atomic import locked
 
 
 def command(

@@ -2,12 +2,16 @@
 first byte as far as it goes, and one that grows for as long as it does.
 
 Format: https://mcap.dev/spec.
+
+The last functions open what rosbags reads: ROS 1 bags and the SQLite of ROS 2, topics by its index.
 """
 
 from __future__ import annotations
 
+import sqlite3
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from io import SEEK_END
@@ -15,12 +19,24 @@ from itertools import repeat
 from operator import attrgetter
 from pathlib import Path
 from struct import Struct
-from typing import IO, TYPE_CHECKING, BinaryIO, cast
+from types import SimpleNamespace
+from typing import IO, TYPE_CHECKING, Any, BinaryIO, cast
 from zlib import crc32
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.bags.recording import CUT_OR_DAMAGED, Message, Recording, refused, topics_of
-from sonarmap.tools.files.readers.bags.unpack import LARGEST, NOT_BELIEVABLE, HeldBytes, Unpacker, most_records
+from sonarmap.tools.files.readers.bags.recording import (
+    CUT_OR_DAMAGED,
+    LARGEST,
+    NOT_BELIEVABLE,
+    ZSTD_START,
+    HeldBytes,
+    Message,
+    Recording,
+    Unpacker,
+    most_records,
+    refused,
+    topics_of,
+)
 from sonarmap.tools.files.readers.clouds.rows import most_unpacked
 
 if TYPE_CHECKING:
@@ -32,6 +48,8 @@ _READS = 8  # that a record takes at most
 _END = Struct("<Q8xI8x")  # of a file: where the summary starts, and its checksum
 _UNCHECKED = 12  # bytes of the end that the checksum does not cover
 _LARGEST_GROWN = 1 << 40  # bytes of a file that grows
+_Opened = Callable[[Path], AbstractContextManager[Any]]  # gives the reader of `rosbags` of a file
+_Unpacked = Callable[[Any, Any, str], bytes]  # of a message's content, time and topic; InputError where it is damaged
 
 
 def open_mcap(path: Path, packed: int | None = None, more: Callable[[], bool] | None = None) -> Recording:
@@ -244,3 +262,89 @@ class _WholeReads:
         content = self._file.read(length)
         self.place += len(content)
         return content
+
+
+def open_ros1(path: Path) -> Recording:
+    """The recording of a ROS 1 bag, format 2.0. Raises InputError: its index is missing or damaged."""
+    return _recording(path, _opened_ros1, "ros1", lambda content, time, topic: content)
+
+
+def open_sqlite(path: Path, packed: int | None = None) -> Recording:
+    """The recording of a .db3 file, whose messages may be compressed one by one. `packed`: its bytes before it was
+    unpacked, if it was. Raises InputError: no database of ROS 2 messages, a damaged one, or too many for its bytes."""
+    size = path.stat().st_size if packed is None else packed
+    recording = _recording(path, _opened_sqlite, "cdr", partial(_plain, Unpacker(size)))
+    if sum(topic.count for topic in recording.topics) > most_records(size):
+        raise InputError(f"it has more than {most_records(size):,} messages, {NOT_BELIEVABLE}")
+    return recording
+
+
+def _recording(path: Path, opened: _Opened, encoding: str, unpacked: _Unpacked) -> Recording:
+    counts: Counter[tuple[str, str]] = Counter()
+    with opened(path) as reader:
+        for connection in reader.connections:
+            counts[connection.topic, connection.msgtype] += connection.msgcount
+    return Recording(topics_of(counts), partial(_indexed_messages, path, opened, encoding, unpacked))
+
+
+def _indexed_messages(
+    path: Path, opened: _Opened, encoding: str, unpacked: _Unpacked, names: Collection[str], faults: list[str]
+) -> Iterator[Message]:
+    with opened(path) as reader:
+        wanted = [connection for connection in reader.connections if connection.topic in names]
+        try:
+            with refused("a message of it cannot be read"):
+                for connection, time, content in reader.messages(wanted) if wanted else ():
+                    plain = unpacked(content, time, connection.topic)
+                    yield Message(connection.topic, connection.msgtype, time, plain, encoding)
+        except InputError as error:
+            faults.append(f"{error}; what follows is missing")
+
+
+@contextmanager
+def _opened_ros1(path: Path) -> Iterator[Any]:
+    """The bag with its index, and chunks that unpack to a limit."""
+    from rosbags.rosbag1 import Reader
+    from rosbags.rosbag1.reader import decompressors
+
+    names = {decompressor: name for name, decompressor in decompressors.items()}
+    reader, unpacked = Reader(path), Unpacker(path.stat().st_size)
+    with refused("its index cannot be read; `rosbag reindex` makes another"):
+        reader.path = cast(Any, SimpleNamespace(open=lambda _: HeldBytes(path)))
+        reader.open()
+        for place, chunk in reader.chunks.items():
+            limited = partial(unpacked, compression=names[chunk.decompressor])
+            reader.chunks[place] = chunk._replace(decompressor=limited)
+    with closing(reader):
+        yield reader
+
+
+@contextmanager
+def _opened_sqlite(path: Path) -> Iterator[Any]:
+    from rosbags.rosbag2 import Reader
+
+    with refused("it cannot be opened as the database of a ROS 2 bag"):
+        _require_stored(path)
+        reader = Reader(path)
+        reader.open()
+        counts = [connection.msgcount for connection in reader.connections]
+        names = [text for connection in reader.connections for text in (connection.topic, connection.msgtype)]
+        if not all(isinstance(text, str) for text in names) or not all(isinstance(count, int) for count in counts):
+            reader.close()
+            raise InputError("its table of topics is damaged; copy it again")
+    with closing(reader):
+        yield reader
+
+
+def _require_stored(path: Path) -> None:
+    """Refuse columns that SQLite computes: a few bytes of schema would make a gigabyte of each message."""
+    with closing(sqlite3.connect(path)) as database:
+        computed = "SELECT t.name FROM sqlite_master t, pragma_table_xinfo(t.name) c WHERE c.hidden LIMIT 1"
+        if table := database.execute(computed).fetchone():
+            raise InputError(f"its table {table[0]} has a column that is computed, as no recorder does: copy it again")
+
+
+def _plain(unpacked: Unpacker, content: Any, time: Any, topic: str) -> bytes:
+    if not isinstance(content, bytes) or not isinstance(time, int):
+        raise InputError(f"a message of {topic} is not bytes, or has no time; copy it again")
+    return unpacked(content, "zstd") if content.startswith(ZSTD_START) else content

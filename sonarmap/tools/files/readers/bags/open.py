@@ -10,10 +10,8 @@ from math import inf
 from pathlib import Path, PurePath
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.bags.indexed import open_ros1, open_sqlite
-from sonarmap.tools.files.readers.bags.mcap_file import open_mcap
-from sonarmap.tools.files.readers.bags.recording import Message, Recording, topics_of
-from sonarmap.tools.files.readers.bags.unpack import Room
+from sonarmap.tools.files.readers.bags.mcap_file import open_mcap, open_ros1, open_sqlite
+from sonarmap.tools.files.readers.bags.recording import Message, Recording, Room, topics_of
 from sonarmap.tools.files.readers.selection import BAG_METADATA, BAG_TITLE, is_bag_folder
 from sonarmap.tools.files.user_file import naming
 

@@ -1,12 +1,22 @@
-"""A recording of messages on topics, whatever file it comes from, and what a message of the known types holds."""
+"""A recording of messages on topics, whatever file it comes from, and what a message of the known types holds.
 
+What recordings compress is unpacked, and never more than a message or chunk can sensibly hold.
+"""
+
+import bz2
+import shutil
+import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from io import BufferedReader, FileIO
+from pathlib import Path
 from typing import Any
+from weakref import finalize
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.clouds.rows import most_unpacked
 
 CUT_OR_DAMAGED = "the recording is cut or damaged there; copy it again"
 _LISTED = 12  # topics that a message lists
@@ -15,6 +25,14 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 IMU = "sensor_msgs/msg/Imu"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 FOXGLOVE_CLOUD = "foxglove.PointCloud"
+LARGEST = 1 << 29  # bytes of a chunk, unpacked; recorders write a few MB each
+ZSTD_START = b"\x28\xb5\x2f\xfd"
+_PIECE = 1 << 22
+NOT_BELIEVABLE = "which is not believable for its size: the recording is damaged; copy it again"
+_NO_RECORDING = "which no recorder writes: the recording is damaged; copy it again"
+_ALL = 1000  # times the bytes of a file may all of its chunks hold, counted anew each time that they are read
+_FEW, _RECORD = 1 << 17, 4  # records that any file may hold, and bytes that one takes in large files: rather some tens
+_OF_FREE = 0.9  # of the room on a disk, which others need too
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,3 +154,119 @@ def _protobuf_class(kind: str, schema: bytes) -> Any:
     for file in descriptor_pb2.FileDescriptorSet.FromString(schema).file:
         pool.Add(file)
     return message_factory.GetMessageClass(pool.FindMessageTypeByName(kind))
+
+
+@dataclass(slots=True)
+class Unpacker:
+    """Unpacks the chunks of one file, within bounds for each and for all of them."""
+
+    size: int  # of the file [bytes]
+    plain: int = 0  # bytes that came of it so far
+
+    def __call__(self, content: bytes, compression: str) -> bytes:
+        """The plain bytes of a chunk. `compression`: none (or empty), bz2, lz4 (frames) or zstd. Raises InputError:
+        another one, a chunk that was cut, or more bytes come of it than can be right."""
+        if compression in ("", "none"):
+            return content
+        if self.plain > max(LARGEST, _ALL * self.size):
+            raise InputError(f"its {self.size:,} bytes unpack to more than {self.plain:,}, {_NO_RECORDING}")
+        most = min(LARGEST, most_unpacked(len(content)))
+        plain = bytearray()
+        for piece in _pieces(content, compression):
+            plain += piece
+            self.plain += len(piece)
+            if len(plain) > most:
+                raise InputError(
+                    f"{len(content):,} bytes of {compression} unpack to more than {most:,}, {_NO_RECORDING}"
+                )
+        return bytes(plain)
+
+
+def _pieces(content: bytes, compression: str) -> Iterator[bytes]:
+    """The plain bytes, _PIECE at a time: the libraries take room for as much as they are asked for."""
+    if compression == "zstd":
+        import zstandard
+
+        with zstandard.ZstdDecompressor().stream_reader(content, read_across_frames=True) as stream:
+            while piece := stream.read(_PIECE):
+                yield piece
+        return
+    if compression == "bz2":
+        decompressor = bz2.BZ2Decompressor()
+    elif compression == "lz4":
+        import lz4.frame
+
+        decompressor = lz4.frame.LZ4FrameDecompressor()
+    else:
+        raise InputError(f"its compression is {compression[:40]!r}; wanted bz2, lz4 or zstd: write the recording again")
+    yield decompressor.decompress(content, max_length=_PIECE)
+    while not decompressor.eof:
+        if decompressor.needs_input:
+            raise InputError(
+                f"{len(content):,} bytes of {compression} end too early: the recording is cut; copy it again"
+            )
+        yield decompressor.decompress(b"", max_length=_PIECE)
+
+
+class HeldBytes(BufferedReader):
+    """A file of which no read asks for more than it holds: libraries believe a length in a damaged file, and memory is
+    taken for that before the bytes are missed."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(FileIO(path))
+        self._size = path.stat().st_size
+
+    def read(self, size: int | None = -1) -> bytes:
+        """As of any file."""
+        left = max(self._size - self.tell(), 0)
+        return super().read(left if size is None or size < 0 else min(size, left))
+
+
+def most_records(packed: int) -> int:
+    """How many records some bytes may believably hold, however they are compressed."""
+    return max(_FEW, packed // _RECORD)
+
+
+class Room:
+    """A folder for what the files of one bag unpack to; it is gone with the last reference to it. `packed`: bytes of
+    these files."""
+
+    def __init__(self, packed: int) -> None:
+        self._folder = Path(tempfile.mkdtemp(prefix="sonarmap."))
+        finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        self._most, self._free = most_unpacked(packed), int(shutil.disk_usage(self._folder).free * _OF_FREE)
+        self._written = 0
+
+    def unpack(self, path: Path) -> Path:
+        """A file NAME.db3.zstd or NAME.mcap.zstd, unpacked. Raises InputError: it is damaged, or the bag holds more
+        than its bytes believably can, or the disk has no room."""
+        import zstandard
+
+        plain, yourself = self._folder / path.stem, f"unpack it yourself with zstd -d {path.name}"
+        try:
+            with (
+                path.open("rb") as file,
+                zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True) as packed,
+                plain.open("wb") as out,
+            ):
+                while piece := packed.read(_PIECE):
+                    self._take(len(piece), yourself)
+                    out.write(piece)
+        except zstandard.ZstdError as error:
+            raise InputError(f"it cannot be unpacked ({error}); copy it again") from error
+        except OSError as error:
+            raise InputError(
+                f"it cannot be unpacked to {tempfile.gettempdir()} ({error.strerror or error}); make room there, or "
+                f"{yourself}"
+            ) from error
+        return plain
+
+    def _take(self, more: int, yourself: str) -> None:
+        self._written += more
+        if self._written > self._most:
+            raise InputError(f"the bag unpacks to more than {self._most:,} bytes, {_NO_RECORDING}, or {yourself}")
+        if self._written > self._free:
+            raise InputError(
+                f"the bag unpacks to more than the {self._free:,} bytes that it may take of {tempfile.gettempdir()}; "
+                f"make room there, or {yourself} elsewhere"
+            )

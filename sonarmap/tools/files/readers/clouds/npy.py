@@ -17,7 +17,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.memory import require_memory
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.clouds.rows import require_believable, require_bytes
-from sonarmap.tools.files.readers.limits import LARGEST_STAMP
+from sonarmap.tools.files.readers.instruments import LARGEST_STAMP
 from sonarmap.tools.files.user_file import naming
 
 _MAGIC = b"\x93NUMPY"

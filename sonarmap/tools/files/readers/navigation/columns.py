@@ -6,9 +6,17 @@ from difflib import get_close_matches
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.instruments import COLUMNS, PRIOR_SIGMAS, SIGMA_COLUMNS
-from sonarmap.tools.files.readers.navigation.headings import KEYS, OWN, QUANTITIES, Column, column_of
+from sonarmap.tools.files.readers.navigation.headings import (
+    KEYS,
+    OWN,
+    QUANTITIES,
+    Column,
+    Instrument,
+    column_of,
+    usual_note,
+    usual_of,
+)
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
-from sonarmap.tools.files.readers.navigation.usual import Instrument, usual_note, usual_of
 
 PAIRS = (("roll_deg", "pitch_deg"), ("x_m", "y_m"))
 PLACES = (("lat_deg", "lon_deg"), ("easting_m", "northing_m"), ("x_m", "y_m"))

@@ -1,19 +1,23 @@
-"""What the heading of a column says: a quantity, whether its standard deviation, and its unit."""
+"""Which North headings count from, and how much instruments usually err, by what a log calls them.
+
+The latter is where neither the log nor a user gives standard deviations. They are from data sheets of usual
+instruments, rather too large: that errors are larger than stated is measured while a map is made, that they are smaller
+is not.
+"""
 
 import re
 import unicodedata
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS
-from sonarmap.tools.files.readers.navigation.usual import WORDS
 
 KEYS = ("name", "stamp")
 OWN = (*KEYS, *COLUMNS, *SIGMA_COLUMNS)  # the headings of this program's own files
 FOOT = 0.3048  # the international foot [m]
-
 # How logs call the quantities in English, German and French, in small letters without accents or anything but letters
 # and digits
 SYNONYMS = {
@@ -45,7 +49,6 @@ SIGMA_OF = {
     "roll_deg": 0, "pitch_deg": 1, "heading_deg": 2, "magnetic_deg": 2, "yaw_deg": 2, "x_m": 3, "lon_deg": 3,
     "easting_m": 3, "y_m": 4, "lat_deg": 4, "northing_m": 4, "depth_m": 5, "height_m": 5, "z_m": 5,
 }  # fmt: skip
-
 _QUANTITY_OF = {synonym: quantity for quantity, synonyms in SYNONYMS.items() for synonym in synonyms.split()}
 _SIGMA_WORDS = frozenset(("sigma", "std", "stddev", "stdev", "sd"))
 _ANGLES = dict.fromkeys(("deg", "degree", "degrees", "°", "grad", "degre", "degres"), 1.0)
@@ -147,3 +150,55 @@ def _factor(heading: str, quantity: str, unit: str) -> float:
     if units[unit] == FOOT and quantity in ("easting_m", "northing_m"):
         raise InputError(f"the column {heading!r} is in feet, of which grids have two kinds; give it in meters")
     return units[unit]
+
+
+@dataclass(frozen=True, slots=True)
+class Instrument:
+    """One kind of instrument."""
+
+    name: str
+    words: frozenset[str]  # any of which in a heading names it
+    sigmas: Mapping[str, float]  # of COLUMNS [deg, m], of what it can measure
+
+
+def _attitude(degrees: float) -> dict[str, float]:
+    return {"roll_deg": degrees, "pitch_deg": degrees}
+
+
+def _place(meters: float) -> dict[str, float]:
+    return {"x_m": meters, "y_m": meters}
+
+
+# The first that a heading names counts.
+INSTRUMENTS = (
+    Instrument("RTK", frozenset(("rtk", "ppk")), _place(0.05)),
+    Instrument("floating RTK", frozenset(("rtkfloat",)), _place(0.5)),
+    Instrument("DGNSS", frozenset(("dgps", "dgnss", "sbas", "egnos", "waas")), _place(1.5)),
+    Instrument("GNSS", frozenset(("gnss", "gps")), _place(3.0)),
+    Instrument("USBL", frozenset(("usbl", "ssbl", "hipap")), _place(3.0)),
+    Instrument("LBL", frozenset(("lbl",)), _place(0.5)),
+    Instrument("gyrocompass", frozenset(("gyro", "gyrocompass", "fog", "hdt")), {"heading_deg": 1.0}),
+    Instrument("compass", frozenset(("compass", "magnetic", "mag", "hdm", "fluxgate")), {"heading_deg": 5.0}),
+    Instrument("motion sensor", frozenset(("mru", "vru", "ahrs", "imu")), {**_attitude(0.5), "heading_deg": 2.0}),
+    Instrument("pressure", frozenset(("pressure", "ctd", "digiquartz", "paros")), {"depth_m": 0.1}),
+)
+WORDS = frozenset(word for each in INSTRUMENTS for word in each.words)
+
+
+def usual_of(column: str, words: Iterable[str]) -> tuple[Instrument, float] | None:
+    """The instrument that a heading names by its words in small letters, and what it errs by in one of COLUMNS; None
+    where it names none that measures this."""
+    named = set(words)
+    return next(
+        ((each, each.sigmas[column]) for each in INSTRUMENTS if each.words & named and column in each.sigmas), None
+    )
+
+
+def usual_note(named: Mapping[str, tuple[Instrument, float]]) -> str:
+    """What is taken for the columns of COLUMNS, in words."""
+    said = [
+        f"{column.rsplit('_', 1)[0]} {sigma:g} {'degrees' if column.endswith('deg') else 'm'} ({each.name})"
+        for column, (each, sigma) in named.items()
+        if column in COLUMNS
+    ]
+    return f"standard deviations are taken to be {', '.join(said)}; --prior-sigmas gives others"

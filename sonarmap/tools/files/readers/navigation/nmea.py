@@ -18,11 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.navigation.clocks.times import DAY, dated, time_of_day
-from sonarmap.tools.files.readers.navigation.earth import local_places
+from sonarmap.tools.files.readers.navigation.headings import usual_note, usual_of
 from sonarmap.tools.files.readers.navigation.log import MOST_BETWEEN, NavigationLog, at_scans
-from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
-from sonarmap.tools.files.readers.navigation.usual import usual_note, usual_of
+from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, local_places
+from sonarmap.tools.files.readers.navigation.times import DAY, dated, time_of_day
 from sonarmap.tools.files.user_file import naming, reading
 
 SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3})((?:,[^,*$\r\n]*)*)\*([0-9A-Fa-f]{2})")

@@ -12,14 +12,13 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.bags.frames import read_recorded_odometry
 from sonarmap.tools.files.readers.bags.open import is_recording
-from sonarmap.tools.files.readers.bags.poses import read_recorded_odometry
-from sonarmap.tools.files.readers.instruments import COLUMNS, poses_of
-from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA
-from sonarmap.tools.files.readers.navigation.clocks.time_offset import why_apart
-from sonarmap.tools.files.readers.navigation.match import SAME_STAMP
-from sonarmap.tools.files.readers.navigation.read import read_navigation
+from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST, LEAST_SIGMA, poses_of
+from sonarmap.tools.files.readers.navigation.log import SAME_STAMP
+from sonarmap.tools.files.readers.navigation.overview import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
+from sonarmap.tools.files.readers.navigation.time_offset import why_apart
 from sonarmap.tools.files.readers.poses.trajectory import poses_at
 from sonarmap.tools.files.readers.selection import part_of_file
 

@@ -1,7 +1,7 @@
 """Scans with what navigation measured of their poses: rows of a file matched to scans by name, stamp or time.
 
 A file has rows for the scans by their names, or at their stamps, or at times of its own. What it may hold is described
-in docs/navigation.md; `tools.files.readers.navigation.read` tells the kinds of files apart.
+in docs/navigation.md; `tools.files.readers.navigation.overview` tells the kinds of files apart.
 """
 
 from collections.abc import Sequence
@@ -16,14 +16,12 @@ from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.instruments import COLUMNS, prior_of, sigmas_of, values_of
-from sonarmap.tools.files.readers.navigation.clocks.time_offset import estimate_offset, heading_rates, why_apart
 from sonarmap.tools.files.readers.navigation.columns import some
-from sonarmap.tools.files.readers.navigation.earth import by_the_maps_north, grid_of
-from sonarmap.tools.files.readers.navigation.log import NavigationLog, at_scans
-from sonarmap.tools.files.readers.navigation.match import SAME_STAMP, find_scan
-from sonarmap.tools.files.readers.navigation.read import read_navigation
+from sonarmap.tools.files.readers.navigation.log import SAME_STAMP, NavigationLog, at_scans, find_scan
+from sonarmap.tools.files.readers.navigation.overview import read_navigation
 from sonarmap.tools.files.readers.navigation.rows import fault_notes, usable_rows
-from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
+from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings, by_the_maps_north, grid_of
+from sonarmap.tools.files.readers.navigation.time_offset import estimate_offset, heading_rates, why_apart
 
 
 @dataclass(frozen=True, slots=True)

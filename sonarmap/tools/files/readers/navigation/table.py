@@ -9,14 +9,19 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.csv_table import CsvRow, read_csv_table
-from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST_OF, PRIOR_SIGMAS, SIGMA_COLUMNS, check_measured
-from sonarmap.tools.files.readers.limits import LARGEST
-from sonarmap.tools.files.readers.navigation.cells import MISSING, degrees, numbers, refuse
-from sonarmap.tools.files.readers.navigation.clocks.times import TimeCells, times_of
+from sonarmap.tools.files.readers.instruments import (
+    COLUMNS,
+    LARGEST,
+    LARGEST_OF,
+    PRIOR_SIGMAS,
+    SIGMA_COLUMNS,
+    check_measured,
+)
 from sonarmap.tools.files.readers.navigation.columns import PAIRS, SOURCES, Columns, columns_of
-from sonarmap.tools.files.readers.navigation.earth import local_places
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
-from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings
+from sonarmap.tools.files.readers.navigation.rows import MISSING, degrees, numbers, refuse
+from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings, local_places
+from sonarmap.tools.files.readers.navigation.times import TimeCells, times_of
 from sonarmap.tools.files.user_file import naming
 
 _ON_EARTH = {"lat_deg": 90.0, "lon_deg": 180.0}
@@ -43,7 +48,7 @@ class _Table:
 def read_table(
     path: Path, settings: NavigationSettings, sigmas: Mapping[str, float] | None, scans: np.ndarray, notes: list[str]
 ) -> NavigationLog:
-    """The rows of a CSV file, as `tools.files.readers.navigation.read.read_navigation` has them."""
+    """The rows of a CSV file, as `tools.files.readers.navigation.overview.read_navigation` has them."""
     raw = read_csv_table(path)
     with naming(raw.where()):
         columns = columns_of(raw.heading.cells, settings, sigmas)

@@ -23,9 +23,8 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import R_level_vehicle_of
 from sonarmap.tools.extras import require
 from sonarmap.tools.files.memory import require_memory
-from sonarmap.tools.files.readers.pings.assembly import assembled
 from sonarmap.tools.files.readers.pings.gsf_child import HEAD
-from sonarmap.tools.files.readers.pings.recorded import RecordedLine
+from sonarmap.tools.files.readers.pings.recorded import RecordedLine, assembled
 from sonarmap.tools.files.user_file import unreadable
 
 _CHILD = Path(__file__).with_name("gsf_child.py")

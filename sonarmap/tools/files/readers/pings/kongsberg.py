@@ -14,10 +14,8 @@ from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import R_level_vehicle_of
 from sonarmap.tools.files.memory import require_memory
-from sonarmap.tools.files.readers.pings.assembly import assembled, between, damage
-from sonarmap.tools.files.readers.pings.datagrams import Datagram, datagrams_in, layout_of
-from sonarmap.tools.files.readers.pings.recorded import RecordedLine
-from sonarmap.tools.files.readers.pings.swaths import SWATHS, Swath, swath_of
+from sonarmap.tools.files.readers.pings.datagrams import SWATHS, Datagram, Swath, datagrams_in, layout_of, swath_of
+from sonarmap.tools.files.readers.pings.recorded import RecordedLine, assembled, between, damage
 from sonarmap.tools.files.user_file import read_content
 
 _POSITION, _MOTION, _NETWORK, _INSTALLATION = "PAnI"  # the third is attitudes by network

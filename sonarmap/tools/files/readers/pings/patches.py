@@ -15,7 +15,7 @@ from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, PingPatch
 from sonarmap.tools.files.readers.instruments import COLUMNS
-from sonarmap.tools.files.readers.navigation.earth import by_the_maps_north, rounded_origin
+from sonarmap.tools.files.readers.navigation.settings import by_the_maps_north, rounded_origin
 from sonarmap.tools.files.readers.pings.line_file import read_line
 from sonarmap.tools.files.readers.pings.recorded import NO_DRAUGHT
 

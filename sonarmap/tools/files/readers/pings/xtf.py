@@ -3,8 +3,13 @@
 A ping is a header of 256 bytes (time, position and attitude of the sensor) and a packet BTH0. Its position and heave
 are those of the transducer, as the format calls them (Sensor...): in a real harbor survey soundings agree to 1.8 cm so,
 and to 3.6 cm when the offsets of the channel, (5.3, 1.2) m, are added. What of the offsets remains are the angles.
+
+BTH0, ranges and angles of one ping, is big endian, in sections of a name and a size. Layout: R2Sonic's operation
+manual, "Bathymetry data format 0". Angles are those of the array, from its center line, the first one on the port side,
+ascending.
 """
 
+import struct
 from collections import Counter
 from collections.abc import Iterator
 from ctypes import sizeof
@@ -18,14 +23,21 @@ from scipy.spatial.transform import Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import R_level_vehicle_of
 from sonarmap.tools.files.memory import require_memory
-from sonarmap.tools.files.readers.pings.assembly import assembled, between, damage
-from sonarmap.tools.files.readers.pings.r2sonic import MAGIC, Ranges, ranges_of, rejected, uses_checks
-from sonarmap.tools.files.readers.pings.recorded import RecordedLine
+from sonarmap.tools.files.readers.pings.recorded import RecordedLine, assembled, between, damage
 from sonarmap.tools.files.user_file import read_content
 
+MAGIC = b"BTH0"
+_PACKET = struct.Struct(">4sII")  # name, size, stream
+_SECTION = struct.Struct(">2sH")  # name, size with these four bytes
+_H0 = np.dtype(
+    {"names": ["model", "seconds", "nanoseconds", "sound_speed", "count"],
+     "formats": ["S12", ">u4", ">u4", ">f4", ">u2"], "offsets": [0, 24, 28, 40, 110]}
+)  # fmt: skip
+_RANGES, _STEPS = 4, 32  # where in R0 and A2, after their names and sizes, these stand
+_DETECTED, _PASSED = 0b1100, 0b0011  # of the four flags of a point: phase or magnitude; brightness and colinearity
 _MAGIC, _START = b"\xce\xfa", 14  # of every packet: how it begins; bytes up to its size, which is their last four
 _R2SONIC, _TRITON, _ATTITUDE = 65, 68, 3  # R2Sonic's as QINSy writes them; as Triton does, where they hold BTH0, too
-_NAVIGATION, _PACKET = 107, 64  # raw positions; bytes of these and of attitudes
+_NAVIGATION, _RAW_BYTES = 107, 64  # raw positions; bytes of these and of attitudes
 _FILE_HEADER, _PING_HEADER = 1024, 256
 _CHANNELS = 6  # that the first file header describes; each further six take another
 _LARGEST = 1 << 24  # bytes of a packet
@@ -40,6 +52,105 @@ _OTHERS = {2: "raw bathymetry", 5: "Elac ranges", 9: "SeaView bathymetry", 10: "
            61: "Reson 7125", 62: "Reson 7125 snippets", 68: "Triton's R2Sonic bathymetry", 70: "Coda Echoscope",
            73: "EdgeTech bathymetry", 74: "raw multibeam ranges", 78: "Reson water column",
            102: "processed bathymetry"}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Ranges:
+    """What the echo sounder measured in one ping.
+
+    Attributes:
+        stamp: [s, UTC]; 0 where the echo sounder has no clock.
+        model: as the echo sounder calls itself.
+        sound_speed: at the transducer [m/s].
+        points: (n, 3) float64 [m] in the frame of the array: x forward, y port, z up.
+        flags: (n,) uint8, four flags each; None where the packet has none.
+        has_range: (n,) bool, where there is a range.
+    """
+
+    stamp: float
+    model: str
+    sound_speed: float
+    points: np.ndarray
+    flags: np.ndarray | None
+    has_range: np.ndarray
+
+
+def ranges_of(packet: bytes) -> Ranges:
+    """What a packet says. Raises InputError: it is not whole."""
+    sections = _sections(packet)
+    if not {b"H0", b"R0"} <= sections.keys() or not sections.keys() & {b"A0", b"A2"}:
+        raise InputError(f"has sections {b' '.join(sections).decode('ascii', 'replace')}; wanted H0, R0 and A0 or A2")
+    header = np.frombuffer(_part(sections[b"H0"], 0, _H0.itemsize), _H0)[0]
+    speed, count = float(header["sound_speed"]), int(header["count"])
+    if not 1300 < speed < 1700:
+        raise InputError(f"says a speed of sound of {speed:g} m/s; wanted that of water")
+    times = _integers(sections[b"R0"], _RANGES, count) * _float(sections[b"R0"], 0)  # two-way [s]
+    ranges, angles = times * (speed / 2), _angles(sections, count)
+    points = np.column_stack([np.zeros(count), -ranges * np.sin(angles), -ranges * np.cos(angles)])
+    stamp, model = header["seconds"] + header["nanoseconds"] * 1e-9, header["model"].rstrip().decode("ascii", "replace")
+    return Ranges(stamp, model, speed, points, _flags(sections.get(b"Q0"), count), ranges > 0)
+
+
+def rejected(flags: np.ndarray, has_checks: bool) -> np.ndarray:
+    """(n,) bool, which points the echo sounder rejects. `has_checks`: whether this recording uses the two flags for
+    brightness and colinearity, which were reserved once and then are never set."""
+    undetected = (flags & _DETECTED) == 0
+    return undetected | ((flags & _PASSED) != _PASSED) if has_checks else undetected
+
+
+def uses_checks(flags: np.ndarray) -> bool:
+    """Whether any point passed a check."""
+    return bool((flags & _PASSED).any())
+
+
+def _sections(packet: bytes) -> dict[bytes, bytes]:
+    """The content of each section, without its name and size."""
+    if len(packet) < _PACKET.size or packet[:4] != MAGIC:
+        raise InputError("does not begin with BTH0")
+    size, found, start = min(_PACKET.unpack_from(packet)[1], len(packet)), dict[bytes, bytes](), _PACKET.size
+    while start + _SECTION.size <= size:
+        name, length = _SECTION.unpack_from(packet, start)
+        if length < _SECTION.size or start + length > size:
+            break
+        found.setdefault(name, packet[start + _SECTION.size : start + length])
+        start += length
+    return found
+
+
+def _angles(sections: dict[bytes, bytes], count: int) -> np.ndarray:
+    """(n,) [rad] from the array's center line, positive to starboard; checked to be less than a half turn."""
+    if b"A0" in sections:
+        angles = np.linspace(_float(sections[b"A0"], 0), _float(sections[b"A0"], 4), count)
+    else:
+        steps = _integers(sections[b"A2"], _STEPS, count)
+        angles = _float(sections[b"A2"], 0) + np.cumsum(steps) * _float(sections[b"A2"], 4)
+    if not (np.abs(angles) < np.pi).all():
+        raise InputError("has angles beyond a half turn")
+    return angles
+
+
+def _flags(section: bytes | None, count: int) -> np.ndarray | None:
+    """(n,) uint8, four bits each, the first point in the higher ones."""
+    if section is None or 2 * len(section) < count:
+        return None
+    packed = np.frombuffer(section, np.uint8, (count + 1) // 2)
+    return np.column_stack([packed >> 4, packed & 15]).ravel()[:count]
+
+
+def _integers(section: bytes, start: int, count: int) -> np.ndarray:
+    """(n,) float64 of as many 16-bit ones."""
+    return np.frombuffer(_part(section, start, 2 * count), ">u2").astype(np.float64)
+
+
+def _float(section: bytes, start: int) -> float:
+    return struct.unpack(">f", _part(section, start, 4))[0]
+
+
+def _part(section: bytes, start: int, size: int) -> bytes:
+    """So many bytes of a section, however many its count claims."""
+    if start + size > len(section):
+        raise InputError(f"has a section of {len(section):,} bytes; wanted at least {start + size:,}")
+    return section[start : start + size]
 
 
 @dataclass(slots=True)
@@ -83,9 +194,9 @@ def _packets(content: bytes, start: int) -> _Packets:
     found = _Packets()
     for kind, first, last in _bounds(content, start, found):
         body = first + _PING_HEADER
-        if kind in (_ATTITUDE, _NAVIGATION) and last - first >= _PACKET:
+        if kind in (_ATTITUDE, _NAVIGATION) and last - first >= _RAW_BYTES:
             packets = found.attitudes if kind == _ATTITUDE else found.positions
-            packets.append(content[first : first + _PACKET])
+            packets.append(content[first : first + _RAW_BYTES])
         elif kind == _R2SONIC or (kind == _TRITON and content.startswith(MAGIC, body)):
             try:
                 found.ranges.append(ranges_of(content[body:last]))

@@ -25,7 +25,7 @@ from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.readers.clouds.rows import Line, shown
-from sonarmap.tools.files.readers.limits import LARGEST_INFORMATION
+from sonarmap.tools.files.readers.instruments import LARGEST_INFORMATION
 from sonarmap.tools.files.readers.poses.pose_rows import finite_rows, read_lines, transforms
 from sonarmap.tools.files.user_file import naming
 

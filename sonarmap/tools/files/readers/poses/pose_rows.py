@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.rows import Line, parse_rows, whole_lines
-from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA, largest_of
+from sonarmap.tools.files.readers.instruments import LARGEST, LEAST_SIGMA, largest_of
 from sonarmap.tools.files.user_file import naming, read_content
 
 ORTHONORMAL = 1e-3  # what rounding to few digits may do to R R^T: more is not a rotation

@@ -1,26 +1,45 @@
-"""Trajectories of TUM or KITTI, told apart by what the file holds.
+"""Poses of TUM, KITTI and gt.log files and of a map's graph.json.
 
-TUM has one pose per line, `stamp tx ty tz qx qy qz qw`, KITTI the upper 3 x 4 of its matrix row by row; no stamps.
+TUM has one pose per line, `stamp tx ty tz qx qy qz qw`, KITTI the upper 3 x 4 of its matrix row by row; no stamps. A
+gt.log has the true transforms between numbered scans, as benchmarks of registration call them: for every pair a line
+`i j`, or `i j n` with any number n, then the four rows of a 4 x 4 matrix that maps points of scan j into the frame of
+scan i (http://redwood-data.org/indoor/fileformat.html).
 """
 
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Slerp
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.control import ControlPoint
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior
+from sonarmap.tools.files.readers.clouds.rows import Line, shown
+from sonarmap.tools.files.readers.instruments import LEAST_SIGMA
 from sonarmap.tools.files.readers.poses.pose_rows import (
     ORTHONORMAL,
     finite_rows,
     read_lines,
+    rigid_transform,
     rotation_faults,
     transforms,
 )
+from sonarmap.tools.files.user_file import naming, read_json
 
 LAYOUT = "stamp tx ty tz qx qy qz qw"  # of TUM
 _KITTI = "r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz"
+GT_LOG = "gt.log"
+_LINES = 5  # of a pair
+_NUMBERS = re.compile(rb"\s*(\d{1,9})\s+(\d{1,9})(\s+\d{1,9})?\s*")
+FORMAT = "sonarmap graph 1"
 
 
 def read_pair(estimate: Path, *truths: Path) -> tuple[Trajectory, Trajectory]:
@@ -87,3 +106,94 @@ def read_tum(path: Path) -> Trajectory:
     lines = read_lines(path)
     rows = finite_rows(path, lines, LAYOUT)
     return Trajectory(rows[:, 0].copy(), transforms(path, lines, rows[:, 1:]))
+
+
+@dataclass(frozen=True, slots=True)
+class TruePair:
+    """The truth of one pair."""
+
+    i: int  # i, j: the numbers of the target and the source
+    j: int
+    T_i_j: RigidTransform  # p_i = T_i_j p_j [m]
+    line: int  # of the file, where it begins
+
+
+def read_gt_log(path: Path) -> tuple[TruePair, ...]:
+    """All pairs of the file, in its order. Raises InputError: naming the file and the line: numbers or a matrix that
+    are none, a matrix that is no rigid transform, a scan paired with itself, a pair that is there twice, in whichever
+    direction."""
+    lines = read_lines(path)
+    starts = range(0, len(lines), _LINES)
+    pairs = [_pair(path, lines[start : start + _LINES]) for start in starts]
+    known: dict[frozenset[int], TruePair] = {}
+    for pair in pairs:
+        before = known.setdefault(frozenset((pair.i, pair.j)), pair)
+        if before is not pair:
+            raise InputError(
+                f"{path}: lines {before.line} and {pair.line} are both for the scans {pair.i} and {pair.j}; delete one"
+            )
+    return tuple(pairs)
+
+
+def _pair(path: Path, block: list[Line]) -> TruePair:
+    number, text = block[0]
+    match = _NUMBERS.fullmatch(text)
+    if match is None:
+        raise InputError(
+            f"{path}: line {number} is {shown(text)}; wanted the numbers of two scans, as 0 1, and the four rows of "
+            "their matrix in the lines below; fix that line"
+        )
+    i, j = int(match[1]), int(match[2])
+    if i == j:
+        raise InputError(f"{path}: line {number} pairs the scan {i} with itself; wanted two scans; delete that pair")
+    if len(block) < _LINES:
+        raise InputError(
+            f"{path}: the pair in line {number} has {len(block) - 1} lines of its matrix; wanted four: the file may be "
+            "cut; copy it again"
+        )
+    matrix = finite_rows(path, block[1:], "r r r t")
+    with naming(path):
+        T_i_j = rigid_transform(matrix, f"the pair in line {number}")
+    return TruePair(i, j, T_i_j, number)
+
+
+def read_graph_json(path: Path) -> PoseGraph:
+    """The graph as the map had it: poses, edges, priors, control points. Raises InputError: no such file, or one that
+    is not a map's graph.json."""
+    content = read_json(path, "the graph.json of a map")
+    try:
+        if content["format"] != FORMAT:
+            raise InputError(f"{path} is of format {content['format']!r}; wanted {FORMAT!r}")
+        trajectory = trajectory_of(content["poses"])
+        edges = tuple(_edge(row) for row in content["edges"])
+        priors = tuple((int(row["pose"]), _prior(row)) for row in content["priors"])
+        control = tuple(_control(row) for row in content.get("control_points", ()))
+        return PoseGraph(trajectory, edges, priors=priors, control=control)
+    except (ValueError, LookupError, TypeError) as error:
+        raise InputError(f"{path} is not the graph.json of a map ({error})") from error
+
+
+def trajectory_of(poses: Any) -> Trajectory:
+    """The poses as graph.json lists them. Raises InputError: no rigid transform; ValueError, LookupError, TypeError."""
+    T = RigidTransform.concatenate([rigid_transform(pose["T_world_sensor"], "a pose") for pose in poses])
+    return Trajectory(np.array([pose["stamp"] for pose in poses], dtype=np.float64), T)
+
+
+def _edge(row: dict[str, Any]) -> Edge:
+    T = rigid_transform(row["T_i_j"], "an edge")
+    probability = np.nan if row["probability"] is None else float(row["probability"])
+    covariance = np.array(row["covariance"])
+    measured = Registration(T, covariance, np.nan, np.nan, True, 0.0, str(row["reason"]), probability)
+    return Edge(int(row["i"]), int(row["j"]), measured, row["kind"])
+
+
+def _control(row: dict[str, Any]) -> ControlPoint:
+    point, known, sigmas = (np.array(row[name], dtype=np.float64) for name in ("point", "known", "sigmas"))
+    return ControlPoint(str(row["name"]), int(row["pose"]), point, known, sigmas)
+
+
+def _prior(row: dict[str, Any]) -> PosePrior:
+    sigmas = np.array([np.inf if sigma is None else sigma for sigma in row["sigmas"]], dtype=np.float64)
+    if not (sigmas >= LEAST_SIGMA).all():
+        raise InputError(f"a prior has the standard deviation {sigmas.min():g}; wanted at least {LEAST_SIGMA:g}")
+    return PosePrior(rigid_transform(row["T_world_sensor"], "a prior"), sigmas)

@@ -16,9 +16,8 @@ from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.files.readers.sonar.messages import message_of
+from sonarmap.tools.files.readers.sonar.messages import Remembered, message_of
 from sonarmap.tools.files.readers.sonar.packets import Damage, packets_in
-from sonarmap.tools.files.readers.sonar.shots import Remembered
 
 _FLIP = np.array([1.0, -1.0, -1.0])  # to x forward, y left, z up
 _GRAVITY = 9.81  # [m/s^2]; 9.78 to 9.83 on Earth

@@ -14,12 +14,22 @@ from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.clock import clock_faults, clock_of
+from sonarmap.tools.files.readers.checks import clock_faults, clock_of
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.sonar.imu import ImuWindow, batch_key, samples_of
-from sonarmap.tools.files.readers.sonar.messages import STRENGTH, frame_of, message_of, range_image_type
+from sonarmap.tools.files.readers.sonar.messages import (
+    REACH,
+    STRENGTH,
+    WAITING,
+    Remembered,
+    Shot,
+    ShotNumbers,
+    ShotQueue,
+    frame_of,
+    message_of,
+    range_image_type,
+)
 from sonarmap.tools.files.readers.sonar.packets import Damage, no_more, packets_in
-from sonarmap.tools.files.readers.sonar.shots import REACH, WAITING, Remembered, Shot, ShotNumbers, ShotQueue
 
 _SAME_SPEED = 0.05  # [m/s]
 _JUMP = 1.0  # seconds by which the clock and the numbers of the shots disagree

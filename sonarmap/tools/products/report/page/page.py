@@ -12,8 +12,7 @@ from string import Template
 from typing import Any
 
 from sonarmap.tools.files.map_folder.folder import Map
-from sonarmap.tools.files.map_folder.names import REPORT
-from sonarmap.tools.files.map_folder.whole import as_written, write_summary
+from sonarmap.tools.files.map_folder.names import REPORT, as_written, write_summary
 from sonarmap.tools.files.user_file import naming
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
 from sonarmap.tools.products.report.page.content import Content, content_of

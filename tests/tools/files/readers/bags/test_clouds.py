@@ -11,7 +11,7 @@ from mcap.writer import Writer as PlainWriter
 
 from sonarmap.tools.files.readers.bags.clouds import cloud_of
 from sonarmap.tools.files.readers.bags.mcap_file import open_mcap
-from sonarmap.tools.files.readers.bags.unpack import Unpacker
+from sonarmap.tools.files.readers.bags.recording import Unpacker
 from sonarmap.tools.files.readers.file import clouds_of
 from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
 from sonarmap.tools.files.readers.selection import SelectedFile

@@ -15,9 +15,9 @@ import pytest
 import zstandard
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.bags import unpack
-from sonarmap.tools.files.readers.bags.poses import read_recorded_odometry
-from sonarmap.tools.files.readers.bags.unpack import Unpacker
+from sonarmap.tools.files.readers.bags import recording
+from sonarmap.tools.files.readers.bags.frames import read_recorded_odometry
+from sonarmap.tools.files.readers.bags.recording import Unpacker
 from sonarmap.tools.files.readers.clouds import rows as bounds
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.bags.messages import CLOUD, cloud
@@ -65,7 +65,7 @@ def test_a_ros_1_bag_that_was_cut_has_no_index(tmp_path: Path, kind: str) -> Non
 def test_a_damaged_chunk_leaves_a_gap(tmp_path: Path) -> None:
     suffix, content = recordings()["mcap zstd"]
     changed = bytearray(content)
-    start = content.index(unpack.ZSTD_START, content.index(unpack.ZSTD_START) + 4)
+    start = content.index(recording.ZSTD_START, content.index(recording.ZSTD_START) + 4)
     changed[start + 60] ^= 255
     (tmp_path / f"dive{suffix}").write_bytes(changed)
     (note,) = [note for note in read_survey([tmp_path]).notes if "cannot be unpacked" in note]
@@ -79,11 +79,11 @@ def test_chunks_unpack_to_a_limit(monkeypatch: pytest.MonkeyPatch, compression: 
     packed = PACKERS[compression](ZEROS)
     unpacked = Unpacker(len(packed))
     assert unpacked(packed, compression) == ZEROS
-    monkeypatch.setattr(unpack, "LARGEST", len(ZEROS))
+    monkeypatch.setattr(recording, "LARGEST", len(ZEROS))
     assert unpacked(packed, compression) == ZEROS
-    monkeypatch.setattr(unpack, "_ALL", 1)
+    monkeypatch.setattr(recording, "_ALL", 1)
     refuses(r"its [\d,]+ bytes unpack to more than 6,291,456, which no recorder writes", unpacked, packed, compression)
-    monkeypatch.setattr(unpack, "LARGEST", len(ZEROS) - 1)
+    monkeypatch.setattr(recording, "LARGEST", len(ZEROS) - 1)
     with thrifty(), pytest.raises(InputError, match=rf"bytes of {compression} unpack to more than 3,145,727"):
         Unpacker(len(packed))(packed, compression)
 
@@ -100,7 +100,7 @@ def test_bombs_within_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         write_ros2(tmp_path / "d", records, compression="message"),
     ]
     assert [len(read_scans([path]).scans[0].points) for path in paths] == [40_000] * 4
-    monkeypatch.setattr(unpack, "LARGEST", 100_000)
+    monkeypatch.setattr(recording, "LARGEST", 100_000)
     for path in paths:
         refuses("unpack to more than 100,000", read_scans, [path])
     packed = write_ros2(tmp_path / "e", records, compression="file")

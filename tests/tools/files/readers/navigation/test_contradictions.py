@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.spectral.prior_pair import PriorPair
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import poses_of, prior_of
-from sonarmap.tools.files.readers.navigation.check.contradictions import Registered, contradiction, pair_costs
+from sonarmap.tools.files.readers.navigation.contradictions import Registered, contradiction, pair_costs
 
 SIGMAS = np.array([0.5, 0.5, 3.0, 0.5, 0.5, 0.1])
 UNITS = np.array([np.pi / 180] * 3 + [1.0] * 3)

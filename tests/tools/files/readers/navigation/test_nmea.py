@@ -12,10 +12,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.instruments import COLUMNS
+from sonarmap.tools.files.readers.navigation.overview import read_navigation
 from sonarmap.tools.files.readers.navigation.priors import navigate
-from sonarmap.tools.files.readers.navigation.read import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns, parse_talkers
-from sonarmap.tools.files.writers.trajectory import write_tum
+from sonarmap.tools.files.writers.poses import write_tum
 from tests.samples.places import DATA
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import START, read, scans_at

@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.navigation.odometry import parse_drift, read_odometry
-from sonarmap.tools.files.writers.trajectory import write_tum
+from sonarmap.tools.files.writers.poses import write_tum
 from tests.samples.bags.messages import ODOMETRY, TF, odometry, transforms
 from tests.samples.bags.writers import WRITERS, Record, write_mcap, write_ros1
 from tests.samples.refusals import refuses

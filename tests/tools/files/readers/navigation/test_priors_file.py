@@ -10,7 +10,7 @@ from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, poses_of, prior_of, sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, Mount, NavigationSettings, parse_columns
-from sonarmap.tools.files.writers.priors import write_priors
+from sonarmap.tools.files.writers.tables import write_priors
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import read as read_log
 from tests.tools.files.readers.navigation.logs import require_words, scans_at

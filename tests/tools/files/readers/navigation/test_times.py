@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.navigation.clocks.time_offset import estimate_offset, heading_rates, why_apart
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
+from sonarmap.tools.files.readers.navigation.time_offset import estimate_offset, heading_rates, why_apart
 from sonarmap.tools.files.time_scales import tai_minus_utc, utc_of_tai
 from tests.samples.refusals import refuses
 from tests.tools.files.readers.navigation.logs import START, read, require_words, scans_at

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH
-from sonarmap.tools.files.readers.json_file import read_json
+from sonarmap.tools.files.user_file import read_json
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.products.report.page.content import content_of
 from sonarmap.tools.products.report.page.points import FRACTION, TILE, codes, doubtful_of, pack

@@ -1,5 +1,5 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
 """By how much two clocks differ, from turn rates that were measured by either; and why navigation misses the scans."""
 
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.clock import utc
+from sonarmap.tools.files.readers.checks import utc
 from sonarmap.tools.files.time_scales import GPS_EPOCH, tai_minus_utc
 
 _FINEST = 0.02  # [s] of the grid on which both are compared

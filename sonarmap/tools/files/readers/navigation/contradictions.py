@@ -1,22 +1,26 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
 """What is wrong with navigation that the scans contradict: a sign turned, axes exchanged, another unit, rows shifted.
 
-Pairs of scans, registered without it, are held against it as it is given and as each mistake would have it.
+Pairs of scans, registered without it, are held against it as it is given and as each mistake would have it. All pairs
+of a finished map together show more than each alone.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.decide.wrong_measurements import KINDS, TAILS, judge_fixes
+from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.spectral.covariance_at_sensor import cross_matrices
 from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.files.readers.instruments import poses_of
-from sonarmap.tools.files.readers.navigation.check.mistakes import (
+from sonarmap.tools.files.readers.instruments import poses_of, values_of
+from sonarmap.tools.files.readers.navigation.mistakes import (
     LENGTHS,
     SIZES,
     TIMES,
@@ -39,6 +43,9 @@ _MOST_WRONG, _WRONG = 0.25, 10.0
 # Headings are turned by whole degrees up to this, and no less than this.
 _MOST_TURNED, _LEAST_TURNED, _COARSE = 45, 3, 3
 _KINDS = ((0, 1), (2,), (3, 4), (5,))  # columns that an instrument measures
+# Depths alone, that err four times more than stated, came to 4.6 in feet.
+_LEAST_OF_A_MAP = 5.5
+_MOST_SCANS = 1000  # beyond, the graph takes long to be solved for every hypothesis
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,3 +170,66 @@ def _covariance(sigmas: np.ndarray, shift: np.ndarray, R_world_source: Rotation,
     of_tangent = np.zeros((len(i), 6, 6))
     of_tangent[:, :3, :3] = of_tangent[:, 3:, 3:] = R_world_source.as_matrix()
     return covariance + of_tangent @ registered.covariances @ of_tangent.transpose(0, 2, 1)
+
+
+def contradiction_of_map(
+    graph: PoseGraph,
+    priors: Sequence[PosePrior | None],
+    kinds: Sequence[str],
+    origin: tuple[float, float] | None = None,
+) -> Contradiction | None:
+    """What would have measurements of these kinds, which err more than stated, agree with a map's edges.
+
+    Args:
+        graph: of the map, with its optimum.
+        priors: what instruments measured of all scans, as it was given.
+        kinds: of `slam.decide.wrong_measurements`.
+        origin: as of `mistakes.corrected`.
+    """
+    if len(priors) > _MOST_SCANS:
+        return None
+    values, sigmas = measured_values(priors)
+    columns = [k for kind in kinds if kind in KINDS for k in range(*KINDS[kind].indices(6))]
+    own = np.isin(np.arange(6), columns) & np.isfinite(values).any(axis=0)
+    given, edges = _apart(graph, values, sigmas)
+    counted = np.isfinite(values)[:, own].sum()
+    ordinary = [
+        _cost(np.where(own, given / times, given), 1) + edges + 2 * counted * np.log(times) for times in (1.0, *TIMES)
+    ]
+    ordinary.append(_total(graph, np.where(own, 0.0 * values, values), sigmas))
+    falls: dict[str, float] = {}
+    for name, changed in corrected(values, origin):
+        differ = ~np.isclose(changed, values, equal_nan=True).all(axis=0)
+        # rows at other scans, and lengths of all scans, were asked of pairs
+        if np.isnan(changed).sum() == np.isnan(values).sum() and name not in SIZES and (differ & own).any():
+            falls[name] = min(ordinary) - _total(graph, changed, sigmas)
+    return best_of(falls, _LEAST_OF_A_MAP)
+
+
+def _cost(apart: np.ndarray, numbers: int) -> float:
+    """Twice the negative logarithm of the likelihood of tails, of so many numbers each, in sigmas; without NaN."""
+    return float(np.nansum((TAILS + numbers) * np.log1p(apart**2 / TAILS)))
+
+
+def _total(graph: PoseGraph, values: Values, sigmas: np.ndarray) -> float:
+    """What measurements and edges cost together; infinite where these leave no solution."""
+    try:
+        apart, edges = _apart(graph, values, sigmas)
+    except InputError:
+        return np.inf
+    return _cost(apart, 1) + edges
+
+
+def _apart(graph: PoseGraph, values: Values, sigmas: np.ndarray) -> tuple[np.ndarray, float]:
+    """(n, 6) how far the optimum is from what was measured [sigmas], and what that costs of the edges."""
+    known = np.isfinite(values)
+    poses = poses_of(np.nan_to_num(values))
+    given = {
+        k: PosePrior(poses[k], np.where(known[k], sigmas[k], np.inf))
+        for k in np.flatnonzero(known.any(axis=1)).tolist()
+    }
+    judged = judge_fixes(replace(graph, priors=()), given)
+    solution = replace(graph, priors=tuple(sorted(judged.priors.items()))).optimize(covariances=False)
+    apart = values - values_of(solution.trajectory.T_world_sensor)
+    apart[:, :3] = np.radians((apart[:, :3] + 180) % 360 - 180)
+    return apart / sigmas, _cost(solution.residuals, 6)

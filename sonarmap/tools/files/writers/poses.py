@@ -1,8 +1,12 @@
-"""g2o pose graphs with 17 significant digits; their reader says what the numbers mean."""
+"""Trajectories as TUM and pose graphs as g2o, with every digit that float64 has.
+
+TUM has a pose per line, `stamp tx ty tz qx qy qz qw`. What the numbers of g2o mean its reader says.
+"""
 
 from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -15,9 +19,28 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.poses.g2o import EDGE, FIX, OFFSET, PRIOR, TRANSLATION_LAST, UPPER, VERTEX
 from sonarmap.tools.files.user_file import read_content
 from sonarmap.tools.files.writers.atomic import atomic_path
-from sonarmap.tools.files.writers.trajectory import pose_numbers
 
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
+    from sonarmap.slam.graph.trajectory import Trajectory
+
+HEADER = "# stamp [s] tx ty tz [m] qx qy qz qw: T_world_sensor\n"
 _NONE: Mapping[int, Edge] = MappingProxyType({})
+
+
+def write_tum(path: Path, trajectory: "Trajectory") -> None:
+    """Write T_world_sensor and the stamps."""
+    poses = (" ".join(f"{x:.17g}" for x in pose) for pose in pose_numbers(trajectory.T_world_sensor).tolist())
+    # repr is the shortest text that reads back as the same float64: microseconds of today's epoch seconds survive
+    rows = [f"{stamp!r} {pose}\n" for stamp, pose in zip(trajectory.stamps.tolist(), poses, strict=True)]
+    with atomic_path(path) as temporary:
+        temporary.write_text("".join([HEADER, *rows]))
+
+
+def pose_numbers(T: "RigidTransform") -> np.ndarray:
+    """(N, 7) float64: x y z [m] and the quaternion x y z w, w >= 0, of N transforms."""
+    return np.hstack([T.translation, T.rotation.as_quat(canonical=True)])
 
 
 def write_g2o(path: Path, graph: PoseGraph, left_out: Container[int] = ()) -> None:

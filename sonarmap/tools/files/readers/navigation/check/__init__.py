@@ -1,1 +1,0 @@
-"""What is wrong with navigation that scans contradict."""
