@@ -1,6 +1,8 @@
 """The frames of a recording: from a sensor's frame to the vehicle's, by tf_static or by the frame's name (REP-103).
 
 The last functions read dead reckoning: messages of nav_msgs/Odometry, or what tf says of odom and base_link.
+
+The last functions read dead reckoning: messages of nav_msgs/Odometry, or what tf says of odom and base_link.
 """
 
 from collections import deque

@@ -4,6 +4,8 @@ first byte as far as it goes, and one that grows for as long as it does.
 Format: https://mcap.dev/spec.
 
 The last functions open what rosbags reads: ROS 1 bags and the SQLite of ROS 2, topics by its index.
+
+The last functions open what rosbags reads: ROS 1 bags and the SQLite of ROS 2, topics by its index.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""The datagrams of Kongsberg's .all files, and of what MB-System writes of them, checked; in either byte order.
+"""The datagrams of Kongsberg's .all files, and of what MB-System writes of them, checked; and their soundings.
 
 Format: Kongsberg 160692, "EM Series Multibeam echo sounders, Datagram formats". Each has its size without these four
 bytes, STX, its type, the model, date and time, a counter, a serial number, its content, ETX, and the sum of the bytes
-between STX and ETX.
+between STX and ETX; in either byte order. Soundings are XYZ 88 (X) or the older depths (D), which count in units that
+each ping has, and list valid beams alone. MB-System's formats 57 and 59 add a place of the ping and a flag per beam.
 """
 
 import struct

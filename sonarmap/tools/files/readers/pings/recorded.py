@@ -1,4 +1,7 @@
-"""A line of a multibeam echo sounder as its file has it: by latitude, longitude and true North."""
+"""A line of a multibeam echo sounder as its file has it: by latitude, longitude and true North.
+
+What a reader took from a file, ping by ping, is assembled to a line here.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
