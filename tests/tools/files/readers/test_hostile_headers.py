@@ -88,7 +88,7 @@ HOSTILE: dict[str, tuple[str, bytes | Callable[[], bytes], str]] = {  # large on
     "pcd record, compressed": (".pcd", pcd("300000000", encoding="binary_compressed") + bytes(8), "another size"),
     "pcd 100,000 fields": (".pcd", pcd(more=100_000), "no points"),
     "pcd LZF 264 times": (".pcd", compressed_pcd(b"\0", 256, "4"), "1 bytes that claim to hold 256"),
-    "npy 2^62 rows": (".npy", npy(f"({2**62}, 3)"), "wanted (N, 3)"),
+    "npy 2^62 rows": (".npy", npy(f"({2**62}, 3)"), "the header promises"),
     "npy 70 axes": (".npy", npy("(" + "1, " * 70 + ")") + bytes(4), "wanted (N, 3)"),
     "ply 10^12 faces": (".ply", ply("0", more=f"element face {10**12}\nproperty list uchar int i\n"), "promises"),
     "sonar claims 4 GB": (".sonar", packet(b"\xff\xff\xff\xff\x0f" + bytes(99)), "claim to unpack to 4,294,967,295"),

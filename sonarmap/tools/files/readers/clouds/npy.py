@@ -1,12 +1,13 @@
 """NumPy's .npy, one array (N, 3) or (N, 4), and .npz, a zip archive of arrays: never pickled.
 
-The header is read here and not by NumPy, whose reader evaluates it, warns, and allocates what it promises; and nothing
-is unpacked beyond what its size makes likely. Format: numpy.lib.format.
+NumPy reads the header alone: nothing is allocated that a header promises and the file does not hold, nor unpacked
+beyond what its size makes likely.
 """
 
 import io
-import re
+import math
 import struct
+import warnings
 import zipfile
 import zlib
 from dataclasses import replace
@@ -20,12 +21,8 @@ from sonarmap.tools.files.readers.clouds.rows import require_believable, require
 from sonarmap.tools.files.readers.instruments import LARGEST_STAMP
 from sonarmap.tools.files.user_file import naming
 
-_MAGIC = b"\x93NUMPY"
-_HEADER_LIMIT = 10_000
-_DESCR = re.compile(r"""['"]descr['"]\s*:\s*(?:['"]([^'"]*)['"]|\[)""")
-_FORTRAN = re.compile(r"""['"]fortran_order['"]\s*:\s*(True|False)""")
-_SHAPE = re.compile(r"""['"]shape['"]\s*:\s*\(([\d,\sL-]*)\)""", re.ASCII)
-_PLAIN = re.compile(r"[<>|=]?(f[248]|[iu][1248])")
+_HEADER_LIMIT = 10_000  # characters
+_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 _OPTIONAL = ("strength", "stamp", "viewpoints", "times")
 _DAMAGE = (
     zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, NotImplementedError, RuntimeError,
@@ -53,44 +50,30 @@ def cloud_of_array(points: np.ndarray, strength: np.ndarray | None = None, stamp
 
 def parse_npy(content: bytes) -> np.ndarray:
     """The array of a .npy file, integers or floating point, without copying it."""
-    header, start = _header_of(content)
-    descr, fortran, shape = (pattern.search(header) for pattern in (_DESCR, _FORTRAN, _SHAPE))
-    if descr is None or fortran is None or shape is None:
-        raise InputError("its NPY header is damaged; save the array again")
-    if _PLAIN.fullmatch(descr[1] or "") is None:
-        kind = "objects" if (descr[1] or "").endswith("O") else "fields" if descr[1] is None else descr[1]
+    file = io.BytesIO(content)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of headers that Python 2 wrote
+            read = _HEADERS[np.lib.format.read_magic(file)]
+            shape, is_fortran, dtype = read(file, max_header_size=_HEADER_LIMIT)
+    except Exception as error:  # whatever NumPy and Python's parser make of a damaged header
+        raise InputError(f"its NPY header is damaged ({error}); save the array again") from error
+    if dtype.kind not in "fiu" or dtype.itemsize > 8:
+        kind = "objects" if dtype.hasobject else "fields" if dtype.fields else dtype
         raise InputError(
             f"an array of {kind}; wanted plain numbers (objects would be unpickled, which runs code): save "
             "np.asarray(points, np.float32)"
         )
-    lengths = [part.strip() for part in shape[1].split(",") if part.strip()]
-    if len(lengths) > 2 or any(re.fullmatch(r"\d{1,18}", length, re.ASCII) is None for length in lengths):
-        raise InputError(f"its NPY header asks for shape ({shape[1]}); wanted (N, 3) or (N, 4)")
-    sizes = [int(length) for length in lengths]
-    dtype = np.dtype(descr[1])
-    count = int(np.prod(np.array(sizes, dtype=object)))  # Python's integers: 10^18 squared does not wrap
+    if len(shape) > 2 or min(shape, default=0) < 0:
+        raise InputError(f"its NPY header asks for shape {shape}; wanted (N, 3) or (N, 4)")
+    count, start = math.prod(shape), file.tell()
     require_bytes(f"{count:,} numbers of {dtype}", count * dtype.itemsize, len(content) - start)
     if len(content) - start > count * dtype.itemsize:
         raise InputError(
-            f"the header promises shape ({shape[1]}) of {dtype} and more bytes than that follow: "
+            f"the header promises shape {shape} of {dtype} and more bytes than that follow: "
             "the file is damaged or holds several arrays; save one array per file"
         )
-    values = np.frombuffer(content, dtype, count, start)
-    return values.reshape(sizes, order="F" if fortran[1] == "True" else "C")
-
-
-def _header_of(content: bytes) -> tuple[str, int]:
-    """The header's text and the byte where the numbers start."""
-    if not content.startswith(_MAGIC) or content[6:8] not in (b"\x01\x00", b"\x02\x00", b"\x03\x00"):
-        raise InputError("its first bytes are not those of a .npy array of version 1, 2 or 3; save the array again")
-    width, form = (2, "<H") if content[6] == 1 else (4, "<I")
-    require_bytes("a header length", width, len(content) - 8)
-    (length,) = struct.unpack_from(form, content, 8)
-    start = 8 + width + length
-    if length > _HEADER_LIMIT:
-        raise InputError(f"its NPY header claims {length:,} bytes; it is damaged: save the array again")
-    require_bytes("a header", length, len(content) - 8 - width)
-    return content[8 + width : start].decode("latin-1"), start
+    return np.frombuffer(content, dtype, count, start).reshape(shape, order="F" if is_fortran else "C")
 
 
 def read_npz(content: bytes) -> list[Cloud]:
