@@ -31,7 +31,6 @@ def _content_of(file: Path) -> dict[str, Any]:
 
 
 def sha256_of(path: Path) -> str:
-    """The SHA-256 of a file, in hexadecimal digits."""
     require_file(path)
     try:
         with path.open("rb") as file:

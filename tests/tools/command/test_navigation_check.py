@@ -36,7 +36,7 @@ def test_a_mistake_is_named_and_refused() -> None:
     values, free = measured(truth, rng), free_pairs(truth, range(0, 45, 3))
     verdict = contradiction_of(scans_with(signed(2)(values)), free)
     assert verdict is not None
-    assert verdict.instead == ("heading_deg with its sign turned",)
+    assert verdict.instead == ("heading_deg with the opposite sign",)
     with pytest.raises(ContradictedError, match=r"they agree with heading_deg .*In log\.csv: give --nav-frame"):
         refusing(scans_with(signed(2)(values)), "log.csv")(free)
     assert contradiction_of(scans_with(values), free) is None

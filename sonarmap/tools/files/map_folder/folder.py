@@ -147,7 +147,6 @@ class Map:
         )
 
     def on_earth(self, part: MapPart) -> bool:
-        """Whether the part's place on the Earth is known."""
         lone = part is self.parts[0] and not any(each.placed for each in self.parts)
         return self.georeference is not None and (part.placed or lone)
 

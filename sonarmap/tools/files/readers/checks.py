@@ -45,7 +45,6 @@ class Clock:
 
     @property
     def stands_still(self) -> bool:
-        """Whether most stamps are the same."""
         return self.still > self.steps / 2
 
     @property

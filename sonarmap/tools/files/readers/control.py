@@ -33,8 +33,6 @@ _MOST = 1000  # points; a survey has tens, and every estimate of the map weighs 
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """What a file of control points says."""
-
     points: tuple[ControlPoint, ...]  # in the file's order, in the world of `georeference`, or of an unknown origin
     georeference: Georeference | None  # where the world's origin lies on the Earth; None where that is not known
     notes: tuple[str, ...]  # what a user should know, in words

@@ -30,8 +30,6 @@ class CsvRow:
 
 @dataclass(frozen=True, slots=True)
 class CsvTable:
-    """A table with a heading."""
-
     path: Path
     heading: CsvRow  # the names of the columns
     rows: list[CsvRow]  # that are not blank, in the file's order
@@ -39,7 +37,6 @@ class CsvTable:
     is_whole: bool  # whether the last line ends with a line break
 
     def where(self, row: CsvRow | None = None) -> str:
-        """The file and line of a row, or of the heading, for messages."""
         return f"{self.path}: line {(row or self.heading).line}"
 
     def require_even(self) -> None:
@@ -137,7 +134,6 @@ def cell_of(text: str) -> str:
 
 
 def text_of(cell: str) -> str:
-    """The text of a cell."""
     return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
 
 

@@ -109,7 +109,6 @@ def format_of(path: Path) -> Format | None:
 
 
 def _clouds_in(selected: SelectedFile, notes: list[str], lines: LineReading) -> Iterator[Cloud]:
-    """Every cloud of a file, those without points too."""
     path = selected.path
     if (known := format_of(path)) is None:
         poses = "these are poses, not scans; " if path.suffix.lower() in _OF_POSES else ""
@@ -168,7 +167,6 @@ def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) ->
 
 
 def _check_start(path: Path) -> None:
-    """Refuse a file that does not start as its suffix says."""
     if not path.is_file():
         raise InputError("it is not a regular file; give a file, a folder or a pattern")
     with unreadable(), path.open("rb") as file:

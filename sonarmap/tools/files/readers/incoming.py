@@ -37,8 +37,6 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Incoming:
-    """A scan that has come."""
-
     scan: Scan
     behind: Mark  # from which reading can go on
     missing: int = 0  # shots that did not come, by their numbers, so far
@@ -216,12 +214,11 @@ def _follows(name: str, passed: str, begin: str) -> bool:
 
 
 def _is_last(folder: Path, name: str, ended: Callable[[], bool]) -> bool:
-    """Whether a file of a folder may still grow."""
     return not ended() and next(reversed(_files(folder)), name) == name
 
 
 def _size(path: Path) -> tuple[int, int] | None:
-    """What changes with a file; None of one that has gone."""
+    """What changes with a file; None if it has gone."""
     try:
         status = path.stat()
     except OSError:

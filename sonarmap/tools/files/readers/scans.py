@@ -23,8 +23,6 @@ _SHOWN = 100  # scans of a file after which progress is shown again
 
 @dataclass(frozen=True, slots=True)
 class Unread:
-    """A file, or one scan of it, that could not be read."""
-
     where: str  # the file, with #3 for one scan of several
     reason: str  # what is wrong with it and what to do, in words, the file named
     before: int  # index of the scan that follows it; the number of scans if none does

@@ -91,7 +91,6 @@ def require_writable(folder: Path, make: bool = True) -> None:
 
 
 def discard(path: Path) -> None:
-    """Remove a file, if it and its folder are still there."""
     with suppress(OSError):
         path.unlink()
 

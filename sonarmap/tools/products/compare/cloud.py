@@ -37,8 +37,6 @@ _APART, _LEAST_APART, _RADIUS = 0.5, 8.0, 1.2
 
 @dataclass(frozen=True, slots=True)
 class PointCloud:
-    """The M voxels of a cloud."""
-
     path: Path  # of its file
     points: np.ndarray  # (M, 3) float64 mean of the points of each [m], local frame, as `notes` say
     weight: np.ndarray  # (M,) float64, how many these are

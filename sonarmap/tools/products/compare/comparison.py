@@ -39,8 +39,6 @@ Step = Callable[[int, int, str], None]
 
 @dataclass(frozen=True, slots=True)
 class Alignment:
-    """How the new map lies in the old one."""
-
     T_old_new: RigidTransform  # p_old = T_old_new p_new [m]
     covariance: np.ndarray  # (6, 6) rotation first [rad, m], left tangent: T_true = Exp(xi) T_old_new
     located: int  # views of the new map that were located in the old one
@@ -111,8 +109,6 @@ class NotAlignedError(InputError):
 
 @dataclass(frozen=True, slots=True)
 class CompareSettings:
-    """How distances are sought and judged."""
-
     reach: float | None = None  # how far along the normal the new surface is sought [m]; None for REACH voxels
     bound: float | None = None  # largest level of detection of a place called unchanged [m]; None for BOUND voxels
 
@@ -165,7 +161,6 @@ class Comparison:
 
     @property
     def as_json(self) -> Mapping[str, Any]:
-        """With units in the names."""
         how = None
         if self.alignment is not None:
             how = {

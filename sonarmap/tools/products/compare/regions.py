@@ -23,8 +23,6 @@ _FEWEST, _SIGMAS, _USUAL = 12, 3.3, 12_000
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A part of the surface that was gained or lost."""
-
     gained: bool
     volume: float  # sum of area times distance [m^3], negative where lost; its rim counts, where changes fade out
     # standard deviation of the volume [m^3]: its own, and what is unseen, as if it changed by the largest distance
@@ -40,7 +38,6 @@ class Region:
 
     @property
     def as_json(self) -> Mapping[str, Any]:
-        """With units in the names."""
         return {
             "kind": "gained" if self.gained else "lost",
             "area_m2": self.area,

@@ -104,7 +104,6 @@ class Epoch:
         return passing >= _PASSING
 
     def moved(self, T_other_this: RigidTransform) -> "Epoch":
-        """The same in another frame."""
         A = block_diag(*[adjoint(T_other_this)] * self.poses)
         return replace(
             self,
@@ -132,8 +131,6 @@ def _pose_variance(points: np.ndarray, scan: np.ndarray, covariances: np.ndarray
 
 @dataclass(frozen=True, slots=True)
 class Cores:
-    """K core points on a surface."""
-
     points: np.ndarray  # (K, 3) float64 [m]
     normals: np.ndarray  # (K, 3) unit, toward where it was seen from
     area: np.ndarray  # (K,) float64 [m^2] that each stands for

@@ -55,7 +55,6 @@ class Cloud:
 
     @property
     def timed(self) -> bool:
-        """Whether stamps are Unix seconds."""
         return are_times(self.part.trajectory.stamps)
 
     @property
@@ -84,7 +83,6 @@ class Cloud:
             raise InputError("the chosen scans have no points; choose others")
 
     def _whole(self) -> Iterator[tuple[str, np.ndarray, Mapping[str, np.ndarray], np.ndarray, np.ndarray]]:
-        """Portions in the map's frame."""
         part = self.part
         if self.scans is None:
             middle = np.median(part.points, axis=0) if len(part.points) else np.zeros(3)

@@ -127,12 +127,10 @@ class Georeferenced(MapGrid):
 
     @property
     def in_time(self) -> list[int]:
-        """The n scans in the order of their stamps."""
         return np.argsort(self.stamps, kind="stable").tolist()
 
     @property
     def timed(self) -> bool:
-        """Whether the stamps are Unix seconds."""
         return are_times(self.stamps)
 
     @cached_property

@@ -114,7 +114,6 @@ def _described(words: str) -> str:
 
 
 def _look_at(earth: Georeferenced) -> dict[str, str]:
-    """The whole map in view, from above."""
     extent = float(np.ptp(earth.part.points[:, :2], axis=0).max())
     (latitude, longitude, _) = earth.georeference.geodetic(earth.part.points.mean(axis=0)[None])[0].tolist()
     place = {"longitude": f"{longitude:.7f}", "latitude": f"{latitude:.7f}", "altitude": "0"}
@@ -140,7 +139,6 @@ def _timed_track(earth: Georeferenced) -> list[dict[str, Any]]:
 
 
 def _place(earth: Georeferenced, name: str, k: int) -> dict[str, Any]:
-    """Where a scan was taken."""
     place, stamp = earth.poses[k], float(earth.stamps[k])
     time = utc_text(stamp) if earth.timed else f"stamp {stamp:g} s"
     words = f"{earth.names[k]}, {time}, {place[0]:.8f}, {place[1]:.8f}, height {place[2]:.2f} m"
@@ -189,7 +187,6 @@ def pictures_of(earth: Georeferenced) -> list[Picture]:
 
 
 def legend_of(earth: Georeferenced) -> bytes:
-    """A PNG that says which color is which height."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure

@@ -51,7 +51,6 @@ def write_laz(path: Path, cloud: Cloud) -> Mapping[str, Any]:
 
 
 def cloud_header(cloud: Cloud) -> Any:
-    """The header of a LAS file of a cloud."""
     part, survey = cloud.part, max(cloud.folder.surveys(cloud.part)) > 0 or cloud.part.columns["survey"].any()
     names = ("sigma", "count", "seen", "scan", "survey") if cloud.scans is None else ("scan", "survey")
     dimensions = {name: _DIMENSIONS[name] for name in names if name != "survey" or survey}

@@ -35,8 +35,6 @@ _FRAMES = {
 
 @dataclass(frozen=True, slots=True)
 class ExportSettings:
-    """What is exported, and how."""
-
     formats: tuple[str, ...]  # names of FORMATS
     # of projected coordinates, such as EPSG:25832; None for the UTM zone of the map's origin; points and grids may also
     # be in MAP_FRAME
@@ -58,7 +56,6 @@ class ExportSettings:
         return tuple(name for name in self.formats if FORMATS[name].needs_place and not self.in_map_frame(name))
 
     def in_map_frame(self, name: str) -> bool:
-        """Whether the format is written in the map's own frame."""
         return self.crs == MAP_FRAME and FORMATS[name].fits_map_frame
 
 
@@ -116,7 +113,6 @@ def check_settings(
 
 
 def _require_fitting(settings: ExportSettings) -> None:
-    """Refuse options that no chosen format takes."""
     fitting = [name for name, form in FORMATS.items() if form.of_points]
     if (settings.of_scans or settings.scans is not None) and not set(fitting) & set(settings.formats):
         raise InputError(
@@ -335,7 +331,6 @@ def _place(coordinates: str, earth: Georeferenced | None) -> dict[str, Any]:
 
 
 def _taken(stamps: np.ndarray) -> dict[str, Any]:
-    """When the scans were taken."""
     if not are_times(stamps):
         return {"utc": None, "stamps_s": [float(stamps.min()), float(stamps.max())]}
     return {"utc": [utc_text(float(stamps.min())), utc_text(float(stamps.max()))]}

@@ -18,8 +18,6 @@ from sonarmap.tools.products.export.grid import HEIGHT_COLORS, check_size, shown
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """A surface of triangles."""
-
     vertices: np.ndarray  # (V, 3) float64 [m], in the map's frame
     triangles: np.ndarray  # (T, 3) uint32, counterclockwise from outside
     colors: np.ndarray  # (V, 4) uint8, red, green, blue, opaque

@@ -42,7 +42,6 @@ def poses(first: int, parts: Sequence[int], T_part_sensor: Sequence[RigidTransfo
 
 
 def loops(pairs: Sequence[tuple[int, int]]) -> Message:
-    """All loops that are kept, as numbers of key scans."""
     return "loops", _text(kind="loops", pairs=pairs)
 
 

@@ -62,7 +62,6 @@ class LivePage:
 
     @property
     def address(self) -> str:
-        """What to open in a browser."""
         return self.addresses[0]
 
     @property

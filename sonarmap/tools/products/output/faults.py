@@ -144,8 +144,8 @@ def _of_defects(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     if defects:
         first = defects[0]
         yield (
-            f"{len(defects)} of {len(result.pairs)} pairs ended by an error of the method, which says nothing of the "
-            f"scans, as {names[first.i]} and {names[first.j]}: {first.failure.removeprefix(DEFECT)}"
+            f"{len(defects)} of {len(result.pairs)} pairs ended by an error of the method, whatever the scans show, "
+            f"as {names[first.i]} and {names[first.j]}: {first.failure.removeprefix(DEFECT)}"
         )
 
 
@@ -219,8 +219,8 @@ def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
         first = alone[0]
         yield (
             f"{len(alone)} of {len(steps)} steps between consecutive scans, as between {names[first.i]} and "
-            f"{names[first.j]}, are not sure, and no other pair that was found without the estimate confirms them. If "
-            "the vehicle was moved meanwhile, give the scans before and after in folders of their own"
+            f"{names[first.j]}, are uncertain, and no other pair confirms them independently. If the vehicle was moved "
+            "in between, give the scans before and after in folders of their own"
         )
 
 
@@ -245,7 +245,7 @@ def systematic_words(error: Systematic) -> str:
     """What all fixes were off by, in words."""
     if (other := error.alternative) is not None:
         first, second = (systematic_words(replace(each, alternative=None)) for each in (error, other))
-        return f"{first}; or, which the track does not tell from it, {second}"
+        return f"{first}; or, which the track cannot distinguish from it, {second}"
     if error.turn:
         return (
             f"headings fit if {math.degrees(error.turn):+.1f} degrees are taken from them, and were used so: a "
@@ -269,10 +269,10 @@ def systematic_words(error: Systematic) -> str:
 def _understated(what: str, times: float, left_out: bool) -> str:
     if left_out:
         return (
-            f"{what} contradict everything else: they err {times:.0f} times as much as their standard deviations say, "
+            f"{what} contradict everything else: their errors are {times:.0f} times their standard deviations, "
             "and were left out; look for exchanged axes, another zone or unit, and times that are off"
         )
-    return f"{what} err {times:.1f} times as much as their standard deviations say, and are weighted down accordingly"
+    return f"{what} have errors {times:.1f} times their standard deviations, and are weighted down accordingly"
 
 
 def _of_fixes(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
@@ -280,7 +280,7 @@ def _of_fixes(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     if result.systematic is not None:
         yield systematic_words(result.systematic)
     fixes = [
-        f"the {fix.kind} of {names[fix.scan]} is {fix.sigmas:.1f} standard deviations from what everything else says"
+        f"the {fix.kind} of {names[fix.scan]} is {fix.sigmas:.1f} standard deviations from everything else"
         for fix in result.wrong_fixes
     ]
     if len(fixes) <= _EACH:
@@ -296,7 +296,7 @@ def _of_the_whole(result: SurveyResult) -> Iterator[str]:
     if loops and result.moved < UNMOVED * result.voxel:
         yield (
             f"{loops} loops were kept, but no pose moved by more than {UNMOVED:g} voxels: they add nothing to the "
-            "chain of consecutive scans, as when they only join scans that follow each other closely"
+            "chain of consecutive scans, as if they only join scans that follow each other closely"
         )
     stray = sum(point_map.left_out for point_map in result.maps)
     if stray:
@@ -333,7 +333,7 @@ def _of_control(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
         if each.in_sigmas > FAR:
             yield (
                 f"the control point {each.point.name} in {names[each.point.scan]} is {each.in_sigmas:.1f} of its "
-                "standard deviations from where the map has it, and nothing tells which is wrong: check its numbers, "
+                "standard deviations from where the map has it, and it is unclear which is wrong: check its numbers, "
                 "or give more points"
             )
     if any(each.point.holds for each in result.control):
@@ -361,5 +361,4 @@ def _open_parts(result: SurveyResult, constrained: set[int]) -> Iterator[str]:
 
 
 def _listed(names: Sequence[str], most: int = LISTED) -> str:
-    """The first of some names."""
     return ", ".join(names[:most]) + (", ..." if len(names) > most else "")

@@ -56,7 +56,6 @@ def pair_row(pair: Pair) -> dict[str, Any]:
 
 
 def fields_of(value: Any, *names: str) -> dict[str, Any]:
-    """Some attributes of a value, by their names."""
     return {name: getattr(value, name) for name in names}
 
 

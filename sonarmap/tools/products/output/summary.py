@@ -120,7 +120,6 @@ def scan_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]
 
 
 def _gap(before: int, count: int) -> tuple[int | None, int | None]:
-    """The scans before and after one that could not be read."""
     return before - 1 if before > 0 else None, before if before < count else None
 
 

@@ -56,7 +56,6 @@ class PlacedMap:
 
     @property
     def upright(self) -> bool:
-        """Whether instruments measured which way is up."""
         return self.part.knows("tilt_x") and self.part.knows("tilt_y")
 
 

@@ -43,7 +43,6 @@ class Volume:
 
     @property
     def as_json(self) -> Mapping[str, float]:
-        """With units in the names."""
         pairs = {"cut": self.cut, "fill": self.fill, "net": self.net}
         volumes = {f"{name}_m3": volume for name, (volume, _) in pairs.items()}
         volumes |= {f"{name}_sigma_m3": sigma for name, (_, sigma) in pairs.items()}

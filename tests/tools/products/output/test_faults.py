@@ -59,10 +59,10 @@ def test_a_step_that_is_not_sure_is_named_where_no_pair_beside_it_says_so(
 
     pairs = tuple(new for pair in result.pairs for new in changed(pair))
     assert sum(pair.i <= 4 and pair.j >= 5 for pair in pairs) >= (1 if across == "none" else 4)
-    sentences = [fault for fault in faults(replace(result, pairs=pairs), NAMES) if "are not sure" in fault]
+    sentences = [fault for fault in faults(replace(result, pairs=pairs), NAMES) if "are uncertain" in fault]
     assert len(sentences) == said
     if said:
-        assert sentences[0].startswith("1 of 9 steps between consecutive scans, as between scan4 and scan5, are not")
+        assert sentences[0].startswith("1 of 9 steps between consecutive scans, as between scan4 and scan5, are uncertain")
 
 
 def test_a_transform_by_hand_comes_back_as_it_was_given(tmp_path: Path) -> None:

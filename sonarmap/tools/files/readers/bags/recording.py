@@ -97,7 +97,6 @@ def choose_topic(recording: Recording, name: str | None, kinds: Collection[str],
 
 
 def listed(topics: Sequence[Topic]) -> str:
-    """Topics with their types and counts, for a message."""
     words = [f"{topic.name} ({topic.count:,} of {topic.kind})" for topic in topics[:_LISTED]]
     return ", ".join(words + ["..."] * (len(topics) > _LISTED)) or "(none)"
 

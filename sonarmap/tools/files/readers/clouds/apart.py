@@ -72,7 +72,6 @@ def main(_: Sequence[str]) -> None:
 
 
 def _answer(read: Read, content: bytes) -> Iterable[bytes | memoryview]:
-    """JSON, and the arrays that it names."""
     try:
         clouds = read(content)
     except InputError as error:

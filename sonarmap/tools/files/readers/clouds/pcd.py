@@ -44,7 +44,6 @@ class _Header:
 
     @property
     def sizes(self) -> list[int]:
-        """Bytes of each field in one point."""
         return [int(dtype[-1]) * count for dtype, count in zip(self.dtypes, self.counts, strict=True)]
 
 

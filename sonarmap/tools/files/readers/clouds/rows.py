@@ -66,7 +66,6 @@ def is_number(token: bytes) -> bool:
 
 
 def shown(token: bytes) -> str:
-    """A piece of a file, for a message."""
     text = token[:40].decode("utf-8", "replace").strip()
     return repr(text + "..." if len(token) > 40 else text)
 

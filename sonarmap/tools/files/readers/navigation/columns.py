@@ -26,8 +26,6 @@ _ALIKE = 0.85  # as rol_deg and roll_deg
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """What a heading line says."""
-
     of: Mapping[str, Column]  # {quantity: its column}
     is_own: bool  # whether it is a file of this program's own kind, in which nothing may be unknown
     notes: tuple[str, ...]  # what is not used, in words
@@ -39,7 +37,6 @@ class Columns:
         return "name" if "name" in self.of else "stamp"
 
     def heading(self, quantity: str) -> str:
-        """Of a quantity's column, as it is written."""
         return self.of[quantity].heading
 
 
@@ -259,5 +256,4 @@ SOURCES = (
 
 
 def some(names: Sequence[str]) -> str:
-    """The first of them, quoted."""
     return ", ".join(repr(name) for name in names[:3]) + (", ..." if len(names) > 3 else "")

@@ -80,7 +80,6 @@ class Column:
 
     @property
     def is_own(self) -> bool:
-        """Whether the heading is one of this program's own files."""
         return self.heading in OWN
 
 
@@ -109,7 +108,6 @@ def column_of(index: int, heading: str, quantity: str | None = None) -> Column |
 
 
 def _plain(heading: str) -> str:
-    """Without the accents of its letters."""
     return "".join(each for each in unicodedata.normalize("NFD", heading) if not unicodedata.combining(each))
 
 
@@ -154,8 +152,6 @@ def _factor(heading: str, quantity: str, unit: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Instrument:
-    """One kind of instrument."""
-
     name: str
     words: frozenset[str]  # any of which in a heading names it
     sigmas: Mapping[str, float]  # of COLUMNS [deg, m], of what it can measure

@@ -23,8 +23,6 @@ LENGTHS = np.isin(np.arange(6), (3, 4, 5))  # columns in meters
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """Navigation that the scans contradict, and what would agree."""
-
     sigmas: float  # the square root of by how much chi-squared falls
     instead: tuple[str, ...]  # the hypotheses that agree, best first
 
@@ -73,14 +71,14 @@ _TURN = "give the turn by --mount 0,0,DEGREES, or --heading-reference, --magneti
 # By what is done about them, the mistakes, and the change of the navigation that takes each back.
 _MISTAKES: Mapping[str, Mapping[str, _Change]] = {
     "give --nav-frame, or turn the sign in the file": {
-        "heading_deg with its sign turned": _signed(2),
-        "roll_deg with its sign turned": _signed(0),
-        "pitch_deg with its sign turned": _signed(1),
+        "heading_deg with the opposite sign": _signed(2),
+        "roll_deg with the opposite sign": _signed(0),
+        "pitch_deg with the opposite sign": _signed(1),
         "roll_deg and pitch_deg with their signs turned": _signed(0, 1),
-        "East with its sign turned": _signed(3),
-        "North with its sign turned": _signed(4),
+        "East with the opposite sign": _signed(3),
+        "North with the opposite sign": _signed(4),
         "East and North with their signs turned": _signed(3, 4),
-        "depth_m with its sign turned": _signed(5),
+        "depth_m with the opposite sign": _signed(5),
     },
     "give --nav-frame enu and name the column yaw": {
         "heading_deg as a yaw, counterclockwise from East": added(90.0, 2, -1.0)

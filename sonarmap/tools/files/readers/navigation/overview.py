@@ -78,8 +78,6 @@ def _of_tum(path: Path, settings: NavigationSettings) -> NavigationLog:
 
 @dataclass(frozen=True, slots=True)
 class LogOverview:
-    """What a log holds."""
-
     path: Path
     log: NavigationLog  # as it is read
     usable: NavigationLog  # without the rows that cannot be

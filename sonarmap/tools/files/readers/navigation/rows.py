@@ -81,7 +81,6 @@ def place_of(text: str) -> list[float]:
 
 
 def refuse(where: str, heading: str, cell: str, wanted: str) -> InputError:
-    """The error of a cell that cannot be used."""
     return InputError(f"{where}: {heading} is {cell[:40]!r}; wanted {wanted}; fix that line")
 
 

@@ -38,8 +38,6 @@ _ROUNDED = 5  # decimals of the origin's degrees: a meter
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """How a sonar sits on its vehicle."""
-
     T_vehicle_sensor: RigidTransform  # both with x forward, y left, z up [m]
 
     @classmethod

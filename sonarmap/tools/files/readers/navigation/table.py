@@ -41,7 +41,6 @@ class _Table:
     cells: Mapping[str, list[str]]  # of each column that is read, for each row
 
     def where(self, row: int) -> str:
-        """The file and line, for messages."""
         return f"{self.path}: line {self.rows[row].line}"
 
 

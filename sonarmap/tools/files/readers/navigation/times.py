@@ -37,7 +37,6 @@ class TimeCells:
     weeks: Sequence[str] | None = None
 
     def refuse(self, row: int, wanted: str) -> InputError:
-        """The error of a row whose time cannot be used."""
         return refuse(f"{self.path}: line {self.lines[row]}", f"the {self.column.heading}", self.stamps[row], wanted)
 
 

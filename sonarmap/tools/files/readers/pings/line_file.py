@@ -63,7 +63,6 @@ def read_line(path: Path, notes: list[str]) -> RecordedLine:
 
 
 def _check_start(path: Path, expected: Format) -> None:
-    """Refuse a file that does not start as its suffix says."""
     require_file(path)
     with unreadable(), path.open("rb") as file:
         head = file.read(_HEAD)

@@ -57,7 +57,7 @@ class RecordedLine:
 
     @property
     def rejected(self) -> int:
-        """How many soundings the recording rejects, or are none."""
+        """Number of soundings that the recording rejects, or that are not finite."""
         return self.beams - len(self.points)
 
     def immersed(self, draught: float) -> "RecordedLine":

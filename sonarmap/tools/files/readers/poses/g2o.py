@@ -109,7 +109,6 @@ def require_connected(path: Path, graph: PoseGraph) -> None:
 
 
 def _listed(ids: np.ndarray) -> str:
-    """Ascending ids in words: 3, 5 to 9."""
     runs = np.split(ids, np.flatnonzero(np.diff(ids) != 1) + 1)
     words = [f"{run[0]}" if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs[:_MOST_PARTS]]
     return ", ".join(words) + (", ..." if len(runs) > _MOST_PARTS else "")

@@ -32,8 +32,6 @@ _HELD = 8192  # samples
 
 @dataclass(frozen=True, slots=True)
 class ImuSamples:
-    """Samples of an IMU."""
-
     times: np.ndarray  # (n,) float64 [s, UTC]
     forces: np.ndarray  # (n, 3) float64 specific force [m/s^2], x forward, y left, z up
     rates: np.ndarray  # (n, 3) float64 turn rates [rad/s], about the same axes
@@ -65,7 +63,6 @@ class ImuWindow:
         self._held = 0
 
     def add(self, samples: ImuSamples) -> None:
-        """Samples have come."""
         if not len(samples.times):
             return
         self._batches.append((float(samples.times.min()), float(samples.times.max()), samples))

@@ -287,7 +287,6 @@ class ShotQueue:
             yield shot
 
     def rest(self) -> Iterator[Shot]:
-        """Those that wait, when the recording has ended."""
         yield from self.shots(0)
         self.alone += len(self._early)
         self._early.clear()

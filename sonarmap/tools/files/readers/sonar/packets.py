@@ -48,7 +48,6 @@ class Damage:
 
 
 def no_more() -> bool:
-    """Of a file that does not grow."""
     return False
 
 

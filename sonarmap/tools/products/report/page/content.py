@@ -120,7 +120,6 @@ def _height(folder: Map, part: MapPart) -> dict[str, Any]:
 
 
 def _pictures(folder: Map) -> dict[str, bytes]:
-    """The map's pictures, in the order of its files."""
     files: Sequence[str] = folder.summary.get("files", [])
     paths = [folder.path / Path(name).name for name in files if name.endswith(PICTURES)]
     return {path.name: path.read_bytes() for path in paths if path.is_file()}
@@ -147,7 +146,6 @@ def counted(count: int, what: str) -> str:
 
 
 def listed(names: Sequence[str]) -> str:
-    """The first of some names."""
     return ", ".join(names[:LISTED]) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
 
 
@@ -205,7 +203,7 @@ def _concerns(summary: Mapping[str, Any], names: Sequence[str]) -> Iterator[str]
     reasons = [row["reason"] for row in rows if row["reason"] not in summary.get("contradictions", [])]
     yield from (f"{_capital(reason)}." for reason in reasons)
     for fix in summary["wrong_fixes"]:
-        away = f"{fix['sigmas']:.1f} standard deviations from what everything else says"
+        away = f"{fix['sigmas']:.1f} standard deviations from everything else"
         yield f"The {fix['kind']} of {fix['name']} is {away}; it is left out."
     if not summary["graph"]["converged"]:
         yield "The optimization of the poses stopped before it converged."

@@ -50,7 +50,6 @@ def write_report(folder: Map) -> Path:
 
 
 def report_text(content: Content) -> str:
-    """The page."""
     shown = content.shown
     pictures = {name: embedded_png(data) for name, data in content.pictures.items()}
     return page_text(
@@ -107,7 +106,6 @@ def joined(styles: Files, scripts: Files) -> Mapping[str, str]:
 
 
 def part(package: str, name: str) -> str:
-    """The text of a file of ours."""
     return (files(package) / name).read_text(encoding="utf-8")
 
 

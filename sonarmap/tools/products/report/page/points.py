@@ -105,7 +105,6 @@ def _along_curve(places: np.ndarray) -> np.ndarray:
 
 
 def _starts(corner: np.ndarray) -> np.ndarray:
-    """Where each tile's points begin."""
     if not len(corner):
         return np.zeros(0, np.int64)
     return np.flatnonzero(np.concatenate([[True], (np.diff(corner, axis=0) != 0).any(axis=1)]))
@@ -120,7 +119,6 @@ def _steps(axis: np.ndarray, starts: np.ndarray) -> np.ndarray:
 
 
 def _size(values: np.ndarray) -> int:
-    """How many bytes the largest of these numbers needs."""
     return max(1, (int(values.max(initial=0)).bit_length() + 7) // 8)
 
 

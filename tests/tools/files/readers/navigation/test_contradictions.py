@@ -63,17 +63,17 @@ def signed(column: int) -> Callable[[np.ndarray], np.ndarray]:
     return lambda values: values * np.where(np.arange(6) == column, -1, 1)
 
 
-SIGN, YAW = "heading_deg with its sign turned", "heading_deg as a yaw, counterclockwise from East"
+SIGN, YAW = "heading_deg with the opposite sign", "heading_deg as a yaw, counterclockwise from East"
 MISTAKES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     SIGN: signed(2),
     YAW: lambda v: np.column_stack([v[:, :2], 90 - v[:, 2], v[:, 3:]]),
     "heading_deg turned by 90 degrees": lambda v: v - np.array([0, 0, 90, 0, 0, 0]),
-    "roll_deg with its sign turned": signed(0),
-    "pitch_deg with its sign turned": signed(1),
+    "roll_deg with the opposite sign": signed(0),
+    "pitch_deg with the opposite sign": signed(1),
     "roll_deg and pitch_deg exchanged": lambda v: v[:, [1, 0, 2, 3, 4, 5]],
     "East and North exchanged": exchanged,
     "depths in feet": lambda v: v / np.array([1, 1, 1, 1, 1, 0.3048]),
-    "depth_m with its sign turned": signed(5),
+    "depth_m with the opposite sign": signed(5),
     "angles in radians": lambda v: v * np.array([np.pi / 180] * 3 + [1] * 3),
     "the rows of the scans before": lambda v: np.roll(v, 1, axis=0),
     "the rows of the scans after": lambda v: np.roll(v, -1, axis=0),
@@ -151,8 +151,8 @@ def test_places_in_feet_mirrored_or_at_other_times() -> None:
     for name, changed in {
         "places in feet": values / np.array([1, 1, 1, 0.3048, 0.3048, 1]),
         "places and depths in feet": values / np.array([1, 1, 1, 0.3048, 0.3048, 0.3048]),
-        "East with its sign turned": signed(3)(values),
-        "North with its sign turned": signed(4)(values),
+        "East with the opposite sign": signed(3)(values),
+        "North with the opposite sign": signed(4)(values),
         "the rows 3 scans before": np.roll(values, 3, axis=0),
     }.items():
         verdict = contradiction(priors(changed), pairs)

@@ -42,7 +42,7 @@ def named(
     ("known", "by", "kind", "instead"),
     [
         (DEPTH, FEET, "depth", "depths in feet"),
-        (ROTATION, TURNED, "heading", "heading_deg with its sign turned"),
+        (ROTATION, TURNED, "heading", "heading_deg with the opposite sign"),
     ],
 )
 def test_a_map_names_the_mistake(known: np.ndarray, by: np.ndarray, kind: str, instead: str, seed: int) -> None:
