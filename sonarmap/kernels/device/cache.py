@@ -20,7 +20,7 @@ import platformdirs
 LOGGER = getLogger("sonarmap")
 _REMEDY = (
     "what is compiled and tested for a device is forgotten after this run, and done again in the next, which takes "
-    "some seconds. Set {} to a folder that can be written. 'sonarmap doctor' looks at them."
+    "some seconds. Set {} to a folder that can be written."
 )
 _ROOM = 1 << 20  # bytes, of a compiled program
 _warned: set[Path] = set()

@@ -71,7 +71,9 @@ def require_method(options: MethodOptions) -> None:
     """
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.spectral.grid import Grid
+    from sonarmap.tools.files.memory import require_program
 
+    require_program()
     method = find_method(options.method)
     if "device" in method.options:
         _require_memory(choose_device(options.device), options.grid or DEFAULT_EDGE)

@@ -29,7 +29,7 @@ def _leave(number: int, frame: object) -> None:
 def _without_a_library(error: Exception) -> int:
     """The exit code where a library of the command line itself is missing or broken: `doctor` can do without."""
     if sys.argv[1:2] == ["doctor"]:
-        from sonarmap.tools.command.doctor.run import run_from
+        from sonarmap.tools.command.doctor import run_from
 
         return run_from(sys.argv[2:], error)
     reason = f"{type(error).__name__}: {error}"

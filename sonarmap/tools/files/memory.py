@@ -4,6 +4,7 @@ import os
 import re
 from pathlib import Path
 
+from sonarmap.kernels.counted import sized
 from sonarmap.kernels.errors import InputError
 
 _UNKNOWN = 4 << 30  # taken where the system does not say
@@ -19,7 +20,7 @@ def require_memory(what: str, needed: int, remedy: str) -> None:
     InputError says its `remedy`."""
     if needed > (available := available_memory()):
         raise InputError(
-            f"{what} takes {in_gib(needed)} of memory, and this machine has {in_gib(available)} to spare; {remedy}"
+            f"{what} takes {sized(needed)} of memory, and this machine has {sized(available)} to spare; {remedy}"
         )
 
 
@@ -65,14 +66,9 @@ def require_program() -> None:
         least, what = needed[name]
         if limit < least:
             raise InputError(
-                f"{name} allows {in_gib(limit)} of {what}, and sonarmap with its libraries and an OpenCL driver needs "
-                f"{in_gib(least)} beside its arrays; raise the limit. 'sonarmap doctor' says what fits"
+                f"{name} allows {sized(limit)} of {what}, and sonarmap with its libraries and an OpenCL driver needs "
+                f"{sized(least)} beside its arrays; raise the limit. 'sonarmap doctor' says what fits"
             )
-
-
-def in_gib(size: int) -> str:
-    """Bytes in words; of any number of digits."""
-    return f"{size // 2**30:,} GiB" if size >= 10 * 2**30 else f"{size / 2**30:.2g} GiB"
 
 
 def _spare() -> int:

@@ -18,13 +18,13 @@ def command(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Check the installation and this machine: libraries, OpenCL and its devices, memory, disks, caches.
+    """Check the installation and this machine: libraries, OpenCL devices, memory, disk.
 
     Each is ok, a warning (part of it may not work) or wrong (something that is needed does not work), with what was
     seen and what to do, as a command that can be copied. The exit code is 2 if anything is wrong. It works where
     the other verbs do not start.
     """
-    from sonarmap.tools.command.doctor.run import run
+    from sonarmap.tools.command.doctor import run
 
     if code := run(out, quick, as_json):
         raise typer.Exit(code)

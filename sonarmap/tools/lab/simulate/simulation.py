@@ -9,11 +9,12 @@ import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.kernels.counted import sized
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.continuous import ContinuousTrajectory
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.memory import available_memory, in_gib
+from sonarmap.tools.files.memory import available_memory
 from sonarmap.tools.lab.simulate.paths.stations import paper18
 from sonarmap.tools.lab.simulate.paths.trajectories import (
     DIVING,
@@ -46,16 +47,16 @@ def check_size(count: int, columns: int, rows: int) -> None:
     most_beams = available // (_BEAM + _ECHO)
     if beams > most_beams:
         raise InputError(
-            f"a sensor of {columns:,} columns and {rows:,} rows needs {in_gib(beams * (_BEAM + _ECHO))} of memory for "
-            f"one scan, and this machine has {in_gib(available)} to spare; give at most {most_beams:,} beams, columns "
+            f"a sensor of {columns:,} columns and {rows:,} rows needs {sized(beams * (_BEAM + _ECHO))} of memory for "
+            f"one scan, and this machine has {sized(available)} to spare; give at most {most_beams:,} beams, columns "
             "times rows"
         )
     per_scan = beams * _ECHO + _SCAN
     most_scans = max(1, (available - beams * _BEAM) // per_scan)
     if count > most_scans:
         raise InputError(
-            f"{count:,} scans of {beams:,} beams need {in_gib(beams * _BEAM + count * per_scan)} of memory, and this "
-            f"machine has {in_gib(available)} to spare; give at most {most_scans:,} scans (`count`), or a sensor of "
+            f"{count:,} scans of {beams:,} beams need {sized(beams * _BEAM + count * per_scan)} of memory, and this "
+            f"machine has {sized(available)} to spare; give at most {most_scans:,} scans (`count`), or a sensor of "
             "fewer beams"
         )
 

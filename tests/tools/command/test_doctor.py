@@ -1,0 +1,314 @@
+"""`sonarmap doctor` on installations and machines that are as they should be, and on broken ones."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import sonarmap.kernels.child as child
+import sonarmap.tools.command.doctor as doctor
+from sonarmap.kernels.child import Answers
+from sonarmap.tools.command.doctor import Finding, Remedy, as_json, lines_of, look_at, summary
+from sonarmap.tools.files.memory import available_memory, memory_limits
+from tests.samples.places import ROOT
+
+CHECKS = ["libraries", "optional", "OpenCL", "memory", "disk"]
+COMMAND = [sys.executable, "-c", "from sonarmap.tools.command.start import start; start()"]
+
+
+def sonarmap(
+    *arguments: str, first: Path | None = None, limit: str = "", variables: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """The command in a process of its own. The modules of the folder `first` come before those that are installed;
+    `limit` is that of `ulimit`, as "-v 500000"."""
+    search_path = os.pathsep.join([*([str(first)] if first else []), str(ROOT)])
+    environment = {**os.environ, "PYTHONPATH": search_path, "COLUMNS": "80", **(variables or {})}
+    command = [*COMMAND, *arguments]
+    if limit:
+        command = ["sh", "-c", f'ulimit {limit}; exec "$@"', "sh", *command]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=environment, timeout=400, check=False)
+
+
+def broken_module(folder: Path, name: str, error: str) -> Path:
+    """A folder with a package of this name that cannot be imported."""
+    (folder / name).mkdir(parents=True)
+    (folder / name / "__init__.py").write_text(f"raise {error}\n")
+    return folder
+
+
+def without_drivers(folder: Path, loader: bool = True) -> Path:
+    """A folder with a copy of PyOpenCL that brings no driver of its own, and perhaps no loader."""
+    spec = find_spec("pyopencl")
+    assert spec is not None
+    assert spec.origin is not None
+    source = Path(spec.origin).parent
+    if not (source / ".libs").is_dir():
+        pytest.skip("PyOpenCL is not from a wheel, which brings a loader")
+    left_out = ("libpocl*", "*.icd") if loader else (".libs",)
+    shutil.copytree(source, folder / "pyopencl", ignore=shutil.ignore_patterns(*left_out))
+    return folder
+
+
+def examined(shown: subprocess.CompletedProcess[str]) -> dict[str, dict[str, Any]]:
+    """The checks of `doctor --json`, by their names."""
+    assert "Traceback" not in shown.stderr
+    return {check["check"]: check for check in json.loads(shown.stdout)["checks"]}
+
+
+def quick(**machine: Any) -> dict[str, dict[str, Any]]:
+    return examined(sonarmap("doctor", "--json", "--quick", **machine))
+
+
+def commands_of(check: dict[str, Any]) -> list[str]:
+    return [remedy["command"] for remedy in check["remedies"] if remedy["command"]]
+
+
+class TestHealthy:
+    @pytest.mark.slow
+    def test_it_fits_a_screen(self) -> None:
+        shown = sonarmap("doctor", "--quick")
+        assert (shown.returncode, shown.stderr) == (0, "")
+        lines = shown.stdout.splitlines()
+        assert len(lines) <= 24
+        assert max(map(len, lines)) <= 80
+        assert [name for name in CHECKS if not re.search(rf"^ok +{name}\b", shown.stdout, re.MULTILINE)] == []
+
+    @pytest.mark.slow
+    def test_json(self) -> None:
+        shown = sonarmap("doctor", "--json")
+        checks = examined(shown)
+        assert (shown.returncode, list(checks)) == (0, CHECKS)
+        chosen = checks["OpenCL"]["details"]["chosen"]
+        listed = json.loads(sonarmap("devices", "--json").stdout)
+        assert chosen == listed["chosen"]
+        used = next(device for device in checks["OpenCL"]["details"]["devices"] if device["selector"] == chosen)
+        assert used["self_test"] == "passed"
+        assert checks["libraries"]["details"]["cannot be loaded"] == {}
+        grid = checks["memory"]["details"]["largest grid"]
+        assert next(need["pair"] for need in listed["grids"] if need["grid"] == grid) < 2**40
+
+
+class TestBroken:
+    @pytest.mark.slow
+    def test_the_loader_is_missing(self, tmp_path: Path) -> None:
+        first = without_drivers(tmp_path, loader=False)
+        shown = sonarmap("doctor", "--json", "--quick", first=first)
+        opencl = examined(shown)["OpenCL"]
+        assert (shown.returncode, opencl["verdict"]) == (2, "wrong")
+        assert "cannot open shared object file" in opencl["seen"]
+        assert "--force-reinstall --no-deps pyopencl" in commands_of(opencl)[0]
+        shown = sonarmap("devices", first=first)
+        assert shown.returncode == 2
+        assert "'sonarmap doctor' says what to do" in shown.stderr
+
+    @pytest.mark.slow
+    def test_there_is_no_driver(self, tmp_path: Path) -> None:
+        (tmp_path / "empty").mkdir()
+        first, vendors = without_drivers(tmp_path / "first"), {"OCL_ICD_VENDORS": str(tmp_path / "empty")}
+        shown = sonarmap("doctor", "--json", "--quick", first=first, variables=vendors)
+        seen = examined(shown)["OpenCL"]["seen"]
+        assert shown.returncode == 2
+        assert "pocl-opencl-icd" in seen
+        assert f"{tmp_path / 'empty'}, where OCL_ICD_VENDORS points, holds no .icd file" in seen
+
+    @pytest.mark.slow
+    def test_a_library_that_ends_the_process_is_blamed_and_the_others_are_tried(self, tmp_path: Path) -> None:
+        crash = "SystemExit(__import__('os').kill(__import__('os').getpid(), 11))"
+        broken_module(tmp_path, "laspy", crash)
+        broken_module(tmp_path, "lazrs", "ImportError('libGL.so.1: cannot open shared object file: No such file')")
+        libraries = examined(sonarmap("doctor", "--json", first=tmp_path))["libraries"]
+        faults = libraries["details"]["cannot be loaded"]
+        assert set(faults) == {"laspy", "lazrs"}
+        assert "SIGSEGV" in faults["laspy"]
+        assert commands_of(libraries)[0].endswith("--no-deps laspy lazrs")
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("name", ["typer", "rich", "lazy_loader", "platformdirs", "numpy", "packaging"])
+    def test_it_works_without_what_the_command_line_is_made_of(self, tmp_path: Path, name: str) -> None:
+        broken = broken_module(tmp_path, name, f"ModuleNotFoundError('No module named {name}', name={name!r})")
+        shown = sonarmap("doctor", "--quick", "--json", first=broken)
+        starts = name in ("platformdirs", "packaging")
+        assert (shown.returncode, [*examined(shown)]) == (2, CHECKS if starts else ["command", *CHECKS])
+        if not starts:
+            assert commands_of(examined(shown)["command"])[0].endswith(f"-m pip install --force-reinstall {name}")
+            other = sonarmap("devices", first=broken)
+            assert other.returncode == 2
+            assert "'sonarmap doctor' says what is missing" in other.stderr
+
+    @pytest.mark.slow
+    def test_a_version_that_is_too_old_is_named_with_the_command(self, tmp_path: Path) -> None:
+        about = tmp_path / "gtsam-1.0.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text("Metadata-Version: 2.1\nName: gtsam\nVersion: 1.0\n")
+        libraries = quick(first=tmp_path)["libraries"]
+        assert libraries["verdict"] == "wrong"
+        assert "1.0, wanted gtsam>=" in libraries["seen"]
+        assert re.search(r"-m pip install 'gtsam>=[\d.]+'$", commands_of(libraries)[0])
+
+    @pytest.mark.slow
+    def test_a_variable_of_the_environment(self) -> None:
+        opencl = quick(variables={"PYOPENCL_CTX": "abacus"})["OpenCL"]
+        assert opencl["seen"].startswith("no OpenCL device matches 'abacus'")
+        assert commands_of(opencl) == ["unset PYOPENCL_CTX"]
+
+
+DEVICE: dict[str, Any] = {
+    "selector": "0:0",
+    "name": "a processor",
+    "platform": "PoCL",
+    "version": "OpenCL 3.0, driver 5.1",
+    "kind": "cpu",
+    "compute_units": 6,
+    "memory": 2**33,
+    "driver_file": "/etc/OpenCL/vendors/pocl.icd",
+    "fault": "",
+    "self_test": "passed",
+}
+PLAN = {"plan": {"chosen": "0:0", "pairs": [[128, 5]], "largest": 512, "memory": 2**33, "shared": True}}
+
+
+def opencl(monkeypatch: pytest.MonkeyPatch, *steps: dict[str, Any], end: str = "") -> Finding:
+    monkeypatch.setattr(child, "ask", lambda *_, **__: Answers(steps, end))
+    return doctor._opencl(test=True)
+
+
+class TestOpenCL:
+    @pytest.mark.parametrize("end", ["it ended with SIGSEGV", f"{child.LATE} 900 s"])
+    def test_a_driver_that_crashes_or_hangs_while_it_is_tested(self, monkeypatch: pytest.MonkeyPatch, end: str) -> None:
+        finding = opencl(monkeypatch, {"begins": "loading PyOpenCL"}, {"begins": "testing the devices"}, end=end)
+        assert (finding.verdict, finding.seen) == ("wrong", f"while testing the devices: {end}")
+        assert finding.remedies
+
+    def test_a_driver_that_crashes_when_all_is_done(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Some do at the end of the process; by then the device has worked."""
+        finding = opencl(monkeypatch, {"devices": [DEVICE]}, PLAN, end="it ended with SIGSEGV")
+        assert finding.verdict == "ok"
+        assert "* 0:0 a processor: cpu, 6 units, 8.0 GiB, PoCL (driver 5.1); self-test passed; works" in finding.seen
+
+    def test_a_second_driver_that_cannot_be_loaded_is_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        fault = "libnvidia-opencl.so.1: cannot open shared object file: No such file or directory"
+        driver = DEVICE | {"selector": "1", "compute_units": 0, "driver_file": "nvidia.icd", "fault": fault}
+        finding = opencl(monkeypatch, {"devices": [DEVICE, driver]}, PLAN)
+        assert (finding.verdict, f"1 driver nvidia.icd; does not work: {fault}" in finding.seen) == ("ok", True)
+
+
+@contextmanager
+def mounted(folder: Path, options: str) -> Iterator[Path]:
+    """A file system in memory, where this user may mount one."""
+    folder.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)]
+    try:
+        refused = os.name != "posix" or subprocess.run(command, capture_output=True, check=False).returncode
+    except OSError:
+        refused = True
+    if refused:
+        pytest.skip("this user cannot mount file systems")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+@pytest.fixture
+def scans(tmp_path: Path) -> Path:
+    """Three scans of a rough bed."""
+    rng = np.random.default_rng(5)
+    (tmp_path / "scans").mkdir()
+    for k in range(3):
+        xy = rng.uniform(-20, 20, (3000, 2))
+        z = 2 * np.sin((xy[:, 0] + k) / 3) * np.cos(xy[:, 1] / 5) - 8
+        np.save(tmp_path / "scans" / f"{k}.npy", np.column_stack([xy, z]))
+    return tmp_path / "scans"
+
+
+class TestMachines:
+    @pytest.mark.slow
+    def test_a_full_disk(self, tmp_path: Path, scans: Path) -> None:
+        with mounted(tmp_path / "full", "size=64k") as full:
+            shown = sonarmap("doctor", str(full / "out"), "--json", "--quick")
+            disk = examined(shown)["disk"]
+            assert (shown.returncode, disk["verdict"]) == (2, "wrong")
+            assert f"{full / 'out'}: 64 KiB free" in disk["seen"]
+            made = sonarmap("map", str(scans), "--grid", "32", "-o", str(full / "out"), "--quiet")
+            assert made.returncode == 2
+            assert "'sonarmap doctor OUT' looks at a folder OUT and its disk" in made.stderr
+            assert "Traceback" not in made.stderr
+
+    @pytest.mark.slow
+    def test_a_full_disk_of_temporary_files(self, tmp_path: Path) -> None:
+        with mounted(tmp_path / "full", "size=64k") as full:
+            disk = quick(variables={"TMPDIR": str(full)})["disk"]
+            assert (disk["verdict"], commands_of(disk)) == ("wrong", ["export TMPDIR=/var/tmp"])
+
+    def test_a_file_in_place_of_the_folder(self, tmp_path: Path) -> None:
+        (tmp_path / "out").touch()
+        assert look_at(tmp_path / "out" / "map")[1] == f"{tmp_path / 'out'} is a file, not a folder"
+
+    def test_a_folder_of_another_user(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def refuse(path: Path) -> bool:
+            raise PermissionError(13, "Permission denied")
+
+        monkeypatch.setattr(Path, "exists", refuse)
+        assert look_at(tmp_path) == (0, "permission denied")
+
+    @pytest.mark.slow  # all kernels are compiled
+    def test_a_map_with_a_read_only_home(self, tmp_path: Path, scans: Path) -> None:
+        with mounted(tmp_path / "home", "ro") as home:
+            environment = {"HOME": str(home), "XDG_CACHE_HOME": "", "MPLCONFIGDIR": ""}
+            out = str(tmp_path / "out")
+            made = sonarmap("map", str(scans), "--grid", "32", "-o", out, variables=environment)
+            assert "cannot be written (read-only file system)" in made.stderr
+            assert "Traceback" not in made.stderr
+            assert (tmp_path / "out" / "map.ply").exists()
+
+    @pytest.mark.slow
+    def test_a_limit_of_addresses(self, scans: Path, tmp_path: Path) -> None:
+        """A driver that says something else of it misleads, and none is tried."""
+        shown = sonarmap("doctor", "--json", "--quick", limit="-v 500000")
+        checks = examined(shown)
+        assert (shown.returncode, checks["memory"]["verdict"]) == (2, "wrong")
+        assert "too little for sonarmap" in checks["memory"]["seen"]
+        assert checks["OpenCL"]["seen"] == "not tried; see memory"
+        made = sonarmap("map", str(scans), "--grid", "32", "-o", str(tmp_path / "out"), limit="-v 500000")
+        assert made.returncode == 2
+        assert "'sonarmap doctor' says" in made.stderr
+        assert "Traceback" not in made.stderr
+
+    def test_limits_of_control_groups(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Version 2: 1,000 MiB, of which 700 are used, 50 of these for files that need not stay."""
+        group = tmp_path / "a" / "b"
+        group.mkdir(parents=True)
+        (tmp_path / "own").write_text("0::/a/b\n")
+        (group / "memory.max").write_text(f"{1000 << 20}\n")
+        (group / "memory.current").write_text(f"{700 << 20}\n")
+        (group / "memory.stat").write_text(f"anon 5\ninactive_file {50 << 20}\nactive_file 7\n")
+        monkeypatch.setattr("sonarmap.tools.files.memory._GROUPS", tmp_path)
+        monkeypatch.setattr("sonarmap.tools.files.memory._OWN_GROUP", tmp_path / "own")
+        assert memory_limits()["the control group"] == (1000 << 20, 650 << 20)
+        assert available_memory() == 350 << 20
+        (group / "memory.max").write_text("max\n")
+        assert "the control group" not in memory_limits()
+
+
+def test_commands_stand_alone_and_whole() -> None:
+    command = "a " * 60 + "b"
+    lines = lines_of(Finding("wrong", "one " * 40 + "\ntwo", (Remedy("do:", command), Remedy("or this"))), 80)
+    assert [line.strip() for line in lines[-4:]] == ["two", "> do:", command, "> or this"]
+    assert max(len(line) for line in lines if command not in line) <= 80
+
+
+def test_the_worst_verdict_counts() -> None:
+    good, bad, doubtful = (Finding(verdict, "") for verdict in ("ok", "wrong", "warning"))
+    assert as_json([good, doubtful])["verdict"] == "warning"
+    assert summary([good, doubtful]).endswith("all that is needed works; 1 warning")
+    assert "1 of 3 wrong, and 1 warning" in summary([good, bad, doubtful])
