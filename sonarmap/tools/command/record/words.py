@@ -4,8 +4,10 @@ Someone who records is warned, once each, of silence, a full disk, a wrong clock
 """
 
 from collections.abc import Iterator
+from datetime import timedelta
 from typing import Any
 
+from sonarmap.kernels.counted import lasting, sized
 from sonarmap.tools.command.record.recorder import Status
 from sonarmap.tools.command.record.source import Source
 from sonarmap.tools.command.record.tally import IMU, RANGES, SHADED, STRENGTHS, ClockOffset
@@ -28,14 +30,14 @@ def status_lines(status: Status) -> tuple[str, str]:
     """How it goes, in two lines of about 80 columns at most."""
     tally, offset = status.tally, status.tally.clock.latest
     if not tally.packets:
-        return f"recording {clock_time(status.seconds)}: waiting for packets", f"at {status.settings.source.words}"
+        return f"recording {timedelta(seconds=int(status.seconds))}: waiting for packets", f"at {status.settings.source.words}"
     lasts = "" if status.disk_lasts is None else f", for {lasting(status.disk_lasts)}"
     lost_here = status.unsaved + status.overflow
     lost = f", lost here {lost_here:,}" if lost_here else ""
     clock = "unknown" if offset is None else f"{offset:+.2f} s" if abs(offset) < 86400 else "days off"
     imu = "IMU" if tally.kinds[IMU].came else "no IMU"
     return (
-        f"recording {clock_time(status.seconds)}: {status.shot_rate:.1f} shots/s, {status.packet_rate:.0f} packets/s; "
+        f"recording {timedelta(seconds=int(status.seconds))}: {status.shot_rate:.1f} shots/s, {status.packet_rate:.0f} packets/s; "
         f"missing {tally.missing:,} ({100 * tally.missing_share:.1f} %){lost}",
         f"damaged {status.senders.damaged:,}; clock {clock}; {imu}; {sized(status.size)} written; "
         f"disk {sized(status.disk)}{lasts}",
@@ -53,7 +55,7 @@ def end_lines(status: Status) -> list[str]:
     share = f"{100 * tally.missing_share:.2f} % of the packets"
     imu = "IMU recorded" if tally.kinds[IMU].came else "no IMU batches: enable them in its settings"
     return [
-        f"{status.path}: {tally.shots:,} shots in {clock_time(status.seconds)}, {sized(status.size)}",
+        f"{status.path}: {tally.shots:,} shots in {timedelta(seconds=int(status.seconds))}, {sized(status.size)}",
         f"missing by their numbers: {', '.join(missing)}, {share}",
         f"lost in this computer: {status.unsaved + status.overflow:,}; damaged: {senders.damaged:,}",
         f"sonar {senders.sonar}; {_clock_at_the_end(tally.clock)}; {imu}",
@@ -105,28 +107,6 @@ def clock_words(offset: float) -> str:
     """As in "0.21 s behind"; the sonar's clock against this computer's [s]."""
     amount = f"{abs(offset):,.2f} s" if abs(offset) < 86400 else f"{abs(offset) / 86400:,.0f} days"
     return f"{amount} {'ahead of' if offset > 0 else 'behind'}"
-
-
-def clock_time(seconds: float) -> str:
-    """As in 0:12:34."""
-    whole = int(seconds)
-    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
-
-
-def lasting(seconds: float) -> str:
-    """A time that is about right, as in 40 s, 12 min, 7 h, 3 days."""
-    for most, unit, name in ((120, 1, "s"), (7200, 60, "min"), (172800, 3600, "h")):
-        if seconds < most:
-            return f"{seconds / unit:.0f} {name}"
-    return f"{seconds / 86400:,.0f} days"
-
-
-def sized(size: float) -> str:
-    """As in 3.2 MB or 47 GB."""
-    for most, unit, name in ((1e6, 1e3, "kB"), (1e9, 1e6, "MB")):
-        if size < most:
-            return f"{size / unit:.1f} {name}"
-    return f"{size / 1e9:.1f} GB" if size < 1e11 else f"{size / 1e9:,.0f} GB"
 
 
 class Watch:

@@ -119,8 +119,8 @@ def test_each_warning_comes_once_and_silence_each_time(status: Status) -> None:
     ("disk", "duration", "said"),
     [
         (1.1e6 * 700, None, []),
-        (1.1e6 * 500, None, ["full in 8 min (550.0 MB left)"]),
-        (1.1e6 * 500, 600.0, ["full in 8 min (550.0 MB left), and the recording is to go on for 9 min"]),
+        (1.1e6 * 500, None, ["full in 8 min (524 MiB left)"]),
+        (1.1e6 * 500, 600.0, ["full in 8 min (524 MiB left), and the recording is to go on for 9 min"]),
         (1.1e6 * 500, 500.0, []),
         (1.1e6 * 50, None, ["full in 50 s", "make room now"]),
         (1.1e6 * 50, 90.0, []),
@@ -138,7 +138,7 @@ def test_a_disk_that_will_be_full(status: Status, disk: float, duration: float |
 def test_a_clock_that_is_off_losses_and_a_small_buffer_are_told(status: Status) -> None:
     status.tally.clock.latest, status.buffer, status.overflow, status.unsaved = -7.25, 425_984, 2, 1
     small, busy, slow, clock = Watch().warnings(status)
-    wanted = {"holds 426.0 kB only": small, "net.core.rmem_max": small, "too busy": busy, "too slow": slow}
+    wanted = {"holds 416 KiB only": small, "net.core.rmem_max": small, "too busy": busy, "too slow": slow}
     assert all(words in warning for words, warning in wanted.items())
     assert clock.startswith("the sonar's clock is 7.25 s behind this computer's")
     assert "--nav-offset=-7.25" in clock
