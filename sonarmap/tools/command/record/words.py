@@ -29,15 +29,16 @@ _SETTLED = 3.0  # seconds after which rates and the clock are known
 def status_lines(status: Status) -> tuple[str, str]:
     """How it goes, in two lines of about 80 columns at most."""
     tally, offset = status.tally, status.tally.clock.latest
+    elapsed = timedelta(seconds=int(status.seconds))
     if not tally.packets:
-        return f"recording {timedelta(seconds=int(status.seconds))}: waiting for packets", f"at {status.settings.source.words}"
+        return f"recording {elapsed}: waiting for packets", f"at {status.settings.source.words}"
     lasts = "" if status.disk_lasts is None else f", for {lasting(status.disk_lasts)}"
     lost_here = status.unsaved + status.overflow
     lost = f", lost here {lost_here:,}" if lost_here else ""
     clock = "unknown" if offset is None else f"{offset:+.2f} s" if abs(offset) < 86400 else "days off"
     imu = "IMU" if tally.kinds[IMU].came else "no IMU"
     return (
-        f"recording {timedelta(seconds=int(status.seconds))}: {status.shot_rate:.1f} shots/s, {status.packet_rate:.0f} packets/s; "
+        f"recording {elapsed}: {status.shot_rate:.1f} shots/s, {status.packet_rate:.0f} packets/s; "
         f"missing {tally.missing:,} ({100 * tally.missing_share:.1f} %){lost}",
         f"damaged {status.senders.damaged:,}; clock {clock}; {imu}; {sized(status.size)} written; "
         f"disk {sized(status.disk)}{lasts}",
