@@ -5,41 +5,93 @@ import os
 import re
 import sys
 from importlib import import_module, metadata
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
-from sonarmap.tools.command.failures import discard, failed, guarded, output_lost
-from sonarmap.tools.command.help import HelpAllOption, VerbGroup
+from sonarmap.tools.command.failures import UsageError, discard, failed, guarded, output_lost, print_failure
 from sonarmap.tools.command.options.option import spread
-from sonarmap.tools.command.settings import ConfigOption, VerbWithSettings, use_settings
-from sonarmap.tools.command.terminal import print_result, show_messages
+from sonarmap.tools.command.settings import ConfigOption, say_settings, use_settings
+from sonarmap.tools.command.terminal import print_result, say, show_messages
 
-# A verb is the function `command` in tools/command/verbs/<verb>.py; its docstring is the help.
-# A new verb is a new line here; the help lists them in this order. Those of a finished map are in verbs/finished.
-VERBS = [
-    "register",
-    "map",
-    "live",
-    "record",
-    "inspect",
-    "template",
-    "view",
-    "export",
-    "locate",
-    "section",
-    "volume",
-    "compare",
-    "optimize",
-    "simulate",
-    "evaluate",
-    "reproduce",
-    "bench",
-    "devices",
-    "doctor",
-]
+# A verb is the function `command` in tools/command/verbs/<verb>.py; its docstring is the help. A new verb is a new name
+# here; the help lists them in these groups, in this order. Those of a finished map are in verbs/finished.
+GROUPS = {
+    "Survey": ("record", "live", "inspect", "template", "map"),
+    "Finished map": ("view", "export", "locate", "section", "volume", "compare"),
+    "Pair and graph": ("register", "optimize"),
+    "Machine": ("doctor", "devices"),
+    "Laboratory": ("simulate", "evaluate", "reproduce", "bench"),
+}
+VERBS = [verb for verbs in GROUPS.values() for verb in verbs]
+_ALL = "--help-all"
 
-FINISHED = ("view", "export", "locate", "section", "volume", "compare")
+
+class Verb(TyperCommand):
+    """A verb whose rare options only --help-all and the shell's completion show."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take --help-all for --help with all options."""
+        if _ALL in args:
+            self._show_rare_options()
+            args = ["--help"]
+        return super().parse_args(ctx, args)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help, and how many options are not in it."""
+        rare = sum(parameter.hidden for parameter in self.params)  # pyright: ignore[reportAttributeAccessIssue]
+        self.epilog = f"{rare} more options: {ctx.command_path} {_ALL}" if rare else None
+        super().format_help(ctx, formatter)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
+        """What can follow on the command line."""
+        self._show_rare_options()
+        return super().shell_complete(ctx, incomplete)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run it."""
+        say_settings(ctx)
+        return super().invoke(ctx)
+
+    def _show_rare_options(self) -> None:
+        for parameter in self.params:
+            setattr(parameter, "hidden", False)  # noqa: B010 - of arguments and options alike
+
+
+class VerbGroup(TyperGroup):
+    """The command without a verb."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take --config wherever it stands: it is the command's, and no verb has an option of this name."""
+        for k, word in enumerate(args[: args.index("--")] if "--" in args else args):
+            after = k + (1 if "=" in word else 2)
+            if word.partition("=")[0] == "--config" and after <= len(args):
+                args = [*args[k:after], *args[:k], *args[after:]]
+                break
+        return super().parse_args(ctx, args)
+
+    def main(
+        self, args: Any = None, prog_name: str | None = None, *others: Any, standalone_mode: bool = True, **extra: Any
+    ) -> Any:
+        """Run a verb; what typer refuses is an error like any other, in one line."""
+        try:
+            code = super().main(args, prog_name or "sonarmap", *others, standalone_mode=False, **extra)
+        except UsageError as error:
+            if not standalone_mode:
+                raise
+            if message := error.format_message().strip():  # none where the help was asked for by giving nothing
+                refused = getattr(error.__cause__, "errors", list)()  # by pydantic, which does not say what was given
+                message += f", not {refused[0]['input']!r}" if refused else ""
+                call = error.ctx.command_path if error.ctx is not None else "sonarmap"
+                message += f"{'' if message[-1] in '.?' else '.'} `{call} --help` shows how it is called."
+                say(message, "error: ", "bold red")
+                print_failure(message, error.exit_code, "--json" in (sys.argv[1:] if args is None else args))
+            sys.exit(error.exit_code)
+        if standalone_mode:
+            sys.exit(code if isinstance(code, int) else 0)
+        return code
+
 
 app = typer.Typer(
     name="sonarmap",
@@ -115,9 +167,8 @@ def _flowing(docstring: str) -> str:
     return re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(docstring))
 
 
-_COMMON = {"help_all": (HelpAllOption, False)}
-
-for _verb in VERBS:
-    _module = f"finished.{_verb}" if _verb in FINISHED else _verb
-    _command = import_module(f"sonarmap.tools.command.verbs.{_module}").command
-    app.command(_verb, cls=VerbWithSettings, help=_flowing(_command.__doc__))(guarded(spread(_command, _COMMON)))
+for _group, _verbs in GROUPS.items():
+    for _verb in _verbs:
+        _folder = "finished." if _group == "Finished map" else ""
+        _command = import_module(f"sonarmap.tools.command.verbs.{_folder}{_verb}").command
+        app.command(_verb, cls=Verb, help=_flowing(_command.__doc__), rich_help_panel=_group)(guarded(spread(_command)))

@@ -15,7 +15,6 @@ from typing import Annotated, Any, get_args, get_type_hints
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.help import Verb
 from sonarmap.tools.command.terminal import say, shortened
 from sonarmap.tools.files.user_file import require_file
 
@@ -40,19 +39,15 @@ def use_settings(context: typer.Context, path: Path | None) -> None:
         context.default_map = read_settings(path, verbs.commands, context.invoked_subcommand)
 
 
-class VerbWithSettings(Verb):
-    """A verb that says which of its options came from the file."""
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run it."""
-        values = [
-            f"{_key(parameter)} {shortened(_in_words(ctx.params[parameter.name]), _LONGEST_VALUE)}"
-            for parameter in self.params
-            if getattr(ctx.get_parameter_source(parameter.name), "name", "") == "DEFAULT_MAP"
-        ]
-        if values and not ctx.params.get("quiet"):
-            say(f"settings from {ctx.parent.params['config']}: {', '.join(values)}")
-        return super().invoke(ctx)
+def say_settings(context: Any) -> None:
+    """Say which options of the verb that is about to run came from the file."""
+    values = [
+        f"{_key(parameter)} {shortened(_in_words(context.params[parameter.name]), _LONGEST_VALUE)}"
+        for parameter in context.command.params
+        if getattr(context.get_parameter_source(parameter.name), "name", "") == "DEFAULT_MAP"
+    ]
+    if values and not context.params.get("quiet"):
+        say(f"settings from {context.parent.params['config']}: {', '.join(values)}")
 
 
 def read_settings(path: Path, verbs: Mapping[str, Any], verb: str | None) -> dict[str, dict[str, Any]]:
@@ -73,7 +68,6 @@ def read_settings(path: Path, verbs: Mapping[str, Any], verb: str | None) -> dic
         if section not in verbs:
             raise InputError(f"{path}: [{section}] is not a verb{_nearest(section, verbs)}")
         options = {_key(each): each for each in verbs[section].params if each.param_type_name == "option"}
-        del options["help-all"]
         values[section], hints = {}, get_type_hints(verbs[section].callback)
         for name, value in lines.items():
             key = name.replace("_", "-")

@@ -32,7 +32,7 @@ def completed(line: str) -> list[str]:
 
 
 LINES: dict[str, list[str]] = {
-    "sonarmap r": ["register", "record", "reproduce"],
+    "sonarmap r": ["record", "register", "reproduce"],
     "sonarmap map --max-s": ["--max-speed", "--max-step"],  # rare options too
     "sonarmap map a.ply -o out --method ": list(METHODS),
     "sonarmap export map/ --format eiva": ["eiva-position", "eiva-attitude"],

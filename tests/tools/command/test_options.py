@@ -24,7 +24,7 @@ def arrived(arguments: str) -> Result:
     def command(method: MethodOptions) -> None:
         typer.echo(" ".join(str(getattr(method, name)) for name in names))
 
-    probe.command()(spread(command, {}))
+    probe.command()(spread(command))
     return CliRunner(env={"COLUMNS": "300", "TERMINAL_WIDTH": "300"}).invoke(probe, arguments.split())
 
 

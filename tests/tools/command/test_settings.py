@@ -29,8 +29,6 @@ def test_every_option_can_be_set_by_its_own_default(tmp_path: Path) -> None:
         wanted[verb] = {}
         for option in command.params:
             if option.param_type_name == "option" and type(option.default) in (bool, int, float, str):
-                if option.name == "help_all":
-                    continue
                 key = max(option.opts, key=len).lstrip("-").replace("-", "_" if len(lines) % 2 else "-")
                 value = option.default
                 lines.append(f"{key} = {str(value).lower() if isinstance(value, bool) else repr(value)}")
@@ -61,7 +59,6 @@ def test_the_command_line_counts_for_more_and_what_came_from_the_file_is_printed
         ("[map]\ngrid = 3", "[map] grid is 3: "),
         ("[map]\nexport = ['laz', 'nix']", "'nix'; choose from"),
         ("[map]\ngrid = ", "no TOML file"),
-        ("[map]\nhelp-all = true", "help-all is not an option"),
         ("[map]\n" + "a." * 600 + "b = 1", "line 2 has more than 1000 characters"),
         ("#" + "\n" * 70_000, "more than 64 KiB"),
     ],

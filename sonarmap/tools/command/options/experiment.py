@@ -11,7 +11,6 @@ import typer
 from sonarmap.tools.command.options.checks import checked, refused_by
 from sonarmap.tools.command.options.option import (
     EXPERIMENT,
-    INPUT,
     INSTRUMENTS,
     MOST_WORKERS,
     OUTPUT,
@@ -37,7 +36,6 @@ NameArgument = Annotated[
     typer.Argument(
         help=f"An experiment, or '{ALL}' for the paper's. There are {_NAMES}. The paper's are {', '.join(PAPER)}.",
         metavar="NAME",
-        rich_help_panel=INPUT,
         autocompletion=completes((*EXPERIMENTS, ALL)),
     ),
 ]
@@ -48,7 +46,6 @@ FolderArgument = Annotated[
         "registrations are kept.",
         metavar="DIR",
         show_default=False,
-        rich_help_panel=INPUT,
     ),
 ]
 

@@ -1,6 +1,6 @@
 """Options as fields of dataclasses: each is declared once, and a verb takes a few dataclasses, not dozens of values.
 
-`spread` gives typer the fields in place of the dataclasses. GROUPS are the groups in which `--help` lists options.
+`spread` gives typer the fields in place of the dataclasses.
 """
 
 import functools
@@ -27,11 +27,6 @@ LOOPS = "Loops and motion"
 EARTH = "Place on the Earth"
 OUTPUT = "Output"
 RUNNING = "Running"
-GROUPS = (
-    *(INPUT, NAVIGATION, SCENE, NOISE, REGISTRATION, EXPERIMENT, OPTIMIZATION, MEASUREMENT),
-    *(LOOPS, EARTH, OUTPUT, RUNNING),
-)
-
 MOST_WORKERS = 1024  # more processes than any machine has use for
 MOST = 1_000_000  # of whatever is counted, so that every file and library can hold the number
 
@@ -43,10 +38,10 @@ _OPTION = "option"  # in a field's metadata
 
 
 def value_option(panel: str, metavar: str, words: str, *names: str, rare: bool = False, **more: Any) -> Any:
-    """An option with a value, in one of the panels of GROUPS, as `Annotated` takes it; `metavar` stands for the value.
+    """An option with a value, in a panel of the help, as `Annotated` takes it; `metavar` stands for the value.
 
     Args:
-        words: its help; `--help` shows the first sentence.
+        words: its help.
         names: on the command line, where they are not the parameter's.
         rare: whether only --help-all lists it.
         more: of typer.Option, as min, max, `callback`, which returns the value or raises typer.BadParameter, and
@@ -128,9 +123,8 @@ def refuse_without(needed: str, options: Mapping[str, Any]) -> None:
             raise InputError(f"{name} has no effect without {needed}; give it too, or leave it out")
 
 
-def spread(command: Callable[..., Any], common: Mapping[str, tuple[Any, Any]]) -> Callable[..., Any]:
-    """The command as typer takes it: with the options of its dataclasses in their place, and with some more, the
-    `common` ones, by name."""
+def spread(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The command as typer takes it: with the options of its dataclasses in their place."""
     signature = inspect.signature(command, eval_str=True)
     kinds: dict[str, Any] = {
         name: each.annotation for name, each in signature.parameters.items() if is_dataclass(each.annotation)
@@ -147,7 +141,6 @@ def spread(command: Callable[..., Any], common: Mapping[str, tuple[Any, Any]]) -
             parameters += [_parameter(each.name, *_declared(each)) for each in _options(kinds[name])]
         else:
             parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
-    parameters += [_parameter(name, *declared) for name, declared in common.items()]
     setattr(flat, "__signature__", signature.replace(parameters=parameters))  # noqa: B010
     flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return flat

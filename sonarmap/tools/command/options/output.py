@@ -52,7 +52,7 @@ FormatsOption = Annotated[
     value_option(
         OUTPUT,
         "NAME",
-        f"Formats as laz,geotiff,kmz; --help-all lists them. {_KNOWN}. The option may also be repeated.",
+        f"Formats, as laz,geotiff,kmz: {', '.join(FORMATS)}.",
         callback=_check_formats,
         autocompletion=completes_list(FORMATS),
     ),

@@ -19,7 +19,6 @@ InputsArgument = Annotated[
         help="Scans: files, folders, patterns, topics of bags. They are taken in natural order, scan2 "
         "before scan10; FILE::TOPIC is a topic of a ROS bag or MCAP file, recording.sonar#3 a scan of several.",
         metavar="INPUT...",
-        rich_help_panel=INPUT,
     ),
 ]
 

@@ -42,7 +42,6 @@ SourceArgument = Annotated[
         help="A recording (.sonar) or folder of scans that grows; with --replay finished ones, as of `sonarmap map`. "
         "Without it what a Sonar 3D-15 sends over the network is recorded to OUT/recording, and mapped.",
         metavar="[SOURCE]",
-        rich_help_panel=INPUT,
         show_default=False,
     ),
 ]

