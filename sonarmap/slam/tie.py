@@ -61,7 +61,7 @@ class Tie:
                 near = names[min(number, key=lambda key: abs(key - k))]
                 raise InputError(
                     f"{names[k]} is not a key scan of this dense stream: it is placed between its neighbors, no pair "
-                    f"of it is registered. Tie {near} instead, or choose other key scans with --key-step"
+                    f"of it is registered. Tie {near} instead, or choose other key scans (the setting keys.step)"
                 )
         return replace(self, i=number[self.i], j=number[self.j])
 

@@ -2,16 +2,15 @@
 
 import re
 
-_SAME = ("device", "fix_sigma", "frame", "fresh", "hypotheses", "max_tilt", "method", "objective", "range_scale")
-_SAME += ("scheduler", "seed", "sound_speed", "start", "ties", "units", "voxel", "workers", "yaw_peaks")
+_SAME = ("device", "fix_sigma", "frame", "fresh", "max_tilt", "method", "objective", "range_scale")
+_SAME += ("scheduler", "seed", "sound_speed", "start", "ties", "units", "voxel", "workers")
 OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _SAME} | {
     "alignment": "--align",
     "count": "--scans",
     "edge": "--grid",
     "repairs": "--repair",
-    "use_strength": "--strength",
 }
-FLAGS = {"--fresh", "--repair", "--strength"}  # without a value
+FLAGS = {"--fresh", "--repair"}  # without a value
 
 _ARGUMENT = re.compile(r"`(\w+)(?:=([^`]*))?`")
 

@@ -1,18 +1,14 @@
 """The registration method that the shared options describe, configured for the scans."""
 
 import math
-from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.registration import DEFAULT_EDGE, MethodOptions
+from sonarmap.tools.command.options.registration import DEFAULT_EDGE, MethodOptions, changed
 from sonarmap.tools.command.terminal import say
 from sonarmap.tools.methods.registry import METHODS, Setup, find_method
-
-_GIVEN = ("COMMANDLINE", "DEFAULT_MAP")  # by the user, the second in a file of settings
 
 if TYPE_CHECKING:
     from sonarmap.kernels.device.device import Device
@@ -21,10 +17,6 @@ if TYPE_CHECKING:
     from sonarmap.spectral.registration import SpectralConfig
     from sonarmap.spectral.result import Registrar
     from sonarmap.spectral.scan import Scan
-
-
-# of the verbs, beside --method
-_PARAMETERS = {each.name for each in fields(MethodOptions)} - {"method", "given"} | {"priors"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,15 +45,20 @@ class ConfiguredMethod:
         return {"method": self.name, "grid": grid, "spectral": self.config, **seed}
 
 
-def checked_method(options: MethodOptions, context: typer.Context) -> MethodOptions:
-    """The options of a verb with those that the command line or a file of settings gives.
-
-    Raises InputError: options that have no effect with the method.
-    """
-    sources = {name: context.get_parameter_source(name) for name in _PARAMETERS}
-    given = frozenset(name for name, source in sources.items() if source and source.name in _GIVEN)
-    _refuse_without_effect(options.method, given)
-    return replace(options, given=given)
+def require_effect(options: MethodOptions, priors: bool) -> None:
+    """Refuse options that make no difference to the method, and name the methods that use them; `priors`: whether there
+    is a file of them. Raises InputError."""
+    given = options.given | ({"priors"} if priors else set())
+    always = {"voxel"} if "voxel" in given else {"voxel", "grid"}  # without a voxel the edge says how large one is
+    if idle := sorted(given - find_method(options.method).options - always):
+        flags = " and ".join(f"--{name.replace('_', '-')}" for name in idle)
+        verb, pronoun = ("has", "it") if len(idle) == 1 else ("have", "them")
+        condition = " and --voxel" if idle == ["grid"] else ""
+        users = [name for name, entry in METHODS.items() if set(idle) <= entry.options | always]
+        instead = f", or use --method {' or '.join(users)}" if users else ""
+        raise InputError(
+            f"{flags} {verb} no effect with --method {options.method}{condition}; leave {pronoun} out{instead}"
+        )
 
 
 def require_method(options: MethodOptions) -> None:
@@ -76,6 +73,7 @@ def require_method(options: MethodOptions) -> None:
     require_program()
     method = find_method(options.method)
     if "device" in method.options:
+        _config_changes(options)
         _require_memory(choose_device(options.device), options.grid or DEFAULT_EDGE)
     else:
         method.make(Setup(Grid(16, 1.0)))
@@ -94,18 +92,19 @@ def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bo
     from sonarmap.tools.files.memory import require_program
 
     require_program()
-    if options.strength:
+    changes = _config_changes(options)
+    if changes.get("use_strength"):
         _require_strength(scans)
     grid = (survey_grid if survey else choose_grid)(scans, options.grid or DEFAULT_EDGE, options.voxel)
     method = find_method(options.method)
-    setup = Setup(grid, options.device, options.seed, _config_changes(options))
+    setup = Setup(grid, options.device, options.seed or 0, changes)
     registrar = method.make(setup)
     if isinstance(registrar, SpectralRegistrar | HemisphereRegistrar):
         _require_memory(registrar.device, grid.edge)
         for note in registrar.device.notes:
             say(note)
         return ConfiguredMethod(options.method, registrar, grid, setup, registrar.config, registrar.device)
-    seed = options.seed if "seed" in method.options else None
+    seed = setup.seed if "seed" in method.options else None
     return ConfiguredMethod(options.method, registrar, grid, setup, seed=seed)
 
 
@@ -125,43 +124,21 @@ def _require_memory(device: "Device", edge: int) -> None:
 
 def _config_changes(options: MethodOptions) -> dict[str, Any]:
     """The fields of a spectral method's configuration that the user's options change."""
-    values = {
-        "max_tilt": ("max_tilt", math.radians(options.max_tilt)),
-        "hypotheses": ("hypotheses", options.hypotheses),
-        "yaw_peaks": ("yaw_peaks", options.yaw_peaks),
-        "strength": ("use_strength", options.strength),
-    }
-    return dict(values[option] for option in sorted(options.given & values.keys()))
+    from sonarmap.spectral.hemisphere.registration import HemisphereConfig
+    from sonarmap.spectral.registration import SpectralConfig
 
-
-def idle_options(method: str, given: Set[str]) -> set[str]:
-    """Those of the given options, by their parameters' names, that make no difference to a method."""
-    return set(given & _PARAMETERS) - find_method(method).options - _always(given)
-
-
-def _always(given: Set[str]) -> set[str]:
-    """What every method uses: without a voxel the grid's edge decides how large one is."""
-    return {"voxel"} if "voxel" in given else {"voxel", "grid"}
-
-
-def _refuse_without_effect(method: str, given: Set[str]) -> None:
-    """Refuse options that would make no difference, and name the methods that use them."""
-    idle = sorted(idle_options(method, given))
-    if not idle:
-        return
-    flags = " and ".join(f"--{name.replace('_', '-')}" for name in idle)
-    verb, pronoun = ("has", "it") if len(idle) == 1 else ("have", "them")
-    condition = " and --voxel" if idle == ["grid"] else ""
-    users = [name for name, entry in METHODS.items() if set(idle) <= entry.options | _always(given)]
-    instead = f", or use --method {' or '.join(users)}" if users else ""
-    raise InputError(f"{flags} {verb} no effect with --method {method}{condition}; leave {pronoun} out{instead}")
+    usual = HemisphereConfig.paper() if options.method == "hemisphere" else SpectralConfig()
+    config = changed(usual, options.settings)
+    changes = {name: getattr(config, name) for name in (text.partition("=")[0] for text in options.settings)}
+    return changes | ({} if options.max_tilt is None else {"max_tilt": math.radians(options.max_tilt)})
 
 
 def _require_strength(scans: "Sequence[Scan]") -> None:
     bare = [scan.name for scan in scans if scan.strength is None]
     if len(bare) == len(scans):
         raise InputError(
-            "--strength: no scan has echo strengths. Leave it out, or give files with a column intensity or strength."
+            "--set use_strength=true: no scan has echo strengths. Leave it out, or give files with a column intensity "
+            "or strength."
         )
     if bare:
         say(f"{len(bare)} of {len(scans)} scans have no echo strength; only their shape is used: {bare[0]} ...")

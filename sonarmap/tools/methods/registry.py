@@ -23,9 +23,8 @@ if TYPE_CHECKING:  # the command line names the methods in its help, which is to
 
 DEFAULT_METHOD = "spectral"
 
-_ON_DEVICE = frozenset(("grid", "max_tilt", "strength", "device"))
-_SPECTRAL = _ON_DEVICE | {"hypotheses", "priors"}
-_HEMISPHERE = _ON_DEVICE | {"yaw_peaks"}
+_HEMISPHERE = frozenset(("grid", "max_tilt", "set", "device"))
+_SPECTRAL = _HEMISPHERE | {"priors"}
 _SEEDED = frozenset(("seed",))
 
 # What decides the results of methods, as `tools.methods.fingerprint.source_digest` takes it

@@ -33,7 +33,7 @@ def completed(line: str) -> list[str]:
 
 LINES: dict[str, list[str]] = {
     "sonarmap r": ["record", "register", "reproduce"],
-    "sonarmap map --max-s": ["--max-speed", "--max-step"],  # rare options too
+    "sonarmap map --max-s": ["--max-speed"],  # rare options too
     "sonarmap map a.ply -o out --method ": list(METHODS),
     "sonarmap export map/ --format eiva": ["eiva-position", "eiva-attitude"],
     "sonarmap simulate --scene s": ["ship", "sandflat", "seabed", "shallow"],

@@ -75,10 +75,10 @@ def test_the_voxel_is_chosen_as_for_the_spectral_method(pair: list[str]) -> None
     ("arguments", "words"),
     [
         (
-            "--method icp --yaw-peaks 6",
-            ["--yaw-peaks has no effect with --method icp; leave it out, or use --method h"],
+            "--method icp --set yaw_peaks=6",
+            ["--set has no effect with --method icp; leave it out, or use --method spectral"],
         ),
-        ("--method hemisphere --hypotheses 12", ["--hypotheses has no effect", "or use --method spectral"]),
+        ("--method hemisphere --set hypotheses=12", ["there is no 'hypotheses'; choose from yaw_peaks"]),
         ("--method hemisphere --priors nav.csv", ["--priors has no effect", "or use --method spectral"]),
         (
             "--method icp --max-tilt 35 --device cpu",

@@ -1,25 +1,22 @@
 """The options that verbs share: their defaults and what arrives of them; arguments in errors become options."""
 
-from dataclasses import fields
+import re
 
-import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner, Result
 
-from sonarmap.spectral.hemisphere.registration import HemisphereConfig
-from sonarmap.spectral.registration import SpectralConfig
+from sonarmap.slam.mapper import MapperSettings
 from sonarmap.tools.command.arguments import OPTIONS, as_options
 from sonarmap.tools.command.main import VERBS, app
 from sonarmap.tools.command.options.option import spread
-from sonarmap.tools.command.options.registration import MethodOptions
-
-USUAL = MethodOptions()
+from sonarmap.tools.command.options.registration import MethodOptions, changed
+from tests.samples.refusals import refuses
 
 
 def arrived(arguments: str) -> Result:
     """What a verb of our own that takes every shared option prints of them."""
-    probe, names = typer.Typer(), ("grid", "voxel", "max_tilt", "hypotheses", "yaw_peaks", "device", "seed")
+    probe, names = typer.Typer(), ("grid", "voxel", "max_tilt", "settings", "device", "seed")
 
     def command(method: MethodOptions) -> None:
         typer.echo(" ".join(str(getattr(method, name)) for name in names))
@@ -32,21 +29,15 @@ class TestSharedOptions:
     @pytest.mark.parametrize(
         ("arguments", "printed"),
         [
-            ("", "None None 35.0 6 1 None 0"),
+            ("", "None None None [] None None"),
             (
-                "--grid 64 --voxel 0.5 --max-tilt 12.5 --hypotheses 64 --yaw-peaks 32 --device cpu --seed 7",
-                "64 0.5 12.5 64 32 cpu 7",
+                "--grid 64 --voxel 0.5 --max-tilt 12.5 --set hypotheses=64 --set keys.step=2 --device cpu --seed 7",
+                "64 0.5 12.5 ['hypotheses=64', 'keys.step=2'] cpu 7",
             ),
         ],
     )
     def test_values(self, arguments: str, printed: str) -> None:
         assert arrived(arguments).stdout == f"{printed}\n"
-
-    def test_the_defaults_are_those_of_the_configurations(self) -> None:
-        usual = SpectralConfig()
-        assert usual.hypotheses == USUAL.hypotheses
-        assert usual.max_tilt == pytest.approx(np.deg2rad(USUAL.max_tilt))
-        assert HemisphereConfig.paper().yaw_peaks == USUAL.yaw_peaks
 
     @pytest.mark.parametrize("edge", ["16", "90", "96", "512"])
     def test_the_ends_of_the_grids_range(self, edge: str) -> None:
@@ -58,7 +49,6 @@ class TestSharedOptions:
     [
         ("`edge=98` is not; try `edge=96` or `edge=100`", "--grid 98 is not; try --grid 96 or --grid 100"),
         ("`scheduler=tcp://10.0.0.5:8786`", "--scheduler tcp://10.0.0.5:8786"),
-        ("`use_strength=True` needs strengths", "--strength needs strengths"),
         ("`bandwidth=7` and `stack`", "bandwidth=7 and stack"),
         ("run `sonarmap map` first", "run `sonarmap map` first"),
     ],
@@ -75,6 +65,22 @@ def test_every_option_of_the_table_is_one_of_a_verb() -> None:
     assert set(OPTIONS.values()) <= options
 
 
-def test_every_setting_that_an_option_changes_is_in_the_table() -> None:
-    settings = {field.name for config in (SpectralConfig, HemisphereConfig) for field in fields(config)}
-    assert settings & OPTIONS.keys() == {"max_tilt", "hypotheses", "yaw_peaks", "use_strength"}
+def test_set_reaches_every_field() -> None:
+    settings = changed(MapperSettings(), ["limits.step=2", "keys.step=0.5", "min_seen=3", "straighten=false"])
+    assert (settings.limits.step, settings.keys.step, settings.min_seen, settings.straighten) == (2, 0.5, 3, False)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("minseen=3", "there is no 'minseen'; choose from loops, limits"),
+        ("min_seen=2.5", "wanted a whole number, as in --set min_seen=2"),
+        ("straighten=1", "wanted true or false"),
+        ("limits.step=fast", "wanted a number"),
+        ("limits=2", "there is no ''; choose from speed"),
+        ("min_seen.x=2", "wanted a whole number"),
+        ("min_seen=0", "`min_seen=0`"),
+    ],
+)
+def test_a_mistake_in_set(text: str, words: str) -> None:
+    refuses(re.escape(words), changed, MapperSettings(), [text])

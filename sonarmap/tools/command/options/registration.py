@@ -1,18 +1,18 @@
 """The options that say how scans are registered, each with its check."""
 
-from dataclasses import dataclass, field
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.checks import checked, is_positive, refused_by
-from sonarmap.tools.command.options.option import REGISTRATION, completes, flag, option, value_option
+from sonarmap.tools.command.options.option import REGISTRATION, completes, option, value_option
 from sonarmap.tools.command.options.running import DeviceOption
 from sonarmap.tools.methods.registry import DEFAULT_METHOD, METHODS, find_method
 
 DEFAULT_EDGE = 128
-DEFAULT_HYPOTHESES, MOST_HYPOTHESES = 6, 64
-DEFAULT_YAW_PEAKS, MOST_YAW_PEAKS = 1, 32
 DEFAULT_MAX_TILT = 35.0  # [deg], the paper's range of roll and pitch (Sect. 2.7)
 
 _registration = partial(option, REGISTRATION)
@@ -60,14 +60,14 @@ VoxelOption = Annotated[
         show_default="suits the scans",
     ),
 ]
-SeedOption = Annotated[
-    int,
+TiltOption = Annotated[
+    float | None,
     value_option(
         REGISTRATION,
-        "S",
-        "Seed for methods that use random numbers. The same seed gives the same result.",
-        rare=True,
-        callback=check_seed,
+        "DEG",
+        "Largest roll and pitch between two scans \\[deg]; larger ones are rejected. 180 is no limit.",
+        callback=check_tilt,
+        show_default=f"{DEFAULT_MAX_TILT:g}",
     ),
 ]
 
@@ -85,47 +85,59 @@ class MethodOptions:
     )
     grid: GridOption = None
     voxel: VoxelOption = None
-    max_tilt: float = _registration(
-        "DEG",
-        "Largest tilt between scans \\[deg]. It bounds roll and pitch; 180 is no limit. Larger results are rejected. "
-        "--method hemisphere searches up to 85.",
-        DEFAULT_MAX_TILT,
-        callback=check_tilt,
+    max_tilt: TiltOption = None
+    seed: int | None = _registration(
+        "S", "Seed for methods that use random numbers.", rare=True, callback=check_seed, shown="0"
     )
-    hypotheses: int = _registration(
-        "K",
-        f"How many candidate rotations to try of each of three frequency bands, 1..{MOST_HYPOTHESES}; more help where "
-        "scans have little in common.",
-        DEFAULT_HYPOTHESES,
-        rare=True,
-        callback=checked(
-            lambda count: 1 <= count <= MOST_HYPOTHESES,
-            f"{{}} rotations; give 1 to {MOST_HYPOTHESES}. Use --hypotheses {DEFAULT_HYPOTHESES}, or more if the scans "
-            "have little in common.",
-        ),
-    )
-    yaw_peaks: int = _registration(
-        "K",
-        f"For --method hemisphere: how many yaw peaks to try, 1..{MOST_YAW_PEAKS}; the paper tries 1.",
-        DEFAULT_YAW_PEAKS,
-        rare=True,
-        callback=checked(
-            lambda count: 1 <= count <= MOST_YAW_PEAKS,
-            f"{{}} peaks; give 1 to {MOST_YAW_PEAKS}. Use --yaw-peaks 6, or leave it out for the paper's "
-            f"{DEFAULT_YAW_PEAKS}.",
-        ),
-    )
-    strength: bool = flag(
-        REGISTRATION,
-        "--strength/--no-strength",
-        "Weight voxels by their echo strength; otherwise, as in the paper, all count the same.",
+    settings: list[str] = _registration(
+        "KEY=VALUE",
+        "Set a field of the configuration that the Python library has, as hypotheses=24 or keys.step=0.5; may be "
+        "repeated (docs/mapping.md).",
+        [],
+        "--set",
         rare=True,
     )
     device: DeviceOption = None
-    seed: SeedOption = 0
-    given: frozenset[str] = field(default=frozenset())  # those of these, and "priors", that the user gave
+
+    @property
+    def given(self) -> set[str]:
+        """Those that the user gave, by the names of their options."""
+        names = {each.name for each in fields(self)} - {"method"}
+        return {_NAMES.get(name, name) for name in names if getattr(self, name) not in (None, [])}
 
     @property
     def uses_priors(self) -> bool:
         """Whether the method uses what instruments measured of the poses."""
         return "priors" in find_method(self.method).options
+
+
+_NAMES = {"settings": "set"}
+
+
+def changed(config: Any, assignments: Iterable[str]) -> Any:
+    """A configuration with the fields that --set names, as in "hypotheses=24" or "limits.step=2".
+
+    Raises InputError: there is no such field, or it cannot have this value.
+    """
+    for text in assignments:
+        path, _, value = text.partition("=")
+        config = _changed(config, path.strip().split("."), value, text)
+    return config
+
+
+def _changed(config: Any, path: Sequence[str], value: str, text: str) -> Any:
+    known = [each.name for each in fields(config)]
+    if path[0] not in known:
+        raise InputError(f"--set {text}: there is no {path[0]!r}; choose from {', '.join(known)}")
+    before = getattr(config, path[0])
+    if is_dataclass(before):
+        return replace(config, **{path[0]: _changed(before, path[1:] or [""], value, text)})
+    try:
+        after = json.loads(value)
+    except ValueError:
+        after = value
+    kind = bool if isinstance(before, bool) else int if isinstance(before, int) else int | float
+    if len(path) > 1 or not isinstance(after, kind) or (isinstance(after, bool) != (kind is bool)):
+        wanted = "true or false" if kind is bool else "a whole number" if kind is int else "a number"
+        raise InputError(f"--set {text}: wanted {wanted}, as in --set {path[0]}={json.dumps(before or 2)}")
+    return replace(config, **{path[0]: after})

@@ -1,14 +1,13 @@
 """How the scans of `sonarmap map` are put together: loops, key scans, motion, and what a person says of them."""
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sonarmap.tools.command.options.checks import checked, is_positive, length
-from sonarmap.tools.command.options.option import EARTH, LOOPS, MOST, OUTPUT, flag, option, refuse_without
+from sonarmap.tools.command.options.option import EARTH, LOOPS, MOST, OUTPUT, option, refuse_without
+from sonarmap.tools.command.options.registration import MethodOptions, changed
 from sonarmap.tools.command.terminal import say
 
 if TYPE_CHECKING:
@@ -18,17 +17,10 @@ if TYPE_CHECKING:
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo.georeference import Georeference
 
-_limit = partial(
-    option,
-    LOOPS,
-    rare=True,
-    callback=checked(is_positive, "{}; give a number above 0, or leave it out where it is not known"),
-)
-
 
 @dataclass(frozen=True, slots=True)
 class SurveyOptions:
-    """Loops, key scans, and what the vehicle's motion cannot exceed."""
+    """Loops, how fast the vehicle is, and the map's voxels."""
 
     loops: int | None = option(
         LOOPS,
@@ -39,60 +31,37 @@ class SurveyOptions:
         min=0,
         max=MOST,
     )
-    key_step: float | None = _limit(
-        "M",
-        "Distance of key scans \\[m]. Loops are sought among these; the others are registered to the nearest of them.",
-        shown="automatic for dense streams",
-    )
-    max_speed: float | None = _limit(
-        "M/S", "How fast the vehicle moves at most \\[m/s]; for scans whose stamps are times.", shown="learned"
-    )
-    max_turn_rate: float | None = _limit(
-        "DEG/S", "How fast it turns at most \\[deg/s]; for scans whose stamps are times.", shown="learned"
-    )
-    max_step: float | None = _limit("M", "How far apart consecutive scans are at most \\[m].", shown="learned")
-    min_seen: int | None = option(
-        OUTPUT,
-        "N",
-        "Drop points seen by fewer than N scans and contradicted by others. map_all.ply keeps all points; 1 drops "
-        "none.",
+    max_speed: float | None = option(
+        LOOPS,
+        "M/S",
+        "How fast the vehicle moves at most \\[m/s]; for scans whose stamps are times.",
         rare=True,
-        shown="2",
-        min=1,
-        max=MOST,
+        callback=checked(is_positive, "{}; give a number above 0, or leave it out where it is not known"),
+        shown="learned",
     )
-
     map_voxel: float | None = length(
         OUTPUT,
         "Edge of the map's voxels \\[m], finer or coarser than those that scans are registered by.",
         "--voxel",
         rare=True,
     )
-    straighten: bool = flag(
-        LOOPS, "--straighten/--no-straighten", "Straighten scans whose points have times.", True, rare=True
-    )
 
-    def mapper_settings(self) -> "MapperSettings":
-        """The same as the mapper takes it; None leaves the default."""
+    def mapper_settings(self, method: MethodOptions) -> "tuple[MapperSettings, MethodOptions]":
+        """The same as the mapper takes it, with what --set says of the mapper, and the options of the method without
+        that."""
         from sonarmap.slam.candidates.settings import LoopSettings
-        from sonarmap.slam.map.component_maps import MIN_SEEN
         from sonarmap.slam.mapper import MapperSettings
         from sonarmap.slam.motion.limits import MotionLimits
-        from sonarmap.slam.stream.keys import KeySettings
 
-        limits = MotionLimits(
-            speed=math.inf if self.max_speed is None else self.max_speed,
-            turn_rate=math.inf if self.max_turn_rate is None else math.radians(self.max_turn_rate),
-            step=math.inf if self.max_step is None else self.max_step,
-        )
-        return MapperSettings(
+        settings = MapperSettings(
             LoopSettings() if self.loops is None else LoopSettings(per_scan=self.loops),
-            limits,
-            KeySettings(self.key_step),
+            MotionLimits() if self.max_speed is None else MotionLimits(self.max_speed),
             map_voxel=self.map_voxel,
-            min_seen=MIN_SEEN if self.min_seen is None else self.min_seen,
-            straighten=self.straighten,
         )
+        known = {each.name for each in fields(MapperSettings)}
+        own = [text for text in method.settings if text.partition("=")[0].partition(".")[0].strip() in known]
+        others = [text for text in method.settings if text not in own]
+        return changed(settings, own), replace(method, settings=others)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import Any
 import typer
 
 from sonarmap.tools.command.options.option import MEASUREMENT, OUTPUT, flag, option
-from sonarmap.tools.command.options.registration import SeedOption
+from sonarmap.tools.command.options.registration import check_seed
 from sonarmap.tools.command.options.running import DeviceOption, JsonOption
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.terminal import print_json, say
@@ -35,7 +35,9 @@ class Measurement:
     )
     out: Path | None = option(OUTPUT, "FILE", "Also write the result as JSON: one file to send.", None, "-o", "--out")
     device: DeviceOption = None
-    seed: SeedOption = 0
+    seed: int = _measure(
+        "S", "Seed of the pairs. The same seed gives the same pairs.", 0, rare=True, callback=check_seed
+    )
 
 
 def command(measurement: Measurement, as_json: JsonOption = False) -> None:

@@ -16,7 +16,7 @@ import typer
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.execution import ExecutionOptions
 from sonarmap.tools.command.failures import discard
-from sonarmap.tools.command.method import checked_method
+from sonarmap.tools.command.method import require_effect
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile
 from sonarmap.tools.command.options.option import INPUT, NAVIGATION, OUTPUT, RUNNING, flag, given, option
 from sonarmap.tools.command.options.output import EarthPlace, MapOutput
@@ -76,7 +76,6 @@ class LiveOptions:
 
 
 def command(
-    context: typer.Context,
     output: MapOutput,
     listening: Listening,
     live: LiveOptions,
@@ -114,7 +113,8 @@ def command(
     _require_source(inputs, live.replay)
     if live.nmea is not None and priors.priors:
         raise InputError("--nmea and --priors both give navigation; leave one out")
-    mapper, method, place = survey.mapper_settings(), checked_method(method, context), earth.georeference()
+    (mapper, of_pairs), place = survey.mapper_settings(method), earth.georeference()
+    require_effect(of_pairs, bool(priors.priors))
     known = priors if live.nmea is None else replace(priors, priors=[out / NAME])
     navigation = Navigation(known, odometry, reading, mapper.limits.speed, place)
     settings = MappingSettings(
@@ -122,7 +122,7 @@ def command(
         tuple(inputs) or (str(out / FOLDER),),
         live.replay,
         points.corrections(),
-        method,
+        of_pairs,
         mapper,
         None if live.onto is not None else navigation,
     )
@@ -142,7 +142,7 @@ def command(
 
     def finish(output: MapOutput, earth: EarthPlace) -> None:
         map_verb.command(
-            context, mapped, output, method, known, points, odometry, reading, survey,
+            mapped, output, method, known, points, odometry, reading, survey,
             TiesAndControl(), earth, ExecutionOptions(), imu=imu, as_json=as_json, quiet=quiet,
         )  # fmt: skip
 

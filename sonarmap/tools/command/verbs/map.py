@@ -13,7 +13,7 @@ from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.execution import ExecutionOptions, open_execution
 from sonarmap.tools.command.failures import print_failure
 from sonarmap.tools.command.lines import give_back, navigated_lines, without_biases
-from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method, require_method
+from sonarmap.tools.command.method import ConfiguredMethod, configure_method, require_effect, require_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile, scans_with_priors
 from sonarmap.tools.command.navigation_check import ContradictedError, refusing, with_mistake
 from sonarmap.tools.command.options.option import NAVIGATION, RUNNING, given, refuse_without, switch
@@ -110,7 +110,6 @@ class Telling:
 
 
 def command(
-    context: typer.Context,
     inputs: InputsArgument,
     output: MapOutput,
     method: MethodOptions,
@@ -151,11 +150,11 @@ def command(
     from sonarmap.tools.files.readers.turn_rates import turn_rates_of
 
     telling = Telling(time.monotonic(), as_json, verbose, quiet)
-    method = checked_method(method, context)
+    mapper, method = survey.mapper_settings(method)
+    require_effect(method, bool(priors.priors))
     files = given(priors) | given(odometry) | given(person)
     _require_files(files)
     check_options(output, method, earth, files)
-    mapper = survey.mapper_settings()
     navigation = reading.settings(*priors.priors, odometry.odometry, origin=earth.georeference())
     navigation = replace(navigation, fastest=mapper.limits.speed)
     corrections = points.corrections()

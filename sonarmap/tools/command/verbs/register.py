@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
+from sonarmap.tools.command.method import ConfiguredMethod, configure_method, require_effect
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
 from sonarmap.tools.command.options.checks import refused_by
 from sonarmap.tools.command.options.option import OUTPUT, value_option
@@ -46,7 +46,6 @@ WriteOption = Annotated[
 
 
 def command(
-    context: typer.Context,
     target: Annotated[str, typer.Argument(help="The scan that stays where it is.", metavar="TARGET")],
     source: Annotated[str, typer.Argument(help="The scan that is moved onto the target.", metavar="SOURCE")],
     method: MethodOptions,
@@ -62,7 +61,7 @@ def command(
     p_target = T_target_source p_source, in meters. The exit code is 0 if the registration is reliable, 3 if it is not,
     2 for bad input.
     """
-    method = checked_method(method, context)
+    require_effect(method, bool(priors.priors))
     navigation = reading.settings(*priors.priors)
     pair = _read((target, source), points.corrections(), write)
     scans = scans_with_priors(pair, priors, navigation, imu and method.uses_priors, allow_unknown=True).scans

@@ -181,13 +181,13 @@ def test_one_scan_is_enough_where_the_user_says_so(survey: Path, tmp_path: Path)
     """The pairs are those of the run before; its map_all.ply is gone, and all its points are in the map."""
     shutil.copytree(survey / "out", tmp_path / "out")
     everything = read_scan(tmp_path / "out" / "map_all.ply").points
-    summary = printed(sonarmap("map", survey, "-o", tmp_path / "out", *GRID, "--min-seen", "1", "--json"))
+    summary = printed(sonarmap("map", survey, "-o", tmp_path / "out", *GRID, "--set", "min_seen=1", "--json"))
     assert summary["settings"]["mapper"]["min_seen"] == 1
     assert summary["components"][0]["map"]["seen_by_too_few"] == 0
     assert set(files_in(tmp_path / "out")) == RESULTS - {"map_all.ply"}
     whole = read_scan(tmp_path / "out" / "map.ply").points
     np.testing.assert_array_equal(whole[np.lexsort(whole.T)], everything[np.lexsort(everything.T)])
-    refused(sonarmap("map", survey, "-o", tmp_path / "out", *GRID, "--min-seen", "0"), "--min-seen")
+    refused(sonarmap("map", survey, "-o", tmp_path / "out", *GRID, "--set", "min_seen=0"), "min_seen=0")
 
 
 @pytest.mark.slow

@@ -91,7 +91,7 @@ def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("options", ["--hypotheses 1", "--voxel 0.4"])
+@pytest.mark.parametrize("options", ["--set hypotheses=1", "--voxel 0.4"])
 def test_a_good_pair_with_options(pair: list[str], options: str) -> None:
     found = as_json(*pair, *options.split())
     check_transform(found)
@@ -208,16 +208,18 @@ def test_echo_strengths_weigh_the_voxels_where_wanted(tmp_path: Path) -> None:
         write_ply(path, scan(k), {"intensity": strengths})
     weighted, by_shape, default = (
         json.loads(sonarmap("register", *paths, "--grid", "32", "--json", *options).stdout)
-        for options in (("--strength",), ("--no-strength",), ())
+        for options in (("--set", "use_strength=true"), ("--set", "use_strength=false"), ())
     )
     assert weighted["psr"] != by_shape["psr"]
     assert default["psr"] == by_shape["psr"]
 
 
 def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) -> None:
-    refused(sonarmap("register", *pair, *GRID, "--strength"), "no scan has echo strengths", "Leave it out")
+    refused(
+        sonarmap("register", *pair, *GRID, "--set", "use_strength=true"), "no scan has echo strengths", "Leave it out"
+    )
     write_ply(tmp_path / "strong.ply", scan(1), {"intensity": np.linspace(0, 1, 7200)})
-    mixed = done(sonarmap("register", pair[0], tmp_path / "strong.ply", *GRID, "--strength"))
+    mixed = done(sonarmap("register", pair[0], tmp_path / "strong.ply", *GRID, "--set", "use_strength=true"))
     said(mixed, "1 of 2 scans have no echo strength")
 
 

@@ -88,7 +88,7 @@ def test_a_map_of_clouds_with_times_has_them(tmp_path: Path, monkeypatch: pytest
 
     monkeypatch.setattr(Mapper, "run", run)
     refuses("enough", map_scans, str(path))
-    for flags in ((), ("--no-imu",), ("--no-straighten",)):
+    for flags in ((), ("--no-imu",), ("--set", "straighten=false")):
         assert "enough" in sonarmap("map", path, "-o", tmp_path / "out", *flags).stderr
     assert [rates is not None for rates in given] == [True, True, False, False]
     for rates in given[:2]:

@@ -13,11 +13,11 @@ from sonarmap.tools.command.method import configure_method
 from sonarmap.tools.command.options.checks import length
 from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, flag, option
 from sonarmap.tools.command.options.output import EarthPlace
-from sonarmap.tools.command.options.registration import MethodOptions
-from sonarmap.tools.command.options.running import JsonOption, QuietOption
+from sonarmap.tools.command.options.registration import GridOption, MethodOptions, TiltOption, VoxelOption
+from sonarmap.tools.command.options.running import DeviceOption, JsonOption, QuietOption
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say, warn
-from sonarmap.tools.command.verbs.finished.opened import SAME_FRAME, locating_method, open_map
+from sonarmap.tools.command.verbs.finished.opened import SAME_FRAME, open_map
 from sonarmap.tools.extras import require
 
 if TYPE_CHECKING:
@@ -52,14 +52,16 @@ class Judging:
 
 
 def command(
-    context: typer.Context,
     old: Annotated[Path, typer.Argument(help="The folder of the earlier map, or a point cloud.", metavar="OLD")],
     judging: Judging,
-    method: MethodOptions,
     earth: EarthPlace,
     new: Annotated[
         Path | None, typer.Argument(help="The folder of the later map, or a point cloud.", metavar="NEW")
     ] = None,
+    grid: GridOption = None,
+    voxel: VoxelOption = None,
+    max_tilt: TiltOption = None,
+    device: DeviceOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -74,7 +76,7 @@ def command(
     from sonarmap.tools.products.compare.comparison import CompareSettings, NotAlignedError, compare_maps
     from sonarmap.tools.products.compare.files import check_folder, write_comparison
 
-    method = locating_method(method, context, "views")
+    method = MethodOptions(grid=grid, voxel=voxel, max_tilt=max_tilt, device=device)
     _check(old, new, judging)
     check_folder(judging.out, old, *([] if new is None else [new]))
     settings = CompareSettings(judging.reach, judging.bound)

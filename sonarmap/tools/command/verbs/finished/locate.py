@@ -15,12 +15,12 @@ from sonarmap.tools.command.navigation import ImuOption, NavigationReading, Prio
 from sonarmap.tools.command.options.checks import checked
 from sonarmap.tools.command.options.option import INPUT, OUTPUT, flag, option
 from sonarmap.tools.command.options.output import EarthPlace
-from sonarmap.tools.command.options.registration import MethodOptions
-from sonarmap.tools.command.options.running import JsonOption, QuietOption
+from sonarmap.tools.command.options.registration import GridOption, MethodOptions, TiltOption, VoxelOption
+from sonarmap.tools.command.options.running import DeviceOption, JsonOption, QuietOption
 from sonarmap.tools.command.options.scan import InputsArgument, PointReading
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, printable, result_console, say, warn
-from sonarmap.tools.command.verbs.finished.opened import locating_method, open_map
+from sonarmap.tools.command.verbs.finished.opened import open_map
 
 if TYPE_CHECKING:
     from sonarmap.slam.locate.located import Located
@@ -49,16 +49,18 @@ class Order:
 
 
 def command(
-    context: typer.Context,
     source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="MAP")],
     inputs: InputsArgument,
-    method: MethodOptions,
     priors: PriorsFile,
     points: PointReading,
     reading: NavigationReading,
     order: Order,
     earth: EarthPlace,
     imu: ImuOption = True,
+    grid: GridOption = None,
+    voxel: VoxelOption = None,
+    max_tilt: TiltOption = None,
+    device: DeviceOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -73,7 +75,7 @@ def command(
     from sonarmap.tools.files.readers.scans import read_scans
     from sonarmap.tools.files.writers.atomic import require_writable
 
-    method = locating_method(method, context, "scans")
+    method = MethodOptions(grid=grid, voxel=voxel, max_tilt=max_tilt, device=device)
     if order.track is not None:
         require_writable(order.track.parent)
     folder = open_map(source, earth)

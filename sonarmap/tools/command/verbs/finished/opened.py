@@ -4,15 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
-from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.method import checked_method
 from sonarmap.tools.command.options.output import EarthPlace
-from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.command.terminal import say
 from sonarmap.tools.files.writers.atomic import locked
-from sonarmap.tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
     from sonarmap.tools.files.map_folder.folder import Map
@@ -30,11 +24,3 @@ def open_map(path: Path, earth: EarthPlace | None = None) -> "Map":
     if len(folder.parts) > 1:
         say(f"{path} has {len(folder.parts)} parts; using the largest")
     return folder if earth is None else replace(folder, georeference=earth.georeference(folder.georeference))
-
-
-def locating_method(options: MethodOptions, context: typer.Context, what: str) -> MethodOptions:
-    """The options of a verb that locates scans or views in a map. Raises InputError: a method that cannot."""
-    method = checked_method(options, context)
-    if method.method != DEFAULT_METHOD:
-        raise InputError(f"--method {method.method} cannot locate {what}; leave it out: only {DEFAULT_METHOD} can")
-    return method

@@ -41,12 +41,12 @@ CITATION = (
 # Settings of the mapper that an option sets: where they are, the option, its default, and how many of the option's
 # units there are in one of the setting's.
 _OF_MAPPER = (
-    (("loops", "per_scan"), "--loops", 2, 1.0),
-    (("keys", "step"), "--key-step", None, 1.0),
-    (("limits", "speed"), "--max-speed", None, 1.0),
-    (("limits", "turn_rate"), "--max-turn-rate", None, math.degrees(1.0)),
-    (("limits", "step"), "--max-step", None, 1.0),
-    (("min_seen",), "--min-seen", 2, 1.0),
+    ("loops.per_scan", "--loops", 2),
+    ("limits.speed", "--max-speed", None),
+    ("limits.turn_rate", "--set", None),
+    ("limits.step", "--set", None),
+    ("keys.step", "--set", None),
+    ("min_seen", "--set", 2),
 )
 _NOT_OPTIONS = ("inputs", "method", "ties")  # the page itself adds the ties that it saves
 _EAST = 90.0  # the heading of a map's x axis, unless --origin-heading says otherwise [deg]
@@ -157,12 +157,12 @@ def map_command(settings: Mapping[str, Any], georeference: Georeference | None =
 
 def _mapper_words(mapper: Any) -> list[str]:
     words: list[str] = []
-    for path, option, default, factor in _OF_MAPPER:
+    for path, option, default in _OF_MAPPER:
         value = mapper
-        for name in path:
+        for name in path.split("."):
             value = value.get(name) if isinstance(value, Mapping) else None  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
         if isinstance(value, int | float) and value != default:
-            words += _option(option, value if factor == 1.0 else float(f"{value * factor:.12g}"))
+            words += _option(option, f"{path}={value}" if option == "--set" else value)
     return words
 
 

@@ -156,7 +156,6 @@ def test_another_place_is_refused(maps: dict[str, Path], tmp_path: Path) -> None
         (("--surveys",), "is of one survey"),
         (("--surveys", "--same-frame"), "--same-frame has no effect"),
         (("new", "--reach", "0"), "above 0"),
-        (("new", "--method", "icp"), "cannot locate views"),
         (("new", "--crs", "EPSG:32632"), "--crs has no effect"),
     ],
 )

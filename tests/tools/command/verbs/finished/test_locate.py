@@ -127,7 +127,6 @@ def test_from_python(mapped: Path, scans: list[str]) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--method", "icp"), "only spectral can"),
         (("-o", "track.csv"), "ends in .tum"),
         (("--priors", "nav.csv"), "whose frame no instrument measured"),
         (("--prior-sigmas", "1,1,1,1"), "without --priors"),
