@@ -274,7 +274,8 @@ def _disk(folder: Path) -> Finding:
     """The folder for results, and that of temporary files: whether they can be written, and how much room is left."""
     from sonarmap.kernels.counted import sized
 
-    verdict, seen, remedies, details = VERDICTS[0], list[str](), list[Remedy](), dict[str, Any]()
+    verdicts = list[Verdict]()
+    seen, remedies, details = list[str](), list[Remedy](), dict[str, Any]()
     choices = {"results": Remedy("make room there, or choose another folder with -o OUT")}
     choices["temporary files"] = Remedy("name a folder with room for temporary files:", "export TMPDIR=/var/tmp")
     for what, remedy in choices.items():
@@ -284,8 +285,8 @@ def _disk(folder: Path) -> Finding:
         seen.append(f"{what} in {place}: {fault or f'{sized(free)} free'}")
         of_place: Verdict = "wrong" if fault or free < _LEAST else "ok" if free >= _PLENTY else "warning"
         remedies += [] if of_place == "ok" else [remedy]
-        verdict = max(verdict, of_place, key=VERDICTS.index)
-    return Finding(verdict, "\n".join(seen), tuple(remedies), details)
+        verdicts.append(of_place)
+    return Finding(max(verdicts, key=VERDICTS.index), "\n".join(seen), tuple(remedies), details)
 
 
 def look_at(folder: Path) -> tuple[int, str]:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.failures import when_stopped
 from sonarmap.tools.command.method import ConfiguredMethod
 from sonarmap.tools.command.options.option import MOST_WORKERS, RUNNING, flag, option
-from sonarmap.tools.command.stops import when_stopped
 from sonarmap.tools.command.terminal import say, warn
 from sonarmap.tools.files.writers.atomic import LEFTOVER_PREFIX
 

@@ -4,19 +4,21 @@ import errno
 import functools
 import json
 import os
+import re
+import signal
 import sys
+import threading
 import traceback
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib import metadata
 from pathlib import Path
+from types import FrameType
 from typing import Any, TextIO
 
 import typer
 
 from sonarmap.kernels.errors import SonarmapError, path_error
-from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.stops import terminated_as_interrupted, what_became
 from sonarmap.tools.command.terminal import quietly, say, shortened
 from sonarmap.tools.extras import EXTRA_OF, how_to_install
 from sonarmap.tools.files.writers.atomic import appeared
@@ -129,3 +131,62 @@ def output_lost(error: OSError) -> int:
 def discard(stream: TextIO) -> None:
     """Send what is still buffered nowhere, or the interpreter reports it as an error when it ends."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+_SAME = ("device", "fix_sigma", "frame", "fresh", "max_tilt", "method", "objective", "range_scale")
+_SAME += ("scheduler", "seed", "sound_speed", "start", "ties", "units", "voxel", "workers")
+OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _SAME} | {
+    "alignment": "--align",
+    "count": "--scans",
+    "edge": "--grid",
+    "repairs": "--repair",
+}
+FLAGS = {"--fresh", "--repair"}  # without a value
+
+_ARGUMENT = re.compile(r"`(\w+)(?:=([^`]*))?`")
+
+
+def as_options(message: str) -> str:
+    """The message with every argument in backticks as its option; one that is no option loses its backticks."""
+    return _ARGUMENT.sub(_option, message)
+
+
+def _option(argument: re.Match[str]) -> str:
+    name, value = argument.groups()
+    if name not in OPTIONS:
+        return argument[0].strip("`")
+    option = OPTIONS[name]
+    return option if value is None or option in FLAGS else f"{option} {value}"
+
+
+@contextmanager
+def terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM ends the block as Ctrl-C does: files are closed, and workers end."""
+    if threading.current_thread() is not threading.main_thread():  # only it receives signals
+        yield
+        return
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def when_stopped(words: Callable[[], str]) -> Iterator[None]:
+    """Where the block is stopped, `words` says what was kept and how to go on; of nested blocks the inner one does."""
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        if not what_became(stop):
+            stop.add_note(words())
+        raise
+
+
+def what_became(stop: KeyboardInterrupt) -> str:
+    """What `when_stopped` noted; "" where it noted nothing."""
+    return " ".join(getattr(stop, "__notes__", ()))

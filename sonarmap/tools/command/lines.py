@@ -14,7 +14,7 @@ from sonarmap.tools.command.terminal import say
 if TYPE_CHECKING:
     from sonarmap.slam.pings.calibration import PatchTest
     from sonarmap.slam.pings.crossings import Crossings
-    from sonarmap.tools.command.words.survey import Mapped
+    from sonarmap.tools.command.mapped import Mapped
     from sonarmap.tools.files.geo.georeference import Georeference
     from sonarmap.tools.files.readers.clouds.cloud import PingPatch
     from sonarmap.tools.files.readers.corrections import Corrections

@@ -16,7 +16,7 @@ from sonarmap.tools.command.settings import ConfigOption, say_settings, use_sett
 from sonarmap.tools.command.terminal import print_result, say, show_messages
 
 # A verb is the function `command` in tools/command/verbs/<verb>.py; its docstring is the help. A new verb is a new name
-# here; the help lists them in these groups, in this order. Those of a finished map are in verbs/finished.
+# here; the help lists them in these groups, in this order.
 GROUPS = {
     "Survey": ("record", "live", "inspect", "template", "map"),
     "Finished map": ("view", "export", "locate", "section", "volume", "compare"),
@@ -169,6 +169,5 @@ def _flowing(docstring: str) -> str:
 
 for _group, _verbs in GROUPS.items():
     for _verb in _verbs:
-        _folder = "finished." if _group == "Finished map" else ""
-        _command = import_module(f"sonarmap.tools.command.verbs.{_folder}{_verb}").command
+        _command = import_module(f"sonarmap.tools.command.verbs.{_verb}").command
         app.command(_verb, cls=Verb, help=_flowing(_command.__doc__), rich_help_panel=_group)(guarded(spread(_command)))

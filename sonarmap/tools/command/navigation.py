@@ -1,14 +1,13 @@
 """The options --priors, --odometry and those that say how a file of navigation is to be understood."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
-from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.checks import refused_by
+from sonarmap.kernels.errors import InputError, SonarmapError
 from sonarmap.tools.command.options.option import (
     NAVIGATION,
     completes,
@@ -16,14 +15,18 @@ from sonarmap.tools.command.options.option import (
     listed_in,
     option,
     refuse_without,
+    refused_by,
     switch,
 )
 from sonarmap.tools.command.terminal import say
 
 if TYPE_CHECKING:
     from sonarmap.slam.motion.odometry import Odometry
+    from sonarmap.slam.pair import RegisteredPair
+    from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo.georeference import Georeference
+    from sonarmap.tools.files.readers.navigation.mistakes import Contradiction
     from sonarmap.tools.files.readers.navigation.priors import Navigated
     from sonarmap.tools.files.readers.navigation.settings import NavFrame, NavigationSettings
     from sonarmap.tools.files.time_scales import TimeScale
@@ -252,3 +255,55 @@ def scans_with_priors(
     for note in notes:
         say(note)
     return navigated
+
+
+class ContradictedError(SonarmapError):
+    """Navigation that would spoil a map."""
+
+
+def refusing(
+    scans: "Sequence[Scan]", file: object, georeference: "Georeference | None" = None
+) -> "Callable[[Sequence[RegisteredPair]], None]":
+    """What a mapper calls with the pairs that it registered without the scans' priors; it raises ContradictedError
+    where these contradict the priors, of a file, and show why. The georeference is that of the priors' places."""
+
+    def vet(free: "Sequence[RegisteredPair]") -> None:
+        if (found := contradiction_of(scans, free, georeference)) is not None:
+            raise ContradictedError(f"{found}. In {file}: {found.remedy} (docs/navigation.md)")
+
+    return vet
+
+
+def contradiction_of(
+    scans: "Sequence[Scan]", free: "Sequence[RegisteredPair]", georeference: "Georeference | None" = None
+) -> "Contradiction | None":
+    """What is wrong with the scans' priors, if pairs registered without them say so; None also where these are few."""
+    import numpy as np
+    from scipy.spatial.transform import RigidTransform
+
+    from sonarmap.tools.files.readers.navigation.contradictions import LEAST_PAIRS, Registered, contradiction
+
+    sure = [(*pair.scans, pair.registration) for pair in free if pair.registration is not None]
+    if len(sure) < LEAST_PAIRS:
+        return None
+    i, j, registrations = zip(*sure, strict=True)
+    transforms = RigidTransform.concatenate([each.T_target_source for each in registrations])
+    registered = Registered(np.array(i), np.array(j), transforms, np.array([each.covariance for each in registrations]))
+    return contradiction([scan.prior for scan in scans], registered, _origin(georeference))
+
+
+def with_mistake(
+    result: "SurveyResult", scans: "Sequence[Scan]", file: object, georeference: "Georeference | None"
+) -> "SurveyResult":
+    """A map with what would have the scans' priors, of a file, agree with it, where these err more than stated."""
+    if not result.understated:
+        return result
+    from sonarmap.tools.files.readers.navigation.contradictions import contradiction_of_map
+
+    priors, kinds = [scan.prior for scan in scans], tuple(result.understated)
+    found = contradiction_of_map(result.solution.graph, priors, kinds, _origin(georeference))
+    return result if found is None else replace(result, mistake=f"{found}. In {file}: {found.remedy}")
+
+
+def _origin(georeference: "Georeference | None") -> tuple[float, float] | None:
+    return None if georeference is None else (georeference.latitude, georeference.longitude)

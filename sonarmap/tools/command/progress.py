@@ -1,17 +1,19 @@
-"""Progress on stderr: on a terminal a bar with the time left, elsewhere a line every few seconds."""
+"""How something that goes on is shown: progress as a bar or lines on stderr, and the state of a recording or a dive."""
 
+import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from datetime import timedelta
 
 from rich.console import Console, RenderableType
+from rich.live import Live
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn
 from rich.table import Column
 from rich.text import Text
 
-from sonarmap.tools.command.terminal import below_messages, error_console, printable, say
+from sonarmap.tools.command.terminal import below_messages, error_console, printable, say, warn
 
 SECONDS_BETWEEN_LINES = 5.0
 WINDOW = 60.0  # the time left is by the rate of the last seconds: results of an earlier run come faster than others
@@ -170,3 +172,40 @@ class _Lines:
         if self._pending:
             say(self._pending)
             self._pending = ""
+
+
+_BETWEEN = 10.0  # where no terminal shows it in place [s]
+Show = Callable[[Sequence[str], Sequence[str], str], None]
+
+
+@contextmanager
+def status_line(quiet: bool) -> Iterator[Show]:
+    """A function that shows lines, and says warnings above them. In a file the lines come every ten seconds, and
+    whenever its last argument changes, which is what they are of in a word. "lost" is shown in red.
+
+    A terminal that has gone before, or goes within the block, raises nothing at its end.
+    """
+    console, shown_at, shown = error_console(), -math.inf, ""
+
+    def show(lines: Sequence[str], warnings: Sequence[str], status: str) -> None:
+        nonlocal shown_at, shown
+        for warning in warnings:
+            warn(warning)
+        words = [printable(line) for line in lines]
+        if live is not None:
+            style = "bold red" if status == "lost" else ""
+            live.update(Text("\n".join(words), style, no_wrap=len(words) > 1, overflow="crop"), refresh=True)
+        elif not quiet and (status != shown or time.monotonic() - shown_at >= _BETWEEN):
+            shown_at, shown = time.monotonic(), status
+            say("; ".join(words))
+
+    live = Live(console=console, auto_refresh=False) if console.is_terminal and not quiet else None
+    try:
+        if live is not None:
+            with suppress(OSError):
+                live.start()
+        yield show
+    finally:
+        if live is not None:
+            with suppress(OSError):
+                live.stop()

@@ -10,8 +10,8 @@ from typing import Any
 from google.protobuf.message import Message
 from wlsonar import range_image_protocol as rip
 
+from sonarmap.tools.command.record.receiver import Source
 from sonarmap.tools.command.record.recorder import RecordSettings, Status, record
-from sonarmap.tools.command.record.source import Source
 from sonarmap.tools.command.record.words import Watch
 from tests.samples.live.sender import LOOPBACK, free_port
 

@@ -15,7 +15,7 @@ from sonarmap.slam.odd.scaled import ScaledScans, find_scaled
 from sonarmap.slam.pair import Candidate
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.command.words.survey import Mapped
+from sonarmap.tools.command.mapped import Mapped
 from sonarmap.tools.products.output.faults import contradictions, faults
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 

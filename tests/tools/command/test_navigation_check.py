@@ -10,8 +10,14 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.command.navigation import NavigationReading, PriorsFile, scans_with_priors
-from sonarmap.tools.command.navigation_check import ContradictedError, contradiction_of, refusing
+from sonarmap.tools.command.navigation import (
+    ContradictedError,
+    NavigationReading,
+    PriorsFile,
+    contradiction_of,
+    refusing,
+    scans_with_priors,
+)
 from sonarmap.tools.files.readers.instruments import poses_of
 from sonarmap.tools.files.readers.scans import read_scans
 from tests.samples.recordings import START, imu_batch, recording, written

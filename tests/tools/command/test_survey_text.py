@@ -13,8 +13,7 @@ from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
-from sonarmap.tools.command.words.pairs import print_pairs
-from sonarmap.tools.command.words.survey import Mapped, warn_of_faults, way_length
+from sonarmap.tools.command.mapped import Mapped, print_pairs, warn_of_faults, way_length
 from sonarmap.tools.products.output.faults import contradictions, faults
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 

@@ -13,8 +13,8 @@ from threading import Event, Thread
 from typing import Any
 
 from sonarmap.kernels.errors import DeviceError, InputError
-from sonarmap.tools.command.live.again import Again, in_words
 from sonarmap.tools.command.live.mapping import MappingSettings, run_mapping
+from sonarmap.tools.command.live.recording import Again, in_words
 from sonarmap.tools.products.live.messages import State
 from sonarmap.tools.products.live.server import LivePage
 

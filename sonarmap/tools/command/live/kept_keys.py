@@ -1,11 +1,11 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-"""Key scans on disk, so that a mapping that was killed goes on where it was."""
+"""Key scans on disk, so that a mapping that was killed goes on where it was; and a finished map as key scans."""
 
 import json
 import shutil
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,10 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.execute.pair_text import from_text, to_text
+from sonarmap.slam.locate.surveyed_map import LEAST
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior, Scan
+from sonarmap.tools.files.map_folder.folder import Map, surveyed_map
 from sonarmap.tools.files.readers.clouds.cloud import refuse_map_coordinates
 from sonarmap.tools.files.readers.incoming import Mark
 from sonarmap.tools.files.writers.atomic import atomic_path, locked, require_writable
@@ -117,3 +119,23 @@ def kept_for(out: Path, inputs: Sequence[str], settings: object = None) -> Gener
 
 def _name(number: int) -> str:
     return f"key_{number:05d}.npz"
+
+
+def map_keys(folder: Map) -> Iterator[KeptKey]:
+    """Key scans of the largest part of a map, which is taken to be sure of their poses: it stays as it is.
+
+    Raises:
+        InputError: no pose of it has enough points.
+    """
+    surveyed, part, before = surveyed_map(folder), folder.parts[0], None
+    for key in surveyed.apart:
+        T, stamp, name = surveyed.T_map_sensor[key], float(part.trajectory.stamps[key]), folder.names[part.scans[key]]
+        prior = PosePrior(T, LEAST.copy()) if before is None else None
+        scan = replace(surveyed.key_scan(key), stamp=stamp, prior=prior, name=f"map:{name}")
+        yield KeptKey(scan, None if before is None else _step(before.inv() * T), Mark(), folder.voxel)
+        before = T
+
+
+def _step(T: RigidTransform) -> Registration:
+    """As the map has it."""
+    return Registration(T, np.diag(LEAST**2), psr=np.inf, overlap=1.0, accepted=True, seconds=0.0, reason="of the map")

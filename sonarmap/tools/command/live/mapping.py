@@ -3,13 +3,14 @@
 
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from signal import SIG_IGN, SIGINT, signal
+from threading import Condition, Thread
 from traceback import extract_tb
 
 import numpy as np
@@ -24,9 +25,8 @@ from sonarmap.slam.live.tracker import Placed
 from sonarmap.slam.map.cell import cell_means
 from sonarmap.slam.mapper import Mapper, MapperSettings
 from sonarmap.spectral.point_store import PointStore
-from sonarmap.tools.command.live.backlog import Backlog
 from sonarmap.tools.command.live.kept_keys import KeptKey, keep_key, kept_keys
-from sonarmap.tools.command.live.navigating import Navigation
+from sonarmap.tools.command.live.navigation import Navigation
 from sonarmap.tools.command.method import configure_method
 from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.files.map_folder.names import JOURNAL
@@ -330,3 +330,59 @@ class _Mapping:
 def _thinned(points: np.ndarray, most: int) -> np.ndarray:
     """At most so many of (N, 3) points, evenly."""
     return points[:: max(1, -(-len(points) // most))]
+
+
+_MOST = 256  # scans in memory; the others wait in their file
+
+
+class Backlog:
+    """Takes scans from where they come, by a thread of its own, and holds those that wait.
+
+    Args:
+        scans: as they come.
+
+    Attributes:
+        error: why no more scans come; None while they may.
+        missing: shots that did not come, by their numbers.
+        ended: whether all have come.
+    """
+
+    def __init__(self, scans: Iterable[Incoming]) -> None:
+        self.error: InputError | None = None
+        self.missing = 0
+        self.ended = False
+        self._waiting: deque[Incoming] = deque()
+        self._changed = Condition()
+        Thread(target=self._run, args=(scans,), name="incoming", daemon=True).start()
+
+    def wait(self, seconds: float, least: int = 1) -> int:
+        """How many scans wait: when so many do, all have come, or the time is over."""
+        with self._changed:
+            self._changed.wait_for(lambda: len(self._waiting) >= least or self.ended, seconds)
+            return len(self._waiting)
+
+    def __getitem__(self, number: int) -> Incoming:
+        with self._changed:
+            return self._waiting[number]
+
+    def drop(self, count: int) -> None:
+        """Forget the first ones."""
+        with self._changed:
+            for _ in range(min(count, len(self._waiting))):
+                self._waiting.popleft()
+            self._changed.notify_all()
+
+    def _run(self, scans: Iterable[Incoming]) -> None:
+        try:
+            for each in scans:
+                with self._changed:
+                    self._changed.wait_for(lambda: len(self._waiting) < _MOST)
+                    self._waiting.append(each)
+                    self.missing = each.missing
+                    self._changed.notify_all()
+        except BaseException as error:  # noqa: BLE001 - what ends this thread is for who waits for scans
+            self.error = error if isinstance(error, InputError) else InputError(f"scans cannot be read: {error!r}")
+        finally:
+            with self._changed:
+                self.ended = True
+                self._changed.notify_all()

@@ -10,11 +10,11 @@ import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.live.again import Again, in_words
 
 FOLDER = "recording"  # within the map's folder
 _LOG = "recorder.log"
@@ -136,3 +136,33 @@ def _options_of(number: int, folder: Path) -> list[str] | None:
         return None
     file = next((k for k, word in enumerate(words) if word.startswith(f"{folder}{os.sep}")), None)
     return None if file is None or "record" not in words else words[file + 1 : -1]
+
+
+_STEADY = 60.0  # what went on for so long has not failed in a row [s]
+_LONGEST = 30.0  # pause [s]
+
+
+@dataclass(slots=True)
+class Again:
+    """Pauses of 0, 1, 3, 7, 15 and 30 s before something begins again.
+
+    Attributes:
+        failures: in a row.
+    """
+
+    failures: int = 0
+    _begun: float = field(default_factory=time.monotonic)
+
+    def begins(self) -> None:
+        """It begins now."""
+        self._begun = time.monotonic()
+
+    def pause(self) -> float:
+        """It has failed now; how long to wait [s]."""
+        self.failures = 1 + self.failures * (time.monotonic() - self._begun < _STEADY)
+        return min(_LONGEST, 2.0 ** (self.failures - 1) - 1)
+
+
+def in_words(pause: float) -> str:
+    """As in " in 7 s"; "" for at once."""
+    return f" in {pause:.0f} s" if pause else ""

@@ -8,17 +8,18 @@ from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.options.checks import checked, refused_by
 from sonarmap.tools.command.options.option import (
     EXPERIMENT,
     INSTRUMENTS,
     MOST_WORKERS,
     OUTPUT,
     RUNNING,
+    checked,
     completes,
     completes_list,
     flag,
     option,
+    refused_by,
 )
 from sonarmap.tools.command.options.registration import VoxelOption, check_seed, check_tilt
 from sonarmap.tools.lab.reproduce.experiments import ALL, EXPERIMENTS, PAIR_SETS, PAPER

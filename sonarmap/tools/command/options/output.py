@@ -25,6 +25,7 @@ from sonarmap.tools.command.options.option import (
 )
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import say
+from sonarmap.tools.files.writers.atomic import locked
 from sonarmap.tools.products.export.formats import FORMATS, known_formats
 
 if TYPE_CHECKING:
@@ -187,3 +188,17 @@ def _place_of(origin: str) -> tuple[float, float, float]:
         return first, second, height
     latitude, longitude = on_the_earth([[first, second, height]], crs.strip(), "--origin")[0, :2].tolist()
     return latitude, longitude, height
+
+
+SAME_FRAME = "Both are in one frame, by their places on the Earth or else as they are; register nothing."
+
+
+def open_map(path: Path, earth: EarthPlace | None = None) -> "Map":
+    """The map; of several parts the largest counts."""
+    from sonarmap.tools.files.map_folder.folder import read_map_folder
+
+    with locked(path, writing=False):
+        folder = read_map_folder(path)
+    if len(folder.parts) > 1:
+        say(f"{path} has {len(folder.parts)} parts; using the largest")
+    return folder if earth is None else replace(folder, georeference=earth.georeference(folder.georeference))

@@ -7,9 +7,16 @@ from functools import partial
 from typing import Annotated, Any
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.checks import checked, is_positive, refused_by
-from sonarmap.tools.command.options.option import REGISTRATION, completes, option, value_option
-from sonarmap.tools.command.options.running import DeviceOption
+from sonarmap.tools.command.options.option import (
+    REGISTRATION,
+    DeviceOption,
+    checked,
+    completes,
+    is_positive,
+    option,
+    refused_by,
+    value_option,
+)
 from sonarmap.tools.methods.registry import DEFAULT_METHOD, METHODS, find_method
 
 DEFAULT_EDGE = 128

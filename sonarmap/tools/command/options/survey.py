@@ -1,12 +1,27 @@
-"""How the scans of `sonarmap map` are put together: loops, key scans, motion, and what a person says of them."""
+"""Which scans are read, how their points are to be understood, and how a map is made of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from sonarmap.tools.command.options.checks import checked, is_positive, length
-from sonarmap.tools.command.options.option import EARTH, LOOPS, MOST, OUTPUT, option, refuse_without
+import typer
+
+from sonarmap.tools.command.options.option import (
+    EARTH,
+    INPUT,
+    LOOPS,
+    MOST,
+    OUTPUT,
+    checked,
+    completes,
+    is_positive,
+    length,
+    listed_in,
+    option,
+    refuse_without,
+)
 from sonarmap.tools.command.options.registration import MethodOptions, changed
 from sonarmap.tools.command.terminal import say
 
@@ -16,6 +31,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.tie import Tie
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo.georeference import Georeference
+    from sonarmap.tools.files.readers.corrections import Corrections
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,3 +120,67 @@ class TiesAndControl:
         for note in read.notes:
             say(note)
         return read.points, read.georeference
+
+
+_input = partial(option, INPUT)
+
+InputsArgument = Annotated[
+    list[str],
+    typer.Argument(
+        help="Scans: files, folders, patterns, topics of bags. They are taken in natural order, scan2 "
+        "before scan10; FILE::TOPIC is a topic of a ROS bag or MCAP file, recording.sonar#3 a scan of several.",
+        metavar="INPUT...",
+    ),
+]
+
+
+_CORRECTIONS = "sonarmap.tools.files.readers.corrections"
+
+
+@dataclass(frozen=True, slots=True)
+class PointReading:
+    """How the points of files are to be understood."""
+
+    sound_speed: float | None = _input(
+        "M/S", "The right speed of sound \\[m/s], for .sonar. Ranges are multiplied by its ratio to the recorded one."
+    )
+    range_scale: float | None = _input("F", "Multiply all ranges by F. This is for any format.", rare=True, shown="1")
+    frame: str | None = _input(
+        "NAME",
+        "Axes: flu, frd, rdf or ned. They are those of the points in the files: flu is forward, left, up; "
+        "frd forward, right, down; rdf right, down, forward, as of cameras; ned North, East, Down: scans that were "
+        "leveled and turned North.",
+        shown="flu",
+        autocompletion=completes(listed_in(_CORRECTIONS, "FRAMES")),
+    )
+    units: str | None = _input(
+        "NAME",
+        "Lengths: m, cm, mm, ft or us-ft. They are those of the points in the files.",
+        shown="m",
+        autocompletion=completes(listed_in(_CORRECTIONS, "UNITS")),
+    )
+
+    patch: float | None = _input(
+        "M",
+        "Of lines of pings: length of the patches into which they are cut \\[m].",
+        shown="half the swath's width",
+        rare=True,
+    )
+    draught: float | None = _input(
+        "M",
+        "Of lines of pings: depth of the transducer \\[m]. It is for files that do not say it, as many XTF files.",
+        shown="0",
+        rare=True,
+    )
+
+    def corrections(self) -> "Corrections":
+        """What is done to the points of files when they are read.
+
+        Raises InputError: numbers that are no speed of sound in water, no factor or no length, or unknown names.
+        """
+        from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
+        from sonarmap.tools.files.readers.pings.patches import LineReading
+
+        scale = 1.0 if self.range_scale is None else self.range_scale
+        frame = PointFrame("flu" if self.frame is None else self.frame, "m" if self.units is None else self.units)
+        return Corrections(self.sound_speed, scale, frame, LineReading(self.patch, draught=self.draught or 0.0))

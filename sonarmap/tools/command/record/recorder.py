@@ -11,8 +11,7 @@ from pathlib import Path
 from threading import Event
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.record.receiver import Datagram, Receiver, Senders
-from sonarmap.tools.command.record.source import Source, join, open_socket, system_buffer
+from sonarmap.tools.command.record.receiver import Datagram, Receiver, Senders, Source, join, open_socket, system_buffer
 from sonarmap.tools.command.record.tally import Tally
 
 _TICK = 1.0  # seconds between reports

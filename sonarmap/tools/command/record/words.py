@@ -8,8 +8,8 @@ from datetime import timedelta
 from typing import Any
 
 from sonarmap.kernels.counted import lasting, sized
+from sonarmap.tools.command.record.receiver import Source
 from sonarmap.tools.command.record.recorder import Status
-from sonarmap.tools.command.record.source import Source
 from sonarmap.tools.command.record.tally import IMU, RANGES, SHADED, STRENGTHS, ClockOffset
 
 _PLAIN = {

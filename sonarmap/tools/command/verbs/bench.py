@@ -9,9 +9,8 @@ from typing import Any
 
 import typer
 
-from sonarmap.tools.command.options.option import MEASUREMENT, OUTPUT, flag, option
+from sonarmap.tools.command.options.option import MEASUREMENT, OUTPUT, DeviceOption, JsonOption, flag, option
 from sonarmap.tools.command.options.registration import check_seed
-from sonarmap.tools.command.options.running import DeviceOption, JsonOption
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.terminal import print_json, say
 

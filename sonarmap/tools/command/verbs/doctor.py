@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.options.option import RUNNING, switch
-from sonarmap.tools.command.options.running import JsonOption
+from sonarmap.tools.command.options.option import RUNNING, JsonOption, switch
 
 
 def command(

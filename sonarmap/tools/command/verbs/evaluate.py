@@ -11,9 +11,17 @@ import numpy as np
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.checks import checked, choice, is_positive
-from sonarmap.tools.command.options.option import INPUT, MEASUREMENT, RUNNING, flag, option
-from sonarmap.tools.command.options.running import JsonOption
+from sonarmap.tools.command.options.option import (
+    INPUT,
+    MEASUREMENT,
+    RUNNING,
+    JsonOption,
+    checked,
+    choice,
+    flag,
+    is_positive,
+    option,
+)
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say, warn
 
 if TYPE_CHECKING:

@@ -2,6 +2,7 @@
 
 import math
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,19 +10,18 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.arguments import as_options
+from sonarmap.tools.command.failures import as_options
 from sonarmap.tools.command.navigation import NavigationReading
-from sonarmap.tools.command.options.option import OUTPUT, given, switch, value_option
+from sonarmap.tools.command.options.option import OUTPUT, JsonOption, QuietOption, given, switch, value_option
 from sonarmap.tools.command.options.registration import DEFAULT_EDGE, GridOption
-from sonarmap.tools.command.options.running import JsonOption, QuietOption
-from sonarmap.tools.command.options.scan import InputsArgument, PointReading
+from sonarmap.tools.command.options.survey import InputsArgument, PointReading
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import print_json, print_rows, printable, say, warn
-from sonarmap.tools.command.words.clock import clock_json, rate_words, span_words
-from sonarmap.tools.command.words.log import log_json, next_command, print_log
 
 if TYPE_CHECKING:
     from sonarmap.tools.command.overview import Overview
+    from sonarmap.tools.files.readers.checks import Clock
+    from sonarmap.tools.files.readers.navigation.overview import LogOverview
 
 INCOMPLETE = 3
 _MOST_LINES = 6  # of pings, on a screen
@@ -229,3 +229,104 @@ def _attitude(overview: "Overview") -> str:
 
 def _plain(value: float | str) -> str:
     return value if isinstance(value, str) else f"{value:g}"
+
+
+def clock_json(clock: "Clock") -> dict[str, Any]:
+    """A clock as JSON has it."""
+    from sonarmap.tools.files.readers.checks import utc
+
+    return {
+        "start": clock.start,
+        "end": clock.end,
+        "start_utc": utc(clock.start),
+        "end_utc": utc(clock.end),
+        "rate_hz": clock.rate,
+        "gaps": clock.gaps,
+        "longest_step_s": clock.longest,
+        "not_ascending": clock.backward,
+        "stands_still": clock.stands_still,
+    }
+
+
+def span_words(clock: "Clock") -> str:
+    """From when to when."""
+    from sonarmap.tools.files.readers.checks import utc
+
+    lasts = f"{clock.end - clock.start:,.1f} s"
+    if clock.is_set:
+        return f"{utc(clock.start)} to {utc(clock.end)} UTC, {lasts}"
+    return f"{clock.start:.10g} to {clock.end:.10g} s, {lasts}; not UTC"
+
+
+def rate_words(clock: "Clock", what: str) -> str:
+    """How many a second, and where there are none; `what` they are, as "scans"."""
+    if clock.rate is None:
+        return "not known: the stamps stand still, or do not ascend"
+    gaps = "no gaps" if not clock.gaps else f"gaps: {clock.gaps:,}, the longest {clock.longest:.3g} s"
+    back = f"; {clock.backward:,} stamps are not later than the one before" if clock.backward else ""
+    return f"{clock.rate:.3g} {what} per second, {gaps}{back}"
+
+
+_UNITS = {"deg": "degrees", "m": "m"}
+_LISTED = 10  # lines that are told each; --json has all
+
+
+def log_json(found: "LogOverview", following: str) -> dict[str, Any]:
+    """All that is known of a log; null for what is not."""
+    track, place = found.track, found.log.georeference
+    return {
+        "log": str(found.path),
+        "bytes": found.path.stat().st_size,
+        "rows": len(found.log.lines),
+        "clock": found.clock and clock_json(found.clock),
+        "columns": {
+            name: dict(zip(("rows", "least", "median", "most"), told, strict=True))
+            for name, told in found.ranges.items()
+        },
+        "origin_deg": place and [place.latitude, place.longitude],
+        "track_m": track and track[0],
+        "speed_mps": track and {"median": track[1], "most": track[2]},
+        "left_out": found.faults,
+        "scans": {"count": found.scans, "covered": found.covered, "apart": found.apart} if found.scans else None,
+        "notes": list(found.notes),
+        "next": following,
+    }
+
+
+def print_log(found: "LogOverview", following: str) -> None:
+    """The same on a screen."""
+    rows = {
+        "log": f"{found.path.name}, {found.path.stat().st_size / 1e6:,.1f} MB, {counted(len(found.log.lines), 'row')}",
+        **_log_times(found.clock),
+    }
+    for name, (count, least, median, most) in found.ranges.items():
+        what, unit = name.rsplit("_", 1)
+        rows[what] = f"{least:.4g} to {most:.4g} {_UNITS[unit]}, {median:.4g} in the median; {counted(count, 'row')}"
+    if found.log.georeference is not None:
+        place = found.log.georeference
+        rows["origin"] = f"{place.latitude:.5f}, {place.longitude:.5f}: x and y count from there"
+    if found.track is not None:
+        way, median, most = found.track
+        rows["track"] = f"{way:,.1f} m, at {median:.2f} m/s in the median, {most:.2f} at most (noise counts)"
+    if found.scans:
+        covered = ", ".join(f"{name.rsplit('_', 1)[0]} {count:,}" for name, count in found.covered.items())
+        rows["scans"] = f"of {found.scans:,}: {covered or 'it says nothing'}"
+    rows["left out"] = counted(len(found.faults), "row") if found.faults else "no row"
+    print_rows(rows)
+    for fault in found.faults[:_LISTED]:
+        typer.echo(f"  line {fault.line}: {fault.kind}: {fault.reason}")
+    if len(found.faults) > _LISTED:
+        typer.echo(f"  and {len(found.faults) - _LISTED:,} more: --json has all")
+    typer.echo(f"\nnext: {printable(following)}")
+
+
+def _log_times(clock: "Clock | None") -> dict[str, str]:
+    if clock is None:
+        return {"time": "none: its rows have the names of scans"}
+    return {"time": span_words(clock), "rate": rate_words(clock, "rows")}
+
+
+def next_command(log: str, scans: Sequence[str], options: Sequence[str]) -> str:
+    """How to make a map with it."""
+    words = ["sonarmap map", *(map(shlex.quote, scans) if scans else ["SCANS"]), "--priors", shlex.quote(log)]
+    return " ".join([*words, "--prior-sigmas A,H,D,P", *options, "-o map/"])

@@ -18,13 +18,21 @@ from sonarmap.tools.command.execution import ExecutionOptions
 from sonarmap.tools.command.failures import discard
 from sonarmap.tools.command.method import require_effect
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile
-from sonarmap.tools.command.options.option import INPUT, NAVIGATION, OUTPUT, RUNNING, flag, given, option
+from sonarmap.tools.command.options.option import (
+    INPUT,
+    NAVIGATION,
+    OUTPUT,
+    RUNNING,
+    JsonOption,
+    QuietOption,
+    flag,
+    given,
+    option,
+)
 from sonarmap.tools.command.options.output import EarthPlace, MapOutput
 from sonarmap.tools.command.options.registration import MethodOptions
-from sonarmap.tools.command.options.running import JsonOption, QuietOption
-from sonarmap.tools.command.options.scan import PointReading
-from sonarmap.tools.command.options.survey import SurveyOptions, TiesAndControl
-from sonarmap.tools.command.status_line import status_line
+from sonarmap.tools.command.options.survey import PointReading, SurveyOptions, TiesAndControl
+from sonarmap.tools.command.progress import status_line
 from sonarmap.tools.command.terminal import say, warn
 from sonarmap.tools.command.verbs import map as map_verb
 from sonarmap.tools.command.verbs.record import Listening, ending
@@ -104,8 +112,7 @@ def command(
     """
     from sonarmap.tools.command.live.kept_keys import clear
     from sonarmap.tools.command.live.mapping import MappingSettings
-    from sonarmap.tools.command.live.navigating import Navigation
-    from sonarmap.tools.command.live.navigation_log import NAME
+    from sonarmap.tools.command.live.navigation import NAME, Navigation
     from sonarmap.tools.command.live.recording import FOLDER
     from sonarmap.tools.files.readers.incoming import final_path
 
@@ -173,7 +180,7 @@ def _follow(
     else records."""
     from sonarmap.tools.command.live.dive import Dive
     from sonarmap.tools.command.live.kept_keys import has_keys, kept_for
-    from sonarmap.tools.command.live.navigation_log import NavigationLog
+    from sonarmap.tools.command.live.navigation import NavigationLog
     from sonarmap.tools.products.live.server import LivePage
 
     out, onto = settings.out, [] if live.onto is None else [str(live.onto)]
@@ -206,7 +213,7 @@ def _recording(out: Path, listening: Listening, stop: Event) -> "Iterator[Record
     """A recording that goes on until `stop` is set. Where the block ends before, it goes on beyond, and the next
     `sonarmap live` takes it over."""
     from sonarmap.tools.command.live.recording import RecordingProcess, recorder_of
-    from sonarmap.tools.command.record.source import open_socket
+    from sonarmap.tools.command.record.receiver import open_socket
 
     if recorder_of(out) is None:
         open_socket(listening.source).close()  # a wrong address is refused now
@@ -255,8 +262,7 @@ def _tells(kept: Path) -> bool:
 
 def _keep_map(onto: Path, out: Path) -> None:
     """The key scans of a finished map, where the mapping finds them."""
-    from sonarmap.tools.command.live.kept_keys import forget_keys, keep_key
-    from sonarmap.tools.command.live.onto import map_keys
+    from sonarmap.tools.command.live.kept_keys import forget_keys, keep_key, map_keys
     from sonarmap.tools.files.map_folder.folder import read_map_folder
 
     forget_keys(out)

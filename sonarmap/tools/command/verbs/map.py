@@ -9,23 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.execution import ExecutionOptions, open_execution
-from sonarmap.tools.command.failures import print_failure
+from sonarmap.tools.command.failures import as_options, print_failure, when_stopped
 from sonarmap.tools.command.lines import give_back, navigated_lines, without_biases
-from sonarmap.tools.command.method import ConfiguredMethod, configure_method, require_effect, require_method
-from sonarmap.tools.command.navigation import ImuOption, NavigationReading, OdometryFile, PriorsFile, scans_with_priors
-from sonarmap.tools.command.navigation_check import ContradictedError, refusing, with_mistake
-from sonarmap.tools.command.options.option import NAVIGATION, RUNNING, given, refuse_without, switch
-from sonarmap.tools.command.options.output import EarthPlace, MapOutput, export_with_progress
-from sonarmap.tools.command.options.registration import MethodOptions
-from sonarmap.tools.command.options.running import JsonOption, QuietOption
-from sonarmap.tools.command.options.scan import InputsArgument, PointReading
-from sonarmap.tools.command.options.survey import SurveyOptions, TiesAndControl
-from sonarmap.tools.command.progress import growing_progress, stage
-from sonarmap.tools.command.stops import when_stopped
-from sonarmap.tools.command.terminal import say
-from sonarmap.tools.command.words.survey import (
+from sonarmap.tools.command.mapped import (
     Mapped,
     print_mapped,
     print_summary,
@@ -33,6 +20,31 @@ from sonarmap.tools.command.words.survey import (
     warn_of_some,
     written_summary,
 )
+from sonarmap.tools.command.method import ConfiguredMethod, configure_method, require_effect, require_method
+from sonarmap.tools.command.navigation import (
+    ContradictedError,
+    ImuOption,
+    NavigationReading,
+    OdometryFile,
+    PriorsFile,
+    refusing,
+    scans_with_priors,
+    with_mistake,
+)
+from sonarmap.tools.command.options.option import (
+    NAVIGATION,
+    RUNNING,
+    JsonOption,
+    QuietOption,
+    given,
+    refuse_without,
+    switch,
+)
+from sonarmap.tools.command.options.output import EarthPlace, MapOutput, export_with_progress
+from sonarmap.tools.command.options.registration import MethodOptions
+from sonarmap.tools.command.options.survey import InputsArgument, PointReading, SurveyOptions, TiesAndControl
+from sonarmap.tools.command.progress import growing_progress, stage
+from sonarmap.tools.command.terminal import say
 from sonarmap.tools.files.writers.atomic import locked, require_writable
 
 if TYPE_CHECKING:

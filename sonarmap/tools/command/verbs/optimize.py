@@ -13,10 +13,17 @@ from rich.text import Text
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.options.checks import choice
-from sonarmap.tools.command.options.option import OPTIMIZATION, OUTPUT, REQUIRED, flag, option
-from sonarmap.tools.command.options.running import JsonOption, QuietOption
+from sonarmap.tools.command.failures import as_options
+from sonarmap.tools.command.options.option import (
+    OPTIMIZATION,
+    OUTPUT,
+    REQUIRED,
+    JsonOption,
+    QuietOption,
+    choice,
+    flag,
+    option,
+)
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.terminal import print_json, print_result, print_rows, result_console, warn
 

@@ -14,15 +14,24 @@ from typing import TYPE_CHECKING
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.checks import checked, refused_by
-from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, RUNNING, flag, option
-from sonarmap.tools.command.options.running import JsonOption, QuietOption
-from sonarmap.tools.command.status_line import status_line
+from sonarmap.tools.command.options.option import (
+    INPUT,
+    OUTPUT,
+    REQUIRED,
+    RUNNING,
+    JsonOption,
+    QuietOption,
+    checked,
+    flag,
+    option,
+    refused_by,
+)
+from sonarmap.tools.command.progress import status_line
 from sonarmap.tools.command.terminal import print_json, printable, say, warn
 
 if TYPE_CHECKING:
+    from sonarmap.tools.command.record.receiver import Source
     from sonarmap.tools.command.record.recorder import Status
-    from sonarmap.tools.command.record.source import Source
 
 NOTHING_CAME = 3
 _UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "h": 3600.0}
@@ -77,7 +86,7 @@ class Listening:
     @property
     def source(self) -> "Source":
         """Where packets come in. Raises InputError: an address that is none, or options that exclude each other."""
-        from sonarmap.tools.command.record.source import source_of
+        from sonarmap.tools.command.record.receiver import source_of
 
         return source_of(self.multicast, self.unicast, self.interface)
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from sonarmap.tools.command.failures import when_stopped
 from sonarmap.tools.command.options.experiment import ExperimentOptions, ExperimentRun, FolderArgument, NameArgument
-from sonarmap.tools.command.options.running import DeviceOption, JsonOption, QuietOption
+from sonarmap.tools.command.options.option import DeviceOption, JsonOption, QuietOption
 from sonarmap.tools.command.progress import progress
-from sonarmap.tools.command.stops import when_stopped
 from sonarmap.tools.command.terminal import print_json, printable, result_console, say
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, chosen, create
 

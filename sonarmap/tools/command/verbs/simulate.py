@@ -18,6 +18,7 @@ from sonarmap.tools.command.options.option import (
     NOISE,
     OUTPUT,
     SCENE,
+    QuietOption,
     completes,
     completes_list,
     given,
@@ -25,7 +26,6 @@ from sonarmap.tools.command.options.option import (
     value_option,
 )
 from sonarmap.tools.command.options.registration import check_seed
-from sonarmap.tools.command.options.running import QuietOption
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import printable
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS, SENSOR_NAMES, TRAJECTORY_KINDS

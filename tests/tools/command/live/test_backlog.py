@@ -7,7 +7,7 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.command.live.backlog import Backlog
+from sonarmap.tools.command.live.mapping import Backlog
 from sonarmap.tools.files.readers.incoming import Incoming, Mark
 from tests.samples.clutter_scans import scan
 from tests.tools.command.live.waiting import until

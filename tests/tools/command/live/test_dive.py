@@ -15,8 +15,8 @@ import pytest
 
 from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.tools.command.live import dive as module
-from sonarmap.tools.command.live.again import Again
 from sonarmap.tools.command.live.dive import Dive, KilledError
+from sonarmap.tools.command.live.recording import Again
 from sonarmap.tools.products.live.messages import State
 from tests.samples.clutter_scans import done, refused, scan, sonarmap, write
 from tests.samples.command_line import ROOT, SONARMAP

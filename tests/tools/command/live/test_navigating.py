@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.command.live.navigating import Navigation
+from sonarmap.tools.command.live.navigation import Navigation
 from sonarmap.tools.command.navigation import NavigationReading, OdometryFile, PriorsFile
 from tests.samples.clutter_scans import scan
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.live.navigation_log import NAME, NavigationLog, sentences_in
+from sonarmap.tools.command.live.navigation import NAME, NavigationLog, sentences_in
 from sonarmap.tools.files.readers.navigation.nmea import read_nmea
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 from tests.samples.live.sender import LOOPBACK, free_port, send
@@ -60,7 +60,7 @@ def test_other_computers_are_heard_only_where_an_address_says_so(tmp_path: Path,
 
 
 def test_silence_is_said_and_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sonarmap.tools.command.live.navigation_log._SILENT", 0.5)
+    monkeypatch.setattr("sonarmap.tools.command.live.navigation._SILENT", 0.5)
     port = free_port()
     with NavigationLog(str(port), tmp_path) as log:
         until(lambda: log.said)

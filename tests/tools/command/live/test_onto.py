@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.command.live.onto import map_keys
+from sonarmap.tools.command.live.kept_keys import map_keys
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.readers.incoming import Mark
 

@@ -160,7 +160,7 @@ SHOTS, TIMES = 12_000, 10.0  # ten minutes at 20 Hz in one, which is harder for 
 def test_nothing_is_lost_while_the_disk_takes_its_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Half a second, of which the receive buffer holds a half."""
     monkeypatch.setattr("sonarmap.tools.command.record.recorder._OVER", 1)  # so that the disk is waited for each second
-    monkeypatch.setattr("sonarmap.tools.command.record.source.WANTED_BUFFER", 1 << 18)
+    monkeypatch.setattr("sonarmap.tools.command.record.receiver.WANTED_BUFFER", 1 << 18)
     waited = list[float]()
 
     def fsync(_: int) -> None:

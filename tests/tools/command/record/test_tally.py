@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from wlsonar import range_image_protocol as rip
 
-from sonarmap.tools.command.record.receiver import Datagram, Senders
+from sonarmap.tools.command.record.receiver import Datagram, Senders, Source
 from sonarmap.tools.command.record.recorder import RecordSettings, Status
-from sonarmap.tools.command.record.source import Source
 from sonarmap.tools.command.record.tally import RANGES, ClockOffset, Tally
 from sonarmap.tools.command.record.words import Watch
 from sonarmap.tools.files.readers.sonar.packets import fault_of

@@ -16,8 +16,7 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.method import ConfiguredMethod
-from sonarmap.tools.command.verbs.register import _as_json, moved_scan, write_moved
-from sonarmap.tools.command.words.registration import print_registration, transform_words
+from sonarmap.tools.command.verbs.register import _as_json, moved_scan, print_registration, transform_words, write_moved
 from sonarmap.tools.files.readers.scans import read_scan
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.tables import to_json

@@ -62,7 +62,9 @@ def test_a_step_that_is_not_sure_is_named_where_no_pair_beside_it_says_so(
     sentences = [fault for fault in faults(replace(result, pairs=pairs), NAMES) if "are uncertain" in fault]
     assert len(sentences) == said
     if said:
-        assert sentences[0].startswith("1 of 9 steps between consecutive scans, as between scan4 and scan5, are uncertain")
+        assert sentences[0].startswith(
+            "1 of 9 steps between consecutive scans, as between scan4 and scan5, are uncertain"
+        )
 
 
 def test_a_transform_by_hand_comes_back_as_it_was_given(tmp_path: Path) -> None:

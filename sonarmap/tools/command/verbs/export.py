@@ -8,10 +8,16 @@ from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.options.checks import choice, length
-from sonarmap.tools.command.options.option import OUTPUT, REQUIRED, option
+from sonarmap.tools.command.options.option import (
+    OUTPUT,
+    REQUIRED,
+    JsonOption,
+    QuietOption,
+    choice,
+    length,
+    option,
+)
 from sonarmap.tools.command.options.output import CELL, EarthPlace, FormatsOption, export_with_progress
-from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.terminal import print_json, printable
 from sonarmap.tools.files.writers.atomic import locked
 from sonarmap.tools.products.export.formats import HEIGHTS

@@ -13,7 +13,7 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.files.writers.points import write_ply
 from tests.samples.clutter_scans import T_WORLD_SENSOR, done, files_in, printed, refused, said, sonarmap
-from tests.tools.command.verbs.finished.test_compare import GRID, MAPPING, scans
+from tests.tools.command.verbs.test_compare import GRID, MAPPING, scans
 from tests.tools.products.export.finished import finished_map
 
 FAR = RigidTransform.from_translation([450_000.0, 6_651_000.0, 0.0])

@@ -10,12 +10,20 @@ import typer
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.checks import checked, is_positive, length
-from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, flag, option
-from sonarmap.tools.command.options.output import CELL, EarthPlace
-from sonarmap.tools.command.options.running import JsonOption, QuietOption
+from sonarmap.tools.command.options.option import (
+    INPUT,
+    OUTPUT,
+    REQUIRED,
+    JsonOption,
+    QuietOption,
+    checked,
+    flag,
+    is_positive,
+    length,
+    option,
+)
+from sonarmap.tools.command.options.output import CELL, EarthPlace, open_map
 from sonarmap.tools.command.terminal import print_json, print_result, say
-from sonarmap.tools.command.verbs.finished.opened import open_map
 
 if TYPE_CHECKING:
     from sonarmap.tools.products.section.section import Coordinates, PlacedMap

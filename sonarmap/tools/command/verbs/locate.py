@@ -12,15 +12,21 @@ from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.method import configure_method
 from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
-from sonarmap.tools.command.options.checks import checked
-from sonarmap.tools.command.options.option import INPUT, OUTPUT, flag, option
-from sonarmap.tools.command.options.output import EarthPlace
+from sonarmap.tools.command.options.option import (
+    INPUT,
+    OUTPUT,
+    DeviceOption,
+    JsonOption,
+    QuietOption,
+    checked,
+    flag,
+    option,
+)
+from sonarmap.tools.command.options.output import EarthPlace, open_map
 from sonarmap.tools.command.options.registration import GridOption, MethodOptions, TiltOption, VoxelOption
-from sonarmap.tools.command.options.running import DeviceOption, JsonOption, QuietOption
-from sonarmap.tools.command.options.scan import InputsArgument, PointReading
+from sonarmap.tools.command.options.survey import InputsArgument, PointReading
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, printable, result_console, say, warn
-from sonarmap.tools.command.verbs.finished.opened import open_map
 
 if TYPE_CHECKING:
     from sonarmap.slam.locate.located import Located

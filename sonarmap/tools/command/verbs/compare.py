@@ -10,14 +10,21 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.method import configure_method
-from sonarmap.tools.command.options.checks import length
-from sonarmap.tools.command.options.option import INPUT, OUTPUT, REQUIRED, flag, option
-from sonarmap.tools.command.options.output import EarthPlace
+from sonarmap.tools.command.options.option import (
+    INPUT,
+    OUTPUT,
+    REQUIRED,
+    DeviceOption,
+    JsonOption,
+    QuietOption,
+    flag,
+    length,
+    option,
+)
+from sonarmap.tools.command.options.output import SAME_FRAME, EarthPlace, open_map
 from sonarmap.tools.command.options.registration import GridOption, MethodOptions, TiltOption, VoxelOption
-from sonarmap.tools.command.options.running import DeviceOption, JsonOption, QuietOption
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say, warn
-from sonarmap.tools.command.verbs.finished.opened import SAME_FRAME, open_map
 from sonarmap.tools.extras import require
 
 if TYPE_CHECKING:

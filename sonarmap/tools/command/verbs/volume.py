@@ -8,12 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.checks import checked, choice, length
-from sonarmap.tools.command.options.option import INPUT, flag, option
-from sonarmap.tools.command.options.output import CELL
-from sonarmap.tools.command.options.running import JsonOption, QuietOption
+from sonarmap.tools.command.options.option import INPUT, JsonOption, QuietOption, checked, choice, flag, length, option
+from sonarmap.tools.command.options.output import CELL, SAME_FRAME, open_map
 from sonarmap.tools.command.terminal import print_json, print_result, print_rows, say
-from sonarmap.tools.command.verbs.finished.opened import SAME_FRAME, open_map
 from sonarmap.tools.products.export.formats import HEIGHTS
 
 if TYPE_CHECKING:

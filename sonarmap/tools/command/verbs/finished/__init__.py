@@ -1,1 +1,0 @@
-"""The verbs that take something from a finished map."""
