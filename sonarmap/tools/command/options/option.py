@@ -1,4 +1,4 @@
-"""Options as fields of dataclasses: each is declared once, and a verb takes a few dataclasses, not dozens of values.
+"""Options: `option` declares one, as the default of a parameter, or of a field of a dataclass that several verbs take.
 
 `spread` gives typer the fields in place of the dataclasses.
 """
@@ -8,7 +8,7 @@ import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import MISSING, field, fields, is_dataclass
+from dataclasses import MISSING, Field, field, fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, cast, get_origin
@@ -70,7 +70,7 @@ def switch(panel: str, names: str, words: str, rare: bool = False) -> Any:
 def option(
     panel: str, metavar: str, words: str, default: Any = None, *names: str, shown: str | bool = True, **more: Any
 ) -> Any:
-    """A field that is an option with a value: `value_option`, with its default (None for none, REQUIRED where it has
+    """A default that is an option with a value: `value_option`, with its default (None for none, REQUIRED where it has
     to be given) and `shown`, the default in words where it is not the value."""
     metadata = {_OPTION: value_option(panel, metavar, words, *names, show_default=shown, **more)}
     if isinstance(default, list):
@@ -79,7 +79,7 @@ def option(
 
 
 def flag(panel: str, names: str, words: str, default: bool = False, rare: bool = False) -> Any:
-    """A field that is an option without a value: `switch`, with its default."""
+    """A default that is an option without a value: `switch`, with its default."""
     return field(default=default, metadata={_OPTION: switch(panel, names, words, rare)})
 
 
@@ -140,7 +140,11 @@ def spread(command: Callable[..., Any]) -> Callable[..., Any]:
 
     parameters: list[inspect.Parameter] = []
     for name, parameter in signature.parameters.items():
-        if name in kinds:
+        if isinstance(parameter.default, Field):
+            declared: Any = parameter.default
+            option_of_it = Annotated[parameter.annotation, declared.metadata[_OPTION]]
+            parameters.append(_parameter(name, option_of_it, _default(declared)))
+        elif name in kinds:
             parameters += [_parameter(each.name, *_declared(each)) for each in _options(kinds[name])]
         else:
             parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
@@ -156,9 +160,12 @@ def _options(kind: Any) -> list[Any]:
 
 def _declared(each: Any) -> tuple[Any, Any]:
     """A field's annotation with its option, and its default."""
-    default = each.default if each.default_factory is MISSING else each.default_factory()
     info = each.metadata.get(_OPTION)
-    return each.type if info is None else Annotated[each.type, info], default
+    return each.type if info is None else Annotated[each.type, info], _default(each)
+
+
+def _default(each: Any) -> Any:
+    return each.default if each.default_factory is MISSING else each.default_factory()
 
 
 def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:

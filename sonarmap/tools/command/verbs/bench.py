@@ -2,10 +2,9 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -14,32 +13,31 @@ from sonarmap.tools.command.options.registration import check_seed
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.terminal import print_json, say
 
+if TYPE_CHECKING:
+    from sonarmap.tools.lab.bench.run import BenchPlan
+
 DEFAULT_EDGES = (64, 128, 256)
 UNRELIABLE = 3
 _measure = partial(option, MEASUREMENT)
 
 
-@dataclass(frozen=True, slots=True)
-class Measurement:
-    """What is measured, and where the result goes."""
-
+def command(
     grid: list[int] | None = _measure(
         "N", "Voxels per edge, 16..512; may be repeated. They are even products of 2, 3 and 5.", shown="64, 128 and 256"
-    )
-    repeats: int = _measure("R", "Number of timed runs of each kernel.", 15, min=1)
-    pairs: int = _measure("P", "Simulated pairs to register; 0 is none.", 20, min=0)
-    kernels: bool = flag(MEASUREMENT, "--kernels/--no-kernels", "Time the kernels.", True, rare=True)
+    ),
+    repeats: int = _measure("R", "Number of timed runs of each kernel.", 15, min=1),
+    pairs: int = _measure("P", "Simulated pairs to register; 0 is none.", 20, min=0),
+    kernels: bool = flag(MEASUREMENT, "--kernels/--no-kernels", "Time the kernels.", True, rare=True),
     survey: int = _measure(
         "N", "Also map a simulated survey of N scans. It goes from files to files; 0 is none.", 0, min=0
-    )
-    out: Path | None = option(OUTPUT, "FILE", "Also write the result as JSON: one file to send.", None, "-o", "--out")
-    device: DeviceOption = None
+    ),
+    out: Path | None = option(OUTPUT, "FILE", "Also write the result as JSON: one file to send.", None, "-o", "--out"),
+    device: DeviceOption = None,
     seed: int = _measure(
         "S", "Seed of the pairs. The same seed gives the same pairs.", 0, rare=True, callback=check_seed
-    )
-
-
-def command(measurement: Measurement, as_json: JsonOption = False) -> None:
+    ),
+    as_json: JsonOption = False,
+) -> None:
     """Time the kernels and the registration of pairs.
 
     Each kernel is timed beside its equivalents in NumPy, SciPy, pyfftw and pyvkfft. One whose result differs from the
@@ -47,37 +45,36 @@ def command(measurement: Measurement, as_json: JsonOption = False) -> None:
     """
     from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.files.writers.tables import write_json
+    from sonarmap.tools.lab.bench.run import BenchPlan
 
-    if measurement.out is not None:
-        require_writable(measurement.out.parent)
-    result, wrong = _run(measurement, as_json)
-    if measurement.out is not None:
-        write_json(measurement.out, result)
+    if out is not None:
+        require_writable(out.parent)
+    plan = BenchPlan(
+        edges=list(dict.fromkeys(grid or DEFAULT_EDGES)),
+        repeats=repeats,
+        pairs=pairs,
+        kernels=kernels,
+        survey=survey,
+        seed=seed,
+    )
+    result, wrong = _run(plan, device, as_json)
+    if out is not None:
+        write_json(out, result)
     if wrong:
         names = ", ".join(wrong)
         say(f"the result differs from NumPy's or SciPy's: {names}; these times mean nothing", "error: ", "bold red")
         raise typer.Exit(UNRELIABLE)
 
 
-def _run(asked: Measurement, as_json: bool) -> tuple[dict[str, Any], list[str]]:
+def _run(plan: "BenchPlan", device: str | None, as_json: bool) -> tuple[dict[str, Any], list[str]]:
     """The result, printed, as JSON's types; and the kernels that are wrong."""
     from rich.console import Console
 
     from sonarmap.tools.files.writers.tables import to_json
-    from sonarmap.tools.lab.bench.run import BenchPlan, run_bench
+    from sonarmap.tools.lab.bench.run import run_bench
     from sonarmap.tools.lab.bench.table import describe
 
-    plan = BenchPlan(
-        edges=list(dict.fromkeys(asked.grid or DEFAULT_EDGES)),
-        repeats=asked.repeats,
-        pairs=asked.pairs,
-        kernels=asked.kernels,
-        survey=asked.survey,
-        seed=asked.seed,
-    )
-    measured = run_bench(
-        asked.device, plan, lambda label, total: progress(label, total, quiet=as_json), command=_run_here
-    )
+    measured = run_bench(device, plan, lambda label, total: progress(label, total, quiet=as_json), command=_run_here)
     result = to_json(measured)
     if as_json:
         print_json(result, indent=2)

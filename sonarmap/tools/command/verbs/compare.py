@@ -1,7 +1,7 @@
 """`sonarmap compare`: what changed between two surveys of a place."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -38,33 +38,26 @@ if TYPE_CHECKING:
 NOT_ALIGNED = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Judging:
-    """How both are brought together, and how distances are judged."""
-
-    out: Path = option(OUTPUT, "OUT", "Folder for the results.", REQUIRED, "-o", "--out")
-    same_frame: bool = flag(INPUT, "--same-frame", SAME_FRAME)
-    surveys: bool = flag(INPUT, "--surveys", "Compare the surveys of OLD in pairs; give no NEW.")
-    reach: float | None = length(INPUT, "Search distance along the old surface's normal \\[m].", "four voxels")
+def command(
+    old: Annotated[Path, typer.Argument(help="The folder of the earlier map, or a point cloud.", metavar="OLD")],
+    earth: EarthPlace,
+    new: Annotated[
+        Path | None, typer.Argument(help="The folder of the later map, or a point cloud.", metavar="NEW")
+    ] = None,
+    out: Path = option(OUTPUT, "OUT", "Folder for the results.", REQUIRED, "-o", "--out"),
+    same_frame: bool = flag(INPUT, "--same-frame", SAME_FRAME),
+    surveys: bool = flag(INPUT, "--surveys", "Compare the surveys of OLD in pairs; give no NEW."),
+    reach: float | None = length(INPUT, "Search distance along the old surface's normal \\[m].", "four voxels"),
     bound: float | None = length(
         INPUT, "Largest level of detection of a place called unchanged \\[m].", "two voxels", rare=True
-    )
+    ),
     cloud_sigma: float | None = length(
         INPUT,
         "Standard deviation of a coordinate of the point cloud \\[m].",
         "",
         shown="what its scatter says",
         rare=True,
-    )
-
-
-def command(
-    old: Annotated[Path, typer.Argument(help="The folder of the earlier map, or a point cloud.", metavar="OLD")],
-    judging: Judging,
-    earth: EarthPlace,
-    new: Annotated[
-        Path | None, typer.Argument(help="The folder of the later map, or a point cloud.", metavar="NEW")
-    ] = None,
+    ),
     grid: GridOption = None,
     voxel: VoxelOption = None,
     max_tilt: TiltOption = None,
@@ -84,15 +77,15 @@ def command(
     from sonarmap.tools.products.compare.files import check_folder, write_comparison
 
     method = MethodOptions(grid=grid, voxel=voxel, max_tilt=max_tilt, device=device)
-    _check(old, new, judging)
-    check_folder(judging.out, old, *([] if new is None else [new]))
-    settings = CompareSettings(judging.reach, judging.bound)
+    _check(old, new, surveys, same_frame, cloud_sigma)
+    check_folder(out, old, *([] if new is None else [new]))
+    settings = CompareSettings(reach, bound)
     if new is not None and old.resolve() == new.resolve():
         warn(f"OLD and NEW are both {old}: nothing can have changed")
     if new is None:
         first = second = folder = open_map(old)
     else:
-        first, second, folder = opened_surveys(old, new, judging.cloud_sigma, open_map)
+        first, second, folder = opened_surveys(old, new, cloud_sigma, open_map)
     if isinstance(first, PointCloud) and earth.origin is not None:
         raise InputError(f"--origin has no effect on {old}: a point cloud lies where its CRS says; leave it out")
     first = replace(first, georeference=earth.georeference(first.georeference))
@@ -102,11 +95,11 @@ def command(
     results: list[tuple[Path, Comparison]] = []
     try:
         if new is None:
-            results = _surveys(folder, judging.out, settings)
+            results = _surveys(folder, out, settings)
         else:
-            registrar = None if judging.same_frame else _registrar(folder, method)
+            registrar = None if same_frame else _registrar(folder, method)
             with growing_progress("bringing NEW onto OLD", quiet or as_json) as step:
-                results = [(judging.out, compare_maps(first, second, registrar, settings, step))]
+                results = [(out, compare_maps(first, second, registrar, settings, step))]
     except NotAlignedError as error:
         if as_json:
             print_json({"aligned": False, "reason": str(error)})
@@ -122,15 +115,15 @@ def command(
         print_json({"pairs": contents} if new is None else contents[0])
 
 
-def _check(old: Path, new: Path | None, judging: Judging) -> None:
+def _check(old: Path, new: Path | None, surveys: bool, same_frame: bool, cloud_sigma: float | None) -> None:
     """Refuse what does not go together. Raises InputError."""
-    if new is None and not judging.surveys:
+    if new is None and not surveys:
         raise InputError(f"only {old} was given; wanted OLD and NEW, or --surveys to compare the surveys of one map")
-    if new is not None and judging.surveys:
+    if new is not None and surveys:
         raise InputError("--surveys compares the surveys of one map; leave NEW out, or leave --surveys out")
-    if judging.surveys and judging.same_frame:
+    if surveys and same_frame:
         raise InputError("--same-frame has no effect with --surveys, which share a frame; leave it out")
-    if judging.surveys and judging.cloud_sigma is not None:
+    if surveys and cloud_sigma is not None:
         raise InputError("--cloud-sigma has no effect with --surveys, which are no point clouds; leave it out")
 
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
@@ -56,34 +55,6 @@ _input = partial(option, INPUT)
 _limit = partial(option, MEASUREMENT, callback=checked(lambda limit: limit >= 0, "{}; give 0 or more"))
 
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """What is compared, how, and what is too much."""
-
-    align: str = choice(
-        MEASUREMENT,
-        "Align by poses, positions or first. poses are all positions and orientations, positions these alone, first "
-        "the first pose.",
-        ALIGNMENTS,
-        "HOW",
-    )
-    max_error_m: float | None = _limit("M", "Exit with 3 beyond this position error \\[m].")
-    max_error_deg: float | None = _limit("DEG", "Exit with 3 beyond this rotation error \\[deg].")
-    map: Path | None = _input("FILE", "The estimate's map, to compare with --surface.")
-    surface: Path | None = _input(
-        "PATH",
-        "The true surface, in the truth's frame. It is a simulation's folder or description.json, or a point cloud.",
-    )
-    voxel: float | None = _input(
-        "M",
-        "Edge of the map's voxels \\[m].",
-        callback=checked(is_positive, "{}; give a length above 0"),
-        shown="from --summary",
-    )
-    summary: Path | None = _input("FILE", "The map's summary.json, to score pairs and sigmas.")
-    verbose: bool = flag(RUNNING, "--verbose -v", "List all poses, however many.")
-
-
 def command(
     estimate: Annotated[Path, typer.Argument(help="Estimated trajectory, TUM or KITTI format.", metavar="ESTIMATE")],
     truth: Annotated[
@@ -92,7 +63,28 @@ def command(
             help="True trajectory, in the same format. For several dives, one file per dive.", metavar="TRUTH..."
         ),
     ],
-    options: Comparison,
+    align: str = choice(
+        MEASUREMENT,
+        "Align by poses, positions or first. poses are all positions and orientations, positions these alone, first "
+        "the first pose.",
+        ALIGNMENTS,
+        "HOW",
+    ),
+    max_error_m: float | None = _limit("M", "Exit with 3 beyond this position error \\[m]."),
+    max_error_deg: float | None = _limit("DEG", "Exit with 3 beyond this rotation error \\[deg]."),
+    map: Path | None = _input("FILE", "The estimate's map, to compare with --surface."),
+    surface: Path | None = _input(
+        "PATH",
+        "The true surface, in the truth's frame. It is a simulation's folder or description.json, or a point cloud.",
+    ),
+    voxel: float | None = _input(
+        "M",
+        "Edge of the map's voxels \\[m].",
+        callback=checked(is_positive, "{}; give a length above 0"),
+        shown="from --summary",
+    ),
+    summary: Path | None = _input("FILE", "The map's summary.json, to score pairs and sigmas."),
+    verbose: bool = flag(RUNNING, "--verbose -v", "List all poses, however many."),
     as_json: JsonOption = False,
 ) -> None:
     """Compare an estimated trajectory with the true one: the error of every pose, of the whole trajectory (ATE) and of
@@ -109,55 +101,61 @@ def command(
     from sonarmap.tools.lab.evaluate.survey import calibrate_survey, read_summary, score_survey
     from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, evaluate
 
-    _check_together(options)
+    _check_together(map, surface, voxel, summary)
     estimated, true = read_pair(estimate, *truth)
-    survey = read_summary(options.summary) if options.summary else None
-    result = evaluate(estimated, true, cast("Alignment", options.align))
-    error = _map_error(result, options, survey)
+    survey = read_summary(summary) if summary else None
+    result = evaluate(estimated, true, cast("Alignment", align))
+    error = _map_error(result, map, surface, voxel, survey)
     scores = score_survey(survey, true) if survey else {}
     calibration = calibrate_survey(survey, estimated, true) if survey else None
     if as_json:
         further = {
-            "map": error.to_json() | {"alignment": options.align} if error else None,
+            "map": error.to_json() | {"alignment": align} if error else None,
             "pairs": {name: score.to_json() for name, score in scores.items()} or None,
             "uncertainty": calibration.to_json() if calibration else None,
         }
         print_json(result.to_json() | further)
     else:
-        _print_poses(result, options.verbose)
+        _print_poses(result, verbose)
         if survey:
             _print_scores(scores, RIGHT_DEG, RIGHT_VOXELS * survey.voxel)
         _print_trajectory(result)
         if error:
-            _print_map(error, options.align)
+            _print_map(error, align)
         if calibration:
             _print_calibration(calibration)
     if survey and survey.covariances is None:
-        say(f"{options.summary} has no covariances of the poses; their uncertainty is not evaluated")
+        say(f"{summary} has no covariances of the poses; their uncertainty is not evaluated")
     if result.unmatched_truths:
         warn(f"{result.unmatched_truths} poses of the truth have no estimate")
-    if _exceeds(result, options.max_error_m, options.max_error_deg):
+    if _exceeds(result, max_error_m, max_error_deg):
         raise typer.Exit(EXCEEDED)
 
 
-def _check_together(options: Comparison) -> None:
+def _check_together(map: Path | None, surface: Path | None, voxel: float | None, summary: Path | None) -> None:
     """Refuse options that need another one, or have no effect without it."""
-    if (options.map is None) != (options.surface is None):
-        option, missing = ("--map", "--surface") if options.surface is None else ("--surface", "--map")
+    if (map is None) != (surface is None):
+        option, missing = ("--map", "--surface") if surface is None else ("--surface", "--map")
         raise InputError(f"{option} needs {missing}: the map is compared with the surface; give both, or neither")
-    if options.map is None and options.voxel is not None:
+    if map is None and voxel is not None:
         raise InputError("--voxel has no effect without --map and --surface; give them, or leave --voxel out")
-    if options.map is not None and options.voxel is None and options.summary is None:
-        raise InputError(f"the voxel size of {options.map} is not known; give --voxel, or the map's --summary")
+    if map is not None and voxel is None and summary is None:
+        raise InputError(f"the voxel size of {map} is not known; give --voxel, or the map's --summary")
 
 
-def _map_error(result: "Evaluation", options: Comparison, summary: "SurveySummary | None") -> "MapError | None":
+def _map_error(
+    result: "Evaluation",
+    map: Path | None,
+    surface: Path | None,
+    voxel: float | None,
+    summary: "SurveySummary | None",
+) -> "MapError | None":
     from sonarmap.tools.lab.evaluate.map_error import map_error, read_points, reference_of
 
-    if options.map is None or options.surface is None:
+    if map is None or surface is None:
         return None
-    edge = options.voxel or (summary.map_voxel if summary else math.nan)
-    return map_error(result.T_truth_estimate.apply(read_points(options.map)), reference_of(options.surface), edge)
+    edge = voxel or (summary.map_voxel if summary else math.nan)
+    return map_error(result.T_truth_estimate.apply(read_points(map)), reference_of(surface), edge)
 
 
 def _exceeds(result: "Evaluation", max_error_m: float | None, max_error_deg: float | None) -> bool:

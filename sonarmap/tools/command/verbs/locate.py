@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -37,31 +36,24 @@ if TYPE_CHECKING:
 NOWHERE = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Order:
-    """Whether scans follow one another, and where their poses are written."""
-
-    track: Path | None = option(
-        OUTPUT,
-        "FILE",
-        "Write the located scans' poses in the map's frame, TUM.",
-        None,
-        *("-o", "--track"),
-        callback=checked(
-            lambda path: path.suffix.lower() == ".tum", "{}; give a name that ends in .tum, as in -o track.tum"
-        ),
-    )
-    alone: bool = flag(INPUT, "--alone", "Locate each scan independently instead of as a track.")
-
-
 def command(
     source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="MAP")],
     inputs: InputsArgument,
     priors: PriorsFile,
     points: PointReading,
     reading: NavigationReading,
-    order: Order,
     earth: EarthPlace,
+    out: Path | None = option(
+        OUTPUT,
+        "FILE.tum",
+        "Write the located scans' poses in the map's frame.",
+        None,
+        *("-o", "--out"),
+        callback=checked(
+            lambda path: path.suffix.lower() == ".tum", "{}; give a name that ends in .tum, as in -o track.tum"
+        ),
+    ),
+    alone: bool = flag(INPUT, "--alone", "Locate each scan independently instead of as a track."),
     imu: ImuOption = True,
     grid: GridOption = None,
     voxel: VoxelOption = None,
@@ -82,8 +74,8 @@ def command(
     from sonarmap.tools.files.writers.atomic import require_writable
 
     method = MethodOptions(grid=grid, voxel=voxel, max_tilt=max_tilt, device=device)
-    if order.track is not None:
-        require_writable(order.track.parent)
+    if out is not None:
+        require_writable(out.parent)
     folder = open_map(source, earth)
     surveyed = surveyed_map(folder)
     projection = earth.projection(folder.georeference if folder.on_earth(folder.parts[0]) else None)
@@ -100,16 +92,16 @@ def command(
     with growing_progress("locating", quiet or as_json) as step:
         step(0, len(scans), "")
         locator = Locator(configured.registrar, surveyed)
-        for located in map(locator.locate, scans) if order.alone else locator.track(scans, read.surveys):
+        for located in map(locator.locate, scans) if alone else locator.track(scans, read.surveys):
             found.append(located)
             step(len(found), len(scans), f"{located.name} {'located' if located.located else 'not located'}")
     sure = [located for located in found if located.located]
-    if order.track is not None:
-        _write(order.track, sure)
+    if out is not None:
+        _write(out, sure)
     worlds = _worlds(folder, projection, found)
     if as_json:
         about = {"map": source, "grid": configured.edge, "voxel": configured.grid.voxel, "located": len(sure)}
-        about |= {"written": order.track} if order.track is not None and sure else {}
+        about |= {"written": out} if out is not None and sure else {}
         rows = [_as_json(located, world) for located, world in zip(found, worlds, strict=True)]
         print_json({"scans": rows, **about})
     else:

@@ -2,7 +2,6 @@
 
 import math
 import time
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -39,35 +38,28 @@ _USUAL = 3.0  # standard deviations of chi-squared within which a graph is consi
 _flag = partial(flag, OPTIMIZATION)
 
 
-@dataclass(frozen=True, slots=True)
-class OptimizeOptions:
-    """How to optimize, and where the result goes."""
-
-    out: Path = option(OUTPUT, "OUT.g2o", "The optimized pose graph.", REQUIRED, "-o", "--out")
+def command(
+    source: Annotated[Path, typer.Argument(help="Pose graph to optimize.", metavar="IN.g2o")],
+    out: Path = option(OUTPUT, "OUT.g2o", "The optimized pose graph.", REQUIRED, "-o", "--out"),
     objective: str = choice(
         OPTIMIZATION,
         "full or isotropic. full: the whole information matrix of every edge; isotropic: one weight for the rotation "
         "and one for the translation of an edge, so that the optimum can be certified.",
         OBJECTIVES,
-    )
+    ),
     start: str = choice(
         OPTIMIZATION,
         "Initial poses: chordal, given or incremental. chordal: computed from the edges alone; given: the poses in the "
         "file; incremental: from iSAM2, which adds the poses one by one.",
         STARTS,
-    )
-    robust: bool = _flag("--robust", "Reject wrong edges, and leave them out of OUT.g2o.")
+    ),
+    robust: bool = _flag("--robust", "Reject wrong edges, and leave them out of OUT.g2o."),
     repair: bool = _flag(
         "--repair",
         "Make all information matrices positive definite. Says which were not: eigenvalues below a millionth of the "
         "largest are raised to it. OUT.g2o holds the repaired ones.",
-    )
-    compare: bool = _flag("--compare", "Also solve the other objective. Prints how far its solution is from this one.")
-
-
-def command(
-    source: Annotated[Path, typer.Argument(help="Pose graph to optimize.", metavar="IN.g2o")],
-    options: OptimizeOptions,
+    ),
+    both: bool = _flag("--both", "Also solve the other objective. Prints how far its solution is from this one."),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -83,22 +75,20 @@ def command(
     from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.files.writers.poses import rewrite_g2o
 
-    out, robust, compare = options.out, options.robust, options.compare
     if out.resolve() == source.resolve():
         raise InputError(f"{out} is also the input; choose another name for the output")
     start_time = time.perf_counter()
-    with progress("optimizing", 3 + compare, quiet or as_json) as advance:
+    with progress("optimizing", 3 + both, quiet or as_json) as advance:
         repairs: list[Repair] = []
-        graph = read_g2o(source, repairs if options.repair else None)
+        graph = read_g2o(source, repairs if repair else None)
         require_connected(source, graph)
         require_writable(out.parent)
         seconds = {"read": time.perf_counter() - start_time}
         advance("read")
-        objective, start = cast("Objective", options.objective), cast("Start", options.start)
-        optimized = optimize(graph, objective, start, robust)
+        optimized = optimize(graph, cast("Objective", objective), cast("Start", start), robust)
         advance("optimized")
         report: dict[str, Any] = optimized.to_json() | {"distance": None}
-        if compare:
+        if both:
             compare_time = time.perf_counter()
             report["distance"] = distance_to_other(optimized)
             seconds["compare"] = time.perf_counter() - compare_time

@@ -101,15 +101,13 @@ class Listening:
         return [word for name, value in given.items() if value is not None for word in (f"--{name}", value)]
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedFile:
-    """The file that is written."""
-
-    out: Path = option(OUTPUT, "FILE.sonar", "The recording.", REQUIRED, "-o", "--out")
-    overwrite: bool = flag(OUTPUT, "--overwrite", "Replace FILE.sonar if it is there.")
-
-
-def command(file: RecordedFile, listening: Listening, as_json: JsonOption = False, quiet: QuietOption = False) -> None:
+def command(
+    listening: Listening,
+    out: Path = option(OUTPUT, "FILE.sonar", "The recording.", REQUIRED, "-o", "--out"),
+    overwrite: bool = flag(OUTPUT, "--overwrite", "Replace FILE.sonar if it is there."),
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
     """Record what a Sonar 3D-15 sends over the network.
 
     It ends with Ctrl-C or --duration. It only listens; the sonar is set up on its own web page. Each second it says how
@@ -122,7 +120,7 @@ def command(file: RecordedFile, listening: Listening, as_json: JsonOption = Fals
     from sonarmap.tools.command.record.words import as_json as in_json
 
     source, watch, silent = listening.source, Watch(), quiet or as_json
-    settings = RecordSettings(source, file.out, listening.seconds, listening.sonar, file.overwrite)
+    settings = RecordSettings(source, out, listening.seconds, listening.sonar, overwrite)
 
     def follow(status: "Status") -> None:
         if not status.ticks and not silent:
@@ -139,7 +137,7 @@ def command(file: RecordedFile, listening: Listening, as_json: JsonOption = Fals
     if not as_json:
         for line in end_lines(status):
             typer.echo(printable(line))
-        typer.echo(f"\nnext: sonarmap inspect {printable(str(file.out))}")
+        typer.echo(f"\nnext: sonarmap inspect {printable(str(out))}")
 
 
 @contextmanager

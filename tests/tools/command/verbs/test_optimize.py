@@ -59,7 +59,7 @@ def wrong_loop(source: Path) -> Path:
 
 
 def test_the_full_objective_tells_all(source: Path) -> None:
-    summary = told(source, "--compare")
+    summary = told(source, "--both")
     assert set(summary) == KEYS
     assert (summary["poses"], summary["edges"], summary["components"]) == (12, 15, 1)
     assert summary["degrees_of_freedom"] == 6 * (15 - 11)
@@ -100,13 +100,13 @@ def test_an_information_that_is_indefinite_is_repaired_and_told(source: Path) ->
 
 
 def test_the_isotropic_objective_is_certified_and_compared(source: Path) -> None:
-    summary = told(source, "--objective", "isotropic", "--compare")
+    summary = told(source, "--objective", "isotropic", "--both")
     assert summary["certificate"]["verdict"] == "certified"
     assert summary["certificate"]["gap"] <= 1e-6 * summary["cost_after"]
     written = read_g2o(source.parent / "out.g2o")
     problem = ChordalProblem.of(12, written.edges)
     assert problem.cost(written.trajectory.T_world_sensor) == pytest.approx(summary["cost_after"], rel=1e-9)
-    there, back = summary["distance"], told(source, "--compare")["distance"]
+    there, back = summary["distance"], told(source, "--both")["distance"]
     assert (there.pop("to"), back.pop("to")) == ("full", "isotropic")
     assert there == pytest.approx(back, rel=1e-6)
     assert 0 < there["translation_rms_m"] < there["translation_max_m"] < 1
@@ -195,7 +195,7 @@ def test_one_pose_and_two_fixed(tmp_path: Path, source: Path) -> None:
     source.write_text(source.read_text() + "FIX 0 3\n")
     result = sonarmap("optimize", source, "-o", tmp_path / "out.g2o", "--objective", "isotropic")
     refused(result, "2 vertices are fixed")
-    assert "2 vertices are fixed" in told(source, "--compare")["distance"]["reason"]
+    assert "2 vertices are fixed" in told(source, "--both")["distance"]["reason"]
 
 
 def test_an_optimizer_that_does_not_come_to_rest_says_so(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
