@@ -11,8 +11,8 @@ from tests.samples.places import ROOT
 
 PACKAGES = ("kernels", "spectral", "slam", "tools")
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
-WEB = sorted((ROOT / "sonarmap/tools/products/report/page/web").rglob("*.js"))
-WEB += sorted((ROOT / "sonarmap/tools/products/report/page/web").rglob("*.html"))
+WEB = sorted((ROOT / "sonarmap/tools/products/report/web").rglob("*.js"))
+WEB += sorted((ROOT / "sonarmap/tools/products/report/web").rglob("*.html"))
 REFUSED = {  # pattern: what a colleague would say
     r"\bhears?\b|\bheard\b": "--x has no effect with y",
     r"\bparted by\b": "separated by",

@@ -113,7 +113,7 @@ def write_report(folder: Map | str | os.PathLike[str]) -> Path:
     Raises:
         InputError: the map's files are missing or damaged, or the page cannot be written.
     """
-    from sonarmap.tools.products.report.page.page import write_report as write_page
+    from sonarmap.tools.products.report.page import write_report as write_page
 
     finished = opened_map(folder)
     with locked(finished.path, writing=True):

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.tools.products.report.page.browser import end_browsers
+from tests.tools.products.report.browser import end_browsers
 
 
 @pytest.fixture(scope="package", autouse=True)

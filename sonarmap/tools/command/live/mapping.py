@@ -34,8 +34,7 @@ from sonarmap.tools.files.readers.corrections import Corrections
 from sonarmap.tools.files.readers.incoming import Incoming, Mark, incoming, replayed
 from sonarmap.tools.methods.fingerprint import method_key
 from sonarmap.tools.products.live import messages
-from sonarmap.tools.products.live.coverage import coverage
-from sonarmap.tools.products.live.messages import State
+from sonarmap.tools.products.live.messages import State, coverage
 
 _FIRST = 10  # scans that choose the voxel, or those of so many seconds
 _FIRST_SECONDS = 3.0

@@ -323,7 +323,7 @@ def _write_report_and_exports(mapped: Mapped, report: bool, exports: "ExportSett
     """Write what is made of the finished map: its report, and the formats of --export."""
     from sonarmap.tools.files.map_folder.folder import read_map_folder
     from sonarmap.tools.files.map_folder.names import REPORT
-    from sonarmap.tools.products.report.page.page import write_report
+    from sonarmap.tools.products.report.page import write_report
 
     out = mapped.out
     written_summary(out)  # a folder that was removed meanwhile is better named so than as the report would

@@ -30,7 +30,7 @@ def command(
     report = source / REPORT
     if write:
         from sonarmap.tools.files.map_folder.folder import read_map_folder
-        from sonarmap.tools.products.report.page.page import write_report
+        from sonarmap.tools.products.report.page import write_report
 
         with locked(source, writing=True):
             write_report(read_map_folder(source))

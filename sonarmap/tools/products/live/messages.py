@@ -1,17 +1,22 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
 """What the mapping says to the page: points and poses, how the dive goes, and what a browser still lacks.
 
 Each message has a name, under which it replaces the one before. Texts are JSON, bytes little-endian numbers.
 """
 
 import json
+from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from io import BytesIO
 from struct import pack
 from threading import Lock
 from typing import Literal
 
 import numpy as np
+from PIL import Image
+from scipy import ndimage
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.counted import counted
@@ -27,6 +32,15 @@ Status = Literal["waiting", "recording", "placed", "uncertain", "lost", "ended"]
 _SILENT, _LATE = 3.0, 1.0  # [s] that are worth a word
 _MANY = 256  # scans that wait in memory at most
 AT_ONCE = 16  # binary messages between two looks at the texts
+_SEEN = (  # color, words: of kinds 1 to 4
+    ("#0072b2", "4 times or more"),
+    ("#56b4e9", "2 or 3 times"),
+    ("#e69f00", "once"),
+    ("#d55e00", "holes, never seen"),
+)
+_LEAST_HOLE = 4  # cells: smaller gaps lie between beams
+_MOST_ACROSS = 1000  # cells; beyond it they are made coarser
+_STRAY = 0.001  # share of the cells at each side that may lie far out
 
 
 def seven(T: RigidTransform) -> list[float]:
@@ -161,3 +175,52 @@ class Kept:
         sent = texts + [each for each in new if isinstance(each[1], bytes)][:AT_ONCE]
         reached.update({type(content): at for at, content in sent})
         return [content for _, content in sent]
+
+
+def coverage(seen: Sequence[np.ndarray], cell: float, part: int) -> Message:
+    """How often the plan of a part was seen.
+
+    Args:
+        seen: of each of its key scans the points, (n, 2) [m, the part's frame].
+        cell: edge of a cell [m].
+        part: its number.
+    """
+    counts, corner, cell = _counted(seen, cell)
+    kinds = np.select([counts >= 4, counts >= 2, counts == 1, _holes(counts == 0)], [1, 2, 3, 4]).astype(np.uint8)
+    image = Image.fromarray(kinds[::-1])  # y up
+    image.putpalette(bytes(3) + b"".join(bytes.fromhex(color[1:]) for color, _ in _SEEN))
+    file = BytesIO()
+    image.save(file, "png", transparency=0)
+    areas = np.bincount(kinds.ravel(), minlength=5)[1:] * cell**2
+    legend = [[color, words, float(area)] for (color, words), area in zip(_SEEN, areas, strict=True)]
+    content = {"kind": "coverage", "part": part, "corner": corner, "size": [cell * n for n in kinds.shape[::-1]]}
+    picture = "data:image/png;base64," + b64encode(file.getvalue()).decode()
+    return f"coverage {part}", json.dumps({**content, "legend": legend, "picture": picture}, allow_nan=False)
+
+
+def _counted(seen: Sequence[np.ndarray], cell: float) -> tuple[np.ndarray, list[float], float]:
+    """Counts (height, width) row by row from the smallest y on, the smallest x and y [m], and the edge of a cell."""
+    cells = np.concatenate([_cells(points, cell) for points in seen])
+    if not len(cells):
+        return np.zeros((1, 1), int), [0.0, 0.0], cell
+    low, high = np.quantile(cells, [_STRAY, 1 - _STRAY], axis=0).astype(int)
+    if (high - low).max() >= _MOST_ACROSS:
+        return _counted(seen, 2 * cell)
+    counts = np.zeros((high - low + 1)[::-1], int)
+    x, y = (cells[((cells >= low) & (cells <= high)).all(axis=1)] - low).T
+    np.add.at(counts, (y, x), 1)
+    return counts, (low * cell).tolist(), cell
+
+
+def _cells(points: np.ndarray, cell: float) -> np.ndarray:
+    """(n, 2) those in which a scan has points; a single one may be a stray echo."""
+    cells, counts = np.unique(np.floor(points / cell).astype(int), axis=0, return_counts=True)
+    return cells[counts > 1]
+
+
+def _holes(empty: np.ndarray) -> np.ndarray:
+    """The cells that were never seen, but lie within what was."""
+    inside = empty & ndimage.binary_fill_holes(~empty)
+    labels = np.zeros(empty.shape, np.int32)
+    ndimage.label(inside, output=labels)
+    return inside & (np.bincount(labels.ravel())[labels] >= _LEAST_HOLE)

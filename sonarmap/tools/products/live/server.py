@@ -22,7 +22,7 @@ from websockets.http11 import Request, Response
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.products.live.messages import Kept, Message
-from sonarmap.tools.products.report.page.page import REPORT_WEB, joined, part
+from sonarmap.tools.products.report.page import REPORT_WEB, joined, part
 
 MOST_BROWSERS = 8
 LARGEST = 1024  # message from a browser, which has nothing to say [bytes]

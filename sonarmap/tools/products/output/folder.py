@@ -32,7 +32,7 @@ from sonarmap.tools.products.output.graph_file import survey_graph
 from sonarmap.tools.products.output.pairs_file import write_pairs
 from sonarmap.tools.products.output.summary import SurveyRun, survey_summary
 from sonarmap.tools.products.report.map_picture import draw_map
-from sonarmap.tools.products.report.page.provenance import inputs_of
+from sonarmap.tools.products.report.provenance import inputs_of
 
 _LAYER = re.compile(r"_survey_(\d+)$")
 _ALL = re.compile(r"map_all(_\d+)?(_survey_\d+)?")

@@ -1,5 +1,5 @@
-"""Pictures as PNG files: of a registration step by step, of a map from above, of what the loops changed.
+"""report.html, one page with the map in 3D and all that a survey says of itself, and pictures as PNG files.
 
-In: results of spectral/ and slam/. Out: files. `*_panels.py` draw parts of a figure, `plan.py` cuts the true plan of a
-simulated scene. Matplotlib is imported only inside the functions that draw.
+In: the folder that `sonarmap map` wrote, or the result. Out: files that need no network. `content.py` gathers,
+`points.py` packs the points, and `page.py` joins them with what is in `web`, which other pages use, too.
 """

@@ -15,7 +15,7 @@ from sonarmap.slam.parts import placed
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
 from sonarmap.tools.products.png import write_png
-from sonarmap.tools.products.report.page.provenance import plain_text, survey_date, survey_name
+from sonarmap.tools.products.report.provenance import plain_text, survey_date, survey_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -107,7 +107,7 @@ class TestJson:
         def fail(*_: object) -> None:
             raise InputError("no room for it")
 
-        monkeypatch.setattr("sonarmap.tools.products.report.page.page.write_report", fail)
+        monkeypatch.setattr("sonarmap.tools.products.report.page.write_report", fail)
         result = sonarmap("map", *scans[:2], "-o", tmp_path, *GRID, "--json")
         assert failure(result) == {"error": "no room for it", "exit_code": 2}
         assert (tmp_path / "map.ply").exists()

@@ -125,7 +125,7 @@ def test_the_report_s_files_are_written_likewise(tmp_path: Path) -> None:
         pytest.skip("no Node.js is installed: apt-get install nodejs")
     texts = [text.encode("utf-8", "backslashreplace").decode() for text in (*NAMES, *drawn(1000))]
     write_table(tmp_path / "a.csv", ["name", "n"], ([text, -0.5] for text in texts))
-    script = (ROOT / "tools/products/report/page/web/ties.js").read_text(encoding="utf-8")
+    script = (ROOT / "tools/products/report/web/ties.js").read_text(encoding="utf-8")
     rows = [{"name": text, "n": -0.5} for text in texts]
     script += f"\nprocess.stdout.write(csvOf('a,=1;=2', ['name', 'n'], {json.dumps(rows)}));\n"
     (tmp_path / "a.js").write_text(script, encoding="utf-8")

@@ -7,8 +7,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.products.live import messages
-from sonarmap.tools.products.live.coverage import coverage
-from sonarmap.tools.products.live.messages import Message, State
+from sonarmap.tools.products.live.messages import Message, State, coverage
 
 BETWEEN = 3  # scans from one key scan to the next
 

@@ -10,7 +10,7 @@ from PIL import Image
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.products.live import messages
-from sonarmap.tools.products.live.coverage import coverage
+from sonarmap.tools.products.live.messages import coverage
 
 T = RigidTransform.from_components([1.0, 2.0, 3.0], Rotation.from_quat([0.0, 0.0, 0.6, 0.8]))
 SEVEN = [1, 2, 3, 0, 0, 0.6, 0.8]

@@ -9,11 +9,10 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.tools.products.live import messages
-from sonarmap.tools.products.live.coverage import coverage
-from sonarmap.tools.products.live.messages import State
+from sonarmap.tools.products.live.messages import State, coverage
 from sonarmap.tools.products.live.server import LivePage
 from tests.tools.products.live.known_dive import KnownDive
-from tests.tools.products.report.page.browser import SOFTWARE, WITHOUT_WEBGL, Opened, browsed, wait_until
+from tests.tools.products.report.browser import SOFTWARE, WITHOUT_WEBGL, Opened, browsed, wait_until
 
 
 @contextmanager

@@ -2,8 +2,8 @@
 
 import pytest
 
-from sonarmap.tools.products.report.page.content import Content
-from tests.tools.products.report.page.known_map import known_content
+from sonarmap.tools.products.report.content import Content
+from tests.tools.products.report.known_map import known_content
 
 
 @pytest.fixture(scope="package")

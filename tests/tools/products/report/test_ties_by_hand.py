@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sonarmap.tools.products.report.page.content import Content
-from tests.tools.products.report.page.browser import WITHOUT_WEBGL, Opened, click, opened
-from tests.tools.products.report.page.known_map import AS_WRITTEN, NAMES, path_of, saved
+from sonarmap.tools.products.report.content import Content
+from tests.tools.products.report.browser import WITHOUT_WEBGL, Opened, click, opened
+from tests.tools.products.report.known_map import AS_WRITTEN, NAMES, path_of, saved
 
 MADE: dict[str, Any] = {"target": NAMES[0], "source": NAMES[7], "verdict": "add", "note": 'why, "so"', "effect": "kept"}
 MADE |= {"transform": {}}

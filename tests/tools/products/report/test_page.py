@@ -16,14 +16,14 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH, REPORT, SUMMARY
-from sonarmap.tools.products.report.page.content import Content, content_of
-from sonarmap.tools.products.report.page.page import SCRIPTS, report_text, write_report
+from sonarmap.tools.products.report.content import Content, content_of
+from sonarmap.tools.products.report.page import SCRIPTS, report_text, write_report
 from tests.samples.places import ROOT
 from tests.tools.products.export.finished import finished_map
-from tests.tools.products.report.page.browser import WITHOUT_WEBGL, click, opened, wait_until
-from tests.tools.products.report.page.known_map import DOT, folder_of, known_points, written
+from tests.tools.products.report.browser import WITHOUT_WEBGL, click, opened, wait_until
+from tests.tools.products.report.known_map import DOT, folder_of, known_points, written
 
-WEB = ROOT / "tools" / "products" / "report" / "page" / "web"
+WEB = ROOT / "tools" / "products" / "report" / "web"
 
 
 def test_only_what_the_policy_names_may_run_and_no_other_address_is_named(content: Content) -> None:

@@ -10,11 +10,11 @@ import numpy as np
 
 from sonarmap.tools.files.map_folder.folder import Map, read_map_folder
 from sonarmap.tools.files.readers.csv_table import plain_text
-from sonarmap.tools.products.report.page.content import Content, content_of
-from sonarmap.tools.products.report.page.page import report_text
-from sonarmap.tools.products.report.page.points import FRACTION
+from sonarmap.tools.products.report.content import Content, content_of
+from sonarmap.tools.products.report.page import report_text
+from sonarmap.tools.products.report.points import FRACTION
 from tests.tools.products.export.finished import finished_map
-from tests.tools.products.report.page.browser import Opened
+from tests.tools.products.report.browser import Opened
 
 VOXEL = 0.5
 QUANTUM = VOXEL / FRACTION

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.products.report.page.content import Content
-from sonarmap.tools.products.report.page.points import pack
-from tests.tools.products.report.page.browser import Opened, click, opened, seen_at
-from tests.tools.products.report.page.known_map import QUANTUM, VOXEL, A, B, known_points, unpack, written
+from sonarmap.tools.products.report.content import Content
+from sonarmap.tools.products.report.points import pack
+from tests.tools.products.report.browser import Opened, click, opened, seen_at
+from tests.tools.products.report.known_map import QUANTUM, VOXEL, A, B, known_points, unpack, written
 
 
 @pytest.fixture(scope="module")

@@ -16,10 +16,10 @@ from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH
 from sonarmap.tools.files.user_file import read_json
 from sonarmap.tools.files.writers.points import write_ply
-from sonarmap.tools.products.report.page.content import content_of
-from sonarmap.tools.products.report.page.points import FRACTION, TILE, codes, doubtful_of, pack
-from tests.tools.products.report.page.browser import Opened, click, opened, wait_until
-from tests.tools.products.report.page.known_map import QUANTUM, A, B, folder_of, known_points, unpack, written
+from sonarmap.tools.products.report.content import content_of
+from sonarmap.tools.products.report.points import FRACTION, TILE, codes, doubtful_of, pack
+from tests.tools.products.report.browser import Opened, click, opened, wait_until
+from tests.tools.products.report.known_map import QUANTUM, A, B, folder_of, known_points, unpack, written
 
 SHIFT = np.array([0.75, -1.5, 0.25])  # of the track, by the loops
 
@@ -180,7 +180,7 @@ def test_few_points(count: int) -> None:
 
 def test_many_doubtful_points_are_thinned_evenly(tmp_path: Path) -> None:
     folder = doubted(tmp_path / "out", 100)
-    with patch("sonarmap.tools.products.report.page.points.MOST_DOUBTFUL", 30):
+    with patch("sonarmap.tools.products.report.points.MOST_DOUBTFUL", 30):
         data, shown = doubtful_of(folder, folder.parts[0])
     assert data is not None
     assert shown is not None

@@ -8,8 +8,8 @@ import pytest
 
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.folder import read_map_folder
-from sonarmap.tools.products.report.page.content import content_of, verdict
-from sonarmap.tools.products.report.page.provenance import map_command
+from sonarmap.tools.products.report.content import content_of, verdict
+from sonarmap.tools.products.report.provenance import map_command
 from tests.tools.products.export.finished import finished_map
 
 HEIGHT = "height over the first scan"

@@ -10,9 +10,9 @@ import numpy as np
 
 from sonarmap.tools.files.geo.georeference import VERTICALS
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
-from sonarmap.tools.products.report.page import evidence
-from sonarmap.tools.products.report.page.points import MOST_CODE, codes, doubtful_of, pack
-from sonarmap.tools.products.report.page.provenance import citation, inputs_of, map_command, setting_rows, title
+from sonarmap.tools.products.report import evidence
+from sonarmap.tools.products.report.points import MOST_CODE, codes, doubtful_of, pack
+from sonarmap.tools.products.report.provenance import citation, inputs_of, map_command, setting_rows, title
 
 PICTURES = (".png",)
 _EXTREMES = (0.01, 0.99)  # quantiles of heights between which the colors change

@@ -15,7 +15,7 @@ from sonarmap.tools.files.map_folder.folder import Map
 from sonarmap.tools.files.map_folder.names import REPORT, as_written, write_summary
 from sonarmap.tools.files.user_file import naming
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
-from sonarmap.tools.products.report.page.content import Content, content_of
+from sonarmap.tools.products.report.content import Content, content_of
 
 # One after another in one scope, so that a name is there before what uses it at load.
 SCRIPTS = tuple(
@@ -27,7 +27,7 @@ SCRIPTS = tuple(
         *("profile", "sections", "main"),
     )
 )
-REPORT_WEB = "sonarmap.tools.products.report.page.web"
+REPORT_WEB = "sonarmap.tools.products.report.web"
 Files = Sequence[tuple[str, str]]  # package and name of each
 
 

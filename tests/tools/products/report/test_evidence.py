@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
-from sonarmap.tools.products.report.page.evidence import (
+from sonarmap.tools.products.report.evidence import (
     control_rows,
     crossing_rows,
     kept_sequential,
@@ -20,7 +20,7 @@ from sonarmap.tools.products.report.page.evidence import (
     tie_rows,
     track_of,
 )
-from tests.tools.products.report.page.known_map import folder_of, known_points
+from tests.tools.products.report.known_map import folder_of, known_points
 
 
 def test_an_ellipsoid_is_turned_with_its_pose() -> None:
