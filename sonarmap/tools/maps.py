@@ -101,7 +101,7 @@ def write_map(
 
 @public
 def write_report(folder: Map | str | os.PathLike[str]) -> Path:
-    """Write report.html of a finished map into its folder, as `sonarmap view --write` does: the map in 3D, its loops
+    """Write report.html of a finished map into its folder, as `sonarmap view --rebuild` does: the map in 3D, its loops
     and its uncertainty.
 
     Args:

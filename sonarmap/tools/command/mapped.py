@@ -231,7 +231,7 @@ def _next_steps(mapped: Mapped) -> str:
     )
     if len(mapped.result.components) == 1:
         place = "" if mapped.on_earth else " --origin LAT,LON"
-        steps.append(f"sonarmap export {out} --to gis --format laz,geotiff{place}")
+        steps.append(f"sonarmap export {out} -o gis --format laz,geotiff{place}")
     else:
         steps.append("to join what is apart: --priors FILE (navigation), --set hypotheses=24, or more scans in between")
     return "\n".join(steps)

@@ -26,7 +26,7 @@ _output = partial(option, OUTPUT)
 
 
 _RANGE = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?", re.ASCII)
-_MOST_SCANS = 1_000_000  # in --scans
+_MOST_SCANS = 1_000_000  # in --scan-numbers
 
 
 def _check_scans(text: str | None) -> str | None:
@@ -51,7 +51,7 @@ def _numbers_of(text: str) -> tuple[int, ...]:
 class ExportedFiles:
     """Which files are written, and where."""
 
-    to: Path = _output("DIR", "Folder for the files; it may be OUT itself.", REQUIRED)
+    out: Path = _output("OUT", "Folder for the files; it may be MAP itself.", REQUIRED, "-o", "--out")
     format: FormatsOption
     cell: float | None = length(OUTPUT, "Edge of a grid's cell \\[m].", CELL)
     height: str = choice(
@@ -65,7 +65,7 @@ class ExportedFiles:
         "from the scans that the map was made of. Files of points are laz, copc, e57 and xyz.",
         ("map", "all"),
     )
-    scans: str | None = _output(
+    scan_numbers: str | None = _output(
         "NUMBERS", "Export every point of these scans, e.g. 3,7-12.", callback=_check_scans, rare=True
     )
     scans_from: list[str] = _output(
@@ -74,7 +74,7 @@ class ExportedFiles:
 
 
 def command(
-    source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="OUT")],
+    source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="MAP")],
     files: ExportedFiles,
     earth: EarthPlace,
     as_json: JsonOption = False,
@@ -84,12 +84,12 @@ def command(
 
     Beside every file a second one, FILE.json, says what it is: frame, datum, CRS, vertical reference, signs, versions,
     settings, and SHA-256 of the file and of the scans. All files appear together, or none. Without --origin the map
-    lies where navigation placed it. Points of scans (--points all, --scans) are read from the scans again.
+    lies where navigation placed it. Points of scans (--points all, --scan-numbers) are read from the scans again.
     """
     from sonarmap.tools.files.map_folder.folder import read_map_folder
     from sonarmap.tools.products.export.run import ExportSettings
 
-    to, scans = files.to, None if files.scans is None else _numbers_of(files.scans)
+    scans = None if files.scan_numbers is None else _numbers_of(files.scan_numbers)
     settings = ExportSettings(
         formats=tuple(files.format),
         crs=earth.crs,
@@ -99,11 +99,11 @@ def command(
         scans=scans,
         scans_from=tuple(files.scans_from),
     )
-    with locked(source, writing=to.resolve() == source.resolve()):
+    with locked(source, writing=files.out.resolve() == source.resolve()):
         folder = read_map_folder(source)
         folder = replace(folder, georeference=earth.georeference(folder.georeference))
-        exported = export_with_progress(folder, to, settings, quiet or as_json)
+        exported = export_with_progress(folder, files.out, settings, quiet or as_json)
     if as_json:
         print_json(asdict(exported))
     else:
-        typer.echo(f"written to {printable(str(to))}: {', '.join(path.name for path in exported.files)}")
+        typer.echo(f"written to {printable(str(files.out))}: {', '.join(path.name for path in exported.files)}")

@@ -31,16 +31,17 @@ UNRELIABLE = 3
 
 def _require_points_suffix(path: Path) -> None:
     if path.suffix.lower() != ".ply":
-        raise InputError(f"{path}; give a name that ends in .ply, as in --write moved.ply")
+        raise InputError(f"{path}; give a name that ends in .ply, as in -o moved.ply")
 
 
-WriteOption = Annotated[
+MovedOption = Annotated[
     Path | None,
     value_option(
         OUTPUT,
         "FILE",
         "Write the moved scan as PLY: the source's points in the target's frame. "
         "Nothing is written if the registration is not reliable.",
+        *("-o", "--out"),
         callback=refused_by(_require_points_suffix),
     ),
 ]
@@ -53,7 +54,7 @@ def command(
     priors: PriorsFile,
     points: PointReading,
     reading: NavigationReading,
-    write: WriteOption = None,
+    out: MovedOption = None,
     imu: ImuOption = True,
     as_json: JsonOption = False,
 ) -> None:
@@ -64,11 +65,11 @@ def command(
     """
     require_effect(method, bool(priors.priors))
     navigation = reading.settings(*priors.priors)
-    pair = _read((target, source), points.corrections(), write)
+    pair = _read((target, source), points.corrections(), out)
     scans = scans_with_priors(pair, priors, navigation, imu and method.uses_priors, allow_unknown=True).scans
     configured = configure_method(scans, method)
     registration = configured.registrar.register(*(configured.registrar.prepare(scan) for scan in scans))
-    written = write if registration.accepted else None
+    written = out if registration.accepted else None
     if written is not None:
         write_moved(written, scans[1], registration.T_target_source)
     if as_json:
@@ -77,8 +78,8 @@ def command(
         print_registration(registration, configured)
         if written is not None:
             typer.echo(f"\nwritten to {printable(str(written))}: the source's points in the target's frame")
-    if write is not None and written is None:
-        warn(f"{write} is not written, as the registration is not reliable")
+    if out is not None and written is None:
+        warn(f"{out} is not written, as the registration is not reliable")
     if not registration.accepted:
         raise typer.Exit(UNRELIABLE)
 
@@ -98,7 +99,7 @@ def _read(paths: Sequence[str], corrections: "Corrections", write: Path | None) 
     if write is not None:
         for source in files:
             if source.resolve() == write.resolve():
-                raise InputError(f"--write {write} would replace {source}, which is read here; give another name")
+                raise InputError(f"-o {write} would replace {source}, which is read here; give another name")
         require_writable(write.parent)
     return scans
 

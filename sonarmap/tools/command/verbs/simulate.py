@@ -132,7 +132,7 @@ class SimulatedNavigation:
 
     priors: str | None = _nav(
         "KINDS",
-        "Also write priors.csv, what instruments would say. KINDS is one or more of attitude,heading,depth,position, "
+        "Also write priors.csv, what these instruments would measure: attitude,heading,depth,position, some of them, "
         "or all.",
         autocompletion=completes_list(INSTRUMENTS),
     )
@@ -145,7 +145,7 @@ class SimulatedNavigation:
     fix_sigma: float | None = _nav(
         "M", "With --priors position: its standard deviation, East and North \\[m].", rare=True, shown="3"
     )
-    odometry: str | None = _nav(
+    odometry_drift: str | None = _nav(
         "P,D",
         "Also write odometry.tum, dead reckoning. It drifts by P percent of the distance \\[%] and D degrees per "
         "hour \\[deg/h].",
@@ -165,8 +165,8 @@ class SimulatedNavigation:
         said = (self.fix_every, self.fix_outliers, self.fix_sigma)
         if any(value is not None for value in said) and "position" not in self.kinds:
             raise InputError(
-                "--fix-every, --fix-outliers and --fix-sigma have no effect without --priors position; give it, or "
-                "leave them out"
+                "--fix-every, --fix-outliers and --fix-sigma have no effect without --priors position; give it, "
+                "or leave them out"
             )
         return Fixes(self.fix_every or 1, self.fix_outliers or 0.0)
 
@@ -174,9 +174,9 @@ class SimulatedNavigation:
         """Of the dead reckoning: a share of the way, and a rate of turn; None without any."""
         from sonarmap.tools.files.readers.navigation.odometry import parse_drift
 
-        return None if self.odometry is None else parse_drift(self.odometry, "--odometry")
+        return None if self.odometry_drift is None else parse_drift(self.odometry_drift, "--odometry-drift")
 
-    def instruments(self) -> "Instruments | None":
+    def measured(self) -> "Instruments | None":
         """What measures the poses; None for nothing."""
         from sonarmap.tools.lab.simulate.sensing.navigation import instruments_for
 
@@ -201,7 +201,7 @@ def command(
     from sonarmap.tools.lab.simulate.simulation import simulate
 
     settings = _settings(scans)
-    fixes, drift, instruments = navigation.fixes(), navigation.drift(), navigation.instruments()
+    fixes, drift, instruments = navigation.fixes(), navigation.drift(), navigation.measured()
     if scans.spacing is not None and settings.trajectory not in SPACED:
         raise InputError(
             f"--spacing has no effect with --trajectory {settings.trajectory}, only with {' or '.join(SPACED)}; "

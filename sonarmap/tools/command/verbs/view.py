@@ -13,22 +13,22 @@ from sonarmap.tools.files.writers.atomic import locked
 
 
 def command(
-    source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="OUT")],
-    write: Annotated[
-        bool, switch(RUNNING, "--write", "Write OUT/report.html anew first. It is made from the map's files.")
+    source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="MAP")],
+    rebuild: Annotated[
+        bool, switch(RUNNING, "--rebuild", "Make the report again first, from the map's files.")
     ] = False,
     show: Annotated[bool, switch(RUNNING, "--open/--no-open", "Open the report in the browser.")] = True,
 ) -> None:
-    """Open a finished map's report, OUT/report.html, in the browser.
+    """Open a finished map's report, MAP/report.html, in the browser.
 
     The report is one file with the map in 3D, the track, the loops with their reasons and the settings. It needs no
-    network and no other file, so it can be copied and sent. `--write --no-open` writes it where there is no
+    network and no other file, so it can be copied and sent. `--rebuild --no-open` writes it where there is no
     browser.
     """
     from sonarmap.tools.files.map_folder.names import REPORT, SUMMARY
 
     report = source / REPORT
-    if write:
+    if rebuild:
         from sonarmap.tools.files.map_folder.folder import read_map_folder
         from sonarmap.tools.products.report.page import write_report
 
@@ -43,7 +43,7 @@ def command(
             )
         raise InputError(
             f"{source} has no {REPORT}, as of a map made with --no-report or by an earlier version; "
-            f"`sonarmap view {source} --write` makes it"
+            f"`sonarmap view {source} --rebuild` makes it"
         )
     if show:
         if not webbrowser.open(report.resolve().as_uri()):

@@ -27,7 +27,6 @@ class Target:
         "Height of a plane \\[m].",
         callback=checked(math.isfinite, "--level is {}; wanted a height in meters"),
     )
-    to: Path | None = option(INPUT, "OTHER", "Another folder that `sonarmap map` wrote.")
     same_frame: bool = flag(INPUT, "--same-frame", SAME_FRAME)
     cell: float | None = length(INPUT, "Edge of a cell of both grids \\[m].", CELL)
     height: str = choice(
@@ -35,12 +34,15 @@ class Target:
         "Height of a cell: top, mean or shoalest, as of `export`. top is the mean of its uppermost surface.",
         HEIGHTS,
     )
-    seen: int = option(INPUT, "N", "Count points that so many scans saw.", 1, min=1)
+    min_seen: int = option(INPUT, "N", "Count points that at least N scans saw.", 1, min=1)
 
 
 def command(
     source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="MAP")],
     target: Target,
+    other: Annotated[
+        Path | None, typer.Argument(help="Another map, in place of --level.", metavar="[OTHER]", show_default=False)
+    ] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -52,18 +54,18 @@ def command(
     from sonarmap.tools.products.export.grid import default_cell
     from sonarmap.tools.products.section.volume import volume_between, volume_to_level
 
-    if (target.level is None) == (target.to is None):
+    if (target.level is None) == (other is None):
         given = "neither" if target.level is None else "both"
-        raise InputError(f"{given} of --level and --to given; wanted one: --level Z for a plane, or --to OTHER_MAP")
-    if target.to is None and target.same_frame:
-        raise InputError("--same-frame has no effect without --to; leave it out")
-    first = _opened(source, target.seen)
-    if target.to is not None:
-        second = _opened(target.to, target.seen)
+        raise InputError(f"{given} of --level and OTHER given; wanted one: --level Z for a plane, or another map")
+    if other is None and target.same_frame:
+        raise InputError("--same-frame has no effect without OTHER; leave it out")
+    first = _opened(source, target.min_seen)
+    if other is not None:
+        second = _opened(other, target.min_seen)
         if None in (first.georeference, second.georeference):
             if not target.same_frame:
                 raise InputError(
-                    f"{source} and {target.to} are not both placed on the Earth; wanted two maps in one frame: map "
+                    f"{source} and {other} are not both placed on the Earth; wanted two maps in one frame: map "
                     "again with positions or --origin, or give --same-frame if they are in one anyway"
                 )
             first, second = (replace(each, georeference=None) for each in (first, second))  # heights as they are, too
@@ -74,15 +76,15 @@ def command(
         volume = volume_to_level(first, target.level, target.cell or default_cell(first.voxel), target.height)
         words = "above the plane", "missing below it"
     if as_json:
-        ends = {"map": source, "level_m": target.level, "to": target.to}
+        ends = {"map": source, "level_m": target.level, "to": other}
         print_json({**ends, "heights": first.height_words, **volume.as_json})
         return
     rows = {f"cut ({words[0]})": volume.cut, f"fill ({words[1]})": volume.fill, "net (fill - cut)": volume.net}
     print_rows({name: f"{number:,.2f} m3, sigma {sigma:,.2f} m3" for name, (number, sigma) in rows.items()})
     print_result(f"{volume.compared:,.1f} m2 were compared, in cells of {volume.cell:.3g} m; {first.height_words}")
-    if target.to is not None:
+    if other is not None:
         print_result(
-            f"{volume.map_only:,.1f} m2 are in {source} alone and {volume.target_only:,.1f} m2 in {target.to} alone: "
+            f"{volume.map_only:,.1f} m2 are in {source} alone and {volume.target_only:,.1f} m2 in {other} alone: "
             "of these nothing is known"
         )
 

@@ -116,8 +116,8 @@ def _require_fitting(settings: ExportSettings) -> None:
     fitting = [name for name, form in FORMATS.items() if form.of_points]
     if (settings.of_scans or settings.scans is not None) and not set(fitting) & set(settings.formats):
         raise InputError(
-            f"--points and --scans have no effect without a format of points ({', '.join(fitting)}); name one, or "
-            "leave them out"
+            f"--points and --scan-numbers have no effect without a format of points ({', '.join(fitting)}); name "
+            "one, or leave them out"
         )
     other = [name for name in settings.needing_place if FORMATS[name].coordinates == "projected"]
     if settings.crs == MAP_FRAME and other:

@@ -38,7 +38,7 @@ class PlacedMap:
         if not kept.any():
             most = int(self.part.columns["seen"].max())
             raise InputError(
-                f"no point of {self.path} was seen by {least} scans, at most by {most}; give a smaller --seen"
+                f"no point of {self.path} was seen by {least} scans, at most by {most}; give a smaller --min-seen"
             )
         return replace(self, part=self.part.take(kept))
 

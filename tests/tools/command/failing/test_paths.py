@@ -16,7 +16,7 @@ CALLS = [
     ("inspect", "PATH"),
     ("template", "PATH", "-o", "OUT"),
     ("view", "PATH"),
-    ("export", "PATH", "--to", "OUT", "--format", "laz"),
+    ("export", "PATH", "-o", "OUT", "--format", "laz"),
     ("locate", "PATH", "SCAN"),
     ("section", "PATH", "--from", "0,0", "--to", "1,1", "-o", "OUT"),
     ("volume", "PATH", "--level", "1"),

@@ -25,7 +25,7 @@ def placed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A map on the Earth, and its points as LAZ."""
     root = tmp_path_factory.mktemp("placed")
     folder = finished_map(root / "map", georeference=Georeference(60.0, 9.0, height=-3.0))
-    done(sonarmap("export", folder, "--to", root / "out", "--format", "laz"))
+    done(sonarmap("export", folder, "-o", root / "out", "--format", "laz"))
     return folder, root / "out" / "map.laz"
 
 

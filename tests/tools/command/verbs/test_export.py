@@ -24,7 +24,7 @@ def mapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_formats_are_repeated_or_separated_by_commas(mapped: Path, tmp_path: Path) -> None:
-    result = done(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz,KMZ", "--format", "laz", *ORIGIN))
+    result = done(sonarmap("export", mapped, "-o", tmp_path, "--format", "laz,KMZ", "--format", "laz", *ORIGIN))
     names = {"map.laz", "map.laz.json", "map.kmz", "map.kmz.json"}
     assert {path.name for path in tmp_path.iterdir()} == names
     assert all(name in result.stdout for name in names)
@@ -32,14 +32,14 @@ def test_formats_are_repeated_or_separated_by_commas(mapped: Path, tmp_path: Pat
 
 
 def test_names_that_are_nearly_right_are_understood(mapped: Path, tmp_path: Path) -> None:
-    done(sonarmap("export", mapped, "--to", tmp_path, "--format", "geotif, geojsn", *ORIGIN))
+    done(sonarmap("export", mapped, "-o", tmp_path, "--format", "geotif, geojsn", *ORIGIN))
     assert {"grid.tif", "track.geojson"} < {path.name for path in tmp_path.iterdir()}
-    refused(sonarmap("export", mapped, "--to", tmp_path, "--format", "csv,las"), "did you mean laz?")
+    refused(sonarmap("export", mapped, "-o", tmp_path, "--format", "csv,las"), "did you mean laz?")
 
 
 def test_a_map_without_a_place_gives_points_in_its_own_frame(mapped: Path, tmp_path: Path) -> None:
-    refused(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz"), "or --crs map for points and grids")
-    done(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz,copc", "--crs", "map"))
+    refused(sonarmap("export", mapped, "-o", tmp_path, "--format", "laz"), "or --crs map for points and grids")
+    done(sonarmap("export", mapped, "-o", tmp_path, "--format", "laz,copc", "--crs", "map"))
     las, part = laspy.read(tmp_path / "map.laz"), read_map_folder(mapped).parts[0]
     np.testing.assert_allclose(las.xyz, part.points, rtol=0, atol=5.1e-4)
     assert las.header.parse_crs() is None
@@ -52,7 +52,7 @@ def test_a_map_without_a_place_gives_points_in_its_own_frame(mapped: Path, tmp_p
 def test_a_grid_in_the_map_s_own_frame(mapped: Path, tmp_path: Path, origin: tuple[str, ...]) -> None:
     """Whether its place is known or not: by a loop over the points."""
     asked = ("--format", "geotiff", "--crs", "map", "--cell", "2", "--height", "shoalest")
-    done(sonarmap("export", mapped, "--to", tmp_path, *asked, *origin))
+    done(sonarmap("export", mapped, "-o", tmp_path, *asked, *origin))
     folder = read_map_folder(mapped)
     surface = folder.surface(folder.parts[0])
     cells: dict[tuple[int, int], list[int]] = {}
@@ -76,7 +76,7 @@ def test_a_grid_in_the_map_s_own_frame(mapped: Path, tmp_path: Path, origin: tup
 
 
 def test_json_lists_the_files(mapped: Path, tmp_path: Path) -> None:
-    result = sonarmap("export", mapped, "--to", tmp_path, "--format", "kmz", *ORIGIN, "--json")
+    result = sonarmap("export", mapped, "-o", tmp_path, "--format", "kmz", *ORIGIN, "--json")
     said = json.loads(result.stdout)
     assert said["files"] == [str(tmp_path / "map.kmz"), str(tmp_path / "map.kmz.json")]
     assert (said.keys(), said["grids"]) == ({"files", "notes", "grids"}, [])
@@ -87,17 +87,17 @@ def test_what_no_option_says_stays_as_the_map_has_it(mapped: Path, tmp_path: Pat
     out = finished_map(tmp_path / "out")
     options = ("--origin-heading", "12.5", "--vertical", "EGM96")
     for extra in ((), ("--crs", "EPSG:25832")):
-        done(sonarmap("export", out, "--to", tmp_path / "gis", "--format", "laz", *ORIGIN, *options, *extra))
+        done(sonarmap("export", out, "-o", tmp_path / "gis", "--format", "laz", *ORIGIN, *options, *extra))
         said = json.loads((tmp_path / "gis" / "map.laz.json").read_text())
         assert (said["vertical_epsg"], said["origin"]["x_axis_true_heading_deg"]) == (5773, 12.5)
         assert said["crs"]["epsg"] == (25832 if extra else 32632)
 
 
 def test_an_origin_in_the_south_and_west(mapped: Path, tmp_path: Path) -> None:
-    done(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz", "--origin", "-33.8568,-70.5"))
+    done(sonarmap("export", mapped, "-o", tmp_path, "--format", "laz", "--origin", "-33.8568,-70.5"))
     crs: Any = laspy.read(tmp_path / "map.laz").header.parse_crs()
     assert crs.to_epsg() == 32719
-    done(sonarmap("export", mapped, "--to", tmp_path, "--format", "laz", "--origin", "33°51.408'S, 70°30'W,2"))
+    done(sonarmap("export", mapped, "-o", tmp_path, "--format", "laz", "--origin", "33°51.408'S, 70°30'W,2"))
     origin = json.loads((tmp_path / "map.laz.json").read_text())["origin"]
     assert (origin["latitude_deg"], origin["longitude_deg"]) == pytest.approx((-33.8568, -70.5))
 
@@ -136,14 +136,14 @@ def test_forms_of_an_origin(origin: str, height: float) -> None:
     ],
 )
 def test_options_that_cannot_be_used(mapped: Path, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
-    result = sonarmap("export", mapped, "--to", tmp_path / "gis", *options)
+    result = sonarmap("export", mapped, "-o", tmp_path / "gis", *options)
     refused(result, words)
     assert "Traceback" not in result.stderr
     assert not list(tmp_path.rglob("*.*"))
 
 
 def test_a_folder_that_is_no_map_ends_with_2(tmp_path: Path) -> None:
-    refused(sonarmap("export", tmp_path, "--to", tmp_path / "gis", "--format", "laz", *ORIGIN), "summary.json")
+    refused(sonarmap("export", tmp_path, "-o", tmp_path / "gis", "--format", "laz", *ORIGIN), "summary.json")
 
 
 def test_map_exports_into_its_own_folder(tmp_path: Path) -> None:
@@ -162,7 +162,7 @@ def test_map_exports_into_its_own_folder(tmp_path: Path) -> None:
     assert (said["crs"]["epsg"], said["vertical_epsg"]) == (25832, 5714)
 
     # the map knows its origin now; and without --export the next run leaves no export of another map
-    again = sonarmap("export", out, "--to", tmp_path / "gis", "--format", "laz", "--crs", "EPSG:25832", "--quiet")
+    again = sonarmap("export", out, "-o", tmp_path / "gis", "--format", "laz", "--crs", "EPSG:25832", "--quiet")
     assert again.exit_code == 0, again.stderr
     assert (tmp_path / "gis" / "map.laz").read_bytes() == (out / "map.laz").read_bytes()
     assert sonarmap(*run).exit_code == 0

@@ -24,10 +24,10 @@ def out(tmp_path: Path) -> Path:
 def commands(out: Path) -> dict[str, tuple[str | Path, ...]]:
     return {
         "map": ("map", out.parent / "scans", "-o", out, "--grid", "64"),
-        "view": ("view", out, "--write", "--no-open"),
-        "export into it": ("export", out, "--to", out, *MCAP),
-        "export of another into it": ("export", out.parent / "other", "--to", out, *MCAP),
-        "export from it": ("export", out, "--to", out.parent / "gis", *MCAP),
+        "view": ("view", out, "--rebuild", "--no-open"),
+        "export into it": ("export", out, "-o", out, *MCAP),
+        "export of another into it": ("export", out.parent / "other", "-o", out, *MCAP),
+        "export from it": ("export", out, "-o", out.parent / "gis", *MCAP),
     }
 
 
@@ -92,8 +92,8 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_it_writes_and_opens_the_report(tmp_path: Path, asked: list[str]) -> None:
     out = finished_map(tmp_path / "out ü #1")
-    refused(sonarmap("view", out), "has no report.html", "--write")
-    written = sonarmap("view", out, "--write", "--no-open")
+    refused(sonarmap("view", out), "has no report.html", "--rebuild")
+    written = sonarmap("view", out, "--rebuild", "--no-open")
     assert (written.exit_code, asked) == (0, [])
     assert (out / "report.html").read_text(encoding="utf-8").startswith("<!doctype html>")
     done(sonarmap("view", out))
@@ -106,12 +106,12 @@ def test_it_writes_anew(tmp_path: Path, asked: list[str]) -> None:
     (out / "report.html").write_text("old")
     assert sonarmap("view", out).exit_code == 0
     assert (out / "report.html").read_text() == "old"
-    assert sonarmap("view", out, "--write").exit_code == 0
+    assert sonarmap("view", out, "--rebuild").exit_code == 0
     assert (out / "report.html").read_text(encoding="utf-8") != "old"
     assert len(asked) == 2
 
 
-@pytest.mark.parametrize("options", [(), ("--write",)])
+@pytest.mark.parametrize("options", [(), ("--rebuild",)])
 def test_what_is_no_map_is_refused(tmp_path: Path, asked: list[str], options: tuple[str, ...]) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "empty").mkdir()
@@ -123,7 +123,7 @@ def test_what_is_no_map_is_refused(tmp_path: Path, asked: list[str], options: tu
 def test_without_a_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(webbrowser, "open", lambda address: False)
     out = finished_map(tmp_path / "out")
-    result = sonarmap("view", out, "--write")
+    result = sonarmap("view", out, "--rebuild")
     assert result.exit_code == 2
     said(result, "no browser can be opened here", "report.html")
     assert (out / "report.html").exists()

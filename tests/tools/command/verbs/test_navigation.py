@@ -106,7 +106,8 @@ def test_a_template_is_filled_in_and_used(folder: Path, seen: list[Scan]) -> Non
 def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A survey with a position at every second scan, of which one is 30 m off, and odometry."""
     folder = tmp_path_factory.mktemp("dive")
-    words = f"simulate --scene harbor --scans {SCANS} --priors position,depth --fix-every 2 --odometry 1,10 --seed 3"
+    measured = "--priors position,depth --fix-every 2 --odometry-drift 1,10"
+    words = f"simulate --scene harbor --scans {SCANS} {measured} --seed 3"
     assert sonarmap(*words.split(), "-o", str(folder), "--quiet").exit_code == 0
     rows = table_of(folder / "priors.csv")
     for row in rows:

@@ -152,7 +152,7 @@ def test_the_words_mean_what_a_diver_would_see(axis: str, words: str, point: lis
 
 def test_two_scans_of_different_places_are_refused_and_none_is_moved(tmp_path: Path) -> None:
     pair = write(tmp_path, here=scan(0, scene=1), there=scan(0, scene=2))
-    result = sonarmap("register", *pair, *GRID, "--json", "--write", tmp_path / "moved.ply")
+    result = sonarmap("register", *pair, *GRID, "--json", "-o", tmp_path / "moved.ply")
     found = printed(result, 3)
     assert found["reason"]
     assert (found["accepted"], "written" in found) == (False, False)
@@ -237,7 +237,7 @@ def strong_pair(tmp_path: Path) -> list[str]:
 @pytest.mark.parametrize("suffix", [".ply", ".PLY"])
 def test_the_moved_scan_lies_on_the_target(strong_pair: list[str], tmp_path: Path, suffix: str) -> None:
     moved = tmp_path / f"moved{suffix}"
-    result = done(sonarmap("register", *strong_pair, *GRID, "--write", moved))
+    result = done(sonarmap("register", *strong_pair, *GRID, "-o", moved))
     assert f"written to {moved}" in result.stdout
     read = read_scan(moved)
     # scan(0) and scan(1) are the same points, in the same order, in their own frames
@@ -249,7 +249,7 @@ def test_the_moved_scan_lies_on_the_target(strong_pair: list[str], tmp_path: Pat
 
 def test_it_is_moved_by_the_transform_that_is_printed(strong_pair: list[str], tmp_path: Path) -> None:
     moved = tmp_path / "sub" / "moved.ply"
-    printed = json.loads(sonarmap("register", *strong_pair, *GRID, "--json", "--write", moved).stdout)
+    printed = json.loads(sonarmap("register", *strong_pair, *GRID, "--json", "-o", moved).stdout)
     assert printed["written"] == str(moved)
     T = np.array(printed["T_target_source"])
     np.testing.assert_allclose(read_scan(moved).points, scan(1) @ T[:3, :3].T + T[:3, 3], atol=1e-5)
@@ -274,9 +274,9 @@ def test_viewpoints_move_with_the_points(tmp_path: Path) -> None:
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", ["moved.xyz", "moved", "moved.pcd"])
 def test_a_format_that_is_not_written_is_refused_at_once(tmp_path: Path, name: str) -> None:
-    result = sonarmap("register", "missing.ply", "missing.ply", "--write", tmp_path / name)
+    result = sonarmap("register", "missing.ply", "missing.ply", "-o", tmp_path / name)
     assert result.stdout == ""
-    refused(result, name, "give a name that ends in .ply, as in --write moved.ply")
+    refused(result, name, "give a name that ends in .ply, as in -o moved.ply")
 
 
 def test_what_cannot_be_written_is_refused_and_no_input_replaced(strong_pair: list[str], tmp_path: Path) -> None:
@@ -285,7 +285,7 @@ def test_what_cannot_be_written_is_refused_and_no_input_replaced(strong_pair: li
     before, replaces = files_in(tmp_path), ("error: ", "would replace", "give another name")
     names = dict.fromkeys(("target.ply", "source.ply", "linked.ply"), replaces)
     for name, words in {**names, "file/moved.ply": ("error: cannot write ",)}.items():
-        result = sonarmap("register", *strong_pair, *GRID, "--write", tmp_path / name)
+        result = sonarmap("register", *strong_pair, *GRID, "-o", tmp_path / name)
         assert result.stdout == ""
         refused(result, *words)
     assert files_in(tmp_path) == before

@@ -107,7 +107,7 @@ def test_what_is_not_a_map(local: Path, tmp_path: Path) -> None:
     refused(sonarmap("section", tmp_path, *LINE, "-o", tmp_path / "x" / "a.png"), "summary.json")
     refused(sonarmap("section", local, *LINE, "-o", local / "a.png"), "the map's folder")
     refused(sonarmap("volume", tmp_path, "--level", "1"), "summary.json")
-    refused(sonarmap("volume", local, "--to", tmp_path / "none", "--same-frame"), "is not a folder")
+    refused(sonarmap("volume", local, tmp_path / "none", "--same-frame"), "is not a folder")
 
 
 def test_the_volume_above_a_plane(local: Path, placed: Path) -> None:
@@ -130,11 +130,11 @@ def test_the_volume_above_a_plane(local: Path, placed: Path) -> None:
 
 
 def test_two_maps(local: Path, placed: Path) -> None:
-    result = printed(sonarmap("volume", placed, "--to", placed, "--json"))
+    result = printed(sonarmap("volume", placed, placed, "--json"))
     assert (result["cut_m3"], result["fill_m3"], result["area_map_only_m2"]) == (0, 0, 0)
     assert result["net_sigma_m3"] > 0
-    assert printed(sonarmap("volume", local, "--to", placed, "--same-frame", "--json"))["net_m3"] == 0
-    result = done(sonarmap("volume", local, "--to", placed, "--same-frame"))
+    assert printed(sonarmap("volume", local, placed, "--same-frame", "--json"))["net_m3"] == 0
+    result = done(sonarmap("volume", local, placed, "--same-frame"))
     assert "cut (lost)" in result.stdout
     assert "of these nothing is known" in result.stdout
 
@@ -142,11 +142,11 @@ def test_two_maps(local: Path, placed: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ((), "neither of --level and --to given"),
-        (("--level", "1", "--to", "other"), "both of --level and --to given"),
+        ((), "neither of --level and OTHER given"),
+        (("--level", "1", "other"), "both of --level and OTHER given"),
         (("--level", "nan"), "--level is nan"),
         (("--level", "1", "--cell", "0"), "above 0"),
-        (("--level", "1", "--seen", "99"), "give a smaller --seen"),
+        (("--level", "1", "--min-seen", "99"), "give a smaller --min-seen"),
     ],
 )
 def test_volumes_that_cannot_be_computed(local: Path, options: tuple[str, ...], words: str) -> None:
@@ -154,4 +154,4 @@ def test_volumes_that_cannot_be_computed(local: Path, options: tuple[str, ...], 
 
 
 def test_two_maps_that_share_no_frame(local: Path, placed: Path) -> None:
-    refused(sonarmap("volume", local, "--to", placed), "--same-frame")
+    refused(sonarmap("volume", local, placed), "--same-frame")

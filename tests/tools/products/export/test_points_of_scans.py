@@ -59,7 +59,7 @@ def expected(survey: Path) -> tuple[np.ndarray, np.ndarray]:
 
 def test_points_in_are_points_out_to_a_millimeter(survey: Path, tmp_path: Path) -> None:
     formats = "laz,copc,e57,xyz"
-    done(sonarmap("export", survey / "map", "--to", tmp_path, "--format", formats, "--points", "all"))
+    done(sonarmap("export", survey / "map", "-o", tmp_path, "--format", formats, "--points", "all"))
     points, scans = expected(survey)
     las: Any = laspy.read(tmp_path / "points.laz")
     np.testing.assert_allclose(local_of(las.xyz, 32632, HERE), points, rtol=0, atol=1e-3)
@@ -105,13 +105,15 @@ def test_they_are_those_of_the_map(survey: Path) -> None:
 
 
 def test_some_scans_in_the_frame_of_the_map(survey: Path, tmp_path: Path) -> None:
-    chosen = ("--scans", "1,3-3", "--crs", "map")
-    done(sonarmap("export", survey / "map", "--to", tmp_path, "--format", "xyz", *chosen))
+    chosen = ("--scan-numbers", "1,3-3", "--crs", "map")
+    done(sonarmap("export", survey / "map", "-o", tmp_path, "--format", "xyz", *chosen))
     table = np.loadtxt(tmp_path / "points.xyz", comments="/")
     points, scans = expected(survey)
     np.testing.assert_allclose(table[:, :3], points[np.isin(scans, [1, 3])], rtol=0, atol=1e-4)
     assert set(table[:, 4]) == {1, 3}
-    refused(sonarmap("export", survey / "map", "--to", tmp_path, "--format", "xyz", "--scans", "9"), "have no points")
+    refused(
+        sonarmap("export", survey / "map", "-o", tmp_path, "--format", "xyz", "--scan-numbers", "9"), "have no points"
+    )
 
 
 @pytest.mark.parametrize("change", ["gone", "longer", "fewer"])
@@ -128,7 +130,7 @@ def test_scans_that_are_gone_or_changed_are_refused(survey: Path, tmp_path: Path
         case _:
             first.unlink()
     asked = ("--format", "laz", "--points", "all", "--scans-from", tmp_path / "scans")
-    refused(sonarmap("export", survey / "map", "--to", tmp_path / "gis", *asked), "--scans-from PATH")
+    refused(sonarmap("export", survey / "map", "-o", tmp_path / "gis", *asked), "--scans-from PATH")
     assert not list(tmp_path.rglob("points*"))
 
 

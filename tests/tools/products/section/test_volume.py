@@ -146,5 +146,5 @@ def test_points_that_several_scans_saw() -> None:
     map_ = placed(bed())
     map_.part.columns["seen"][:30] = 1
     assert volume_to_level(map_.seen_by(2), -10.0, 1.0).compared == 50
-    with pytest.raises(InputError, match="at most by 2; give a smaller --seen"):
+    with pytest.raises(InputError, match="at most by 2; give a smaller --min-seen"):
         map_.seen_by(3)
