@@ -24,6 +24,7 @@ _REMEDY = (
 )
 _ROOM = 1 << 20  # bytes, of a compiled program
 _warned: set[Path] = set()
+_unwritten: dict[Path, dict[str, Any]] = {}  # what this process alone remembers
 
 
 def cache_folder() -> Path:
@@ -66,15 +67,18 @@ def require_caches() -> None:
 
 def recall(name: str) -> dict[str, Any]:
     """What `remember` wrote under this name; nothing where there is no such file, or a damaged one."""
+    path = cache_folder() / f"{name}.json"
+    if path in _unwritten:
+        return _unwritten[path]
     try:
-        content = json.loads((cache_folder() / f"{name}.json").read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return content if isinstance(content, dict) else {}  # pyright: ignore[reportUnknownVariableType]
 
 
 def remember(name: str, content: dict[str, Any]) -> None:
-    """Write a whole file or none; where the folder cannot be written, say so once and go on."""
+    """Write a whole file or none; where the folder cannot be written, say so once and keep it for this process."""
     folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -88,6 +92,7 @@ def remember(name: str, content: dict[str, Any]) -> None:
                 Path(temporary).unlink()
             raise
     except OSError as error:
+        _unwritten[folder / f"{name}.json"] = content
         _warn("XDG_CACHE_HOME", folder, _reason(error))
 
 

@@ -17,13 +17,10 @@ import pyopencl.array as cla
 from pyopencl.array import Array
 
 from sonarmap.kernels.device.cache import LOGGER
-from sonarmap.kernels.device.compiled import compile_program, identity
-from sonarmap.kernels.device.device_info import DeviceInfo, kind
+from sonarmap.kernels.device.device_info import DeviceInfo, by_preference, identity, kind, matching
 from sonarmap.kernels.device.loaded import load_devices, loaded_driver, refuse_fork
-from sonarmap.kernels.device.selection import by_preference, matching
-from sonarmap.kernels.device.source import KERNEL_FOLDER, literal
+from sonarmap.kernels.device.source import KERNEL_FOLDER, compile_program, literal
 from sonarmap.kernels.device.trial import TEST_FAILED, driver_of, known_devices, run_self_test, try_devices
-from sonarmap.kernels.device.verdict import remembered_verdict
 from sonarmap.kernels.errors import DeviceError, InputError
 
 __all__ = ["Array", "Device", "DeviceInfo", "choose_device", "list_devices"]
@@ -120,7 +117,7 @@ class Device:
         return self.build((KERNEL_FOLDER / f"{name}.cl").read_text(encoding="utf-8"), options, name)
 
     def build(self, source: str, options: tuple[str, ...] = (), name: str = "generated") -> cl.Program:
-        """Build OpenCL C source, once per process; what the compiler warns of is logged, once.
+        """Build OpenCL C source, once per process.
 
         Args:
             source: it can include files of kernels/ by name, as in `#include "device/complex.cl"`.
@@ -133,7 +130,7 @@ class Device:
         key = (source, options)
         if key not in self._programs:
             try:
-                self._programs[key] = compile_program(self.context, source, options, name)
+                self._programs[key] = compile_program(self.context, source, options)
             except cl.Error as error:
                 raise DeviceError(
                     f"the OpenCL program '{name}' did not build on {self.name} ({self.platform}):\n{error}"
@@ -246,7 +243,7 @@ def choose_device(selector: str | None = None) -> Device:
         selector: "platform:device" as `list_devices` gives them, each a number or a part of a name ("0:0",
             "pocl:0"), a platform's number ("0", its first device), "cpu", "gpu", or a part of a device's or its
             platform's name or version ("3090", "pocl"). None: what the environment variable PYOPENCL_CTX says in
-            the same form, else any. `kernels.device.selection.by_preference` has the order.
+            the same form, else any. `kernels.device.device_info.by_preference` has the order.
 
     Returns:
         The device; its `notes` say which ones were passed over, and why.
@@ -260,8 +257,8 @@ def choose_device(selector: str | None = None) -> Device:
     refuse_fork()
     wanted = selector or os.environ.get("PYOPENCL_CTX") or ""
     faults: list[str] = []
-    for remembered in (True, False):  # what another process found may be out of date
-        infos = _some(known_devices(remembered))
+    for look in (known_devices, try_devices):  # what is remembered may be out of date
+        infos = _some(look())
         faults = []
         for info in by_preference(_in_this_process(matching(wanted, infos))):
             if not (fault := info.fault or _test_fault(info)):
@@ -312,9 +309,8 @@ def _test_fault(info: DeviceInfo) -> str:
     if info.kind == "cpu" or info.self_test != "not tested":
         return ""
     LOGGER.info(f"testing {info.name} before it is used for the first time with this driver: this takes some seconds")
-    run_self_test(info)
-    verdict = remembered_verdict(info.identity)
-    return f"{TEST_FAILED}{verdict.reason}" if verdict.state == "failed" else ""
+    state, reason = run_self_test(info)
+    return f"{TEST_FAILED}{reason}" if state == "failed" else ""
 
 
 def _wanted_flavor() -> Flavor | None:

@@ -54,7 +54,7 @@ def load_devices(driver: Driver, folder: str | None = None) -> list[list[cl.Devi
     with _lock:
         if _loaded not in (None, driver):
             raise DeviceError(f"this process has loaded the OpenCL driver {_loaded.file}, not {driver.file}")
-        # our programs say what their compiler warns of (`compiled.py`); of PyOpenCL's own nobody can mend it
+        # of PyOpenCL's own programs
         warnings.filterwarnings("ignore", category=cl.CompilerWarning, module="pyopencl")
         with _alone(driver, folder):
             try:

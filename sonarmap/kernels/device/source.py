@@ -1,10 +1,16 @@
-"""OpenCL C text: numbers as literals, included files put in place, the line of a build log that names the error."""
+"""OpenCL C: numbers as literals, included files in place, compiling, the line of a build log that names the error."""
 
 import re
+import warnings
+from functools import cache
 from numbers import Integral
 from pathlib import Path
 
 import numpy as np
+import pyopencl as cl
+
+from sonarmap.kernels.device.cache import LOGGER, digest, kernel_cache, recall, remember
+from sonarmap.kernels.device.device_info import identity
 
 KERNEL_FOLDER = Path(__file__).parents[1]
 
@@ -23,9 +29,29 @@ def literal(value: int | float | np.number) -> str:
     return str(int(value)) if isinstance(value, Integral) else f"{float(np.float32(value))!r}f"
 
 
-def complete(source: str) -> str:
-    """What a compiler gets: the source with its includes in place, and no warning asked for that is of no use."""
-    return _QUIET + _inline_includes(source)
+def compile_program(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Program:
+    """Compile OpenCL C as `Device.build` takes it, and say so if these kernels are new to the device.
+
+    Raises:
+        cl.Error: it does not build.
+    """
+    device = context.devices[0]
+    record = f"compiled-{digest(*identity(device), str(kernel_cache()), kernels_digest())}"
+    if not recall(record):
+        name = device.name.strip()
+        LOGGER.info(f"compiling kernels for {name}, once: this takes some seconds")
+        remember(record, {"device": name})
+    program = cl.Program(context, _QUIET + _inline_includes(source))
+    with warnings.catch_warnings():  # tests/kernels/device/test_compiled.py shows what compilers warn of
+        warnings.simplefilter("ignore", cl.CompilerWarning)
+        return program.build([*options])
+
+
+@cache
+def kernels_digest() -> str:
+    """What tells these kernels from those of another version: their sources."""
+    files = sorted(path for suffix in ("*.cl", "*.py") for path in KERNEL_FOLDER.rglob(suffix))
+    return digest(*(path.read_text(encoding="utf-8") for path in files))
 
 
 def _inline_includes(source: str) -> str:

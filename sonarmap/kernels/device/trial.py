@@ -1,11 +1,13 @@
 # pyright: strict, reportUnknownMemberType=false, reportUnknownVariableType=false
 """Every driver and its devices are tried in a process of their own: one that crashes or hangs is named, and harms
-nothing. What came out is remembered until the machine starts anew, or its drivers change."""
+nothing. What came out is remembered until the machine starts anew, or its drivers change; what a device's self-test
+said, until its driver or the kernels change."""
 
 import json
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from importlib import import_module
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -15,59 +17,83 @@ import pyopencl as cl
 
 from sonarmap.kernels.child import LATE, Answers, answer, ask
 from sonarmap.kernels.device.cache import LOGGER, digest, recall, remember, require_caches
-from sonarmap.kernels.device.device_info import DeviceInfo, describe
+from sonarmap.kernels.device.device_info import DeviceInfo, State, describe
 from sonarmap.kernels.device.drivers import Driver, driver_fault, installed_drivers
 from sonarmap.kernels.device.loaded import load_devices, temporary_folder
-from sonarmap.kernels.device.source import informative_line
+from sonarmap.kernels.device.source import informative_line, kernels_digest
 from sonarmap.kernels.device.threads import limit_libraries
-from sonarmap.kernels.device.verdict import Verdict, remember_verdict, remembered_verdict, self_test
+from sonarmap.kernels.errors import SonarmapError
 
 _SECONDS, _SECONDS_OF_TEST = 60.0, 300.0  # for all devices of a driver; kernels may be compiled on a busy machine
 _PROBE = "__kernel void probe(__global float8* x) { x[get_global_id(0)] = fma(x[get_global_id(0)], 2.0f, 1.0f); }"
 # Variables that say which devices a driver shows, by how they begin.
 _VARIABLES = ("CUDA_VISIBLE", "GPU_DEVICE", "HIP_", "LD_", "NVIDIA_", "OCL_ICD_", "ONEAPI_", "POCL_DEV", "ROCR_", "ZE_")
+# By name: it runs all kernels, which are built on what asks for the self-test.
+_CHECKS = "sonarmap.kernels.self_test.checks"
 TEST_FAILED = "its self-test failed: "
 _FAILED = "the process that tried it failed: "
-_tried: dict[str, list[DeviceInfo]] = {}  # what is known to this process
-_recalled: set[str] = set()  # of these, what another process found
 
 
 def try_devices(test: bool = False, again: bool = False) -> list[DeviceInfo]:
     """Try every driver now, as `kernels.device.device.list_devices` says."""
-    drivers = _drivers()
-    for driver in drivers:
-        if again or not (_is_known(driver, remembered=True) and _hung(driver)):
-            _try(driver)
-        if test and any(not info.fault for info in _tried[_memory_name(driver)]):
-            _try(driver, "all")
-    return _numbered(drivers)
+    devices: list[list[DeviceInfo]] = []
+    for driver in _drivers():
+        known = _known(driver) or []
+        if again or not any(LATE in info.fault for info in known):  # one that hangs would take all of its time again
+            known = _try(driver)
+        if test and any(not info.fault for info in known):
+            known = _try(driver, "all")
+        devices.append(known)
+    return _numbered(devices)
 
 
-def known_devices(remembered: bool = True) -> list[DeviceInfo]:
-    """What the last trial of each driver said; one that this machine has not tried since it started is tried now.
-
-    A trial by another process counts only where `remembered`.
-    """
-    drivers = _drivers()
-    for driver in drivers:
-        if _is_known(driver, remembered):
-            continue
-        _try(driver)
-        for info in _tried[_memory_name(driver)]:
-            if not info.compute_units:
-                LOGGER.warning(f"the OpenCL driver {driver.file} is not used: {info.fault}")
-    return _numbered(drivers)
-
-
-def run_self_test(info: DeviceInfo) -> None:
-    """Run one device's self-test, and remember its verdict."""
-    driver = driver_of(info)
-    _try(driver, next(each.selector for each in _tried[_memory_name(driver)] if each.identity == info.identity))
+def known_devices() -> list[DeviceInfo]:
+    """What the last trial of each driver said; one that this machine has not tried since it started is tried now."""
+    devices: list[list[DeviceInfo]] = []
+    for driver in _drivers():
+        known = _known(driver)
+        if known is None:
+            known = _try(driver)
+            for info in known:
+                if not info.compute_units:
+                    LOGGER.warning(f"the OpenCL driver {driver.file} is not used: {info.fault}")
+        devices.append(known)
+    return _numbered(devices)
 
 
 def driver_of(info: DeviceInfo) -> Driver:
     """The driver of a device."""
     return next((driver for driver in installed_drivers() if driver.file == info.driver_file), Driver())
+
+
+def run_self_test(info: DeviceInfo) -> tuple[State, str]:
+    """Run one device's self-test, and remember what it said."""
+    driver = driver_of(info)
+    _try(driver, next(each.selector for each in _known(driver) or [] if each.identity == info.identity))
+    return self_test_of(info.identity)
+
+
+def self_test(device: cl.Device) -> tuple[State, str]:
+    """Test a device in this process, which its driver may end: whether it passed, and if not, what failed."""
+    checks = import_module(_CHECKS)
+    try:
+        failed = [str(measured) for measured in checks.measure(checks.Device(device)) if not measured.passed]
+        reason = "; ".join(failed)
+    except (SonarmapError, cl.Error) as error:
+        reason = informative_line(str(error))
+    return ("failed", reason) if reason else ("passed", "")
+
+
+def self_test_of(identity: tuple[str, str, str]) -> tuple[State, str]:
+    """What the last self-test of a device said, with this driver and these kernels."""
+    kept = recall(_test_name(identity))
+    state = kept.get("state")
+    return (state, str(kept.get("reason", ""))) if state in ("passed", "failed") else ("not tested", "")
+
+
+def remember_self_test(identity: tuple[str, str, str], state: State, reason: str = "") -> None:
+    """Keep what a self-test said, for this process and others."""
+    remember(_test_name(identity), {"state": state, "reason": reason, "device": identity})
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -89,8 +115,7 @@ def main(arguments: Sequence[str]) -> None:
         fault = _fault(device)
         answer(tried=[selector, fault])
         if not fault and tested in (selector, "all"):
-            verdict = self_test(device)
-            answer(tested=[selector, verdict.state, verdict.reason])
+            answer(tested=[selector, *self_test(device)])
 
 
 def _drivers() -> list[Driver]:
@@ -99,7 +124,7 @@ def _drivers() -> list[Driver]:
     return installed_drivers()
 
 
-def _try(driver: Driver, tested: str = "") -> None:
+def _try(driver: Driver, tested: str = "") -> list[DeviceInfo]:
     """Try one driver, and remember what came out; after a device that ends the process, the rest in a new one."""
     infos: dict[str, DeviceInfo] = {}
     answers = _ask(driver, infos, 0, tested)
@@ -115,7 +140,9 @@ def _try(driver: Driver, tested: str = "") -> None:
     if fault and not infos:
         name = Path(driver.file).name or "the system's loader"
         infos["0"] = DeviceInfo("0", name, fault=fault, driver_file=driver.file)
-    _keep(driver, [*infos.values()])
+    devices = [asdict(info) for info in infos.values()]
+    remember(_trial_name(driver), {"digest": _digest(driver, devices), "devices": devices})
+    return [*infos.values()]
 
 
 def _ask(driver: Driver, infos: dict[str, DeviceInfo], first: int, tested: str) -> Answers:
@@ -129,7 +156,7 @@ def _ask(driver: Driver, infos: dict[str, DeviceInfo], first: int, tested: str) 
     for selector, fault in answers.named("tried"):
         infos[selector] = replace(infos[selector], fault=fault)
     for selector, state, reason in answers.named("tested"):
-        remember_verdict(infos[selector].identity, Verdict(state, reason))
+        remember_self_test(infos[selector].identity, state, reason)
     return answers
 
 
@@ -141,38 +168,25 @@ def _blame(infos: dict[str, DeviceInfo], last: str, answers: Answers, tested: st
     if last not in faults:
         infos[last] = replace(infos[last], fault=reason)
     elif not faults[last] and tested in (last, "all") and last not in done:
-        remember_verdict(infos[last].identity, Verdict("failed", reason))
+        remember_self_test(infos[last].identity, "failed", reason)
 
 
-def _keep(driver: Driver, infos: list[DeviceInfo]) -> None:
-    name, devices = _memory_name(driver), [asdict(info) for info in infos]
-    _tried[name] = infos
-    _recalled.discard(name)
-    remember(name, {"digest": _digest(driver, devices), "devices": devices})
+def _known(driver: Driver) -> list[DeviceInfo] | None:
+    """What a trial said since the machine started and the driver changed; None where there was none."""
+    kept = recall(_trial_name(driver))
+    devices = kept.get("devices")
+    if devices is None or kept.get("digest") != _digest(driver, devices):
+        return None
+    return [DeviceInfo(**entry) for entry in devices]
 
 
-def _is_known(driver: Driver, remembered: bool) -> bool:
-    """Whether a trial is known, perhaps by another process since the machine started and its drivers changed."""
-    name = _memory_name(driver)
-    if name in _tried and (remembered or name not in _recalled or _hung(driver)):
-        return True
-    content = recall(name) if remembered else {}
-    devices = content.get("devices")
-    if devices is None or content.get("digest") != _digest(driver, devices):
-        return False
-    _tried[name] = [DeviceInfo(**entry) for entry in devices]
-    _recalled.add(name)
-    return True
-
-
-def _hung(driver: Driver) -> bool:
-    """Whether a driver that was tried did not answer: each trial would take all of its time again."""
-    return any(LATE in info.fault for info in _tried[_memory_name(driver)])
-
-
-def _memory_name(driver: Driver) -> str:
+def _trial_name(driver: Driver) -> str:
     variables = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith(_VARIABLES))
     return f"driver-{digest(driver.file, driver.library, *variables)}"
+
+
+def _test_name(identity: tuple[str, str, str]) -> str:
+    return f"tested-{digest(*identity, kernels_digest())}"
 
 
 def _digest(driver: Driver, devices: Any) -> str:
@@ -193,17 +207,17 @@ def _changed(path: Path) -> int:
         return 0
 
 
-def _numbered(drivers: list[Driver]) -> list[DeviceInfo]:
-    """Platforms counted over all drivers, and what self-tests said."""
+def _numbered(devices: list[list[DeviceInfo]]) -> list[DeviceInfo]:
+    """The devices of each driver, platforms counted over all drivers, and what self-tests said."""
     infos: list[DeviceInfo] = []
     before = 0
-    for of_driver in [_tried[_memory_name(driver)] for driver in drivers]:
+    for of_driver in devices:
         places = [info.selector.partition(":") for info in of_driver]
         for info, (platform, colon, device) in zip(of_driver, places, strict=True):
-            verdict = remembered_verdict(info.identity)
-            fault = info.fault or (f"{TEST_FAILED}{verdict.reason}" if verdict.state == "failed" else "")
+            state, reason = self_test_of(info.identity)
+            fault = info.fault or (f"{TEST_FAILED}{reason}" if state == "failed" else "")
             selector = f"{before + int(platform)}{colon}{device}"
-            infos.append(replace(info, selector=selector, fault=fault, self_test=verdict.state))
+            infos.append(replace(info, selector=selector, fault=fault, self_test=state))
         before += max((int(platform) + 1 for platform, *_ in places), default=0)
     return infos
 

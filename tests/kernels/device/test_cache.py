@@ -35,6 +35,8 @@ def test_what_is_remembered_is_recalled_and_half_a_file_is_never_left(monkeypatc
     monkeypatch.setattr(Path, "replace", full)
     monkeypatch.setattr(cache, "_warned", set())
     remember("of a device", {"state": "failed"})
+    assert recall("of a device") == {"state": "failed"}  # in this process
+    monkeypatch.setattr(cache, "_unwritten", {})
     assert recall("of a device") == {"state": "passed", "n": [1, 2]}
     assert [path.name for path in cache_folder().iterdir()] == ["of a device.json"]
 

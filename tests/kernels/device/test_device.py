@@ -14,11 +14,10 @@ import pyopencl.array as cla
 import pytest
 
 from sonarmap.kernels.device.device import Device, choose_device, list_devices
-from sonarmap.kernels.device.device_info import DeviceInfo, describe
+from sonarmap.kernels.device.device_info import DeviceInfo, by_preference, describe, matching
 from sonarmap.kernels.device.drivers import Driver
 from sonarmap.kernels.device.launch import zero
 from sonarmap.kernels.device.loaded import load_devices, loaded_driver
-from sonarmap.kernels.device.selection import by_preference, matching
 from sonarmap.kernels.device.source import informative_line
 from sonarmap.kernels.errors import DeviceError
 from tests.samples.places import ROOT
@@ -98,7 +97,8 @@ class TestChoice:
         assert driver is not None
         one = replace(describe(device.cl_device, "0:0"), driver_file=driver.file)
         infos = [one, replace(one, selector="0:1")]
-        monkeypatch.setattr("sonarmap.kernels.device.device.known_devices", lambda _=True: infos)
+        monkeypatch.setattr("sonarmap.kernels.device.device.known_devices", lambda: infos)
+        monkeypatch.setattr("sonarmap.kernels.device.device.try_devices", lambda: infos)
         monkeypatch.setattr(
             "sonarmap.kernels.device.device.load_devices", lambda _: [[device.cl_device, device.cl_device]]
         )

@@ -12,13 +12,12 @@ from typing import Any
 import pytest
 
 from sonarmap.kernels.child import Answers
-from sonarmap.kernels.device import trial, verdict
+from sonarmap.kernels.device import trial
 from sonarmap.kernels.device.cache import cache_folder
 from sonarmap.kernels.device.device import choose_device, list_devices
 from sonarmap.kernels.device.device_info import DeviceInfo
 from sonarmap.kernels.device.drivers import Driver
 from sonarmap.kernels.device.loaded import loaded_driver
-from sonarmap.kernels.device.verdict import remembered_verdict
 from sonarmap.kernels.errors import DeviceError
 from tests.samples.places import ROOT
 
@@ -44,9 +43,6 @@ def _nothing_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     known()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.delenv("PYOPENCL_CTX", raising=False)
-    monkeypatch.setattr(verdict, "_known", {})
-    monkeypatch.setattr(trial, "_tried", {})
-    monkeypatch.setattr(trial, "_recalled", set())
 
 
 @pytest.fixture
@@ -99,15 +95,12 @@ def found(*infos: DeviceInfo) -> dict[str, Any]:
 def test_a_driver_that_hangs_is_waited_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Until its file changes or the machine starts anew; `devices --test` tries it again."""
     asked = answering(monkeypatch, *[Answers((), "it did not answer within 60 s")] * 2)
-    for recalled in (False, True):
-        for look in (list_devices, lambda: list_devices(test=True, again=False)):
-            if not recalled or look is not list_devices:
-                (info,) = look()
-                assert "did not answer within 60 s; 'sonarmap devices --test' tries it once more" in info.fault
+    for look in (list_devices, lambda: list_devices(test=True, again=False)):
+        (info,) = look()
+        assert "did not answer within 60 s; 'sonarmap devices --test' tries it once more" in info.fault
         with pytest.raises(DeviceError, match="no OpenCL device works"):
             choose_device()
         assert len(asked) == 1
-        monkeypatch.setattr(trial, "_tried", {})  # as in another process
     list_devices(test=True)
     assert len(asked) == 2
 
@@ -169,20 +162,19 @@ class TestTrials:
         reason = "" if done else "the process that tried it failed: it ended with SIGSEGV"
         fault = "" if done else f"its self-test failed: {reason}"
         assert (info.fault, info.self_test) == (fault, "passed" if done else "failed")
-        assert remembered_verdict(info.identity).reason == reason
+        assert trial.self_test_of(info.identity)[1] == reason
 
 
 class TestMemory:
     def trials(self, monkeypatch: pytest.MonkeyPatch) -> int:
-        """How many processes it takes to know the devices, in a process that knows nothing yet."""
-        monkeypatch.setattr(trial, "_tried", {})
+        """How many processes it takes to know the devices."""
         count = 0
         actual = trial._try
 
-        def counted(*given: Any) -> None:
+        def counted(*given: Any) -> Any:
             nonlocal count
             count += 1
-            actual(*given)
+            return actual(*given)
 
         with monkeypatch.context() as patch:
             patch.setattr(trial, "_try", counted)
@@ -198,12 +190,11 @@ class TestMemory:
         assert [self.trials(monkeypatch) for _ in range(2)] == [1, 0]
 
     @pytest.mark.slow
-    def test_what_another_process_found_is_tried_again_where_nothing_works(self, drivers, monkeypatch):
+    def test_what_was_broken_is_tried_again_where_nothing_works(self, drivers):
         trial.known_devices()
         (name,) = [path.stem for path in cache_folder().glob("driver-*.json")]
         broken = [asdict(known()[0]) | {"fault": "it was broken then"}]
         driver = Driver(str(drivers / "good.icd"), (drivers / "good.icd").read_text())
         trial.remember(name, {"digest": trial._digest(driver, broken), "devices": broken})
-        monkeypatch.setattr(trial, "_tried", {})
         assert trial.known_devices()[0].fault == "it was broken then"
-        assert trial.known_devices(remembered=False)[0].fault == ""
+        assert chosen_in_a_new_process().stdout == "0:0\n"

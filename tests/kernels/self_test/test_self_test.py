@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.child import Answers
-from sonarmap.kernels.device import trial, verdict
-from sonarmap.kernels.device.cache import cache_folder, remember
+from sonarmap.kernels.device import trial
+from sonarmap.kernels.device.cache import cache_folder
 from sonarmap.kernels.device.device import Device, choose_device, list_devices
 from sonarmap.kernels.device.device_info import DeviceInfo, describe
 from sonarmap.kernels.device.loaded import loaded_driver
-from sonarmap.kernels.device.verdict import Verdict, remembered_verdict, self_test
+from sonarmap.kernels.device.trial import remember_self_test, self_test, self_test_of
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.kernels.self_test import checks
 
@@ -27,7 +27,6 @@ Damage = Callable[[Any], Any]
 def _empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     choose_device()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(verdict, "_known", {})
 
 
 @pytest.fixture
@@ -43,12 +42,10 @@ def gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> DeviceInfo:
         for selector in ("0:0", "0:1"):
             steps += [{"begins": selector}, {"tried": [selector, ""]}]
             if given[-1] in (selector, "all"):
-                outcome = self_test(device.cl_device)
-                steps.append({"tested": [selector, outcome.state, outcome.reason]})
+                steps.append({"tested": [selector, *self_test(device.cl_device)]})
         return Answers(tuple(steps), "")
 
     monkeypatch.delenv("PYOPENCL_CTX", raising=False)
-    monkeypatch.setattr(trial, "_tried", {})
     monkeypatch.setattr(trial, "ask", ask)
     monkeypatch.setattr(trial, "installed_drivers", lambda: [driver])
     monkeypatch.setattr("sonarmap.kernels.device.device._loaded", lambda *_: device.cl_device)
@@ -121,10 +118,10 @@ def test_a_transform_that_is_a_little_wrong_fails(device: Device, monkeypatch: p
 
     monkeypatch.setattr(checks.RealFFT, "forward", slightly_wrong)
     monkeypatch.setattr(checks, "CHECKS", checks.CHECKS[:1])
-    outcome = self_test(device.cl_device)
-    assert outcome.state == "failed"
-    assert "the Fourier transform of 32 x 64 x 128: off by" in outcome.reason
-    assert "allowed are 2e-06" in outcome.reason
+    state, reason = self_test(device.cl_device)
+    assert state == "failed"
+    assert "the Fourier transform of 32 x 64 x 128: off by" in reason
+    assert "allowed are 2e-06" in reason
 
 
 @pytest.mark.usefixtures("voxels")
@@ -143,7 +140,6 @@ def test_it_is_tested_once(gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch, cap
     assert [info.self_test for info in list_devices()] == ["not tested", "not tested"]
     assert choose_device().selector == "0:0"
     assert "testing a card before it is used for the first time" in caplog.text
-    monkeypatch.setattr(verdict, "_known", {})  # as in another process
     monkeypatch.setattr(checks, "measure", no_measure)
     assert choose_device().selector == "0:0"
     assert choose_device("0:1").selector == "0:1"  # a processor is not tested by itself
@@ -155,13 +151,13 @@ def test_it_is_tested_once(gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch, cap
 @pytest.mark.parametrize("changed", ["driver", "kernels"])
 def test_another_driver_or_kernel_is_tested_again(monkeypatch: pytest.MonkeyPatch, changed: str) -> None:
     card = ("a card", "OpenCL 3.0", "1.0")
-    remember(verdict.memory_name(card), {"state": "passed"})
-    assert remembered_verdict(card) == Verdict("passed")
+    remember_self_test(card, "passed")
+    assert self_test_of(card) == ("passed", "")
     if changed == "driver":
         card = ("a card", "OpenCL 3.0", "1.1")
     else:
-        monkeypatch.setattr(verdict, "_kernels", lambda: "of another version")
-    assert remembered_verdict(card) == Verdict("not tested")
+        monkeypatch.setattr(trial, "kernels_digest", lambda: "of another version")
+    assert self_test_of(card) == ("not tested", "")
 
 
 @pytest.mark.usefixtures("voxels")
@@ -172,18 +168,17 @@ def test_a_test_that_is_interrupted_says_nothing(gpu: DeviceInfo, monkeypatch: p
     monkeypatch.setattr(checks, "measure", interrupted)
     with pytest.raises(KeyboardInterrupt):
         choose_device()
-    assert remembered_verdict(gpu.identity) == Verdict("not tested")
+    assert self_test_of(gpu.identity) == ("not tested", "")
 
 
 def test_damaged_memory_is_none() -> None:
     card = ("a card", "OpenCL 3.0", "1.0")
-    name = verdict.memory_name(card)
-    remember(name, {"state": "failed", "reason": "voxels"})
-    path = cache_folder() / f"{name}.json"
+    remember_self_test(card, "failed", "voxels")
+    (path,) = cache_folder().glob("tested-*.json")
     whole, rng = path.read_bytes(), np.random.default_rng(1)
     for _ in range(100):
         content = bytearray(whole)
         for _ in range(rng.integers(1, 4)):
             content[rng.integers(len(content))] = rng.integers(256)
         path.write_bytes(content[: rng.integers(len(content) + 1)])
-        assert remembered_verdict(card).state in ("failed", "not tested")
+        assert self_test_of(card)[0] in ("failed", "not tested")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sonarmap.kernels.device.device import Device, choose_device, list_devices
-from sonarmap.kernels.device.verdict import Verdict, remember_verdict
+from sonarmap.kernels.device.trial import remember_self_test
 from sonarmap.kernels.errors import DeviceError
 from tests.samples import command_line
 from tests.samples.clutter_scans import done, printed, refused, said, sonarmap
@@ -18,7 +18,6 @@ class TestDevices:
         """None is asked for, and none has been tested before."""
         monkeypatch.setenv("PYOPENCL_CTX", "")
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-        monkeypatch.setattr("sonarmap.kernels.device.verdict._known", {})
 
     @pytest.mark.slow
     def test_json(self) -> None:
@@ -45,7 +44,7 @@ class TestDevices:
     @pytest.mark.slow
     def test_one_that_fails_its_test_is_refused(self) -> None:
         for info in list_devices():
-            remember_verdict(info.identity, Verdict("failed", "voxels of points: off by 1 voxels"))
+            remember_self_test(info.identity, "failed", "voxels of points: off by 1 voxels")
         result = sonarmap("devices")
         assert result.exit_code == 2
         table = " ".join(result.stdout.split())
