@@ -4,6 +4,9 @@ In: device arrays and NumPy arrays. Out: device arrays, and peaks as NumPy numbe
 programs, `fft/` transforms volumes, `points/` puts points into voxels and views, `pomf/` correlates spectra and finds
 peaks, `resample/` samples spectra on layers, `so3/` correlates layers over all rotations, `surface/` finds nearest
 points and fits surfaces to each other. Every kernel is compared with NumPy or SciPy in its test.
+
+An array of another shape, dtype or order, and a number out of its range, raise an InputError; a device without room
+for what is asked, or that cannot build a program, a DeviceError.
 """
 
 import lazy_loader

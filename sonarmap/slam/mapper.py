@@ -89,7 +89,6 @@ class _Rounds:
         self.report(self.done, self.before + planned, text)
 
     def begin_again(self) -> None:
-        """Another map begins."""
         self.before = self.done
 
 
@@ -101,9 +100,6 @@ class Mapper:
         voxel: edge of the survey's voxels [m].
         settings: everything else.
         execution: who registers pairs, with the same registrar, and the journal; None for this process without one.
-
-    Raises:
-        InputError: a voxel that is not positive.
     """
 
     def __init__(
@@ -214,7 +210,6 @@ class Mapper:
         progress: Progress | None,
         vet: Callable[[Sequence[RegisteredPair]], None] | None = None,
     ) -> SurveyResult:
-        """The map of the scans as they are."""
         scans, number, control = measurements.scans, measurements.surveys, measurements.control
         ties = tuple(measurements.ties.values())
         try:

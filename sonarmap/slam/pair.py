@@ -18,8 +18,6 @@ DEFECT = "an error of the method, not of the scans: "
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """Two scans that may be registered."""
-
     # i, j: target and source, i < j
     i: int
     j: int
@@ -31,7 +29,6 @@ class Candidate:
 
     @property
     def scans(self) -> tuple[int, int]:
-        """(i, j)."""
         return self.i, self.j
 
     def renumbered(self, number: Mapping[int, int]) -> Self:
@@ -46,8 +43,6 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class RegisteredPair(Candidate):
-    """A candidate with what came of its registration."""
-
     registration: Registration | None = None  # the result; None where the pair could not be registered
     failure: str = ""  # why it could not
     # of a step that the scans hardly show, where the usual motion has it, as wide as that may be
@@ -55,7 +50,6 @@ class RegisteredPair(Candidate):
 
     @property
     def accepted(self) -> bool:
-        """Whether the registration accepts itself."""
         return self.registration is not None and self.registration.accepted
 
     @property
@@ -103,16 +97,11 @@ class Pair(RegisteredPair):
 
     @property
     def kept(self) -> bool:
-        """Whether it is an edge of the graph."""
         return self.edge is not None
 
 
 def require_any_registered(pairs: Sequence[RegisteredPair]) -> None:
-    """Refuse a survey of which every pair failed: then the set-up is wrong, or all scans but one.
-
-    Raises:
-        InputError: no pair could be registered.
-    """
+    """Refuse a survey of which every pair failed: then the set-up is wrong, or all scans but one."""
     if pairs and all(pair.registration is None for pair in pairs):
         raise InputError(
             f"none of the {len(pairs)} pairs that were tried could be registered; the first failed: {pairs[0].failure}"

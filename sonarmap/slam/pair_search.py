@@ -61,12 +61,8 @@ class PairSearch:
     finds the one where the vehicle can be.
 
     Args:
-        runner: of the scans.
         measurements: with the scans; dead reckoning then says where a scan is expected.
         registrar: the method; only one with `register_expected` takes a second look.
-        voxel: edge of the survey's voxels [m].
-        loops: which extra pairs are tried.
-        limits: what the vehicle's motion cannot exceed.
         settled: of so many scans, the first ones, it is known how they lie to each other: no loops among them.
         looked: second looks of earlier searches, by their scans, which are not repeated; this one's are added. None:
             each look is about where the pair is expected now.

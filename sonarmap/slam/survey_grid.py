@@ -21,14 +21,6 @@ def survey_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = No
 
     A chosen voxel is rounded up to a power of 2^(1/8) m, 9 % apart, so that pairs that were registered can be used
     again when scans are added; and a scan of stray echoes does not make it coarse for all others.
-
-    Args:
-        scans: of the survey, or of several of one place.
-        edge: voxels per edge, an even product of 2, 3 and 5 from 16 to 512.
-        voxel: edge of a voxel [m]; None to choose it.
-
-    Raises:
-        InputError: a voxel is not given and no scan has an extent.
     """
     if voxel is not None:
         return Grid(edge, voxel)
@@ -36,11 +28,7 @@ def survey_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = No
 
 
 def grid_of_extents(extents: Iterable[float], edge: int = 128) -> Grid:
-    """The grid for scans of these extents [m], as `scan_extent` has them.
-
-    Raises:
-        InputError: all of them are 0.
-    """
+    """The grid for scans of these extents [m], as `scan_extent` has them."""
     sizes = [voxel_for(extent, edge) for extent in extents if extent > 0]  # 0: all points are in one place
     largest = max(sizes, default=0.0) or voxel_for(0.0, edge)  # which says why there is none
     if len(sizes) >= _MANY:

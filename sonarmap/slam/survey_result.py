@@ -168,7 +168,6 @@ class SurveyResult:
 
     @property
     def maps(self) -> tuple[PointMap, ...]:
-        """The map of every component."""
         return tuple(part.optimized for part in self.parts)
 
     @property

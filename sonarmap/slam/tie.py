@@ -25,9 +25,6 @@ class Tie:
             "add": the same, and where no search proposed the pair it is registered.
         given: T_i_j as a person measured it, which then stands in place of a registration; with "add" alone.
         note: why, in the person's words.
-
-    Raises:
-        InputError: an unknown verdict, scans that are not two in order, or a transform with another verdict than add.
     """
 
     i: int
@@ -47,15 +44,7 @@ class Tie:
             raise InputError(f"a tie with a transform has the verdict {self.verdict}; only add takes a transform")
 
     def renumbered(self, number: Mapping[int, int], names: Sequence[str]) -> "Tie":
-        """The tie with its scans counted among the key scans.
-
-        Args:
-            number: of each key scan, by its index.
-            names: of all scans.
-
-        Raises:
-            InputError: one of its scans is no key scan.
-        """
+        """The tie with its scans counted among the key scans."""
         for k in self.scans:
             if k not in number:
                 near = names[min(number, key=lambda key: abs(key - k))]
@@ -67,10 +56,8 @@ class Tie:
 
     @property
     def scans(self) -> tuple[int, int]:
-        """(i, j)."""
         return self.i, self.j
 
     @property
     def by_hand(self) -> ByHand:
-        """What its pair is marked with."""
         return self.verdict if self.given is None else "given"

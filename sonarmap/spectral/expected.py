@@ -19,11 +19,7 @@ _UNMEASURED = 1e9  # [rad, m], in place of infinite sigmas
 
 @dataclass(frozen=True, slots=True)
 class ExpectedPose:
-    """T_target_source as it is expected before the scans are compared.
-
-    Raises:
-        InputError: another shape, a number that is not finite, or a sigma that is not above 0.
-    """
+    """T_target_source as it is expected before the scans are compared."""
 
     rotation: np.ndarray  # (3,) rotation vector [rad]
     translation: np.ndarray  # (3,) [m], in the target's axes
@@ -38,7 +34,6 @@ class ExpectedPose:
 
     @property
     def T_target_source(self) -> RigidTransform:
-        """As expected."""
         return RigidTransform.from_components(self.translation, Rotation.from_rotvec(self.rotation))
 
     @classmethod

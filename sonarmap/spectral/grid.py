@@ -35,9 +35,6 @@ class Grid:
     Attributes:
         edge: voxels per edge, an even product of 2, 3 and 5 from 16 to 512 (`kernels.fft.edges.EDGES`).
         voxel: edge of a voxel [m].
-
-    Raises:
-        InputError: another edge, or a voxel that is no length above 0.
     """
 
     edge: int
@@ -50,7 +47,6 @@ class Grid:
 
     @property
     def extent(self) -> float:
-        """Edge of the whole cube [m]."""
         return self.edge * self.voxel
 
     def to_voxels(self, points: np.ndarray, center: np.ndarray) -> np.ndarray:
@@ -90,16 +86,7 @@ def scan_center(scan: Scan) -> np.ndarray:
 
 
 def choose_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = None) -> Grid:
-    """The grid for a set of scans: the voxel as given, or so large that the largest scan fits with a margin.
-
-    Args:
-        scans: that share the grid.
-        edge: voxels per edge, an even product of 2, 3 and 5 from 16 to 512.
-        voxel: edge of a voxel [m]; None to choose it.
-
-    Raises:
-        InputError: a voxel is not given and no scan has an extent (all points of each in one place), or one is no Scan.
-    """
+    """The grid for a set of scans: the voxel as given, or so large that the largest scan fits with a margin."""
     if voxel is None:
         if not np.iterable(scans):
             raise InputError(f"`scans` are {scans!r}; wanted a list of Scan")
@@ -108,11 +95,7 @@ def choose_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = No
 
 
 def voxel_for(extent: float, edge: int) -> float:
-    """The voxel [m] with which a scan of this extent [m] fits into the grid with a margin.
-
-    Raises:
-        InputError: the extent is 0, or the edge is no grid's.
-    """
+    """The voxel [m] with which a scan of this extent [m] fits into the grid with a margin."""
     _require_edge(edge)
     if extent <= 0:
         raise InputError(

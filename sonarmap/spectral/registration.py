@@ -50,9 +50,6 @@ class SpectralConfig:
         finalists: how many of them are compared on the whole grid, with as many others that only it shows.
         least_probability: from which probability of its place on a registration is accepted.
         use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
-
-    Raises:
-        InputError: a count below 1, an angle or a probability out of its range.
     """
 
     max_tilt: float = float(np.deg2rad(35.0))
@@ -77,11 +74,6 @@ class SpectralRegistrar(GridRegistrar):
 
     def __init__(self, device: Device, grid: Grid, config: SpectralConfig | None = None) -> None:
         """Plan everything that does not depend on the scans.
-
-        Args:
-            device: from `choose_device`.
-            grid: of every scan, as `choose_grid` makes it.
-            config: None for the defaults.
 
         Raises:
             DeviceError: the device has too little memory.
@@ -182,7 +174,6 @@ class SpectralRegistrar(GridRegistrar):
             return registrar.prepare(scan)
 
     def _answer(self, test: HypothesisTest) -> Registration:
-        """From two scans to their registration."""
         # 1. rotations under which the magnitude spectra are alike
         rotations = self._rotations(test.target, test.source, test.bounds)
         if not len(rotations.scores):
@@ -240,7 +231,6 @@ class SpectralRegistrar(GridRegistrar):
         return conclude(test, hypotheses, seen, self.config.least_probability, voxel)
 
     def _coarsen(self, volume: Prepared) -> CoarseVolume:
-        """The scan on the coarse grid."""
         edge = self._verifier.coarse_edge
         points = scaled(self.device, volume.points, edge / self.grid.edge)
         spectra = tuple(recycled(self.device, (edge, edge, row_pitch(edge)), np.complex64) for _ in WHITENINGS)

@@ -119,8 +119,5 @@ class Registrar(Protocol):
 
         Scans that do not fit are no error: the result is one that is not accepted. A survey calls an InputError an
         error of the method.
-
-        Args:
-            target, source: from `prepare`.
         """
         ...

@@ -70,7 +70,6 @@ class PosePrior:
 
     @property
     def knows_heading(self) -> bool:
-        """Whether the heading is measured."""
         return bool(np.isfinite(self.sigmas[2]))
 
     @property
@@ -90,11 +89,7 @@ class PosePrior:
 
 
 def refuse_mask(array: Any, name: str) -> None:
-    """Refuse a masked array, or a list of them, that masks anything: what computes with it forgets the mask.
-
-    Raises:
-        InputError: naming the scan.
-    """
+    """Refuse a masked array, or a list of them, that masks anything: what computes with it forgets the mask."""
     if np.ma.is_masked(array) or (type(array) in (list, tuple) and any(map(np.ma.is_masked, array))):
         raise InputError(
             f"{name}: the array is masked, and masks are not used; give what counts alone, as in "

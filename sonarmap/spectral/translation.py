@@ -35,8 +35,6 @@ class Volume(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Shifts that are possible."""
-
     center: np.ndarray  # (3,) whole numbers [voxels]
     half: np.ndarray  # (3,) the largest distance from it along each axis [voxels]
 

@@ -68,8 +68,6 @@ class Device:
         """Open a queue on a device.
 
         Args:
-            device: PyOpenCL's.
-            selector, notes: as above.
             flavor: None: what the environment variable SONARMAP_FLAVOR says, else as suits the device. Either runs on
                 every device; the other one is slow, and for tests.
             profiling: whether the queue notes when each command began and ended, for `kernels.device.trace`.
@@ -86,12 +84,10 @@ class Device:
 
     @property
     def name(self) -> str:
-        """The device's name, as its driver gives it."""
         return self.cl_device.name.strip()
 
     @property
     def memory(self) -> int:
-        """Memory of the device [bytes]."""
         return self.cl_device.global_mem_size
 
     @property
@@ -121,8 +117,6 @@ class Device:
 
         Args:
             source: it can include files of kernels/ by name, as in `#include "device/complex.cl"`.
-            options: of the compiler.
-            name: what to call the program in an error.
 
         Raises:
             DeviceError: it does not build; the build log is in the message.
@@ -202,7 +196,6 @@ class Device:
 
 @cache
 def _opened(device: cl.Device) -> tuple[cl.Context, dict[tuple[str, tuple[str, ...]], cl.Program]]:
-    """The context of a device, and the programs built in it, by source and options."""
     return cl.Context([device]), {}
 
 
@@ -314,7 +307,6 @@ def _test_fault(info: DeviceInfo) -> str:
 
 
 def _wanted_flavor() -> Flavor | None:
-    """What SONARMAP_FLAVOR says."""
     wanted = os.environ.get("SONARMAP_FLAVOR", "")
     if wanted and wanted not in _FLAVORS:
         raise InputError(f"the environment's SONARMAP_FLAVOR is {wanted!r}; wanted cpu, gpu, or nothing")

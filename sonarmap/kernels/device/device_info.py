@@ -87,11 +87,7 @@ def kind(device: cl.Device) -> str:
 
 
 def matching(wanted: str, infos: list[DeviceInfo]) -> list[DeviceInfo]:
-    """The devices that a selector means; as `kernels.device.device.choose_device` reads it.
-
-    Raises:
-        DeviceError: it means none, or several at once; the message lists what there is.
-    """
+    """The devices that a selector means; as `kernels.device.device.choose_device` reads it."""
     text = wanted.strip().lower()
     if re.fullmatch(r"[^:]+:\s*\d+(\s*,\s*\d+)+", text):  # PyOpenCL takes this for a context of several
         first = wanted.partition(",")[0].strip()

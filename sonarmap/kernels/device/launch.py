@@ -41,10 +41,6 @@ def launch(
             groups need, and the kernel returns beyond what it is given. Or the work-group size itself. None: single
             items on a CPU, elsewhere a group that divides the size.
         defines: macros of the program.
-
-    Raises:
-        InputError: a slice begins where the device can pass no buffer.
-        DeviceError: the program does not build, or the device has no memory left.
     """
     kernels = _KERNELS.setdefault(device, {})
     key = (program, kernel, *defines.items())
@@ -76,11 +72,7 @@ def enqueue(
 
 
 def buffer_of(device: Device, array: cla.Array) -> cl.Buffer:
-    """The memory of a device array as a kernel takes it; of a slice along the first axis, its part.
-
-    Raises:
-        InputError: the slice begins where the device can pass no buffer.
-    """
+    """The memory of a device array as a kernel takes it; of a slice along the first axis, its part."""
     if not array.offset:
         return memory_of(array)
     alignment = device.cl_device.mem_base_addr_align // 8
@@ -116,11 +108,7 @@ def table(device: Device, values: np.ndarray) -> cla.Array:
 
 
 def affine(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.void:
-    """A rotation and a shift as one float16 kernel argument: rows of [R | offset] in s0123, s4567, s89ab.
-
-    Raises:
-        InputError: R is not a (3, 3) rotation, or the offset is not 3 finite numbers.
-    """
+    """A rotation and a shift as one float16 kernel argument: rows of [R | offset] in s0123, s4567, s89ab."""
     rows = affine_rows(R, offset).ravel()
     return cltypes.make_float16(*rows)  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -144,11 +132,7 @@ def affine_rows(R: np.ndarray | None = None, offset: np.ndarray | None = None) -
 def require_array(
     array: cla.Array, what: str, shape: tuple[int | None, ...], dtype: type = np.float32
 ) -> tuple[int, ...]:
-    """The shape of a device array that has the wanted shape (None: any length), dtype and C order.
-
-    Raises:
-        InputError: saying what it is and what was wanted.
-    """
+    """The shape of a device array that has the wanted shape (None: any length), dtype and C order."""
     fits = len(array.shape) == len(shape) and all(
         wanted in (None, length) for wanted, length in zip(shape, array.shape, strict=True)
     )

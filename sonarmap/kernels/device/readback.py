@@ -26,11 +26,7 @@ class Readback:
     """The copy of a device array, as what is queued before it leaves it."""
 
     def __init__(self, device: Device, array: cla.Array) -> None:
-        """Queue the copy, without waiting; the array may be used again by what is queued after it.
-
-        Raises:
-            DeviceError: the device has no memory left.
-        """
+        """Queue the copy, without waiting; the array may be used again by what is queued after it."""
         self._host: np.ndarray[Any, Any] = np.empty(array.shape, array.dtype)
         self._array = array  # whose memory must not go to another one before
         self._copied: cl.Event | None = None

@@ -21,9 +21,6 @@ def recycled(device: Device, shape: tuple[int, ...], dtype: type | np.dtype = np
     """An uninitialized array, as `Device.empty` gives it; slices of it cannot be passed to kernels.
 
     Its memory goes to the next one of about its size once nothing refers to the array: what is queued comes before.
-
-    Raises:
-        DeviceError: the device cannot hold it.
     """
     device.require(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
     with device.explain_full_memory():

@@ -41,7 +41,7 @@ def compile_program(context: cl.Context, source: str, options: tuple[str, ...]) 
         name = device.name.strip()
         LOGGER.info(f"compiling kernels for {name}, once: this takes some seconds")
         remember(record, {"device": name})
-    program = cl.Program(context, _QUIET + _inline_includes(source))
+    program = cl.Program(context, complete(source))
     with warnings.catch_warnings():  # tests/kernels/device/test_compiled.py shows what compilers warn of
         warnings.simplefilter("ignore", cl.CompilerWarning)
         return program.build([*options])
@@ -52,6 +52,11 @@ def kernels_digest() -> str:
     """What tells these kernels from those of another version: their sources."""
     files = sorted(path for suffix in ("*.cl", "*.py") for path in KERNEL_FOLDER.rglob(suffix))
     return digest(*(path.read_text(encoding="utf-8") for path in files))
+
+
+def complete(source: str) -> str:
+    """What a compiler gets: the source with its includes in place, and no warning asked for that is of no use."""
+    return _QUIET + _inline_includes(source)
 
 
 def _inline_includes(source: str) -> str:

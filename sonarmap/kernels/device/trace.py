@@ -22,8 +22,6 @@ from sonarmap.kernels.device.device import Device
 
 @dataclass(slots=True)
 class Counts:
-    """What a device did."""
-
     launches: int = 0  # kernels
     reads: int = 0  # how often the host waited: blocking reads and maps, events and queues waited for
     writes: int = 0  # transfers from the host

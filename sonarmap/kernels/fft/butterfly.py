@@ -19,21 +19,17 @@ class Butterfly:
     lines: list[str] = field(default_factory=list[str])
 
     def let(self, real: str, imag: str) -> Value:
-        """Name a complex value."""
         name = f"v{len(self.lines)}"
         self.lines.append(f"const {self.scalar} {name}r = {real}, {name}i = {imag};")
         return f"{name}r", f"{name}i"
 
     def add(self, a: Value, b: Value) -> Value:
-        """Name the sum a + b."""
         return self.let(f"{a[0]} + {b[0]}", f"{a[1]} + {b[1]}")
 
     def subtract(self, a: Value, b: Value) -> Value:
-        """Name the difference a - b."""
         return self.let(f"{a[0]} - {b[0]}", f"{a[1]} - {b[1]}")
 
     def multiply(self, a: Value, w: Value) -> Value:
-        """Name the complex product a w."""
         return self.let(f"{a[0]} * {w[0]} - {a[1]} * {w[1]}", f"{a[0]} * {w[1]} + {a[1]} * {w[0]}")
 
     def rotate(self, a: Value, k: int, n: int) -> Value:

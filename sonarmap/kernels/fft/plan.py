@@ -16,9 +16,6 @@ class Layout:
 
     The real array is dense float32, its half spectrum (n0, n1, `row_pitch(n2)`), complex64, of which
     [..., :n2 / 2 + 1] is valid.
-
-    Raises:
-        InputError: a transformed edge is not one of `EDGES`, or there is no layer.
     """
 
     shape: tuple[int, int, int]  # number of points per axis
@@ -55,7 +52,6 @@ class Layout:
 
     @property
     def points(self) -> int:
-        """Number of points of one transform, which the inverse divides by."""
         return prod(self.shape[1:] if self.batched else self.shape)
 
     def row_scale(self, inverse: bool) -> float:

@@ -88,7 +88,6 @@ class Edges:
         return self.loop(len(radices(self.n)) - 1, "k", from_private, stored, before, after)
 
     def middle(self) -> str:
-        """The stages between them."""
         return private_stages(self.n, 1, len(radices(self.n)) - 1, self.wide, self.vector)
 
     def loop(self, index: int, at: str, load: Access, store: Access, before: str = "", after: str = "") -> str:
@@ -104,17 +103,14 @@ class Edges:
 
 
 def from_private(q: int, at: str) -> str:
-    """Load element q of a stage from the private arrays."""
     return f"x{q}r = re[{at}]; x{q}i = im[{at}];"
 
 
 def to_private(q: int, at: str) -> str:
-    """Store element q of a stage to the private arrays."""
     return f"re[{at}] = y{q}r; im[{at}] = y{q}i;"
 
 
 def block(lines: list[str]) -> str:
-    """Statements of an indented block."""
     return "\n        ".join(lines)
 
 
@@ -129,7 +125,6 @@ def twiddles(n: int) -> dict[str, np.ndarray]:
 
 
 def interleaved(values: np.ndarray) -> np.ndarray:
-    """Complex numbers as pairs of float32, flat."""
     return np.stack([np.real(values), np.imag(values)], axis=-1).astype(np.float32).ravel()
 
 

@@ -18,8 +18,6 @@ from sonarmap.kernels.fft.plan import Layout
 
 
 class _Transform:
-    """The kernels of one direction, built once."""
-
     def __init__(self, device: Device, layout: Layout, inverse: bool) -> None:
         plan = fft_cpu.emit(layout, inverse, column_lanes(device)) if device.is_cpu else fft_gpu.emit(layout, inverse)
         program = device.build(plan.source, name="fft")
@@ -49,7 +47,6 @@ def column_lanes(device: Device) -> int:
 
 
 def _require_groups(device: Device, layout: Layout) -> None:
-    """Refuse an edge whose work-groups the device cannot run."""
     items = min(device.cl_device.max_work_group_size, device.cl_device.max_work_item_sizes[0])
     local = device.cl_device.local_mem_size
     most = max(layout.row_points, *(layout.shape[1:2] if layout.batched else layout.shape[:2]))
@@ -80,13 +77,8 @@ class RealFFT:
         """Plan the transforms; their kernels are built when they are used first.
 
         Args:
-            device: what to run on.
             shape: edges; a transformed one is an even product of 2, 3 and 5 from 16 to 512.
             batched: transform axes 1 and 2 only; axis 0 may then have any length.
-
-        Raises:
-            InputError: an edge has no transform.
-            DeviceError: the device is too small for an edge.
         """
         layout = Layout(shape, batched)
         self.shape, self.half_shape = layout.shape, layout.spectrum_shape
@@ -106,16 +98,8 @@ class RealFFT:
         """The half spectrum of a real array, which is left untouched.
 
         Args:
-            volume: float32 of `shape`.
             out: complex64 of `half_shape` to write to; None: a new one, whose first touch can take
                 longer than the transform.
-
-        Returns:
-            complex64 of `half_shape`.
-
-        Raises:
-            InputError: an array is not of that shape and type, or not in C order.
-            DeviceError: the device cannot hold the result.
         """
         require_array(volume, "volume", self.shape)
         spectrum = output(self._device, out, "out", self.half_shape, np.complex64)
@@ -126,15 +110,7 @@ class RealFFT:
         """The real array of a half spectrum, which is overwritten.
 
         Args:
-            spectrum: complex64 of `half_shape`.
             out: float32 of `shape` to write to; None: a new one, as in `forward`.
-
-        Returns:
-            float32 of `shape`.
-
-        Raises:
-            InputError: an array is not of that shape and type, or not in C order.
-            DeviceError: the device cannot hold the result.
         """
         require_array(spectrum, "spectrum", self.half_shape, np.complex64)
         volume = output(self._device, out, "out", self.shape)

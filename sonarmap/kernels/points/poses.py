@@ -13,9 +13,6 @@ def upload_poses(device: Device, R: np.ndarray, t: np.ndarray) -> cla.Array:
 
     Args:
         R, t: (k, 3, 3) rotations and (k, 3) shifts [any length unit].
-
-    Raises:
-        InputError: a shape is another, or a number is not finite.
     """
     if R.shape != (len(R), 3, 3) or t.shape != (len(R), 3) or not (np.isfinite(R).all() and np.isfinite(t).all()):
         raise InputError(f"`R` and `t` have shapes {R.shape} and {t.shape}; wanted finite (n, 3, 3) and (n, 3)")
@@ -32,10 +29,6 @@ def upload_places(device: Device, points: np.ndarray) -> cla.Array:
 
 
 def require_places(places: np.ndarray, what: str) -> None:
-    """Refuse what is not (n, 3) finite numbers.
-
-    Raises:
-        InputError: it is not.
-    """
+    """Refuse what is not (n, 3) finite numbers."""
     if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
         raise InputError(f"`{what}` have shape {places.shape}; wanted (n, 3), all of it finite numbers")

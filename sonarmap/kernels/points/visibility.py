@@ -32,9 +32,6 @@ def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
 
     Returns:
         (n,) int64, numbers of cells in C order.
-
-    Raises:
-        InputError: the directions have another shape or are not finite, or there is no cell.
     """
     require_places(directions, "directions")
     if edge < 1:
@@ -48,11 +45,7 @@ def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
 
 
 def upload_points(device: Device, points: np.ndarray) -> tuple[cla.Array, int]:
-    """Points (n, 3) on the device for `agreement`, and how many they are: (3, n padded to a multiple of 8) float32.
-
-    Raises:
-        InputError: the points have another shape, or are not finite.
-    """
+    """Points (n, 3) on the device for `agreement`, and how many they are: (3, n padded to a multiple of 8) float32."""
     require_places(points, "points")
     padded = np.zeros((3, -(-max(len(points), 1) // _LANES) * _LANES), np.float32)
     padded[:, : len(points)] = points.T
@@ -60,11 +53,7 @@ def upload_points(device: Device, points: np.ndarray) -> tuple[cla.Array, int]:
 
 
 def upload_viewpoints(device: Device, places: np.ndarray) -> cla.Array:
-    """Where the sensors of k range images were (k, 3), on the device for `agreement`: (k, 4) float32.
-
-    Raises:
-        InputError: the places have another shape, or are not finite.
-    """
+    """Where the sensors of k range images were (k, 3), on the device for `agreement`: (k, 4) float32."""
     require_places(places, "viewpoints")
     return upload_places(device, places)
 
@@ -96,9 +85,6 @@ def agreement(
     Returns:
         Of each viewing (k, n, tolerances, 3) int64: points that agree, that contradict, and that fall into cells where
         something was seen.
-
-    Raises:
-        InputError: a shape is another, or a tolerance is no such number.
     """
     bad = [pair for pair in tolerances if not (0 <= pair[0] < np.inf and 0 <= pair[1] < np.inf)]
     if bad or len(tolerances) not in (1, 2) or len(viewings) not in (1, 2):

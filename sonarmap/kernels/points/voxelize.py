@@ -24,16 +24,11 @@ def voxelize(
     Args:
         points: (n, 4) float32: x, y, z relative to the grid's center [voxels], then a weight: 1 for the
             paper's occupancy, or the echo strength. Points with a weight of 0 or less are dropped.
-        edge: voxels along each axis.
         R: (3, 3) rotation of the points; None for none.
         offset: (3,) shift after the rotation [voxels]; None for none.
-        out: (edge, edge, edge) float32 to write to.
 
     Returns:
         (edge, edge, edge) float32, 0 where there is no point; independent of the order of the points.
-
-    Raises:
-        InputError: the points, R, the offset or out have another shape or dtype.
     """
     if edge < 2 or edge % 2:
         raise InputError(f"`edge={edge}` voxels; wanted an even number")
@@ -59,9 +54,6 @@ def voxelize_poses(
         marks: (count, edge^2 / 8, rounded up) int32: 1 is written for every 8 rows of which any holds a point.
         poses: (m, 20) float32, m at least first + count: `affine_rows` of R and the offset + edge/2 + 0.5, and 4 more.
         first: the first volume's pose.
-
-    Raises:
-        InputError: an array has another shape or dtype.
     """
     points_count, _ = require_array(points, "points", (None, 4))
     count, edge, _, _ = require_array(volumes, "volumes", (None, None, None, None))
@@ -79,12 +71,6 @@ def scaled(device: Device, points: cla.Array, factor: float) -> cla.Array:
 
     Args:
         points: (n, 4) float32: x, y, z relative to the grid's center [voxels], then a weight, which stays.
-
-    Returns:
-        (n, 4) float32.
-
-    Raises:
-        InputError: the points have another shape or dtype.
     """
     count, _ = require_array(points, "points", (None, 4))
     result = device.empty((count, 4))

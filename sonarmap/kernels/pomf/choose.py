@@ -64,11 +64,7 @@ class Chooser:
         )  # fmt: skip
 
     def read(self, out: cla.Array) -> tuple[list[list[list[Peak]]], list[tuple[int, int]]]:
-        """For each pose and exponent its peaks; and those (pose, exponent) where more may be hidden.
-
-        Raises:
-            InputError: a correlation is not finite.
-        """
+        """For each pose and exponent its peaks; and those (pose, exponent) where more may be hidden."""
         records, n = out.get(), self._edge
         poses, exponents, length = records.shape
         statistics = records[:, :, 1:3].view(np.float32).astype(np.float64)

@@ -57,10 +57,6 @@ class Correlator:
             blur: standard deviation of the Gaussian that correlations are convolved with [voxels].
             exponents: of the whitening, one correlation for each.
             most: so many poses are worked on at once.
-
-        Raises:
-            InputError: the FFT takes no such edge, or the blur is negative.
-            DeviceError: the device cannot hold the volumes.
         """
         self.device, self.edge, self.exponents, self.most = device, edge, exponents, most
         cubes = most * len(exponents)
@@ -84,10 +80,6 @@ class Correlator:
         Args:
             points: (n, 4) float32, as `voxelize` takes them.
             targets: for each exponent the whitened spectrum (edge, edge, `row_pitch(edge)`) complex64.
-            count, separation: as `find_peaks` takes them.
-
-        Raises:
-            InputError: an argument is not as above, or a correlation is not finite.
         """
         if count < 1 or separation < 0:
             raise InputError(f"`count={count}`, `separation={separation}`; wanted at least 1 and 0")
@@ -113,9 +105,6 @@ class Correlator:
         Args:
             points, targets: as in `find`; the poses' limits do not count.
             shifts: (poses, 3) int64 [voxels], cyclic.
-
-        Raises:
-            InputError: an argument is not as above.
         """
         rows, half = self._upload(poses), row_pitch(self.edge)
         require_array(targets[0], "target", (self.edge, self.edge, half), np.complex64)
@@ -136,9 +125,6 @@ class Correlator:
 
         Args:
             points, targets: as in `find`; the pose's limits do not count.
-
-        Raises:
-            InputError: an argument is not as above.
         """
         self.correlations(points, pose, targets)
         rows = np.zeros((len(places), 4), np.float32)

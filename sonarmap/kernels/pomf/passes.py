@@ -56,7 +56,6 @@ class FusedPasses(_Tables):
     clears = True
 
     def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...], most: int) -> None:
-        """Build the kernels, for `most` volumes at once."""
         super().__init__(device, edge, blur, most)
         layout = Layout((edge, edge, edge))
         self._exponents, self.parts = len(exponents), edge // sheet_width(layout)
@@ -101,18 +100,15 @@ class SinglePasses(_Tables):
     clears = False
 
     def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...], most: int) -> None:
-        """Build the kernels, for `most` volumes at once."""
         super().__init__(device, edge, blur, most)
         self._exponents, self.parts = exponents, edge * edge
         self._fft = RealFFT(device, (edge, edge, edge))
 
     def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
-        """As `FusedPasses` does."""
         for n in range(count):
             self._fft.forward(volumes[n], out=spectra[n])
 
     def correlate(self, spectra: cla.Array, targets: Sequence[cla.Array], energies: cla.Array, count: int) -> None:
-        """As `FusedPasses` does."""
         # the source's spectrum is overwritten by the first exponent's product
         for e in reversed(range(len(self._exponents))):
             for n in range(count):
@@ -126,7 +122,6 @@ class SinglePasses(_Tables):
     def inverse(
         self, correlations: cla.Array, spectra: cla.Array, tops: cla.Array, poses: cla.Array, count: int, first: int
     ) -> None:
-        """As `FusedPasses` does."""
         cubes, edge = len(self._exponents) * count, self._edge
         for c in range(cubes):
             self._fft.inverse(spectra[c], out=correlations[c])
@@ -139,7 +134,6 @@ class SinglePasses(_Tables):
     def near(
         self, spectra: cla.Array, number: int, target: cla.Array, place: np.ndarray, out: cla.Array, index: int
     ) -> None:
-        """As `FusedPasses` does."""
         columns = self._edge * self._pitch
         groups = -(-columns // _WIDTH)
         launch(

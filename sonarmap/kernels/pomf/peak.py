@@ -33,16 +33,12 @@ def find_peaks(
 
     Args:
         correlation: (n0, n1, n2) float32; a slice may begin anywhere in its memory.
-        count: how many peaks to look for.
         separation: the cyclic distance of two peaks is above this along at least one axis [voxels].
         limits: largest absolute cyclic shift of a peak's voxel along each axis [voxels]; None: any.
             A maximum that only the limit makes, on a slope, is no peak.
 
     Returns:
         At most count peaks; fewer where there are no more.
-
-    Raises:
-        InputError: an argument is not as above, or the correlation is not finite.
     """
     shape = require_array(correlation, "correlation", (None, None, None))
     if count < 1 or separation < 0:

@@ -34,10 +34,6 @@ class PointSpectra:
             edge: of the volume [voxels].
             exponents: as `whiten` takes them.
             magnitudes: whether `transform` is given an array for them.
-
-        Raises:
-            InputError: the FFT takes no such edge.
-            DeviceError: the device cannot hold the volume.
         """
         self._device, self._edge, self.exponents, self._with_magnitudes = device, edge, exponents, magnitudes
         self._volume = device.empty((1, edge, edge, edge))
@@ -70,9 +66,6 @@ class PointSpectra:
                 spectrum.
             magnitudes: (edge, edge, edge/2 + 1) float32, to be filled as `magnitude` does; only where planned.
             farthest: magnitudes farther than this from frequency 0 are not needed [bins].
-
-        Raises:
-            InputError: an array is another, or is missing.
         """
         edge = self._edge
         if len(out) != len(self.exponents) or (magnitudes is not None) != self._with_magnitudes:

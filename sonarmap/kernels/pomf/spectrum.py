@@ -24,13 +24,9 @@ def magnitude(device: Device, spectrum: cla.Array, edge: int, out: cla.Array | N
     Args:
         spectrum: (edge, edge, P) complex64, P = `row_pitch(edge)`.
         edge: even.
-        out: (edge, edge, edge/2 + 1) float32 to write to.
 
     Returns:
         (edge, edge, edge/2 + 1) float32: index i of axes 0 and 1 is frequency i - edge/2, axis 2 is from 0.
-
-    Raises:
-        InputError: the spectrum, the edge or out do not fit each other.
     """
     _require_edges(edge)
     half, pitch = edge // 2, row_pitch(edge)
@@ -50,12 +46,6 @@ def whiten(device: Device, spectrum: cla.Array, exponent: float = 1.0, out: cla.
         exponent: a number without a unit. 1 leaves the phase alone, as phase-only matched filtering does; 0 leaves the
             spectrum as it is, as plain correlation does; between, strong frequencies keep a part of their weight.
         out: the same shape, to write to; may be the spectrum itself.
-
-    Returns:
-        Complex64 of the same shape.
-
-    Raises:
-        InputError: the dtype, the order or the last axis is another, or the exponent is not from 0 to 1.
     """
     _require_exponent(exponent)
     shape = require_array(spectrum, "spectrum", (None,) * spectrum.ndim, np.complex64)
@@ -85,9 +75,6 @@ def cross_power(
         blur: standard deviations, along each axis, of the Gaussian that the correlation is convolved with [voxels]: the
             product is weighted with exp(-2 pi^2 |blur f|^2), f in cycles per voxel. 0 along an axis that counts images.
         out: like target, to write to; may be target or source itself. Its padding is set to 0.
-
-    Raises:
-        InputError: the arrays do not fit the shape, or the blur is negative.
     """
     n0, n1, n2 = shape
     pitch = _require_pair(target, source, shape)
@@ -176,10 +163,6 @@ class Pomf:
             shape: (n0, n1, n2) of the volumes; with batched, n0 counts images.
             blur: standard deviation of the Gaussian that correlations are convolved with [voxels].
             batched: transform along axes 1 and 2 only.
-
-        Raises:
-            InputError: a transformed axis is not an edge that the FFT takes, or the blur is negative.
-            DeviceError: the device cannot hold the volumes.
         """
         self.device, self.shape, self.blur, self.batched = device, shape, blur, batched
         self._fft = RealFFT(device, shape, batched=batched)
@@ -195,15 +178,8 @@ class Pomf:
         """The whitened half spectrum of a volume.
 
         Args:
-            volume: (n0, n1, n2) float32.
             out: (n0, n1, `row_pitch(n2)`) complex64 to write to; a new one costs page faults, as much time as the
                 transform.
-
-        Returns:
-            (n0, n1, `row_pitch(n2)`) complex64.
-
-        Raises:
-            InputError: an array has another shape or dtype.
         """
         spectrum = self.transform(volume, out=out)
         return whiten(self.device, spectrum, out=spectrum)
@@ -213,24 +189,16 @@ class Pomf:
 
         Args:
             target, source: (n0, n1, `row_pitch(n2)`) complex64, from `prepare`.
-            out: (n0, n1, n2) float32 to write to.
 
         Returns:
             (n0, n1, n2) float32.
-
-        Raises:
-            InputError: an array has another shape or dtype.
         """
         blur = 0.0 if self.batched else self.blur, self.blur, self.blur
         self._scratch = cross_power(self.device, target, source, self.shape, blur, out=self._scratch)
         return self._fft.inverse(self._scratch, out=out)
 
     def correlate_layers(self, target: cla.Array, source: cla.Array) -> cla.Array:
-        """The sum (n1, n2), float32, over the images' correlations, of two prepared batches.
-
-        Raises:
-            InputError: this was not made for batches, or the spectra have another shape.
-        """
+        """The sum (n1, n2), float32, over the images' correlations, of two prepared batches."""
         if self._image_fft is None:
             raise InputError("correlate_layers sums over images: make the Pomf with batched=True")
         summed = sum_layers(self.device, target, source, self.shape, self.blur)

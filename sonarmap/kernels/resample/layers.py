@@ -28,9 +28,6 @@ def normalize_layers(
 
     Returns:
         (L, H, W) float32. A constant layer gives zeros.
-
-    Raises:
-        InputError: an array is not as above.
     """
     layers, height, width = require_array(stack, "stack", (None, None, None))
     if width % 8:

@@ -32,13 +32,9 @@ def polar_magnitude(
         radii: (M,), from 0 to below half the shorter edge less 1 [frequency bins]; on an image that is not
             square a bin of axis 0 and one of axis 1 are not the same frequency.
         angles: (K,) [rad], from axis 0 towards axis 1; M K is a multiple of 8.
-        out: (L, M, K) float32 to write to.
 
     Returns:
         (L, M, K) float32.
-
-    Raises:
-        InputError: an argument is not as above.
     """
     height, width = shape
     layers, _, pitch = require_array(spectrum, "spectrum", (None, height, row_pitch(width)), np.complex64)

@@ -26,9 +26,6 @@ def rotational_unwrap(edge: int) -> np.ndarray:
     |v| / (edge/2) * pi/2 from +z. Pixels beyond pi/2 are zero vectors.
     With R = Rz(psi): I_R(v) = I(Rz(psi) v), the image turned by -psi.
 
-    Args:
-        edge: of the image [pixels].
-
     Returns:
         (edge, edge, 3) float32.
     """
@@ -53,14 +50,10 @@ def rectangular_unwrap(edge: int, axis: str) -> np.ndarray:
     exact axis an image goes on as itself with the other axis mirrored (k and -k are alike), not cyclically.
 
     Args:
-        edge: of the image [pixels].
         axis: "x" or "y", on which the poles lie.
 
     Returns:
         (edge, edge, 3) float32.
-
-    Raises:
-        InputError: the axis is neither "x" nor "y".
     """
     angle = (np.arange(edge) - edge / 2) * (np.pi / edge)
     a, b = np.meshgrid(angle, angle, indexing="ij")
@@ -81,10 +74,6 @@ def latitude_longitude(height: int, width: int) -> np.ndarray:
     The longitude covers the full circle.
     With R = Rz(psi): I_R[j] = I[j + psi width / (2 pi)]; a `Pomf` of target I and source I_R peaks at
     +psi width / (2 pi).
-
-    Args:
-        height: of the image, from the plane to the pole [pixels].
-        width: of the image, the full circle [pixels].
 
     Returns:
         (height, width, 3) float32.
@@ -108,9 +97,6 @@ def upload_directions(device: Device, directions: np.ndarray) -> cla.Array:
 
     Returns:
         (3, H, W) float32.
-
-    Raises:
-        InputError: another shape, or vectors that are neither of unit length nor zero.
     """
     if directions.ndim != 3 or directions.shape[2] != 3 or directions[..., 0].size % _PIXELS_AT_ONCE:
         raise InputError(
@@ -137,13 +123,9 @@ def sample(
         directions: (3, H, W) float32, from `upload_directions`.
         radii: (L,), in [0, edge/2 - 1) [frequency bins].
         R: (3, 3) rotation of the directions; None for none.
-        out: (L, H, W) float32 to write to.
 
     Returns:
         (L, H, W) float32, 0 where the direction is zero.
-
-    Raises:
-        InputError: a shape, a dtype, R or a radius is not as above.
     """
     edge = magnitude.shape[0]
     require_array(magnitude, "magnitude", (edge, edge, edge // 2 + 1))

@@ -108,7 +108,6 @@ def _registration(device: Device) -> Iterator[Measured]:
     harmonics = Harmonics(device, _BANDWIDTH, _EDGE, 2 * _EDGE)
 
     def prepared(points: np.ndarray) -> tuple[Array, Array]:
-        """The layers' coefficients and the whitened spectrum."""
         magnitudes = device.empty((_EDGE, _EDGE, _EDGE // 2 + 1))
         whitened = device.empty((_EDGE, _EDGE, row_pitch(_EDGE)), np.complex64)
         spectra.transform(device.to_device(points), [whitened], magnitudes)

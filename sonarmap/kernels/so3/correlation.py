@@ -73,10 +73,6 @@ class RotationCorrelation:
         Args:
             bandwidth: a multiple of 8 up to 256; memory grows with its fourth power.
             largest: [rad], up to pi; time and memory are in proportion.
-
-        Raises:
-            InputError: the bandwidth or the angle is another.
-            DeviceError: the device cannot hold the tables.
         """
         if bandwidth < 8 or bandwidth % 8 or bandwidth > 256 or not 0 < largest <= np.pi:
             raise InputError(
@@ -106,15 +102,11 @@ class RotationCorrelation:
         Where the layers of the source are those of the target turned, g(d) = f(R d), C is highest at R.
 
         Args:
-            target, source: complex64.
             parts: the first layer of each and their number; None: all layers together.
 
         Returns:
             device (parts, betas + 1, edge, edge) float32: [p, b, i, j] is the rotation `rotations((b, i, j))`, the last
             image zeros. It is used again by the next call with as many parts.
-
-        Raises:
-            InputError: the coefficients have other shapes, or a part goes beyond the layers.
         """
         wanted = (self.bandwidth // 2, None, 2 * self.bandwidth - 1)
         _, layers, _ = require_array(target, "target", wanted, np.complex64)
@@ -141,9 +133,6 @@ class RotationCorrelation:
         """The local maxima of each part of a correlation, highest first; one blocking read, two for many.
 
         Of equal values the first voxel comes first; of each quarter of a row the highest maximum is there alone.
-
-        Args:
-            correlation: (parts, betas + 1, edge, edge), from `correlate`.
         """
         parts, images = len(correlation), len(self.betas) + 1
         require_array(correlation, "correlation", (parts, images, self.edge, self.edge))
@@ -204,7 +193,6 @@ def wigner_d(degree: int, betas: np.ndarray) -> np.ndarray:
     By the eigenvectors of J_y, whose eigenvalues are the whole numbers -l..l: stable for every degree.
 
     Args:
-        degree: l.
         betas: (k,) [rad].
 
     Returns:

@@ -34,14 +34,10 @@ class Harmonics:
         """Tabulate the associated Legendre functions, and the waves along a circle.
 
         Args:
-            device: what to compute on.
             bandwidth: a multiple of 8.
             latitudes: of the upper hemisphere, a multiple of 16; at least half the bandwidth, more where layers hold
                 finer structure, which would otherwise alias into coarse structure.
             longitudes: a multiple of 4, at least twice the bandwidth.
-
-        Raises:
-            InputError: the numbers do not fit each other.
         """
         fits = 2 * latitudes >= bandwidth and longitudes >= 2 * bandwidth
         if bandwidth < 8 or bandwidth % 8 or latitudes % _RINGS_AT_ONCE or longitudes % 4 or not fits:
@@ -97,9 +93,6 @@ class Harmonics:
         Returns:
             device (bandwidth / 2, L, 2 bandwidth - 1) complex64: [l / 2, layer, m + bandwidth - 1] is a[l, m], 0 for
             |m| > l. 0 for a constant layer.
-
-        Raises:
-            InputError: the magnitude has another shape, or a radius lies outside.
         """
         edge = magnitude.shape[0]
         require_array(magnitude, "magnitude", (edge, edge, edge // 2 + 1))
@@ -129,9 +122,6 @@ class Harmonics:
         Returns:
             device (degrees, L, L) float32: the real part of the sum over the orders of one layer's times another's
             conjugate.
-
-        Raises:
-            InputError: the coefficients have another shape.
         """
         layers = self._layers(coefficients)
         result = self.device.empty((self.bandwidth // 2, layers, layers))
@@ -149,9 +139,6 @@ class Harmonics:
 
         Returns:
             device (degrees, K, orders) complex64.
-
-        Raises:
-            InputError: the arrays do not fit each other.
         """
         layers, (degrees, sums, _) = self._layers(coefficients), mixtures.shape
         if mixtures.shape != (self.bandwidth // 2, sums, layers):
@@ -187,9 +174,6 @@ def equalizers(products: np.ndarray, power: float) -> np.ndarray:
 
     Returns:
         (degrees, L, L) float64, for `Harmonics.mix`.
-
-    Raises:
-        InputError: the power is another, or the products have another shape or are not finite.
     """
     if not 0 <= power <= 1:
         raise InputError(f"`power={power}`; wanted 0 to 1")

@@ -20,8 +20,6 @@ _OUT = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """Points sorted by cells of one size, on the device that they were sorted for."""
-
     points: cla.Array  # device (m, 4) float32 x, y, z and the bits of the point's number [any length unit]
     starts: cla.Array  # device (cells + 1,) int32, where each cell's points begin
     box: np.void  # origin (3), size and numbers of the cells (3) as a float8 kernel argument
@@ -57,10 +55,6 @@ def sort_into_cells(device: Device, points: np.ndarray, size: float = _SIZE) -> 
     Args:
         points: (m, 3), at least one; float32 is what their distances are rounded to [any length unit].
         size: of a cell, or more where the points are sparse [the same unit].
-
-    Raises:
-        InputError: there is no point, a number is not finite, or the size is not positive.
-        DeviceError: the device cannot hold them.
     """
     places = np.asarray(points, np.float32)
     if places.ndim != 2 or places.shape[1] != 3 or not len(places) or not np.isfinite(places).all():

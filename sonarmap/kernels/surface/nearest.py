@@ -33,9 +33,6 @@ def find_nearest(
     Returns:
         Distances (k, n) float32, infinite where nothing is within reach, and numbers (k, n) int32 of the points, -1
         there; of points equally far the first.
-
-    Raises:
-        InputError: a shape is another, or a number is not finite.
     """
     count, _ = require_array(places, "places", (None, 4))
     poses = upload_poses(device, R, t)

@@ -30,9 +30,6 @@ def fit_planes(
 
     Returns:
         device (m, 12) float32 as `element.cl` has it, in the points' own order.
-
-    Raises:
-        InputError: there are fewer than 3 points, or a direction or a viewpoint is not 3 finite numbers.
     """
     if len(cells) < 3:
         raise InputError(f"{len(cells)} points show no plane; wanted at least 3")

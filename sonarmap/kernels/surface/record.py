@@ -59,11 +59,7 @@ class Record:
 
 
 def state_rows(turn: np.ndarray, shift: np.ndarray, width: np.ndarray, stretch: np.ndarray | None) -> np.ndarray:
-    """Rows (k, LENGTH) float64 to begin with, of rotations (k, 3, 3), shifts (k, 3), widths (k,), stretches (k, 2).
-
-    Raises:
-        InputError: a number is not finite.
-    """
+    """Rows (k, LENGTH) float64 to begin with, of rotations (k, 3, 3), shifts (k, 3), widths (k,), stretches (k, 2)."""
     rows = np.zeros((len(shift), LENGTH))
     rows[:, :9], rows[:, 9:12], rows[:, 12] = turn.reshape(-1, 9), shift, width
     rows[:, 13:STATE] = 0 if stretch is None else stretch

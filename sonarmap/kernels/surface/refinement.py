@@ -24,8 +24,6 @@ _PART = 128
 
 @dataclass(frozen=True, slots=True)
 class Weighting:
-    """How pairs count."""
-
     # bell, wide_bell: the width of the weights' bell is this share of how far apart points may be, or of how far the
     # surfaces usually are
     bell: float
@@ -55,13 +53,10 @@ class LastStep:
     rows: Readback  # a `Record` of the poses, on its way to the host
 
     def read(self) -> Record:
-        """Where the poses are, and the sums of the step."""
         return Record.of(self.rows.read())
 
 
 class Refinement:
-    """The steps of k poses between two surfaces."""
-
     def __init__(
         self,
         device: Device,
@@ -88,11 +83,7 @@ class Refinement:
         self._parts = -(-self._count // _PART)
 
     def begin(self, turn: np.ndarray, shift: np.ndarray, width: np.ndarray, stretch: np.ndarray | None) -> None:
-        """Put the k poses where the next step begins; as `Record` has them.
-
-        Raises:
-            InputError: a number is not finite.
-        """
+        """Put the k poses where the next step begins; as `Record` has them."""
         rows = state_rows(turn, shift, width, stretch)
         self._take(self.device.to_device(rows.astype(self._real)))
 

@@ -17,16 +17,12 @@ _ITEM, _LANES = 32, 64
 
 @dataclass(frozen=True, slots=True)
 class WeightedElements:
-    """The points of a surface, and how much each counts."""
-
     elements: Elements  # the points
     weights: cla.Array  # device (d,) float32, by the directions of their normals
 
 
 @dataclass(frozen=True, slots=True)
 class Nearness:
-    """What a point needs on the other surface."""
-
     reach: float  # within which distance it lies on that surface
     covered: float  # within which distance it is covered by it
     alike: float  # least cosine of the normals of points that agree
@@ -49,9 +45,6 @@ def shared_sums(
     Returns:
         (k, 2, 4) float64: of the source's points, then of the target's, the weights of those that agree, of those that
         are covered and of all, and the share of those that lie on the other surface.
-
-    Raises:
-        InputError: the poses have another shape.
     """
     count, _ = require_array(poses, "poses", (None, 16))
     item, lanes = (_ITEM, 1) if device.is_cpu else (1, _LANES)

@@ -40,8 +40,6 @@ def find_candidates(
 
     Args:
         outlines: of the N scans that the solution has, as `outline` gives them in the settings' cells.
-        voxel: edge of the survey's voxels [m].
-        settings: thresholds and limits.
         left_out: pairs (i, j), i < j; consecutive scans are always left out.
         unsure: only scans whose points the estimate has no better against each other than registrations usually have
             them: from the others there is nothing to gain.
@@ -153,8 +151,6 @@ def find_lookalikes(
     Args:
         signatures: of N scans; None where a scan has none.
         parts: the scans of each part, as edges join them; surveys of one place are parts until something joins them.
-        settings: limits.
-        left_out: pairs (i, j), i < j.
     """
     part = {k: number for number, members in enumerate(parts) for k in members}
     known = {k: signature for k, signature in enumerate(signatures) if signature is not None}
@@ -205,8 +201,6 @@ def separations(count: int, edges: Sequence[Edge], pairs: np.ndarray) -> np.ndar
     square of the poses. Infinite where neither is a way.
 
     Args:
-        count: of the poses.
-        edges: measurements between them.
         pairs: (m, 2) int, different poses.
     """
     ends = np.array([(edge.i, edge.j) for edge in edges if edge.kind != "prior"], np.intp).reshape(-1, 2)

@@ -29,9 +29,6 @@ class PlaceIndex:
         Args:
             signatures: (N, K), one a scan, in the order in which they were taken.
             surveys: (N,) int, which survey each scan is of, one survey after the other; None for one survey.
-
-        Raises:
-            InputError: a shape is another, a number is not finite, or the surveys are mixed.
         """
         signatures = np.asarray(signatures, np.float64)
         if signatures.ndim != 2 or not signatures.size or not np.isfinite(signatures).all():
@@ -54,15 +51,11 @@ class PlaceIndex:
         """For each scan the k most alike others, best first; of equals the first in order.
 
         Args:
-            k: how many.
             gap: scans of the same survey so few places before or after are left out; they overlap anyway.
             elsewhere: whether to look in other surveys only.
 
         Returns:
             index (N, k) int64, -1 where there are no more, and distance (N, k) float64, inf there.
-
-        Raises:
-            InputError: k is below 1, or gap below 0.
         """
         if k < 1 or gap < 0:
             raise InputError(f"k is {k} and gap {gap}; wanted at least 1 and at least 0")
@@ -92,9 +85,6 @@ class PlaceIndex:
 
         Args:
             per_scan, gap, elsewhere: as k and the rest in `nearest`.
-
-        Raises:
-            InputError: as there.
         """
         index, distance = self.nearest(per_scan, gap, elsewhere)
         scan, place = np.nonzero(index >= 0)

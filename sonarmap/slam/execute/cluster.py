@@ -207,7 +207,6 @@ class _HeldScan:
 
     @property
     def size(self) -> int:
-        """Of its arrays [bytes]."""
         arrays = self.scan.points, self.scan.strength, self.scan.viewpoints, self.scan.times
         return sum(array.nbytes for array in arrays if array is not None)
 

@@ -101,13 +101,9 @@ def processes(
     """Several new processes of this machine, for as long as the block lasts.
 
     Args:
-        workers: how many, at least 1.
         begin: what each process calls first, with `arguments`; before it the process has loaded no library.
         spool: how the path of the folder for the scans that workers read begins, which is made when they need one and
             deleted at the end; None: in the system's folder for temporary files.
-
-    Raises:
-        InputError: a process ended before its time.
     """
     with spooled(spool) as transport, spawned(workers, begin, *arguments) as pool:
         yield Executor(pool, transport, lambda: workers)

@@ -76,7 +76,6 @@ class Journal:
             raise
 
     def close(self) -> None:
-        """Close the file, so that others can use it."""
         self._database.close()
 
     def __enter__(self) -> "Journal":
@@ -86,7 +85,6 @@ class Journal:
         self.close()
 
     def count(self) -> int:
-        """Number of entries."""
         with self._explained_errors():
             return self._database.execute("SELECT count(*) FROM entry").fetchone()[0]
 

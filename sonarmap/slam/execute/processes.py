@@ -21,13 +21,6 @@ def spawned(workers: int, begin: Callable[..., None] | None = None, *arguments: 
     They are spawned, as an OpenCL context must not be inherited. They ignore interrupts, which are for this process.
     If the block raises or is interrupted they are ended, and their unfinished work is lost; if this process is killed
     they end too. Each uses its share of the cores (`kernels.device.threads.share_cores`).
-
-    Args:
-        workers: how many, at least 1.
-        begin: what each process calls first, with `arguments`.
-
-    Raises:
-        InputError: a process ended before its time.
     """
     before = set(active_children())
     pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (workers, begin, arguments))

@@ -22,8 +22,6 @@ from sonarmap.spectral.scan import Scan
 
 @dataclass(frozen=True, slots=True)
 class PairTime:
-    """How long one pair took."""
-
     # target, source: indices of its scans among all of the survey
     target: int
     source: int
@@ -33,8 +31,6 @@ class PairTime:
 
 @dataclass(slots=True)
 class Timings:
-    """How long a survey's run took so far."""
-
     pairs: list[PairTime] = field(default_factory=list)  # in the order in which they were done
     stages: dict[str, float] = field(default_factory=dict)  # seconds of every stage, by its name
     _stage_start: float = field(default_factory=perf_counter)
@@ -72,8 +68,6 @@ class Execution:
 
 @dataclass(slots=True)
 class _Steps:
-    """The progress."""
-
     planned: int
     report: Progress | None
     done: int = 0

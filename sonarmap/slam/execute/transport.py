@@ -27,7 +27,6 @@ class ScanKey:
 
 
 def scan_key(scan: Scan) -> ScanKey:
-    """The key of a scan."""
     return ScanKey(content_key(scan), scan.name)
 
 
@@ -45,7 +44,6 @@ def content_key(scan: Scan) -> str:
 
 
 def joined_key(*keys: str) -> str:
-    """A digest of several keys, in their order."""
     return hashlib.sha256("\0".join(keys).encode()).hexdigest()
 
 
@@ -55,9 +53,7 @@ _ARRAYS = ("points", "strength", "viewpoints", "times")
 class ScanSource(Protocol):
     """Where a worker gets a scan from when it needs it."""
 
-    def load(self) -> Scan:
-        """The scan."""
-        ...
+    def load(self) -> Scan: ...
 
 
 class Transport(Protocol):
@@ -67,7 +63,6 @@ class Transport(Protocol):
         """What to hand to a worker instead of the scan: a `ScanSource`, or Dask's future of one.
 
         Args:
-            scan: its key.
             load: gives the scan; called when it is needed, and the scan is not kept in this process.
         """
         ...
@@ -146,7 +141,6 @@ class SpooledScan:
     path: Path
 
     def save(self, scan: Scan) -> None:
-        """Write the scan, all bits of it."""
         arrays = {name: array for name in _ARRAYS if (array := getattr(scan, name)) is not None}
         if scan.prior is not None:
             arrays |= {"pose": scan.prior.T_world_sensor.as_matrix(), "sigmas": scan.prior.sigmas}

@@ -70,9 +70,7 @@ class PairWorker(Protocol):
         """What comes of every job; `sources` give the scans."""
         ...
 
-    def release(self) -> None:
-        """Free the memory that this process holds for it."""
-        ...
+    def release(self) -> None: ...
 
 
 class Worker:
@@ -83,7 +81,6 @@ class Worker:
     pair's several are slower.
 
     Args:
-        registrar: the method.
         prepared: how many prepared scans to keep, at least 2.
     """
 

@@ -27,9 +27,6 @@ class ControlPoint:
         known: (3,) float64 its surveyed coordinates East, North, Up [m].
         sigmas: (3,) float64 standard deviations of `known` and of the picking together, along these axes [m].
         use: "control" holds the map there; "check" is only compared with it.
-
-    Raises:
-        InputError: numbers that are not finite, sigmas that are not above 0, or an unknown use.
     """
 
     name: str
@@ -56,7 +53,6 @@ class ControlPoint:
 
     @property
     def holds(self) -> bool:
-        """Whether the map is held there."""
         return self.use == "control"
 
     def factor(self) -> gtsam.NonlinearFactor:
@@ -66,11 +62,7 @@ class ControlPoint:
         )
 
     def known_pose(self, T_world_scan: RigidTransform) -> KnownPose:
-        """What it tells of its scan's pose, to first order about where that is.
-
-        Args:
-            T_world_scan: the pose.
-        """
+        """What it tells of its scan's pose, to first order about where that is."""
         J = jacobian(T_world_scan, self.point)
         residual = T_world_scan.apply(self.point) - self.known
         toward: np.ndarray = -np.asarray(np.linalg.lstsq(J, residual, rcond=None)[0], np.float64)

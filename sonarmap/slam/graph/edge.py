@@ -30,10 +30,6 @@ class Edge:
             measured it), "guess" (consecutive scans, where the usual motion has them) or "prior" (of one pose, against
             the world).
         by_hand: whether a person vouches for it: then no other edge outweighs it.
-
-    Raises:
-        InputError: an unknown kind, indices that do not suit it, or a covariance that is not symmetric
-            positive definite.
     """
 
     i: int
@@ -76,7 +72,6 @@ class Edge:
 
     @property
     def name(self) -> str:
-        """What to call the edge in messages."""
         return f"edge {self.i} -> {self.j}"
 
 

@@ -20,7 +20,6 @@ def edge_factors(edges: Sequence[Edge], scale_factors: np.ndarray | None = None)
     """What each edge says, for GTSAM; poses are keys 0..N-1.
 
     Args:
-        edges: E measurements.
         scale_factors: (E,) by which their covariances are multiplied; 1 by default.
     """
     if not edges:
@@ -39,12 +38,7 @@ def edge_factors(edges: Sequence[Edge], scale_factors: np.ndarray | None = None)
 
 
 def residuals_of(edges: Sequence[Edge], T: RigidTransform) -> np.ndarray:
-    """(E,) float64, each edge's residual in sigmas (the Mahalanobis length of its six numbers).
-
-    Args:
-        edges: E measurements.
-        T: N poses, T_world_sensor.
-    """
+    """(E,) float64, each edge's residual in sigmas (the Mahalanobis length of its six numbers)."""
     if not edges:
         return np.zeros(0)
     ends, measured = np.array([(edge.i, edge.j) for edge in edges]), _measured(edges)

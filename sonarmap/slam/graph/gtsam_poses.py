@@ -14,7 +14,6 @@ START_SIGMA = 1e-2  # [rad, m], of the priors that hold a pose about where it is
 
 
 def to_pose3(T: RigidTransform) -> gtsam.Pose3:
-    """One rigid transform as GTSAM's."""
     return gtsam.Pose3(T.as_matrix())
 
 
@@ -22,7 +21,6 @@ def to_values(T: RigidTransform, keys: Iterable[int] | None = None) -> gtsam.Val
     """N transforms as GTSAM's values.
 
     Args:
-        T: N transforms.
         keys: N keys; 0..N-1 where none are given.
     """
     values = gtsam.Values()
@@ -32,12 +30,7 @@ def to_values(T: RigidTransform, keys: Iterable[int] | None = None) -> gtsam.Val
 
 
 def to_transforms(values: gtsam.Values, count: int) -> RigidTransform:
-    """The transforms under the keys 0..count-1.
-
-    Args:
-        values: with a Pose3 under each of these keys.
-        count: how many.
-    """
+    """The transforms under the keys 0..count-1."""
     return RigidTransform.from_matrix(np.stack([values.atPose3(key).matrix() for key in range(count)]))
 
 

@@ -18,7 +18,6 @@ def joint_covariance(graph: PoseGraph, poses: Sequence[int]) -> np.ndarray:
 
     Args:
         graph: at its optimum, with its edges as `weighed`.
-        poses: their numbers.
 
     Raises:
         InputError: the edges do not determine every pose.

@@ -21,11 +21,7 @@ _ROUNDED = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class KnownPose:
-    """What is known of one pose: R = R_measured Exp(w) and t = t_measured + R_measured v, and how well w and v.
-
-    Raises:
-        InputError: an information that is not finite, symmetric and positive semidefinite.
-    """
+    """What is known of one pose: R = R_measured Exp(w) and t = t_measured + R_measured v, and how well w and v."""
 
     pose: int  # its index
     T_world_pose: RigidTransform  # as measured

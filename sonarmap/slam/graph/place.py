@@ -48,7 +48,6 @@ def place_in_world(
 
     Args:
         trajectory: N poses, each part's in a frame of its own.
-        parts: the indices of their poses.
         priors: what instruments measured, by pose (world East-North-Up).
     """
     poses = list(trajectory.T_world_sensor)
@@ -179,9 +178,7 @@ def place_by_control(
 
     Args:
         trajectory: N poses, each part's in a frame of its own, upright where attitudes are measured.
-        parts: the indices of their poses.
         control: points; those that hold the map count.
-        priors: what instruments measured, by pose.
     """
     poses = trajectory.T_world_sensor.as_matrix()
     for members in parts:

@@ -39,9 +39,6 @@ def weighed(graph: PoseGraph) -> PoseGraph:
 
     Args:
         graph: with its kept edges, about their optimum; what instruments say does not count, and is not scaled.
-
-    Raises:
-        InputError: the equations have no unique or no finite solution.
     """
     alone = graph.registered_alone
     weights, quotient = np.ones(len(alone.edges)), _EXPECTED

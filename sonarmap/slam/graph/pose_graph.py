@@ -41,9 +41,6 @@ class PoseGraph:
         priors: (pose, what instruments measured of it); the trajectory is in their world (`place_in_world`).
         known: what else is known of single poses, as a file says it.
         control: points of poses, held to their places in the world; the trajectory is in it (`place_by_control`).
-
-    Raises:
-        InputError: an edge or a fixed pose that names a pose which is not there.
     """
 
     trajectory: Trajectory
@@ -65,7 +62,6 @@ class PoseGraph:
 
     @cached_property
     def gauge(self) -> Gauge:
-        """What fixes it."""
         T = self.trajectory.T_world_sensor
         return Gauge(T, self.edges, self.fixed, dict(self.priors), self.known, self.control)
 
@@ -85,7 +81,6 @@ class PoseGraph:
         return 2 * factors_of(self).error(to_values(self.trajectory.T_world_sensor))
 
     def at(self, T_world_sensor: RigidTransform) -> "PoseGraph":
-        """The same edges, with these N poses."""
         return replace(self, trajectory=Trajectory(self.trajectory.stamps, T_world_sensor))
 
     def keep(self, chosen: np.ndarray) -> "PoseGraph":
@@ -95,7 +90,6 @@ class PoseGraph:
 
     @property
     def registered_alone(self) -> "PoseGraph":
-        """The graph without what instruments say."""
         return replace(
             self, edges=tuple(edge for edge in self.edges if edge.is_registered), priors=(), known=(), control=()
         )
@@ -158,7 +152,6 @@ class PoseGraph:
         """The poses of least squared residual, by Levenberg-Marquardt from the initial estimate.
 
         Args:
-            max_iterations: of the optimizer.
             covariances: whether the solution has these, which takes a unique one; poses and residuals take none.
             scale_factors: (E,) by which the edges' covariances are multiplied; 1 by default.
 
@@ -226,7 +219,6 @@ class Solution:
 
     @property
     def trajectory(self) -> Trajectory:
-        """The optimized poses."""
         return self.graph.trajectory
 
     def with_covariances(self, scale_factors: np.ndarray) -> "Solution":
@@ -309,7 +301,6 @@ def factors_of(
     """The graph as GTSAM's factors: one for each edge, in their order, then those of the anchors and known poses.
 
     Args:
-        graph: its poses are keys 0..N-1.
         gauge_sigma: standard deviation with which anchors are held [rad, m].
         scale_factors: (E,) by which the edges' covariances are multiplied; 1 by default.
     """

@@ -20,10 +20,6 @@ class Trajectory:
         stamps: (N,) float64 [s, UTC], in the order of the scans; a counter where there is no time. Two dives
             in one survey, or files named out of order, may step back in time.
         T_world_sensor: N poses, p_world = T_world_sensor p_sensor [m].
-
-    Raises:
-        InputError: no pose, a single transform instead of a stack, another number of stamps, or a stamp that
-            is not finite.
     """
 
     stamps: np.ndarray
@@ -63,10 +59,6 @@ def chain(edges: Sequence[Edge], stamps: np.ndarray) -> Trajectory:
 
     Consecutive edges are followed wherever they reach; loops only join what they leave apart. A component starts at
     its first prior, or at the identity where it has none: poses of two components without priors share no frame.
-
-    Args:
-        edges: measurements between poses 0..N-1.
-        stamps: (N,) float64 [s], of the poses.
     """
     priors = {edge.i: edge.registration.T_target_source for edge in reversed(edges) if edge.kind == "prior"}
     return Trajectory(stamps, RigidTransform.from_matrix(composed(len(stamps), edges, priors).T))

@@ -40,7 +40,6 @@ class GrowingMap:
     """Places scans as they come, by one thread; another one may decide all anew meanwhile.
 
     Args:
-        mapper: whose registrar, settings and journal are used.
         navigate: what says where key scans were, beside themselves; None for nothing.
 
     Attributes:
@@ -88,7 +87,6 @@ class GrowingMap:
         return placed
 
     def pose(self, placed: Placed) -> Pose:
-        """Where a placed scan was taken."""
         return _moved(self.poses[placed.key], placed.T_key_sensor, placed.covariance)
 
     def restore(self, scan: Scan, step: Registration | None, of_map: bool = False) -> None:

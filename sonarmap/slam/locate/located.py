@@ -16,7 +16,6 @@ class Located:
     """Where a scan was taken in a map.
 
     Attributes:
-        name: of the scan.
         stamp: of the scan [s], or its number where there is no time.
         reason: in words, why the place is believed or not.
         place: the most probable one. Its covariance holds what the scan leaves open against the map, and what the map
@@ -52,7 +51,6 @@ class Located:
 
     @property
     def probability(self) -> float:
-        """That the place is right, 0..1."""
         return 0.0 if self.place is None else self.place.probability
 
     def __str__(self) -> str:

@@ -36,8 +36,6 @@ _ALLOWED_SIGMAS = 4.0  # of a measured position, within which key scans are trie
 
 
 class Locator:
-    """Locates scans in one map."""
-
     def __init__(self, registrar: SpectralRegistrar, surveyed: SurveyedMap) -> None:
         """Prepare the map's key scans once, on the registrar's grid, which suits them.
 
@@ -76,7 +74,6 @@ class Locator:
             yield located
 
     def _anywhere(self, scan: Scan, prepared: SpectralScan) -> Located:
-        """In the whole map."""
         # 1. poses by registration to key scans, the most similar and the nearest to a place in turn, until some agree
         keys, answers, places = self._alike(scan, prepared), list[Place](), list[Place]()
         for turn in range(min(_MOST, len(keys))):

@@ -35,8 +35,6 @@ _AT_A_TIME = 100_000  # points that are looked at together, so that memory stays
 
 @dataclass(frozen=True, slots=True)
 class CleanMap:
-    """A map in two layers."""
-
     clean: PointMap  # the map
     doubtful: PointMap  # the points that were left out of it
 
@@ -65,9 +63,6 @@ def component_maps(
         chained: their n poses before the loops, in the same frame.
         min_seen: scans that have to see a point where others looked; 1 leaves nothing out.
         executor: who asks the scans about the points; None for this process.
-
-    Raises:
-        InputError: a voxel so small that no point is within reach.
     """
     layers = {number: clean_map(scans, min_seen, executor) for number, scans in placed.by_survey.items()}
     parted, asked = clean_map(placed, min_seen, executor), min_seen > 1

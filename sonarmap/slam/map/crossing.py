@@ -34,8 +34,6 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """Two scans of different passes over one place."""
-
     # i, j: the scans, i < j
     i: int
     j: int
@@ -62,12 +60,10 @@ class CrossingError:
 
     @property
     def before(self) -> Spread | None:
-        """Under the first estimate."""
         return _typical([crossing.before for crossing in self.crossings])
 
     @property
     def after(self) -> Spread | None:
-        """Under the second estimate."""
         return _typical([crossing.after for crossing in self.crossings])
 
 
@@ -91,9 +87,6 @@ def crossing_error(placed: PlacedScans, before: RigidTransform) -> CrossingError
     Args:
         placed: S scans of one component at their optimized poses, their indices ascending as they were taken.
         before: their S chained poses.
-
-    Raises:
-        InputError: another number of poses.
     """
     if len(before) != len(placed.scans):
         raise InputError(f"{len(placed.scans)} scans and {len(before)} poses before: wanted as many of each")

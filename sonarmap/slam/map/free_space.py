@@ -34,8 +34,6 @@ _CROWD = 3  # of so many echoes in a cell the nearest is left out: it may be a w
 
 @dataclass(frozen=True, slots=True)
 class Votes:
-    """What the scans say about each point of a map."""
-
     agree: np.ndarray  # (M,) int32, scans whose nearest surface in that direction is there
     contradict: np.ndarray  # (M,) int32, scans whose beams passed there and met something farther off
     # (M,) int32, scans whose beams went that way, close together: they met the point, passed it, or met something
@@ -56,7 +54,6 @@ class Votes:
             getattr(self, field.name)[chosen] += getattr(more, field.name)
 
     def take(self, chosen: np.ndarray) -> Votes:
-        """These points' alone."""
         return Votes(self.agree[chosen], self.contradict[chosen], self.looked[chosen], self.behind[chosen])
 
 
@@ -95,7 +92,6 @@ def _ball_of(placed: PlacedScans) -> tuple[np.ndarray, float]:
 
 
 def _votes(point_map: PointMap, placed: PlacedScans) -> Votes:
-    """What the scans say about the points."""
     said = Votes.none(len(point_map.points))
     within = ball_search(point_map.points)
     for k, (scan, beams) in enumerate(zip(placed.scans, placed.beams, strict=True)):
@@ -162,8 +158,6 @@ def _tolerance(ranges: np.ndarray, sigma: np.ndarray, voxel: float) -> np.ndarra
 
 @dataclass(frozen=True, slots=True)
 class _View:
-    """What one scan saw, over directions."""
-
     # (3, 3): turns the middle of the beams to the octahedral map's, the z axis, so that its seams lie behind
     R_view_sensor: np.ndarray
     widest: float  # cosine of an angle from the middle, beyond which no level tells anything

@@ -26,8 +26,6 @@ _FLOOR = 0.02  # least scatter of a range [voxels]: no fit is better than the su
 
 @dataclass(frozen=True, slots=True)
 class Beams:
-    """The beams of one scan."""
-
     ranges: np.ndarray  # (K,) float64, ascending [m], at which `sigmas` are given
     sigmas: np.ndarray  # (K,) float64, standard deviations of a range about the surface of its neighbors [m]
     spacing: float  # usual angle between neighboring beams [rad]
@@ -41,11 +39,7 @@ class Beams:
 
 @dataclass(frozen=True, slots=True)
 class PlacedScans:
-    """S scans where an estimate has them, and the voxel of the map that they are to be fused into.
-
-    Raises:
-        InputError: no scan, another number of anything, or a voxel that is not positive.
-    """
+    """S scans where an estimate has them, and the voxel of the map that they are to be fused into."""
 
     scans: tuple[Scan, ...]  # S of them, at least one
     T_world_sensor: RigidTransform  # their S poses

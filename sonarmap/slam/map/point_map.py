@@ -132,7 +132,6 @@ class _Cells:
     seen: np.ndarray  # (K,) int32, number of scans
 
     def take(self, chosen: np.ndarray) -> _Cells:
-        """These rows alone."""
         return _Cells(**{field.name: getattr(self, field.name)[chosen] for field in fields(_Cells)})
 
     def columns(self) -> dict[str, np.ndarray]:
@@ -153,7 +152,6 @@ class _FusedCells:
         self._rows: dict[int, int] = defaultdict(int)
 
     def add(self, cells: _Cells) -> None:
-        """Add the cells of one scan."""
         if not len(cells.key):
             return
         tile = cells.key & _TILE

@@ -23,7 +23,6 @@ def in_portions(
 
     Args:
         executor: runs the task, which is pickled where workers are processes.
-        scans: all of them.
         task: takes what `needs` gives for the places of a portion, called when it is begun.
     """
     portions = _portions([len(scan.points) for scan in scans])

@@ -41,7 +41,6 @@ def with_between(
     Args:
         decision: about the key scans, numbered 0, 1, ...; `keys` are their indices among all scans, ascending.
         floor: (6,) standard deviations of a place that is interpolated [rad, m].
-        runner: of all scans.
         odd: scans without a place, which are left alone.
     """
     count, graph = len(measurements.scans), decision.solution.graph
@@ -214,7 +213,6 @@ class Unsteadiness:
         A turn strays from the wider motion by more, as the times tell. What differs otherwise was shaken.
 
         Args:
-            T: their n poses.
             times: (n,) ascending within a run.
             run: (n,) equal for those that are one run of one map, ascending.
         """

@@ -32,9 +32,6 @@ class KeySettings:
 
     Attributes:
         step: how far apart they are [m]; None for what suits the voxel and the overlap, where the stream is dense.
-
-    Raises:
-        InputError: a step that is not above 0.
     """
 
     step: float | None = None

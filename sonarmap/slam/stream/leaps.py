@@ -36,7 +36,6 @@ def find_leaps(T: RigidTransform, times: np.ndarray, runs: np.ndarray, fixed: np
     """The scans that stray far from a steady motion from the scan before to the one behind.
 
     Args:
-        T: N poses.
         times: (N,) [s], ascending within a run.
         runs: (N,) equal for scans that follow one another in one map.
         fixed: (N,) bool, of scans that are right.

@@ -21,8 +21,6 @@ _AGREE = float(np.sqrt(chdtri(6, 1e-3)))
 
 @dataclass(frozen=True, slots=True)
 class Between:
-    """A scan between two key scans."""
-
     scan: int
     step: Edge  # from the key scan before it: as a steady motion, or dead reckoning, has it
     after: int  # the key scan behind it
@@ -55,7 +53,6 @@ def refine(runner: PairRunner, scans: Sequence[Between], floor: np.ndarray) -> R
     A registration that is accepted is believed where it agrees with the step, or with that to the other key scan.
 
     Args:
-        runner: of all scans.
         floor: (6,) standard deviations that every two are granted between them [rad, m].
     """
     first = {pair.scans: pair for pair in runner.register([each.candidates()[0] for each in scans])}
@@ -82,11 +79,9 @@ def without_leaps(
 
     Args:
         runner: of all N scans.
-        scans: those between key scans.
         keys: poses of the key scans.
         times: (N,) [s].
         runs: (N,) equal for scans that follow one another in one map; below 0 of scans without a place.
-        floor: as of `refine`.
     """
     poses = dict(keys)
     for each in scans:
@@ -124,7 +119,6 @@ def _agreeing(between: Between, registered: Mapping[tuple[int, int], RegisteredP
 
 
 def _on_way(between: Between, registered: Mapping[tuple[int, int], RegisteredPair], floor: np.ndarray) -> list[Edge]:
-    """The registrations of a scan that agree with its step."""
     step = between.step.registration.T_target_source, between.step.registration.covariance
     return [edge for edge, place in zip(*_places(between, registered), strict=True) if _agree(step, place, floor)]
 

@@ -37,7 +37,6 @@ class Odds:
         return self.constant + self.columns(clues) @ self.weights
 
     def to_json(self) -> dict[str, Any]:
-        """For the table, rounded."""
         ranges = np.column_stack([self.low, self.high, self.mean, self.deviation]).round(4).tolist()
         weights = [] if self.weights is None else self.weights.round(4).tolist()
         return {
@@ -48,7 +47,6 @@ class Odds:
 
     @classmethod
     def from_json(cls, table: Mapping[str, Any]) -> "Odds":
-        """What `to_json` made."""
         low, high, mean, deviation = np.array(list(table["clues"].values())).T
         weights = np.array(list(table["weights"].values()))
         return cls(tuple(table["clues"]), low, high, mean, deviation, table["constant"], weights)

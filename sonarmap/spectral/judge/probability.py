@@ -49,7 +49,6 @@ class Clues:
     turn_1: float
 
     def numbers(self) -> tuple[tuple[str, float], ...]:
-        """By name, each after "p_"."""
         return tuple((f"p_{name}", float(value)) for name, value in asdict(self).items())
 
 

@@ -125,11 +125,7 @@ class GridRegistrar:
         self._warm = False
 
     def with_voxel(self, voxel: float) -> Self:
-        """The same for voxels of another size [m], on the same tables and memory: only one of the two may be at work.
-
-        Raises:
-            InputError: the voxel is no length above 0.
-        """
+        """The same for voxels of another size [m], on the same tables and memory: only one of both may work."""
         other = copy(self)
         other.grid = replace(self.grid, voxel=voxel)
         other._preparer = copy(self._preparer)

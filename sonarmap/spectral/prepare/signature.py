@@ -32,9 +32,6 @@ def signature(products: np.ndarray) -> np.ndarray:
 
     Returns:
         (K,) float32 in -1..1, K = (degrees - 1) n (n + 1) / 2 with n = 6 layers, or half of L where L is below 12.
-
-    Raises:
-        InputError: the products have another shape, or are not finite.
     """
     if products.ndim != 3 or len(products) < 2 or products.shape[1] != products.shape[2]:
         raise InputError(f"`products` have shape {products.shape}; wanted (degrees, L, L), of 2 degrees or more")

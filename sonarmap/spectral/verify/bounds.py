@@ -88,7 +88,6 @@ class Bounds:
         return self.prior.allows_shift(shifts, R_target_source, _SHIFT_SLACK * self.voxel)
 
     def refusal(self, T_target_source: RigidTransform) -> str:
-        """Why a pose is impossible, in words; "" where it is not."""
         R, t = T_target_source.rotation, T_target_source.translation
         if refusal := tilt_refusal(R, self.max_tilt):
             return refusal

@@ -29,13 +29,11 @@ class Candidates:
 
     @staticmethod
     def joined(parts: "Sequence[Candidates]") -> "Candidates":
-        """All together."""
         rows = {name: [getattr(part, name) for part in parts] for name in _NAMES}
         R = Rotation.concatenate(rows.pop("R"))
         return Candidates(R=R, **{name: np.concatenate(arrays) for name, arrays in rows.items()})
 
     def select(self, selected: np.ndarray) -> "Candidates":
-        """Those for which (n,) bool is true."""
         return Candidates(*(getattr(self, name)[selected] for name in _NAMES))
 
 

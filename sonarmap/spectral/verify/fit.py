@@ -13,8 +13,6 @@ _LOOSEST = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Where the refinement ended."""
-
     # R, shift: p_target = R p_source + shift about the grid centers [voxels]
     R: Rotation
     shift: np.ndarray

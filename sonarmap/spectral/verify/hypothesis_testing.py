@@ -179,7 +179,6 @@ class HypothesisTest(PairFrames):
         return ranked([*kept, *(self._refine(driven, [_FINAL]) if driven else [])])
 
     def _without_instruments(self) -> "HypothesisTest":
-        """The same by the scans alone."""
         return replace(self, bounds=replace(self.bounds, prior=None))
 
     def _unless_bounded(self) -> "HypothesisTest":
@@ -209,7 +208,6 @@ class HypothesisTest(PairFrames):
         return replace(best, fit=replace(fit, step=step))
 
     def _measured(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Hypotheses with all their evidence, best first."""
         measured = self.verifier.measure(self.target, self.source, hypotheses).read()
         return sorted(measured, key=lambda hypothesis: -hypothesis.score)
 
@@ -220,7 +218,6 @@ class HypothesisTest(PairFrames):
     def _refine_candidates(
         self, candidates: Candidates, chosen: np.ndarray, stages: Sequence[Stage], points: int = SURFACE_POINTS
     ) -> list[Hypothesis]:
-        """The chosen candidates, refined and observed, best first."""
         R, shifts = candidates.R[chosen], candidates.shifts[chosen]  # pyright: ignore[reportArgumentType]
         scores, psr = candidates.rotation_scores[chosen].tolist(), candidates.psr[chosen].tolist()
         start = Start(R, shifts, np.zeros(len(shifts)))
@@ -229,7 +226,6 @@ class HypothesisTest(PairFrames):
     def _refine(
         self, hypotheses: Sequence[Hypothesis], stages: Sequence[Stage], points: int = SURFACE_POINTS
     ) -> list[Hypothesis]:
-        """The hypotheses, refined further and observed, best first."""
         return self._round(_start([each.fit for each in hypotheses]), _origins(hypotheses), stages, points)
 
     def _round(
@@ -273,13 +269,11 @@ class HypothesisTest(PairFrames):
 
 
 def _start(fits: Sequence[Fit], stretches: bool = False) -> Start:
-    """Where fits are refined further."""
     shifts, widths = np.array([fit.shift for fit in fits]), np.array([fit.width for fit in fits])
     return Start(Rotation.concatenate([fit.R for fit in fits]), shifts, widths, stretches)
 
 
 def _origins(hypotheses: Sequence[Hypothesis]) -> list[tuple[float, float]]:
-    """Which peaks hypotheses come from."""
     return [(each.rotation_score, each.candidate_psr) for each in hypotheses]
 
 

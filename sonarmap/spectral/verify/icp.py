@@ -34,8 +34,6 @@ _FULL = 3000
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where k refinements begin."""
-
     R: Rotation  # (k,) rotations
     shifts: np.ndarray  # (k, 3) p_target = R p_source + shift about the grid centers [voxels]
     # (k,) how far the surfaces usually are apart, as an earlier fit has it [voxels]; 0 where that is not known. Where
@@ -49,8 +47,6 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Steps of a refinement."""
-
     reaches: tuple[float, ...]  # of each step, at least one, how far apart points of a pair may be [voxels]
     points: int  # how many points of each scan are used
 

@@ -43,7 +43,6 @@ class NormalEquations:
 
     @classmethod
     def of(cls, record: Record, state: State) -> "NormalEquations":
-        """From the sums of a step."""
         size = 6 if state.stretch is None else 8
         variance = CALIBRATION.variance(state.width)
         hessian, whole, shared = (sums[:, :size, :size].copy() for sums in (record.moving, record.whole, record.shared))

@@ -30,7 +30,6 @@ class PairFrames:
     bounds: Bounds
 
     def transform(self, fit: Fit) -> RigidTransform:
-        """T_target_source between the sensor frames [m]."""
         return RigidTransform.from_components(self._sensor_shift(fit.R, fit.shift), fit.R)
 
     def moved(self, fit: Fit) -> float:
@@ -52,7 +51,6 @@ class PairFrames:
         return Box(np.rint(center), box[1] / self.grid.voxel)
 
     def within_bounds(self, candidates: Candidates) -> Candidates:
-        """Those whose shift is possible."""
         allowed = np.zeros(len(candidates.psr), dtype=bool)
         for rotation in np.unique(candidates.rotation):
             indices = np.flatnonzero(candidates.rotation == rotation)
@@ -61,7 +59,6 @@ class PairFrames:
         return candidates.select(allowed)
 
     def possible(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Those within the bounds."""
         if not hypotheses:
             return []
         fits = [hypothesis.fit for hypothesis in hypotheses]

@@ -26,7 +26,6 @@ class PriorTerm:
     systematic: np.ndarray
 
     def of(self, n: int) -> "PriorTerm":
-        """Of one pose of several."""
         return PriorTerm(self.residual[n], self.jacobian[n], self.covariance[n], self.systematic[n])
 
     def moved(self, step: np.ndarray) -> "PriorTerm":

@@ -95,8 +95,6 @@ def _distinct(rows: np.ndarray, count: int) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class _Bed:
-    """Points of a bed over the plane that fits them."""
-
     axes: np.ndarray  # (3, 3) in columns, right-handed: two along the plane, and its normal
     middle: np.ndarray  # (3,) on the plane [voxels]
     places: np.ndarray  # (n, 3) from the middle, along the axes: the third is the height [voxels]
@@ -120,8 +118,6 @@ class _Bed:
 
 @dataclass(frozen=True, slots=True)
 class Heights:
-    """The mean height of points in each cell of a plane."""
-
     first: np.ndarray  # (2,) int, number of the first cell along both axes
     shown: np.ndarray  # (a, b) 1.0 where there are points, else 0.0
     heights: np.ndarray  # (a, b) [voxels]
@@ -174,7 +170,6 @@ class Heights:
 
 
 def _cells(places: np.ndarray) -> np.ndarray:
-    """Numbers of the cells that hold places."""
     return np.floor(places / _CELL).astype(np.int64)
 
 

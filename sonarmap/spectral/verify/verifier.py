@@ -79,8 +79,6 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Which candidates are the best distinct ones."""
-
     count: int  # how many at most
     # how far from the surface a point may lie [voxels; of the range]; None: as the coarse grid needs
     tolerance: tuple[float, float] | None = None
@@ -92,7 +90,6 @@ class Verifier:
     """Finds candidates for rotations and measures hypotheses, on one device and grid."""
 
     def __init__(self, device: Device, edge: int) -> None:
-        """Plan the correlations of both grids."""
         self.device, self.edge = device, edge
         self.coarse_edge = coarse_edge(edge)
         # how much farther off its candidates are than those of a grid of half the edge
