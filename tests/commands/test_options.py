@@ -21,8 +21,8 @@ from tests.commands.pages import (
     words_of,
 )
 
-# Options of other programs that sentences name.
-FOREIGN = {"-m", "--filters", "--no-deps", "--quiet"}
+# Options that sentences name: of other programs, and one that every verb takes.
+FOREIGN = {"--help-all", "-m", "--filters", "--no-deps", "--quiet"}
 
 
 def test_pages_have_commands_and_wrong_ones_are_refused() -> None:
