@@ -1,6 +1,5 @@
 """The public door: `import sonarmap` offers what the rooms declare, documented, and loads nothing before it is used."""
 
-# pyright: reportUnnecessaryTypeIgnoreComment=true
 # so that the misspelled name below is one to the type checker, too
 import inspect
 import re
@@ -36,7 +35,8 @@ class TestNames:
         exec("from sonarmap import *", names)
         assert set(NAMES) <= set(names)
         with pytest.raises(AttributeError, match="No sonarmap attribute registre"):
-            _ = sonarmap.registre  # pyright: ignore[reportAttributeAccessIssue]
+            # pyrefly: ignore[missing-attribute]
+            _ = sonarmap.registre
 
     def test_it_loads_no_library_and_goes_with_packages_of_the_names_of_its_own(self, tmp_path: Path) -> None:
         for room in ("kernels", "spectral", "slam", "tools"):

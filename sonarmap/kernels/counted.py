@@ -1,4 +1,3 @@
-# pyright: strict
 """Numbers of things, bytes and times in words."""
 
 

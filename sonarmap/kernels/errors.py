@@ -1,4 +1,3 @@
-# pyright: strict
 """The errors that a user can fix; the command line shows them without a traceback and exits with 2."""
 
 import errno

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Some pairs of a survey registered without priors, and what they show of the instruments that will bound others."""
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """The mapper: scans in, one consistent map out, on one screen."""
 
 from collections.abc import Callable, Sequence

@@ -1,4 +1,3 @@
-# pyright: strict
 """Two scans of a survey, stage by stage: a candidate, a registered pair, and a pair with its verdict."""
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Which pairs of a survey are registered, stage by stage, and how often: steps, bridges over gaps, loops."""
 
 from collections.abc import Sequence

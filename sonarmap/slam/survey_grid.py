@@ -1,4 +1,3 @@
-# pyright: strict
 """The grid of a survey, which does not change with every scan that is added to it."""
 
 from collections.abc import Iterable

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """What comes of mapping a survey: poses, how sure they are, maps, and every pair that was tried."""
 
 import math

@@ -1,4 +1,3 @@
-# pyright: strict
 """What a person says of a pair of scans, over what the survey decides by itself."""
 
 from collections.abc import Mapping, Sequence
@@ -34,11 +33,11 @@ class Tie:
     note: str = ""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.verdict, str) or self.verdict not in VERDICTS:  # pyright: ignore[reportUnnecessaryIsInstance]
+        if not isinstance(self.verdict, str) or self.verdict not in VERDICTS:
             raise InputError(f"the verdict of a tie is {self.verdict!r}; wanted one of {', '.join(VERDICTS)}")
         if not all(isinstance(k, Integral) for k in self.scans) or not 0 <= self.i < self.j:
             raise InputError(f"a tie is of scans {self.i} and {self.j}; wanted two different ones, the lower first")
-        if not isinstance(self.given, Registration | None):  # pyright: ignore[reportUnnecessaryIsInstance]
+        if not isinstance(self.given, Registration | None):
             raise InputError(f"the transform of a tie is {self.given!r}; wanted a Registration")
         if self.given is not None and self.verdict != "add":
             raise InputError(f"a tie with a transform has the verdict {self.verdict}; only add takes a transform")

@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Where one scan is expected relative to another, by the vehicle's motion, as a bound on their registration."""
 
 from dataclasses import dataclass

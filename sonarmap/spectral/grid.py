@@ -1,4 +1,3 @@
-# pyright: strict
 """The voxel grid that a set of scans shares, and where each scan lies in it."""
 
 from __future__ import annotations
@@ -107,7 +106,7 @@ def voxel_for(extent: float, edge: int) -> float:
 
 def scan_extent(scan: Scan) -> float:
     """The longest edge of the scan's trimmed bounding box [m]; InputError of what is no Scan."""
-    if not isinstance(scan, Scan):  # pyright: ignore[reportUnnecessaryIsInstance]
+    if not isinstance(scan, Scan):
         raise InputError(f"`scans` have {scan!r} among them; wanted a list of Scan")
     low, high = trimmed_box(scan)
     return float(np.max(high - low))

@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """What one scan's prior says of its rotation: the measured one, its turn about the vertical, the errors of both."""
 
 import numpy as np

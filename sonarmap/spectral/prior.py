@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """What the priors of two scans say about their relative pose: which rotations and shifts they allow."""
 
 from dataclasses import dataclass

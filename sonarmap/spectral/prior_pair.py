@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The priors of two scans, and how far a relative pose is from what they measured."""
 
 from dataclasses import dataclass

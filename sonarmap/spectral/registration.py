@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """The spectral registration of two scans: rotations from all of SO(3), each verified and refined; on one screen."""
 
 from collections.abc import Sequence

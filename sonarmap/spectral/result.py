@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false
 """The result of a registration, and what a method of registration is."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false
 """One scan: the points that a sensor saw from one pose."""
 
 from dataclasses import dataclass
@@ -44,10 +43,10 @@ class PosePrior:
 
     def __post_init__(self) -> None:
         T = self.T_world_sensor
-        if not isinstance(T, RigidTransform) or not T.single or not np.isfinite(T.as_matrix()).all():  # pyright: ignore[reportUnnecessaryIsInstance]
+        if not isinstance(T, RigidTransform) or not T.single or not np.isfinite(T.as_matrix()).all():
             raise InputError("`T_world_sensor` is not one finite pose; give what is not measured the value 0")
         sigmas = self.sigmas
-        if not isinstance(sigmas, np.ndarray) or sigmas.shape != (6,) or sigmas.dtype != np.float64:  # pyright: ignore[reportUnnecessaryIsInstance]
+        if not isinstance(sigmas, np.ndarray) or sigmas.shape != (6,) or sigmas.dtype != np.float64:
             raise InputError(
                 f"`sigmas` are {sigmas!r}; wanted float64 of shape (6,): roll, pitch, heading [rad], "
                 "East, North, Up [m]"

@@ -79,7 +79,7 @@ def distinct_rotations(found: Sequence[RotationPeaks]) -> RotationPeaks:
     if not len(scores):
         return RotationPeaks(R, scores)
     kept = _distinct(R, np.arange(len(scores)), len(scores))
-    return RotationPeaks(R[kept], scores[kept])  # pyright: ignore[reportArgumentType]
+    return RotationPeaks(R[kept], scores[kept])
 
 
 class So3:
@@ -156,12 +156,12 @@ class So3:
             examined += len(possible)
             refined = self._correlation.rotations(_refined(index[possible], around[possible]))
             possible = possible[still := allowed(refined)]
-            R = Rotation.concatenate([R, refined[still]])  # pyright: ignore[reportArgumentType]
+            R = Rotation.concatenate([R, refined[still]])
             scores = np.append(scores, around[possible, 13])
             kept = _distinct(R, np.arange(len(scores)), count)
             if len(kept) == count or examined == _EXAMINED:
                 break
-        return RotationPeaks(R[kept], scores[kept]) if len(kept) else RotationPeaks(R, scores)  # pyright: ignore[reportArgumentType]
+        return RotationPeaks(R[kept], scores[kept]) if len(kept) else RotationPeaks(R, scores)
 
     def best_of(self, target: Array, source: Array, sweep: Sweep, count: int) -> RotationPeaks:
         """The `count` best turns of a sweep that are far enough apart, best first, each at its best tilt.
@@ -174,8 +174,8 @@ class So3:
         values = map_coordinates(around, self._correlation.places(R).T, order=1, mode="nearest").reshape(-1, each)
         best = np.arange(len(values)) * each + values.argmax(axis=1)
         order = np.argsort(-values.max(axis=1), kind="stable")
-        kept = best[_distinct(R[best], order, count, sweep.apart)]  # pyright: ignore[reportArgumentType]
-        return RotationPeaks(R[kept], values.ravel()[kept].astype(np.float64))  # pyright: ignore[reportArgumentType]
+        kept = best[_distinct(R[best], order, count, sweep.apart)]
+        return RotationPeaks(R[kept], values.ravel()[kept].astype(np.float64))
 
 
 def _refined(index: np.ndarray, around: np.ndarray) -> np.ndarray:

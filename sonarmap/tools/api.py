@@ -1,4 +1,3 @@
-# pyright: strict
 """What `import sonarmap` offers beside the classes of the rooms: registration, mapping, optimizing and reading.
 
 In: arrays, scans or paths. Out: the same results as the command line's, as objects.

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """What a program gives to the functions of `sonarmap`, checked before anything else sees it."""
 
 import os

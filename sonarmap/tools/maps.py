@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """What `import sonarmap` offers of finished maps: to write them, open them, export them, and to fuse scans again.
 
 In: results, scans, folders. Out: the same files as the command line's, and the map as an object.
@@ -279,7 +278,7 @@ def fuse(
     if T_world_sensor.single or len(T_world_sensor) != len(listed):
         count = "one" if T_world_sensor.single else len(T_world_sensor)
         raise InputError(f"`poses` are {count}, and there are {len(listed)} scans; wanted a stack of one for each")
-    if voxel is None or not voxel > 0:  # pyright: ignore[reportUnnecessaryComparison]
+    if voxel is None or not voxel > 0:
         raise InputError(f"`voxel={voxel}` cannot be used; wanted a length in meters above zero, such as 0.5")
     if covariances is not None:
         covariances = as_covariances(covariances, len(listed))

@@ -143,7 +143,7 @@ def las(
     for name in extra or {}:
         header.add_extra_dim(laspy.ExtraBytesParams(name, "f8"))
     if crs is not None:
-        header.add_crs(crs)  # type: ignore[arg-type]
+        header.add_crs(crs)
     cloud = laspy.LasData(header)
     cloud.x, cloud.y, cloud.z = (table[:, axis].astype(np.float64) for axis in range(3))
     cloud.intensity = np.round(table[:, 3])

@@ -67,7 +67,7 @@ def test_few_pairs_are_asked_and_only_those_with_priors_of_one_survey() -> None:
     measured, registrar = priors([1] * 6), Truthful()
     points = np.random.default_rng(0).random((COUNT, 1, 3), np.float32)
     scans = [Scan(points[k], stamp=float(k), prior=measured[k], name=f"s{k}") for k in range(COUNT)]
-    runner = PairRunner(Execution.here(registrar, 2), scans, 0, None)  # type: ignore[arg-type]
+    runner = PairRunner(Execution.here(registrar, 2), scans, 0, None)
     one = np.zeros(COUNT, np.intp)
     pairs = register_freely(runner, scans, one)
     assert 8 <= len(registrar.asked) <= 16

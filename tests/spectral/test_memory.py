@@ -84,7 +84,7 @@ def test_larger_grids_need_more_and_leave_room_for_fewer_scans() -> None:
 
 def test_a_grid_too_large_says_what_is_needed_and_what_would_fit() -> None:
     with pytest.raises(DeviceError, match=r"GiB on the device.*`edge=\d\d\d`"):
-        require_memory(_Small(), memory_plan(512))  # pyright: ignore[reportArgumentType]
+        require_memory(_Small(), memory_plan(512))
 
 
 class _Small:

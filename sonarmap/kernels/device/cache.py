@@ -1,4 +1,3 @@
-# pyright: strict
 """What is remembered of this machine's devices between runs, in the user's cache folder, and who else writes there.
 
 Nothing depends on it: where a folder cannot be written, that is said once, and work that could be spared is done again.
@@ -74,7 +73,7 @@ def recall(name: str) -> dict[str, Any]:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return content if isinstance(content, dict) else {}  # pyright: ignore[reportUnknownVariableType]
+    return content if isinstance(content, dict) else {}
 
 
 def remember(name: str, content: dict[str, Any]) -> None:

@@ -1,4 +1,3 @@
-# pyright: strict
 """Choose and list OpenCL devices, build programs once, check memory before it is taken.
 
 An OpenCL context must never be inherited by a forked process: spawn workers, and let each make its own `Device`.
@@ -245,7 +244,7 @@ def choose_device(selector: str | None = None) -> Device:
         InputError: the selector is no text.
         DeviceError: nothing matches, or nothing that matches works; the message lists what is there.
     """
-    if not isinstance(selector, str | None):  # pyright: ignore[reportUnnecessaryIsInstance]
+    if not isinstance(selector, str | None):
         raise InputError(f"`selector` is {type(selector).__name__}; wanted a name such as 'cpu' or '0:0', or None")
     refuse_fork()
     wanted = selector or os.environ.get("PYOPENCL_CTX") or ""

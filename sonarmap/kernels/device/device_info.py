@@ -1,4 +1,3 @@
-# pyright: strict
 """What is known of OpenCL devices without their drivers in this process, and which of them a selector means."""
 
 import re

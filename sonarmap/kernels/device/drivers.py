@@ -1,4 +1,3 @@
-# pyright: strict
 """The OpenCL drivers of this machine, by the .icd files that name them. Only the standard library is imported here."""
 
 import ctypes

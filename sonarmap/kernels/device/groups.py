@@ -1,4 +1,3 @@
-# pyright: strict
 """How many work-items share a group, by flavor: the only place that says so.
 
 On a processor a group costs as much as a short row: an item is a row, or a group a few of them. On a graphics processor

@@ -110,7 +110,8 @@ def table(device: Device, values: np.ndarray) -> cla.Array:
 def affine(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.void:
     """A rotation and a shift as one float16 kernel argument: rows of [R | offset] in s0123, s4567, s89ab."""
     rows = affine_rows(R, offset).ravel()
-    return cltypes.make_float16(*rows)  # pyright: ignore[reportAttributeAccessIssue]
+    # pyrefly: ignore[missing-attribute]
+    return cltypes.make_float16(*rows)
 
 
 def affine_rows(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.ndarray:

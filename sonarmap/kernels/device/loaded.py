@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownMemberType=false
 """The one driver that this process has loaded. Two can end a process, as PoCLs of two versions of LLVM do."""
 
 import os
@@ -52,7 +51,7 @@ def load_devices(driver: Driver, folder: str | None = None) -> list[list[cl.Devi
     global _loaded, _owner
     refuse_fork()
     with _lock:
-        if _loaded not in (None, driver):
+        if _loaded is not None and _loaded != driver:
             raise DeviceError(f"this process has loaded the OpenCL driver {_loaded.file}, not {driver.file}")
         # of PyOpenCL's own programs
         warnings.filterwarnings("ignore", category=cl.CompilerWarning, module="pyopencl")

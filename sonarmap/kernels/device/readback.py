@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownMemberType=false
 """Results on their way to the host while it does other work: several are queued, then one wait brings all."""
 
 from collections.abc import Callable

@@ -1,4 +1,3 @@
-# pyright: strict
 """How many threads this process may use. Only the standard library is imported here, as libraries read their numbers
 when they are loaded."""
 

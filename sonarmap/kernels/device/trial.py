@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownMemberType=false, reportUnknownVariableType=false
 """Every driver and its devices are tried in a process of their own: one that crashes or hangs is named, and harms
 nothing. What came out is remembered until the machine starts anew, or its drivers change; what a device's self-test
 said, until its driver or the kernels change."""

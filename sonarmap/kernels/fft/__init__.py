@@ -1,4 +1,3 @@
-# pyright: strict
 """Fourier transforms of real volumes and of batches of images, in single precision.
 
 In: float32 arrays on the device. Out: half spectra, complex64 (n0, n1, `row_pitch(n2)`), and back. `transform.py` is

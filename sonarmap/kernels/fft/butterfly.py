@@ -1,4 +1,3 @@
-# pyright: strict
 """Write small Fourier transforms as straight-line OpenCL C: the butterflies of a stage."""
 
 from dataclasses import dataclass, field

@@ -1,4 +1,3 @@
-# pyright: strict
 """Emit the Fourier transform for a processor: one work-item per plane, 8 or 16 lanes in explicit vectors.
 
 A work-item takes 8 lines at a time as real and imaginary `float8` in private arrays, which stay in the cache.

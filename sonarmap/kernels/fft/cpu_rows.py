@@ -1,4 +1,3 @@
-# pyright: strict
 """Emit the last axis of a Fourier transform for a processor: 8 rows at a time, transposed in registers.
 
 A row of M points comes and goes in tiles of 4 numbers. Where M is no multiple of 4 the last tile lies over the one

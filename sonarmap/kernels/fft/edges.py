@@ -1,4 +1,3 @@
-# pyright: strict
 """The edges that have a Fourier transform: even products of 2, 3 and 5; how their rows lie, and their radices."""
 
 from functools import lru_cache

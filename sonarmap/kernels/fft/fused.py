@@ -1,4 +1,3 @@
-# pyright: strict
 """Emit correlations for a processor as fused passes: a spectrum is read once and written once on its way.
 
 The forward transform of a sparse volume is that of `kernels.fft.sparse`. The pass of its first axis whitens,

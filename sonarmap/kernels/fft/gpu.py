@@ -1,4 +1,3 @@
-# pyright: strict
 """Emit the Fourier transform for a graphics processor: one work-group per 8 lines, in local memory.
 
 Every axis is a kernel. A work-group brings 8 lines into local memory in their digit-reversed order, does the

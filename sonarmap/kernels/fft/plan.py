@@ -1,4 +1,3 @@
-# pyright: strict
 """Plan a Fourier transform: the layout of its array, and the launches that make it."""
 
 from dataclasses import dataclass

@@ -1,4 +1,3 @@
-# pyright: strict
 """Emit the passes of a sparse volume's forward transform for a processor, between which other work finds its place.
 
 The last two axes of a plane come first; rows without points are passed over, and so are planes. The columns of the

@@ -1,4 +1,3 @@
-# pyright: strict
 """Write the stages of a Fourier transform as OpenCL C.
 
 An edge of N = r1 r2 ... points is transformed by decimation in time: its elements are put in the

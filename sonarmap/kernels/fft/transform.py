@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownMemberType=false
 """Fourier transforms of three-dimensional arrays on a device, in single precision."""
 
 from functools import cached_property

@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """Poses of one scan relative to another, and places, as kernels take them, wherever they come from."""
 
 import numpy as np

@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """Points under many poses against a range image: which agree with it, and which stand where its beams went through."""
 
 from collections.abc import Sequence
@@ -115,7 +114,8 @@ def agreement(
 @cache
 def _float4(x: float, y: float, z: float, w: float) -> np.void:
     """A kernel argument; PyOpenCL takes as long to make it as to launch a kernel."""
-    return cltypes.make_float4(x, y, z, w)  # pyright: ignore[reportAttributeAccessIssue]
+    # pyrefly: ignore[missing-attribute]
+    return cltypes.make_float4(x, y, z, w)
 
 
 def _images(viewing: Viewing) -> int:

@@ -1,4 +1,3 @@
-# pyright: strict
 """Points to a volume: each voxel holds the largest weight of its points; and points on a grid of other voxels."""
 
 import numpy as np

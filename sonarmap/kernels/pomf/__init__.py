@@ -1,4 +1,3 @@
-# pyright: strict
 """Phase-only matched filtering: spectra whitened and correlated, and the peaks of the correlation.
 
 In: volumes, or half spectra from `kernels.fft`. Out: correlations on the device, and `Peak`s with sub-voxel shifts.

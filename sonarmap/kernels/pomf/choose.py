@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownMemberType=false
 """The highest peaks of several correlations, chosen on the device and read at once."""
 
 from dataclasses import dataclass

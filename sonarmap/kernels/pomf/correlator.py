@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownMemberType=false
 """Points under several poses, correlated with a target at once: the highest peaks, or what lies near a shift."""
 
 from collections.abc import Sequence

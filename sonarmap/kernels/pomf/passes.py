@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownMemberType=false
 """The passes of a correlation from sparse volumes to rows with their maxima, fused on a processor, else one by one.
 
 Arrays: volumes (count, n, n, n) float32 with marks (count, n^2 / 8) int32, as `voxelize_poses` fills them; spectra

@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownMemberType=false
 """The highest peaks of a correlation, their neighborhoods, and how far they stand above the rest."""
 
 from typing import Any

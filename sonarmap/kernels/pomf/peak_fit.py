@@ -1,4 +1,3 @@
-# pyright: strict
 """A peak of a correlation, with its place and height between the voxels, by a Gaussian."""
 
 from dataclasses import dataclass

@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownMemberType=false
 """Points to the whitened spectra of their volume, and to its magnitudes: what preparing a scan begins with."""
 
 from collections.abc import Sequence

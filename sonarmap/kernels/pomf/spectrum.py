@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownMemberType=false
 """Half spectra of real volumes: magnitude, whitening, cross-power.
 
 The arrays are half spectra as `kernels.fft.transform` makes them: complex64 (n0, n1, `row_pitch(n2)`), of which the

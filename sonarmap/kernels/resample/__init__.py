@@ -1,4 +1,3 @@
-# pyright: strict
 """Magnitude spectra sampled on other coordinates, where a rotation is a shift.
 
 In: centered magnitude spectra on the device. Out: layers of images over directions (`sphere.py`) or over radius and

@@ -1,4 +1,3 @@
-# pyright: strict
 """Layers of samples brought to zero mean and unit variance, so that each counts alike, then windowed."""
 
 import numpy as np

@@ -1,4 +1,3 @@
-# pyright: strict
 """Magnitude spectra of images on polar coordinates, where a rotation is a shift (Sect. 2.5, Eq. 14)."""
 
 import numpy as np

@@ -1,4 +1,3 @@
-# pyright: strict
 """A magnitude spectrum sampled along directions and radii: the unwraps of the paper, and latitude-longitude.
 
 A table of directions is float32 (H, W, 3): unit vectors (x, y, z) of the upper hemisphere, one per pixel, or

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """What a device computes, beside NumPy and beside the truth: transforms, voxels, peaks, and one small registration."""
 
 from collections.abc import Callable, Iterator

@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """Points in cells, sorted, on the device: what `cells.cl` finds the nearest of them with."""
 
 from dataclasses import dataclass
@@ -73,7 +72,8 @@ def sort_into_cells(device: Device, points: np.ndarray, size: float = _SIZE) -> 
     return Cells(
         device.to_device(rows),
         device.to_device(starts),
-        cltypes.make_float8(*origin, side, *counts, 0),  # pyright: ignore[reportAttributeAccessIssue]
+        # pyrefly: ignore[missing-attribute]
+        cltypes.make_float8(*origin, side, *counts, 0),
     )
 
 

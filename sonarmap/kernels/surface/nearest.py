@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """The nearest points of a surface to many points under many poses."""
 
 import numpy as np

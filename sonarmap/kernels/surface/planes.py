@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """The planes that the neighbors of a surface's points show, and the points moved onto them."""
 
 import numpy as np

@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """Point-to-plane steps of several poses on the device: pairs of nearest points, normal equations, and their solution.
 
 Nothing comes back between the steps, unless the caller takes them: a `Record` is read when it is wanted, and where the

@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """Sums over the points that two surfaces share, under many poses."""
 
 from dataclasses import asdict, dataclass

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Candidates for loop closures: by the estimate and its uncertainty, or by what the scans look like."""
 
 from collections import defaultdict

@@ -114,4 +114,5 @@ def _discriminate(signatures: np.ndarray, middle: np.ndarray, consecutive: np.nd
     _, directions = eigh(
         own.T @ own, within + ridge * np.eye(len(within)), subset_by_index=(max(0, last - _DIRECTIONS + 1), last)
     )
+    # pyrefly: ignore[bad-index]
     return own @ directions[:, ::-1], axes @ directions[:, ::-1]

@@ -1,4 +1,3 @@
-# pyright: strict
 """How many loops are tried and how strictly they are judged: the thresholds of loop closing."""
 
 from dataclasses import dataclass

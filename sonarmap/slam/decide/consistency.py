@@ -69,6 +69,7 @@ class Comparison:
         of_chain = self.sigmas[members] <= self.bound
         groups = self._grown(members[of_chain], weight)[:1]
         left = np.setdiff1d(members, [k for group in groups for k in group])
+        # pyrefly: ignore[bad-index]
         _, place = connected_components(self.agree[left][:, left], directed=False)
         for connected in np.split(left[np.argsort(place, kind="stable")], np.cumsum(np.bincount(place))[:-1]):
             groups += self._grown(connected, weight, apart=True)
@@ -81,6 +82,7 @@ class Comparison:
             group = self._grow(among, weight)
             among = np.setdiff1d(among, group)
             if apart and len(group) > 1:
+                # pyrefly: ignore[bad-index]
                 count, place = connected_components(self.agree[group][:, group], directed=False)
                 groups += [np.array(group)[place == number].tolist() for number in range(count)]
             else:
@@ -91,6 +93,7 @@ class Comparison:
         """One group of these: from the one with the most support on, every next that contradicts none so far."""
         if len(among) == 1:
             return among.tolist()
+        # pyrefly: ignore[bad-index]
         support = weight[among] + self.agree[among][:, among] @ weight[among]
         inside = np.zeros(len(weight), bool)
         first, others = self.contradict.indptr, self.contradict.indices

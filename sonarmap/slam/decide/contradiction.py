@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Which measurements an optimum contradicts: those that it rests on, and others."""
 
 from collections.abc import Sequence

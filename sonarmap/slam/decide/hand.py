@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Pairs of which a person decided: what they contribute to the graph, and what the others say of it."""
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,3 @@
-# pyright: strict
 """Steps of a survey that no other pair confirms: where two dives meet over a bed of little relief, one may be found."""
 
 from collections.abc import Collection, Sequence

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """What is known of a survey beside registrations: fixes, dead reckoning, control points, and ties of a person."""
 
 from collections.abc import Mapping, Sequence

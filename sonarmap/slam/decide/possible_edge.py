@@ -1,4 +1,3 @@
-# pyright: strict
 """Every answer that a registration could not exclude, as something that the whole survey may decide about.
 
 How often such answers are wrong, because places of a survey look like others, its loops show where the chain knows

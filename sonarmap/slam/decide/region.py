@@ -32,6 +32,7 @@ def regions_about(graph: PoseGraph, active: np.ndarray, doubtful: Sequence[int],
     for pose in np.unique(ends[list(doubtful)]).tolist():
         inside[_around(joined, pose, size)] = True
     poses = np.flatnonzero(inside)
+    # pyrefly: ignore[bad-index]
     _, place = connected_components(joined[poses][:, poses], directed=False)
     groups = np.split(poses[np.argsort(place, kind="stable")], np.cumsum(np.bincount(place))[:-1])
     return [_region(graph, ends, joining, group) for group in groups]

@@ -38,6 +38,7 @@ def content_key(scan: Scan) -> str:
     parts += [] if scan.times is None else [scan.times]
     digest = hashlib.sha256()
     for part in parts:
+        # pyrefly: ignore[missing-attribute]
         digest.update(b"none;" if part is None else f"{part.dtype.str}{part.shape};".encode())
         digest.update(b"" if part is None else np.ascontiguousarray(part).tobytes())
     return digest.hexdigest()
@@ -72,6 +73,7 @@ class InProcess:
     """The worker is in this process and takes scans from where they are."""
 
     def source(self, scan: ScanKey, load: Callable[[], Scan]) -> ScanSource:
+        # pyrefly: ignore[bad-return]
         return _Loaded(load)
 
 
@@ -162,6 +164,7 @@ class SpooledScan:
                 T_world_sensor = RigidTransform(content["pose"], normalize=False)
                 prior = PosePrior(T_world_sensor, content["sigmas"])
             arrays = {name: content.get(name) for name in _ARRAYS}
+            # pyrefly: ignore[bad-argument-type]
             return Scan(**arrays, prior=prior, **json.loads(str(content["rest"])))
         except Exception as error:  # of a file that is not what was written anything may be wrong
             raise DeviceError(

@@ -125,7 +125,8 @@ class Worker:
             if pair.expected is None:
                 registration = self._registrar.register(*scans)
             else:
-                registration = self._registrar.register_expected(*scans, pair.expected)  # pyright: ignore[reportAttributeAccessIssue]
+                # pyrefly: ignore[missing-attribute]
+                registration = self._registrar.register_expected(*scans, pair.expected)
         except InputError as error:
             return to_text(None, f"{blame}{error}")
         return to_text(registration.by_scans)  # the graph holds the instruments' measurements itself
@@ -133,7 +134,8 @@ class Worker:
     def _signature(self, scan: ScanKey, sources: Sources) -> str:
         signature = None
         with suppress(InputError):  # its pairs will tell why
-            signature = self._registrar.signature(self._prepare(scan, sources))  # pyright: ignore[reportAttributeAccessIssue]
+            # pyrefly: ignore[missing-attribute]
+            signature = self._registrar.signature(self._prepare(scan, sources))
         return signature_to_text(signature)
 
 

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Control points: places in scans whose coordinates in the world are known."""
 
 from dataclasses import dataclass
@@ -48,7 +47,7 @@ class ControlPoint:
             raise InputError(
                 f"control point {self.name} has the standard deviations {self.sigmas}; wanted them above 0"
             )
-        if not isinstance(self.use, str) or self.use not in get_args(Use):  # pyright: ignore[reportUnnecessaryIsInstance]
+        if not isinstance(self.use, str) or self.use not in get_args(Use):
             raise InputError(f"control point {self.name} is for {self.use!r}; wanted {' or '.join(get_args(Use))}")
 
     @property

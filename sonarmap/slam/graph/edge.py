@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """One measurement between two poses, which poses a set of them joins, and which of them no path can avoid."""
 
 from collections.abc import Sequence
@@ -88,12 +87,13 @@ def scaled(edges: Sequence[Edge], factor: float) -> list[Edge]:
         return result
     registrations = [given[k] for k in fused]
     both = np.linalg.inv(np.stack([registration.covariance for registration in registrations]))
-    by_scans = np.stack([registration.covariance_by_scans for registration in registrations])  # pyright: ignore[reportArgumentType, reportCallIssue]
+    # pyrefly: ignore[no-matching-overload]
+    by_scans = np.stack([registration.covariance_by_scans for registration in registrations])
     alone = np.linalg.inv(by_scans)
     covariances = np.linalg.inv(alone / factor + (both - alone))
     covariances = (covariances + covariances.swapaxes(1, 2)) / 2
     # from where the scans alone have it, the pull of the rest stays what it is
-    T = RigidTransform.concatenate([registration.T_by_scans for registration in registrations])  # pyright: ignore[reportArgumentType]
+    T = RigidTransform.concatenate([registration.T_by_scans for registration in registrations])
     away: np.ndarray = (
         T.inv() * RigidTransform.concatenate([each.T_target_source for each in registrations])
     ).as_exp_coords()
@@ -127,6 +127,7 @@ def check_definite(matrix: np.ndarray, name: str) -> None:
 
 def inverse_definite(matrix: np.ndarray) -> np.ndarray:
     """The inverse of a symmetric positive definite matrix, itself symmetric: information or covariance."""
+    # pyrefly: ignore[bad-assignment]
     inverse: np.ndarray = cho_solve(cho_factor(matrix, lower=True), np.eye(len(matrix)))
     return (inverse + inverse.T) / 2
 

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """All that a pose graph knows as GTSAM's factors, and how far poses are from its edges."""
 
 from collections.abc import Sequence

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """What fixes a pose graph's gauge: what ties its components to the world, and what is held where nothing does.
 
 Whatever was measured of single poses says something of the six motions of a whole component. The information about

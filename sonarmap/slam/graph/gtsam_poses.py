@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Poses to GTSAM and back, and where relative rotations alone say that poses are."""
 
 import warnings

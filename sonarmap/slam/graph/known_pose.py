@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """What is known of single poses beside the edges, whoever measured it, as factors of a graph."""
 
 from collections.abc import Mapping

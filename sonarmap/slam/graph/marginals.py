@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """How sure poses are, and how their errors depend on each other: what is asked of the inverse of an information matrix.
 
 An inverse is dense, but the entries where its factor is not zero follow from one another, from the last variable that

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Where a map lies in the world, as a start for an optimizer: by what instruments say, and by control points.
 
 By control points the rotation is the one of least squares (Kabsch 1976, DOI 10.1107/S0567739476001873; Umeyama 1991,

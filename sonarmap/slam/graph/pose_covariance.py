@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
 """How sure the poses are: what a survey's own registrations say of their errors, and what they cannot say.
 
 A registration's covariance has to hold for every sonar, and is too wide for most. How well a survey's registrations

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
 """Poses and the edges between them, optimized by GTSAM.
 
 Conventions are GTSAM's own (docs/conventions.md): tangents rotation first, perturbations on the right, so

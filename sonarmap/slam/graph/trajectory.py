@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Stamped poses."""
 
 from collections import defaultdict
@@ -27,9 +26,9 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         T, stamps = self.T_world_sensor, self.stamps
-        if not isinstance(T, RigidTransform) or T.single or len(T) == 0:  # pyright: ignore[reportUnnecessaryIsInstance]
+        if not isinstance(T, RigidTransform) or T.single or len(T) == 0:
             raise InputError("a trajectory needs a stack of at least one pose; give RigidTransform of shape (N,)")
-        if not isinstance(stamps, np.ndarray):  # pyright: ignore[reportUnnecessaryIsInstance]
+        if not isinstance(stamps, np.ndarray):
             raise InputError(f"stamps are of type {type(stamps).__name__}; wanted an array of float64")
         if stamps.dtype != np.float64 or stamps.shape != (len(T),):
             raise InputError(

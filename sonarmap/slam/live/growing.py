@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """The map while it grows: where key scans lie, in which parts, and how surely."""
 
 from collections import Counter

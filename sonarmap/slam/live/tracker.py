@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Scans placed as they come: each by its registration to the last key scan, or, where that fails, as the first of a
 part of its own."""
 

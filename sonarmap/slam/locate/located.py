@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """What is known of where a scan was taken in a finished map."""
 
 import math

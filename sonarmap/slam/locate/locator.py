@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Finding where scans were taken in a finished map; on one screen."""
 
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Answers of registrations to several key scans of a map, and the places that they agree on."""
 
 from collections.abc import Sequence

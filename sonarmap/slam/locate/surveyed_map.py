@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """A finished map in which scans are located, and what a sensor would see of it from a pose."""
 
 from dataclasses import dataclass

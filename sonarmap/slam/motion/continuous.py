@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The sensor at any time, between the scans: a Gaussian process whose velocity is as likely to change one way as the
 other (white noise on acceleration; Barfoot, Tong and Särkkä 2014, DOI 10.15607/RSS.2014.X.001).
 

@@ -1,4 +1,3 @@
-# pyright: strict
 """What a vehicle cannot exceed, where a user knows."""
 
 from dataclasses import dataclass

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """How a vehicle moves at a time, by the steps before and behind: what it does varies little by little."""
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false
 """The motion that instruments measured, where they did, and the learned one elsewhere."""
 
 from collections.abc import Sequence

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The usual motion between consecutive scans, learned from registrations that are sure."""
 
 from collections.abc import Sequence

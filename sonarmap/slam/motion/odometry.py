@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Dead reckoning: where the vehicle believes it went, with an error that grows with the way and the time."""
 
 from collections.abc import Sequence

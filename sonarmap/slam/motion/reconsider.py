@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """What the motion adds to registrations: a second look about where it expects them, and a measurement beside them."""
 
 from collections.abc import Sequence

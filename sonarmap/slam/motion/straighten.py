@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Scans that were bent by the sensor's motion while it took them, straightened by the way that a map has found."""
 
 from collections.abc import Sequence

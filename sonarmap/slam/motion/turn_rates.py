@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """What a gyroscope measured of the sensor's turning, and how far it had turned by that at any time."""
 
 from dataclasses import dataclass

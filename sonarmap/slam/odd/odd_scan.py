@@ -1,4 +1,3 @@
-# pyright: strict
 """A scan that goes with its neighbors only once it is changed, and the changes that are tried."""
 
 from dataclasses import dataclass, replace

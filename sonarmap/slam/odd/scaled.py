@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Groups of scans whose ranges are longer or shorter than those of the others, as by another speed of sound.
 
 The steps of a registration cover a part of the share by which a scan is too long, and this part differs between scenes.

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The search for odd scans: those that fit no neighbor are changed and registered again."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """A pose graph from a file, optimized and judged: what `sonarmap optimize` tells."""
 
 import time

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The scans between key scans: registered to these, or placed by the motion from one key scan to the next, which strays
 from a steady one as the key scans themselves show it."""
 

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Key scans of a dense stream: as few as tell how the vehicle went, found while it is read."""
 
 from collections.abc import Sequence

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Scans of a dense stream that leap out of the way that their neighbors went."""
 
 from dataclasses import dataclass

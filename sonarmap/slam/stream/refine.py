@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """The scans between key scans, each registered to the key scan next to it, and to the other one where that is not
 enough: like any pair, by the scans alone, and not about where a steady motion has them."""
 

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportConstantRedefinition=false
 """The paper's registration of two scans: the seven steps of Sect. 2.11, in order, on one screen."""
 
 from dataclasses import dataclass, field, replace

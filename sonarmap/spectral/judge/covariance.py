@@ -105,7 +105,8 @@ def fit_covariance(
         None if each is None else covariance_at_sensor(back @ each @ back.T * meters, centers[1])
         for each in (posterior, by_scans, by_instruments)
     )
-    return PoseCovariance(*at_sensor, step=step)  # pyright: ignore[reportArgumentType]
+    # pyrefly: ignore[bad-argument-type]
+    return PoseCovariance(*at_sensor, step=step)
 
 
 def covers(covariance: np.ndarray, T: RigidTransform, other: RigidTransform) -> bool:

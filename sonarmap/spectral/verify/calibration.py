@@ -1,4 +1,3 @@
-# pyright: strict
 """How far off refined registrations are: fitted on simulated pairs of every kind, which docs/simulation.md names."""
 
 from dataclasses import dataclass

@@ -218,7 +218,7 @@ class HypothesisTest(PairFrames):
     def _refine_candidates(
         self, candidates: Candidates, chosen: np.ndarray, stages: Sequence[Stage], points: int = SURFACE_POINTS
     ) -> list[Hypothesis]:
-        R, shifts = candidates.R[chosen], candidates.shifts[chosen]  # pyright: ignore[reportArgumentType]
+        R, shifts = candidates.R[chosen], candidates.shifts[chosen]
         scores, psr = candidates.rotation_scores[chosen].tolist(), candidates.psr[chosen].tolist()
         start = Start(R, shifts, np.zeros(len(shifts)))
         return self._round(start, list(zip(scores, psr, strict=True)), stages, points)

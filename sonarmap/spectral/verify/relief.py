@@ -67,7 +67,7 @@ def alike_places(
     found = zip(tried, heights.alike(turned), strict=True)
     rows = np.concatenate([np.zeros((0, 5)), *(np.insert(places[:count], 0, turn, axis=1) for turn, places in found)])
     rows = _distinct(rows[np.argsort(-rows[:, 4], kind="stable")], count)
-    R = R[rows[:, 0].astype(np.int64)]  # pyright: ignore[reportArgumentType]
+    R = R[rows[:, 0].astype(np.int64)]
     along = rows[:, 1:4] * [_CELL, _CELL, 1.0] @ ours.axes.T
     return AlikePlaces(R, ours.middle + along - R.apply(theirs.middle), rows[:, 4])
 

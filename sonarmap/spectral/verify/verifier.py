@@ -138,7 +138,7 @@ class Verifier:
             psr = np.array([peak.psr for row in rows for peak in row])
             peak, places = self._unwrapped(shifts, np.array(bounded, bool)[rotation])
             named = rotation[peak]
-            R, scores = rotations.R[named], rotations.scores[named]  # pyright: ignore[reportArgumentType]
+            R, scores = rotations.R[named], rotations.scores[named]
             candidates.append(Candidates(named, R, places, psr[peak], scores))
         return candidates
 
@@ -208,7 +208,7 @@ class Verifier:
         else:
             agreement = np.zeros(len(candidates.psr))
             highest = np.argsort(-candidates.psr, kind="stable")[:_BY_POINTS]
-            R = candidates.R[highest]  # pyright: ignore[reportArgumentType]
+            R = candidates.R[highest]
             poses = upload_poses(self.device, R.as_matrix(), candidates.shifts[highest])
             shared = shared_surfaces(self.device, target.surface, source.surface, poses, _POINTS)
             agreement[highest] = [each.consistency for each in shared.read()]

@@ -40,7 +40,8 @@ class Verb(TyperCommand):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help, and how many options are not in it."""
-        rare = sum(parameter.hidden for parameter in self.params)  # pyright: ignore[reportAttributeAccessIssue]
+        # pyrefly: ignore[missing-attribute]
+        rare = sum(parameter.hidden for parameter in self.params)
         self.epilog = f"{rare} more options: {ctx.command_path} {_ALL}" if rare else None
         super().format_help(ctx, formatter)
 

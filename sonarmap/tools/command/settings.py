@@ -131,6 +131,7 @@ def _check(where: str, value: Any, option: Any, verb: Any) -> None:
 
 def _key(parameter: Any) -> str:
     """What an option is called in a file: as on the command line, without the dashes before it."""
+    # pyrefly: ignore[missing-attribute]
     return max(parameter.opts, key=len).lstrip("-")
 
 

@@ -1,4 +1,3 @@
-# pyright: strict
 """The `sonarmap` command, from its first line on: its libraries are loaded here, and a broken one is named."""
 
 import os

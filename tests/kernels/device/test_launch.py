@@ -29,7 +29,8 @@ class Limited:
 def limited(device: Device, **limits: Any) -> Device:
     """A device of its own with such a driver, for which kernels are written in groups."""
     other = Device(device.cl_device, flavor="gpu")
-    other.cl_device = Limited(device.cl_device, **limits)  # pyright: ignore[reportAttributeAccessIssue]
+    # pyrefly: ignore[bad-assignment]
+    other.cl_device = Limited(device.cl_device, **limits)
     return other
 
 

@@ -63,7 +63,7 @@ def write_ros2(
     """A ROS 2 bag in a folder; compression is none, or by file, message or storage."""
     store = types(Stores.ROS2_HUMBLE)
     plugin = StoragePlugin.MCAP if mcap else StoragePlugin.SQLITE3
-    writer = Writer2(folder, version=version, storage_plugin=plugin)  # type: ignore[arg-type]
+    writer = Writer2(folder, version=version, storage_plugin=plugin)
     if compression:
         writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
     with writer:

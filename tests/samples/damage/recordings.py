@@ -54,8 +54,7 @@ def _is_one_of(cloud: Cloud, *recordings: dict[float | None, Cloud]) -> bool:
     wholes = [shots[cloud.stamp] for shots in recordings if cloud.stamp in shots]
     strengths = [None, *(whole.strength for whole in wholes)]
     return any(np.array_equal(cloud.points, whole.points) for whole in wholes) and any(
-        cloud.strength is None if other is None else np.array_equal(cloud.strength, other)  # type: ignore[arg-type]
-        for other in strengths
+        cloud.strength is None if other is None else np.array_equal(cloud.strength, other) for other in strengths
     )
 
 

@@ -42,7 +42,7 @@ def origin(experiment: Experiment, **changes: object) -> Provenance:
     """Of a fake, on a device that is not there."""
     fixed = {"sources": "ab", "device": "a device", "platform": "OpenCL 3.0 X  Y", "versions": {"numpy": "2"}}
     machine = {"processor": "a processor", "cores": 2}
-    return Provenance(**({"name": "fake", "settings": vars(experiment.settings)} | fixed | machine | changes))  # pyright: ignore
+    return Provenance(**({"name": "fake", "settings": vars(experiment.settings)} | fixed | machine | changes))
 
 
 def run_all(experiment: Experiment) -> tuple[list[Row], list[Row]]:

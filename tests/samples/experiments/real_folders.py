@@ -40,4 +40,4 @@ def put(folder: Path, names: tuple[str, str] = ("0.npy", "cloud_bin_1.ply")) -> 
 
 def asked(folder: Path, device: Device | None = None, **changes: object) -> Request:
     given = {"grid": 32, "method": FEW, "folder": folder, **changes}
-    return Request(device, **given)  # pyright: ignore[reportArgumentType]
+    return Request(device, **given)

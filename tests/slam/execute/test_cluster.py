@@ -64,7 +64,8 @@ class TestScans:
         self, threads: Any, tmp_path: Path, expected: list[str]
     ) -> None:
         with cluster(threads.scheduler_address) as executor:
-            client, sent = executor.transport._client, []  # pyright: ignore[reportAttributeAccessIssue]
+            # pyrefly: ignore[missing-attribute]
+            client, sent = executor.transport._client, []
             scatter = client.scatter
 
             def from_behind_a_firewall(scan: object, direct: bool, hash: bool) -> object:

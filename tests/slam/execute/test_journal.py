@@ -29,7 +29,7 @@ class TestKeeping:
     def test_entries_that_are_added_together_are_kept_all_or_none(self, path: Path) -> None:
         with Journal(path) as journal:
             with pytest.raises(InputError, match="NOT NULL"):
-                journal.add([ENTRY, replace(ENTRY, key="b", content=None)])  # pyright: ignore[reportArgumentType]
+                journal.add([ENTRY, replace(ENTRY, key="b", content=None)])
             assert journal.count() == 0
             journal.add([ENTRY])
 

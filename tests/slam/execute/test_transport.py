@@ -160,7 +160,8 @@ class Counted(Sequence[Scan]):
     def __len__(self) -> int:
         return COUNT
 
-    def __getitem__(self, k: int) -> Scan:  # pyright: ignore[reportIncompatibleMethodOverride]
+    # pyrefly: ignore[bad-override]
+    def __getitem__(self, k: int) -> Scan:
         self.read[k] += 1
         return SCANS[k]
 

@@ -203,7 +203,7 @@ def test_chain_composes_like_matrices_and_take_keeps_stamps_beside_their_poses()
     steps = random_transforms(rng, 6)
     edges = [edge(k, k + 1, step, COVARIANCE) for k, step in enumerate(steps)]
     wanted = list(accumulate(steps.as_matrix(), np.matmul, initial=np.eye(4)))
-    rng.shuffle(edges)  # pyright: ignore[reportArgumentType]
+    rng.shuffle(edges)
     np.testing.assert_allclose(chain(edges, np.zeros(7)).T_world_sensor.as_matrix(), wanted, atol=1e-12)
 
 

@@ -109,7 +109,8 @@ def test_a_shifted_pass_is_told_and_a_true_one_is_not(scans) -> None:
     assert found.before.most >= found.before.median
     assert all(surveys[one.i] != surveys[one.j] for one in found.crossings)
     turned = crossing_error(PlacedScans.of(scans, shift * truth, COARSE, surveys=surveys), shift * drifted)
-    np.testing.assert_allclose(turned.before.median, found.before.median, atol=0.01)  # pyright: ignore[reportOptionalMemberAccess]
+    # pyrefly: ignore[missing-attribute]
+    np.testing.assert_allclose(turned.before.median, found.before.median, atol=0.01)
 
 
 def test_only_scans_far_apart_cross_and_each_a_few_times(scans) -> None:

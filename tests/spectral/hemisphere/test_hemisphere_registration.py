@@ -50,7 +50,8 @@ def test_config_refuses_what_makes_no_sense() -> None:
     refuses("yaw_peaks", HemisphereConfig, yaw_peaks=0)
     refuses("`max_tilt`", HemisphereConfig, max_tilt=-1.0)
     with pytest.raises(TypeError):
-        HemisphereConfig(peaks=3)  # pyright: ignore[reportCallIssue]
+        # pyrefly: ignore[unexpected-keyword]
+        HemisphereConfig(peaks=3)
 
 
 @pytest.mark.parametrize("index", [3])

@@ -20,7 +20,7 @@ from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis, elsewhere, ranked
 from sonarmap.spectral.verify.hypothesis_testing import (
     _SMOOTHED,
-    HypothesisTest,  # pyright: ignore[reportPrivateUsage]
+    HypothesisTest,
 )
 from sonarmap.spectral.verify.icp import Stage, Start
 from sonarmap.spectral.verify.verifier import Candidates, Selection, Verifier, consistency

@@ -6,7 +6,8 @@ from typer.testing import CliRunner
 
 from sonarmap.tools.command.main import GROUPS, VERBS, app
 
-COMMANDS = typer.main.get_command(app).commands  # pyright: ignore[reportAttributeAccessIssue]
+# pyrefly: ignore[missing-attribute]
+COMMANDS = typer.main.get_command(app).commands
 
 
 def page(*arguments: str) -> str:
@@ -30,4 +31,5 @@ def test_rare_options_are_counted_and_left_to_the_long_help(verb: str) -> None:
     short, long = page(verb, "--help"), page(verb, "--help-all")
     assert (f"{len(rare)} more options: sonarmap {verb} --help-all" in short) == bool(rare)
     options = [each for each in COMMANDS[verb].params if each.param_type_name == "option"]
+    # pyrefly: ignore[unsupported-operation]
     assert all(max(each.opts, key=len) in long for each in options)

@@ -8,7 +8,8 @@ import typer
 from sonarmap.tools.command.main import app
 
 TABLE = Path(__file__).with_name("option_table.txt")
-COMMANDS = typer.main.get_command(app).commands  # pyright: ignore[reportAttributeAccessIssue]
+# pyrefly: ignore[missing-attribute]
+COMMANDS = typer.main.get_command(app).commands
 
 
 def test_every_option_is_as_in_the_table() -> None:

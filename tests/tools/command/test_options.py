@@ -60,7 +60,8 @@ def test_an_argument_becomes_its_option(message: str, shown: str) -> None:
 def test_every_option_of_the_table_is_one_of_a_verb() -> None:
     from typer.main import get_command
 
-    commands = [get_command(app).commands[verb] for verb in VERBS]  # pyright: ignore[reportAttributeAccessIssue]
+    # pyrefly: ignore[missing-attribute]
+    commands = [get_command(app).commands[verb] for verb in VERBS]
     options = {option for command in commands for parameter in command.params for option in parameter.opts}
     assert set(OPTIONS.values()) <= options
 

@@ -29,6 +29,7 @@ def test_every_option_can_be_set_by_its_own_default(tmp_path: Path) -> None:
         wanted[verb] = {}
         for option in command.params:
             if option.param_type_name == "option" and type(option.default) in (bool, int, float, str):
+                # pyrefly: ignore[missing-attribute]
                 key = max(option.opts, key=len).lstrip("-").replace("-", "_" if len(lines) % 2 else "-")
                 value = option.default
                 lines.append(f"{key} = {str(value).lower() if isinstance(value, bool) else repr(value)}")

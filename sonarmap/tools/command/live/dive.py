@@ -1,4 +1,3 @@
-# pyright: strict
 """A dive from its first scan to its last: what maps begins again until it ends, and what is shown of it."""
 
 import os

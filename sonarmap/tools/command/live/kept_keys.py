@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Key scans on disk, so that a mapping that was killed goes on where it was; and a finished map as key scans."""
 
 import json

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """The process that maps: scans in as they come, messages for the page out."""
 
 import time
@@ -197,7 +196,11 @@ class _Mapping:
         step, key = growing.tracker.steps.get(number), growing.tracker.keys[number]
         try:
             growing.tracker.keys[number] = replace(key, points=self._store.keep(key.points))
-            keep_key(self._settings.out, number, KeptKey(key, step and step.registration, behind, growing.voxel))
+            keep_key(
+                self._settings.out,
+                number,
+                KeptKey(key, None if step is None else step.registration, behind, growing.voxel),
+            )
         except (InputError, OSError) as error:
             self._alert(f"the map grows in memory alone, and is lost if the mapping is killed: {error}")
 

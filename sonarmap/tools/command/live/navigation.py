@@ -1,4 +1,3 @@
-# pyright: strict
 """Navigation while the vehicle dives: NMEA sentences kept as they come, and files that grow, read for key scans."""
 
 import re
@@ -56,6 +55,7 @@ class Navigation:
 
     def _settings(self) -> NavigationSettings:
         settings = self.reading.settings(*self.priors.priors, self.odometry.odometry, origin=self.origin)
+        # pyrefly: ignore[bad-argument-type]
         return replace(settings, sigmas=self.priors.sigmas or settings.sigmas, fastest=self.fastest)
 
 

@@ -1,4 +1,3 @@
-# pyright: strict
 """The process that records: it knows nothing of the others, and goes on whatever becomes of them. Only the user's stop
 ends it."""
 

@@ -124,6 +124,7 @@ def moved_scan(scan: "Scan", T_target_source: "RigidTransform") -> "Scan":
         None if places is None else T_target_source.apply(places.astype(float)).astype(places.dtype)
         for places in (scan.points, scan.viewpoints)
     )
+    # pyrefly: ignore[bad-argument-type]
     return replace(scan, points=points, viewpoints=viewpoints, prior=None)
 
 

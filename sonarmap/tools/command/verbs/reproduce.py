@@ -47,6 +47,7 @@ def command(
     if options.grid is not None:
         Grid(options.grid, 1.0)
     several = {name: _each_once(getattr(options, name)) for name in ("sigma2", "set", "method")}
+    # pyrefly: ignore[bad-argument-type]
     asked = Request(folder=folder, **{**asdict(options), **several, "write": options.write or None})
     names = chosen(name, asked)
     require_writable(run.out)

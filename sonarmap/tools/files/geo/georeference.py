@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The frame of a map on the Earth.
 
 x and y are East and North in the plane that touches the WGS84 ellipsoid at the origin; z is the height above the

@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """A projected coordinate reference system for a map: every point is projected by itself.
 
 Shifting the points of a map by the origin's easting and northing is not enough: grid North is not true North (2.6

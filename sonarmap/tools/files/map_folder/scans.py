@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """The scans that a finished map was made of, read again: its folder holds none of their points."""
 
 from collections.abc import Callable, Sequence

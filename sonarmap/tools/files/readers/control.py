@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """A file of control points: places in scans whose coordinates in the world are known."""
 
 from collections.abc import Mapping, Sequence

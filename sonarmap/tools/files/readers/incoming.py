@@ -1,4 +1,3 @@
-# pyright: strict
 """Scans while they come: of files that grow, and of finished ones at the pace at which they were taken."""
 
 import math

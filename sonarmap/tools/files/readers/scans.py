@@ -181,6 +181,7 @@ def _kept(entry: ScanEntry, store: PointStore) -> ScanEntry:
     if entry.scan is None:
         return entry
     kept = {field: store.keep(array) for field in _ARRAYS if (array := getattr(entry.scan, field)) is not None}
+    # pyrefly: ignore[bad-argument-type]
     return replace(entry, scan=replace(entry.scan, **kept))
 
 

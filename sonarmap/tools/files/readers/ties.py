@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """A file of ties: what a person says of pairs of scans."""
 
 from collections.abc import Mapping, Sequence

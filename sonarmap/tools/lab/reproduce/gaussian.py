@@ -95,6 +95,7 @@ class Series:
             pair: dict[str, Value] = {"scene": self.scene, "voxel_m": self.grid.voxel, **which, "yaw_rank": rank}
             row = row_of(registration, truth, candidate.volume.center, pair)
             rows.append((row, which | {"prepare_s": seconds, "register_s": registration.seconds}))
+        # pyrefly: ignore[bad-return]
         return rows
 
     def _prepare(self, scan: Scan) -> dict[str, tuple[LayeredScan, float]]:

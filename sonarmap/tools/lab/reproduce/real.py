@@ -52,6 +52,7 @@ def create(request: Request) -> Experiment:
     """
     sets = {real_set.key: real_set for real_set in read_sets(request.chosen_folder)}
     usual = _USUAL | compared_methods(request) | {"known": _known(request)}
+    # pyrefly: ignore[unsupported-operation]
     usual["sets"] = {real_set.name: real_set.digest for real_set in sets.values()}
     usual["without_truth"] = without_truth(request.chosen_folder)
     settings = as_asked(request, usual, {"edge": 64, "seeds": 1, "first_only": True})

@@ -12,7 +12,7 @@ from sonarmap.tools.lab.plain_table import plain_table
 from sonarmap.tools.lab.reproduce.experiment import Row
 
 DASH = "–"  # for what there is not
-Frame = Any  # a DataFrame of pandas, of whose types Pyright knows too little
+Frame = Any  # a DataFrame of pandas, which has no types
 Cell = Callable[[Frame], str]
 
 

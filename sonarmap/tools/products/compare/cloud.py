@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """A point cloud of another program as one of the two surveys: its points are known, and no pose of its sensor."""
 
 import os

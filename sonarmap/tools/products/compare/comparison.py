@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
-# pyright: reportUnknownArgumentType=false
 """Two surveys compared: the new one brought onto the old one, distances, and the regions that changed.
 
 Views of the new map are located in the old one, and those that agree on one transform count.

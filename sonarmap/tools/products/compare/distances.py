@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Distances between two surveys, each with its level of detection, and what can be said of each core point.
 
 The errors of all poses and of the alignment move whole stretches of a surface. Most of a place does not change between

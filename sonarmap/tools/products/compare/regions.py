@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Regions that changed: neighboring core points with significant distances of one sign, significant as a whole."""
 
 from collections.abc import Mapping, Sequence

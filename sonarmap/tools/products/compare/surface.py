@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
-# pyright: reportUnknownArgumentType=false
 """One survey of the two that are compared, what its errors share, and surfaces along normals.
 
 Surfaces are after M3C2 (Lague, Brodu and Leroux, DOI 10.1016/j.isprsjprs.2013.04.009): around each core point a

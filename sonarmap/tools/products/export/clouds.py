@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
-# pyright: reportUnknownArgumentType=false
 """The points that a file of points gets, and two such files, XYZ and E57.
 
 They are those of the map, or of scans in place, which are never together in memory. pye57 stores coordinates in four
@@ -135,8 +133,8 @@ def _rows(portion: Portion, some: slice) -> "zip[tuple[Any, ...]]":
 def write_e57(path: Path, cloud: Cloud) -> Mapping[str, Any]:
     """Write places, and echo strengths where there are any, portion by portion; the time of a scan is that of its
     beginning, as GPS time. Returns what counts from what."""
-    from pye57 import E57  # pyright: ignore[reportMissingTypeStubs]
-    from pye57 import e57 as library  # pyright: ignore[reportMissingTypeStubs]
+    from pye57 import E57
+    from pye57 import e57 as library
 
     total = 0
     seed = sha256(cloud.part.points.tobytes() + repr(cloud.chosen).encode()).hexdigest()

@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """A finished map with its places on the Earth: the numbers that all formats share, so that they agree."""
 
 import warnings

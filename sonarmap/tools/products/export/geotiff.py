@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """GeoTIFF: the map from above, north up in projected coordinates, or in the map's own frame."""
 
 from collections.abc import Mapping

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """A map from above, as a grid: one height for every cell, whatever walls and overhangs there are.
 
 The height of a cell is that of its uppermost surface: the mean of the points that lie within one voxel below its

@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
-# pyright: reportUnknownArgumentType=false
 """LAZ 1.4, point format 6: points, projected, with what else is known of each; and COPC 1.0, the same points in an
 octree, so that programs read what they show alone (https://copc.io)."""
 
@@ -55,7 +53,7 @@ def cloud_header(cloud: Cloud) -> Any:
     names = ("sigma", "count", "seen", "scan", "survey") if cloud.scans is None else ("scan", "survey")
     dimensions = {name: _DIMENSIONS[name] for name in names if name != "survey" or survey}
     least = cloud.placed(part.points).min(axis=0) if len(part.points) else np.zeros(3)
-    return las_header(cloud.earth and cloud.earth.projection, least, dimensions, cloud.timed)
+    return las_header(None if cloud.earth is None else cloud.earth.projection, least, dimensions, cloud.timed)
 
 
 def las_points(portion: Portion, header: Any, scale: float | None, timed: bool) -> Any:

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """The map, its track and poses over time as MCAP with messages of ROS 2.
 
 Foxglove, Lichtblick and Rerun open these, and so do RViz, `ros2 bag`, rosbags and evo, which know no Foxglove messages.

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """A finished map to the formats of other programs: all chosen files of all parts, or none."""
 
 import re

@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
-# pyright: reportUnknownArgumentType=false
 """Track and poses of a map: features as GeoJSON and GeoPackage; rows as poses.csv, EIVA NaviEdit's two and graph.csv.
 
 EIVA's layout is that of its support page "Merge format", the formats "NavLab" for position and for attitude, without a

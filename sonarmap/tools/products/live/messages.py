@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
-# pyright: reportUnknownArgumentType=false
 """What the mapping says to the page: points and poses, how the dive goes, and what a browser still lacks.
 
 Each message has a name, under which it replaces the one before. Texts are JSON, bytes little-endian numbers.

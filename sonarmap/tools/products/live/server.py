@@ -1,4 +1,3 @@
-# pyright: strict
 """The page's server: `/` is the page, `/feed` the WebSocket, and everything else is refused. It reads no file."""
 
 import asyncio

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """The pose graph with all that a g2o file has no words for: graph.json, which loses nothing."""
 
 from collections.abc import Mapping, Sequence

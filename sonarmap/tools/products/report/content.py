@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownMemberType=false
 """All that the page shows, as one value for JSON; the bytes of points and pictures apart."""
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
 """What speaks for a map, as rows for the page: poses with their ellipsoids, pairs, distances from navigation,
 and what users decided of it before."""
 

@@ -1,4 +1,3 @@
-# pyright: strict
 """report.html: the page's parts joined into one file that needs no other."""
 
 import html

@@ -1,4 +1,3 @@
-# pyright: strict, reportUnknownMemberType=false
 """The points of a map as few bytes: quantized, in the order of a space-filling curve, as differences, gzipped.
 
 Coordinates are whole numbers of a quantum, a `FRACTION`th of the voxel, from the corner of a tile 65,536 quanta wide.

@@ -1,4 +1,3 @@
-# pyright: strict
 """What a map was made of and with: its title, its settings, and the command that makes it again."""
 
 import glob
@@ -55,7 +54,7 @@ _EAST = 90.0  # the heading of a map's x axis, unless --origin-heading says othe
 def inputs_of(settings: Mapping[str, Any]) -> list[str]:
     """Files, folders or patterns, as they were given."""
     given = settings.get("inputs", [])
-    return [str(path) for path in (given if isinstance(given, list) else [given])]  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
+    return [str(path) for path in (given if isinstance(given, list) else [given])]
 
 
 def survey_name(inputs: Sequence[str]) -> str:
@@ -111,8 +110,8 @@ def citation(versions: Mapping[str, Any]) -> str:
 
 def _flat(value: Any, name: str) -> Iterator[tuple[str, Any]]:
     if isinstance(value, Mapping):
-        for key, inner in value.items():  # pyright: ignore[reportUnknownVariableType]
-            yield from _flat(inner, f"{name}.{key}" if name else str(key))  # pyright: ignore[reportUnknownArgumentType]
+        for key, inner in value.items():
+            yield from _flat(inner, f"{name}.{key}" if name else str(key))
     else:
         yield name, value
 
@@ -123,7 +122,7 @@ def _worded(name: str, value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, list):
-        return ", ".join(str(each) for each in value)  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
+        return ", ".join(str(each) for each in value)
     if not isinstance(value, int | float) or name not in UNITS:
         return f"{value:.6g}" if isinstance(value, float) else str(value)
     unit = UNITS[name]
@@ -143,7 +142,7 @@ def map_command(settings: Mapping[str, Any], georeference: Georeference | None =
         words += ["--method", str(settings["method"])]
     grid = settings.get("grid")
     if isinstance(grid, Mapping):
-        words += ["--grid", str(grid["edge"]), "--voxel", str(grid["voxel"])]  # pyright: ignore[reportUnknownArgumentType]
+        words += ["--grid", str(grid["edge"]), "--voxel", str(grid["voxel"])]
     for name, value in settings.items():
         for each in cast("list[Any]", value) if isinstance(value, list) else [value]:
             if name not in _NOT_OPTIONS and isinstance(each, str | int | float):
@@ -160,7 +159,7 @@ def _mapper_words(mapper: Any) -> list[str]:
     for path, option, default in _OF_MAPPER:
         value = mapper
         for name in path.split("."):
-            value = value.get(name) if isinstance(value, Mapping) else None  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+            value = value.get(name) if isinstance(value, Mapping) else None
         if isinstance(value, int | float) and value != default:
             words += _option(option, f"{path}={value}" if option == "--set" else value)
     return words

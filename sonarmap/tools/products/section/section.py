@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """A section: the points of a map along a line from one place to another, seen from the side, and their profile."""
 
 from dataclasses import dataclass, replace

@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The volume between a map's surface and a plane, or that of another map, with its standard deviation.
 
 Both surfaces are grids of one lattice, whose cells have heights as `products.export.grid` has them. Cut is what lies

@@ -195,7 +195,8 @@ class SmallDevice:
 def test_a_grid_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, memory: int, fitting: str) -> None:
     def choose_small(selector: str | None = None) -> Device:
         device = choose_device(selector)
-        device.cl_device = SmallDevice(device.cl_device, memory)  # pyright: ignore[reportAttributeAccessIssue]
+        # pyrefly: ignore[bad-assignment]
+        device.cl_device = SmallDevice(device.cl_device, memory)
         return device
 
     monkeypatch.setattr("sonarmap.kernels.device.device.choose_device", choose_small)

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-import sonarmap.tools.products.output.folder
+from sonarmap.tools.products.output import folder as output_folder
 from tests.samples.clutter_scans import done, files_in, refused, said, sonarmap
 from tests.samples.places import ROOT
 
@@ -49,6 +49,7 @@ def results_in(folder: Path) -> dict[str, bytes]:
 
 def run(*arguments: str | Path, **streams: Any) -> subprocess.CompletedProcess[str]:
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | streams
+    # pyrefly: ignore[no-matching-overload]
     return subprocess.run([sys.executable, "-c", PROGRAM, *map(str, arguments)], cwd=ROOT, text=True, **streams)
 
 
@@ -91,7 +92,7 @@ def test_a_file_that_grows_too_large_leaves_earlier_results(
 ) -> None:
     """Small files still fit: none of them may appear either."""
     before = files_in(out)
-    write_files = getattr(import_module(module), "_write_files")  # noqa: B009 - pyright knows no module by its name
+    write_files = getattr(import_module(module), "_write_files")  # noqa: B009 - the type checker knows no module by its name
     # Not earlier: the OpenCL compiler ends the whole program where its own files do not fit.
     monkeypatch.setattr(f"{module}._write_files", small_files()(write_files))
     arguments = ["simulate"] if verb == "simulate" else ["map", *scans, *GRID]
@@ -141,7 +142,7 @@ def test_stopped_while_it_writes(
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(f"sonarmap.tools.products.output.folder.{written}", stop)
+    monkeypatch.setattr(output_folder, written, stop)
     result = sonarmap("map", *scans[:2], "-o", out, *GRID)
     assert result.exit_code == 130
     assert results_in(out) == before

@@ -135,7 +135,8 @@ def test_a_full_disk_is_said_and_nothing_is_lost_when_there_is_room(tmp_path: Pa
 
 def test_a_write_that_takes_a_part_goes_on_with_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Slow(io.FileIO):
-        def write(self, content: bytes) -> int:  # type: ignore[override]
+        # pyrefly: ignore[bad-override]
+        def write(self, content: bytes) -> int:
             return super().write(content[:7])
 
     monkeypatch.setattr(Path, "open", lambda path, mode, buffering=0: Slow(path, mode.replace("b", "")))

@@ -209,7 +209,8 @@ def test_what_memory_does_not_hold_is_counted(tmp_path: Path, monkeypatch: pytes
 def memory_of(process: int) -> tuple[int, int]:
     """What a process has in memory now, and what it had at most [bytes]."""
     lines = dict(line.split(":") for line in Path(f"/proc/{process}/status").read_text().splitlines())
-    return tuple(int(lines[name].split()[0]) * 1024 for name in ("VmRSS", "VmHWM"))  # type: ignore[return-value]
+    # pyrefly: ignore[bad-return]
+    return tuple(int(lines[name].split()[0]) * 1024 for name in ("VmRSS", "VmHWM"))
 
 
 @pytest.mark.slow

@@ -59,7 +59,7 @@ def test_what_cannot_be_compared(placed: tuple[Path, Path], tmp_path: Path) -> N
     ):
         refused(sonarmap("compare", *given, *out), words)
     with pytest.raises(library.InputError, match="`old=5` cannot be used"):
-        library.compare(5, folder)  # pyright: ignore[reportArgumentType]
+        library.compare(5, folder)
     with pytest.raises(library.InputError, match="`cloud_sigma` has no effect without"):
         library.compare(folder, folder, cloud_sigma=0.1)
 

@@ -121,7 +121,7 @@ def test_from_python(mapped: Path, scans: list[str]) -> None:
     check_pose(here.T_map_scan.as_matrix())
     assert [len(str(each).splitlines()) <= 3 for each in (here, other)] == [True, True]
     with pytest.raises(library.InputError, match="wanted Map or str or PathLike"):
-        library.locate(scan(0), [scans[0]])  # pyright: ignore[reportArgumentType]
+        library.locate(scan(0), [scans[0]])
 
 
 @pytest.mark.parametrize(

@@ -83,7 +83,7 @@ def test_a_map_of_clouds_with_times_has_them(tmp_path: Path, monkeypatch: pytest
     path, given = write_mcap(tmp_path / "a.mcap", [*timed, *imu()]), list[TurnRates | None]()
 
     def run(*arguments: object, turn_rates: TurnRates | None = None) -> None:
-        given.append(turn_rates if len(arguments) < 9 else arguments[8])  # type: ignore[arg-type]
+        given.append(turn_rates if len(arguments) < 9 else arguments[8])
         raise InputError("enough")
 
     monkeypatch.setattr(Mapper, "run", run)

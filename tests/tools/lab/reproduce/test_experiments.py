@@ -39,7 +39,7 @@ def test_what_has_no_effect_is_refused(name: str, options: dict, words: str) -> 
 
 def test_the_command_that_asks_for_the_same_names_no_folder() -> None:
     options = {"quick": True, "seed": 0, "sigma2": (1.0, 2.5), "method": ("kiss",), "folder": "/where/it/lies"}
-    asked = Request(**options)  # pyright: ignore[reportArgumentType]
+    asked = Request(**options)
     wanted = "sonarmap reproduce x DIR --quick --sigma2 1 --sigma2 2.5 --seed 0 --method kiss"
     assert sorted(asked.command("x").split()) == sorted(wanted.split())
 

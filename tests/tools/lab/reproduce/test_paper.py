@@ -76,7 +76,7 @@ class TestGaussian:
         ],
     )
     def test_the_bounds_and_the_first_wrong_step(self, off: dict[str, float], step: str) -> None:
-        row = scored(**off)  # pyright: ignore[reportArgumentType]
+        row = scored(**off)
         assert (row["right"], row["wrong_step"]) == (not step, step)
 
     def test_the_error_at_the_sensor_decides(self) -> None:

@@ -84,7 +84,8 @@ def kind_row(**changes: object) -> Row:
     """A right, accepted registration by ours with nothing known, but for what is said."""
     place = {"kind": "patch", "number": 1, "scene": "harbor", "relief": "rich", "shared": 0.5, "priors": "none"}
     answer = {"right": True, "accepted": True, "nees": 5.0, "probability": 0.95}
-    return {**place, "method": "spectral", **answer, **changes}  # pyright: ignore[reportReturnType]
+    # pyrefly: ignore[bad-return]
+    return {**place, "method": "spectral", **answer, **changes}
 
 
 def test_the_worst_kind_stands_first_and_flat_scenes_do_not_count() -> None:

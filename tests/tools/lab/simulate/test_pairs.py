@@ -89,7 +89,7 @@ def test_turns_are_spread_over_all_rotations():
     turned = np.sort([frame.about_z for frame in drawn])
     assert_allclose(turned, np.linspace(-np.pi, np.pi, 3000), atol=0.15)
     with pytest.raises(InputError, match="view, yaw, any"):
-        draw_turn(Turning("up", STEEP), np.random.default_rng(0))  # pyright: ignore[reportArgumentType]
+        draw_turn(Turning("up", STEEP), np.random.default_rng(0))
 
 
 def test_a_turned_frame_leaves_ranges_and_noise_as_they_are():

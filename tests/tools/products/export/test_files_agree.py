@@ -78,6 +78,7 @@ def test_places_and_times(exported: tuple[Path, Map]) -> None:
     assert [[fix.latitude, fix.longitude] for fix in fixes] == [pytest.approx(row, abs=1e-9) for row in degrees]
     assert all(np.isnan(fix.altitude) for fix in fixes)  # heights count from the sea's mean level
     meta, _, geometry, columns = read(out / "track.gpkg", layer="scans")
+    # pyrefly: ignore[not-iterable]
     grid = np.array([np.frombuffer(wkb[5:], "<f8") for wkb in geometry])
     expected = [[float(row[name]) for name in ("easting_m", "northing_m", "height_m")] for row in rows]
     np.testing.assert_allclose(grid, expected, rtol=0, atol=1e-4)
@@ -126,6 +127,7 @@ def test_the_picture_lies_on_the_grid(exported: tuple[Path, Map]) -> None:
         rows, columns = np.nonzero(picture.read(4))
         filled = np.pad(~grid.read_masks(1).astype(bool), 2, constant_values=True)
         to_grid = Transformer.from_crs(4326, grid.crs.to_epsg(), always_xy=True)
+        # pyrefly: ignore[unsupported-operation]
         east, north = to_grid.transform(*(picture.transform @ (columns + 0.5, rows + 0.5)))
         column, row = np.floor(~grid.transform @ (east, north)).astype(int) + 2
     away = np.asarray(distance_transform_cdt(filled, "chessboard"))  # of a cell from the next that holds points

@@ -38,6 +38,7 @@ def test_every_cell_is_the_mean_of_its_uppermost_surface(place: tuple[float, flo
         geodetic, sigmas = earth.points, earth.surface.height_sigma
         east, north = Transformer.from_crs(4326, epsg, always_xy=True).transform(geodetic[:, 1], geodetic[:, 0])
         cells: dict[tuple[int, int], list[int]] = {}
+        # pyrefly: ignore[unsupported-operation]
         for k, (column, row) in enumerate(zip(*(inverse @ (np.array(east), np.array(north))), strict=True)):
             cells.setdefault((math.floor(row), math.floor(column)), []).append(k)
     columns = earth.surface.columns
@@ -92,6 +93,7 @@ def test_stray_echoes_are_in_no_grid(tmp_path: Path) -> None:
     with written(tmp_path / "grid.tif", earth) as raster:
         height = raster.read(1, masked=True)
     assert -11 < height.min() < height.max() < -9
+    # pyrefly: ignore[missing-attribute]
     assert height.count() > 0.7 * len(bed)
     assert len(earth.part.points) == len(bed) + len(strays)  # the map's own points stay
 
@@ -165,6 +167,7 @@ def test_holes_of_a_grid_are_said(tmp_path: Path) -> None:
     said = write_geotiff(tmp_path / "grid.tif", grid)
     assert (said["cell_m"], said["sufficient_cell_m"]) == (0.5, 1.0)
     with rasterio.open(tmp_path / "grid.tif") as raster:
+        # pyrefly: ignore[missing-attribute]
         assert said["empty_share"] == pytest.approx(1 - raster.read(1, masked=True).count() / (59 * 39))
 
 
@@ -186,6 +189,7 @@ def test_what_the_file_says_of_itself(tmp_path: Path) -> None:
     with written(tmp_path / "grid.tif", earth) as raster:
         assert raster.dtypes == ("float32",) * 3
         assert raster.nodatavals == (NODATA,) * 3
+        # pyrefly: ignore[missing-attribute]
         assert raster.compression.name == "deflate"
         assert raster.profile["tiled"]
         assert raster.res == (0.2, 0.2)

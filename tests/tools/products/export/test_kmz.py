@@ -1,4 +1,3 @@
-# pyright: reportAttributeAccessIssue=false
 """KMZ: valid by the OGC's and Google's schemas, read by lxml and fastkml, places worked by hand."""
 
 import io
@@ -55,6 +54,7 @@ def test_placemarks_are_read_by_another_library_too(tmp_path: Path) -> None:
     """Without times there is no timed track; characters that XML cannot hold become question marks."""
     earth = georeferenced(Georeference(60.0, 5.0), scattered(4))
     content = zipfile.ZipFile(written(tmp_path, earth)).read("doc.kml")
+    # pyrefly: ignore[missing-attribute]
     names = [feature.name for feature in fastkml.kml.KML.parse(io.BytesIO(content)).features[0].features]
     assert [name for name in names if name not in ("map", "heights")] == ["track", "track with times", "start", "end"]
     counted = timed(earth, np.arange(4.0))

@@ -82,6 +82,7 @@ def read(path: Path, layer: str) -> tuple[list[np.ndarray], dict[str, np.ndarray
     from pyogrio.raw import read
 
     meta, _, geometry, columns = read(path, layer=layer, datetime_as_string=True)
+    # pyrefly: ignore[not-iterable]
     return [places(wkb) for wkb in geometry], dict(zip(meta["fields"], columns, strict=True))
 
 

@@ -69,7 +69,7 @@ def test_a_large_plan_is_coarser_and_strays_do_not_make_it_large() -> None:
     points = np.repeat(rng.uniform(0, 3000, (2000, 2)), 2, axis=0)
     plan, kinds = plan_of([points])
     assert max(kinds.shape) <= 1001
-    assert np.allclose(plan["size"], 3000, atol=20)  # pyright: ignore[reportArgumentType]
+    assert np.allclose(plan["size"], 3000, atol=20)
     near = np.repeat(rng.uniform(0, 20, (5000, 2)), 2, axis=0)
     plan, kinds = plan_of([near, np.full((2, 2), 1e5)])
     assert max(kinds.shape) < 50

@@ -61,7 +61,8 @@ def test_a_row_says_what_is_known(pairs: list[Pair], path: Path) -> None:
     assert failed["reason"] == r'failed: "a, b\udcff" is of no use'
     assert (kept["kept"], kept["accepted"], kept["agreeing"], kept["alternatives"]) == ("yes", "yes", "2", "0")
     assert (float(kept["psr"]), float(kept["overlap"]), kept["probability"]) == (30, 0.6, "")
-    covariance = pairs[7].registration.covariance  # pyright: ignore[reportOptionalMemberAccess]
+    # pyrefly: ignore[missing-attribute]
+    covariance = pairs[7].registration.covariance
     rotation, translation = (np.linalg.eigvalsh(block)[-1] ** 0.5 for block in (covariance[:3, :3], covariance[3:, 3:]))
     assert float(kept["rotation_sigma_deg"]) == pytest.approx(np.degrees(rotation))
     assert float(kept["translation_sigma_m"]) == pytest.approx(translation)

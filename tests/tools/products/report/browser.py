@@ -68,7 +68,7 @@ def browsed(
 
     Skips the test where there is no Chromium, or no Playwright to drive it.
     """
-    own = started(flags).new_context(viewport={"width": size[0], "height": size[1]}, **context)  # type: ignore[arg-type]
+    own = started(flags).new_context(viewport={"width": size[0], "height": size[1]}, **context)
     page = own.new_page()
     shown = Opened(page)
     page.on("console", lambda message: shown.said.append(message.text))

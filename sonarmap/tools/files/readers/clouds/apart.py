@@ -94,6 +94,7 @@ def _cloud_of(head: dict[str, Any], stream: IO[bytes] | None) -> Cloud:
         content = _receive(stream) if np.prod(shape) else b""
         arrays[name] = np.frombuffer(content, dtype).reshape(shape)
     cloud = Cloud(arrays["points"], stamp=head["stamp"], notes=tuple(head["notes"]), sound_speed=head["sound_speed"])
+    # pyrefly: ignore[bad-argument-type]
     return replace(cloud, **arrays)
 
 

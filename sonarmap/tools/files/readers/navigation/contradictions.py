@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
-# pyright: reportUnknownArgumentType=false
 """What is wrong with navigation that the scans contradict: a sign turned, axes exchanged, another unit, rows shifted.
 
 Pairs of scans, registered without it, are held against it as it is given and as each mistake would have it. All pairs

@@ -1,4 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Mistakes that files of navigation have, as hypotheses: each changes what was measured so that it is right again.
 
 The one that agrees with the scans where the given navigation does not is named. Mistakes of all scans are among them:

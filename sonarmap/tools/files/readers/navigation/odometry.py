@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Dead reckoning from a file, at its own times, interpolated to the scans'."""
 
 from collections.abc import Sequence

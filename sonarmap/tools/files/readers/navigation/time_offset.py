@@ -1,5 +1,3 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
-# pyright: reportUnknownArgumentType=false
 """By how much two clocks differ, from turn rates that were measured by either; and why navigation misses the scans."""
 
 from dataclasses import dataclass

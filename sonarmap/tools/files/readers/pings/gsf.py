@@ -68,7 +68,7 @@ def _require_library() -> None:
     """Refuse where the library does not load; it is for Linux on x86-64 alone."""
     require("gsfpy3_09")
     try:
-        import gsfpy3_09  # noqa: F401  # pyright: ignore[reportUnusedImport, reportMissingTypeStubs]
+        import gsfpy3_09  # noqa: F401
     except Exception as error:  # gsfpy raises just that, of no other class, where its library does not load
         raise InputError(f"the GSF library does not load on this machine ({error}); convert it on another") from error
 

@@ -68,7 +68,8 @@ def pixels_of(image: Message) -> np.ndarray:
     """(N,) uint32, the pixels of a message of `range_image_type()`, row by row. Raises InputError: bytes that are no
     numbers."""
     pixels = _short_varints(b"".join(getattr(image, _PIXELS)))
-    if pixels is None or len(pixels) != image.width * image.height:  # type: ignore[attr-defined]
+    # pyrefly: ignore[missing-attribute]
+    if pixels is None or len(pixels) != image.width * image.height:
         try:  # numbers of other lengths, or each in a field of its own, which a sender may choose
             pixels = np.array(getattr(rip.RangeImage.FromString(image.SerializeToString()), _PIXELS), np.uint32)
         except DecodeError as error:

@@ -140,7 +140,9 @@ class Matching:
             pose = refine(*planes, closed_form(*planes) if pose is None else T, self.farthest, self._slack)
             T, slack = pose.T_target_source, self._slack
         self._seen |= own
-        return pose and Consensus(pose, self._i[index], self._j[index], float(self._area[index].sum()))
+        if pose is None:
+            return None
+        return Consensus(pose, self._i[index], self._j[index], float(self._area[index].sum()))
 
     def _planes(self, index: np.ndarray) -> tuple[Patches, Patches]:
         return self.target.take(self._i[index]), self.source.take(self._j[index])

@@ -34,8 +34,7 @@ def single(message: dict) -> list[Record]:
 def dive(topic: str = "/sonar/points", **options: object) -> list[Record]:
     """Three clouds, each twice as far off as the one before, that were recorded an eighth of a second late."""
     return [
-        (topic, CLOUD, time + 0.125, cloud(TABLE * np.float32(2**k), time, **options))  # type: ignore[arg-type]
-        for k, time in enumerate(TIMES)
+        (topic, CLOUD, time + 0.125, cloud(TABLE * np.float32(2**k), time, **options)) for k, time in enumerate(TIMES)
     ]
 
 

@@ -21,7 +21,7 @@ from tests.tools.files.readers.navigation.logs import SCANS, SIGMAS, START, read
 
 
 def refused(path: Path, text: str, *words: str, **settings: object) -> None:
-    require_words(path, words, read, path, text, NavigationSettings(**settings))  # type: ignore[arg-type]
+    require_words(path, words, read, path, text, NavigationSettings(**settings))
 
 
 def rows(*cells: str, separator: str = ",") -> str:
@@ -127,7 +127,7 @@ class TestFrames:
         ],
     )
     def test_frames(self, path: Path, frame: str | None, heading: str, cells: tuple[str, ...]) -> None:
-        values, *_ = read(path, f"{heading}\n{rows(*cells)}", NavigationSettings(frame=frame))  # type: ignore[arg-type]
+        values, *_ = read(path, f"{heading}\n{rows(*cells)}", NavigationSettings(frame=frame))
         np.testing.assert_allclose(values, [self.WANTED] * 3, atol=1e-9)
 
     def test_magnetic_headings(self, path: Path) -> None:

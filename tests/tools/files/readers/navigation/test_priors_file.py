@@ -23,7 +23,7 @@ ATTITUDE = "roll_deg,pitch_deg,roll_sigma_deg,pitch_sigma_deg"
 
 def read(path: Path, text: str, settings: NavigationSettings = AS_IT_SAYS, **options: object) -> tuple[Scan, ...]:
     path.write_bytes(text.encode())
-    return navigate(SCANS, path, settings, **options).scans  # type: ignore[arg-type]
+    return navigate(SCANS, path, settings, **options).scans
 
 
 def told(scan: Scan) -> PosePrior:

@@ -22,7 +22,7 @@ GPS_SCANS = scans_at(START, START + 5)
 def depths(path: Path, heading: str, times: list[str], **settings: object) -> np.ndarray:
     """(2,) depths at two scans; the rows' are 0, 1, 2, ... from START on, one a second."""
     text = f"{heading},Depth\n" + "".join(f"{time},{k}\n" for k, time in enumerate(times))
-    values, *_ = read(path, text, NavigationSettings(**settings), GPS_SCANS)  # type: ignore[arg-type]
+    values, *_ = read(path, text, NavigationSettings(**settings), GPS_SCANS)
     return values[:, 5]
 
 

@@ -1,5 +1,4 @@
 """A line made by hand, no two numbers of it alike, and writers of it: GSF by its library, XTF by struct."""
-# pyright: reportAttributeAccessIssue=false
 # as pyxtf has ctypes where Python has numbers
 
 import ctypes
@@ -141,6 +140,7 @@ def xtf(
     `deep`: the transducer, 0 where that is not said."""
     header = pyxtf.XTFFileHeader()
     header.NavUnits, header.NumberOfBathymetryChannels = units, 1
+    # pyrefly: ignore[unsupported-operation]
     channel = header.ChanInfo[0]
     channel.TypeOfChannel, channel.OffsetX, channel.OffsetY = 3, OFFSET[1], OFFSET[0]
     channel.OffsetRoll, channel.OffsetPitch, channel.OffsetYaw = mount

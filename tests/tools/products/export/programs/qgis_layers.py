@@ -1,10 +1,10 @@
-# pyright: reportMissingImports=false, reportUnknownMemberType=false, reportUnknownVariableType=false
 """Run by the Python that QGIS belongs to: opens an export's files as layers and prints what QGIS makes of them."""
 
 import json
 import os
 import sys
 
+# pyrefly: ignore[missing-import]
 from qgis.core import (
     QgsApplication,
     QgsCoordinateReferenceSystem,
@@ -16,6 +16,8 @@ from qgis.core import (
     QgsRasterLayer,
     QgsVectorLayer,
 )
+
+# pyrefly: ignore[missing-import]
 from qgis.PyQt.QtCore import QSize
 
 COLUMNS = "delimiter=,&detectTypes=yes&zField=height_m"

@@ -146,6 +146,7 @@ def test_the_grid_is_drawn_in_the_colors_of_its_heights(layers: dict[str, Any], 
     drawn = np.asarray(Image.open(exported / "drawn.png").convert("RGB")).astype(int)[2::4, 2::4]
     here = ~np.ma.getmaskarray(heights)
     low, high = EARTH.shown_heights
+    # pyrefly: ignore[missing-attribute]
     share = np.clip((heights.filled(low) - low) / (high - low), 0, 1)
     expected = (mpl.colormaps["viridis"](share)[..., :3] * 255).astype(int)
     assert np.abs(drawn - expected)[here].max() <= 6  # QGIS blends between 17 colors
