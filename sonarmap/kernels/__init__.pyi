@@ -14,7 +14,6 @@ from .pomf.spectrum import magnitude as magnitude
 from .pomf.spectrum import whiten as whiten
 from .resample.layers import normalize_layers as normalize_layers
 from .resample.polar import polar_magnitude as polar_magnitude
-from .resample.sphere import latitude_longitude as latitude_longitude
 from .resample.sphere import rectangular_unwrap as rectangular_unwrap
 from .resample.sphere import rotational_unwrap as rotational_unwrap
 from .resample.sphere import sample as sample
@@ -37,7 +36,6 @@ __all__ = [
     "choose_device",
     "equalizers",
     "find_peaks",
-    "latitude_longitude",
     "list_devices",
     "magnitude",
     "normalize_layers",

@@ -49,7 +49,7 @@ def test_the_papers_chain_finds_the_same_peaks() -> None:
     source = target @ Rotation.from_euler("z", 20, degrees=True).as_matrix() + [1.5, -2.0, 0.5]
     results: list[Registration] = []
     for flavor in FLAVORS:
-        registrar = HemisphereRegistrar(Device(own, flavor=flavor), Grid(64, 0.5), HemisphereConfig.paper())
+        registrar = HemisphereRegistrar(Device(own, flavor=flavor), Grid(64, 0.5), HemisphereConfig())
         results.append(registered(registrar, target, source))
     assert_near(results[0].T_target_source, results[1].T_target_source, 0.02, 0.01)
     assert results[0].psr == pytest.approx(results[1].psr, rel=1e-3)

@@ -11,7 +11,7 @@ from sonarmap.kernels.device.usage import MemoryUsage
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.kernels.fft.edges import EDGES
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
+from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
 from sonarmap.spectral.memory import POINTS, memory_plan, require_memory, scans_that_fit
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.spectral.scan import Scan
@@ -21,7 +21,6 @@ HARDLY = 1 - 1e-9  # a probability that no pair has: so all looks at a pair are 
 MAKERS: dict[str, tuple[Any, ...]] = {  # a registrar, its config, and the method of its plan
     "any rotation": (SpectralRegistrar, SpectralConfig(np.pi, least_probability=HARDLY), "spectral"),
     "hemisphere": (HemisphereRegistrar, None, "hemisphere"),
-    "paper": (HemisphereRegistrar, HemisphereConfig.paper(), "hemisphere"),
 }
 
 

@@ -65,24 +65,6 @@ def rectangular_unwrap(edge: int, axis: str) -> np.ndarray:
     return np.stack([x, y, np.cos(a) * np.cos(b)], axis=-1).astype(np.float32)
 
 
-def latitude_longitude(height: int, width: int) -> np.ndarray:
-    """Directions in latitude and longitude about z, on which yaw is an exact circular shift.
-
-    Pixel (i, j) has the latitude (i + 1/2) / height * 90 degrees above the plane z = 0 (cell centers, so that
-    neither the pole nor the plane is sampled twice) and the longitude 360 degrees j / width from x towards y.
-    The longitude covers the full circle.
-    With R = Rz(psi): I_R[j] = I[j + psi width / (2 pi)]; a `Pomf` of target I and source I_R peaks at
-    +psi width / (2 pi).
-
-    Returns:
-        (height, width, 3) float32.
-    """
-    latitude = ((np.arange(height) + 0.5) / height * (np.pi / 2))[:, None]
-    longitude = (np.arange(width) * (2 * np.pi / width))[None, :]
-    x, y = np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude)
-    return np.stack([x, y, np.broadcast_to(np.sin(latitude), x.shape)], axis=-1).astype(np.float32)
-
-
 def valid_pixels(directions: np.ndarray) -> np.ndarray:
     """(H, W) float32: 1 where a table of directions shows something, 0 at its zero vectors."""
     return np.asarray(directions.any(axis=-1), np.float32)

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Array, Device
@@ -18,7 +17,6 @@ from sonarmap.kernels.pomf.spectrum import Pomf
 from sonarmap.kernels.resample.layers import normalize_layers
 from sonarmap.kernels.resample.polar import polar_magnitude
 from sonarmap.kernels.resample.sphere import (
-    latitude_longitude,
     rectangular_unwrap,
     rotational_unwrap,
     sample,
@@ -31,14 +29,11 @@ from sonarmap.spectral.grid import image_edge
 _LAYERS = (0.2, 0.8)
 # Sect. 2.5: the share of the radial axis of the 2D spectra that the yaw is read from.
 _RADIAL = (0.11, 0.45)
-# Standard deviations of the Gaussians that correlations are convolved with before a peak is looked for [bins]. The
-# heading is exact; the other unwraps distort a little, which spreads their peaks.
-_HEADING_BLUR = 0.7
+# Standard deviations of the Gaussians that correlations are convolved with before a peak is looked for [bins]: the
+# unwraps distort a little, which spreads their peaks.
 _TILT_BLUR = 1.5
 _YAW_BLUR = 1.5
 _YAW_BLUR_ANGLE = np.deg2rad(1.0)  # and at least so much: distortion is an angle, whatever the bins
-# Two yaw peaks nearer than this are the same [rad].
-_YAW_SEPARATION = np.deg2rad(5.0)
 _LARGEST_IMAGE = 512
 # How many peaks of roll and pitch are searched for a possible rotation, and how far apart these are [bins].
 _TILT_PEAKS, _TILT_SEPARATION = 4, 3.0
@@ -59,17 +54,13 @@ class LayerSpectra:
 
     yaw: Array
     tilt: Array
-    heading: Array
 
 
 class Hemisphere:
     """Resampling and matching of hemisphere layers on one grid: Sects. 2.4 to 2.9 of the paper."""
 
-    def __init__(self, device: Device, edge: int, windowed: bool = False) -> None:
-        """Plan the images and transforms for volumes of `edge` voxels; images have `image_edge` pixels.
-
-        `windowed` is whether Hann's window is laid over the images that yaw is read from (Sect. 2.5).
-        """
+    def __init__(self, device: Device, edge: int) -> None:
+        """Plan the images and transforms for volumes of `edge` voxels; images have `image_edge` pixels."""
         self.device, self.edge = device, edge
         self.radii = np.arange(_LAYERS[0] * edge / 2, min(_LAYERS[1] * edge / 2, edge / 2 - 1.01), dtype=np.float32)
         layers = len(self.radii)
@@ -77,7 +68,7 @@ class Hemisphere:
         self.images = images = image_edge(edge)
         unwrap = rotational_unwrap(images)
         self._yaw_directions = upload_directions(device, unwrap)
-        self._yaw_window = device.to_device(_radial_hann(images)) if windowed else None
+        self._yaw_window = device.to_device(_radial_hann(images))
         self._yaw_mask = device.to_device(valid_pixels(unwrap))
         self._yaw_fft = RealFFT(device, (layers, images, images), batched=True)
         self._polar_shape = (max(images // 2, 16), min(2 * images, _LARGEST_IMAGE))
@@ -89,10 +80,6 @@ class Hemisphere:
         self._tilt_directions = [upload_directions(device, rectangular_unwrap(images, axis)) for axis in "yx"]
         self._tilt_window = device.to_device(np.outer(_hann(images), _hann(images)).astype(np.float32))
         self._tilt_pomf = Pomf(device, (2 * layers, images, images), _TILT_BLUR, batched=True)
-
-        self._heading_shape = (max(images // 4, 16), min(2 * images, _LARGEST_IMAGE))
-        self._heading_directions = upload_directions(device, latitude_longitude(*self._heading_shape))
-        self._heading_pomf = Pomf(device, (layers, *self._heading_shape), _HEADING_BLUR, batched=True)
 
     @property
     def yaw_bin(self) -> float:
@@ -106,11 +93,7 @@ class Hemisphere:
 
     def prepare(self, magnitude: Array) -> LayerSpectra:
         """The layers of one scan's centered magnitude spectrum (edge, edge, edge/2 + 1)."""
-        return LayerSpectra(
-            yaw=self._yaw_spectra(magnitude),
-            tilt=self._tilt_spectra(magnitude, None),
-            heading=self._heading_spectra(magnitude, None),
-        )
+        return LayerSpectra(self._yaw_spectra(magnitude), self._tilt_spectra(magnitude, None))
 
     def yaw_correlation(self, target: LayerSpectra, source: LayerSpectra) -> np.ndarray:
         """(bins,) float64 how well every yaw fits (Sect. 2.5): standard deviations above the mean of the correlation;
@@ -121,21 +104,12 @@ class Hemisphere:
         mean, std = correlation.mean(dtype=np.float64), correlation.std(dtype=np.float64)
         return (row - mean) / std if std > 0 else np.zeros_like(row)
 
-    def yaw_candidates(self, target: LayerSpectra, source: LayerSpectra, count: int) -> list[AngleEstimate]:
-        """The `count` highest distinct yaw peaks, each with its + 180 degrees, highest first (Sect. 2.5).
-
-        The magnitudes of the layers' 2D spectra repeat after 180 degrees, hence the pairs.
-        """
+    def yaws(self, target: LayerSpectra, source: LayerSpectra) -> tuple[AngleEstimate, AngleEstimate]:
+        """The highest yaw peak and its + 180 degrees: the magnitudes of the layers' 2D spectra repeat after these."""
         row = self.yaw_correlation(target, source)
-        width = int(np.ceil(_YAW_SEPARATION / self.yaw_bin))
-        is_peak = row >= maximum_filter1d(row, 2 * width + 1, mode="wrap")
-        bins = np.flatnonzero(is_peak)
-        bins = bins[np.argsort(-row[bins], kind="stable")][:count]
-        return [
-            AngleEstimate(Rotation.from_euler("Z", self._yaw_angle(row, k) + turn), float(row[k]))
-            for k in bins
-            for turn in (0.0, np.pi)
-        ]
+        k = int(row.argmax())
+        one, other = (Rotation.from_euler("Z", self._yaw_angle(row, k) + turn) for turn in (0.0, np.pi))
+        return AngleEstimate(one, float(row[k])), AngleEstimate(other, float(row[k]))
 
     def tilt_correlation(self, target: LayerSpectra, source_magnitude: Array, R_known: Rotation) -> Array:
         """How well roll and pitch fit once R_known is applied (Sect. 2.6): device (images, images) float32, by cyclic
@@ -167,23 +141,6 @@ class Hemisphere:
                 return AngleEstimate(R, peak.psr)
         return None
 
-    def heading(
-        self, target: LayerSpectra, source_magnitude: Array, R_known: Rotation, limit: float
-    ) -> AngleEstimate | None:
-        """Yaw that is missing once R_known has removed roll and pitch, within `limit` [rad].
-
-        Without tilt, yaw is an exact cyclic shift of layers in latitude and longitude over the full circle. None
-        where the correlation has no peak within the limit.
-        """
-        spectra = self._heading_spectra(source_magnitude, R_known)
-        correlation = self._heading_pomf.correlate_layers(target.heading, spectra)
-        height, width = self._heading_shape
-        bin_angle = 2 * np.pi / width
-        peaks = find_peaks(self.device, correlation.reshape((1, height, width)), limits=(None, 1.0, limit / bin_angle))
-        if not peaks:
-            return None
-        return AngleEstimate(Rotation.from_euler("Z", peaks[0].shift[2] * bin_angle), peaks[0].psr)
-
     def _yaw_spectra(self, magnitude: Array) -> Array:
         layers = sample(self.device, magnitude, self._yaw_directions, self.radii)
         normalize_layers(self.device, layers, self._yaw_window, mask=self._yaw_mask, out=layers)
@@ -201,11 +158,6 @@ class Hemisphere:
             sample(self.device, magnitude, directions, self.radii, _inverse_matrix(R_known), out=part)
         normalize_layers(self.device, stack, self._tilt_window, out=stack)
         return self._tilt_pomf.prepare(stack)
-
-    def _heading_spectra(self, magnitude: Array, R_known: Rotation | None) -> Array:
-        layers = sample(self.device, magnitude, self._heading_directions, self.radii, _inverse_matrix(R_known))
-        normalize_layers(self.device, layers, None, out=layers)
-        return self._heading_pomf.prepare(layers)
 
     def _yaw_angle(self, row: np.ndarray, k: int) -> float:
         """The angle of a peak of the yaw correlation, between bins by a parabola [rad]."""

@@ -1,6 +1,6 @@
 """The paper's registration of two scans: the seven steps of Sect. 2.11, in order, on one screen."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from time import perf_counter
 
 import numpy as np
@@ -8,18 +8,49 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.pomf.peak import Peak
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.covariance import peak_covariance
 from sonarmap.spectral.hemisphere.layers import Hemisphere, LayerSpectra
-from sonarmap.spectral.hemisphere.match import Acceptance, Match, assess, differ
 from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.overlap import overlap, unwrap
 from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer
 from sonarmap.spectral.result import Registration
-from sonarmap.spectral.rotation_search import search_rotation
 from sonarmap.spectral.scan import Scan
-from sonarmap.spectral.tilt import tilt_allowed, tilt_reach
+from sonarmap.spectral.tilt import tilt_allowed, tilt_reach, tilt_refusal
 from sonarmap.spectral.translation import SAME_SHIFT, Translation
+
+# Rotations nearer than this to each other are the same answer [rad].
+_SAME_ROTATION = float(np.deg2rad(10.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """A rotation, the translation's peak under it, and the peak-to-sidelobe ratios of the steps before."""
+
+    R: Rotation  # R_target_source
+    peak: Peak  # of the translation's correlation under it [voxels]
+    # yaw_psr, tilt_psr: of the peaks that yaw, and roll and pitch, were read from; 0 where there was none
+    yaw_psr: float
+    tilt_psr: float
+
+
+def differ(a: Match, b: Match, edge: int) -> bool:
+    """Whether two matches on a grid of `edge` voxels are different answers."""
+    turned = (a.R.inv() * b.R).magnitude() > _SAME_ROTATION
+    apart = (a.peak.shift - b.peak.shift + edge / 2) % edge - edge / 2  # a shift is known up to the grid's edge
+    return bool(turned or np.linalg.norm(apart) > SAME_SHIFT)
+
+
+@dataclass(frozen=True, slots=True)
+class Acceptance:
+    """When a registration is accepted."""
+
+    # the least peak-to-sidelobe ratio of the translation, on a grid of up to 128 voxels per edge. On larger ones false
+    # peaks are higher, and it grows with (edge / 128)^0.75.
+    psr: float = 30.0
+    distinction: float = 1.7  # the least ratio between it and that of any other answer
+    overlap: float = 0.05  # the least share of points in common
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,45 +58,21 @@ class HemisphereConfig:
     """How to register two scans by `HemisphereRegistrar`.
 
     Attributes:
-        yaw_peaks: how many yaw peaks are followed, each with its + 180 degrees; 1 is the paper.
         max_tilt: largest roll and largest pitch between two scans [rad] (Sect. 2.7).
-        refinements: how often yaw and then roll and pitch are estimated again, on what the first round left over;
-            0 is the paper.
-        final_refinements: how often more for the hypothesis that the translation chose.
-        search: whether its rotation is then moved to where the translation's peak is highest; False is the paper.
-        windowed: whether the unwraps that yaw is read from are windowed, as in the paper. On structures that are seen
-            whole a window makes yaw exact; on what a sensor sees of them it costs a few of the right hypotheses.
         use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
         centered: whether each scan's grid is centered on its points; else on the origin of its frame, and what lies
             outside is lost, as where volumes are shifted out of their frame in the paper's Sect. 3.
         acceptance: the thresholds from which on a registration is accepted.
-
-    Raises:
-        InputError: a count or an angle out of its range.
     """
 
-    yaw_peaks: int = 6
     max_tilt: float = float(np.deg2rad(35.0))
-    refinements: int = 1
-    final_refinements: int = 2
-    search: bool = True
-    windowed: bool = False
     use_strength: bool = False
     centered: bool = True
     acceptance: Acceptance = field(default_factory=Acceptance)
 
     def __post_init__(self) -> None:
-        for name, least in (("yaw_peaks", 1), ("refinements", 0), ("final_refinements", 0)):
-            if getattr(self, name) < least:
-                raise InputError(f"`{name}={getattr(self, name)}` is too few; give at least {least}")
         if not 0 < self.max_tilt <= np.pi:
             raise InputError(f"`max_tilt` is {np.rad2deg(self.max_tilt):g} degrees; give more than 0 and up to 180")
-
-    @classmethod
-    def paper(cls, centered: bool = True) -> "HemisphereConfig":
-        """The paper's chain: the seven steps of Sect. 2.11 once, along the highest yaw peak."""
-        once = cls(yaw_peaks=1, refinements=0, final_refinements=0, search=False)
-        return replace(once, windowed=True, centered=centered)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,26 +87,18 @@ class LayeredScan:
 class HemisphereRegistrar(GridRegistrar):
     """The paper's registration on one device and grid; any two scans it prepared can be registered."""
 
-    # Once the first round is through, what is left is small; the second looks no farther than this [rad].
-    _HEADING_LEFT = float(np.deg2rad(20.0))
-    _TILT_LEFT = float(np.deg2rad(15.0))
     # The unwraps show one hemisphere: a tilt of 90 degrees would carry its pole to the rim.
     _LARGEST_TILT = float(np.deg2rad(85.0))
 
     def __init__(self, device: Device, grid: Grid, config: HemisphereConfig | None = None) -> None:
         """Plan everything that does not depend on the scans.
 
-        Args:
-            device: from `choose_device`.
-            grid: of every scan, as `choose_grid` makes it.
-            config: None for the defaults.
-
         Raises:
             DeviceError: the device has too little memory.
         """
         self.config = config or HemisphereConfig()
         super().__init__(device, grid, memory_plan(grid.edge, "hemisphere"))
-        self.hemisphere = Hemisphere(device, grid.edge, self.config.windowed)
+        self.hemisphere = Hemisphere(device, grid.edge)
         self._translation = Translation(device, grid.edge)
         self._preparer = Preparer(device, grid, self.config.use_strength, self.config.centered)
 
@@ -110,33 +109,22 @@ class HemisphereRegistrar(GridRegistrar):
 
     def register(self, target: LayeredScan, source: LayeredScan) -> Registration:
         """T_target_source of two scans from `prepare`, and whether to believe it; without a probability."""
-        return self._register(target, source)
-
-    def _register(self, target: LayeredScan, source: LayeredScan) -> Registration:
-        """As `register`; the first pair twice, as drivers compile or load kernels meanwhile."""
-        if not self._warm:
+        if not self._warm:  # the first pair twice, as drivers compile or load kernels meanwhile
             self._warm = True
-            self._register(target, source)
+            self.register(target, source)
         start = perf_counter()
-        matches = sorted(self._matches(target, source), key=lambda match: -match.peak.psr)
-        first = matches[0]
-        others = [match for match in matches if differ(first, match, self.grid.edge)]
-        # the best other answer is refined alike: it may win, and if not, how high it comes out is what to compare with
-        refined = [self._refine_further(target, source, match) for match in (first, *others[:1])]
-        refined.sort(key=lambda match: (not self._may_tilt(match.R), -match.peak.psr))
-        rival = self._rival(target, source, refined[0], refined[1:] + others[1:])
-        return self._conclude(target, source, refined[0], rival, start)
+        best, *others = sorted(self._matches(target, source), key=lambda match: -match.peak.psr)
+        return self._conclude(target, source, best, self._rival(target, source, best, others), start)
 
     def _matches(self, target: LayeredScan, source: LayeredScan) -> list[Match]:
-        """Steps 1 to 7 for each yaw candidate."""
+        """Steps 1 to 7, for the yaw of the highest peak and for its + 180 degrees."""
         matches: list[Match] = []
         # Steps 1, 2: yaw from the rotational unwraps
-        for yaw in self.hemisphere.yaw_candidates(target.layers, source.layers, self.config.yaw_peaks):
+        for yaw in self.hemisphere.yaws(target.layers, source.layers):
             # Steps 3 to 5: roll and pitch from the rectangular unwraps, the spectrum turned back by yaw
             reach = min(tilt_reach(self.config.max_tilt), self._LARGEST_TILT)
             tilt = self.hemisphere.tilt(target.layers, source.magnitude, yaw.R, reach, self._may_tilt)
             R = yaw.R if tilt is None else tilt.R * yaw.R
-            R = self._refine(target, source, R, self.config.refinements)
             # Steps 6, 7: the translation, the scan turned back by all three angles
             peak = self._translation.find(target.volume, source.volume, R)
             matches.append(Match(R, peak, yaw.psr, 0.0 if tilt is None else tilt.psr))
@@ -146,29 +134,8 @@ class HemisphereRegistrar(GridRegistrar):
     def _may_tilt(self, R_target_source: Rotation) -> bool:
         return bool(tilt_allowed(R_target_source, self.config.max_tilt))
 
-    def _refine(self, target: LayeredScan, source: LayeredScan, R: Rotation, rounds: int) -> Rotation:
-        """Estimate yaw, then roll and pitch, again, on what R leaves over."""
-        for _ in range(rounds):
-            heading = self.hemisphere.heading(target.layers, source.magnitude, R, self._HEADING_LEFT)
-            R = R if heading is None else heading.R * R
-            tilt = self.hemisphere.tilt(target.layers, source.magnitude, R, self._TILT_LEFT)
-            R = R if tilt is None else tilt.R * R
-        return R
-
-    def _refine_further(self, target: LayeredScan, source: LayeredScan, best: Match) -> Match:
-        """Refine a match further; keep what has the higher translation peak."""
-        R, peak = best.R, best.peak
-        for _ in range(self.config.final_refinements):
-            refined_R = self._refine(target, source, R, 1)
-            refined_peak = self._translation.find(target.volume, source.volume, refined_R)
-            if refined_peak.psr > peak.psr:
-                R, peak = refined_R, refined_peak
-        if self.config.search:
-            R, peak = search_rotation(self._translation, target.volume, source.volume, R, peak)
-        return Match(R, peak, best.yaw_psr, best.tilt_psr)
-
     def _rival(self, target: LayeredScan, source: LayeredScan, best: Match, others: list[Match]) -> float:
-        """The peak-to-sidelobe ratio of the next best answer: another match, or another shift under the best."""
+        """The peak-to-sidelobe ratio of the next best answer: the other yaw's, or another shift under the best."""
         ratios = [other.peak.psr for other in others if differ(best, other, self.grid.edge)]
         ratios += [peak.psr for peak in self._translation.find_others(target.volume, source.volume, best.R, SAME_SHIFT)]
         return max(ratios, default=0.0)
@@ -192,3 +159,32 @@ class HemisphereRegistrar(GridRegistrar):
             reason=reason,
             step_psr=(("yaw", best.yaw_psr), ("tilt", best.tilt_psr), ("translation", best.peak.psr), ("rival", rival)),
         )
+
+
+def assess(
+    best: Match, rival: float, overlap: float, least: Acceptance, max_tilt: float, grid: Grid
+) -> tuple[bool, str]:
+    """Whether to believe the best match, and the reason in words.
+
+    Args:
+        rival: the peak-to-sidelobe ratio of the next best answer.
+        overlap: the share of points in common under it, 0..1.
+        max_tilt: largest roll and pitch [rad]; 3 degrees more are let through.
+    """
+    psr, least_psr = best.peak.psr, least.psr * max(1.0, grid.edge / 128) ** 0.75
+    if refusal := tilt_refusal(best.R, max_tilt):
+        return False, refusal
+    if psr < least_psr:
+        words = f"no shift stands out: the translation's peak is {psr:.1f} standard deviations high"
+        return False, f"{words}; believed from {least_psr:.0f} on"
+    if psr < least.distinction * rival:
+        return False, (
+            f"two answers fit alike: the translation's peak is {psr:.1f} standard deviations high and another answer's "
+            f"{rival:.1f}; believed from {least.distinction:g} times as high on"
+        )
+    if overlap < least.overlap:
+        return False, f"the scans share too little, {overlap:.1%} of their points; believed from {least.overlap:.0%} on"
+    return True, (
+        f"the scans match: the translation's peak is {psr:.1f} standard deviations high, the next answer's "
+        f"{rival:.1f}; {overlap:.0%} of the points are shared"
+    )

@@ -9,7 +9,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -101,8 +101,7 @@ def _hemisphere(setup: Setup) -> Registrar:
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
 
-    config = replace(HemisphereConfig.paper(), **setup.changes)
-    return HemisphereRegistrar(choose_device(setup.device), setup.grid, config)
+    return HemisphereRegistrar(choose_device(setup.device), setup.grid, HemisphereConfig(**setup.changes))
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,9 +126,7 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         DEFAULT_METHOD: Method(
             "rotations from all of SO(3), verified by what the scans saw", _spectral, _DEVICE_SOURCES, _SPECTRAL
         ),
-        "hemisphere": Method(
-            "the paper's chain: one yaw peak, no refinement", _hemisphere, _DEVICE_SOURCES, _HEMISPHERE
-        ),
+        "hemisphere": Method("the paper's chain", _hemisphere, _DEVICE_SOURCES, _HEMISPHERE),
         "planes": Method(
             "plane patches, matched (Pathak et al. 2010)", _OfLab("planes.registrar:PlaneRegistrar"), _PLANE_SOURCES
         ),

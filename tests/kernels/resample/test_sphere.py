@@ -6,7 +6,6 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.resample.sphere import (
-    latitude_longitude,
     rectangular_unwrap,
     rotational_unwrap,
     sample,
@@ -28,8 +27,8 @@ def magnitude_of(edge, seed=0):
 @pytest.mark.parametrize("edge", [16, 64])
 @pytest.mark.parametrize(
     "directions",
-    [rotational_unwrap(24), rectangular_unwrap(16, "x"), rectangular_unwrap(32, "y"), latitude_longitude(9, 40)],
-    ids=["rotational", "rectangular x", "rectangular y", "latitude-longitude"],
+    [rotational_unwrap(24), rectangular_unwrap(16, "x"), rectangular_unwrap(32, "y")],
+    ids=["rotational", "rectangular x", "rectangular y"],
 )
 @pytest.mark.parametrize("degrees", [None, (130, 40, -75)])
 def test_equals_scipy_on_the_whole_spectrum(device, edge, directions, degrees):
@@ -65,7 +64,7 @@ def test_yaw_turns_the_rotational_unwrap(device):
     assert relative_error(got, want) < 1e-4
 
 
-def test_pitch_shifts_the_unwrap_with_poles_on_y_roll_that_on_x_and_yaw_latitude_longitude(device):
+def test_pitch_shifts_the_unwrap_with_poles_on_y_and_roll_that_on_x(device):
     edge, m = 32, 5
     step = m * np.pi / edge
     plain, turned = images(device, rectangular_unwrap(edge, "y"), Rotation.from_euler("y", step).as_matrix())
@@ -74,12 +73,10 @@ def test_pitch_shifts_the_unwrap_with_poles_on_y_roll_that_on_x_and_yaw_latitude
     assert relative_error(turned[edge - m :, 1:], plain[:m, :0:-1]) < 1e-4
     plain, turned = images(device, rectangular_unwrap(edge, "x"), Rotation.from_euler("x", step).as_matrix())
     assert relative_error(turned[:, m:], plain[:, : edge - m]) < 1e-4
-    plain, turned = images(device, latitude_longitude(16, 2 * edge), Rotation.from_euler("z", step).as_matrix())
-    assert relative_error(turned, np.roll(plain, -m, axis=1)) < 1e-4
 
 
 def test_tables_are_unit_vectors_of_the_upper_hemisphere():
-    for table in (rectangular_unwrap(16, "x"), rectangular_unwrap(16, "y"), latitude_longitude(8, 16)):
+    for table in (rectangular_unwrap(16, "x"), rectangular_unwrap(16, "y")):
         np.testing.assert_allclose(np.linalg.norm(table, axis=-1), 1, atol=1e-6)
         assert table[..., 2].min() > -1e-6
     table = rotational_unwrap(16)

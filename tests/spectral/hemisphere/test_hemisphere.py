@@ -12,10 +12,9 @@ from sonarmap.kernels.pomf.peak import Peak
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.covariance import peak_covariance, peak_width
 from sonarmap.spectral.hemisphere.layers import Hemisphere
-from sonarmap.spectral.hemisphere.match import Match, differ
+from sonarmap.spectral.hemisphere.registration import Match, differ
 from sonarmap.spectral.overlap import overlap, unwrap
 from sonarmap.spectral.prepare.prepared import Prepared, Preparer
-from sonarmap.spectral.rotation_search import search_rotation
 from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.translation import Translation
 from tests.samples.scenes.structures import moved, structure
@@ -55,46 +54,27 @@ def degrees(R: Rotation) -> float:
 
 
 @pytest.mark.parametrize("yaw", [-75.0, 8.0])
-def test_yaw_is_among_the_candidates_with_its_half_turn(room: Room, yaw: float) -> None:
+def test_yaw_is_found_but_for_a_half_turn(room: Room, yaw: float) -> None:
     true = turn(yaw, 0, 0)
-    layers = room.hemisphere.prepare(room.magnitude(true))
-    candidates = room.hemisphere.yaw_candidates(room.layers, layers, 6)
-    assert len(candidates) <= 12
-    errors = [degrees(candidate.R.inv() * true) for candidate in candidates]
-    assert min(errors) < 3.0
-    for first, second in zip(candidates[::2], candidates[1::2], strict=True):
-        assert degrees(first.R.inv() * second.R) == pytest.approx(180.0)
-    assert [c.psr for c in candidates] == sorted((c.psr for c in candidates), reverse=True)
+    one, other = room.hemisphere.yaws(room.layers, room.hemisphere.prepare(room.magnitude(true)))
+    assert min(degrees(one.R.inv() * true), degrees(other.R.inv() * true)) < 3.0
+    assert degrees(one.R.inv() * other.R) == pytest.approx(180.0)
 
 
 def turn(*angles: float, axes: str = "ZYX") -> Rotation:
     return Rotation.from_euler(axes, angles, degrees=True)
 
 
-TILTED, YAW = turn(70, 6, -9), Rotation.from_euler("Z", 40, degrees=True)
+YAW = Rotation.from_euler("Z", 40, degrees=True)
 
 
 @pytest.mark.quick_cases(1)
-@pytest.mark.parametrize(
-    ("step", "true", "known", "limit", "near"),
-    [
-        *(("tilt", turn(*tilt, axes="YX") * YAW, YAW, 35, 4.0) for tilt in ((0, 9), (-12, 0), (15, -7), (5, 25))),
-        *(("heading", TILTED, turn(-left, 0, 0) * TILTED, 20, 0.7) for left in (-16, -3, 5, 18)),
-    ],
-)
-def test_what_is_left_of_a_rotation_is_found(room: Room, step: str, true: Rotation, known: Rotation, limit, near):
-    estimate = getattr(room.hemisphere, step)(room.layers, room.magnitude(true), known, np.deg2rad(limit))
-    assert degrees(estimate.R * known * true.inv()) < near
-
-
-def test_search_climbs_back_to_the_rotation(room: Room) -> None:
-    true = Rotation.from_euler("ZYX", [30.0, 5.0, -8.0], degrees=True)
-    source, _ = room.turned(true)
-    begin = Rotation.from_rotvec(np.deg2rad([1.5, -2.0, 2.5])) * true
-    peak = room.translation.find(room.target, source, begin)
-    R, best = search_rotation(room.translation, room.target, source, begin, peak)
-    assert best.psr > 1.2 * peak.psr
-    assert degrees(R * true.inv()) < 0.6 * degrees(begin * true.inv())
+@pytest.mark.parametrize("tilt", [(0, 9), (-12, 0), (15, -7), (5, 25)])
+def test_tilt_is_found_where_yaw_is_known(room: Room, tilt: tuple[float, float]) -> None:
+    true = turn(*tilt, axes="YX") * YAW
+    estimate = room.hemisphere.tilt(room.layers, room.magnitude(true), YAW, np.deg2rad(35))
+    assert estimate is not None
+    assert degrees(estimate.R * YAW * true.inv()) < 4.0
 
 
 def test_overlap_is_the_share_in_common_and_the_smaller_of_both_ways(room: Room) -> None:

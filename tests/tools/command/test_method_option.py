@@ -75,10 +75,10 @@ def test_the_voxel_is_chosen_as_for_the_spectral_method(pair: list[str]) -> None
     ("arguments", "words"),
     [
         (
-            "--method icp --set yaw_peaks=6",
+            "--method icp --set use_strength=true",
             ["--set has no effect with --method icp; leave it out, or use --method spectral"],
         ),
-        ("--method hemisphere --set hypotheses=12", ["there is no 'hypotheses'; choose from yaw_peaks"]),
+        ("--method hemisphere --set hypotheses=12", ["there is no 'hypotheses'; choose from max_tilt"]),
         ("--method hemisphere --priors nav.csv", ["--priors has no effect", "or use --method spectral"]),
         (
             "--method icp --max-tilt 35 --device cpu",

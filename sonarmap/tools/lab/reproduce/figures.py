@@ -113,15 +113,13 @@ def draw_limits(path: Path, frame: Frame, _settings: Settings) -> None:
 
 
 def draw_gaussian(path: Path, frame: Frame, settings: Settings) -> None:
-    """Rates over the scans: axes per noise, a color per method, a mark per grid, a little beside each other."""
+    """Rates over the scans: axes per noise, a color and mark per grid, a little beside each other."""
     plot, axes = panels(1, len(settings.sigma2), 5.6, 3.8, sharey=True)
     for axis, sigma2 in zip(axes[0], settings.sigma2, strict=True):
-        lines = list(frame[frame["sigma2"] == sigma2].groupby(["grid", "method"], sort=False))
-        methods = list(dict.fromkeys(method for (_, method), _ in lines))
-        for k, ((grid, method), some) in enumerate(lines):
+        lines = list(frame[frame["sigma2"] == sigma2].groupby("grid", sort=False))
+        for k, (grid, some) in enumerate(lines):
             places = [(scan + 0.1 * (k - (len(lines) - 1) / 2), each) for scan, each in some.groupby("scan")]
-            mark = ("o-", "s--", "^:")[settings.edges.index(grid) % 3]
-            draw_rates(axis, places, fmt=mark, color=f"C{methods.index(method)}", label=f"{grid}³, {method}")
+            draw_rates(axis, places, fmt=("o-", "s--", "^:")[k % 3], color=f"C{k}", label=f"{grid}³")
         axis.set(title=f"σ² = {sigma2:g} m²", xlabel="scan of Table 1", xticks=range(10))
     axes[0, 0].set_ylabel("share of seeds that are right")
     save(plot, path, axes[0, 0])

@@ -7,10 +7,8 @@ from types import MappingProxyType
 import numpy as np
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.spectral.hemisphere.registration import HemisphereConfig
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from sonarmap.tools.lab.reproduce.floodgate import DISPLACED_90, MAP_90, MAP_MEDIAN, PAIR, POSE, chained
-from sonarmap.tools.lab.reproduce.gaussian import RANKED
 from sonarmap.tools.lab.reproduce.registrations import less_turns
 from sonarmap.tools.lab.reproduce.render import DASH, Cell, Frame, Table, count, joined, number, share, where
 
@@ -141,7 +139,7 @@ def _reached(frame: Frame) -> str:
     return DASH if last is None else f"{sum(end >= last for end in ends)} of {len(ends)}"
 
 
-_GAUSSIAN = ("grid", "sigma2", "method")
+_GAUSSIAN = ("grid", "sigma2")
 GAUSSIAN = (
     Table(
         "The last scan before the first failure",
@@ -162,10 +160,6 @@ GAUSSIAN = (
             "first wrong: yaw / tilt / translation": joined(
                 " / ", *(count(f"wrong_step == '{step}'") for step in ("yaw", "tilt", "translation"))
             ),
-            "of wrong yaws, right among the six highest peaks": share(
-                f"0 < yaw_rank <= {HemisphereConfig().yaw_peaks}", "wrong_step == 'yaw'", "plain"
-            ),
-            f"among the {RANKED} highest": share("yaw_rank > 0", "wrong_step == 'yaw'", "plain"),
             "right at the scan's center": count("right_at_center"),
             "median error where right [°]": number("rotation_deg", 2, condition="right"),
             "[m]": number("translation_m", 2, condition="right"),
@@ -173,7 +167,7 @@ GAUSSIAN = (
     ),
     Table(
         "Median run times [s]",
-        ("grid", "method"),
+        ("grid",),
         {
             "two preparations and one registration": lambda frame: (
                 f"{2 * frame['prepare_s'].median() + frame['register_s'].median():.2f}"

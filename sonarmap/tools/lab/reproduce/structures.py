@@ -74,7 +74,7 @@ class _Structures:
     @cached_property
     def registrar(self) -> HemisphereRegistrar:
         """The paper's chain."""
-        return HemisphereRegistrar(self.device, self.grid, HemisphereConfig.paper(centered=False))
+        return HemisphereRegistrar(self.device, self.grid, HemisphereConfig(centered=False))
 
     def points(self, scene: str, seed: int) -> np.ndarray:
         """(N, 3) float64 [m] all over a scene's surfaces, dense enough for the grid's voxels."""
@@ -174,7 +174,7 @@ def _steps(structures: _Structures, target: LayeredScan, source: LayeredScan, tr
     """Each step for itself: yaw as it is read off first, roll and pitch with yaw known, and the whole chain."""
     registrar = structures.registrar
     true_yaw = truth.as_euler("ZYX", degrees=True)[0]
-    yaw = registrar.hemisphere.yaw_candidates(target.layers, source.layers, 1)[0]
+    yaw = registrar.hemisphere.yaws(target.layers, source.layers)[0]
     off = np.rad2deg(yaw.R.as_rotvec()[2]) - true_yaw
     known = Rotation.from_euler("Z", true_yaw, degrees=True)
     tilt = registrar.hemisphere.tilt(target.layers, source.magnitude, known, _FARTHEST)

@@ -57,7 +57,7 @@ def scored(yaw: float = 0, pitch: float = 0, shift: float = 0, roll: float = 0, 
     found = RigidTransform.from_components(translation, R)
     registration = Registration(found, np.eye(6), 50.0, 0.5, True, 0.25, step_psr=steps)
     usual: dict[str, Value] = {"scene": "floodgate", "grid": GRID, "voxel_m": 2.0, "sigma2": 1.0, "seed": 4, "scan": 0}
-    return row_of(registration, TRUTH, CENTER, usual | {"method": "paper", "yaw_rank": 0} | pair)
+    return row_of(registration, TRUTH, CENTER, usual | pair)
 
 
 class TestGaussian:
