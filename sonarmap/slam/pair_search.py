@@ -26,7 +26,6 @@ from sonarmap.slam.motion.reconsider import (
 )
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.expected import ExpectedPose
-from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.result import Registrar
 
 # All is decided anew after a round: of a large survey that is not worth a few loops that are left [of a scan].
@@ -208,7 +207,7 @@ class PairSearch:
         """Pairs to try next, in the order of the scans: neighbors in that order share prepared scans."""
         if not self._outlines:
             self._outlines = [
-                outline(scan, self._settings.cell_voxels * self._voxel) for scan in in_turn(self.measurements.scans)
+                outline(scan, self._settings.cell_voxels * self._voxel) for scan in self.measurements.scans
             ]
         solution = decision.solution
         candidates = find_candidates(self._outlines, solution, self._voxel, self._settings, left_out, unsure)

@@ -6,7 +6,6 @@ from math import ceil, log2
 import numpy as np
 
 from sonarmap.spectral.grid import Grid, scan_extent, voxel_for
-from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.scan import Scan
 
 # Voxels are one of so many sizes between one and twice as much.
@@ -23,7 +22,7 @@ def survey_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = No
     """
     if voxel is not None:
         return Grid(edge, voxel)
-    return grid_of_extents([scan_extent(scan) for scan in in_turn(scans)], edge)
+    return grid_of_extents([scan_extent(scan) for scan in scans], edge)
 
 
 def grid_of_extents(extents: Iterable[float], edge: int = 128) -> Grid:

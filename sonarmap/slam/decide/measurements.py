@@ -10,7 +10,6 @@ from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.tie import Tie
-from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.scan import PosePrior, Scan
 
 
@@ -37,7 +36,7 @@ class Measurements:
                 sigmas[KINDS[kind]] *= times
             return replace(without, sigmas=sigmas)
 
-        return tuple(replace(scan, prior=bounding(scan.prior)) for scan in in_turn(self.scans))
+        return tuple(replace(scan, prior=bounding(scan.prior)) for scan in self.scans)
 
     def take(self, chosen: Sequence[int]) -> "Measurements":
         """Of these scans, ascending, which are then numbered 0, 1, ...

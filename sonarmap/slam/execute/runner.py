@@ -15,7 +15,6 @@ from sonarmap.slam.execute.pair_text import from_text, signature_from_text
 from sonarmap.slam.execute.transport import ScanKey, joined_key, scan_key
 from sonarmap.slam.execute.worker import Job, PairJob, PairWorker, TimedText, Worker
 from sonarmap.slam.pair import Candidate, RegisteredPair
-from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
 
@@ -90,7 +89,7 @@ class PairRunner:
 
     def __init__(self, execution: Execution, scans: Sequence[Scan], planned: int, progress: Progress | None) -> None:
         self._execution, self._all_scans = execution, scans
-        self._scans = [scan_key(scan) for scan in in_turn(scans)]
+        self._scans = [scan_key(scan) for scan in scans]
         self._number = {scan: k for k, scan in enumerate(self._scans)}
         self._numbers = list(range(len(scans)))  # of `_scans`, among all
         self._steps = _Steps(planned, progress)
@@ -161,7 +160,7 @@ class PairRunner:
             return ({scan: executor.transport.source(scan, partial(self._load, scan)) for scan in scans},)
 
         pieces = executor.run(self._execution.worker.run, [jobs[n] for n in missing], more=sources)
-        for indices, texts in in_turn(pieces):
+        for indices, texts in pieces:
             done = list(zip((missing[k] for k in indices), texts, strict=True))
             if journal is not None:
                 entries = [(jobs[n], text) for n, text in done]

@@ -11,7 +11,6 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.cell import cell_means, outline, overlapping
 from sonarmap.slam.map.placed import PlacedScans
-from sonarmap.spectral.point_store import in_turn
 
 APART = 10  # scans of one pass follow each other more closely than this
 PER_SCAN = 2  # crossings that a scan takes part in
@@ -91,7 +90,7 @@ def crossing_error(placed: PlacedScans, before: RigidTransform) -> CrossingError
     if len(before) != len(placed.scans):
         raise InputError(f"{len(placed.scans)} scans and {len(before)} poses before: wanted as many of each")
     voxel, after, crossings = placed.voxel, placed.T_world_sensor, list[Crossing]()
-    for a, b in in_turn(_pairs(placed)):
+    for a, b in _pairs(placed):
         target, source = (cell_means(placed.scans[k].points, voxel) for k in (a, b))
         tree = KDTree(target)
         T_before, T_after = (T[a].inv() * T[b] for T in (before, after))
@@ -109,7 +108,7 @@ def _pairs(placed: PlacedScans) -> list[tuple[int, int]]:
     if len(placed.scans) < 2:
         return []
     chosen = np.arange(0, len(placed.scans), -(-len(placed.scans) // SCANS))
-    outlines = [outline(placed.scans[k], _CELL * placed.voxel) for k in in_turn(chosen.tolist())]
+    outlines = [outline(placed.scans[k], _CELL * placed.voxel) for k in chosen.tolist()]
     pairs, overlap = overlapping(outlines, placed.T_world_sensor[chosen], _CELL * placed.voxel, _OVERLAP)
     pairs = chosen[pairs]
     called, group = np.array(placed.indices)[pairs], np.array(placed.surveys)[pairs]

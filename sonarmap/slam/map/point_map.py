@@ -19,7 +19,6 @@ from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.map.cell import BITS, cell_keys
 from sonarmap.slam.map.placed import PlacedScans, pose_variance
-from sonarmap.spectral.point_store import in_turn
 
 # Rows of a tile that wait at least before they are merged, so that merging stays cheap.
 MERGE_ROWS = 50_000
@@ -91,7 +90,7 @@ def fuse(placed: PlacedScans) -> PointMap:
     """
     voxel = placed.voxel
     origin, fused = placed.origin, _FusedCells()
-    for k in in_turn(range(len(placed.scans))):
+    for k in range(len(placed.scans)):
         fused.add(_thinned(placed, k, origin))
     columns = fused.columns()
     if not columns:

@@ -7,7 +7,6 @@ from typing import Any, TypeVar
 from threadpoolctl import threadpool_limits
 
 from sonarmap.slam.execute.executor import Executor
-from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.scan import Scan
 
 _Result = TypeVar("_Result")
@@ -28,7 +27,7 @@ def in_portions(
     portions = _portions([len(scan.points) for scan in scans])
     # a portion is a job, and a piece of work
     pieces = executor.run(_of_piece, portions, 1, lambda piece: (task, needs(piece[0])))
-    for places, (result,) in in_turn(pieces, 1):
+    for places, (result,) in pieces:
         yield portions[places.start], result
 
 

@@ -14,7 +14,7 @@ from sonarmap.slam.map.crossing import crossing_error
 from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import PointMap, fuse
 from sonarmap.slam.map.portions import in_portions
-from sonarmap.spectral.point_store import PointStore, let_go
+from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import Scan
 from tests.samples.scenes.room_scans import look, room_poses
 
@@ -66,7 +66,6 @@ def test_two_workers_and_any_portions_give_the_same_maps(
 def test_the_map_of_scans_on_disk_is_the_same(scans: list[Scan]) -> None:
     store = PointStore(0)
     on_disk = [replace(scan, points=store.keep(scan.points)) for scan in scans]
-    let_go()
     assert_same(fuse(PlacedScans.of(on_disk, TRUTH, VOXEL)), fuse(PlacedScans.of(scans, TRUTH, VOXEL)))
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.scan import Scan
 
 _GAP = 1.5  # usual steps between scans; a longer one is a gap
@@ -92,7 +91,7 @@ def utc(stamp: float) -> str:
 def strange_sizes(scans: Sequence[Scan]) -> dict[int, str]:
     """What is wrong with scans that are 40 times larger or smaller, or more, than the others, by their index. `scans`:
     of one survey."""
-    many = ((k, scan) for k, scan in enumerate(in_turn(scans)) if len(scan.points) >= _LEAST_POINTS)
+    many = ((k, scan) for k, scan in enumerate(scans) if len(scan.points) >= _LEAST_POINTS)
     sizes = {k: size for k, scan in many if (size := _size(scan)) > 0}
     if len(sizes) < _LEAST_SCANS:
         return {}
@@ -122,7 +121,7 @@ def same_points(scans: Sequence[Scan]) -> list[tuple[int, int]]:
     """Each scan whose points are exactly those of an earlier one, and the first that has them: (earlier, later)."""
     firsts: dict[tuple[int, bytes], list[int]] = {}
     pairs: list[tuple[int, int]] = []
-    for k, scan in enumerate(in_turn(scans)):
+    for k, scan in enumerate(scans):
         alike = firsts.setdefault((len(scan.points), scan.points[:_FIRST].tobytes()), [])
         earlier = next((j for j in alike if np.array_equal(scans[j].points, scan.points)), k)
         if earlier == k:

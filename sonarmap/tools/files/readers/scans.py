@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.point_store import PointStore, in_turn
+from sonarmap.spectral.point_store import PointStore
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.checks import repeated_in_words, strange_sizes
 from sonarmap.tools.files.readers.clouds.cloud import PingPatch, scan_of_cloud
@@ -204,7 +204,7 @@ def _all_of(
     folders: dict[Path, int] = {}
     surveys: list[int] = []
     patches: dict[int, PingPatch] = {}
-    for entry, stamp in in_turn(zip(entries, stamps, strict=True)):
+    for entry, stamp in zip(entries, stamps, strict=True):
         if entry.scan is None:
             unread.append(Unread(entry.where, entry.reason, len(scans)))
             continue

@@ -18,7 +18,6 @@ from uuid import NAMESPACE_OID, uuid5
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.folder import Map, MapPart
 from sonarmap.tools.files.time_scales import are_times, gps_of_utc
@@ -59,7 +58,7 @@ class Cloud:
     def strongest(self) -> float:
         """The strongest echo; 0 where there are no echo strengths."""
         maps: np.ndarray = self.part.columns.get("intensity", np.zeros(0))
-        strengths = [maps] if self.scans is None else [scan.strength for scan in in_turn(self.scans)]
+        strengths = [maps] if self.scans is None else [scan.strength for scan in self.scans]
         return max((float(np.max(s, initial=0, where=np.isfinite(s))) for s in strengths if s is not None), default=0.0)
 
     def placed(self, points: np.ndarray) -> np.ndarray:
@@ -89,7 +88,7 @@ class Cloud:
         surveys = self.folder.surveys(part)
         with_echo = any(scan.strength is not None for scan in self.scans)
         members = [k for k, scan in enumerate(part.scans) if self.chosen is None or scan in self.chosen]
-        for k in in_turn(members):
+        for k in members:
             number, T = part.scans[k], part.trajectory.T_world_sensor[k]
             scan = self.scans[number]
             points = T.apply(scan.points.astype(np.float64))

@@ -12,7 +12,6 @@ import numpy as np
 
 from sonarmap.kernels.counted import counted
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.point_store import in_turn
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.instruments import COLUMNS, prior_of, sigmas_of, values_of
@@ -70,7 +69,7 @@ def navigate(
     notes = [] if notes is None else notes
     paths = [paths] if isinstance(paths, Path) else paths
     if len(paths) > 1:
-        scans = [replace(scan, prior=None) for scan in in_turn(scans)]
+        scans = [replace(scan, prior=None) for scan in scans]
     read: list[_OfScans] = []
     origin = settings.origin
     for path in paths:
@@ -90,7 +89,7 @@ def navigate(
         priors = by_the_maps_north(priors, origin, grid)
     if settings.mount is not None:
         priors = [prior and settings.mount.of_sensor(prior) for prior in priors]
-    placed = tuple(replace(scan, prior=prior) for scan, prior in in_turn(zip(scans, priors, strict=True)))
+    placed = tuple(replace(scan, prior=prior) for scan, prior in zip(scans, priors, strict=True))
     return Navigated(placed, origin)
 
 
