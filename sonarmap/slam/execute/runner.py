@@ -168,21 +168,17 @@ class PairRunner:
             yield from ((n, text, False) for n, text in done)
 
     def _kept(self, job: Job) -> TimedText | None:
-        """The journal's result of a job, None for none; what cannot be read is the journal's fault.
+        """The journal's result of a job, None for none.
 
         A failure is taken over only where the scans have the same names, as these are in its words.
         """
         journal = self._execution.journal
         entry = None if journal is None else journal.entry(self._key(job))
-        if journal is None or entry is None:
+        if entry is None:
             return None
-        try:
-            if isinstance(job, ScanKey):
-                signature_from_text(entry.content)
-            elif from_text(entry.content)[0] is None and entry.label != storable(_label(job)):
-                return None
-        except (ValueError, LookupError, TypeError) as error:
-            raise journal.unusable(str(error)) from error
+        failed = not isinstance(job, ScanKey) and from_text(entry.content)[0] is None
+        if failed and entry.label != storable(_label(job)):
+            return None
         return TimedText(entry.content, entry.seconds)
 
     def _key(self, job: Job) -> str:

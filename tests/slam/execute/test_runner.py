@@ -1,6 +1,5 @@
 """Wherever a survey's pairs are registered, and however often that is stopped: the same results, no pair twice."""
 
-import sqlite3
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -15,7 +14,7 @@ from numpy.testing import assert_array_equal
 from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.slam.execute.cluster import cluster
 from sonarmap.slam.execute.executor import JOBS_TOGETHER, processes
-from sonarmap.slam.execute.journal import Journal, JournalEntry
+from sonarmap.slam.execute.journal import Journal
 from sonarmap.slam.execute.pair_text import to_text
 from sonarmap.slam.execute.runner import Execution, PairRunner
 from sonarmap.slam.pair import Candidate
@@ -160,14 +159,6 @@ class TestJournalEntries:
             # the words of a failure name its scans
             computed = [(t.target, t.source) for t in execution.timings.pairs if not t.from_journal]
             assert computed == new
-
-    def test_an_entry_that_is_no_result_is_damage(self, work: Work) -> None:
-        work.run(pairs=[(0, 1)])
-        (key,) = sqlite3.connect(work.journal).execute("SELECT key FROM entry").fetchone()
-        with Journal(work.journal) as journal:
-            journal.add([JournalEntry(key, "scan0 - scan1", '{"registration": 7}', 1.0)])
-        with pytest.raises(InputError, match="damaged"):
-            work.run(pairs=[(0, 1)])
 
     @pytest.mark.parametrize("count", [40])
     def test_a_byte_that_is_damaged_is_refused_or_harmless(
