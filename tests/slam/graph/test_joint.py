@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sonarmap.slam.graph.joint import joint_covariance
+from sonarmap.slam.graph.pose_covariance import joint_covariance
 from sonarmap.slam.graph.tangent import propagated
 from tests.samples.surveys import chain_edges, chained_graph, edge, random_covariance, ring_poses
 

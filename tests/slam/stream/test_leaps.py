@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.slam.stream.leaps import find_leaps
+from sonarmap.slam.stream.refine import find_leaps
 
 FLOOR = np.array([0.005, 0.005, 0.005, 0.04, 0.04, 0.04])
 

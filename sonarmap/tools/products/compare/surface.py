@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.graph.joint import joint_covariance
+from sonarmap.slam.graph.pose_covariance import joint_covariance
 from sonarmap.slam.graph.tangent import adjoint, propagated
 from sonarmap.tools.files.map_folder.folder import Map, map_points
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH
