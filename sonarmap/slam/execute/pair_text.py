@@ -56,12 +56,12 @@ def _to_json(registration: Registration) -> dict[str, Any]:
 
 
 def _from_json(content: dict[str, Any]) -> Registration:
-    arrays = {
+    parts: dict[str, Any] = {
         # normalizing would change its last bits
         "T_target_source": RigidTransform(np.array(content["T_target_source"], np.float64), normalize=False),
         "covariance": np.array(content["covariance"], np.float64),
     }
-    # of many registrations the names are the same
-    named = {name: tuple((intern(key), value) for key, value in content[name]) for name in ("step_psr", "evidence")}
-    alternatives = tuple(_from_json(alternative) for alternative in content["alternatives"])
-    return Registration(**content | arrays | named | {"alternatives": alternatives})
+    for name in ("step_psr", "evidence"):  # of many registrations the names are the same
+        parts[name] = tuple((intern(key), value) for key, value in content[name])
+    parts["alternatives"] = tuple(_from_json(alternative) for alternative in content["alternatives"])
+    return Registration(**content | parts)
