@@ -91,16 +91,12 @@ def sum_layers(
     source: cla.Array,
     shape: tuple[int, int, int],
     blur: float = 0.0,
-    out: cla.Array | None = None,
 ) -> cla.Array:
-    """The cross-power of batched images, summed over the images: arguments and errors as in `cross_power`.
-
-    Returns:
-        (1, n1, `row_pitch(n2)`) complex64: the spectrum of the sum of the images' correlations.
-    """
+    """(1, n1, `row_pitch(n2)`) complex64: the cross-power of batched images, summed over the images; arguments as in
+    `cross_power`."""
     n0, n1, n2 = shape
     pitch = _require_pair(target, source, shape)
-    result = output(device, out, "out", (1, n1, pitch), np.complex64)
+    result = device.empty((1, n1, pitch), np.complex64)
     gains = table(device, full_gain(n1, blur)), table(device, half_gain(n2, blur))
     arguments = target, source, result, *gains, np.int32(n0), np.int32(n1), np.int32(pitch)
     launch(device, "pomf/spectrum", "sum_layers", (pitch // lanes(device), n1), *arguments, group="columns")

@@ -48,19 +48,12 @@ class Elements:
         return -(-len(self) // step), step
 
 
-def sort_into_cells(device: Device, points: np.ndarray, size: float = _SIZE) -> Cells:
-    """The points in cells.
-
-    Args:
-        points: (m, 3), at least one; float32 is what their distances are rounded to [any length unit].
-        size: of a cell, or more where the points are sparse [the same unit].
-    """
+def sort_into_cells(device: Device, points: np.ndarray) -> Cells:
+    """Points (m, 3), at least one, in cells; float32 is what their distances are rounded to [any length unit]."""
     places = np.asarray(points, np.float32)
     if places.ndim != 2 or places.shape[1] != 3 or not len(places) or not np.isfinite(places).all():
         raise InputError(f"`points` have shape {points.shape}; wanted (m, 3), at least one, all of it finite numbers")
-    if not 0 < size < np.inf:
-        raise InputError(f"`size={size}` of a cell; wanted more than 0")
-    origin, side, counts = _box(places, size)
+    origin, side, counts = _box(places)
     cell = np.clip((places - origin) / side, 0, counts - 1).astype(np.int32)
     number = (cell[:, 0] * counts[1] + cell[:, 1]) * counts[2] + cell[:, 2]
     # one number to sort by, the place behind the cell
@@ -77,8 +70,10 @@ def sort_into_cells(device: Device, points: np.ndarray, size: float = _SIZE) -> 
     )
 
 
-def _box(places: np.ndarray, size: float) -> tuple[np.ndarray, np.float32, np.ndarray]:
-    """Origin (3,) float32, size and numbers (3,) int32 of cells that hold the bulk of the points."""
+def _box(places: np.ndarray) -> tuple[np.ndarray, np.float32, np.ndarray]:
+    """Origin (3,) float32, size and numbers (3,) int32 of cells that hold the bulk of the points; larger ones where
+    these are sparse."""
+    size = _SIZE
     # axis by axis: NumPy takes 20 times as long for short rows
     low, high = (np.array([end(axis) for axis in places.T], np.float64) for end in (np.min, np.max))
     most = max(_CELLS * len(places), _FEWEST)

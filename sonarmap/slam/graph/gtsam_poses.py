@@ -1,7 +1,6 @@
 """Poses to GTSAM and back, and where relative rotations alone say that poses are."""
 
 import warnings
-from collections.abc import Iterable
 
 import gtsam
 import numpy as np
@@ -16,14 +15,10 @@ def to_pose3(T: RigidTransform) -> gtsam.Pose3:
     return gtsam.Pose3(T.as_matrix())
 
 
-def to_values(T: RigidTransform, keys: Iterable[int] | None = None) -> gtsam.Values:
-    """N transforms as GTSAM's values.
-
-    Args:
-        keys: N keys; 0..N-1 where none are given.
-    """
+def to_values(T: RigidTransform) -> gtsam.Values:
+    """N transforms as GTSAM's values, under the keys 0..N-1."""
     values = gtsam.Values()
-    for key, matrix in zip(range(len(T)) if keys is None else keys, T.as_matrix(), strict=True):
+    for key, matrix in enumerate(T.as_matrix()):
         values.insert(key, gtsam.Pose3(matrix))
     return values
 
