@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
-from scipy.special import gammaincinv
 
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.spectral.chi_squared import chi_squared
 from sonarmap.spectral.measured import measured_rotation
 from sonarmap.spectral.prior_pair import PriorPair
 from sonarmap.spectral.scan import PosePrior, Scan
@@ -56,7 +56,7 @@ def errors_shown(pairs: Sequence[RegisteredPair], priors: Mapping[int, PosePrior
     shown: dict[str, float] = {}
     for kind, (measured, numbers) in _KINDS.items():
         squared = [far for pair in pairs if (far := _far(pair, priors, measured, numbers)) is not None]
-        usual = 2 * gammaincinv(len(numbers) / 2, 0.5)
+        usual = chi_squared(0.5, len(numbers))
         factor = float(np.sqrt(np.median(squared) / usual)) if len(squared) >= LEAST_PAIRS else 1.0
         if factor >= _UNDERSTATED:
             shown[kind] = factor

@@ -4,19 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
-from scipy.special import gammaincinv
 
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.tangent import lengths
+from sonarmap.spectral.chi_squared import chi_squared
 
 GATE = 1 - 1e-6  # probability of a right loop not to be contradicted by an estimate
 _LEAST_SHARE = 1e-3  # of an edge's covariance that the others leave to its residual at least, against rounding
-
-
-def chi_squared(probability: float, degrees: int) -> float:
-    """What chi-squared stays below with this probability; scipy.stats has it too, and takes half a second to import."""
-    return float(2 * gammaincinv(degrees / 2, probability))
 
 
 def contradicted_edges(

@@ -8,15 +8,16 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.decide.contradiction import chi_squared, falls_without
+from sonarmap.slam.decide.contradiction import falls_without
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.pair import Pair, RegisteredPair
 from sonarmap.slam.tie import Tie
+from sonarmap.spectral.chi_squared import chi_squared
 from sonarmap.spectral.result import Registration
 
 # Chi-squared of six numbers that one right tie in a thousand exceeds: beyond it the others contradict a tie.
-CONTRADICTED = chi_squared(0.999, 6)
+CONTRADICTED = float(chi_squared(0.999, 6))
 
 
 def hand_edges(

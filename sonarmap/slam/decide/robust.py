@@ -15,12 +15,13 @@ from scipy.cluster.hierarchy import DisjointSet
 
 from sonarmap.slam.decide.chains import chain_parts
 from sonarmap.slam.decide.consistency import agreeing_groups, distances_from_chain
-from sonarmap.slam.decide.contradiction import GATE, chi_squared, contradicted_edges, plausible
+from sonarmap.slam.decide.contradiction import GATE, contradicted_edges, plausible
 from sonarmap.slam.decide.region import regions_about
 from sonarmap.slam.graph.edge import cut_edges, spanning_tree
 from sonarmap.slam.graph.gtsam_poses import to_values
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution, factors_of
 from sonarmap.slam.graph.trajectory import chain
+from sonarmap.spectral.chi_squared import chi_squared
 
 PROBABILITY = 0.999  # of a right measurement to be within the bound
 FIRST = 200  # loops with which to begin, unless a single group of more agrees with itself

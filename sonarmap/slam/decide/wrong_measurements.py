@@ -10,19 +10,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.spatial.transform import RigidTransform, Rotation
-from scipy.special import chdtri, gammaincinv
 
 from sonarmap.slam.decide.systematic import KINDS_OF_ERROR, Systematic, fit_error
 from sonarmap.slam.graph.known_pose import MeasuredPoses
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.spectral.chi_squared import chi_squared, chi_squared_beyond
 from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior
 
 # What an instrument tells, and its numbers among a prior's sigmas.
 KINDS = {"attitude": slice(0, 2), "heading": slice(2, 3), "position": slice(3, 5), "depth": slice(5, 6)}
 _SIZES = np.array([numbers.stop - numbers.start for numbers in KINDS.values()])
-_MIDDLE = 2 * gammaincinv(_SIZES / 2, 0.5)  # the median of chi-squared of so many numbers
+_MIDDLE = chi_squared(0.5, _SIZES)  # the median of chi-squared of so many numbers
 # Degrees of freedom of the errors' tails, how often measurements are weighed anew, and a change that is none.
 TAILS, _REWEIGHTED, _SETTLED = 2.0, 12, 1e-2
 # A measurement is wrong where one of so many right ones is as far off.
@@ -164,7 +164,7 @@ def _explained(
 
 def _strained(solution: Solution) -> int:
     """How many edges are farther off than one of 10,000 right ones."""
-    return int((solution.graph.residuals() ** 2 > chdtri(6, _RARELY)).sum())
+    return int((solution.graph.residuals() ** 2 > chi_squared_beyond(_RARELY, 6)).sum())
 
 
 def _solved(graph: PoseGraph, fixes: "_Fixes") -> tuple[Solution, np.ndarray]:
@@ -209,7 +209,7 @@ def reweighted(
 def sigmas_if_wrong(apart: np.ndarray, covariance: np.ndarray) -> float | None:
     """How far a measurement is from the estimate [sigmas], where that is farther than both are unsure."""
     squared = float(apart @ np.linalg.solve(covariance, apart))
-    return float(np.sqrt(squared)) if squared > chdtri(len(apart), _RARE) else None
+    return float(np.sqrt(squared)) if squared > chi_squared_beyond(_RARE, len(apart)) else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,7 +299,7 @@ class _Fixes:
 
     def fit(self, T_world_sensor: RigidTransform, kinds: Sequence[int]) -> bool:
         """Whether most measurements of these kinds are about as far from the poses as was stated, and few farther."""
-        far = (self._squared(T_world_sensor) > chdtri(_SIZES, _RARELY)) & self.known
+        far = (self._squared(T_world_sensor) > chi_squared_beyond(_RARELY, _SIZES)) & self.known
         few = far.sum(axis=0) <= _MOST_LEFT * self.known.sum(axis=0)
         return bool(((self.understated(T_world_sensor) == 1) & few)[list(kinds)].all())
 

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.graph.tangent import lengths, propagated
 
-_BOUND = 4.74  # [sigmas], as `LoopSettings.bound`
+BOUND = LoopSettings().bound
 _SUREST = 0.999  # no place is more probable by what agrees
 
 
@@ -61,4 +62,4 @@ def lies_at(place: Place, other: Place, floor: np.ndarray) -> bool:
     """Whether two poses agree within their covariances and the (6,) standard deviations [rad, m] that are granted."""
     apart = place.T_map_scan.inv() * other.T_map_scan
     covariance = place.covariance + propagated(apart, other.covariance) + np.diag(floor**2)
-    return bool(lengths(apart.as_exp_coords()[None], covariance[None])[0] <= _BOUND)
+    return bool(lengths(apart.as_exp_coords()[None], covariance[None])[0] <= BOUND)

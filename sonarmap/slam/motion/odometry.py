@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
-from scipy.special import gammaincinv
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.tangent import lengths, propagated
 from sonarmap.slam.pair import RegisteredPair
+from sonarmap.spectral.chi_squared import chi_squared
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.result import Registration
 
@@ -22,7 +22,7 @@ _CONTRADICTION = 5.0
 # Its drift is compared over so many steps in a row, and from so many such stretches on; it is understated where half of
 # them show so many times as much or more, of at most so many.
 _STEPS, _FEWEST, _UNDERSTATED, _MOST = 8, 8, 1.5, 100.0
-_MIDDLE = float(np.sqrt(2 * gammaincinv(3 / 2, 0.5)))  # the median of three numbers' length [sigmas]
+_MIDDLE = float(np.sqrt(chi_squared(0.5, 3)))  # the median of three numbers' length [sigmas]
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
 
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.odd.odd_scan import Change
 from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.spectral.chi_squared import chi_squared_beyond
 from sonarmap.spectral.scan import Scan
 
 MIN_SCALE = 0.01  # share of the ranges
@@ -75,7 +75,7 @@ class _Shares:
         while True:
             changed = max((group ^ change for change in _changes(count)), key=lambda each: self._explained(each)[0])
             squares, variance = self._explained(changed)
-            if squares - explained <= float(chdtri(1, FALSE_ALARMS / count)) * variance:
+            if squares - explained <= float(chi_squared_beyond(FALSE_ALARMS / count, 1)) * variance:
                 return group
             group, explained = changed, squares
 

@@ -6,15 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
-from scipy.special import chdtri
 
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.tangent import lengths, propagated
 from sonarmap.slam.pair import Candidate, RegisteredPair
+from sonarmap.spectral.chi_squared import chi_squared_beyond
 
 # Two that say where a scan is agree where one of so many right ones is farther apart.
-_AGREE = float(np.sqrt(chdtri(6, 1e-3)))
+_AGREE = float(np.sqrt(chi_squared_beyond(1e-3, 6)))
 # From so many times on what scans usually stray from the way between their neighbors, a scan leaps: in streams of 200
 # to 400 scans none does, of 3,000 in a pool 25, of which 11 were off by more than 3 voxels, of 16 in all.
 _LEAP = 6.0

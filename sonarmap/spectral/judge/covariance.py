@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 from scipy.special import expit
 
+from sonarmap.spectral.chi_squared import chi_squared
 from sonarmap.spectral.covariance_at_sensor import covariance_at_sensor
 from sonarmap.spectral.fitted import FITTED
 from sonarmap.spectral.grid import Grid, coarse_edge
@@ -15,8 +16,7 @@ from sonarmap.spectral.verify.fit import Fit, principal_axes
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.observability import Observability
 
-# Of six normal numbers' chi-squared 95 % are less.
-ELLIPSOID = 12.592
+ELLIPSOID = float(chi_squared(0.95, 6))
 # Where scans know less than this share of what instruments know, they are taken to agree with these: where they would
 # have the pose alone, only their noise decides.
 _TELLING = 0.01

@@ -3,10 +3,11 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+
+from sonarmap.spectral.chi_squared import beyond_sigmas
 
 # Chi-squared of 1..6 numbers that is as rare as 3 and 4 standard deviations of one. See `PriorTerm.distortion`.
-_LIMITS = [(chi2.isf(chi2.sf(9.0, 1), k), chi2.isf(chi2.sf(16.0, 1), k)) for k in range(1, 7)]
+_LIMITS = [(beyond_sigmas(3.0, k), beyond_sigmas(4.0, k)) for k in range(1, 7)]
 _UNKNOWN = 1e6
 # Information that keeps a pose in its place where neither scans nor instruments know anything.
 _STAY = 1e-6

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.slam.decide.contradiction import chi_squared, contradicted_edges
+from sonarmap.slam.decide.contradiction import contradicted_edges
 from sonarmap.slam.decide.measurements import Measurements
 from sonarmap.slam.decide.wrong_measurements import NOTHING, agreement, judge_fixes
 from sonarmap.slam.graph.edge import Edge
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.spectral.chi_squared import chi_squared
 from sonarmap.spectral.measured import twist
 from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.surveys import chain_edges, chained_graph, drawn, edge, measured_edge, random_covariance, ring_poses

@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.tangent import lengths, propagated
 from sonarmap.slam.locate.locator import Locator
+from sonarmap.slam.locate.place import BOUND
 from sonarmap.slam.locate.surveyed_map import SurveyedMap
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import Scan
@@ -26,7 +27,6 @@ from sonarmap.tools.products.compare.surface import Epoch
 
 MOST_VIEWS = 16  # of the new map, spread over its track
 FEWEST = 2  # that have to agree, unless the map has a single one
-_BOUND = 4.74  # [sigmas], as `slam.locate.place` has it
 _ROUNDS = 5
 REACH, BOUND = 4.0, 2.0  # [voxels], the defaults
 _SIZES = " Is the cloud in meters? It extends over {:,.0f} m, the map over {:,.0f} m."
@@ -79,9 +79,9 @@ def agreed(answers: list[tuple[RigidTransform, np.ndarray]], tried: int) -> Alig
         return None
     T = RigidTransform.concatenate([each for each, _ in answers])
     C = np.array([each for _, each in answers])
-    counts = [int((_apart(T[k], C[k], T, C) <= _BOUND).sum()) for k in range(len(answers))]
+    counts = [int((_apart(T[k], C[k], T, C) <= BOUND).sum()) for k in range(len(answers))]
     best = int(np.argmax(counts))
-    inside = _apart(T[best], C[best], T, C) <= _BOUND
+    inside = _apart(T[best], C[best], T, C) <= BOUND
     if inside.sum() < min(FEWEST, tried) or 2 * inside.sum() <= len(answers):
         return None
     mean: RigidTransform = T[best]
