@@ -70,9 +70,6 @@ class Device:
             flavor: None: what the environment variable SONARMAP_FLAVOR says, else as suits the device. Either runs on
                 every device; the other one is slow, and for tests.
             profiling: whether the queue notes when each command began and ended, for `kernels.device.trace`.
-
-        Raises:
-            InputError: the variable is neither "cpu" nor "gpu".
         """
         self.cl_device, self.selector, self.notes = device, selector, notes
         self.flavor: Flavor = flavor or _wanted_flavor() or ("cpu" if kind(device) == "cpu" else "gpu")
@@ -103,9 +100,6 @@ class Device:
         """The program of `kernels/<name>.cl`, built once per process and set of macro definitions.
 
         In the GPU flavor the macro GPU is defined.
-
-        Raises:
-            DeviceError: it does not build; the build log is in the message.
         """
         options = tuple(f"-D{key}={literal(value)}" for key, value in sorted(defines.items()))
         options += () if self.is_cpu else ("-DGPU",)
@@ -131,21 +125,13 @@ class Device:
         return self._programs[key]
 
     def empty(self, shape: tuple[int, ...], dtype: type | np.dtype = np.float32) -> cla.Array:
-        """An uninitialized array on the device.
-
-        Raises:
-            DeviceError: the device cannot hold it.
-        """
+        """An uninitialized array on the device."""
         self.require(prod(shape) * np.dtype(dtype).itemsize)
         with self.explain_full_memory():
             return cla.empty(self.queue, shape, dtype, allocator=self.allocator)
 
     def to_device(self, host: np.ndarray) -> cla.Array:
-        """A copy of a host array on the device, in C order.
-
-        Raises:
-            DeviceError: the device cannot hold it.
-        """
+        """A copy of a host array on the device, in C order."""
         self.require(host.nbytes)
         values = np.ascontiguousarray(host)
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
@@ -216,11 +202,7 @@ def list_devices(test: bool = False, again: bool = True) -> list[DeviceInfo]:
 
 
 def device_names() -> list[tuple[str, str]]:
-    """The selector and the name of every OpenCL device, as last tried.
-
-    Raises:
-        DeviceError: there is no OpenCL driver.
-    """
+    """The selector and the name of every OpenCL device, as last tried."""
     return [(info.selector, info.name) for info in _some(known_devices())]
 
 

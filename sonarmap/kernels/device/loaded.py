@@ -66,11 +66,7 @@ def load_devices(driver: Driver, folder: str | None = None) -> list[list[cl.Devi
 
 @contextmanager
 def temporary_folder(within: str | None = None) -> Generator[str]:
-    """A folder for as long as the block lasts.
-
-    Raises:
-        DeviceError: it cannot be made.
-    """
+    """A folder for as long as the block lasts."""
     try:
         made = tempfile.TemporaryDirectory(prefix="sonarmap-driver-", dir=within)
     except OSError as error:

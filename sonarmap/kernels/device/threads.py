@@ -43,9 +43,6 @@ def limit_libraries() -> None:
     cores that this process may run on, if the machine has more: PoCL would have a thread for every one of those.
 
     A library's own variable counts for more.
-
-    Raises:
-        InputError: as `thread_count`.
     """
     if VARIABLE in os.environ or _cores() < (os.cpu_count() or 1):
         for name in _OF_LIBRARIES:

@@ -66,7 +66,7 @@ def voxelize_poses(
 
 
 def scaled(device: Device, points: cla.Array, factor: float) -> cla.Array:
-    """The points on a grid whose voxels are 1 / factor times as large.
+    """The points, (n, 4) float32, on a grid whose voxels are 1 / factor times as large.
 
     Args:
         points: (n, 4) float32: x, y, z relative to the grid's center [voxels], then a weight, which stays.

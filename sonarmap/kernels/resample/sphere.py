@@ -19,7 +19,7 @@ _PIXELS_AT_ONCE = 8
 
 
 def rotational_unwrap(edge: int) -> np.ndarray:
-    """Directions of the image that yaw rotates about its center (Sect. 2.5, Fig. 1).
+    """Directions (edge, edge, 3) float32 of the image that yaw rotates about its center (Sect. 2.5, Fig. 1).
 
     Pixel (i, j) has v = (i - edge/2, j - edge/2), the azimuth atan2(v_y, v_x) and the angle
     |v| / (edge/2) * pi/2 from +z. Pixels beyond pi/2 are zero vectors.
@@ -38,7 +38,7 @@ def rotational_unwrap(edge: int) -> np.ndarray:
 
 
 def rectangular_unwrap(edge: int, axis: str) -> np.ndarray:
-    """Directions of the images that roll and pitch shift (Sect. 2.6, Fig. 4).
+    """Directions (edge, edge, 3) float32 of the images that roll and pitch shift (Sect. 2.6, Fig. 4).
 
     With a = (i - edge/2) pi/edge along axis 0, b = (j - edge/2) pi/edge along axis 1, both -90..90 degrees:
         axis "y" (the paper's): Ry(a) Rx(-b) z = (sin a cos b, sin b, cos a cos b), poles on y;
@@ -71,7 +71,7 @@ def valid_pixels(directions: np.ndarray) -> np.ndarray:
 
 
 def upload_directions(device: Device, directions: np.ndarray) -> cla.Array:
-    """A table of directions on the device, for `sample`.
+    """A table of directions on the device, (3, H, W) float32, for `sample`.
 
     Args:
         directions: (H, W, 3), unit vectors or zero; H W is a multiple of 8.

@@ -52,9 +52,6 @@ def robust_optimize(graph: PoseGraph, chain_worth: float | None = None) -> Robus
         graph: of any number of components.
         chain_worth: loops that an edge between consecutive scans outweighs where they contradict it; None trusts the
             chain, as loops between places that look alike may agree with each other in any number.
-
-    Raises:
-        InputError: the equations have no unique or no finite solution.
     """
     edges, bound = graph.edges, chi_squared(PROBABILITY, 6)
     fixed = _fixed_inliers(graph)

@@ -84,9 +84,6 @@ def fuse(placed: PlacedScans) -> PointMap:
     The same input gives the same bytes. Scans are thinned one by one before they are merged, tile by tile, so that
     memory grows with the map, not with the number of points. Points more than a million voxels from the middle of
     the first scan are left out and counted.
-
-    Raises:
-        InputError: a voxel so small that no point is within reach.
     """
     voxel = placed.voxel
     origin, fused = placed.origin, _FusedCells()

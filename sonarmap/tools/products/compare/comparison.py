@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.tangent import lengths, propagated
 from sonarmap.slam.locate.locator import Locator
-from sonarmap.slam.locate.place import BOUND
+from sonarmap.slam.locate.place import BOUND as MAX_APART
 from sonarmap.slam.locate.surveyed_map import SurveyedMap
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import Scan
@@ -79,9 +79,9 @@ def agreed(answers: list[tuple[RigidTransform, np.ndarray]], tried: int) -> Alig
         return None
     T = RigidTransform.concatenate([each for each, _ in answers])
     C = np.array([each for _, each in answers])
-    counts = [int((_apart(T[k], C[k], T, C) <= BOUND).sum()) for k in range(len(answers))]
+    counts = [int((_apart(T[k], C[k], T, C) <= MAX_APART).sum()) for k in range(len(answers))]
     best = int(np.argmax(counts))
-    inside = _apart(T[best], C[best], T, C) <= BOUND
+    inside = _apart(T[best], C[best], T, C) <= MAX_APART
     if inside.sum() < min(FEWEST, tried) or 2 * inside.sum() <= len(answers):
         return None
     mean: RigidTransform = T[best]
