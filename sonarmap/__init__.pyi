@@ -14,7 +14,7 @@ from .slam.graph.pose_graph import PoseGraph as PoseGraph
 from .slam.graph.pose_graph import Solution as Solution
 from .slam.graph.pose_graph import factors_of as factors_of
 from .slam.graph.trajectory import Trajectory as Trajectory
-from .slam.locate.located import Located as Located
+from .slam.locate.place import Located as Located
 from .slam.locate.place import Place as Place
 from .slam.map.point_map import PointMap as PointMap
 from .slam.mapper import Mapper as Mapper

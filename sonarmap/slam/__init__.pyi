@@ -7,7 +7,7 @@ from .graph.pose_graph import PoseGraph as PoseGraph
 from .graph.pose_graph import Solution as Solution
 from .graph.pose_graph import factors_of as factors_of
 from .graph.trajectory import Trajectory as Trajectory
-from .locate.located import Located as Located
+from .locate.place import Located as Located
 from .locate.place import Place as Place
 from .map.point_map import PointMap as PointMap
 from .mapper import Mapper as Mapper

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.chi_squared import chi_squared
-from sonarmap.spectral.measured import measured_rotation
+from sonarmap.spectral.geometry import measured_rotation
 from sonarmap.spectral.prior_pair import PriorPair
 from sonarmap.spectral.scan import PosePrior, Scan
 

@@ -3,16 +3,18 @@
 Not by scipy.stats, which takes half a second to load.
 """
 
+from typing import Any
+
 import numpy as np
 from scipy.special import gammaincc, gammainccinv, gammaincinv
 
 
-def chi_squared(probability: float, numbers: int | np.ndarray) -> np.ndarray:
-    """What chi-squared of so many numbers is less than with a probability."""
+def chi_squared(probability: float, numbers: int | np.ndarray) -> Any:
+    """What chi-squared of so many numbers is less than with a probability; an array where an argument is one."""
     return 2 * gammaincinv(np.asarray(numbers) / 2, probability)
 
 
-def chi_squared_beyond(probability: float | np.ndarray, numbers: int | np.ndarray) -> np.ndarray:
+def chi_squared_beyond(probability: float | np.ndarray, numbers: int | np.ndarray) -> Any:
     """What it is more than with a probability, however small that is."""
     return 2 * gammainccinv(np.asarray(numbers) / 2, probability)
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.measured import measured_rotation, twist
+from sonarmap.spectral.geometry import measured_rotation, twist
 from sonarmap.spectral.scan import PosePrior
 
 # Of what a world that is made for one pair knows by definition [rad, m].

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.spectral.measured import level_covariance, measured_rotation
+from sonarmap.spectral.geometry import level_covariance, measured_rotation
 from sonarmap.spectral.prior_pair import PriorPair
 from sonarmap.spectral.scan import PosePrior
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.spectral.covariance_at_sensor import cross_matrices
-from sonarmap.spectral.measured import measured_rotation, rotation_covariance, twist
+from sonarmap.spectral.geometry import cross_matrices, measured_rotation, rotation_covariance, twist
 from sonarmap.spectral.scan import PosePrior
 
 

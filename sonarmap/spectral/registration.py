@@ -9,8 +9,8 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from sonarmap.kernels.device.arrays import recycled
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.device.recycled import recycled
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.points.voxelize import scaled
@@ -23,8 +23,7 @@ from sonarmap.spectral.judge.judgement import conclude, no_candidates
 from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer
 from sonarmap.spectral.prepare.range_image import scan_view
-from sonarmap.spectral.prepare.signature import signature
-from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, CoarseVolume, SpectralScan
+from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, CoarseVolume, SpectralScan, signature
 from sonarmap.spectral.prepare.surface import smooth_surface, smoothed_further
 from sonarmap.spectral.prior import relative_prior
 from sonarmap.spectral.result import Registration

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
+from sonarmap.kernels.device.arrays import Pending, Readback
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.device.readback import Pending, Readback
 from sonarmap.kernels.so3.correlation import LocalMaxima, RotationCorrelation
 from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
 

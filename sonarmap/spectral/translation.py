@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from sonarmap.kernels.device.arrays import Pending
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.device.readback import Pending
 from sonarmap.kernels.pomf.correlator import Correlator, Pose, at_once
 from sonarmap.kernels.pomf.peak_fit import Peak
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.execute.runner import Progress
     from sonarmap.slam.graph.control import ControlPoint
     from sonarmap.slam.graph.pose_graph import PoseGraph
-    from sonarmap.slam.locate.located import Located
+    from sonarmap.slam.locate.place import Located
     from sonarmap.slam.locate.surveyed_map import SurveyedMap
     from sonarmap.slam.mapper import MapperSettings
     from sonarmap.slam.motion.odometry import Odometry

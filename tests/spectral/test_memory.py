@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.device.device import Device, choose_device
-from sonarmap.kernels.device.usage import MemoryUsage
+from sonarmap.kernels.device.trace import MemoryUsage
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.kernels.fft.edges import EDGES
 from sonarmap.spectral.grid import Grid

@@ -9,9 +9,9 @@ import numpy as np
 import pyopencl.array as cla
 from pyopencl import cltypes
 
+from sonarmap.kernels.device.arrays import Pending, Readback
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array
-from sonarmap.kernels.device.readback import Pending, Readback
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.points.poses import require_places, upload_places
 

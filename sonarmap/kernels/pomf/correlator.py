@@ -7,9 +7,9 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from sonarmap.kernels.device.arrays import Pending, Readback
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import affine_rows, launch, require_array, zero
-from sonarmap.kernels.device.readback import Pending, Readback
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.points.voxelize import voxelize_poses

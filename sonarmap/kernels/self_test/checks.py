@@ -7,8 +7,8 @@ from itertools import chain
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from sonarmap.kernels.device.arrays import Readback
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.device.readback import Readback
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.fft.transform import RealFFT

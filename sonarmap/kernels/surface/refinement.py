@@ -10,9 +10,9 @@ from functools import partial
 import numpy as np
 import pyopencl.array as cla
 
+from sonarmap.kernels.device.arrays import Readback
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch
-from sonarmap.kernels.device.readback import Readback
 from sonarmap.kernels.surface.cells import Elements
 from sonarmap.kernels.surface.nearest import GROUP, padded
 from sonarmap.kernels.surface.record import SUMS_COUNT, Record, state_rows

@@ -5,9 +5,9 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import pyopencl.array as cla
 
+from sonarmap.kernels.device.arrays import Pending, Readback
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array
-from sonarmap.kernels.device.readback import Pending, Readback
 from sonarmap.kernels.surface.cells import Elements
 
 # Points that a work-item of a processor adds up; items of a group elsewhere, a point each.

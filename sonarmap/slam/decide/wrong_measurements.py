@@ -16,7 +16,7 @@ from sonarmap.slam.graph.known_pose import MeasuredPoses
 from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.chi_squared import chi_squared, chi_squared_beyond
-from sonarmap.spectral.measured import twist
+from sonarmap.spectral.geometry import twist
 from sonarmap.spectral.scan import PosePrior
 
 # What an instrument tells, and its numbers among a prior's sigmas.

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from threadpoolctl import ThreadpoolController
 
-from sonarmap.kernels.device.recycled import free_recycled
+from sonarmap.kernels.device.arrays import free_recycled
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.pair_text import signature_to_text, to_text
 from sonarmap.slam.execute.transport import ScanKey, ScanSource

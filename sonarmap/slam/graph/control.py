@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.known_pose import KnownPose
-from sonarmap.spectral.covariance_at_sensor import cross_matrices
+from sonarmap.spectral.geometry import cross_matrices
 
 Use = Literal["control", "check"]
 

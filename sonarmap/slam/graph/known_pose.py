@@ -8,8 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.covariance_at_sensor import cross_matrices
-from sonarmap.spectral.measured import twist
+from sonarmap.spectral.geometry import cross_matrices, twist
 from sonarmap.spectral.scan import PosePrior
 
 # Of a pose that ties a component to the world [rad, m]: far below any registration's.

@@ -16,7 +16,7 @@ from sonarmap.slam.graph.control import ControlPoint
 from sonarmap.slam.graph.gauge import MotionInformation
 from sonarmap.slam.graph.known_pose import MeasuredPoses
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.spectral.measured import measured_rotation, twist
+from sonarmap.spectral.geometry import measured_rotation, twist
 from sonarmap.spectral.scan import PosePrior
 
 # Tilts to begin with beside none, rotation vectors [rad].

@@ -12,8 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.candidates.places import PlaceIndex
 from sonarmap.slam.candidates.settings import LoopSettings
-from sonarmap.slam.locate.located import Located
-from sonarmap.slam.locate.place import Place, agreed_places, lies_at
+from sonarmap.slam.locate.place import Located, Place, agreed_places, lies_at
 from sonarmap.slam.locate.surveyed_map import SurveyedMap, View
 from sonarmap.slam.motion.motion import Motion
 from sonarmap.slam.pair import RegisteredPair

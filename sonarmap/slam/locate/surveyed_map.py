@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.tangent import propagated
-from sonarmap.spectral.measured import twist
+from sonarmap.spectral.geometry import twist
 from sonarmap.spectral.scan import PosePrior, Scan
 
 _FEWEST = 50  # points of a key scan's own

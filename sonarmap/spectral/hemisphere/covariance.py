@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.pomf.peak import Peak
-from sonarmap.spectral.covariance_at_sensor import covariance_at_sensor
+from sonarmap.spectral.geometry import covariance_at_sensor
 from sonarmap.spectral.grid import Grid
 
 # A peak so many deviations high, for every voxel of the grid's edge, is placed to within the quantization alone; the

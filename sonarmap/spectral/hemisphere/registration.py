@@ -9,6 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.pomf.peak import Peak
+from sonarmap.spectral.geometry import tilt_allowed, tilt_reach, tilt_refusal
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.covariance import peak_covariance
 from sonarmap.spectral.hemisphere.layers import Hemisphere, LayerSpectra
@@ -17,7 +18,6 @@ from sonarmap.spectral.overlap import overlap, unwrap
 from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.spectral.tilt import tilt_allowed, tilt_reach, tilt_refusal
 from sonarmap.spectral.translation import SAME_SHIFT, Translation
 
 # Rotations nearer than this to each other are the same answer [rad].

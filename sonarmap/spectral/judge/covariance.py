@@ -7,12 +7,11 @@ from scipy.spatial.transform import RigidTransform
 from scipy.special import expit
 
 from sonarmap.spectral.chi_squared import chi_squared
-from sonarmap.spectral.covariance_at_sensor import covariance_at_sensor
 from sonarmap.spectral.fitted import FITTED
+from sonarmap.spectral.geometry import covariance_at_sensor
 from sonarmap.spectral.grid import Grid, coarse_edge
 from sonarmap.spectral.judge.probability import slides_of
-from sonarmap.spectral.verify.calibration import CALIBRATION
-from sonarmap.spectral.verify.fit import Fit, principal_axes
+from sonarmap.spectral.verify.fit import CALIBRATION, Fit, principal_axes
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.observability import Observability
 

@@ -6,8 +6,8 @@ from typing import Self
 
 import numpy as np
 
+from sonarmap.kernels.device.arrays import recycled
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.device.recycled import recycled
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.pomf.point_spectra import PointSpectra

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sonarmap.kernels.device.arrays import Pending
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.device.readback import Pending
 from sonarmap.kernels.points.visibility import Viewing, agreement, octahedral_cells, upload_points, upload_viewpoints
 
 # Cells along an edge of the map: 1.6 degrees, a voxel at 36 voxels' distance. Finer cells stay empty between beams.

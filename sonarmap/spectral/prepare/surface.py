@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import KDTree
 
+from sonarmap.kernels.device.arrays import Pending, Readback
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.device.readback import Pending, Readback
 from sonarmap.kernels.surface.cells import Cells, Elements, sort_into_cells
 from sonarmap.kernels.surface.planes import fit_planes
 

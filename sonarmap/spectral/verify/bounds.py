@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.spectral.geometry import tilt_allowed, tilt_refusal
 from sonarmap.spectral.prior import RelativePrior
 from sonarmap.spectral.so3 import Sweep
-from sonarmap.spectral.tilt import tilt_allowed, tilt_refusal
 
 # Instruments that leave a tilt less sure than this are left to the correlation of the spectra [rad]: a rotation that is
 # 4 degrees off has hardly a peak.

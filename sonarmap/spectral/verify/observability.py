@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sonarmap.kernels.device.readback import Pending
+from sonarmap.kernels.device.arrays import Pending
 from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, CoarseVolume
 from sonarmap.spectral.translation import Translation
 from sonarmap.spectral.verify.fit import Fit

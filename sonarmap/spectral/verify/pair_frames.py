@@ -6,15 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.spectral.covariance_at_sensor import cross_matrices
+from sonarmap.spectral.geometry import cross_matrices
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.translation import Box
 from sonarmap.spectral.verify.bounds import Bounds
-from sonarmap.spectral.verify.calibration import CALIBRATION
-from sonarmap.spectral.verify.candidates import Candidates
-from sonarmap.spectral.verify.fit import Fit
-from sonarmap.spectral.verify.hypothesis import Hypothesis
+from sonarmap.spectral.verify.fit import CALIBRATION, Fit
+from sonarmap.spectral.verify.hypothesis import Candidates, Hypothesis
 from sonarmap.spectral.verify.prior_term import PriorTerm
 
 _SEEN_AT = 30.0  # from the sensor, about where it sees most [voxels]

@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sonarmap.kernels.device import recycled as pools
+from sonarmap.kernels.device import arrays as pools
+from sonarmap.kernels.device.arrays import Readback, free_recycled, recycled
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import zero
-from sonarmap.kernels.device.readback import Readback
-from sonarmap.kernels.device.recycled import free_recycled, recycled
 from sonarmap.kernels.device.trace import Counts, tracing
 from sonarmap.kernels.errors import DeviceError
 

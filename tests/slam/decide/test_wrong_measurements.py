@@ -16,7 +16,7 @@ from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.spectral.chi_squared import chi_squared
-from sonarmap.spectral.measured import twist
+from sonarmap.spectral.geometry import twist
 from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.surveys import chain_edges, chained_graph, drawn, edge, measured_edge, random_covariance, ring_poses
 

@@ -15,7 +15,7 @@ from sonarmap.slam.graph.place import place_in_world
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory, chain
 from sonarmap.slam.optimize.solve import optimize
-from sonarmap.spectral.measured import twist
+from sonarmap.spectral.geometry import twist
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.writers.poses import write_g2o

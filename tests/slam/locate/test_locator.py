@@ -8,8 +8,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.locate.located import Located
 from sonarmap.slam.locate.locator import Locator
+from sonarmap.slam.locate.place import Located
 from sonarmap.slam.locate.surveyed_map import LEAST, SurveyedMap, View
 from sonarmap.spectral.grid import choose_grid
 from sonarmap.spectral.registration import SpectralRegistrar

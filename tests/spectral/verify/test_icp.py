@@ -6,8 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.judge.covariance import by_stretch
 from sonarmap.spectral.prepare.surface import Surface
-from sonarmap.spectral.verify.calibration import CALIBRATION
-from sonarmap.spectral.verify.fit import Fit, principal_axes, shares_along
+from sonarmap.spectral.verify.fit import CALIBRATION, Fit, principal_axes, shares_along
 from sonarmap.spectral.verify.icp import Stage, Start, refine
 from tests.spectral.surfaces import chosen_device, surface_of
 

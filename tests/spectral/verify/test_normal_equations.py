@@ -6,8 +6,8 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.surface.record import Record
-from sonarmap.spectral.verify.calibration import CALIBRATION
-from sonarmap.spectral.verify.normal_equations import NormalEquations, State, usual_covariance
+from sonarmap.spectral.verify.fit import CALIBRATION
+from sonarmap.spectral.verify.icp import NormalEquations, State, usual_covariance
 
 HESSIAN = np.diag([400.0, 300, 500, 90, 80, 70])
 VARIANCE = np.array([0.5])

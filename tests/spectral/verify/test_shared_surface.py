@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.points.poses import upload_poses
 from sonarmap.spectral.prepare.surface import Surface
-from sonarmap.spectral.verify.shared_surface import SharedSurface, shared_surfaces
+from sonarmap.spectral.verify.verifier import SharedSurface, shared_surfaces
 from tests.spectral.surfaces import chosen_device, surface_of
 
 R, SHIFT = Rotation.from_euler("ZYX", [20, -6, 9], degrees=True), np.array([7.0, -3.5, 1.25])

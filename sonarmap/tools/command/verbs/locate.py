@@ -28,8 +28,7 @@ from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, printable, result_console, say, warn
 
 if TYPE_CHECKING:
-    from sonarmap.slam.locate.located import Located
-    from sonarmap.slam.locate.place import Place
+    from sonarmap.slam.locate.place import Located, Place
     from sonarmap.tools.files.geo.projection import Projection
     from sonarmap.tools.files.map_folder.folder import Map
 

@@ -11,7 +11,7 @@ from typing import Any
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import Device, choose_device
-from sonarmap.kernels.device.usage import MemoryUsage
+from sonarmap.kernels.device.trace import MemoryUsage
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.slam.execute.processes import spawned
 from sonarmap.spectral.grid import Grid, choose_grid

@@ -35,7 +35,7 @@ PAIR_STAGES: Mapping[str, str] = {
     "sonarmap.spectral.verify.hypothesis_testing:HypothesisTest.conclude": "compare",
     "sonarmap.spectral.verify.hypothesis_testing:HypothesisTest.finish": "finish",
     "sonarmap.spectral.prepare.range_image:visibility": "views",
-    "sonarmap.spectral.verify.shared_surface:shared_surfaces": "shared surfaces",
+    "sonarmap.spectral.verify.verifier:shared_surfaces": "shared surfaces",
     "sonarmap.spectral.verify.icp:refine": "refinement",
     "sonarmap.spectral.verify.verifier:_observation": "refinement, views, shared surfaces: waiting",
     "sonarmap.spectral.verify.verifier:_measured": "measured: waiting",

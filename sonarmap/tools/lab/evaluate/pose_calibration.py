@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.measured import twist
+from sonarmap.spectral.geometry import twist
 
 LEVEL = 0.95  # of the ellipsoids
 # Where so few positions are in their ellipsoids, and a shift of all is so many times what is left, frames differ.

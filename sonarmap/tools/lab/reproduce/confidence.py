@@ -13,7 +13,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.fitted import FITTED, TABLE
 from sonarmap.spectral.grid import choose_grid
 from sonarmap.spectral.judge.covariance import ELLIPSOID, Slide
-from sonarmap.spectral.judge.odds import Odds
+from sonarmap.spectral.judge.probability import Odds
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.lab.reproduce.confidence_fit import JudgedPairs, fit_odds, fit_slide, judged

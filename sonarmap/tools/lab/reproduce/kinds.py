@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.covariance_at_sensor import cross_matrices
+from sonarmap.spectral.geometry import cross_matrices
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior

@@ -10,8 +10,8 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.geometry import largest_tilt
 from sonarmap.spectral.scan import Scan
-from sonarmap.spectral.tilt import largest_tilt
 from sonarmap.tools.lab.simulate.pairs import viewpoints
 from sonarmap.tools.lab.simulate.pairs.pair_set import (
     SET_OVERLAPS,

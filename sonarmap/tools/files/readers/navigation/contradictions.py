@@ -14,8 +14,7 @@ from scipy.stats import chi2
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.decide.wrong_measurements import KINDS, TAILS, judge_fixes
 from sonarmap.slam.graph.pose_graph import PoseGraph
-from sonarmap.spectral.covariance_at_sensor import cross_matrices
-from sonarmap.spectral.measured import twist
+from sonarmap.spectral.geometry import cross_matrices, twist
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import poses_of, values_of
 from sonarmap.tools.files.readers.navigation.mistakes import (

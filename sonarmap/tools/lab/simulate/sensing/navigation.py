@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.spectral.measured import twist
+from sonarmap.spectral.geometry import twist
 from sonarmap.spectral.scan import PosePrior
 
 

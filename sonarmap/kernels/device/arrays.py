@@ -1,15 +1,44 @@
-"""Results on their way to the host while it does other work: several are queued, then one wait brings all."""
+"""Device arrays: memory that is used again, and results on their way to the host while it does other work."""
 
+import ctypes
+import gc
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pyopencl as cl
 import pyopencl.array as cla
+from pyopencl.tools import ImmediateAllocator, MemoryPool
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import memory_of
+
+_POOLS: WeakKeyDictionary[Device, MemoryPool] = WeakKeyDictionary()
+
+
+def recycled(device: Device, shape: tuple[int, ...], dtype: type | np.dtype = np.float32) -> cla.Array:
+    """An uninitialized array, as `Device.empty` gives it; slices of it cannot be passed to kernels.
+
+    Its memory goes to the next one of about its size once nothing refers to the array: what is queued comes before.
+    """
+    device.require(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
+    with device.explain_full_memory():
+        if device not in _POOLS:
+            _POOLS[device] = MemoryPool(ImmediateAllocator(device.queue))
+        return cla.empty(device.queue, shape, dtype, allocator=device.allocator or _POOLS[device])
+
+
+def free_recycled() -> None:
+    """Give the system back what no array uses, until new ones are made."""
+    gc.collect()  # arrays that refer to one another
+    for pool in _POOLS.values():
+        pool.free_held()
+    if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "malloc_trim"):  # glibc keeps what is freed
+        libc.malloc_trim(0)
+
 
 T = TypeVar("T")
 
