@@ -85,7 +85,16 @@ def scan_center(scan: Scan) -> np.ndarray:
 
 
 def choose_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = None) -> Grid:
-    """The grid for a set of scans: the voxel as given, or so large that the largest scan fits with a margin."""
+    """The grid for a set of scans: the voxel as given, or so large that the largest scan fits with a margin.
+
+    Args:
+        scans: that share the grid.
+        edge: voxels per edge, an even product of 2, 3 and 5 from 16 to 512.
+        voxel: edge of a voxel [m]; None to choose it.
+
+    Raises:
+        InputError: a voxel is not given and no scan has an extent (all points of each in one place), or one is no Scan.
+    """
     if voxel is None:
         if not np.iterable(scans):
             raise InputError(f"`scans` are {scans!r}; wanted a list of Scan")

@@ -153,7 +153,11 @@ class RelativePrior(PriorPair):
 
 
 def relative_prior(target: PosePrior | None, source: PosePrior | None) -> RelativePrior | None:
-    """What two scans' priors say about T_target_source; None where they bound nothing."""
+    """What two scans' priors say about T_target_source; None where they bound nothing.
+
+    Args:
+        target, source: the scans' `prior`, None where they have none.
+    """
     if target is None or source is None:
         return None
     prior = RelativePrior(target, source)

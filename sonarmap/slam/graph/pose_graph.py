@@ -300,6 +300,7 @@ def factors_of(
     """The graph as GTSAM's factors: one for each edge, in their order, then those of the anchors and known poses.
 
     Args:
+        graph: its poses are keys 0..N-1.
         gauge_sigma: standard deviation with which anchors are held [rad, m].
         scale_factors: (E,) by which the edges' covariances are multiplied; 1 by default.
     """

@@ -71,6 +71,7 @@ class Located:
     """Where a scan was taken in a map.
 
     Attributes:
+        name: of the scan.
         stamp: of the scan [s], or its number where there is no time.
         reason: in words, why the place is believed or not.
         place: the most probable one. Its covariance holds what the scan leaves open against the map, and what the map
