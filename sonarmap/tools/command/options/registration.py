@@ -147,4 +147,4 @@ def _changed(config: Any, path: Sequence[str], value: str, text: str) -> Any:
     if len(path) > 1 or not isinstance(after, kind) or (isinstance(after, bool) != (kind is bool)):
         wanted = "true or false" if kind is bool else "a whole number" if kind is int else "a number"
         raise InputError(f"--set {text}: wanted {wanted}, as in --set {path[0]}={json.dumps(before or 2)}")
-    return replace(config, **{path[0]: after})
+    return replace(config, **{path[0]: float(after) if isinstance(before, float) else after})

@@ -1,7 +1,7 @@
 """`sonarmap evaluate`: compare a trajectory, and its map, pairs and uncertainties, with the truth."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
@@ -13,19 +13,15 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.option import (
     INPUT,
     MEASUREMENT,
-    RUNNING,
     JsonOption,
     checked,
     choice,
-    flag,
     is_positive,
     option,
 )
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say, warn
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from sonarmap.tools.lab.evaluate.map_error import MapError
     from sonarmap.tools.lab.evaluate.pairs import PairScore
     from sonarmap.tools.lab.evaluate.pose_calibration import PoseCalibration
@@ -41,14 +37,11 @@ ANCHORS = {
     "world": "without alignment, both in one world frame",
     "partly": "in one world frame, aligned at the first pose in what no instrument measured",
 }
-MOST_POSES = 12  # of which each has a row
-WORST = 10  # rows, where there are more
 _COUNTS = ("kept_right", "kept_wrong", "rejected_right", "rejected_wrong", "failed", "unjudged")
 _SHARES = {"precision": "precision", "recall": "recall"} | {
     "rejections' precision": "rejected_precision",
     "rejections' recall": "rejected_recall",
 }
-_WIDE = 112  # columns for estimated beside true poses
 
 
 _input = partial(option, INPUT)
@@ -84,7 +77,6 @@ def command(
         shown="from --summary",
     ),
     summary: Path | None = _input("FILE", "The map's summary.json, to score pairs and sigmas."),
-    verbose: bool = flag(RUNNING, "--verbose -v", "List all poses, however many."),
     as_json: JsonOption = False,
 ) -> None:
     """Compare an estimated trajectory with the true one: the error of every pose, of the whole trajectory (ATE) and of
@@ -116,7 +108,6 @@ def command(
         }
         print_json(result.to_json() | further)
     else:
-        _print_poses(result, verbose)
         if survey:
             _print_scores(scores, RIGHT_DEG, RIGHT_VOXELS * survey.voxel)
         _print_trajectory(result)
@@ -173,40 +164,6 @@ def _exceeds(result: "Evaluation", max_error_m: float | None, max_error_deg: flo
     if len(beyond) > _LISTED:
         say(f"and {len(beyond) - _LISTED} more poses are farther off than that")
     return bool(beyond)
-
-
-def _print_poses(result: "Evaluation", everything: bool) -> None:
-    """Poses beside their truth: all if `everything`, else, of many, those that are off farthest."""
-    rows = list(range(len(result.stamps)))
-    if len(rows) > MOST_POSES and not everything:
-        rows = sorted(np.argsort(-result.translation_m, kind="stable")[:WORST].tolist())
-        print_result(f"The {WORST} of {len(result.stamps)} poses that are off farthest; --verbose lists all:")
-    console = result_console()
-    console.print(_pose_table(result, rows, console.width >= _WIDE))
-    console.print()
-
-
-def _pose_table(result: "Evaluation", rows: Sequence[int], wide: bool) -> "Table":
-    """Where there is little room without the estimated poses, so that no number is cut at 80 columns."""
-    from sonarmap.tools.lab.evaluate.trajectory import yaw_deg
-
-    estimated, true = result.T_aligned.translation, result.T_true.translation
-    estimated_yaw, true_yaw = yaw_deg(result.T_aligned), yaw_deg(result.T_true)
-    columns = {
-        "stamp [s]": [_shown_stamp(float(result.stamps[k])) for k in rows],
-        "estimated x, y, z [m]": [_place(estimated[k].tolist()) for k in rows],
-        "true x, y, z [m]": [_place(true[k].tolist()) for k in rows],
-        "off [m]": [f"{result.translation_m[k]:.3f}" for k in rows],
-        "estimated yaw": [f"{estimated_yaw[k]:+.2f}°" for k in rows],
-        "true yaw": [f"{true_yaw[k]:+.2f}°" for k in rows],
-        "rotated by": [f"{result.rotation_deg[k]:.2f}°" for k in rows],
-    }
-    narrow = ("stamp [s]", "true x, y, z [m]", "true yaw", "off [m]", "rotated by")
-    names = tuple(columns) if wide else narrow
-    table = number_table(*names)
-    for row in zip(*(columns[name] for name in names), strict=True):
-        table.add_row(*row)
-    return table
 
 
 def _print_trajectory(result: "Evaluation") -> None:
@@ -268,7 +225,3 @@ def _print_calibration(calibration: "PoseCalibration") -> None:
 def _shown_stamp(seconds: float) -> str:
     """A stamp without trailing zeros."""
     return f"{seconds:.6f}".rstrip("0").rstrip(".")
-
-
-def _place(meters: list[float]) -> str:
-    return " ".join(f"{value:8.2f}" for value in meters)

@@ -1,6 +1,5 @@
 """`sonarmap simulate`: scans of a known scene, with their true poses."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -25,7 +24,7 @@ from sonarmap.tools.command.options.option import (
     option,
     value_option,
 )
-from sonarmap.tools.command.options.registration import check_seed
+from sonarmap.tools.command.options.registration import changed, check_seed
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import printable
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS, SENSOR_NAMES, TRAJECTORY_KINDS
@@ -77,18 +76,6 @@ class SimulatedScans:
         rare=True,
         shown="1",
     )
-    sweep: float | None = _scene(
-        "P",
-        "Share of the time from one scan to the next in which the columns are taken in turn, 0..1; needs --ghosts 0.",
-        rare=True,
-        shown="0: all at once",
-    )
-    turn: float | None = _scene(
-        "DEG",
-        "The sensor also turns to and fro, by so many degrees from one scan to the next at the fastest.",
-        rare=True,
-        shown="0",
-    )
     like: Path | None = _scene(
         "FILE",
         "Simulate the scans of a description.json again; noise, threshold, dive and number can be changed.",
@@ -99,31 +86,18 @@ class SimulatedScans:
 
 @dataclass(frozen=True, slots=True)
 class EchoNoise:
-    """What is wrong with the echoes; None leaves what suits the sensor. The names are those of `NoiseModel`."""
+    """What is wrong with the echoes; None leaves what suits the sensor."""
 
     sigma2: float | None = _noise("V", "Variance of range noise \\[m^2]. It is that at the largest range.")
     outliers: float | None = _noise("P", "Share of false echoes, 0..1.")
     dropouts: float | None = _noise("P", "Share of lost echoes, 0..1.")
-    ghosts: float | None = _noise(
-        "P", "Share of beams with a multipath echo, mirrored at the water surface or a wall, 0..1.", rare=True
-    )
-    speckle: float | None = _noise("P", "Share of the echo strength that fluctuates as speckle, 0..1.", rare=True)
-    lobe: float | None = _noise(
-        "B",
-        "Width of a beam's main lobe, in beams: echoes fade by patches, and neighbors report the strongest.",
+    settings: list[str] = _noise(
+        "KEY=VALUE",
+        "Set another field of the settings, as noise.lobe=1 or sweep=0.8; may be repeated (docs/simulation.md).",
+        [],
+        "--set",
         rare=True,
-        shown="0",
     )
-
-
-@dataclass(frozen=True, slots=True)
-class LostEchoes:
-    """Which echoes and scans are not usable."""
-
-    threshold: float | None = _noise(
-        "V", "Discard echoes weaker than this, linear; 0 keeps all.", rare=True, shown="suits the sensor; eclipse 0.002"
-    )
-    unusable: float | None = _noise("P", "Share of scans that are nearly empty or pure noise, 0..1.", rare=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +161,6 @@ def command(
     out: Annotated[Path, value_option(OUTPUT, "DIR", "Folder for the scans.", "-o", "--out")],
     scans: SimulatedScans,
     noise: EchoNoise,
-    lost: LostEchoes,
     navigation: SimulatedNavigation,
     quiet: QuietOption = False,
 ) -> None:
@@ -207,17 +180,10 @@ def command(
             f"--spacing has no effect with --trajectory {settings.trajectory}, only with {' or '.join(SPACED)}; "
             "leave it out"
         )
-    several = {
-        "count": scans.scans,
-        "spacing": scans.spacing,
-        "dive": scans.dive,
-        "unusable": lost.unusable,
-        "sweep": scans.sweep,
-        "turn": None if scans.turn is None else math.radians(scans.turn),
-    }
-    sensor = settings.sensor if lost.threshold is None else replace(settings.sensor, threshold=lost.threshold)
-    changed = {"noise": replace(settings.noise, **given(noise)), "sensor": sensor}
-    settings = replace(settings, **changed, **given(several))
+    several = {"count": scans.scans, "spacing": scans.spacing, "dive": scans.dive}
+    disturbed = {"sigma2": noise.sigma2, "outliers": noise.outliers, "dropouts": noise.dropouts}
+    settings = replace(settings, noise=replace(settings.noise, **given(disturbed)), **given(several))
+    settings = changed(settings, noise.settings)
     require_writable(out)
     with growing_progress("simulating", quiet) as step:
         simulation = simulate(settings, progress=lambda done: step(done, settings.count, ""))

@@ -172,7 +172,7 @@ ONE = ("--scans", "1", "--quiet", "-o")
         ("--like description.json --scene harbor --seed 9", ["leave out --scene, --seed"]),
         ("--like description.json --sensor paper", ["leave out --sensor"]),
         ("--trajectory table1 --sensor sonar3d15", ["--sensor has no effect with --trajectory table1", "leave it out"]),
-        ("--scans 1 --quiet --ghosts 1", ["ghosts is"]),
+        ("--scans 1 --quiet --set noise.ghosts=1", ["ghosts is"]),
     ],
 )
 def test_what_would_not_be_heeded_or_cannot_be_is_refused(tmp_path: Path, options: str, words: list[str]) -> None:
@@ -186,7 +186,8 @@ def described(folder: Path) -> dict:
 
 @pytest.mark.slow
 def test_the_noise_of_the_echoes_is_described_and_given_again(tmp_path: Path) -> None:
-    options = ("--ghosts", "0.2", "--speckle", "0.6", "--lobe", "1.5", "--threshold", "0.01")
+    values = ("noise.ghosts=0.2", "noise.speckle=0.6", "noise.lobe=1.5", "sensor.threshold=0.01")
+    options = [word for value in values for word in ("--set", value)]
     assert sonarmap("simulate", "--seed", "4", *options, *ONE, tmp_path / "a").exit_code == 0
     settings = described(tmp_path / "a")["settings"]
     assert (settings["noise"]["ghosts"], settings["noise"]["speckle"], settings["noise"]["lobe"]) == (0.2, 0.6, 1.5)
@@ -200,7 +201,7 @@ def test_the_noise_of_the_echoes_is_described_and_given_again(tmp_path: Path) ->
 def test_a_lower_threshold_leaves_more_points_of_the_same_scan(tmp_path: Path) -> None:
     assert sonarmap("simulate", "--seed", "4", *ONE, tmp_path / "a").exit_code == 0
     like = ("--like", tmp_path / "a" / "description.json")
-    assert sonarmap("simulate", *like, "--threshold", "0", *ONE, tmp_path / "b").exit_code == 0
+    assert sonarmap("simulate", *like, "--set", "sensor.threshold=0", *ONE, tmp_path / "b").exit_code == 0
     few, many = (described(tmp_path / name)["scans"][0]["points"] for name in "ab")
     assert 1.2 * few < many < 2 * few
 

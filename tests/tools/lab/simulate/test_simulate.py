@@ -158,7 +158,7 @@ def test_a_share_that_cannot_be_is_refused(share: float) -> None:
 
 
 def test_the_description_tells_them_and_like_gives_them_again(tmp_path: Path) -> None:
-    options = ("--trajectory", "lawnmower", "--scans", "4", "--seed", "6", "--unusable", "0.25", "--quiet")
+    options = ("--trajectory", "lawnmower", "--scans", "4", "--seed", "6", "--set", "unusable=0.25", "--quiet")
     assert sonarmap("simulate", *options, "-o", tmp_path / "a").exit_code == 0
     described = json.loads((tmp_path / "a" / "description.json").read_text())
     assert described["settings"]["unusable"] == 0.25
@@ -168,7 +168,7 @@ def test_the_description_tells_them_and_like_gives_them_again(tmp_path: Path) ->
     again = sonarmap("simulate", "--like", tmp_path / "a" / "description.json", "-o", tmp_path / "b", "--quiet")
     assert again.exit_code == 0
     assert files_in(tmp_path / "a") == files_in(tmp_path / "b")
-    refused = sonarmap("simulate", *options[:-3], "--unusable", "1.5", "-o", tmp_path / "c")
+    refused = sonarmap("simulate", *options[:-3], "--set", "unusable=1.5", "-o", tmp_path / "c")
     assert refused.exit_code == 2
     said(refused, "unusable is 1.5")
 
