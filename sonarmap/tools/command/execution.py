@@ -30,7 +30,7 @@ class ExecutionOptions:
 
     workers: int | None = _running(
         "N",
-        "Processes that register pairs. Each has its own device context; the results are the same.",
+        "Processes that register pairs; the results are the same.",
         shown="1",
         min=1,
         max=MOST_WORKERS,
@@ -41,7 +41,7 @@ class ExecutionOptions:
         "pip install 'sonarmap\\[cluster]'.",
         rare=True,
     )
-    fresh: bool = flag(RUNNING, "--fresh", "Discard the pairs of earlier runs. They are in OUT/journal.sqlite.")
+    fresh: bool = flag(RUNNING, "--fresh", "Discard the pairs of earlier runs in OUT/journal.sqlite.")
 
     def __post_init__(self) -> None:
         if self.workers is not None and self.scheduler is not None:

@@ -37,7 +37,7 @@ _nav = partial(option, NAVIGATION)
 _rare = partial(_nav, rare=True)
 
 ImuOption = Annotated[
-    bool, switch(NAVIGATION, "--imu/--no-imu", "Use roll and pitch as the IMU within a recording has them.", rare=True)
+    bool, switch(NAVIGATION, "--imu/--no-imu", "Use roll and pitch of the recording's own IMU.", rare=True)
 ]
 
 
@@ -72,7 +72,7 @@ class PriorsFile:
         "Repeat it for files that measured something else, or other scans.",
         [],
     )
-    prior_sigmas: str | None = _rare(
+    prior_sigmas: str | None = _nav(
         "A,H,D,P",
         "Standard deviations where the priors file has none: attitude, heading \\[deg], depth, position \\[m].",
         callback=refused_by(parse_prior_sigmas),
@@ -95,11 +95,13 @@ class OdometryFile:
 
     odometry: Path | None = _nav(
         "FILE",
-        "Dead reckoning: TUM, CSV, ROS bag or MCAP. It has times of its own; CSV has stamp and all columns of a priors "
-        "file, and FILE::TOPIC chooses a topic of a bag.",
+        "Dead reckoning with times of its own: TUM, CSV (stamp and the columns of a priors file), ROS bag or MCAP "
+        "(FILE::TOPIC).",
     )
     odometry_drift: str | None = _rare(
-        "P,D", "Its standard deviation: percent of the way \\[%], degrees per hour \\[deg/h].", shown=DEFAULT_DRIFT
+        "P,D",
+        "Standard deviation of the dead reckoning: percent of the distance \\[%], degrees per hour \\[deg/h].",
+        shown=DEFAULT_DRIFT,
     )
 
     @property
@@ -132,7 +134,7 @@ class NavigationReading:
 
     nav_columns: str | None = _rare(
         "A=B,...",
-        "What columns of the navigation hold, as in depth_m=KP_DEPTH,heading_deg=Gyro.",
+        "Names of the log's columns, as depth_m=KP_DEPTH,heading_deg=Gyro.",
         shown="by their names",
     )
     time_scale: str | None = _rare(
@@ -143,15 +145,15 @@ class NavigationReading:
     )
     nav_offset: str | None = _rare(
         "S",
-        "Add S to its times \\[s]; auto estimates them from the sonar's turn rates.",
+        "Add S to the log's times \\[s]; auto estimates S from the sonar's turn rates.",
         shown="0",
         autocompletion=completes((AUTO,)),
     )
     nav_crs: str | None = _rare("CRS", "CRS of the log's eastings and northings, e.g. EPSG:32632.")
     nav_frame: str | None = _rare(
         "NAME",
-        "Of its pitch, yaw, x, y, z, and of --mount: frd or ned (forward, right, down; North, East, Down), flu or enu "
-        "(forward, left, up; East, North, Up).",
+        "Axes of the log's pitch, yaw, x, y, z and of --mount: frd or ned (forward, right, down; North, East, Down), "
+        "flu or enu (forward, left, up; East, North, Up).",
         shown="heading, pitch nose up, x East, y North, depth",
         autocompletion=completes(listed_in(_SETTINGS, "DOWN_FRAMES", "UP_FRAMES")),
     )
@@ -162,12 +164,15 @@ class NavigationReading:
         shown="the navigation is of the sonar",
     )
     heading_reference: str | None = _rare(
-        "NAME", "North of its headings: true or grid.", shown="true", autocompletion=completes(("true", "grid"))
+        "NAME",
+        "North that the log's headings count from: true or grid.",
+        shown="true",
+        autocompletion=completes(("true", "grid")),
     )
     nmea_talker: str | None = _rare(
-        "AA,...", "Of NMEA sentences, those whose places and headings count, as GP,HE.", shown="all that agree"
+        "AA,...", "NMEA talkers whose positions and headings are used, e.g. GP,HE.", shown="all that agree"
     )
-    magnetic_declination: float | None = _rare("DEG", "Its headings are magnetic: add DEG to them, East positive.")
+    magnetic_declination: float | None = _rare("DEG", "Add DEG to the log's magnetic headings, East positive.")
 
     def settings(self, *files: Path | None, origin: "Georeference | None" = None) -> "NavigationSettings":
         """The same as the readers take it: for the files that are given, and the map's origin, None for the first fix.

@@ -2,7 +2,6 @@
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from datetime import timedelta
@@ -55,62 +54,37 @@ def growing_progress(label: str, quiet: bool = False) -> Iterator[Step]:
     """
     console = error_console()
     on_terminal = console.is_terminal and not quiet
-    pace, lines = _Pace(), None if quiet or on_terminal else _Lines(label)
+    bar, lines = _Bar(console, printable(label), on_terminal), None if quiet or on_terminal else _Lines(label)
 
     def step(done: int, planned: int, note: str) -> None:
-        pace.step(done, planned)
+        bar.show(done, planned, note)
         if lines is not None:
-            lines.step(pace, note)
-        if bar is not None:
-            bar.show(done, planned, note)
+            lines.step(bar.tasks[0], note)
 
-    bar = _Bar(console, printable(label), pace) if on_terminal else None
-    with nullcontext() if bar is None else bar.shown():
+    with bar.shown() if on_terminal else nullcontext():
         yield step
     if lines is not None:
         lines.end()
 
 
-class _Pace:
-    """How far work is, and how long the rest will take at the rate of the last WINDOW seconds."""
-
-    def __init__(self) -> None:
-        self.start = self.now = time.monotonic()
-        self.done = self.planned = 0
-        self._recent = deque([(self.start, 0)])  # times, at least a second apart, and the pieces done until then
-
-    def step(self, done: int, planned: int) -> None:
-        self.now, self.done, self.planned = time.monotonic(), done, planned
-        if len(self._recent) > 1 and self.now - self._recent[-2][0] < 1.0:
-            self._recent.pop()
-        self._recent.append((self.now, done))
-        while len(self._recent) > 2 and self.now - self._recent[1][0] > WINDOW:
-            self._recent.popleft()
-
-    @property
-    def seconds_left(self) -> float | None:
-        """From the last step on; None where it cannot be known."""
-        (since, before), (until, done) = self._recent[0], self._recent[-1]
-        return (until - since) / (done - before) * (self.planned - done) if done > before else None
-
-
 class _Bar(Progress):
-    """One line with words, bar, count and times, at any width; below it, cut to the width, the last piece in words."""
+    """One line with words, bar, count and times, at any width; below it, cut to the width, the last piece in words. It
+    counts also where it is not shown."""
 
-    def __init__(self, console: Console, label: str, pace: _Pace) -> None:
+    def __init__(self, console: Console, label: str, is_shown: bool) -> None:
         self._note, fixed = "", Column(no_wrap=True)
         room = console.width - max(len(label), _LABEL) - _COUNT - _TIMES - 4
+        count = Column(no_wrap=True, min_width=7, justify="right")
         super().__init__(
             TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, min_width=_LABEL)),
             BarColumn(max(min(_WIDEST_BAR, room), 4)),
-            TextColumn(
-                "{task.fields[count]}",
-                "progress.download",
-                table_column=Column(no_wrap=True, min_width=7, justify="right"),
-            ),
+            TextColumn("{task.fields[count]}", "progress.download", table_column=count),
             TimeElapsedColumn(table_column=fixed),
-            _Left(pace, table_column=fixed),
+            _Left(table_column=fixed),
             console=console,
+            speed_estimate_period=WINDOW,
+            get_time=lambda: time.monotonic(),
+            disable=not is_shown,
         )
         self._work = self.add_task(label, total=None, count="")
 
@@ -126,7 +100,8 @@ class _Bar(Progress):
 
     def show(self, done: int, planned: int, note: str) -> None:
         self._note = " ".join(printable(note).split())
-        self.update(self._work, completed=done, total=planned, count=f"{done}/{planned}" if planned > 1 else "")
+        self.tasks[0].total = planned  # `update` would forget how fast it goes
+        self.update(self._work, completed=done, count=f"{done}/{planned}" if planned > 1 else "")
 
     def get_renderables(self) -> Iterable[RenderableType]:
         yield from super().get_renderables()
@@ -139,18 +114,12 @@ class _Left(ProgressColumn):
 
     max_refresh = 0.5
 
-    def __init__(self, pace: _Pace, table_column: Column) -> None:
-        super().__init__(table_column)
-        self._pace = pace
-
     def render(self, task: Task) -> Text:
         if task.stop_time is not None or task.total is None:
             return Text("")
-        left = self._pace.seconds_left
-        if left is None:
-            return Text("-:--:-- left", style="progress.remaining")
-        left = max(left - (time.monotonic() - self._pace.now), 0.0)
-        return Text(f"about {timedelta(seconds=round(left))} left", style="progress.remaining")
+        left = task.time_remaining
+        words = "-:--:-- left" if left is None else f"about {timedelta(seconds=left)} left"
+        return Text(words, style="progress.remaining")
 
 
 class _Lines:
@@ -159,13 +128,13 @@ class _Lines:
     def __init__(self, label: str) -> None:
         self._label, self._pending, self._shown_at = label, "", time.monotonic()
 
-    def step(self, pace: _Pace, note: str) -> None:
-        left = pace.seconds_left if pace.done < pace.planned else None
-        words = [f"{self._label}: {pace.done} of {pace.planned}", f"{pace.now - pace.start:.1f} s"]
-        words += [] if left is None else [f"about {left:.0f} s left"]
+    def step(self, task: Task, note: str) -> None:
+        words = [f"{self._label}: {task.completed:.0f} of {task.total or 0:.0f}", f"{task.elapsed or 0:.1f} s"]
+        if task.time_remaining:
+            words.append(f"about {task.time_remaining:.0f} s left")
         self._pending = ", ".join(words) + (f" ({note})" if note else "")
-        if pace.now - self._shown_at >= SECONDS_BETWEEN_LINES:
-            self._shown_at = pace.now
+        if (now := time.monotonic()) - self._shown_at >= SECONDS_BETWEEN_LINES:
+            self._shown_at = now
             self.end()
 
     def end(self) -> None:

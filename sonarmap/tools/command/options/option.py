@@ -236,7 +236,7 @@ DeviceOption = Annotated[
     value_option(
         RUNNING,
         "DEVICE",
-        "OpenCL device: cpu, gpu, or a part of its name. platform:device too; `sonarmap devices` lists them.",
+        "OpenCL device: cpu, gpu, a part of its name, or platform:device as `sonarmap devices` lists them.",
         "--device",
         autocompletion=_devices,
     ),

@@ -117,20 +117,20 @@ class EarthPlace:
     )
     origin_heading: float | None = _earth(
         "DEG",
-        "True heading of the map's x axis. It is for a map without a heading of its own.",
+        "True heading of the x axis of a map without a heading of its own.",
         rare=True,
         shown="90, East",
     )
     vertical: str | None = _earth(
         "NAME",
-        "What heights count from. Names: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or EGM2008. ",
+        "Vertical reference of heights: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or EGM2008.",
         rare=True,
         shown="surface",
         autocompletion=completes(listed_in("sonarmap.tools.files.geo.georeference", "VERTICALS")),
     )
     crs: str | None = _earth(
         "CRS",
-        "Projected coordinates of exported files, as EPSG:25832; map: points and grids in its own frame.",
+        "CRS of exported files, e.g. EPSG:25832; map: points and grids in the map's own frame.",
         rare=True,
         shown="the UTM zone of the origin",
     )

@@ -48,7 +48,7 @@ GridOption = Annotated[
     value_option(
         REGISTRATION,
         "N",
-        "Voxels per edge, 16..512. The number is an even product of 2, 3 and 5.",
+        "Voxels per edge, 16..512: an even product of 2, 3 and 5.",
         callback=refused_by(_require_edge),
         show_default=f"{DEFAULT_EDGE}",
     ),

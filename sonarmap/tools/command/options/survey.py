@@ -41,8 +41,7 @@ class SurveyOptions:
     loops: int | None = option(
         LOOPS,
         "N",
-        "Loops to try per scan and round. 0 is none. Loops that connect distant parts of the track come "
-        "first. There are two rounds, and more as long as they improve the poses.",
+        "Loops to try per scan and round; 0 is none. There are two rounds, and more as long as they improve the poses.",
         shown="2",
         min=0,
         max=MOST,
@@ -87,14 +86,13 @@ class TiesAndControl:
     ties: Path | None = option(
         LOOPS,
         "FILE",
-        "Accept, reject or add pairs of scans, by a CSV. Its columns are target, source and verdict (docs/ties.md). "
-        "What is registered already is not registered again.",
+        "CSV with pairs of scans to accept, reject or add: target, source, verdict (docs/ties.md).",
     )
     control: Path | None = option(
         EARTH,
         "FILE",
-        "Hold points to known coordinates, by a CSV. Its columns are name, scan, x_m, y_m, z_m and east_m, north_m, "
-        "up_m or others (docs/ties.md).",
+        "CSV with points of known coordinates: name, scan, x_m, y_m, z_m and east_m, north_m, up_m or others "
+        "(docs/ties.md).",
     )
     control_crs: str | None = option(EARTH, "CRS", "CRS of the control file's coordinates, e.g. EPSG:25832.", rare=True)
 
@@ -142,33 +140,33 @@ class PointReading:
     """How the points of files are to be understood."""
 
     sound_speed: float | None = _input(
-        "M/S", "The right speed of sound \\[m/s], for .sonar. Ranges are multiplied by its ratio to the recorded one."
+        "M/S",
+        "Correct speed of sound \\[m/s], for .sonar files: ranges are scaled from the recorded one.",
     )
-    range_scale: float | None = _input("F", "Multiply all ranges by F. This is for any format.", rare=True, shown="1")
+    range_scale: float | None = _input("F", "Multiply all ranges by F, in any format.", rare=True, shown="1")
     frame: str | None = _input(
         "NAME",
-        "Axes: flu, frd, rdf or ned. They are those of the points in the files: flu is forward, left, up; "
-        "frd forward, right, down; rdf right, down, forward, as of cameras; ned North, East, Down: scans that were "
-        "leveled and turned North.",
+        "Axes of the points in the files: flu (forward, left, up), frd (forward, right, down), rdf (right, down, "
+        "forward, as of cameras) or ned (North, East, Down, for scans that were leveled and turned North).",
         shown="flu",
         autocompletion=completes(listed_in(_CORRECTIONS, "FRAMES")),
     )
     units: str | None = _input(
         "NAME",
-        "Lengths: m, cm, mm, ft or us-ft. They are those of the points in the files.",
+        "Unit of the points in the files: m, cm, mm, ft or us-ft.",
         shown="m",
         autocompletion=completes(listed_in(_CORRECTIONS, "UNITS")),
     )
 
     patch: float | None = _input(
         "M",
-        "Of lines of pings: length of the patches into which they are cut \\[m].",
+        "Length of the patches into which lines of an echo sounder are cut \\[m].",
         shown="half the swath's width",
         rare=True,
     )
     draught: float | None = _input(
         "M",
-        "Of lines of pings: depth of the transducer \\[m]. It is for files that do not say it, as many XTF files.",
+        "Depth of the echo sounder's transducer \\[m], for files that do not have it, as many XTF files.",
         shown="0",
         rare=True,
     )

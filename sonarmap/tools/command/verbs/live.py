@@ -62,14 +62,12 @@ class LiveOptions:
     replay: float | None = option(
         INPUT, "F", "Replay finished scans faster than real time by this factor. 0 is as fast as possible.", min=0.0
     )
-    onto: Path | None = option(
-        INPUT, "MAP", "Find the place in a finished map, and show both. It is a folder that `sonarmap map` wrote."
-    )
+    onto: Path | None = option(INPUT, "MAP", "Locate the vehicle in a finished map, and show both.")
     nmea: str | None = option(
         NAVIGATION,
         "PORT|DEVICE",
-        "Take NMEA from a UDP port of this computer or a serial device. HOST:PORT, as 0.0.0.0:10110, also takes other "
-        "computers'. It is kept in OUT/navigation.nmea, as of --priors.",
+        "Receive NMEA at a UDP port of this computer, at HOST:PORT (0.0.0.0:10110 also from other computers), or "
+        "from a serial device. Sentences are saved to OUT/navigation.nmea and used as --priors.",
     )
     browser: bool = flag(RUNNING, "--browser/--no-browser", "Open the page in the browser.", True)
     port: int = _running("PORT", "TCP port of the web page.", 0, shown="any that is free", min=0, max=65535, rare=True)

@@ -60,11 +60,11 @@ class Listening:
     multicast: str | None = _input("GROUP:PORT", "Multicast group to listen to.", shown="224.0.0.96:4747")
     unicast: str | None = _input(
         "ADDRESS:PORT",
-        "For a sonar that sends to this computer alone. It is this computer's address (0.0.0.0 for all that it has) "
-        "and the port in the sonar's settings.",
+        "For a sonar that sends to this computer alone: an address of this computer, or 0.0.0.0 for all, and the port "
+        "in the sonar's settings.",
     )
     interface: str | None = _input(
-        "NAME", "Network interface to listen at. It is a name or an address.", rare=True, shown="all"
+        "NAME", "Network interface to listen at, by its name or address.", rare=True, shown="all"
     )
     sonar: str | None = _input(
         "ADDRESS",
