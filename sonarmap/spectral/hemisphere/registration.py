@@ -1,6 +1,6 @@
 """The paper's registration of two scans: the seven steps of Sect. 2.11, in order, on one screen."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
@@ -8,49 +8,15 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.errors import InputError
-from sonarmap.kernels.pomf.peak import Peak
-from sonarmap.spectral.geometry import tilt_allowed, tilt_reach, tilt_refusal
+from sonarmap.spectral.geometry import tilt_allowed, tilt_reach
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.hemisphere.covariance import peak_covariance
 from sonarmap.spectral.hemisphere.layers import Hemisphere, LayerSpectra
+from sonarmap.spectral.hemisphere.match import Match, assess, differ, overlap, peak_covariance, unwrap
 from sonarmap.spectral.memory import memory_plan
-from sonarmap.spectral.overlap import overlap, unwrap
 from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.translation import SAME_SHIFT, Translation
-
-# Rotations nearer than this to each other are the same answer [rad].
-_SAME_ROTATION = float(np.deg2rad(10.0))
-
-
-@dataclass(frozen=True, slots=True)
-class Match:
-    """A rotation, the translation's peak under it, and the peak-to-sidelobe ratios of the steps before."""
-
-    R: Rotation  # R_target_source
-    peak: Peak  # of the translation's correlation under it [voxels]
-    # yaw_psr, tilt_psr: of the peaks that yaw, and roll and pitch, were read from; 0 where there was none
-    yaw_psr: float
-    tilt_psr: float
-
-
-def differ(a: Match, b: Match, edge: int) -> bool:
-    """Whether two matches on a grid of `edge` voxels are different answers."""
-    turned = (a.R.inv() * b.R).magnitude() > _SAME_ROTATION
-    apart = (a.peak.shift - b.peak.shift + edge / 2) % edge - edge / 2  # a shift is known up to the grid's edge
-    return bool(turned or np.linalg.norm(apart) > SAME_SHIFT)
-
-
-@dataclass(frozen=True, slots=True)
-class Acceptance:
-    """When a registration is accepted."""
-
-    # the least peak-to-sidelobe ratio of the translation, on a grid of up to 128 voxels per edge. On larger ones false
-    # peaks are higher, and it grows with (edge / 128)^0.75.
-    psr: float = 30.0
-    distinction: float = 1.7  # the least ratio between it and that of any other answer
-    overlap: float = 0.05  # the least share of points in common
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,13 +28,11 @@ class HemisphereConfig:
         use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
         centered: whether each scan's grid is centered on its points; else on the origin of its frame, and what lies
             outside is lost, as where volumes are shifted out of their frame in the paper's Sect. 3.
-        acceptance: the thresholds from which on a registration is accepted.
     """
 
     max_tilt: float = float(np.deg2rad(35.0))
     use_strength: bool = False
     centered: bool = True
-    acceptance: Acceptance = field(default_factory=Acceptance)
 
     def __post_init__(self) -> None:
         if not 0 < self.max_tilt <= np.pi:
@@ -148,7 +112,7 @@ class HemisphereRegistrar(GridRegistrar):
         voxels = unwrap(self.device, target.volume, source.volume, R, best.peak.shift, self.grid.edge)
         shift = target.volume.center + voxels * voxel - R.apply(source.volume.center)
         share = overlap(self.device, target.volume, source.volume, R, voxels)
-        accepted, reason = assess(best, rival, share, self.config.acceptance, self.config.max_tilt, self.grid)
+        accepted, reason = assess(best, rival, share, self.config.max_tilt, self.grid)
         return Registration(
             T_target_source=RigidTransform.from_components(shift, R),
             covariance=peak_covariance(best.peak, R, source.volume.center, self.grid, self.hemisphere.tilt_bin),
@@ -159,32 +123,3 @@ class HemisphereRegistrar(GridRegistrar):
             reason=reason,
             step_psr=(("yaw", best.yaw_psr), ("tilt", best.tilt_psr), ("translation", best.peak.psr), ("rival", rival)),
         )
-
-
-def assess(
-    best: Match, rival: float, overlap: float, least: Acceptance, max_tilt: float, grid: Grid
-) -> tuple[bool, str]:
-    """Whether to believe the best match, and the reason in words.
-
-    Args:
-        rival: the peak-to-sidelobe ratio of the next best answer.
-        overlap: the share of points in common under it, 0..1.
-        max_tilt: largest roll and pitch [rad]; 3 degrees more are let through.
-    """
-    psr, least_psr = best.peak.psr, least.psr * max(1.0, grid.edge / 128) ** 0.75
-    if refusal := tilt_refusal(best.R, max_tilt):
-        return False, refusal
-    if psr < least_psr:
-        words = f"no shift stands out: the translation's peak is {psr:.1f} standard deviations high"
-        return False, f"{words}; believed from {least_psr:.0f} on"
-    if psr < least.distinction * rival:
-        return False, (
-            f"two answers fit alike: the translation's peak is {psr:.1f} standard deviations high and another answer's "
-            f"{rival:.1f}; believed from {least.distinction:g} times as high on"
-        )
-    if overlap < least.overlap:
-        return False, f"the scans share too little, {overlap:.1%} of their points; believed from {least.overlap:.0%} on"
-    return True, (
-        f"the scans match: the translation's peak is {psr:.1f} standard deviations high, the next answer's "
-        f"{rival:.1f}; {overlap:.0%} of the points are shared"
-    )
