@@ -119,10 +119,6 @@ class SpectralRegistrar(GridRegistrar):
         return self._register(target, source, self._bounds(target, source))
 
     def _register(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration:
-        """As `register`, within these bounds; the first pair twice, as drivers compile or load kernels meanwhile."""
-        if not self._warm:
-            self._warm = True
-            self._register(target, source, bounds)
         start = perf_counter()
         return replace(self._found(target, source, bounds), seconds=perf_counter() - start)
 

@@ -67,7 +67,6 @@ def test_of_the_same_place_the_finer_grid_knows_the_pose(monkeypatch: pytest.Mon
         return replace(answered, probability=0.3 if fine else 0.95, accepted=not fine, alternatives=(other,))
 
     registrar = SpectralRegistrar(choose_device(), Grid(64, EXTENT / 64))
-    registrar._warm = True
     scan = registrar.prepare(Scan(structure(4, 3000)))
     monkeypatch.setattr(SpectralRegistrar, "_answer", answer)
     found = registrar.register(scan, scan)
@@ -104,7 +103,6 @@ def test_it_is_prepared_for_pairs_that_are_not_believed_alone(monkeypatch: pytes
 
     grid = Grid(64, EXTENT / 64)
     registrar = SpectralRegistrar(choose_device(), grid)
-    registrar._warm = True
     scan = registrar.prepare(Scan(structure(4, 3000)))
     monkeypatch.setattr(SpectralRegistrar, "_answer", answer)
     asked: list[Scan] = []

@@ -73,9 +73,6 @@ class HemisphereRegistrar(GridRegistrar):
 
     def register(self, target: LayeredScan, source: LayeredScan) -> Registration:
         """T_target_source of two scans from `prepare`, and whether to believe it; without a probability."""
-        if not self._warm:  # the first pair twice, as drivers compile or load kernels meanwhile
-            self._warm = True
-            self.register(target, source)
         start = perf_counter()
         best, *others = sorted(self._matches(target, source), key=lambda match: -match.peak.psr)
         return self._conclude(target, source, best, self._rival(target, source, best, others), start)

@@ -122,7 +122,6 @@ class GridRegistrar:
         """Require the memory that `memory_plan` names; DeviceError where the device cannot hold it."""
         require_memory(device, plan)
         self.device, self.grid = device, grid
-        self._warm = False
 
     def with_voxel(self, voxel: float) -> Self:
         """The same for voxels of another size [m], on the same tables and memory: only one of both may work."""
