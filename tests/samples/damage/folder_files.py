@@ -74,7 +74,7 @@ def _read_map(folder: Path) -> None:
 
 def _read_settings(path: Path) -> None:
     try:
-        read_settings(path, _VERBS.commands, None)
+        read_settings(path, _VERBS.commands)
     except typer.BadParameter as error:  # a value that the option itself refuses
         raise InputError(f"{path}: {error}") from error
 

@@ -25,7 +25,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "g2o": read_g2o,
     "tum": read_tum,
     "json": lambda path: read_json(path, "a summary"),
-    "settings": lambda path: read_settings(path, {}, None),
+    "settings": lambda path: read_settings(path, {}),
     "digest": sha256_of,
 }
 
