@@ -29,7 +29,7 @@ from sonarmap.tools.methods.fingerprint import fingerprint
 _COUNTS = dict.fromkeys(SCAN_KINDS, 300) | {STILL: 1200, UNRELATED: 1200, SURVEY: 240, DISTORTED: 300}
 _USUAL = {"counts": _COUNTS, "seed": 880_301, "edge": 128}
 # What measures, not what judges: a change of the latter is fitted and tested on what is recorded already.
-_MEASURING = ("registration", "grid", "scan", "expected", "prior", "prior_pair", "so3", "tilt", "translation")
+_MEASURING = ("registration", "grid", "scan", "expected", "prior", "prior_pair", "so3", "geometry", "translation")
 SOURCES = (
     *("kernels", "spectral/prepare", "spectral/verify", *(f"spectral/{name}.py" for name in _MEASURING)),
     *("tools/lab/simulate", "tools/lab/evaluate"),
