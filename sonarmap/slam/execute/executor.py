@@ -1,6 +1,6 @@
-"""Where work runs: in this process or in several of this machine. The workers of a cluster are in `cluster.py`."""
+"""Where work runs: in this process or in several of this machine."""
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures import Executor as Pool
@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.processes import spawned
 from sonarmap.slam.execute.transport import InProcess, Transport, spooled
 
@@ -18,12 +17,8 @@ _Result = TypeVar("_Result")
 
 # Neighboring jobs share prepared scans, so that a worker gets a few at a time; so many are lost when it is killed.
 JOBS_TOGETHER = 4
-# Pieces of work that each worker has queued, so that it is never idle; more would fill a scheduler's memory.
+# Pieces of work that each worker has queued, so that it is never idle.
 _QUEUED_PER_WORKER = 2
-# How often a piece of work is begun again that was lost with a worker or with a scan that the worker held.
-_MOST_LOST = 3
-# How long workers are waited for, if there are none [s].
-PATIENCE = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +27,7 @@ class Executor:
 
     pool: Pool  # what runs a piece of work
     transport: Transport  # brings scans to the workers
-    worker_count: Callable[[], int]  # how many workers there are now
+    workers: int  # how many there are
     most_together: int | None = None  # the largest number of jobs in a piece of work, whatever is asked for
 
     def run(
@@ -58,11 +53,10 @@ class Executor:
             InputError: workers cannot be made or were lost.
             Exception: whatever the task raises.
         """
-        pieces = _pieces(len(jobs), self.worker_count(), min(together, self.most_together or together))
+        pieces = _pieces(len(jobs), self.workers, min(together, self.most_together or together))
         running: dict[Future[list[_Result]], range] = {}
-        losses = Counter[range]()
         while pieces or running:
-            most_running = _QUEUED_PER_WORKER * max(1, self.worker_count())
+            most_running = _QUEUED_PER_WORKER * self.workers
             while pieces and len(running) < most_running:
                 piece = pieces.popleft()
                 some = jobs[piece.start : piece.stop]
@@ -70,28 +64,14 @@ class Executor:
                 running[future] = piece
                 if future.done():  # in this process: the caller keeps the result before the next piece is begun
                     break
-            for future in sorted(self._finished(running), key=_has_failed):  # results are kept before an error ends it
-                piece = running.pop(future)
-                if future.cancelled() and losses[piece] < _MOST_LOST:
-                    losses[piece] += 1
-                    pieces.appendleft(piece)
-                else:
-                    yield piece, future.result()
-
-    def _finished(self, running: dict[Future[Any], range]) -> set[Future[Any]]:
-        """Those that are done, at least one."""
-        while not (done := wait(running, PATIENCE, FIRST_COMPLETED).done):
-            if not self.worker_count():
-                raise InputError(
-                    f"the cluster has had no worker for {PATIENCE:g} s. Start some; what is done is kept, and the "
-                    "same command continues from there."
-                )
-        return done
+            done = wait(running, return_when=FIRST_COMPLETED).done
+            for future in sorted(done, key=_has_failed):  # results are kept before an error ends it
+                yield running.pop(future), future.result()
 
 
 def this_process() -> Executor:
     """Runs every job here, one after the other."""
-    return Executor(_Immediate(), InProcess(), lambda: 1, most_together=1)
+    return Executor(_Immediate(), InProcess(), 1, most_together=1)
 
 
 @contextmanager
@@ -106,12 +86,12 @@ def processes(
             deleted at the end; None: in the system's folder for temporary files.
     """
     with spooled(spool) as transport, spawned(workers, begin, *arguments) as pool:
-        yield Executor(pool, transport, lambda: workers)
+        yield Executor(pool, transport, workers)
 
 
 def _pieces(jobs: int, workers: int, together: int) -> deque[range]:
     """The jobs in pieces of neighbors, small enough for every worker to get some."""
-    size = min(together, max(1, jobs // (_QUEUED_PER_WORKER * max(1, workers))))
+    size = min(together, max(1, jobs // (_QUEUED_PER_WORKER * workers)))
     return deque(range(start, min(start + size, jobs)) for start in range(0, jobs, size))
 
 

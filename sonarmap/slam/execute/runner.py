@@ -111,8 +111,8 @@ class PairRunner:
 
     @property
     def workers(self) -> int:
-        """How many there are now, at least 1: so many pairs are registered at a time."""
-        return max(1, self._execution.executor.worker_count())
+        """How many there are: so many pairs are registered at a time."""
+        return self._execution.executor.workers
 
     def step_done(self, stage: str) -> None:
         """End a stage that is one step of the progress."""

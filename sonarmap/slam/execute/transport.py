@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -60,8 +60,8 @@ class ScanSource(Protocol):
 class Transport(Protocol):
     """Brings each scan to the workers, once, however many pieces of work need it."""
 
-    def source(self, scan: ScanKey, load: Callable[[], Scan]) -> Any:
-        """What to hand to a worker instead of the scan: a `ScanSource`, or Dask's future of one.
+    def source(self, scan: ScanKey, load: Callable[[], Scan]) -> ScanSource:
+        """What to hand to a worker instead of the scan.
 
         Args:
             load: gives the scan; called when it is needed, and the scan is not kept in this process.

@@ -25,8 +25,7 @@ Sources = Mapping[ScanKey, ScanSource]
 # registered in the order of their scans, and they took 1.8 GB. The rest of the memory is the map's and other programs'.
 _CHAIN, _TRACKS = 8, 16
 _SHARE = 8
-# A process without work for so long frees its worker [s]: a cluster's processes stay when a run has ended, however it
-# ended, and their devices are for others then. Making the worker again takes about 2 s.
+# A process without work for so long frees its worker [s], as while a large map is fused. Making it again takes 2 s.
 IDLE = 60.0
 
 
@@ -156,7 +155,7 @@ class WorkerSpec:
         """Nothing to free: the process that hands out the work has no worker."""
 
 
-# Of this process: a Dask worker may have several threads, but a registrar serves one pair at a time.
+# Of this process; the timer that frees them has a thread of its own.
 _lock = Lock()
 _workers: dict[tuple[str, int], Worker] = {}
 _last_used = 0.0

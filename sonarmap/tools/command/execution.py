@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.failures import when_stopped
 from sonarmap.tools.command.method import ConfiguredMethod
 from sonarmap.tools.command.options.option import MOST_WORKERS, RUNNING, flag, option
@@ -26,7 +25,7 @@ _running = partial(option, RUNNING)
 
 @dataclass(frozen=True, slots=True)
 class ExecutionOptions:
-    """Where pairs are registered: in this process, in several, or by a cluster instead of them."""
+    """Where pairs are registered: in this process, or in several."""
 
     workers: int | None = _running(
         "N",
@@ -35,30 +34,12 @@ class ExecutionOptions:
         min=1,
         max=MOST_WORKERS,
     )
-    scheduler: str | None = _running(
-        "ADDRESS",
-        "Register pairs on a Dask cluster, as tcp://10.0.0.5:8786 or tls://...; needs "
-        "pip install 'sonarmap\\[cluster]'.",
-        rare=True,
-    )
     fresh: bool = flag(RUNNING, "--fresh", "Discard the pairs of earlier runs in OUT/journal.sqlite.")
-
-    def __post_init__(self) -> None:
-        if self.workers is not None and self.scheduler is not None:
-            raise InputError(
-                "--workers starts processes on this machine, and --scheduler uses the workers of a cluster; leave one "
-                "out"
-            )
 
     @property
     def processes(self) -> int:
         """How many register pairs; 1 is this one."""
         return self.workers or 1
-
-    @property
-    def place(self) -> int | str:
-        """The number of processes, or the address of the cluster."""
-        return self.scheduler or self.processes
 
 
 @contextmanager
@@ -105,18 +86,12 @@ def _what_is_kept(pairs: int, journal: Path, fresh: bool) -> str:
 def _workers(
     method: ConfiguredMethod, prepared: int, options: ExecutionOptions, spool: Path
 ) -> "Iterator[tuple[PairWorker, Executor]]":
-    from sonarmap.slam.execute.cluster import cluster
     from sonarmap.slam.execute.executor import processes, this_process
     from sonarmap.slam.execute.worker import Worker
-    from sonarmap.tools.methods.fingerprint import checked_worker_spec, worker_spec
+    from sonarmap.tools.methods.fingerprint import worker_spec
 
-    recipe = (method.name, method.setup, method.registrar, prepared)
-    if options.scheduler:
-        spec = checked_worker_spec(*recipe)
-        with cluster(options.scheduler) as executor:
-            yield spec, executor
-    elif options.processes > 1:
-        spec = worker_spec(*recipe)
+    if options.processes > 1:
+        spec = worker_spec(method.name, method.setup, method.registrar, prepared)
         with processes(options.processes, spool=spool) as executor:
             yield spec, executor
     else:

@@ -134,7 +134,7 @@ def discard(stream: TextIO) -> None:
 
 
 _SAME = ("device", "fix_sigma", "frame", "fresh", "max_tilt", "method", "objective", "range_scale")
-_SAME += ("scheduler", "seed", "sound_speed", "start", "ties", "units", "voxel", "workers")
+_SAME += ("seed", "sound_speed", "start", "ties", "units", "voxel", "workers")
 OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _SAME} | {
     "alignment": "--align",
     "count": "--scans",

@@ -1,7 +1,7 @@
 """Fingerprints of what decides a result, and what workers in other processes make a method from.
 
 Code, settings, device and installed versions decide. Code counts by whole folders: a changed comment makes results be
-computed again, and no change that matters is missed. Workers of a cluster check that they make the same."""
+computed again, and no change that matters is missed."""
 
 import hashlib
 import inspect
@@ -12,7 +12,6 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.worker import WorkerSpec
 from sonarmap.tools.files.inputs import package_versions
 from sonarmap.tools.files.writers.tables import to_json
@@ -91,23 +90,5 @@ def _source_files(place: Path) -> list[Path]:
 
 
 def worker_spec(name: str, setup: Setup, registrar: "Registrar", prepared: int) -> WorkerSpec:
-    """For workers on this machine, which keep so many prepared scans; other arguments as of `method_key`."""
+    """For other processes, which keep so many prepared scans; other arguments as of `method_key`."""
     return WorkerSpec(partial(find_method(name).make, setup), method_key(name, setup, registrar), prepared)
-
-
-def checked_worker_spec(name: str, setup: Setup, registrar: "Registrar", prepared: int) -> WorkerSpec:
-    """For workers on other machines, as `worker_spec`: one whose code, versions or device differ refuses to work."""
-    key = method_key(name, setup, registrar)
-    return WorkerSpec(partial(_make_the_same, name, setup, key), key, prepared)
-
-
-def _make_the_same(name: str, setup: Setup, key: str) -> "Registrar":
-    registrar = find_method(name).make(setup)
-    if method_key(name, setup, registrar) != key:
-        device = getattr(registrar, "device", None)
-        raise InputError(
-            "a worker of the cluster would not get the results of this machine: its sonarmap, its packages' versions "
-            f"or its device{f' ({device.name}, {device.platform})' if device else ''} differ. Install the same there, "
-            "and choose the same kind of device with `device`."
-        )
-    return registrar

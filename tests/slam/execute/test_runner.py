@@ -1,6 +1,5 @@
 """Wherever a survey's pairs are registered, and however often that is stopped: the same results, no pair twice."""
 
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,14 +11,12 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from sonarmap.kernels.errors import DeviceError, InputError
-from sonarmap.slam.execute.cluster import cluster
 from sonarmap.slam.execute.executor import JOBS_TOGETHER, processes
 from sonarmap.slam.execute.journal import Journal
 from sonarmap.slam.execute.pair_text import to_text
 from sonarmap.slam.execute.runner import Execution, PairRunner
 from sonarmap.slam.pair import Candidate
-from tests.samples.clusters.dask_clusters import local_cluster
-from tests.samples.clusters.survey_worker import Knowing, worker_spec
+from tests.samples.survey_worker import Knowing, worker_spec
 from tests.samples.surveys import ring_poses, scans_of
 
 COUNT = 9
@@ -43,9 +40,6 @@ class Work:
                     yield replace(here, journal=journal, method="knowing")
                 case ["processes", workers]:
                     with processes(int(workers)) as executor:
-                        yield Execution(spec, executor, journal, "knowing")
-                case ["cluster", address]:
-                    with cluster(address) as executor:
                         yield Execution(spec, executor, journal, "knowing")
 
     def run(self, kind: str = "here", ending: str = "", pairs: list[tuple[int, int]] = PAIRS) -> list[str]:
@@ -182,46 +176,6 @@ class TestJournalEntries:
                 ends["refused" if str(work.journal) in str(error) else str(error)] += 1
         print(dict(ends))
         assert set(ends) == {"harmless", "refused"}
-
-
-@pytest.fixture(scope="module")
-def address() -> Iterator[str]:
-    with local_cluster(2) as started:
-        yield started.scheduler_address
-
-
-@pytest.mark.slow
-class TestCluster:
-    def test_it_gives_the_same_bits(self, work: Work, undisturbed: list[str], address: str) -> None:
-        assert work.run(f"cluster {address}") == undisturbed
-        assert work.registered() == ASKED
-
-    def test_workers_that_end_again_and_again_are_told(self, work: Work, undisturbed: list[str], address: str) -> None:
-        with pytest.raises(InputError, match="ended again and again"):
-            work.run(f"cluster {address}", ending="kill 7 8")
-        assert work.run() == undisturbed
-
-    def test_a_machine_that_fails_is_raised(self, work: Work, undisturbed: list[str], address: str) -> None:
-        with pytest.raises(DeviceError, match="the device is full"):
-            work.run(f"cluster {address}", ending="device 4 5")
-        assert work.run() == undisturbed
-
-
-class TestClusterThatIsNotThere:
-    @pytest.fixture(autouse=True)
-    def impatient(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        pytest.importorskip("distributed")
-        monkeypatch.setattr("sonarmap.slam.execute.cluster.PATIENCE", 6.0)
-
-    @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "carrier-pigeon://9"])
-    def test_it_is_told(self, work: Work, address: str) -> None:
-        with pytest.raises(InputError, match=r"no Dask scheduler answers at .* `scheduler=tcp://"):
-            work.run(f"cluster {address}")
-
-    def test_dask_that_is_not_installed_is_told(self, work: Work, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setitem(sys.modules, "distributed", None)
-        with pytest.raises(InputError, match=r"pip install 'sonarmap\[cluster\]'"):
-            work.run("cluster tcp://127.0.0.1:9")
 
 
 def test_timings_say_what_came_from_the_journal(work: Work) -> None:

@@ -19,8 +19,8 @@ from sonarmap.slam.execute.runner import Execution, PairRunner
 from sonarmap.slam.execute.transport import content_key, scan_key, spooled
 from sonarmap.slam.pair import Candidate
 from sonarmap.spectral.scan import PosePrior, Scan
-from tests.samples.clusters.survey_worker import worker_spec
 from tests.samples.relative_priors import knowing
+from tests.samples.survey_worker import worker_spec
 from tests.samples.surveys import ring_poses, scans_of
 
 COUNT = 8

@@ -111,7 +111,7 @@ def test_idle_workers_register_ahead_and_the_key_scans_are_the_same() -> None:
 
     def searched(workers: int) -> tuple[list[int], list[tuple[int, int]], list[int]]:
         here = Execution.here(KnowingRegistrar(STREAM, COVARIANCE, spoil), 2)
-        executor = replace(here.executor, worker_count=lambda: workers)
+        executor = replace(here.executor, workers=workers)
         runner, at_a_time = PairRunner(replace(here, executor=executor), SCANS, 2, None), list[int]()
         register = runner.register
 

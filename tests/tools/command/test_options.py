@@ -48,7 +48,6 @@ class TestSharedOptions:
     ("message", "shown"),
     [
         ("`edge=98` is not; try `edge=96` or `edge=100`", "--grid 98 is not; try --grid 96 or --grid 100"),
-        ("`scheduler=tcp://10.0.0.5:8786`", "--scheduler tcp://10.0.0.5:8786"),
         ("`bandwidth=7` and `stack`", "bandwidth=7 and stack"),
         ("run `sonarmap map` first", "run `sonarmap map` first"),
     ],

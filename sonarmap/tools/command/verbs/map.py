@@ -311,7 +311,7 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
         files = settings.get("priors", "what recordings measured")
         named = " and ".join(files) if isinstance(files, list) else files
         result = with_mistake(result, read.scans, named, survey.georeference)
-        times = survey_times(execution.timings, options.place)
+        times = survey_times(execution.timings, options.processes)
         names = [scan.name for scan in read.scans]
         run = SurveyRun(names, settings, method.device, read.unread, inputs, survey.georeference, times)
         with stage("writing", quiet):

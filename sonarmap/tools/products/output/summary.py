@@ -45,9 +45,9 @@ class SurveyRun:
     times: Mapping[str, Any] | None = None
 
 
-def survey_times(timings: Timings, workers: int | str) -> dict[str, Any]:
+def survey_times(timings: Timings, workers: int) -> dict[str, Any]:
     """The content of `times.json`: what differs between runs that give the same results; `workers` is how many
-    processes registered, or the address of the cluster that did."""
+    processes registered."""
     return {
         "workers": workers,
         "pairs_from_journal": timings.from_journal,

@@ -8,7 +8,6 @@ import signal
 import sqlite3
 import subprocess
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ import pytest
 
 from sonarmap.tools.lab.simulate.folder import write_simulation
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
-from tests.samples.clusters.dask_clusters import dask_commands
 from tests.samples.clutter_scans import files_in, scan, sonarmap, write
 from tests.samples.command_line import ROOT, SONARMAP
 
@@ -172,20 +170,12 @@ def test_killed_at_random_moments_it_ends_with_the_same_bytes(scans: Path, undis
 
 
 @pytest.mark.slow
-def test_any_number_of_workers_gives_the_same_bytes(
-    scans: Path, undisturbed: Path, tmp_path: Path, address: str
-) -> None:
-    places = {"this process": (), "--workers 2": ("--workers", "2"), "Dask, 2 workers": ("--scheduler", address)}
+def test_any_number_of_workers_gives_the_same_bytes(scans: Path, undisturbed: Path, tmp_path: Path) -> None:
+    places = {"this process": (), "--workers 2": ("--workers", "2")}
     for name, options in places.items():
         written, seconds = run(scans, tmp_path / name, *options)
         assert written == results(undisturbed), name
         print(f"{name}: {seconds:.1f} s, pairs {times(tmp_path / name)['stages_s']['pairs registered']:.1f} s")
-
-
-@pytest.fixture(scope="module")
-def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    with dask_commands(tmp_path_factory.mktemp("dask"), 2) as started:
-        yield started
 
 
 @pytest.mark.slow

@@ -1,1 +1,0 @@
-"""Clusters of this machine, and what passes through them."""
