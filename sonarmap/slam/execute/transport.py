@@ -83,7 +83,7 @@ class _Loaded:
 
 
 @contextmanager
-def spooled(folder: Path | None) -> Iterator[Transport]:
+def spooled(folder: Path | None) -> "Iterator[_Spool]":
     """Files that other processes of this machine read, for as long as the block lasts.
 
     Args:
