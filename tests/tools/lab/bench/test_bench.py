@@ -96,7 +96,7 @@ class TestPairs:
     def test_pairs_in_a_process_of_their_own(self) -> None:
         result = measure_pairs(simulate_pairs(2, 3, lambda _: None), 32, None, lambda _: None)
         assert (result["prepare_seconds"]["count"], result["register_seconds"]["count"]) == (4, 2)
-        assert result["device_memory"] == pytest.approx(result["planned_memory"], rel=0.15)
+        assert 0 < result["device_memory"] < result["planned_memory"]  # which is for any rotation
         stages = {stage["name"]: stage for stage in result["stages"]}
         assert {"prepare", "register", "rotations", "compare", "finish"} <= set(stages) <= set(PAIR_STAGES.values())
         assert (stages["prepare"]["calls"], stages["register"]["calls"]) == (2, 1)
