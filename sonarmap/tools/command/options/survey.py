@@ -1,5 +1,6 @@
 """Which scans are read, how their points are to be understood, and how a map is made of them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
@@ -54,6 +55,14 @@ class SurveyOptions:
         callback=checked(is_positive, "{}; give a number above 0, or leave it out where it is not known"),
         shown="learned",
     )
+    max_turn_rate: float | None = option(
+        LOOPS,
+        "DEG/S",
+        "How fast it turns at most \\[deg/s]; for scans whose stamps are times.",
+        rare=True,
+        callback=checked(is_positive, "{}; give a number above 0, or leave it out where it is not known"),
+        shown="learned",
+    )
     map_voxel: float | None = length(
         OUTPUT,
         "Edge of the map's voxels \\[m], finer or coarser than those that scans are registered by.",
@@ -70,7 +79,7 @@ class SurveyOptions:
 
         settings = MapperSettings(
             LoopSettings() if self.loops is None else LoopSettings(per_scan=self.loops),
-            MotionLimits() if self.max_speed is None else MotionLimits(self.max_speed),
+            MotionLimits(self.max_speed or math.inf, math.radians(self.max_turn_rate or math.inf)),
             map_voxel=self.map_voxel,
         )
         known = {each.name for each in fields(MapperSettings)}

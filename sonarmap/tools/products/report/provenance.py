@@ -37,12 +37,11 @@ CITATION = (
     "Bülow, H., Birk, A.: Spectral registration of noisy sonar data for underwater 3D mapping. "
     "Autonomous Robots 30 (2011). doi:10.1007/s10514-011-9221-8"
 )
-# Settings of the mapper that an option sets: where they are, the option, its default, and how many of the option's
-# units there are in one of the setting's.
+# Settings of the mapper that an option sets: where they are, the option, and its default.
 _OF_MAPPER = (
     ("loops.per_scan", "--loops", 2),
     ("limits.speed", "--max-speed", None),
-    ("limits.turn_rate", "--set", None),
+    ("limits.turn_rate", "--max-turn-rate", None),
     ("limits.step", "--set", None),
     ("keys.step", "--set", None),
     ("min_seen", "--set", 2),
@@ -161,6 +160,7 @@ def _mapper_words(mapper: Any) -> list[str]:
         for name in path.split("."):
             value = value.get(name) if isinstance(value, Mapping) else None
         if isinstance(value, int | float) and value != default:
+            value = float(f"{math.degrees(value):.12g}") if option == "--max-turn-rate" else value
             words += _option(option, f"{path}={value}" if option == "--set" else value)
     return words
 

@@ -62,7 +62,7 @@ def test_options_that_were_given_are_given_again_and_the_grid_is_as_it_was() -> 
     }
     assert words(settings)[0] == [
         *("--priors", "nav log.csv", "--nav-offset=-1.5", "--sound-speed", "1487.5", "--loops", "5"),
-        *("--max-speed", "1.5", "--set", "limits.turn_rate=0.5235987755982988", "--set", "keys.step=0.5"),
+        *("--max-speed", "1.5", "--max-turn-rate", "30.0", "--set", "keys.step=0.5"),
         *("--set", "min_seen=1"),
     ]
 
