@@ -4,6 +4,9 @@
 finished map. `lab`: simulator, scores, experiments, benchmarks. `command`: what the user asks for.
 """
 
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+try:
+    import lazy_loader
+except ImportError:  # `sonarmap doctor`, which starts here, is to say what is missing
+    pass
+else:
+    __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
