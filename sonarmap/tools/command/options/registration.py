@@ -121,6 +121,21 @@ class MethodOptions:
 _NAMES = {"settings": "set"}
 
 
+@dataclass(frozen=True, slots=True)
+class ViewOptions:
+    """How scans are registered to views of a finished map, by the default method."""
+
+    grid: GridOption = None
+    voxel: VoxelOption = None
+    max_tilt: TiltOption = None
+    device: DeviceOption = None
+
+    @property
+    def method(self) -> MethodOptions:
+        """The same as options of a method."""
+        return MethodOptions(grid=self.grid, voxel=self.voxel, max_tilt=self.max_tilt, device=self.device)
+
+
 def changed(config: Any, assignments: Iterable[str]) -> Any:
     """A configuration with the fields that --set names, as in "hypotheses=24" or "limits.step=2".
 

@@ -35,6 +35,15 @@ if TYPE_CHECKING:
     from sonarmap.tools.files.readers.corrections import Corrections
 
 
+_limit = partial(
+    option,
+    LOOPS,
+    rare=True,
+    callback=checked(is_positive, "{}; give a number above 0, or leave it out where it is not known"),
+    shown="learned",
+)
+
+
 @dataclass(frozen=True, slots=True)
 class SurveyOptions:
     """Loops, how fast the vehicle is, and the map's voxels."""
@@ -47,21 +56,11 @@ class SurveyOptions:
         min=0,
         max=MOST,
     )
-    max_speed: float | None = option(
-        LOOPS,
-        "M/S",
-        "How fast the vehicle moves at most \\[m/s]; for scans whose stamps are times.",
-        rare=True,
-        callback=checked(is_positive, "{}; give a number above 0, or leave it out where it is not known"),
-        shown="learned",
+    max_speed: float | None = _limit(
+        "M/S", "How fast the vehicle moves at most \\[m/s]; for scans whose stamps are times."
     )
-    max_turn_rate: float | None = option(
-        LOOPS,
-        "DEG/S",
-        "How fast it turns at most \\[deg/s]; for scans whose stamps are times.",
-        rare=True,
-        callback=checked(is_positive, "{}; give a number above 0, or leave it out where it is not known"),
-        shown="learned",
+    max_turn_rate: float | None = _limit(
+        "DEG/S", "How fast it turns at most \\[deg/s]; for scans whose stamps are times."
     )
     map_voxel: float | None = length(
         OUTPUT,

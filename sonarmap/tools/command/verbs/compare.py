@@ -14,7 +14,6 @@ from sonarmap.tools.command.options.option import (
     INPUT,
     OUTPUT,
     REQUIRED,
-    DeviceOption,
     JsonOption,
     QuietOption,
     flag,
@@ -22,7 +21,7 @@ from sonarmap.tools.command.options.option import (
     option,
 )
 from sonarmap.tools.command.options.output import SAME_FRAME, EarthPlace, open_map
-from sonarmap.tools.command.options.registration import GridOption, MethodOptions, TiltOption, VoxelOption
+from sonarmap.tools.command.options.registration import MethodOptions, ViewOptions
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, result_console, say, warn
 from sonarmap.tools.extras import require
@@ -41,6 +40,7 @@ NOT_ALIGNED = 3
 def command(
     old: Annotated[Path, typer.Argument(help="The folder of the earlier map, or a point cloud.", metavar="OLD")],
     earth: EarthPlace,
+    view: ViewOptions,
     new: Annotated[
         Path | None, typer.Argument(help="The folder of the later map, or a point cloud.", metavar="NEW")
     ] = None,
@@ -58,10 +58,6 @@ def command(
         shown="what its scatter says",
         rare=True,
     ),
-    grid: GridOption = None,
-    voxel: VoxelOption = None,
-    max_tilt: TiltOption = None,
-    device: DeviceOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -74,9 +70,8 @@ def command(
     """
     from sonarmap.tools.products.compare.cloud import PointCloud, opened_surveys
     from sonarmap.tools.products.compare.comparison import CompareSettings, NotAlignedError, compare_maps
-    from sonarmap.tools.products.compare.files import check_folder, write_comparison
+    from sonarmap.tools.products.compare.files import check_folder
 
-    method = MethodOptions(grid=grid, voxel=voxel, max_tilt=max_tilt, device=device)
     _check(old, new, surveys, same_frame, cloud_sigma)
     check_folder(out, old, *([] if new is None else [new]))
     settings = CompareSettings(reach, bound)
@@ -97,7 +92,7 @@ def command(
         if new is None:
             results = _surveys(folder, out, settings)
         else:
-            registrar = None if same_frame else _registrar(folder, method)
+            registrar = None if same_frame else _registrar(folder, view.method)
             with growing_progress("bringing NEW onto OLD", quiet or as_json) as step:
                 results = [(out, compare_maps(first, second, registrar, settings, step))]
     except NotAlignedError as error:
@@ -105,6 +100,18 @@ def command(
             print_json({"aligned": False, "reason": str(error)})
         warn(str(error))
         raise typer.Exit(NOT_ALIGNED) from error
+    _write(results, place, as_json, in_pairs=new is None)
+
+
+def _write(
+    results: "Sequence[tuple[Path, Comparison]]",
+    place: "tuple[Georeference, Projection] | None",
+    as_json: bool,
+    in_pairs: bool,
+) -> None:
+    """Write the files of each comparison into its folder, and print what it says."""
+    from sonarmap.tools.products.compare.files import write_comparison
+
     contents: list[dict[str, object]] = []
     for out, comparison in results:
         files = write_comparison(out, comparison, place)
@@ -112,7 +119,7 @@ def command(
         if not as_json:
             _print(comparison, files)
     if as_json:
-        print_json({"pairs": contents} if new is None else contents[0])
+        print_json({"pairs": contents} if in_pairs else contents[0])
 
 
 def _check(old: Path, new: Path | None, surveys: bool, same_frame: bool, cloud_sigma: float | None) -> None:

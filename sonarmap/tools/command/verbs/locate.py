@@ -14,7 +14,6 @@ from sonarmap.tools.command.navigation import ImuOption, NavigationReading, Prio
 from sonarmap.tools.command.options.option import (
     INPUT,
     OUTPUT,
-    DeviceOption,
     JsonOption,
     QuietOption,
     checked,
@@ -22,7 +21,7 @@ from sonarmap.tools.command.options.option import (
     option,
 )
 from sonarmap.tools.command.options.output import EarthPlace, open_map
-from sonarmap.tools.command.options.registration import GridOption, MethodOptions, TiltOption, VoxelOption
+from sonarmap.tools.command.options.registration import ViewOptions
 from sonarmap.tools.command.options.survey import InputsArgument, PointReading
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import number_table, print_json, print_result, printable, result_console, say, warn
@@ -42,6 +41,7 @@ def command(
     points: PointReading,
     reading: NavigationReading,
     earth: EarthPlace,
+    view: ViewOptions,
     out: Path | None = option(
         OUTPUT,
         "FILE.tum",
@@ -54,10 +54,6 @@ def command(
     ),
     alone: bool = flag(INPUT, "--alone", "Locate each scan independently instead of as a track."),
     imu: ImuOption = True,
-    grid: GridOption = None,
-    voxel: VoxelOption = None,
-    max_tilt: TiltOption = None,
-    device: DeviceOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -72,7 +68,6 @@ def command(
     from sonarmap.tools.files.readers.scans import read_scans
     from sonarmap.tools.files.writers.atomic import require_writable
 
-    method = MethodOptions(grid=grid, voxel=voxel, max_tilt=max_tilt, device=device)
     if out is not None:
         require_writable(out.parent)
     folder = open_map(source, earth)
@@ -85,7 +80,7 @@ def command(
         say(note)
     navigation = reading.settings(*priors.priors, origin=folder.georeference)
     scans = scans_with_priors(read.scans, priors, navigation, imu, allow_unknown=True, files=read.files).scans
-    configured = configure_method(surveyed.key_scans(), method, survey=True)
+    configured = configure_method(surveyed.key_scans(), view.method, survey=True)
     assert isinstance(configured.registrar, SpectralRegistrar)  # as other methods are refused
     found: list[Located] = []
     with growing_progress("locating", quiet or as_json) as step:
