@@ -10,15 +10,15 @@ from scipy.special import gammaincc, gammainccinv, gammaincinv
 
 
 def chi_squared(probability: float, numbers: int | np.ndarray) -> Any:
-    """What chi-squared of so many numbers is less than with a probability; an array where an argument is one."""
+    """The quantile of chi-squared at a probability, with `numbers` degrees of freedom; an array for arrays."""
     return 2 * gammaincinv(np.asarray(numbers) / 2, probability)
 
 
 def chi_squared_beyond(probability: float | np.ndarray, numbers: int | np.ndarray) -> Any:
-    """What it is more than with a probability, however small that is."""
+    """The value that chi-squared exceeds with a probability, however small that is."""
     return 2 * gammainccinv(np.asarray(numbers) / 2, probability)
 
 
 def beyond_sigmas(sigmas: float, numbers: int) -> float:
-    """What it is more than as seldom as one number is off by so many standard deviations."""
+    """The value that chi-squared exceeds as seldom as a normal number is off by `sigmas` standard deviations."""
     return float(chi_squared_beyond(gammaincc(0.5, sigmas**2 / 2), numbers))

@@ -22,7 +22,7 @@ from sonarmap.spectral.scan import PosePrior
 # What an instrument tells, and its numbers among a prior's sigmas.
 KINDS = {"attitude": slice(0, 2), "heading": slice(2, 3), "position": slice(3, 5), "depth": slice(5, 6)}
 _SIZES = np.array([numbers.stop - numbers.start for numbers in KINDS.values()])
-_MIDDLE = chi_squared(0.5, _SIZES)  # the median of chi-squared of so many numbers
+_MIDDLE = chi_squared(0.5, _SIZES)  # the median of chi-squared with a degree of freedom for each size
 # Degrees of freedom of the errors' tails, how often measurements are weighed anew, and a change that is none.
 TAILS, _REWEIGHTED, _SETTLED = 2.0, 12, 1e-2
 # A measurement is wrong where one of so many right ones is as far off.

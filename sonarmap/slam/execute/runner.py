@@ -111,7 +111,7 @@ class PairRunner:
 
     @property
     def workers(self) -> int:
-        """How many there are: so many pairs are registered at a time."""
+        """The number of workers, which is the number of pairs registered at a time."""
         return self._execution.executor.workers
 
     def step_done(self, stage: str) -> None:

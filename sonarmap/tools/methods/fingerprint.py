@@ -90,5 +90,5 @@ def _source_files(place: Path) -> list[Path]:
 
 
 def worker_spec(name: str, setup: Setup, registrar: "Registrar", prepared: int) -> WorkerSpec:
-    """For other processes, which keep so many prepared scans; other arguments as of `method_key`."""
+    """For other processes, each of which keeps that number of prepared scans; other arguments as of `method_key`."""
     return WorkerSpec(partial(find_method(name).make, setup), method_key(name, setup, registrar), prepared)

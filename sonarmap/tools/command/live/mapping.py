@@ -358,7 +358,7 @@ class Backlog:
         Thread(target=self._run, args=(scans,), name="incoming", daemon=True).start()
 
     def wait(self, seconds: float, least: int = 1) -> int:
-        """How many scans wait: when so many do, all have come, or the time is over."""
+        """The number of scans that wait, once it reaches the wanted one, all have come, or the time is over."""
         with self._changed:
             self._changed.wait_for(lambda: len(self._waiting) >= least or self.ended, seconds)
             return len(self._waiting)

@@ -19,7 +19,7 @@ from sonarmap.tools.lab.simulate.kinds.kind import ROUGH_SCENES
 from sonarmap.tools.methods.fingerprint import method_key
 from sonarmap.tools.methods.registry import DEFAULT_METHOD, Setup, find_method
 
-# Surveys of each scene, of so many scans by the usual sensor; voxels per edge, whose size is chosen for the survey
+# Surveys of each scene, and their scans by the usual sensor; voxels per edge, whose size is chosen for the survey
 _USUAL = {"scenes": ROUGH_SCENES, "seeds": 5, "first_seed": 7202, "scans": 24, "edge": 128}
 USUAL = "as usual"
 # What is tried: other thresholds of the graph

@@ -35,7 +35,7 @@ from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_o
 
 OVERLAP, PATHS, UNRELATED = PAIR_SETS
 BATCH = 5  # pairs of a job: of the set overlap one of every range of overlap
-_FREE_SHARE = 5  # for so many pairs with any yaw there is one with any rotation
+_FREE_SHARE = 5  # pairs with any yaw for each one with any rotation
 # Neither development nor the tests use pairs of these seeds. The methods other than ours register less, as they take
 # ten times as long.
 _USUAL = {

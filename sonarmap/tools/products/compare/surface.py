@@ -25,7 +25,7 @@ from sonarmap.tools.files.readers.poses.trajectory import read_graph_json
 
 _LEAST_NOISE = 1e-3  # [m]
 _PASSING = 2  # sight lines that say that a place is free: a single one may end at a stray echo
-_MOST = 300  # poses whose errors are told apart; of a longer survey so many stand for those about them
+_MOST = 300  # poses with errors of their own; in a longer survey this number of poses represent their neighbors
 NORMAL_RADIUS, RADIUS = 2.5, 1.5  # of normals and of cylinders [voxels]
 FEWEST = 4  # points of a cloud in a cylinder
 _HALF = 1.5  # how far points of a layer are from its middle [voxels]

@@ -27,7 +27,7 @@ _DIMENSIONS = {  # beside those that every LAS file has: type, and what it is in
     "scan": ("u4", "scan with most of its points"),
     "survey": ("u2", "survey of that scan"),
 }
-# A node keeps a point in each of so many cells along its edge; the others go to its children, unless they are few.
+# Cells along a node's edge, in each of which it keeps one point; the others go to its children, unless they are few.
 _CELLS, _FEW, _DEEPEST = 128, 50_000, 12
 _INFO, _ENTRY = "<5d2Q2d88x", "<4iQ2i"  # of the specification: sections "info VLR" and "hierarchy VLR"
 

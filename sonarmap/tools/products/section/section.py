@@ -32,7 +32,7 @@ class PlacedMap:
         return cls(folder.path, part, folder.voxel, here)
 
     def seen_by(self, least: int) -> "PlacedMap":
-        """With the points alone that so many scans saw. Raises InputError: there is none."""
+        """With only the points that at least `least` scans saw. Raises InputError: there is none."""
         kept = self.part.columns["seen"] >= least
         if not kept.any():
             most = int(self.part.columns["seen"].max())
