@@ -28,8 +28,8 @@ from .slam.survey_result import SurveyResult as SurveyResult
 from .slam.tie import Tie as Tie
 from .spectral.grid import Grid as Grid
 from .spectral.grid import choose_grid as choose_grid
-from .spectral.hemisphere.registration import HemisphereConfig as HemisphereConfig
-from .spectral.hemisphere.registration import HemisphereRegistrar as HemisphereRegistrar
+from .spectral.hemisphere import HemisphereConfig as HemisphereConfig
+from .spectral.hemisphere import HemisphereRegistrar as HemisphereRegistrar
 from .spectral.prior import RelativePrior as RelativePrior
 from .spectral.prior import relative_prior as relative_prior
 from .spectral.registration import SpectralConfig as SpectralConfig

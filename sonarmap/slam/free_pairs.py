@@ -10,7 +10,7 @@ from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.chi_squared import chi_squared
 from sonarmap.spectral.geometry import measured_rotation
-from sonarmap.spectral.prior_pair import PriorPair
+from sonarmap.spectral.prior import PriorPair
 from sonarmap.spectral.scan import PosePrior, Scan
 
 _EVENLY, _TURNING = 8, 8  # pairs: spread over the survey, and those between which it turns most

@@ -1,7 +1,7 @@
 from .grid import Grid as Grid
 from .grid import choose_grid as choose_grid
-from .hemisphere.registration import HemisphereConfig as HemisphereConfig
-from .hemisphere.registration import HemisphereRegistrar as HemisphereRegistrar
+from .hemisphere import HemisphereConfig as HemisphereConfig
+from .hemisphere import HemisphereRegistrar as HemisphereRegistrar
 from .prior import RelativePrior as RelativePrior
 from .prior import relative_prior as relative_prior
 from .registration import SpectralConfig as SpectralConfig

@@ -15,11 +15,11 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.points.voxelize import scaled
 from sonarmap.kernels.pomf.point_spectra import PointSpectra
+from sonarmap.spectral.covariance import covers
 from sonarmap.spectral.expected import ExpectedPose
 from sonarmap.spectral.fitted import FITTED
 from sonarmap.spectral.grid import Grid, second_edge
-from sonarmap.spectral.judge.covariance import covers
-from sonarmap.spectral.judge.judgement import conclude, no_candidates
+from sonarmap.spectral.judgement import conclude, no_candidates
 from sonarmap.spectral.memory import memory_plan
 from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer
 from sonarmap.spectral.prepare.range_image import scan_view
@@ -32,8 +32,7 @@ from sonarmap.spectral.so3 import RotationPeaks, So3, distinct_rotations
 from sonarmap.spectral.verify.bounds import Bounds
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
-from sonarmap.spectral.verify.observability import Observability
-from sonarmap.spectral.verify.verifier import Verifier
+from sonarmap.spectral.verify.verifier import Observability, Verifier
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from sonarmap.kernels.device.arrays import Pending
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.pomf.correlator import Correlator, Pose, at_once
-from sonarmap.kernels.pomf.peak_fit import Peak
+from sonarmap.kernels.pomf.peak import Peak
 
 # Standard deviation of the Gaussian that the correlation is convolved with [voxels]. Noise of the scans and the
 # voxels' edges spread the peak over its neighbors; without the blur the highest voxel is often a wrong one.

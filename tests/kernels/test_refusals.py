@@ -5,23 +5,25 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from sonarmap.kernels.device.arrays import upload_poses
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.transform import RealFFT
-from sonarmap.kernels.points.poses import upload_poses
 from sonarmap.kernels.points.visibility import Viewing, agreement, octahedral_cells, upload_points, upload_viewpoints
 from sonarmap.kernels.points.voxelize import scaled, voxelize
 from sonarmap.kernels.pomf.peak import find_peaks
 from sonarmap.kernels.pomf.point_spectra import PointSpectra
 from sonarmap.kernels.pomf.spectrum import Pomf, cross_power, magnitude, whiten
-from sonarmap.kernels.resample.layers import normalize_layers
-from sonarmap.kernels.resample.polar import polar_magnitude
-from sonarmap.kernels.resample.sphere import rectangular_unwrap, sample, upload_directions
+from sonarmap.kernels.resample.layers import (
+    normalize_layers,
+    polar_magnitude,
+    rectangular_unwrap,
+    sample,
+    upload_directions,
+)
 from sonarmap.kernels.so3.correlation import RotationCorrelation
 from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
-from sonarmap.kernels.surface.cells import sort_into_cells
-from sonarmap.kernels.surface.nearest import find_nearest, upload_places
-from sonarmap.kernels.surface.planes import fit_planes
+from sonarmap.kernels.surface.cells import find_nearest, fit_planes, sort_into_cells, upload_places
 
 ANGLES, EYE = np.arange(8.0), np.eye(3)[None]
 

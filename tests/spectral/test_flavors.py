@@ -6,7 +6,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import Device, choose_device
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
+from sonarmap.spectral.hemisphere import HemisphereConfig, HemisphereRegistrar
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from tests.samples.scenes.reliefs import HERE, THERE, above, relief, seen

@@ -12,7 +12,7 @@ from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import EDGES
 from sonarmap.spectral.grid import Grid, choose_grid, coarse_edge, image_edge, scan_center
-from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
+from sonarmap.spectral.hemisphere import HemisphereRegistrar
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.scenes.reliefs import HERE, T_TRUE, THERE, relief, seen

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
+from sonarmap.spectral.hemisphere import HemisphereRegistrar
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registrar, Registration
 from tests.samples.scenes import reliefs

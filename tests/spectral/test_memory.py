@@ -11,7 +11,7 @@ from sonarmap.kernels.device.trace import MemoryUsage
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.kernels.fft.edges import EDGES
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
+from sonarmap.spectral.hemisphere import HemisphereRegistrar
 from sonarmap.spectral.memory import POINTS, memory_plan, require_memory, scans_that_fit
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.spectral.scan import Scan

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.spectral.grid import Grid, second_edge
-from sonarmap.spectral.judge.judgement import no_candidates
+from sonarmap.spectral.judgement import no_candidates
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan

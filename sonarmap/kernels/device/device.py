@@ -17,7 +17,7 @@ from pyopencl.array import Array
 
 from sonarmap.kernels.device.cache import LOGGER
 from sonarmap.kernels.device.device_info import DeviceInfo, by_preference, identity, kind, matching
-from sonarmap.kernels.device.loaded import load_devices, loaded_driver, refuse_fork
+from sonarmap.kernels.device.drivers import load_devices, loaded_driver, refuse_fork
 from sonarmap.kernels.device.source import KERNEL_FOLDER, compile_program, literal
 from sonarmap.kernels.device.trial import TEST_FAILED, driver_of, known_devices, run_self_test, try_devices
 from sonarmap.kernels.errors import DeviceError, InputError

@@ -17,8 +17,7 @@ import pyopencl as cl
 from sonarmap.kernels.child import LATE, Answers, answer, ask
 from sonarmap.kernels.device.cache import LOGGER, digest, recall, remember, require_caches
 from sonarmap.kernels.device.device_info import DeviceInfo, State, describe
-from sonarmap.kernels.device.drivers import Driver, driver_fault, installed_drivers
-from sonarmap.kernels.device.loaded import load_devices, temporary_folder
+from sonarmap.kernels.device.drivers import Driver, driver_fault, installed_drivers, load_devices, temporary_folder
 from sonarmap.kernels.device.source import informative_line, kernels_digest
 from sonarmap.kernels.device.threads import limit_libraries
 from sonarmap.kernels.errors import SonarmapError
@@ -28,7 +27,7 @@ _PROBE = "__kernel void probe(__global float8* x) { x[get_global_id(0)] = fma(x[
 # Variables that say which devices a driver shows, by how they begin.
 _VARIABLES = ("CUDA_VISIBLE", "GPU_DEVICE", "HIP_", "LD_", "NVIDIA_", "OCL_ICD_", "ONEAPI_", "POCL_DEV", "ROCR_", "ZE_")
 # By name: it runs all kernels, which are built on what asks for the self-test.
-_CHECKS = "sonarmap.kernels.self_test.checks"
+_CHECKS = "sonarmap.kernels.self_test"
 TEST_FAILED = "its self-test failed: "
 _FAILED = "the process that tried it failed: "
 

@@ -12,8 +12,7 @@ from math import prod
 
 import numpy as np
 
-from sonarmap.kernels.fft.edges import radices
-from sonarmap.kernels.fft.plan import Layout, Pass, Plan
+from sonarmap.kernels.fft.edges import Layout, Pass, Plan, radices
 from sonarmap.kernels.fft.stage import half_turns, stage, twiddles, untangle
 
 _BARRIER = "barrier(CLK_LOCAL_MEM_FENCE);"

@@ -12,8 +12,7 @@ from sonarmap.kernels.device.launch import begin_of, memory_of, output, require_
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.kernels.fft import cpu as fft_cpu
 from sonarmap.kernels.fft import gpu as fft_gpu
-from sonarmap.kernels.fft.edges import EDGES
-from sonarmap.kernels.fft.plan import Layout
+from sonarmap.kernels.fft.edges import EDGES, Layout
 
 
 class _Transform:

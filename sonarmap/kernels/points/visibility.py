@@ -9,11 +9,10 @@ import numpy as np
 import pyopencl.array as cla
 from pyopencl import cltypes
 
-from sonarmap.kernels.device.arrays import Pending, Readback
+from sonarmap.kernels.device.arrays import Pending, Readback, require_places, upload_places
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array
 from sonarmap.kernels.errors import InputError
-from sonarmap.kernels.points.poses import require_places, upload_places
 
 _LANES = 8
 _GROUP = 64

@@ -14,9 +14,8 @@ import pyopencl.array as cla
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import enqueue, launch, table
 from sonarmap.kernels.fft import fused
-from sonarmap.kernels.fft.edges import row_pitch
-from sonarmap.kernels.fft.plan import Layout
-from sonarmap.kernels.fft.sparse import emit_planes, sheet_width
+from sonarmap.kernels.fft.edges import Layout, row_pitch
+from sonarmap.kernels.fft.fused import emit_planes, sheet_width
 from sonarmap.kernels.fft.transform import RealFFT
 from sonarmap.kernels.pomf.spectrum import full_gain, half_gain, half_weights
 

@@ -9,9 +9,8 @@ import pyopencl.array as cla
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import affine_rows, enqueue, require_array, table, zero
 from sonarmap.kernels.errors import InputError
-from sonarmap.kernels.fft.edges import row_pitch
-from sonarmap.kernels.fft.plan import Layout
-from sonarmap.kernels.fft.sparse import emit_planes, emit_spectra, sheet_width
+from sonarmap.kernels.fft.edges import Layout, row_pitch
+from sonarmap.kernels.fft.fused import emit_planes, emit_spectra, sheet_width
 from sonarmap.kernels.fft.transform import RealFFT, column_lanes
 from sonarmap.kernels.points.voxelize import voxelize, voxelize_poses
 from sonarmap.kernels.pomf.spectrum import magnitude, whiten
@@ -42,7 +41,7 @@ class PointSpectra:
             self._plan_sparse(Layout((edge, edge, edge)))
 
     def _plan_sparse(self, layout: Layout) -> None:
-        """For processors: a work-item per plane or sheet; see `kernels.fft.sparse`."""
+        """For processors: a work-item per plane or sheet; see `kernels.fft.fused`."""
         device, edge = self._device, self._edge
         self._sheet_count = edge // sheet_width(layout)
         self._marks = device.empty((1, edge**2 // 8), np.int32)

@@ -8,8 +8,7 @@ import numpy as np
 import pyopencl.array as cla
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.device.groups import along, lanes
-from sonarmap.kernels.device.launch import launch, output, require_array, table
+from sonarmap.kernels.device.launch import along, lanes, launch, output, require_array, table
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import EDGES, KINDS, row_pitch
 from sonarmap.kernels.fft.transform import RealFFT

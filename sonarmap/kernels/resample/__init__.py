@@ -1,5 +1,5 @@
 """Magnitude spectra sampled on other coordinates, where a rotation is a shift.
 
-In: centered magnitude spectra on the device. Out: layers of images over directions (`sphere.py`) or over radius and
-angle (`polar.py`), normalized by `layers.py`.
+In: centered magnitude spectra on the device. Out: layers of images over directions (`sphere.cl`) or over radius and
+angle (`polar.cl`), normalized (`layers.cl`).
 """

@@ -1,4 +1,4 @@
-"""Points in cells, sorted, on the device: what `cells.cl` finds the nearest of them with."""
+"""Points in cells on the device: the nearest of them to other points, and the planes that their neighbors show."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,9 @@ import numpy as np
 import pyopencl.array as cla
 from pyopencl import cltypes
 
+from sonarmap.kernels.device.arrays import require_places, upload_places, upload_poses
 from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.launch import lanes, launch, require_array, table
 from sonarmap.kernels.errors import InputError
 
 # A surface has about a point a voxel: a cell of so many voxels holds four, and most nearest points lie in it.
@@ -36,7 +38,7 @@ class Cells:
 class Elements:
     """The points of a surface on the device that they were prepared on."""
 
-    rows: cla.Array  # device (m, 12) float32, point, normal and ray of each as `element.cl` has them
+    rows: cla.Array  # device (m, 12) float32, point, normal and ray of each as `cells.cl` has them
     cells: Cells  # the same points, to search among
 
     def __len__(self) -> int:
@@ -86,3 +88,70 @@ def _box(places: np.ndarray) -> tuple[np.ndarray, np.float32, np.ndarray]:
         size *= 1.2
     counts = (np.floor((high - low) / size) + 1).astype(np.int32)
     return low.astype(np.float32), np.float32(size), counts
+
+
+GROUP = 64  # work-items that share what a launch of a group costs
+
+
+def padded(count: int) -> int:
+    """The number of work-items for so many points: whole groups."""
+    return -(-count // GROUP) * GROUP
+
+
+def find_nearest(
+    device: Device, cells: Cells, places: cla.Array, R: np.ndarray, t: np.ndarray, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The nearest point of the cells to each place, moved by each pose.
+
+    Args:
+        places: device (n, 4) float32, from `upload_places` [the cells' unit].
+        R, t: (k, 3, 3) and (k, 3), p = R place + t in the cells' frame.
+        reach: the farthest that a nearest point may lie.
+
+    Returns:
+        Distances (k, n) float32, infinite where nothing is within reach, and numbers (k, n) int32 of the points, -1
+        there; of points equally far the first.
+    """
+    count, _ = require_array(places, "places", (None, 4))
+    poses = upload_poses(device, R, t)
+    if not reach >= 0:
+        raise InputError(f"`reach={reach}`; wanted 0 or more")
+    if not len(R) or not count:
+        return np.full((len(R), count), np.inf, np.float32), np.full((len(R), count), -1, np.int32)
+    index, squared = device.empty((len(R), count), np.int32), device.empty((len(R), count))
+    arguments = *cells.arguments, places, poses, index, squared, np.int32(count), np.float32(reach)
+    launch(device, "surface/nearest", "nearest", (padded(count), len(R)), *arguments, group=(GROUP, 1))
+    return np.sqrt(squared.get()), index.get()
+
+
+# So many neighbors make a plane: enough to average noise of a voxel's size, few enough to keep edges.
+NEIGHBORS = 16
+
+
+def fit_planes(
+    device: Device, cells: Cells, directions: np.ndarray, viewpoints: np.ndarray, *, farthest: float, aside: float
+) -> cla.Array:
+    """The points of the cells moved along the normal onto the plane of their neighbors, by total least squares.
+
+    Args:
+        cells: of m points, at least 3.
+        directions: (d, 3) unit vectors.
+        viewpoints: (v, 3) where the points were seen from [the points' unit]: each from the nearest; none: not known.
+        farthest: a point farther than this from its plane stays [the points' unit].
+        aside: a point whose neighbors' middle is farther away than this share of their spread is at a rim.
+
+    Returns:
+        device (m, 12) float32 as `cells.cl` has it, in the points' own order.
+    """
+    if len(cells) < 3:
+        raise InputError(f"{len(cells)} points show no plane; wanted at least 3")
+    require_places(directions, "directions")
+    require_places(viewpoints, "viewpoints")
+    elements = device.empty((len(cells), 12))
+    known = table(device, np.column_stack([directions, np.zeros(len(directions))]).astype(np.float32))
+    views = upload_places(device, viewpoints if len(viewpoints) else np.zeros((1, 3)))
+    numbers = np.int32(len(cells)), np.int32(len(viewpoints)), np.float32(farthest), np.float32(aside)
+    arguments = *cells.arguments, known, views, elements, *numbers
+    size, group = (padded(len(cells)) // lanes(device),), (GROUP // lanes(device),)
+    launch(device, "surface/planes", "planes", size, *arguments, group=group, DIRECTIONS=len(directions))
+    return elements

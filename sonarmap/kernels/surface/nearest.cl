@@ -4,7 +4,6 @@
 // rows of [R | t] in the first 12; index (k, n) int32, -1 where nothing is within reach, and squared (k, n) float32.
 // One work-item: a point under a pose.
 #include "surface/cells.cl"
-#include "surface/element.cl"
 
 __kernel void nearest(__global const float4* const restrict points, __global const int* const restrict starts,
                       const float8 box, __global const float4* const restrict places,

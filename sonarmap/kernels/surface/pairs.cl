@@ -1,6 +1,6 @@
 // Pairs of nearest points of two surfaces, both ways, under each of many poses; and how far apart they usually are.
 //
-// Layout: of both surfaces points, starts and box as in cells.cl, elements as in element.cl, and how many of these, every
+// Layout: of both surfaces points, starts and box, and elements, as in cells.cl, and how many of these, every
 // `step`-th, take part; records (k, RECORD) as in real.cl; rows (k, n) float16, n the source's points, then the target's:
 // s012 the normal of the surface whose plane the source's point is to lie in, in the target's axes, s3 how far it stands
 // off that plane, s456 the source's point from its grid's center in the target's axes, s7 0 for a pair beyond reach, 1
@@ -8,7 +8,6 @@
 // normal, sbc how the gap changes with the stretch of the source and of the target, sd the
 // width of the weights' bell. Points may be so far apart: `tried`, or BELLS times that width where that is more.
 #include "surface/cells.cl"
-#include "surface/element.cl"
 #include "surface/real.cl"
 #ifndef LANES
 #define LANES 1

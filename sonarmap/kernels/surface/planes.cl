@@ -1,7 +1,7 @@
 // The plane of each point's 16 nearest neighbors, itself among them, and the point moved along the normal onto it.
 //
 // Layout: points, starts and box as in cells.cl; directions (DIRECTIONS) float4 unit vectors, of which x, y, z count; viewpoints
-// (views) float4 likewise; elements (m, 12) float32 as in element.cl, by the points' numbers.
+// (views) float4 likewise; elements (m, 12) float32 likewise, by the points' numbers.
 // A point farther than `farthest` from its plane stays. One whose neighbors' middle lies farther away than the share
 // `aside` of their spread is at a rim. One work-item: LANES points in the order of the cells, so that neighbors are at
 // hand; searched one after the other, then all at once.

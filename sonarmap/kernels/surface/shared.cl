@@ -1,6 +1,6 @@
 // What two surfaces share under each of many poses: sums over some points of each, looked up in the other.
 //
-// Layout: of both surfaces points, starts and box as in cells.cl, elements as in element.cl, and how many elements, every
+// Layout: of both surfaces points, starts and box, and elements, as in cells.cl, and how many elements, every
 // `step`-th of them, are looked up; weights (directions) float32 by the directions of the normals; poses (k, 16) float32,
 // the rows of [R | t] in the first 12, p_target = R p_source + t; out (k, 2, parts, 4) float32: of the source's points,
 // then of the target's, the weights of those that agree, of those that are covered, of all, and the number of those that
@@ -8,7 +8,6 @@
 // A point is covered by one of the other's within COVERED; it lies on it within REACH, and agrees if also the normals'
 // cosine is at least ALIKE. One work-item adds up ITEM points, one group the items of LANES.
 #include "surface/cells.cl"
-#include "surface/element.cl"
 #ifndef ITEM
 #define ITEM 64
 #define LANES 1

@@ -8,8 +8,7 @@ from scipy.spatial import KDTree
 
 from sonarmap.kernels.device.arrays import Pending, Readback
 from sonarmap.kernels.device.device import Array, Device
-from sonarmap.kernels.surface.cells import Cells, Elements, sort_into_cells
-from sonarmap.kernels.surface.planes import fit_planes
+from sonarmap.kernels.surface.cells import Cells, Elements, fit_planes, sort_into_cells
 
 # A point farther than this from its neighbors' plane is no point of it, and stays [voxels].
 _FARTHEST = 3.0

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.prepare.range_image import FINE
 from sonarmap.spectral.so3 import RotationPeaks
+from sonarmap.spectral.verify.bounds import PairFrames
 from sonarmap.spectral.verify.fit import Fit, principal_axes
 from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Candidates, Evidence, Hypothesis, elsewhere, ranked
 from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
-from sonarmap.spectral.verify.pair_frames import PairFrames
 from sonarmap.spectral.verify.relief import alike_places, is_level
 from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Observation, Selection, Verifier
 

@@ -10,13 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from sonarmap.kernels.device.arrays import upload_poses
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.points.poses import upload_poses
-from sonarmap.kernels.surface.record import Record
-from sonarmap.kernels.surface.refinement import LastStep, Refinement, Stretching, Weighting
+from sonarmap.kernels.surface.refinement import LastStep, Record, Refinement, Stretching, Weighting
 from sonarmap.spectral.prepare.surface import Surface
-from sonarmap.spectral.verify.fit import CALIBRATION, Fit, shares_along
-from sonarmap.spectral.verify.prior_term import PriorTerm, posterior_step
+from sonarmap.spectral.verify.fit import CALIBRATION, Fit, PriorTerm, posterior_step, shares_along
 
 # (8, 7) of a pose and both stretches, which are opposite.
 _OPPOSITE = np.vstack([np.eye(7), -np.eye(7)[6]])

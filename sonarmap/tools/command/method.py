@@ -13,7 +13,7 @@ from sonarmap.tools.methods.registry import METHODS, Setup, find_method
 if TYPE_CHECKING:
     from sonarmap.kernels.device.device import Device
     from sonarmap.spectral.grid import Grid
-    from sonarmap.spectral.hemisphere.registration import HemisphereConfig
+    from sonarmap.spectral.hemisphere import HemisphereConfig
     from sonarmap.spectral.registration import SpectralConfig
     from sonarmap.spectral.result import Registrar
     from sonarmap.spectral.scan import Scan
@@ -87,7 +87,7 @@ def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bo
     """
     from sonarmap.slam.survey_grid import survey_grid
     from sonarmap.spectral.grid import choose_grid
-    from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
+    from sonarmap.spectral.hemisphere import HemisphereRegistrar
     from sonarmap.spectral.registration import SpectralRegistrar
     from sonarmap.tools.files.memory import require_program
 
@@ -124,7 +124,7 @@ def _require_memory(device: "Device", edge: int) -> None:
 
 def _config_changes(options: MethodOptions) -> dict[str, Any]:
     """The fields of a spectral method's configuration that the user's options change."""
-    from sonarmap.spectral.hemisphere.registration import HemisphereConfig
+    from sonarmap.spectral.hemisphere import HemisphereConfig
     from sonarmap.spectral.registration import SpectralConfig
 
     usual = HemisphereConfig() if options.method == "hemisphere" else SpectralConfig()

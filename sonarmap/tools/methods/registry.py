@@ -99,7 +99,7 @@ def _spectral(setup: Setup) -> Registrar:
 
 def _hemisphere(setup: Setup) -> Registrar:
     from sonarmap.kernels.device.device import choose_device
-    from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
+    from sonarmap.spectral.hemisphere import HemisphereConfig, HemisphereRegistrar
 
     return HemisphereRegistrar(choose_device(setup.device), setup.grid, HemisphereConfig(**setup.changes))
 

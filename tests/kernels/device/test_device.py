@@ -15,9 +15,8 @@ import pytest
 
 from sonarmap.kernels.device.device import Device, choose_device, list_devices
 from sonarmap.kernels.device.device_info import DeviceInfo, by_preference, describe, matching
-from sonarmap.kernels.device.drivers import Driver
+from sonarmap.kernels.device.drivers import Driver, load_devices, loaded_driver
 from sonarmap.kernels.device.launch import zero
-from sonarmap.kernels.device.loaded import load_devices, loaded_driver
 from sonarmap.kernels.device.source import informative_line
 from sonarmap.kernels.errors import DeviceError
 from tests.samples.places import ROOT

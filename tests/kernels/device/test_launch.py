@@ -12,7 +12,7 @@ from sonarmap.kernels.device.launch import affine, launch, zero
 from sonarmap.kernels.device.source import literal
 from sonarmap.kernels.errors import DeviceError, InputError
 from sonarmap.kernels.fft.transform import RealFFT
-from sonarmap.kernels.resample.sphere import rectangular_unwrap, sample, upload_directions
+from sonarmap.kernels.resample.layers import rectangular_unwrap, sample, upload_directions
 
 
 class Limited:

@@ -16,8 +16,7 @@ from sonarmap.kernels.device import trial
 from sonarmap.kernels.device.cache import cache_folder
 from sonarmap.kernels.device.device import choose_device, list_devices
 from sonarmap.kernels.device.device_info import DeviceInfo
-from sonarmap.kernels.device.drivers import Driver
-from sonarmap.kernels.device.loaded import loaded_driver
+from sonarmap.kernels.device.drivers import Driver, loaded_driver
 from sonarmap.kernels.errors import DeviceError
 from tests.samples.places import ROOT
 

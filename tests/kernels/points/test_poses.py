@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from sonarmap.kernels.device.arrays import upload_poses
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.points.poses import upload_poses
 from sonarmap.kernels.points.voxelize import scaled
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from sonarmap.kernels.resample.layers import normalize_layers
-from sonarmap.kernels.resample.sphere import rotational_unwrap, valid_pixels
+from sonarmap.kernels.resample.layers import normalize_layers, rotational_unwrap, valid_pixels
 
 
 @pytest.mark.parametrize("shape", [(1, 8, 8), (77, 9, 24)])

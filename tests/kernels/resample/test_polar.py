@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from sonarmap.kernels.resample.polar import polar_magnitude
+from sonarmap.kernels.resample.layers import polar_magnitude
 from tests.samples.pomf_twin import padded, relative_error
 
 

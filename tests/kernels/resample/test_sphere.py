@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
-from sonarmap.kernels.resample.sphere import (
+from sonarmap.kernels.resample.layers import (
     rectangular_unwrap,
     rotational_unwrap,
     sample,

@@ -6,8 +6,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.surface.cells import sort_into_cells
-from sonarmap.kernels.surface.nearest import find_nearest, upload_places
+from sonarmap.kernels.surface.cells import find_nearest, sort_into_cells, upload_places
 from tests.kernels.surface.scenes import bent_sheet
 
 # Coordinates of 100 voxels are rounded by 4e-6 each.

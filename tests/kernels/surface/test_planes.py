@@ -5,8 +5,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.surface.cells import sort_into_cells
-from sonarmap.kernels.surface.planes import NEIGHBORS, fit_planes
+from sonarmap.kernels.surface.cells import NEIGHBORS, fit_planes, sort_into_cells
 from tests.kernels.surface.scenes import bent_sheet
 
 DIRECTIONS = np.array([[0, 0, 1], [0, 0.6, 0.8], [1, 0, 0], [0.6, -0.8, 0]])

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
+from sonarmap.kernels.device.arrays import upload_poses
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.points.poses import upload_poses
 from sonarmap.kernels.surface.shared import Nearness, WeightedElements, shared_sums
 from tests.kernels.surface.scenes import bent_sheet, random_rows, upload
 

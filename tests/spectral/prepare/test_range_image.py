@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from sonarmap.kernels.device.arrays import upload_poses
 from sonarmap.kernels.device.device import Array, Device, choose_device
-from sonarmap.kernels.points.poses import upload_poses
 from sonarmap.spectral.prepare.range_image import View, scan_view, visibility
 
 VIEWPOINT = np.array([3.0, -2.0, 1.0])

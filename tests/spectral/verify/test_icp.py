@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sonarmap.spectral.judge.covariance import by_stretch
+from sonarmap.spectral.covariance import by_stretch
 from sonarmap.spectral.prepare.surface import Surface
 from sonarmap.spectral.verify.fit import CALIBRATION, Fit, principal_axes, shares_along
 from sonarmap.spectral.verify.icp import Stage, Start, refine

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from sonarmap.kernels.surface.record import Record
+from sonarmap.kernels.surface.refinement import Record
 from sonarmap.spectral.verify.fit import CALIBRATION
 from sonarmap.spectral.verify.icp import NormalEquations, State, usual_covariance
 

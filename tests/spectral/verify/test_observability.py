@@ -8,7 +8,7 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.verify.fit import Fit
-from sonarmap.spectral.verify.observability import BANDS, Observability, weakest
+from sonarmap.spectral.verify.verifier import BANDS, Observability, weakest
 
 
 def trench(seed: int, closed: bool) -> np.ndarray:

@@ -9,9 +9,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.prior import RelativePrior
-from sonarmap.spectral.verify.bounds import Bounds
-from sonarmap.spectral.verify.pair_frames import PairFrames
-from sonarmap.spectral.verify.prior_term import PriorTerm, posterior_step
+from sonarmap.spectral.verify.bounds import Bounds, PairFrames
+from sonarmap.spectral.verify.fit import PriorTerm, posterior_step
 from tests.samples.relative_priors import ALL, ATTITUDE, DEPTH, HEADING, POSITION, T_SOURCE, T_TARGET, T_TRUE, prior
 
 HEIGHT = np.array([[0.0, 0, 0, 0, 0, 1]])  # an instrument that measures the shift along z alone

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.kernels.device.arrays import upload_poses
 from sonarmap.spectral.prepare.surface import Surface
 from sonarmap.spectral.verify.verifier import SharedSurface, shared_surfaces
 from tests.spectral.surfaces import chosen_device, surface_of

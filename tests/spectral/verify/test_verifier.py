@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.kernels.device.arrays import upload_poses
 from sonarmap.kernels.device.device import choose_device
-from sonarmap.kernels.points.poses import upload_poses
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.registration import SpectralRegistrar

@@ -8,7 +8,7 @@ import pytest
 
 import sonarmap
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
+from sonarmap.spectral.hemisphere import HemisphereRegistrar
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.tools.methods import registry as reuse
 from sonarmap.tools.methods.registry import Setup

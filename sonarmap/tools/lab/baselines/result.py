@@ -17,7 +17,7 @@ from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.baselines.cloud import NORMAL_REACH, ThinnedCloud, thin
 
-# A point has a counterpart within this distance, as in spectral/hemisphere/match.py [voxels].
+# A point has a counterpart within this distance, as in spectral/hemisphere.py [voxels].
 REACH = 2.0
 
 # Normals and what is off along them are shared by the points of one neighborhood: so many of them count as one.

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.kernels.pomf.peak_fit import Peak
+from sonarmap.kernels.pomf.peak import Peak
 
 # Relative L2 difference to a twin that rounds as coarsely itself.
 FFT, ELEMENTWISE, WHITENED, RESAMPLED = 1e-6, 1e-6, 1e-5, 5e-5

@@ -5,18 +5,16 @@ import scipy.fft
 from scipy.spatial import KDTree
 
 from sonarmap.kernels.points.voxelize import voxelize
-from sonarmap.kernels.resample.layers import normalize_layers
-from sonarmap.kernels.resample.polar import polar_magnitude
-from sonarmap.kernels.resample.sphere import (
+from sonarmap.kernels.resample.layers import (
+    normalize_layers,
+    polar_magnitude,
     rectangular_unwrap,
     rotational_unwrap,
     sample,
     upload_directions,
     valid_pixels,
 )
-from sonarmap.kernels.surface.cells import sort_into_cells
-from sonarmap.kernels.surface.nearest import find_nearest, upload_places
-from sonarmap.kernels.surface.planes import NEIGHBORS, fit_planes
+from sonarmap.kernels.surface.cells import NEIGHBORS, find_nearest, fit_planes, sort_into_cells, upload_places
 from sonarmap.tools.lab.bench import twins
 from sonarmap.tools.lab.bench.case import RESAMPLED, KernelCase
 from sonarmap.tools.lab.bench.workload import SMALL_SHIFT, SMALL_TURN, R, Workload

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.kernels.device.arrays import upload_poses
 from sonarmap.kernels.points.visibility import Viewing, agreement, upload_points, upload_viewpoints
 from sonarmap.kernels.pomf.correlator import Correlator, Pose
 from sonarmap.kernels.so3.correlation import RotationCorrelation, wigner_d

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from sonarmap.kernels.device.device import Device
+from sonarmap.spectral.covariance import ELLIPSOID, Slide
 from sonarmap.spectral.fitted import FITTED, TABLE
 from sonarmap.spectral.grid import choose_grid
-from sonarmap.spectral.judge.covariance import ELLIPSOID, Slide
-from sonarmap.spectral.judge.probability import Odds
+from sonarmap.spectral.judgement import Odds
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.lab.reproduce.confidence_fit import JudgedPairs, fit_odds, fit_slide, judged
@@ -29,7 +29,7 @@ from sonarmap.tools.methods.fingerprint import fingerprint
 _COUNTS = dict.fromkeys(SCAN_KINDS, 300) | {STILL: 1200, UNRELATED: 1200, SURVEY: 240, DISTORTED: 300}
 _USUAL = {"counts": _COUNTS, "seed": 880_301, "edge": 128}
 # What measures, not what judges: a change of the latter is fitted and tested on what is recorded already.
-_MEASURING = ("registration", "grid", "scan", "expected", "prior", "prior_pair", "so3", "geometry", "translation")
+_MEASURING = ("registration", "grid", "scan", "expected", "prior", "so3", "geometry", "translation")
 SOURCES = (
     *("kernels", "spectral/prepare", "spectral/verify", *(f"spectral/{name}.py" for name in _MEASURING)),
     *("tools/lab/simulate", "tools/lab/evaluate"),

@@ -8,11 +8,10 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import RigidTransform
 from scipy.special import expit
 
+from sonarmap.spectral.covariance import ELLIPSOID, Slide, fit_covariance, slides_of
 from sonarmap.spectral.geometry import cross_matrices
 from sonarmap.spectral.grid import coarse_edge
-from sonarmap.spectral.judge.covariance import ELLIPSOID, Slide, fit_covariance
-from sonarmap.spectral.judge.judgement import judge
-from sonarmap.spectral.judge.probability import Clues, Odds, fixed_probability, shares, slides_of
+from sonarmap.spectral.judgement import Clues, Odds, fixed_probability, judge, shares
 from sonarmap.tools.lab.reproduce.evidence import RecordedPair
 
 CLUES = tuple(field.name for field in fields(Clues))

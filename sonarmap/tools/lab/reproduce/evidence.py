@@ -17,11 +17,10 @@ from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.verify.bounds import Bounds
-from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.fit import Fit, PriorTerm
 from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
 from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
-from sonarmap.spectral.verify.observability import Observability
-from sonarmap.spectral.verify.prior_term import PriorTerm
+from sonarmap.spectral.verify.verifier import Observability
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.reproduce.evidence_pairs import EvidencePair
 from sonarmap.tools.lab.reproduce.experiment import Row, Value

@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar, LayeredScan
+from sonarmap.spectral.hemisphere import HemisphereRegistrar, LayeredScan
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Value, all_seeds, paper_grid

@@ -8,8 +8,8 @@ import pytest
 from scipy.special import expit
 
 from sonarmap.kernels.device.device import choose_device
+from sonarmap.spectral.covariance import SLIDE, fit_covariance
 from sonarmap.spectral.fitted import FITTED
-from sonarmap.spectral.judge.covariance import SLIDE, fit_covariance
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.tools.lab.reproduce.confidence import reference
 from sonarmap.tools.lab.reproduce.confidence_fit import CLUES, fit_logistic, judged

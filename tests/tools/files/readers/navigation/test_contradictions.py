@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.spectral.prior_pair import PriorPair
+from sonarmap.spectral.prior import PriorPair
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import poses_of, prior_of
 from sonarmap.tools.files.readers.navigation.contradictions import Registered, contradiction, pair_costs

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from sonarmap.spectral.judge.probability import Odds
+from sonarmap.spectral.judgement import Odds
 
 
 def odds(weights: list[float]) -> Odds:

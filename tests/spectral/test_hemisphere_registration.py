@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid, choose_grid
-from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
+from sonarmap.spectral.hemisphere import HemisphereConfig, HemisphereRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene

@@ -14,9 +14,9 @@ from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.fft.transform import RealFFT
 from sonarmap.kernels.pomf.peak import find_peaks
 from sonarmap.kernels.pomf.spectrum import Pomf
-from sonarmap.kernels.resample.layers import normalize_layers
-from sonarmap.kernels.resample.polar import polar_magnitude
-from sonarmap.kernels.resample.sphere import (
+from sonarmap.kernels.resample.layers import (
+    normalize_layers,
+    polar_magnitude,
     rectangular_unwrap,
     rotational_unwrap,
     sample,

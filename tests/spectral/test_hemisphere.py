@@ -10,8 +10,8 @@ from sonarmap.kernels.device.device import Array, Device, choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.pomf.peak import Peak
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.hemisphere.layers import Hemisphere
-from sonarmap.spectral.hemisphere.match import Match, differ, overlap, peak_covariance, peak_width, unwrap
+from sonarmap.spectral.hemisphere import Match, differ, overlap, peak_covariance, peak_width, unwrap
+from sonarmap.spectral.hemisphere_layers import Hemisphere
 from sonarmap.spectral.prepare.prepared import Prepared, Preparer
 from sonarmap.spectral.scan import Scan
 from sonarmap.spectral.translation import Translation

@@ -9,12 +9,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.spectral.grid import Grid, choose_grid
-from sonarmap.spectral.judge.probability import clues, fixed_probability, place_probabilities
+from sonarmap.spectral.judgement import clues, fixed_probability, place_probabilities
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
-from sonarmap.spectral.verify.observability import Observability
+from sonarmap.spectral.verify.verifier import Observability
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_unrelated
 from tests.samples.scenes.structures import registered
 

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sonarmap.kernels import self_test as checks
 from sonarmap.kernels.child import Answers
 from sonarmap.kernels.device import trial
 from sonarmap.kernels.device.cache import cache_folder
 from sonarmap.kernels.device.device import Device, choose_device, list_devices
 from sonarmap.kernels.device.device_info import DeviceInfo, describe
-from sonarmap.kernels.device.loaded import loaded_driver
+from sonarmap.kernels.device.drivers import loaded_driver
 from sonarmap.kernels.device.trial import remember_self_test, self_test, self_test_of
 from sonarmap.kernels.errors import DeviceError
-from sonarmap.kernels.self_test import checks
 
 Damage = Callable[[Any], Any]
 

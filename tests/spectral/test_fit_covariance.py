@@ -10,13 +10,13 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
 from sonarmap.kernels.device.device import choose_device
+from sonarmap.spectral.covariance import Slide, covers, fit_covariance
 from sonarmap.spectral.grid import Grid, choose_grid, coarse_edge
-from sonarmap.spectral.judge.covariance import Slide, covers, fit_covariance
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.verify.fit import Fit
 from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
-from sonarmap.spectral.verify.observability import Observability
+from sonarmap.spectral.verify.verifier import Observability
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair
 from tests.samples.scenes.structures import registered

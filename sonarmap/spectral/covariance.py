@@ -1,4 +1,4 @@
-"""How sure a refined registration is: the 6x6 covariance of T_target_source, calibrated on simulated pairs."""
+"""None"""
 
 from dataclasses import dataclass
 
@@ -10,10 +10,9 @@ from sonarmap.spectral.chi_squared import chi_squared
 from sonarmap.spectral.fitted import FITTED
 from sonarmap.spectral.geometry import covariance_at_sensor
 from sonarmap.spectral.grid import Grid, coarse_edge
-from sonarmap.spectral.judge.probability import slides_of
 from sonarmap.spectral.verify.fit import CALIBRATION, Fit, principal_axes
 from sonarmap.spectral.verify.hypothesis import Hypothesis
-from sonarmap.spectral.verify.observability import Observability
+from sonarmap.spectral.verify.verifier import Observability
 
 ELLIPSOID = float(chi_squared(0.95, 6))
 # Where scans know less than this share of what instruments know, they are taken to agree with these: where they would
@@ -28,8 +27,15 @@ _UNHELD = 10.0
 _LEAST = 1e-9
 
 
+# Which of `WHITENINGS` shows best how far scans can slide.
+_WHITENING = 1
 # Slides that are rarer than this are outliers, which a graph has to find out by itself.
 _RARE = 0.03
+
+
+def slides_of(seen: Observability) -> np.ndarray:
+    """(3, bands) the logarithm of what is left of the correlation some voxels away along each direction."""
+    return np.log(seen.slides[:, :, _WHITENING])
 
 
 @dataclass(frozen=True, slots=True)
