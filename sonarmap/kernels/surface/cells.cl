@@ -23,63 +23,6 @@ static void keep(Kept* const kept, const float squared, const int index) {
     kept->worst = nearer ? squared : kept->worst;
     kept->index = nearer ? index : kept->index;
 }
-#elif !defined(GPU)
-// On a processor new ones wait until there are 16, which are sorted and merged with the nearest so far: by keys, which are
-// the bits of the squared distance, in the order of positive floats, and behind them the place.
-#define BATCH 16
-typedef struct {
-    float worst;
-    int waiting;
-    ulong16 nearest;  // ascending
-    ulong fresh[BATCH + 1];
-} Kept;
-
-static inline ulong key_of(const float squared, const uint index) { return (ulong)as_uint(squared) << 32 | index; }
-
-static Kept none(const float reach) {
-    Kept kept;
-    kept.worst = reach;
-    kept.waiting = 0;
-    kept.nearest = (ulong16)(key_of(reach, UINT_MAX));
-    return kept;
-}
-
-static void indices_of(const Kept* const kept, int* const out) { vstore16(convert_int16(kept->nearest), 0, out); }
-
-// Compare each lane with its partner, and keep the smaller one of both where `large` is 0, else the larger one.
-#define SORT_PAIRS(keys, partners, large) \
-    keys = select(min(keys, keys.partners), max(keys, keys.partners), as_ulong16(large))
-#define NEXT s1032547698badcfe
-#define SECOND s23016745ab89efcd
-#define FOURTH s45670123cdef89ab
-#define EIGHTH s89abcdef01234567
-#define BACKWARD sfedcba9876543210
-
-// Batcher's bitonic sorter (Sorting networks and their applications, 1968) of those that wait, then the smaller half of
-// them and those that are kept, which first rises and then falls, and is sorted by its end.
-static void keep_waiting(Kept* const kept) {
-    const long16 lane = (long16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-    const long16 odd = -(lane & 1), odd2 = -(lane >> 1 & 1), odd4 = -(lane >> 2 & 1), odd8 = -(lane >> 3 & 1);
-    ulong16 keys = select((ulong16)(ULONG_MAX), vload16(0, kept->fresh), as_ulong16(lane < kept->waiting));
-    kept->waiting = 0;
-    SORT_PAIRS(keys, NEXT, odd ^ odd2);
-    SORT_PAIRS(keys, SECOND, odd2 ^ odd4);
-    SORT_PAIRS(keys, NEXT, odd ^ odd4);
-    SORT_PAIRS(keys, FOURTH, odd4 ^ odd8);
-    SORT_PAIRS(keys, SECOND, odd2 ^ odd8);
-    SORT_PAIRS(keys, NEXT, odd ^ odd8);
-    SORT_PAIRS(keys, EIGHTH, odd8);
-    SORT_PAIRS(keys, FOURTH, odd4);
-    SORT_PAIRS(keys, SECOND, odd2);
-    SORT_PAIRS(keys, NEXT, odd);
-    keys = min(keys, kept->nearest.BACKWARD);
-    SORT_PAIRS(keys, EIGHTH, odd8);
-    SORT_PAIRS(keys, FOURTH, odd4);
-    SORT_PAIRS(keys, SECOND, odd2);
-    SORT_PAIRS(keys, NEXT, odd);
-    kept->nearest = keys;
-    kept->worst = as_float((uint)(keys.sf >> 32));
-}
 #else
 typedef struct {
     float worst;
@@ -104,22 +47,6 @@ static void keep(Kept* const kept, const float squared, const int index) {
 }
 #endif
 
-#ifdef BATCH
-// The 16 nearest are hardly ever all in one cell.
-#define FIRST_RING 1
-static void keep_run(__global const float4* const restrict points, const int first, const int last, const float3 place,
-                     Kept* const kept) {
-    for (int n = first; n < last; ++n) {
-        const float3 away = points[n].xyz - place;
-        const float squared = dot(away, away);
-        // without a branch, which nobody could foretell; what is not nearer is overwritten by the next one
-        kept->fresh[kept->waiting] = key_of(squared, n);
-        kept->waiting += squared <= kept->worst;
-        if (kept->waiting == BATCH) keep_waiting(kept);
-    }
-}
-#else
-#define FIRST_RING 0
 static void keep_run(__global const float4* const restrict points, const int first, const int last, const float3 place,
                      Kept* const kept) {
     for (int n = first; n < last; ++n) {
@@ -127,7 +54,6 @@ static void keep_run(__global const float4* const restrict points, const int fir
         keep(kept, dot(away, away), n);
     }
 }
-#endif
 
 // Squared distance along an axis from `at` to the cell `step` cells from its own, which begins at `begin`.
 static float gap_squared(const int step, const float at, const float begin, const float size) {
@@ -146,10 +72,10 @@ static Kept search(__global const float4* const restrict points, __global const 
     const float3 inside = fmin(place - begin, begin + size - place);
     const float border = fmax(fmin(fmin(inside.x, inside.y), inside.z), 0.0f);
     const int3 farther = max(cell, count - 1 - cell);
-    const int rings = max(max(max(farther.x, farther.y), farther.z), FIRST_RING);
-    for (int ring = FIRST_RING; ring <= rings; ++ring) {
+    const int rings = max(max(farther.x, farther.y), farther.z);
+    for (int ring = 0; ring <= rings; ++ring) {
         const float nearest = (ring - 1) * size + border;
-        if (ring > FIRST_RING && !(nearest * nearest <= kept.worst)) break;
+        if (ring > 0 && !(nearest * nearest <= kept.worst)) break;
         for (int x = max(-ring, -cell.x); x <= min(ring, count.x - 1 - cell.x); ++x) {
             const float along_x = gap_squared(x, place.x, begin.x, size);
             if (along_x > kept.worst) continue;
@@ -159,7 +85,7 @@ static Kept search(__global const float4* const restrict points, __global const 
                 __global const int* const row = starts + ((cell.x + x) * count.y + cell.y + y) * count.z;
                 const int low = cell.z - ring;
                 const int high = cell.z + ring;
-                if (abs(x) == ring || abs(y) == ring || ring == FIRST_RING) {
+                if (abs(x) == ring || abs(y) == ring) {
                     keep_run(points, row[max(low, 0)], row[min(high, count.z - 1) + 1], place, &kept);
                     continue;
                 }
@@ -169,9 +95,6 @@ static Kept search(__global const float4* const restrict points, __global const 
                     keep_run(points, row[high], row[high + 1], place, &kept);
             }
         }
-#ifdef BATCH
-        keep_waiting(&kept);
-#endif
     }
     return kept;
 }
