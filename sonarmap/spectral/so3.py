@@ -78,7 +78,7 @@ def distinct_rotations(found: Sequence[RotationPeaks]) -> RotationPeaks:
     scores = np.concatenate([peaks.scores for peaks in found])
     if not len(scores):
         return RotationPeaks(R, scores)
-    kept = _distinct(R, np.arange(len(scores)), len(scores))
+    kept = distinct(R, np.arange(len(scores)), len(scores))
     return RotationPeaks(R[kept], scores[kept])
 
 
@@ -158,7 +158,7 @@ class So3:
             possible = possible[still := allowed(refined)]
             R = Rotation.concatenate([R, refined[still]])
             scores = np.append(scores, around[possible, 13])
-            kept = _distinct(R, np.arange(len(scores)), count)
+            kept = distinct(R, np.arange(len(scores)), count)
             if len(kept) == count or examined == _EXAMINED:
                 break
         return RotationPeaks(R[kept], scores[kept]) if len(kept) else RotationPeaks(R, scores)
@@ -174,7 +174,7 @@ class So3:
         values = map_coordinates(around, self._correlation.places(R).T, order=1, mode="nearest").reshape(-1, each)
         best = np.arange(len(values)) * each + values.argmax(axis=1)
         order = np.argsort(-values.max(axis=1), kind="stable")
-        kept = best[_distinct(R[best], order, count, sweep.apart)]
+        kept = best[distinct(R[best], order, count, sweep.apart)]
         return RotationPeaks(R[kept], values.ravel()[kept].astype(np.float64))
 
 
@@ -194,7 +194,7 @@ def _refined(index: np.ndarray, around: np.ndarray) -> np.ndarray:
     return index + np.where(np.isfinite(offset), np.clip(offset, -1, 1), 0.0)
 
 
-def _distinct(R: Rotation, order: np.ndarray, count: int, apart: float = _SEPARATION) -> np.ndarray:
+def distinct(R: Rotation, order: np.ndarray, count: int, apart: float = _SEPARATION) -> np.ndarray:
     """The first `count` of the given rotations, none within `apart` [rad] of one before it."""
     quaternions = R.as_quat()
     nearest = np.cos(apart / 2)

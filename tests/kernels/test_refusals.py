@@ -9,10 +9,8 @@ from sonarmap.kernels.device.arrays import upload_poses
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.transform import RealFFT
-from sonarmap.kernels.points.visibility import Viewing, agreement, octahedral_cells, upload_points, upload_viewpoints
 from sonarmap.kernels.points.voxelize import scaled, voxelize
 from sonarmap.kernels.pomf.peak import find_peaks
-from sonarmap.kernels.pomf.point_spectra import PointSpectra
 from sonarmap.kernels.pomf.spectrum import Pomf, cross_power, magnitude, whiten
 from sonarmap.kernels.resample.layers import (
     normalize_layers,
@@ -23,7 +21,6 @@ from sonarmap.kernels.resample.layers import (
 )
 from sonarmap.kernels.so3.correlation import RotationCorrelation
 from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
-from sonarmap.kernels.surface.cells import find_nearest, fit_planes, sort_into_cells, upload_places
 
 ANGLES, EYE = np.arange(8.0), np.eye(3)[None]
 
@@ -42,13 +39,6 @@ def not_finite(device: Device) -> Array:
     return device.to_device(volume)
 
 
-def viewed(device: Device, *tolerances: tuple[float, float], points: int = 9) -> object:
-    """An agreement of points with an image, of as many points as it says."""
-    there, places = upload_viewpoints(device, np.zeros((1, 3))), upload_points(device, np.ones((9, 3)))
-    viewing = Viewing(device.empty((1, 16, 16, 2)), there, (places[0], points))
-    return agreement(device, [viewing], upload_poses(device, EYE, np.zeros((1, 3))), list(tolerances))
-
-
 CASES: dict[str, Callable] = {
     "even products of 2, 3 and 5 from 16 to 512": lambda d: RealFFT(d, (28, 32, 64)),
     "last two edges": lambda d: RealFFT(d, (0, 32, 32), batched=True),
@@ -59,14 +49,8 @@ CASES: dict[str, Callable] = {
     "`points` is": lambda d: scaled(d, d.empty((5, 3)), 0.5),
     "rotation": lambda d: voxelize(d, d.empty((5, 4)), 16, R=np.ones((3, 3))),
     "even": lambda d: voxelize(d, d.empty((5, 4)), 15),
-    "`directions` have shape": lambda d: octahedral_cells(np.array([[0, np.nan, 1.0]]), 16),
-    "wanted one or two of each, 0 or more": lambda d: viewed(d, (np.nan, 0)),
-    "99 of 16": lambda d: viewed(d, (1, 0), points=99),
-    "`points` have shape": lambda d: upload_points(d, np.array([[1, 2, np.inf]])),
     "not finite": lambda d: find_peaks(d, not_finite(d)),
     "limits": lambda d: find_peaks(d, d.empty((16, 16, 16)), limits=(1, -1, None)),
-    "2 spectra for 1 exponents": lambda d: PointSpectra(d, 16).transform(d.empty((0, 4)), [cube(d)] * 2),
-    "`out` is": lambda d: PointSpectra(d, 24).transform(d.empty((0, 4)), [cube(d)]),
     "`spectrum` is complex64": lambda d: magnitude(d, cube(d), 32),
     "multiple of 8": lambda d: whiten(d, spectrum(d, 16, 9)),
     r"`exponent=.*give 0, plain correlation, to 1": lambda d: whiten(d, cube(d), float("nan")),
@@ -88,13 +72,6 @@ CASES: dict[str, Callable] = {
     ),
     "beyond the 2 layers": lambda d: RotationCorrelation(d, 8, 1.0).correlate(
         spectrum(d, 4, 2, 15), spectrum(d, 4, 2, 15), [(1, 2)]
-    ),
-    "`points` have shape.*": lambda d: sort_into_cells(d, np.array([[0, np.nan, 1]])),
-    "`reach=-1": lambda d: find_nearest(
-        d, sort_into_cells(d, np.ones((1, 3))), upload_places(d, np.zeros((4, 3))), EYE, np.zeros((1, 3)), -1.0
-    ),
-    "2 points show no plane": lambda d: fit_planes(
-        d, sort_into_cells(d, np.eye(3)[:2]), np.eye(3), np.eye(3), farthest=3, aside=0.4
     ),
 }
 

@@ -13,7 +13,6 @@ import pytest
 from sonarmap.kernels import self_test as checks
 from sonarmap.kernels.child import Answers
 from sonarmap.kernels.device import trial
-from sonarmap.kernels.device.cache import cache_folder
 from sonarmap.kernels.device.device import Device, choose_device, list_devices
 from sonarmap.kernels.device.device_info import DeviceInfo, describe
 from sonarmap.kernels.device.drivers import loaded_driver
@@ -158,27 +157,3 @@ def test_another_driver_or_kernel_is_tested_again(monkeypatch: pytest.MonkeyPatc
     else:
         monkeypatch.setattr(trial, "kernels_digest", lambda: "of another version")
     assert self_test_of(card) == ("not tested", "")
-
-
-@pytest.mark.usefixtures("voxels")
-def test_a_test_that_is_interrupted_says_nothing(gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(_: Device) -> Any:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(checks, "measure", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        choose_device()
-    assert self_test_of(gpu.identity) == ("not tested", "")
-
-
-def test_damaged_memory_is_none() -> None:
-    card = ("a card", "OpenCL 3.0", "1.0")
-    remember_self_test(card, "failed", "voxels")
-    (path,) = cache_folder().glob("tested-*.json")
-    whole, rng = path.read_bytes(), np.random.default_rng(1)
-    for _ in range(100):
-        content = bytearray(whole)
-        for _ in range(rng.integers(1, 4)):
-            content[rng.integers(len(content))] = rng.integers(256)
-        path.write_bytes(content[: rng.integers(len(content) + 1)])
-        assert self_test_of(card)[0] in ("failed", "not tested")

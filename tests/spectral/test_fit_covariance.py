@@ -45,19 +45,6 @@ def about(covariance: np.ndarray, place: np.ndarray) -> np.ndarray:
     return shift @ covariance @ shift.T
 
 
-@pytest.mark.slow
-def test_a_wall_leaves_its_own_direction_open() -> None:
-    noise = 0.35
-    rng = np.random.default_rng(3)
-    source = T_TARGET_SOURCE.inv().apply(wall(rng, noise))
-    covariance = about(register(wall(rng, noise), source).covariance, source.mean(axis=0))
-    variances, axes = np.linalg.eigh(covariance[3:, 3:])
-    sigmas = np.sqrt(variances)
-    assert sigmas[2] > 5 * sigmas[1]
-    along = T_TARGET_SOURCE.rotation.inv().apply([0.0, 1.0, 0.0])
-    assert abs(axes[:, 2] @ along) > 0.99
-
-
 def side_of_a_hull(rng: np.random.Generator) -> np.ndarray:
     """What beams on a grid see of a cylinder along y, 6 m ahead: the same wherever along it the sensor is."""
     azimuth, elevation = np.meshgrid(np.deg2rad(np.linspace(-45, 45, 128)), np.deg2rad(np.linspace(-20, 20, 64)))
@@ -86,17 +73,6 @@ def corner(rng: np.random.Generator) -> np.ndarray:
     """Points of a wall and a floor, and of a second wall across the first: nothing is left open."""
     across = rng.uniform(-20.0, 30.0, COUNT), rng.normal(-40.0, 0.3, COUNT), rng.uniform(-15.0, 25.0, COUNT)
     return np.vstack([wall(rng, 0.3), np.transpose(across)])
-
-
-@pytest.mark.slow
-def test_it_turns_with_the_source() -> None:
-    """A frame turned by Q: T becomes T Q, and its tangent is seen in the turned axes."""
-    rng = np.random.default_rng(5)
-    target, source = corner(rng), T_TARGET_SOURCE.inv().apply(corner(rng))
-    Q = Rotation.from_euler("Z", 90, degrees=True)  # voxels stay voxels
-    plain, turned = register(target, source).covariance, register(target, Q.inv().apply(source)).covariance
-    back = np.kron(np.eye(2), Q.as_matrix())
-    np.testing.assert_allclose(back @ turned @ back.T, plain, rtol=0.35, atol=0.05 * np.abs(plain).max())
 
 
 @pytest.mark.slow

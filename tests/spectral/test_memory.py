@@ -9,10 +9,9 @@ import pytest
 from sonarmap.kernels.device.device import Device, choose_device
 from sonarmap.kernels.device.trace import MemoryUsage
 from sonarmap.kernels.errors import DeviceError
-from sonarmap.kernels.fft.edges import EDGES
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere import HemisphereRegistrar
-from sonarmap.spectral.memory import POINTS, memory_plan, require_memory, scans_that_fit
+from sonarmap.spectral.memory import POINTS, memory_plan, require_memory
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
 from sonarmap.spectral.scan import Scan
 from tests.samples.scenes.structures import structure
@@ -70,15 +69,6 @@ def test_counted_by_hand() -> None:
     assert (usage.now, usage.most) == (420, 508)
     usage.restart()
     assert (usage.most, usage.largest) == (first.nbytes, 0)
-
-
-def test_larger_grids_need_more_and_leave_room_for_fewer_scans() -> None:
-    device = choose_device()
-    needs = [memory_plan(edge).pair for edge in EDGES]
-    assert needs == sorted(needs)
-    fitting = [scans_that_fit(device, edge) for edge in EDGES]
-    assert fitting == sorted(fitting, reverse=True)
-    assert memory_plan(512).pair < 8 * 2**30
 
 
 def test_a_grid_too_large_says_what_is_needed_and_what_would_fit() -> None:

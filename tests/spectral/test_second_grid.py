@@ -44,14 +44,6 @@ def test_what_noise_hides_on_the_fine_grid_is_believed_on_the_other(registrar: S
     np.testing.assert_allclose(twice.T_target_source.translation, 2 * found.T_target_source.translation, atol=1e-3)
 
 
-@pytest.mark.slow
-def test_scans_that_share_nothing_stay_refused(registrar: SpectralRegistrar) -> None:
-    scans = [registrar.prepare(noisy(structure(seed, 8000), 2.0, seed)) for seed in (5, 6)]
-    found = registrar.register(*scans)
-    assert not found.accepted
-    assert found.probability < 0.5
-
-
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("same", [True, False])
 def test_of_the_same_place_the_finer_grid_knows_the_pose(monkeypatch: pytest.MonkeyPatch, same: bool) -> None:

@@ -69,14 +69,6 @@ def test_the_true_rotation_is_the_highest_between_samples_too(spectra, target, r
     assert peaks.scores[0] > peaks.scores[1]
 
 
-def test_the_other_way_round_is_the_inverse(spectra: Spectra, target: Array) -> None:
-    true = Rotation.from_rotvec([0.5, 0.4, -1.2])
-    source = spectra.of(turned(true))
-    there, back = (spectra.best(*pair, 1, everything) for pair in ((target, source), (source, target)))
-    assert errors(RotationPeaks(back.R.inv(), back.scores), there.R[0])[0] < 1.5
-    assert back.scores[0] == pytest.approx(there.scores[0], rel=0.1)
-
-
 def test_rotations_are_distinct_and_the_best_first(spectra: Spectra, target: Array) -> None:
     peaks = spectra.best(target, spectra.of(structure(3)), 12, everything)
     assert len(peaks.scores) == len(peaks.R) == 12
@@ -182,25 +174,6 @@ def test_each_band_names_rotations_by_itself(spectra: Spectra, target: Array) ->
         assert errors(peaks, true).min() < 2.5
 
 
-def test_each_stands_for_its_group_by_its_highest(bounded: Spectra, scans: tuple[Array, Array]) -> None:
-    """In groups of one, all rotations show their values."""
-    every = bounded.so3.best_of(*scans, Sweep(SWEEP, 1, 0.0), len(SWEEP))
-    values = np.empty(len(SWEEP))
-    values[indices(every.R)] = every.scores
-    groups = values.reshape(-1, EACH)
-    best = swept(bounded, scans, len(TURNS))
-    np.testing.assert_array_equal(best.scores, -np.sort(-groups.max(axis=1), kind="stable"))
-    np.testing.assert_array_equal(values[indices(best.R)], best.scores)
-
-
-def test_equal_scans_score_one(spectra: Spectra, target: Array) -> None:
-    for first, count in PARTS:
-        assert np.linalg.norm(target.get()[:, first : first + count]) == pytest.approx(1.0, abs=1e-5)
-    peaks = spectra.best(target, target, 3, everything)
-    assert 0.9 < peaks.scores[0] <= 1.0 + 1e-4
-    assert errors(peaks, Rotation.identity())[0] < 1.0
-
-
 def test_groups_come_once_and_the_best_first_and_no_more_than_there_are(bounded, scans: tuple[Array, Array]) -> None:
     best = swept(bounded, scans, 20)
     assert len(best.R) == len(best.scores) == 20
@@ -225,20 +198,3 @@ def test_many_peaks_are_looked_at_until_enough_are_allowed(spectra: Spectra, tar
     assert len(few.R) >= 3
     assert rarely(few.R).all()
     assert len(every.R) > 64 or len(every.R) > len(few.R)
-
-
-def test_none_is_near_a_better_one(bounded: Spectra, scans: tuple[Array, Array]) -> None:
-    every, apart = swept(bounded, scans, len(TURNS)), swept(bounded, scans, len(TURNS), 20.0)
-    assert apart.scores[0] == every.scores[0]
-    assert 8 <= len(apart.R) < len(every.R) / 2
-    for n in range(1, len(apart.R)):
-        nearest = (apart.R[:n].inv() * apart.R[n]).magnitude().min()
-        assert np.rad2deg(nearest) > 20.0
-    left_out = [R for R in every.R if np.rad2deg((apart.R.inv() * R).magnitude().min()) > 20.0]
-    assert left_out == []
-
-
-def test_the_value_at_a_peak_is_the_peaks(bounded: Spectra, scans: tuple[Array, Array]) -> None:
-    (peaks,) = bounded.so3.candidates(*scans, 3, lambda R: np.ones(len(R), dtype=bool), PARTS[:1])
-    values = bounded.so3.best_of(*scans, Sweep(peaks.R, 1, 0.0), 3).scores
-    np.testing.assert_allclose(values, peaks.scores, rtol=0.05)

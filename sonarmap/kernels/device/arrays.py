@@ -93,9 +93,3 @@ def upload_places(device: Device, points: np.ndarray) -> cla.Array:
     rows = np.zeros((len(points), 4), np.float32)
     rows[:, :3] = points
     return device.to_device(rows)
-
-
-def require_places(places: np.ndarray, what: str) -> None:
-    """Refuse what is not (n, 3) finite numbers."""
-    if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
-        raise InputError(f"`{what}` have shape {places.shape}; wanted (n, 3), all of it finite numbers")

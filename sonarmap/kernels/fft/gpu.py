@@ -56,11 +56,6 @@ def group_size(n: int) -> int:
     return min(256, -(-n // 32) * 32)
 
 
-def local_bytes(n: int) -> int:
-    """Local memory of a group: 8 lines of n points, real and imaginary parts."""
-    return 8 * n * 2 * 4
-
-
 def _kernel(name: str, n: int, places: dict[str, int], body: list[str]) -> str:
     """A kernel around its statements; `item` is the work-item's number in its group.
 

@@ -9,10 +9,9 @@ import pyopencl.array as cla
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import begin_of, memory_of, output, require_array, table
-from sonarmap.kernels.errors import DeviceError
 from sonarmap.kernels.fft import cpu as fft_cpu
 from sonarmap.kernels.fft import gpu as fft_gpu
-from sonarmap.kernels.fft.edges import EDGES, Layout
+from sonarmap.kernels.fft.edges import Layout
 
 
 class _Transform:
@@ -44,21 +43,6 @@ def column_lanes(device: Device) -> int:
     return 16 if device.cl_device.native_vector_width_float >= 16 else 8
 
 
-def _require_groups(device: Device, layout: Layout) -> None:
-    items = min(device.cl_device.max_work_group_size, device.cl_device.max_work_item_sizes[0])
-    local = device.cl_device.local_mem_size
-    most = max(layout.row_points, *(layout.shape[1:2] if layout.batched else layout.shape[:2]))
-    if fft_gpu.group_size(most) <= items and fft_gpu.local_bytes(most) <= local:
-        return
-    fitting = [n for n in EDGES if fft_gpu.group_size(n) <= items and fft_gpu.local_bytes(n) <= local]
-    remedy = f"Use a smaller `edge`: {fitting[-1]} points would do" if fitting else "Use another device"
-    raise DeviceError(
-        f"a Fourier transform of {most} points needs work-groups of {fft_gpu.group_size(most)} and "
-        f"{fft_gpu.local_bytes(most) / 1024:g} KiB of local memory; {device.name} has {items} and "
-        f"{local / 1024:g} KiB. {remedy}."
-    )
-
-
 class RealFFT:
     """Real to complex transforms, over all three axes or, batched, over the last two.
 
@@ -80,8 +64,6 @@ class RealFFT:
         """
         layout = Layout(shape, batched)
         self.shape, self.half_shape = layout.shape, layout.spectrum_shape
-        if not device.is_cpu:
-            _require_groups(device, layout)
         self._device, self._layout = device, layout
 
     @cached_property

@@ -9,10 +9,9 @@ import numpy as np
 import pyopencl.array as cla
 from pyopencl import cltypes
 
-from sonarmap.kernels.device.arrays import Pending, Readback, require_places, upload_places
+from sonarmap.kernels.device.arrays import Pending, Readback, upload_places
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array
-from sonarmap.kernels.errors import InputError
 
 _LANES = 8
 _GROUP = 64
@@ -31,9 +30,6 @@ def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
     Returns:
         (n,) int64, numbers of cells in C order.
     """
-    require_places(directions, "directions")
-    if edge < 1:
-        raise InputError(f"`edge={edge}` cells are too few; give at least 1")
     columns = np.ascontiguousarray(directions.T)  # column by column, which is faster than row by row
     x, y, z = columns / np.maximum(np.abs(columns).sum(axis=0), 1e-20)
     folded_u, folded_v = (1 - np.abs(y)) * np.where(x < 0, -1, 1), (1 - np.abs(x)) * np.where(y < 0, -1, 1)
@@ -44,7 +40,6 @@ def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
 
 def upload_points(device: Device, points: np.ndarray) -> tuple[cla.Array, int]:
     """Points (n, 3) on the device for `agreement`, and how many they are: (3, n padded to a multiple of 8) float32."""
-    require_places(points, "points")
     padded = np.zeros((3, -(-max(len(points), 1) // _LANES) * _LANES), np.float32)
     padded[:, : len(points)] = points.T
     return device.to_device(padded), len(points)
@@ -52,7 +47,6 @@ def upload_points(device: Device, points: np.ndarray) -> tuple[cla.Array, int]:
 
 def upload_viewpoints(device: Device, places: np.ndarray) -> cla.Array:
     """Where the sensors of k range images were (k, 3), on the device for `agreement`: (k, 4) float32."""
-    require_places(places, "viewpoints")
     return upload_places(device, places)
 
 
@@ -84,16 +78,10 @@ def agreement(
         Of each viewing (k, n, tolerances, 3) int64: points that agree, that contradict, and that fall into cells where
         something was seen.
     """
-    bad = [pair for pair in tolerances if not (0 <= pair[0] < np.inf and 0 <= pair[1] < np.inf)]
-    if bad or len(tolerances) not in (1, 2) or len(viewings) not in (1, 2):
-        raise InputError(f"{len(viewings)} viewings, `tolerances={tolerances}`; wanted one or two of each, 0 or more")
-    images = [_images(viewing) for viewing in viewings]
+    images = [0 if viewing.views is None else len(viewing.views) for viewing in viewings]
     n, _ = require_array(poses, "poses", (None, 16))
     counts = device.empty((sum(images), n, len(tolerances), 3), np.int32)
     seeing = [viewing for viewing in viewings if viewing.views is not None]
-    for viewing in seeing:
-        edge = min(each.views.shape[1] for each in seeing if each.views is not None)
-        require_array(cast(cla.Array, viewing.views), "views", (None, edge, edge, 2))
     if counts.size:
         both = viewings[0], viewings[-1]
         # a viewing without an image has no job, but an argument
@@ -115,17 +103,3 @@ def _float4(x: float, y: float, z: float, w: float) -> np.void:
     """A kernel argument; PyOpenCL takes as long to make it as to launch a kernel."""
     # pyrefly: ignore[missing-attribute]
     return cltypes.make_float4(x, y, z, w)
-
-
-def _images(viewing: Viewing) -> int:
-    """How many images a viewing has, once its points and viewpoints are right."""
-    moved, valid = viewing.points
-    _, count = require_array(moved, "points", (3, None))
-    if count % _LANES or not 0 <= valid <= count:
-        raise InputError(f"`points` are {valid} of {count}; wanted points as upload_points makes them")
-    if viewing.views is None:
-        return 0
-    if viewing.viewpoints is None:
-        raise InputError("range images have no `viewpoints`; give a place for each")
-    require_array(viewing.viewpoints, "viewpoints", (len(viewing.views), 4))
-    return len(viewing.views)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sonarmap.kernels.device.arrays import Pending, Readback
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.device.launch import affine_rows, launch, require_array, zero
+from sonarmap.kernels.device.launch import affine_rows, launch, zero
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import row_pitch
 from sonarmap.kernels.points.voxelize import voxelize_poses
@@ -148,8 +148,6 @@ class Correlator:
             points: (n, 4) float32, as `voxelize` takes them.
             targets: for each exponent the whitened spectrum (edge, edge, `row_pitch(edge)`) complex64.
         """
-        if count < 1 or separation < 0:
-            raise InputError(f"`count={count}`, `separation={separation}`; wanted at least 1 and 0")
         rows = self._upload(poses)
         out = self._chooser.output(len(poses), len(self.exponents), count)
         for first in range(0, len(poses), self.most):
@@ -157,11 +155,11 @@ class Correlator:
             self._correlate(points, rows, first, now, targets)
             self._chooser.choose(self._correlations, rows, separation, (now, first), out)
         peaks, hidden = self._chooser.read(out)
-        for n, e in hidden:
-            correlation = self.correlations(points, poses[n], targets)[e]
-            reach = poses[n].limits
-            limits = None if reach is None else (float(reach[0]), float(reach[1]), float(reach[2]))
-            peaks[n][e] = find_peaks(self.device, correlation, count, separation, limits)
+        for n in sorted({n for n, _ in hidden}):
+            correlations, limits = self.correlations(points, poses[n], targets), poses[n].limits
+            reach = None if limits is None else (float(limits[0]), float(limits[1]), float(limits[2]))
+            for e in (e for pose, e in hidden if pose == n):
+                peaks[n][e] = find_peaks(self.device, correlations[e], count, separation, reach)
         return peaks
 
     def near(
@@ -173,9 +171,8 @@ class Correlator:
             points, targets: as in `find`; the poses' limits do not count.
             shifts: (poses, 3) int64 [voxels], cyclic.
         """
-        rows, half = self._upload(poses), row_pitch(self.edge)
-        require_array(targets[0], "target", (self.edge, self.edge, half), np.complex64)
-        out = self.device.empty((len(poses), _SUMS, half), np.complex64)
+        rows = self._upload(poses)
+        out = self.device.empty((len(poses), _SUMS, row_pitch(self.edge)), np.complex64)
         places = np.asarray(shifts) % self.edge
         for first in range(0, len(poses), self.most):
             now = min(self.most, len(poses) - first)
@@ -230,11 +227,6 @@ class Correlator:
     def _correlate(
         self, points: cla.Array, rows: cla.Array, first: int, now: int, targets: Sequence[cla.Array]
     ) -> None:
-        half = row_pitch(self.edge)
-        if len(targets) != len(self.exponents):
-            raise InputError(f"{len(targets)} targets for {len(self.exponents)} exponents; give one for each")
-        for target in targets:
-            require_array(target, "target", (self.edge, self.edge, half), np.complex64)
         self._voxelize(points, rows, first, now)
         correlations = self._correlations
         self._passes.correlate(self._spectra, targets, correlations.energies, now)

@@ -7,9 +7,8 @@ import pyopencl as cl
 import pyopencl.array as cla
 
 from sonarmap.kernels.device.device import Device
-from sonarmap.kernels.device.launch import affine_rows, enqueue, require_array, table, zero
-from sonarmap.kernels.errors import InputError
-from sonarmap.kernels.fft.edges import Layout, row_pitch
+from sonarmap.kernels.device.launch import affine_rows, enqueue, table, zero
+from sonarmap.kernels.fft.edges import Layout
 from sonarmap.kernels.fft.fused import emit_planes, emit_spectra, sheet_width
 from sonarmap.kernels.fft.transform import RealFFT, column_lanes
 from sonarmap.kernels.points.voxelize import voxelize, voxelize_poses
@@ -65,16 +64,6 @@ class PointSpectra:
             magnitudes: (edge, edge, edge/2 + 1) float32, to be filled as `magnitude` does; only where planned.
             farthest: magnitudes farther than this from frequency 0 are not needed [bins].
         """
-        edge = self._edge
-        if len(out) != len(self.exponents) or (magnitudes is not None) != self._with_magnitudes:
-            raise InputError(
-                f"{len(out)} spectra for {len(self.exponents)} exponents, magnitudes {magnitudes is not None}; wanted "
-                f"one for each, and magnitudes {self._with_magnitudes}"
-            )
-        for array in out:
-            require_array(array, "out", (edge, edge, row_pitch(edge)), np.complex64)
-        if magnitudes is not None:
-            require_array(magnitudes, "magnitudes", (edge, edge, edge // 2 + 1))
         if self._fft is None:
             self._transform_sparse(points, out, magnitudes, farthest)
             return

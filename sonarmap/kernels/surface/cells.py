@@ -6,10 +6,9 @@ import numpy as np
 import pyopencl.array as cla
 from pyopencl import cltypes
 
-from sonarmap.kernels.device.arrays import require_places, upload_places, upload_poses
+from sonarmap.kernels.device.arrays import upload_places, upload_poses
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import lanes, launch, require_array, table
-from sonarmap.kernels.errors import InputError
 
 # A surface has about a point a voxel: a cell of so many voxels holds four, and most nearest points lie in it.
 _SIZE = 2.0
@@ -53,8 +52,6 @@ class Elements:
 def sort_into_cells(device: Device, points: np.ndarray) -> Cells:
     """Points (m, 3), at least one, in cells; float32 is what their distances are rounded to [any length unit]."""
     places = np.asarray(points, np.float32)
-    if places.ndim != 2 or places.shape[1] != 3 or not len(places) or not np.isfinite(places).all():
-        raise InputError(f"`points` have shape {points.shape}; wanted (m, 3), at least one, all of it finite numbers")
     origin, side, counts = _box(places)
     cell = np.clip((places - origin) / side, 0, counts - 1).astype(np.int32)
     number = (cell[:, 0] * counts[1] + cell[:, 1]) * counts[2] + cell[:, 2]
@@ -114,8 +111,6 @@ def find_nearest(
     """
     count, _ = require_array(places, "places", (None, 4))
     poses = upload_poses(device, R, t)
-    if not reach >= 0:
-        raise InputError(f"`reach={reach}`; wanted 0 or more")
     if not len(R) or not count:
         return np.full((len(R), count), np.inf, np.float32), np.full((len(R), count), -1, np.int32)
     index, squared = device.empty((len(R), count), np.int32), device.empty((len(R), count))
@@ -143,10 +138,6 @@ def fit_planes(
     Returns:
         device (m, 12) float32 as `cells.cl` has it, in the points' own order.
     """
-    if len(cells) < 3:
-        raise InputError(f"{len(cells)} points show no plane; wanted at least 3")
-    require_places(directions, "directions")
-    require_places(viewpoints, "viewpoints")
     elements = device.empty((len(cells), 12))
     known = table(device, np.column_stack([directions, np.zeros(len(directions))]).astype(np.float32))
     views = upload_places(device, viewpoints if len(viewpoints) else np.zeros((1, 3)))

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonarmap.kernels.device.device import Array
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.prepare.prepared import Prepared
 from sonarmap.spectral.prepare.range_image import View
 from sonarmap.spectral.prepare.surface import Surface
@@ -37,11 +36,7 @@ def signature(products: np.ndarray) -> np.ndarray:
     Returns:
         (K,) float32 in -1..1, K = (degrees - 1) n (n + 1) / 2 with n = 6 layers, or half of L where L is below 12.
     """
-    if products.ndim != 3 or len(products) < 2 or products.shape[1] != products.shape[2]:
-        raise InputError(f"`products` have shape {products.shape}; wanted (degrees, L, L), of 2 degrees or more")
     chosen = products[1:, _LAYERS, _LAYERS].astype(np.float64)
-    if not np.isfinite(chosen).all():
-        raise InputError("`products` hold numbers that are not finite; look at the volume that went in")
     energies = np.diagonal(chosen, axis1=1, axis2=2)
     faintest = np.finfo(np.float64).tiny
     shares = energies / np.maximum(energies.sum(axis=0), faintest)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.prepare.range_image import FINE
-from sonarmap.spectral.so3 import RotationPeaks
+from sonarmap.spectral.so3 import RotationPeaks, distinct
 from sonarmap.spectral.verify.bounds import PairFrames
 from sonarmap.spectral.verify.fit import Fit, principal_axes
 from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Candidates, Evidence, Hypothesis, elsewhere, ranked
@@ -84,10 +84,10 @@ class HypothesisTest(PairFrames):
         A rotation that is 2 degrees off has low and broad peaks, and where a scan can slide, along a quay or a pool,
         the true one may be missing among them. As many at most as there are finalists.
         """
-        distinct = _distinct(finalists, _SAME_ROTATION)
-        R = Rotation.concatenate([finalist.fit.R for finalist in distinct])
-        rotations = RotationPeaks(R, np.array([finalist.rotation_score for finalist in distinct]))
-        boxes = [self.box(finalist.fit.R) for finalist in distinct]
+        R = Rotation.concatenate([finalist.fit.R for finalist in finalists])
+        scores = np.array([finalist.rotation_score for finalist in finalists])
+        kept = distinct(R, np.arange(len(finalists)), len(finalists), _SAME_ROTATION)
+        rotations, boxes = RotationPeaks(R[kept], scores[kept]), [self.box(each) for each in R[kept]]
         named = self.verifier.fine_candidates(self.target, self.source, rotations, boxes)
         candidates = self.within_bounds(named)
         if not len(candidates.psr):
@@ -274,15 +274,6 @@ def _start(fits: Sequence[Fit], stretches: bool = False) -> Start:
 
 def _origins(hypotheses: Sequence[Hypothesis]) -> list[tuple[float, float]]:
     return [(each.rotation_score, each.candidate_psr) for each in hypotheses]
-
-
-def _distinct(hypotheses: Sequence[Hypothesis], apart: float) -> list[Hypothesis]:
-    """The first of each that are turned alike, to within an angle [rad]."""
-    distinct: list[Hypothesis] = []
-    for each in hypotheses:
-        if all((each.fit.R.inv() * kept.fit.R).magnitude() > apart for kept in distinct):
-            distinct.append(each)
-    return distinct
 
 
 def _loose(fit: Fit) -> bool:

@@ -120,23 +120,3 @@ class TestFull:
         monkeypatch.setattr(cl, "enqueue_fill_buffer", fail)
         with pytest.raises(cl.RuntimeError, match="other"):
             zero(device, array)
-
-
-class TestSmallWorkGroups:
-    @pytest.mark.parametrize(
-        ("limits", "message"),
-        [
-            ({"local_mem_size": 2**14}, "512 points needs work-groups of 256 and 32 KiB .* 16 KiB. .*: 256 points"),
-            ({"max_work_group_size": 64}, "512 points needs work-groups of 256 .* has 64 and .*`edge`: 64 points"),
-            ({"max_work_item_sizes": [32, 1, 1]}, "512 points .* has 32 and .* 32 points would do"),
-            ({"max_work_group_size": 16}, "512 points .* has 16 and .* Use another device"),
-        ],
-    )
-    def test_are_told_before_anything_is_built(self, device, limits, message):
-        small = limited(device, **limits)
-        for shape, batched in (((3, 512, 16), True), ((512, 16, 16), False)):
-            with pytest.raises(DeviceError, match=message):
-                RealFFT(small, shape, batched=batched)
-        RealFFT(Device(device.cl_device, flavor="cpu"), (512, 16, 16))  # where groups are single work-items
-        fitting = limited(device, local_mem_size=2**11, max_work_group_size=32)
-        RealFFT(fitting, (512, 32, 64), batched=True)  # 512 layers are no edge, and a row packs 32 points

@@ -3,16 +3,11 @@
 Kernels for a processor are written with 8 and with 16 lanes.
 """
 
-import os
-import time
-import warnings
 from itertools import pairwise
 
 import numpy as np
-import pyopencl as cl
 import pytest
 
-from sonarmap.kernels.device.source import complete
 from sonarmap.kernels.fft.edges import EDGES, neighbors, radices, row_pitch
 from sonarmap.kernels.fft.transform import RealFFT
 
@@ -77,25 +72,6 @@ def test_batched_leaves_the_first_axis(device, layers):
     assert difference(fft.inverse(spectrum).get(), volume) < TOLERANCE
 
 
-def test_laws(device):
-    """Linearity, Parseval's theorem and the shift law."""
-    shape = (16, 32, 64)
-    fft, a, b = RealFFT(device, shape), real(shape, 1), real(shape, 2)
-
-    def forward(volume: np.ndarray) -> np.ndarray:
-        return half(fft.forward(device.to_device(volume)).get(), shape)
-
-    A, B = forward(a), forward(b)
-    assert difference(forward(2.5 * a - 0.75 * b), 2.5 * A - 0.75 * B) < TOLERANCE
-    weight = np.full(33, 2.0)
-    weight[[0, 32]] = 1.0
-    energy = np.sum(weight * np.abs(A.astype(complex)) ** 2) / a.size
-    assert energy == pytest.approx(np.sum(a.astype(float) ** 2), rel=1e-6)
-    kx, ky, kz = np.ogrid[:16, :32, :33]
-    turn = np.exp(-2j * np.pi * (3 * kx / 16 + 5 * ky / 32 + 11 * kz / 64))
-    assert difference(forward(np.roll(a, (3, 5, 11), (0, 1, 2))), A * turn) < 2 * TOLERANCE
-
-
 def test_one_transform_is_the_same_every_time(device):
     """Nothing depends on what memory held before; it writes to what it is given."""
     shape = (64, 16, 32)
@@ -128,28 +104,3 @@ def test_radices_make_the_edge():
             assert np.prod(chosen) == points
             assert list(chosen) == sorted(chosen)
             assert 1 + (points >= 16) <= len(chosen) <= 4
-
-
-@pytest.mark.quick_cases(1)
-@pytest.mark.parametrize(("shape", "batched"), [((18, 20, 36), False), ((3, 64, 16), True)])
-def test_no_build_warning_is_ours(device, monkeypatch, shape, batched):
-    """The compiler says nothing of the source, and takes the size of the groups: a wrong word is only a warning."""
-    logs: list[str] = []
-
-    def build(source: str, **_: object):
-        fresh = f"// {os.getpid()} {time.time_ns()}\n"  # drivers keep what they built, without its warnings
-        program = cl.Program(device.context, fresh + complete(source)).build()
-        logs.append(str(program.get_build_info(device.cl_device, cl.program_build_info.LOG)))
-        return program
-
-    with monkeypatch.context() as patch, warnings.catch_warnings():
-        warnings.simplefilter("ignore", cl.CompilerWarning)
-        patch.setattr(device, "build", build)
-        fft = RealFFT(device, shape, batched)
-        builds = fft._forward, fft._inverse
-    assert len(logs) == 2
-    assert not any("warning" in log for log in logs), logs
-    for transform in builds:
-        for kernel, _, group in transform._launches:
-            compiled = kernel.get_work_group_info(cl.kernel_work_group_info.COMPILE_WORK_GROUP_SIZE, device.cl_device)
-            assert tuple(compiled) == (*group, 1, 1)

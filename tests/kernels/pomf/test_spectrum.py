@@ -59,18 +59,6 @@ def test_cross_power(device, shape, blur, batched):
     np.testing.assert_array_equal(target.get(), got)
 
 
-def test_pomf_blur_is_a_gaussian_of_that_deviation(device):
-    shape, blur = (32, 32, 32), 1.5
-    volume = device.to_device(np.random.default_rng(7).normal(size=shape).astype(np.float32))
-    pomf = Pomf(device, shape, blur=blur)
-    spectrum = pomf.prepare(volume)
-    correlation = pomf.correlate(spectrum, spectrum).get()
-    x = np.arange(-4, 5)
-    want = np.exp(-(x**2) / (2 * blur**2)) / (np.sqrt(2 * np.pi) * blur) ** 3
-    np.testing.assert_allclose(correlation[x, 0, 0], want, atol=2e-5)
-    np.testing.assert_allclose(correlation[0, 0, x], want, atol=2e-5)
-
-
 def test_pomf_of_batches_and_their_sum(device):
     shape = (5, 32, 64)
     rng = np.random.default_rng(8)

@@ -79,18 +79,6 @@ class TestAnalyze:
         flat = device.to_device(np.full((16, 16, 9), 7.3, np.float32))  # a constant layer becomes 0
         assert not harmonics.analyze(flat, np.array([2.0, 5.0])).get().any()
 
-    def test_a_turn_about_z_by_a_sample_turns_the_phases(self, device):
-        """a[l, m] exp(-i m turn), for a quarter turn, which the grid of voxels has too."""
-        harmonics = Harmonics(device, 16, 32, 64)
-        magnitude = spectrum(33, 4)[:, :, :17]
-        turned_by_90 = np.rot90(magnitude, 1, axes=(0, 1))
-        both = [
-            harmonics.analyze(device.to_device(np.ascontiguousarray(each[:32, :32])), np.array([6.0])).get()
-            for each in (magnitude, turned_by_90)
-        ]
-        orders = np.arange(-15, 16)
-        assert relative_error(both[1], both[0] * np.exp(-0.5j * np.pi * orders)) < 1e-4
-
 
 @pytest.mark.parametrize(("bandwidth", "layers", "sums"), [(8, 1, 1), (16, 20, 49)])
 def test_mixtures_equal_the_matrix_product(device, bandwidth, layers, sums):

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.kernels.so3.correlation import RotationCorrelation, wigner_d
-from tests.samples.scenes.sphere_layers import evaluate, random_coefficients, turned
+from tests.samples.scenes.sphere_layers import random_coefficients, turned
 
 
 class TestWigner:
@@ -68,27 +68,6 @@ class TestCorrelation:
         for place in places_of(correlation, 4 if bandwidth > 8 else 8, seed=3):
             want = direct(target, source, correlation.rotations(place))
             assert got[tuple(place)] == pytest.approx(want, abs=2e-6 * float(largest_value))
-
-    @pytest.mark.quick_cases(1)
-    @pytest.mark.parametrize("bandwidth", [32, 40])
-    def test_equals_the_sum_of_the_formula(self, device, bandwidth):
-        """Larger bandwidths against C(R) as the module's docstring has it, in float64."""
-        correlation = RotationCorrelation(device, bandwidth, 0.3)
-        target, source = (random_coefficients(bandwidth, 5, seed) for seed in (4, 5))
-        got = correlate(correlation, target, source)[0]
-        orders = np.arange(1 - bandwidth, bandwidth)
-        places = places_of(correlation, 12, seed=6)
-        want = np.zeros(len(places))
-        for half in range(bandwidth // 2):
-            part = slice(bandwidth - 1 - 2 * half, bandwidth + 2 * half)
-            product = target[half, :, part].T @ source[half, :, part].conj()
-            matrices = wigner_d(2 * half, correlation.betas[places[:, 0]])
-            alpha, gamma = (2j * np.pi / correlation.edge * places[:, axis] for axis in (1, 2))
-            waves = np.exp(np.multiply.outer(alpha, orders[part])), np.exp(np.multiply.outer(gamma, orders[part]))
-            want += np.einsum("mn,pmn,pm,pn->p", product, matrices, *waves).real
-        scale = float(np.linalg.norm(target) * np.linalg.norm(source))
-        np.testing.assert_allclose(got[tuple(places.T)], want, atol=2e-6 * scale)
-        assert np.abs(want).max() > 1e-3 * scale
 
     def test_calls_do_not_leave_traces_and_zero_coefficients_give_zero(self, device):
         correlation = RotationCorrelation(device, 16, 1.0)
@@ -165,15 +144,6 @@ class TestRotationsFoundAgain:
             assert (correlation.rotations(np.array(place)) * want.inv()).magnitude() < np.deg2rad(10)
             assert 0.5 * energy < values[place] <= energy * (1 + 1e-5)
 
-    def test_at_a_sample_the_value_is_the_energy_and_the_twin_turns_as_it_says(self, correlation, layers):
-        place = np.array([5, 3, 29])
-        values = correlate(correlation, layers, turned(layers, correlation.rotations(place)))[0]
-        assert np.unravel_index(values.argmax(), values.shape) == tuple(place)
-        assert values.max() == pytest.approx(np.linalg.norm(layers) ** 2, rel=1e-5)
-        directions = Rotation.random(20, rng=np.random.default_rng(21)).as_matrix()[:, 1]
-        R = TURNS[0]
-        np.testing.assert_allclose(evaluate(turned(layers, R), directions), evaluate(layers, R.apply(directions)))
-
 
 def from_beta(beta: float, count: int, seed: int) -> Rotation:
     """Rotations whose z axes are so far from z [rad], otherwise any."""
@@ -197,14 +167,6 @@ class TestPlaces:
         assert within.mean() > 0.99
         np.testing.assert_allclose(self.off(correlation, R[within]), 0, atol=1e-6)
 
-    def test_of_samples_they_are_whole_numbers_of_one_period(self, correlation):
-        edge = correlation.edge
-        index = np.random.default_rng(2).integers(0, [len(correlation.betas), edge, edge], (500, 3))
-        places = correlation.places(correlation.rotations(index))
-        assert (places >= 0).all()
-        assert (places[:, 1:] <= edge).all()
-        np.testing.assert_allclose((places - index + edge / 2) % edge - edge / 2, 0, atol=1e-6)
-
     @pytest.mark.parametrize("level", [0, 1e-5, STEP / 2.5])
     @pytest.mark.parametrize("upside_down", [False, True])
     def test_near_an_end_nothing_is_farther_than_its_sample(self, correlation, level, upside_down):
@@ -218,12 +180,3 @@ class TestPlaces:
         R = from_beta(1.2, 200, 5)
         np.testing.assert_array_equal(correlation.places(R)[:, 0], len(correlation.betas) - 1)
         np.testing.assert_allclose(self.off(correlation, R), 1.2 - correlation.betas[-1], atol=1e-6)
-
-    def test_of_turns_about_z_alone(self, correlation):
-        """The first sample is half a step off: the other two are right together."""
-        turns = np.linspace(-3.1, 3.1, 50)
-        R = Rotation.from_euler("Z", turns[:, None])
-        places = correlation.places(R)
-        turn = places[:, 1:].sum(axis=1) * 2 * np.pi / correlation.edge
-        np.testing.assert_allclose(np.cos(turn - turns), 1, atol=1e-9)
-        np.testing.assert_allclose(self.off(correlation, R), STEP / 2, atol=1e-6)

@@ -59,24 +59,6 @@ def test_equals_the_twin(device: Device, count: int, views: int) -> None:
     np.testing.assert_allclose(np.linalg.norm(got[:, 4:7], axis=1), 1, atol=1e-6)
 
 
-def test_of_neighbors_equally_far_the_first_count(device: Device) -> None:
-    """A lattice, where most distances are tied: by the place among the cells, in both flavors."""
-    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(24.0), np.arange(17.0)))
-    points = np.column_stack([x, y, (x * x + 3 * y) % 4])
-    cells = sort_into_cells(device, points)
-    got = fit_planes(device, cells, DIRECTIONS, np.zeros((0, 3)), farthest=FARTHEST, aside=ASIDE).get()
-    number = cells.points.get().view(np.int32)[:, 3]
-    rank = np.argsort(number)  # each point's place among the cells
-    squared = ((points[:, None] - points) ** 2).sum(axis=2)
-    nearest = np.lexsort((np.broadcast_to(rank, squared.shape), squared))[:, :NEIGHBORS]
-    spread = points[nearest] - points[nearest].mean(axis=1, keepdims=True)
-    squares, axes = np.linalg.eigh(spread.transpose(0, 2, 1) @ spread)
-    clear = squares[:, 1] - squares[:, 0] > 1e-2 * squares[:, 2]
-    assert clear.mean() > 0.8
-    alike = np.abs(np.einsum("ni,ni->n", got[:, 4:7], axes[:, :, 0]))
-    np.testing.assert_allclose(alike[clear], 1, atol=1e-5)
-
-
 @pytest.mark.parametrize("kind", ["plane", "line", "point", "far"])
 def test_what_shows_no_surface_is_finite(device: Device, kind: str) -> None:
     u = np.random.default_rng(2).uniform(-20, 20, (300, 3))

@@ -49,16 +49,6 @@ def test_a_measured_attitude_gives_the_tilt_and_the_motion_the_turn() -> None:
     assert (relative.rotation.inv() * R_EXPECTED).magnitude() < 0.06
 
 
-def test_sigmas_are_about_the_axes_of_the_world() -> None:
-    """The target lies on its side: what is forward in it is up in the world."""
-    on_end = RigidTransform.from_components(np.zeros(3), Rotation.from_euler("Y", -np.pi / 2))
-    straight = ExpectedPose(np.zeros(3), np.array([1.0, 0.0, 0.0]), EXPECTED.sigmas)
-    _, source = straight.priors(measured(on_end, 0, 1), measured(on_end, 0, 1))
-    np.testing.assert_allclose(source.T_world_sensor.translation, [0, 0, 1], atol=1e-12)
-    np.testing.assert_allclose(source.sigmas[3:], EXPECTED.sigmas[[5, 4, 3]])
-    assert source.sigmas[2] == pytest.approx(EXPECTED.sigmas[0])
-
-
 @pytest.mark.parametrize("sigmas", [np.full(6, np.nan), np.ones(3)])
 def test_bad_sigmas_are_refused(sigmas: np.ndarray) -> None:
     with pytest.raises(InputError, match="sigmas"):
@@ -99,11 +89,6 @@ def test_pose_and_covariance_are_those_of_the_scans_of_the_alternatives_too() ->
         alone = alone.alternatives[0] if alone.alternatives else alone
     assert given == before
     assert same(given.T_target_source, POSES[0])
-
-
-def test_without_instruments_it_is_the_registration_itself() -> None:
-    given = registration(0, by_scans=False, alternatives=(registration(1, by_scans=False),))
-    assert given.by_scans is given
 
 
 @pytest.mark.parametrize("leveled", [False, True])

@@ -22,7 +22,6 @@ from tests.samples.relative_priors import (
     pair,
     prior,
     random_rotations,
-    unexact,
 )
 
 
@@ -51,11 +50,6 @@ class TestWhichSayAnything:
 
 
 class TestRotations:
-    @pytest.mark.parametrize("kinds", [(HEADING,), (ATTITUDE, HEADING)])
-    def test_the_truth_is_allowed(self, kinds: tuple[slice, ...]) -> None:
-        exact = np.full(6, 1e-7)
-        assert pair(*kinds, sigmas=exact).allows(T_TRUE.rotation)
-
     def test_attitudes_leave_the_turn_about_the_vertical_open_and_nothing_else(self) -> None:
         relative = pair(ATTITUDE, sigmas=np.full(6, 1e-4))
         turns = Rotation.from_euler("Z", np.linspace(-3.1, 3.1, 40)[:, None])
@@ -100,21 +94,6 @@ class TestRotations:
         assert 20 < allowed.sum() < 1980
         np.testing.assert_array_equal(swapped.allows(rotations.inv(), slack=0.03), allowed)
 
-    def test_a_stack_is_its_rotations_one_by_one(self) -> None:
-        relative = pair(ATTITUDE, HEADING, sigmas=np.array([0.2, 0.4, 0.5, 1, 1, 1]))
-        stack = random_rotations(300, 2)
-        allowed = relative.allows(stack)
-        assert allowed.shape == (300,)
-        assert 0 < allowed.sum() < 300
-        assert allowed.tolist() == [relative.allows(stack[k]) for k in range(300)]
-
-    @pytest.mark.slow
-    def test_most_measured_pairs_are_allowed(self) -> None:
-        """4 sigmas leave out 1 in 3000 of two dimensions and 1 in 16000 of one."""
-        rng = np.random.default_rng(4)
-        draws = [RelativePrior(unexact(T_TARGET, rng), unexact(T_SOURCE, rng)) for _ in range(300)]
-        assert sum(not relative.allows(T_TRUE.rotation) for relative in draws) <= 2
-
     def test_the_slack_is_of_the_tilt_too(self) -> None:
         relative = pair(ATTITUDE, HEADING, sigmas=np.full(6, 1e-5))
         tilted = T_TARGET.rotation.inv() * Rotation.from_rotvec([0.06, 0.08, 0]) * T_SOURCE.rotation
@@ -132,16 +111,6 @@ class TestHeadingsWithoutAttitude:
         allowed = RelativePrior(target, source).allows(Rotation.from_euler("Z", -0.8 + np.deg2rad(off)[:, None]))
         assert np.abs(off[allowed]).max() == pytest.approx(np.floor(widest))
         assert (np.diff(np.flatnonzero(allowed)) == 1).all()
-
-    def test_a_tilt_that_was_not_measured_is_not_heeded(self) -> None:
-        tilted = RigidTransform.from_rotation(Rotation.from_euler("Z", 0.4) * Rotation.from_rotvec([0.5, -0.6, 0]))
-        level = about_vertical(0.4)
-        rotations = random_rotations(500, 6)
-        answers = [
-            RelativePrior(prior(T, HEADING), prior(T_SOURCE, HEADING)).allows(rotations) for T in (tilted, level)
-        ]
-        np.testing.assert_array_equal(answers[0], answers[1])
-        assert answers[0].any()
 
     @pytest.mark.slow
     @pytest.mark.parametrize("attitudes", [(), ("target",), ("source",)])
@@ -162,22 +131,6 @@ class TestHeadingsWithoutAttitude:
 
 
 class TestNormalized:
-    @pytest.mark.parametrize(
-        ("kinds", "dof"),
-        [
-            ((HEADING,), 0),
-            ((ATTITUDE, DEPTH), 3),
-            ((POSITION, DEPTH), 0),
-            ((ATTITUDE, POSITION), 2),
-            ((ATTITUDE, HEADING, POSITION), 5),
-        ],
-    )
-    def test_counted_is_what_is_measured(self, kinds: tuple[slice, ...], dof: int) -> None:
-        moved = T_TRUE * RigidTransform.from_exp_coords([0.05, -0.1, 0.07, 1, 2, 3])
-        chi2, counted = pair(*kinds).normalized(moved)
-        assert counted == dof
-        assert (chi2 > 0.1) == (dof > 0)
-
     def test_the_measured_pose_is_no_way_off_and_a_turn_of_one_sigma_is_1(self) -> None:
         assert pair(*ALL).normalized(T_TRUE) == (pytest.approx(0, abs=1e-20), 6)
         sigmas = [np.array([1e-3, 1e-3, heading, INF, INF, INF]) for heading in (0.03, 0.04)]
@@ -245,16 +198,3 @@ class TestPosePrior:
         for T in (RigidTransform.concatenate([T_TARGET, T_SOURCE]), *off):
             with pytest.raises(InputError, match="finite"):
                 PosePrior(T, SIGMAS)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kinds", [ALL, (ATTITUDE, DEPTH), (HEADING, POSITION), (ATTITUDE, POSITION)])
-def test_where_the_world_begins_and_points_makes_no_difference(kinds: tuple[slice, ...]) -> None:
-    """One turn about the vertical and one shift of both poses; the position's error is round."""
-    sigmas = np.array([0.1, 0.3, 0.2, 2.0, 2.0, 0.7])
-    T_other_world = about_vertical(2.1, (100, -40, 7))
-    here = RelativePrior(prior(T_TARGET, *kinds, sigmas=sigmas), prior(T_SOURCE, *kinds, sigmas=sigmas))
-    there = RelativePrior(
-        prior(T_other_world * T_TARGET, *kinds, sigmas=sigmas), prior(T_other_world * T_SOURCE, *kinds, sigmas=sigmas)
-    )
-    assert_alike(here, there, poses_near(12))

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
-from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.surface.refinement import Record
 from sonarmap.spectral.verify.fit import CALIBRATION
@@ -29,13 +28,6 @@ def test_what_noise_alone_seems_to_fix_is_worth_less(share: float) -> None:
     shared[3, 3] *= share
     ratio = np.diag(of(shared)) / np.diag(of(HESSIAN))
     np.testing.assert_allclose(ratio, [1, 1, 1, 1 / CALIBRATION.usual, 1, 1], rtol=1e-6)
-
-
-def test_it_turns_with_the_axes() -> None:
-    turn = np.kron(np.eye(2), Rotation.from_rotvec([0.3, -0.5, 0.9]).as_matrix())
-    shared = HESSIAN * [1, 0.2, 0.1, 0.05, 0.15, 1]
-    turned = usual_covariance((turn @ HESSIAN @ turn.T)[None], (turn @ shared @ turn.T)[None], VARIANCE)[0]
-    np.testing.assert_allclose(turned, turn @ of(shared) @ turn.T, atol=1e-12)
 
 
 BEGIN = State(np.stack([np.eye(3)] * 2), np.zeros((2, 3)), np.full(2, 0.3), np.zeros((2, 2)), None)
