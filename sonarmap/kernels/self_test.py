@@ -49,11 +49,8 @@ class Measured:
 
 
 def measure(device: Device) -> Iterator[Measured]:
-    """Every check, one after the other; a few seconds, most of it for compiling.
-
-    Raises:
-        SonarmapError, cl.Error: the device cannot compute it.
-    """
+    """Every check, one after the other; a few seconds, most of it for compiling. Raises what a device raises that
+    cannot."""
     return chain.from_iterable(check(device) for check in CHECKS)
 
 

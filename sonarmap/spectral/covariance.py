@@ -40,11 +40,8 @@ def slides_of(seen: Observability) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class Slide:
-    """How far scans may have slid along a direction, by what is left of their correlation along it.
-
-    Planes say how well they hold a direction where they are; that the scans may lie elsewhere along it, where the next
-    post or ripple fits, shows in the correlation alone.
-    """
+    """How far scans may have slid along a direction, by what is left of their correlation along it: planes do not say
+    that they may lie elsewhere along it, where the next post or ripple fits."""
 
     # odds, weight: logarithm of the odds that they have slid, logistic in the logarithm of the share that is left
     odds: float
@@ -135,10 +132,8 @@ def _by_planes(hypothesis: Hypothesis) -> np.ndarray:
 
 
 def by_stretch(fit: Fit, held: np.ndarray) -> np.ndarray:
-    """(6, 6) what the pose may be off by as the ranges' shares are not known; no more where nothing holds the pose.
-
-    `held` is the (6, 6) inverse of the information, in directions in which there is any.
-    """
+    """(6, 6) what the pose may be off by as the ranges' shares are not known, in the directions of `held`, the (6, 6)
+    inverse of the information."""
     if fit.stretching is None:
         return np.zeros((6, 6))
     across, both = fit.stretching[:, :6], fit.stretching[:, 6:]

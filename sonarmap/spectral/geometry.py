@@ -38,10 +38,8 @@ def rotation_covariance(prior: PosePrior, turn: float | np.ndarray = 0.0) -> np.
 
 
 def covariance_at_sensor(about_center: np.ndarray, center: np.ndarray) -> np.ndarray:
-    """(6, 6), rotation first, body tangent of the source's sensor frame [rad, m]: by the adjoint of a translation.
-
-    From errors (6, 6) about the source's grid center, in its axes; the center is (3,) [m, source sensor frame].
-    """
+    """(6, 6), rotation first, body tangent of the source's sensor frame [rad, m]: by the adjoint of a translation, from
+    errors (6, 6) about the source's grid center (3,) [m, source sensor frame], in its axes."""
     shift = np.eye(6)
     shift[3:, :3] = cross_matrices(center[None])[0]
     moved = shift @ about_center @ shift.T
@@ -70,10 +68,8 @@ def tilt_allowed(R_target_source: Rotation, max_tilt: float) -> np.ndarray:
 
 
 def tilt_reach(max_tilt: float) -> float:
-    """How far a rotation vector may reach along one of the target's axes under that bound [rad].
-
-    Roll and pitch are about the source's axes after yaw: both at the bound are its root of two about one axis.
-    """
+    """How far a rotation vector may reach along one of the target's axes under that bound [rad]: roll and pitch are
+    about the source's axes after yaw, and both at the bound are its root of two about one axis."""
     return float(np.sqrt(2.0)) * (max_tilt + _TILT_SLACK)
 
 

@@ -58,10 +58,8 @@ class Grid:
 
 
 def coarse_edge(edge: int) -> int:
-    """Voxels per edge of the coarse grid of the same extent: the allowed number nearest to half (in ratio), up to 64.
-
-    More would find no more places, at eight times the time for twice the edge.
-    """
+    """Voxels per edge of the coarse grid of the same extent: the allowed number nearest to half (in ratio), up to
+    64."""
     return min(_FINEST_COARSE, _half(edge))
 
 
@@ -76,10 +74,8 @@ def image_edge(edge: int) -> int:
 
 
 def scan_center(scan: Scan) -> np.ndarray:
-    """Center (3,) [m, sensor frame] of the scan's trimmed bounding box: there the grid's center is put.
-
-    Rotations are about this point, so that the scan fills the grid however far from the sensor it lies.
-    """
+    """Center (3,) [m, sensor frame] of the scan's trimmed bounding box, where the grid's center is put: the scan fills
+    the grid however far from the sensor it lies."""
     low, high = trimmed_box(scan)
     return (low + high) / 2
 

@@ -137,10 +137,8 @@ def peak_covariance(
 
 
 def peak_width(peak: Peak) -> np.ndarray:
-    """(3, 3) [voxels^2]: covariance of the Gaussian that fits the peak's neighborhood, by its logarithm's curvature.
-
-    A direction in which the neighborhood does not fall off is as wide as the neighborhood can tell, 3 voxels.
-    """
+    """(3, 3) [voxels^2]: covariance of the Gaussian that fits the peak's neighborhood, by its logarithm's curvature; 3
+    voxels wide where the neighborhood does not fall off."""
     height = np.log(np.maximum(peak.neighborhood.astype(np.float64) / peak.value, 0.05))
     along = np.eye(3, dtype=int)
 
@@ -194,11 +192,7 @@ class HemisphereRegistrar(GridRegistrar):
     _LARGEST_TILT = float(np.deg2rad(85.0))
 
     def __init__(self, device: Device, grid: Grid, config: HemisphereConfig | None = None) -> None:
-        """Plan everything that does not depend on the scans.
-
-        Raises:
-            DeviceError: the device has too little memory.
-        """
+        """Plan everything that does not depend on the scans; DeviceError where the device has too little memory."""
         self.config = config or HemisphereConfig()
         super().__init__(device, grid, memory_plan(grid.edge, "hemisphere"))
         self.hemisphere = Hemisphere(device, grid.edge)

@@ -124,11 +124,11 @@ class Hemisphere:
         limit: float,
         allowed: Callable[[Rotation], bool] = lambda R: True,
     ) -> AngleEstimate | None:
-        """Roll and pitch that are missing once R_known is applied (Sects. 2.6, 2.7).
+        """Roll and pitch that are missing once R_known is applied (Sects. 2.6, 2.7), each within `limit` [rad].
 
-        Both unwraps see a rotation about x and y as nearly the same shift; the rotation vector (roll, pitch, 0)
-        treats both axes alike. It is about the target's axes, each part within `limit` [rad], and of the highest peak
-        that makes an `allowed` R R_known; None where the correlation has no such peak.
+        Both unwraps see a rotation about x and y as nearly the same shift; the rotation vector (roll, pitch, 0) about
+        the target's axes treats both alike. It is of the highest peak that makes an `allowed` R R_known, if there is
+        one.
         """
         correlation = self.tilt_correlation(target, source_magnitude, R_known)
         bins = limit / self.tilt_bin

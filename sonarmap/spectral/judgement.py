@@ -108,10 +108,8 @@ def clues(
 ) -> Clues:
     """What speaks for the first and best hypothesis, measured on the whole grid, in the light of all of the pair.
 
-    Args:
-        seen: how sharply the scans agree at the best.
-        covariance: (6, 6), rotation first [rad, m], of the best.
-        search: logarithm, base 10, of the share of all poses that instruments leave, as `Bounds` has it.
+    Scans were `seen` to agree there so sharply; the covariance (6, 6) is the best's, rotation first [rad, m]; `search`
+    is the logarithm, base 10, of the share of all poses that instruments leave.
     """
     evidence = hypotheses[0].evidence
     lead = min((hypotheses[0].score - rival.score for rival in hypotheses[1:]), default=_ALONE)
@@ -140,8 +138,7 @@ def clues(
 def place_probabilities(hypotheses: Sequence[Hypothesis], given: Clues) -> list[float]:
     """That each hypothesis, the best first, names the right place, 0..1; their sum is below 1.
 
-    The scans show one place clearly, logistic in the clues; it is shared by the scores: 1/2 each for exact twins,
-    however high their peaks stand, as between the two ends of a room.
+    The scans show one place clearly, logistic in the clues; it is shared by the scores: 1/2 each for exact twins.
     """
     clear = expit(_ODDS.of(np.array([list(asdict(given).values())])))
     return (clear * shares(hypotheses)).tolist()
@@ -157,10 +154,9 @@ def shares(hypotheses: Sequence[Hypothesis]) -> np.ndarray:
 def fixed_probability(covariance: np.ndarray, voxel: float, instruments: np.ndarray | None = None) -> float:
     """That a pose is within 6 degrees and 3 voxels of the truth, 0..1, where its place is the right one.
 
-    The right place may still leave the pose open, as along a wall. Turn and shift are each taken along their
-    least sure direction. Where instruments bound that direction, as navigation does over a flat bed, an error of three
-    of their standard deviations is none either. Covariances are (6, 6), rotation first [rad, m], that of `instruments`
-    by these alone; the voxel is in meters.
+    Turn and shift are each taken along their least sure direction. Where instruments bound that direction, as
+    navigation does over a flat bed, an error of three of their standard deviations is none either. Covariances are (6,
+    6), rotation first [rad, m], that of `instruments` by these alone; the voxel is in meters.
     """
     probability = 1.0
     turn = (slice(0, 3), _FIXED_TURN, _KNOWN_TURN)
@@ -222,11 +218,7 @@ def judge(
     """Which of the hypotheses, the best first, are answers of their own, how probable each, and by which clues.
 
     What lies within the uncertainty of the best is no other answer: along a bed that leaves a direction open, or that
-    instruments alone bound, the scans fit at many places.
-
-    Args:
-        T: of each hypothesis.
-        covariance, seen, grid, search: as of `clues`.
+    instruments alone bound, the scans fit at many places. T is of each hypothesis; the rest as of `clues`.
     """
     kept = [n for n, other in enumerate(T) if n == 0 or not covers(covariance, T[0], other)]
     distinct = [hypotheses[n] for n in kept]

@@ -55,11 +55,7 @@ def memory_plans(edge: int) -> tuple[MemoryPlan, MemoryPlan]:
 
 
 def require_memory(device: Device, plan: MemoryPlan) -> None:
-    """Refuse a grid that the device cannot hold together with two prepared scans.
-
-    Raises:
-        DeviceError: saying how much is needed, and which grid would fit by the method that needs more.
-    """
+    """Refuse a grid that the device cannot hold together with two prepared scans, and name one that it can."""
     smaller = [edge for edge in reversed(EDGES) if edge < plan.edge and edge % 8 == 0]
     fitting = next((edge for edge in smaller if _fits(device, edge)), None)
     device.require(plan.largest, plan.pair, hint=f"`edge={fitting}`" if fitting else "another device")

@@ -13,8 +13,7 @@ _ALIGNED = 64  # bytes
 
 
 class PointStore:
-    """Keeps arrays; they stay valid for as long as anything refers to them, and a file ends with the last of them.
-    `in_memory`: bytes of arrays that are kept as they are."""
+    """Keeps arrays, of `in_memory` bytes as they are; they stay valid for as long as anything refers to them."""
 
     def __init__(self, in_memory: int = _IN_MEMORY) -> None:
         self._left = in_memory

@@ -49,10 +49,8 @@ class PriorPair:
         return bool(self._known(self.source if self._is_backward else self.target).any())
 
     def normalized(self, T_target_source: RigidTransform) -> tuple[float, int]:
-        """How far a relative pose is from what was measured: chi-squared, and its degrees of freedom.
-
-        Counted is what `residuals` has: (0.0, 0) where nothing is measured in full.
-        """
+        """Chi-squared of a relative pose by what was measured, and its degrees of freedom: (0.0, 0) where that is
+        nothing."""
         one = RigidTransform.concatenate([T_target_source])
         residual, covariance = self.residuals(one)[0], self.residual_covariance(one)[0]
         return float(residual @ np.linalg.solve(covariance, residual)), len(residual)
@@ -74,10 +72,8 @@ class PriorPair:
         return residual[:, self._known(self.target)]
 
     def residual_covariance(self, T_target_source: RigidTransform) -> np.ndarray:
-        """The covariance (N, k, k) of N relative poses' `residuals`, each as if it were the true pose.
-
-        An error of the attitude that turns the scan and its shift alike is counted once.
-        """
+        """The covariance (N, k, k) of N relative poses' `residuals`, each as if it were the true pose. An error of the
+        attitude that turns the scan and its shift alike is counted once."""
         if self._is_backward:
             return PriorPair(self.source, self.target).residual_covariance(T_target_source.inv())
         _, turn = self._turn(T_target_source.rotation)
@@ -93,10 +89,8 @@ class PriorPair:
         return covariance[:, known][:, :, known]
 
     def residual_jacobian(self, T_target_source: RigidTransform) -> np.ndarray:
-        """How N relative poses' `residuals` change, (N, k, 6), to first order in what is left of their tilt.
-
-        Of a turn w and a shift s in the target's axes, rotation first [rad, m]: R <- Exp(w) R, t <- t + s.
-        """
+        """How N relative poses' `residuals` change, (N, k, 6), to first order, with a turn w and a shift s in the
+        target's axes, rotation first [rad, m]: R <- Exp(w) R, t <- t + s."""
         jacobian = np.zeros((len(T_target_source), 6, 6))
         if self._is_backward:
             R_world_target = (measured_rotation(self.source) * T_target_source.rotation.inv()).as_matrix()
@@ -129,10 +123,8 @@ class PriorPair:
         return np.array([self.knows_tilt, self.knows_tilt, turned, headed, headed, leveled])
 
     def _turn(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray]:
-        """What is left of a rotation in the world, R_world_target R_target_source R_world_source^-1 = S Rz(turn).
-
-        (N, 2) the rotation vectors of S, whose axes are level [rad], and (N,) turns within pi [rad].
-        """
+        """What is left of a rotation in the world, R_world_target R R_world_source^-1 = S Rz(turn): (N, 2) rotation
+        vectors of S, whose axes are level, and (N,) turns within pi [rad]."""
         R = Rotation.from_quat(np.atleast_2d(R_target_source.as_quat()))
         left = measured_rotation(self.target) * R * measured_rotation(self.source).inv()
         turn = twist(left)
@@ -149,10 +141,8 @@ class PriorPair:
         return self.target, measured_rotation(self.target)
 
     def _lever(self, d: np.ndarray, reference: PosePrior) -> np.ndarray:
-        """(..., 3) [m] what an error of the reference's rotation acts on: halfway from the measured shift to d.
-
-        There a turn of any size moves the one to the other at right angles; d itself where nothing is measured.
-        """
+        """(..., 3) [m] what an error of the reference's rotation acts on: halfway from the measured shift to d, where a
+        turn moves the one to the other at right angles; d itself where nothing is measured."""
         headed = self.knows_position and reference.knows_heading
         return np.where([headed, headed, self.knows_depth], (d + self._shift) / 2, d)
 
@@ -170,16 +160,13 @@ _TWO_UNMEASURED = 2 * _ONE_UNMEASURED + 2 * np.arcsin(np.tan(_TILT / 2) ** 2)
 
 @dataclass(frozen=True, slots=True)
 class RelativePrior(PriorPair):
-    """The priors of a pair; made by `relative_prior`.
+    """The priors of a pair, in one world; made by `relative_prior`.
 
-    With both attitudes the relative rotation is known but for a turn about the world's vertical,
-    `R_target_source = R_world_target^-1 Rz(any) R_world_source`, with both headings wholly. A heading without an
-    attitude bounds the yaw alone, and as widely as roll and pitch up to `UNMEASURED_TILT` require. The shift is bounded
-    in the world's axes. Which way these point in the target's frame is known from the target's prior, or, where the
-    source's knows more, from that and R_target_source. Without any attitude only the length of the shift is bounded.
-
-    Attributes:
-        target, source: of the two scans, in one world.
+    With both attitudes the relative rotation is known but for a turn about the world's vertical, `R_target_source =
+    R_world_target^-1 Rz(any) R_world_source`, with both headings wholly. A heading without an attitude bounds the yaw
+    alone, and as widely as roll and pitch up to `UNMEASURED_TILT` require. The shift is bounded in the world's axes.
+    Which way these point in the target's frame is known from the target's prior, or, where the source's knows more,
+    from that and R_target_source. Without any attitude only the length of the shift is bounded.
     """
 
     @property
@@ -199,20 +186,15 @@ class RelativePrior(PriorPair):
         return np.where(known, _ALLOWED_SIGMAS * self._sigmas[3:], np.inf)
 
     def turned(self, turns: np.ndarray, tilts: np.ndarray) -> Rotation:
-        """The measured R_target_source, turned about the vertical and tilted about level axes; where `knows_tilt`.
-
-        n m rotations, turn by turn, of turns (n,) [rad], from the measured one where the headings are known, and tilts
-        (m, 2), rotation vectors about East and North [rad].
-        """
+        """The measured R_target_source turned about the vertical and tilted about level axes, where `knows_tilt`: n m
+        rotations, turn by turn, of (n,) turns [rad] and (m, 2) tilts, rotation vectors about East and North [rad]."""
         about = Rotation.from_euler("Z", np.repeat(turns, len(tilts))[:, None])
         tilted = Rotation.from_rotvec(np.tile(np.column_stack([tilts, np.zeros(len(tilts))]), (len(turns), 1)))
         return measured_rotation(self.target).inv() * tilted * about * measured_rotation(self.source)
 
     def shift_box(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray] | None:
-        """Center (3,) and half widths (3,) [m] of where the source's origin may be in the target's axes.
-
-        Within 4 standard deviations; None where not all three directions are measured.
-        """
+        """Center (3,) and half widths (3,) [m] of where the source's origin may be in the target's axes, within 4
+        standard deviations; None where not all three directions are measured."""
         if self._is_backward or not self._known(self.target)[3:].all():
             return None
         R_world_target = measured_rotation(self.target)
@@ -223,15 +205,8 @@ class RelativePrior(PriorPair):
         return t, _ALLOWED_SIGMAS * np.sqrt(np.diag(turn.T @ covariance @ turn))
 
     def allows(self, R_target_source: Rotation, slack: float = 0.0) -> np.ndarray:
-        """Whether a rotation agrees with attitudes and headings within 4 standard deviations and a slack.
-
-        Args:
-            R_target_source: one rotation, or a stack of N.
-            slack: what the rotation may be off by besides [rad]: of the tilt, and again of the turn about the vertical.
-
-        Returns:
-            bool of shape () for one rotation, (N,) for a stack.
-        """
+        """Whether each of a stack of rotations, or one, agrees with attitudes and headings within 4 standard deviations
+        and a slack [rad], of the tilt and again of the turn about the vertical."""
         tilt, turn = self._turn(R_target_source)
         allowed = np.ones(len(turn), dtype=bool)
         if self.knows_tilt:
@@ -244,18 +219,12 @@ class RelativePrior(PriorPair):
         return allowed.reshape(()) if R_target_source.single else allowed
 
     def allows_shift(self, t: np.ndarray, R_target_source: Rotation, slack: float = 0.0) -> np.ndarray:
-        """Whether a translation agrees with depths and positions within 4 standard deviations and a slack.
+        """Whether translations (3,) or (N, 3) [m], T_target_source.translation, agree with depths and positions within
+        4 standard deviations and a slack [m], in height and again horizontally.
 
         The error of the attitude and heading that turn the shift into the world counts too: it grows with the shift.
-
-        Args:
-            t: (3,) or (N, 3) [m], T_target_source.translation: the source's origin in the target's frame.
-            R_target_source: one rotation, or a stack of N; used only where the source knows better than the target
-                which way is up, or north.
-            slack: what the translation may be off by besides [m]: in height, and again horizontally.
-
-        Returns:
-            bool of shape () for one translation and rotation, else (N,).
+        R_target_source, one or a stack of N, counts where the source knows better than the target which way is up, or
+        north.
         """
         reference, R_world_target = self._reference(R_target_source)
         d = np.atleast_2d(R_world_target.apply(t))

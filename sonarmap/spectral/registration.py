@@ -70,11 +70,7 @@ class SpectralRegistrar(GridRegistrar):
     """Spectral registration on one device and grid; any two scans it prepared can be registered."""
 
     def __init__(self, device: Device, grid: Grid, config: SpectralConfig | None = None) -> None:
-        """Plan everything that does not depend on the scans.
-
-        Raises:
-            DeviceError: the device has too little memory.
-        """
+        """Plan everything that does not depend on the scans; DeviceError where the device has too little memory."""
         self.config = config or SpectralConfig()
         super().__init__(device, grid, memory_plan(grid.edge))
         self.so3 = So3(device, grid.edge, self.config.max_tilt)
@@ -122,11 +118,8 @@ class SpectralRegistrar(GridRegistrar):
         return replace(self._found(target, source, bounds), seconds=perf_counter() - start)
 
     def _found(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration:
-        """The answer; where its place is not believed, that of the second look if it is the more probable one.
-
-        Where the place is believed and the pose is open there, larger voxels know the pose no better; nor do they where
-        both looks find the same place.
-        """
+        """The answer; where its place is not believed, that of the second look if it is the more probable one. Larger
+        voxels know the pose no better where both find the same place."""
         first = self._answer(HypothesisTest(self.grid, target, source, bounds, self._verifier))
         if first.probability >= self.config.least_probability:
             return first
@@ -188,8 +181,9 @@ class SpectralRegistrar(GridRegistrar):
     def register_expected(self, target: SpectralScan, source: SpectralScan, expected: ExpectedPose) -> Registration:
         """Find T_target_source about where the vehicle's motion expects it, which counts as a measurement.
 
-        It also says how far the scans are tilted: two that look ahead and down, in opposite directions, are by twice as
-        much as each. So the bound on roll and pitch does not count. What the scans' instruments measured counts too.
+        It also says how far the scans are tilted, so the bound on roll and pitch does not count: two that look ahead
+        and down, in opposite directions, are tilted by twice as much as each. What their instruments measured counts
+        too.
         """
         ours, theirs = expected.priors(target.prior, source.prior)
         target, source = replace(target, prior=ours), replace(source, prior=theirs)
@@ -201,11 +195,8 @@ class SpectralRegistrar(GridRegistrar):
         return prepared.signature
 
     def _rotations(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> RotationPeaks:
-        """Those under which the spectra are most alike.
-
-        Where instruments know which way is up in both scans, of turns about the vertical at that tilt. Else of all
-        rotations, and the measured one besides, if there is one.
-        """
+        """Those under which the spectra are most alike: of turns about the vertical at the measured tilt, where
+        instruments know it in both scans; else of all rotations, and the measured one besides, if there is one."""
         count, coefficients = self.config.hypotheses, (target.coefficients, source.coefficients)
         if (sweep := bounds.sweep) is not None:
             return self.so3.best_of(*coefficients, sweep, 4 * count)

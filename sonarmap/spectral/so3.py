@@ -101,10 +101,8 @@ class So3:
         return float(self._radii[-1]) + 2.0
 
     def analyze(self, magnitude: Array) -> Pending[SphereLayers]:
-        """Queue a scan's layers, of `spectrum.magnitude` (edge, edge, edge/2 + 1) up to `farthest` at least.
-
-        Reading them raises InputError where the spectrum holds numbers that are not finite.
-        """
+        """Queue a scan's layers, of `spectrum.magnitude` (edge, edge, edge/2 + 1) up to `farthest` at least. Reading
+        them raises InputError where the spectrum holds numbers that are not finite."""
         # each layer counts alike (Sect. 2.8)
         coefficients = self._harmonics.analyze(magnitude, self._radii)
         queued = Readback(self.device, self._harmonics.products(coefficients))
@@ -144,10 +142,7 @@ class So3:
     def _best_distinct(
         self, peaks: LocalMaxima, count: int, allowed: Callable[[Rotation], np.ndarray]
     ) -> RotationPeaks:
-        """Of the peaks that are allowed, and still are between the samples, the highest distinct ones.
-
-        They are looked at some at a time, as the highest few are mostly enough.
-        """
+        """Of the peaks that are allowed, and still are between the samples, the highest distinct ones."""
         R, scores, examined = self._correlation.rotations(np.empty((0, 3))), np.empty(0), 0
         kept = np.empty(0, dtype=np.int64)
         for begin in range(0, len(peaks.index), _AT_ONCE):
@@ -164,10 +159,8 @@ class So3:
         return RotationPeaks(R[kept], scores[kept]) if len(kept) else RotationPeaks(R, scores)
 
     def best_of(self, target: Array, source: Array, sweep: Sweep, count: int) -> RotationPeaks:
-        """The `count` best turns of a sweep that are far enough apart, best first, each at its best tilt.
-
-        Not its peaks alone: where the tilt is off, or the scans share little, the true turn may be on a slope.
-        """
+        """The `count` best turns of a sweep that are far enough apart, best first, each at its best tilt. Not its peaks
+        alone: where the tilt is off, or the scans share little, the true turn may be on a slope."""
         R, each = sweep.R, sweep.tilts
         correlation = self.correlate(target, source).get()[: len(self._correlation.betas)]
         around = np.pad(correlation, ((0, 0), (0, 1), (0, 1)), mode="wrap")
@@ -179,10 +172,8 @@ class So3:
 
 
 def _refined(index: np.ndarray, around: np.ndarray) -> np.ndarray:
-    """Peaks (n, 3) between the samples: the top of the paraboloid through the (n, 27) values around.
-
-    At a small second angle the others act as one, their sum: a parabola along each axis by itself would miss that.
-    """
+    """Peaks (n, 3) between the samples: the top of the paraboloid through the (n, 27) values around. At a small second
+    angle the others act as one, their sum: a parabola along each axis by itself would miss that."""
     fit = around.astype(np.float64) @ _PARABOLOID.T
     hessian = np.empty((len(index), 3, 3))
     for n, (a, b) in enumerate(_SQUARES):

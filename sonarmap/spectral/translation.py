@@ -48,11 +48,8 @@ class Translation:
         self._correlator = Correlator(device, edge, BLUR, exponents, at_once(edge))
 
     def find(self, target: Volume, source: Volume, R_target_source: Rotation) -> Peak:
-        """The highest peak of the correlation with the first exponent.
-
-        A peak at s means p_target = R p_source + s about the grid centers. The points are turned and put into voxels
-        anew: turning the voxel data would blur them.
-        """
+        """The highest peak of the correlation with the first exponent: at s p_target = R p_source + s about the grid
+        centers. The points are turned and put into voxels anew: turning the voxel data would blur them."""
         return self.find_within(target, source, Rotation.concatenate([R_target_source]), [None], 1, 3.0)[0][0][0]
 
     def find_others(self, target: Volume, source: Volume, R_target_source: Rotation, separation: float) -> list[Peak]:

@@ -21,10 +21,8 @@ _POOLS: WeakKeyDictionary[Device, MemoryPool] = WeakKeyDictionary()
 
 
 def recycled(device: Device, shape: tuple[int, ...], dtype: type | np.dtype = np.float32) -> cla.Array:
-    """An uninitialized array, as `Device.empty` gives it; slices of it cannot be passed to kernels.
-
-    Its memory goes to the next one of about its size once nothing refers to the array: what is queued comes before.
-    """
+    """An uninitialized array, as `Device.empty` gives it; slices of it cannot be passed to kernels. Its memory goes to
+    the next one of about its size once nothing refers to it."""
     device.require(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
     with device.explain_full_memory():
         if device not in _POOLS:
@@ -67,7 +65,7 @@ class Readback:
                 device.queue.flush()
 
     def read(self) -> np.ndarray[Any, Any]:
-        """The array; waits only where it is not there yet, so that who reads the last one first waits once."""
+        """The array; waits only where it is not there yet."""
         if self._copied is not None:
             if self._copied.command_execution_status != cl.command_execution_status.COMPLETE:
                 self._copied.wait()
@@ -76,11 +74,8 @@ class Readback:
 
 
 def upload_poses(device: Device, R: np.ndarray, t: np.ndarray) -> cla.Array:
-    """Device (k, 16) float32, the rows of [R | t] in the first 12, p_target = R p_source + t.
-
-    Args:
-        R, t: (k, 3, 3) rotations and (k, 3) shifts [any length unit].
-    """
+    """Device (k, 16) float32, the rows of [R | t] in the first 12, of (k, 3, 3) rotations and (k, 3) shifts [any
+    unit]."""
     if R.shape != (len(R), 3, 3) or t.shape != (len(R), 3) or not (np.isfinite(R).all() and np.isfinite(t).all()):
         raise InputError(f"`R` and `t` have shapes {R.shape} and {t.shape}; wanted finite (n, 3, 3) and (n, 3)")
     rows = np.zeros((len(R), 4, 4), np.float32)

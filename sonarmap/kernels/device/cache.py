@@ -1,7 +1,5 @@
-"""What is remembered of this machine's devices between runs, in the user's cache folder, and who else writes there.
-
-Nothing depends on it: where a folder cannot be written, that is said once, and work that could be spared is done again.
-"""
+"""What is remembered of this machine's devices between runs, in the user's cache folder. Nothing depends on it: where a
+folder cannot be written, that is said once, and the work is done again."""
 
 import atexit
 import json
@@ -48,11 +46,8 @@ def cache_folders() -> dict[str, Path]:
 
 
 def require_caches() -> None:
-    """Have the OpenCL libraries write to a temporary folder where they could not write to theirs.
-
-    Without one PoCL has no devices, and PyOpenCL fails at its first kernel. It has to be called before a driver is
-    loaded.
-    """
+    """Have the OpenCL libraries write to a temporary folder where they could not write to theirs: PoCL would have no
+    devices, and PyOpenCL no kernels. It has to be called before a driver is loaded."""
     if os.name != "posix":
         return
     folders = cache_folders()

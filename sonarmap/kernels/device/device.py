@@ -97,19 +97,14 @@ class Device:
         return self.flavor == "cpu"
 
     def program(self, name: str, **defines: int | float) -> cl.Program:
-        """The program of `kernels/<name>.cl`, built once per process and set of macro definitions.
-
-        In the GPU flavor the macro GPU is defined.
-        """
+        """The program of `kernels/<name>.cl`, built once per process and set of macros; GPU is one in the GPU
+        flavor."""
         options = tuple(f"-D{key}={literal(value)}" for key, value in sorted(defines.items()))
         options += () if self.is_cpu else ("-DGPU",)
         return self.build((KERNEL_FOLDER / f"{name}.cl").read_text(encoding="utf-8"), options, name)
 
     def build(self, source: str, options: tuple[str, ...] = (), name: str = "generated") -> cl.Program:
-        """Build OpenCL C source, once per process.
-
-        Args:
-            source: it can include files of kernels/ by name, as in `#include "device/complex.cl"`.
+        """Build OpenCL C source, once per process; it can include files of kernels/, as `#include "device/complex.cl"`.
 
         Raises:
             DeviceError: it does not build; the build log is in the message.
@@ -145,11 +140,8 @@ class Device:
 
     @contextmanager
     def explain_full_memory(self) -> Generator[None]:
-        """Raise a DeviceError that says what to do where the driver has no memory left.
-
-        Other programs use the device's memory too, and many drivers take it at the first launch that needs it: an
-        allocation that should fit can fail, or a launch after it.
-        """
+        """Raise a DeviceError that says what to do where the driver has no memory left. Many drivers take it at the
+        first launch that needs it, and other programs use it too."""
         try:
             yield
         except (cl.MemoryError, cl.RuntimeError) as error:
@@ -161,14 +153,11 @@ class Device:
             ) from None
 
     def require(self, largest: int, total: int = 0, hint: str = "a smaller `edge`") -> None:
-        """Refuse work that the device cannot hold.
+        """Refuse work that the device cannot hold, or that a forked process asks for.
 
         Args:
             largest, total: size of the largest single array, and of all together [bytes].
             hint: what the message says to use instead.
-
-        Raises:
-            DeviceError: saying what is needed and what the device has, or that this process was forked.
         """
         refuse_fork()
         limit, memory = self.cl_device.max_mem_alloc_size, self.memory

@@ -71,10 +71,7 @@ def driver_fault(driver: Driver) -> str:
 
 
 def _library(file: Path) -> str:
-    """What a .icd file names: its absolute path where it lies beside the file, or in the environment that has it.
-
-    Files that pip installs may name the folder that their maker had.
-    """
+    """What a .icd file names: its absolute path beside the file, or in the environment where pip put it."""
     try:
         library = file.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
@@ -96,12 +93,8 @@ def loaded_driver() -> Driver | None:
 
 
 def refuse_fork() -> None:
-    """Refuse a process that was forked from one that had loaded a driver: the driver's threads are not in it, and what
-    waits for them waits for ever.
-
-    Raises:
-        DeviceError: saying how to start it instead.
-    """
+    """Refuse a process that was forked from one that had loaded a driver: it would wait for the driver's threads for
+    ever."""
     if _loaded is not None and os.getpid() != _owner:
         raise DeviceError(
             "this process was forked from one that had used an OpenCL device, which cannot work here; start it anew, "
@@ -113,12 +106,7 @@ def load_devices(driver: Driver, folder: str | None = None) -> list[list[cl.Devi
     """Load a driver, if it is not loaded yet, and nothing else: the devices of each of its platforms.
 
     Where other code has asked for OpenCL's platforms before, all drivers are loaded already, and give their devices.
-
-    Args:
-        folder: for a temporary file, which stays where the driver ends the process; None: the system's.
-
-    Raises:
-        DeviceError: this process has another one.
+    The folder is for a temporary file, which stays where the driver ends the process; None: the system's.
     """
     global _loaded, _owner
     refuse_fork()
@@ -159,10 +147,7 @@ def _devices(platform: cl.Platform) -> list[cl.Device]:
 
 @contextmanager
 def _alone(driver: Driver, within: str | None) -> Generator[None]:
-    """Have the loader, which looks around once in a process, see one driver.
-
-    PyOpenCL's own loader also takes what lies beside it, wherever the variables point.
-    """
+    """Have the loader see one driver. PyOpenCL's own also takes what lies beside it, wherever the variables point."""
     if not driver.library:
         yield
         return

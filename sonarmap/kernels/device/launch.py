@@ -49,13 +49,10 @@ def team(device: Device) -> int:
 
 
 def arrange(device: Device, size: Shape, group: str | Shape | None, most: int) -> tuple[Shape, Shape]:
-    """The size to launch, in whole groups, and the group.
+    """The size to launch, in whole groups, and the group, of `most` work-items at most.
 
-    Args:
-        size: work-items along each dimension.
-        group: a key of GROUPS; a group to take as it is; None: single items on a processor, and elsewhere the largest
-            power of two that divides the size.
-        most: work-items that a group of this kernel can have.
+    The group is a key of GROUPS; or one to take as it is; or None: single items on a processor, elsewhere the largest
+    power of two that divides the size.
     """
     if isinstance(group, str):
         fitting = _shrink(GROUPS[group][0 if device.is_cpu else 1], most)
@@ -99,9 +96,7 @@ def launch(
         size: number of work-items along each dimension.
         arguments: device arrays (or slices of them along the first axis), NumPy scalars, and the whole memory of an
             array, as `memory_of` gives it to a kernel that is told where a slice begins.
-        group: what the items are, a key of `GROUPS`: there are then as many more items as whole
-            groups need, and the kernel returns beyond what it is given. Or the work-group size itself. None: single
-            items on a CPU, elsewhere a group that divides the size.
+        group: as of `arrange`; with a key of GROUPS the kernel returns beyond what it is given.
         defines: macros of the program.
     """
     kernels = _KERNELS.setdefault(device, {})
@@ -224,5 +219,5 @@ def memory_of(array: cla.Array) -> cl.Buffer:
 
 
 def begin_of(array: cla.Array) -> np.uint64:
-    """How many floats into that memory an array begins: slices do where no buffer may, at 50 * 50 * 50 floats, say."""
+    """How many floats into that memory an array begins."""
     return np.uint64(array.offset // _FLOAT)

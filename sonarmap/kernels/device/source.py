@@ -30,11 +30,8 @@ def literal(value: int | float | np.number) -> str:
 
 
 def compile_program(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Program:
-    """Compile OpenCL C as `Device.build` takes it, and say so if these kernels are new to the device.
-
-    Raises:
-        cl.Error: it does not build.
-    """
+    """Compile OpenCL C as `Device.build` takes it, and say so if these kernels are new to the device; cl.Error if it
+    fails."""
     device = context.devices[0]
     record = f"compiled-{digest(*identity(device), str(kernel_cache()), kernels_digest())}"
     if not recall(record):
@@ -60,10 +57,8 @@ def complete(source: str) -> str:
 
 
 def _inline_includes(source: str) -> str:
-    """The source with each line `#include "x.cl"` replaced by that file of this folder.
-
-    An include path would do the same, but drivers differ in how they read a path that holds a space.
-    """
+    """The source with each `#include "x.cl"` in place: drivers differ in how they read an include path that holds a
+    space."""
     return _INCLUDE.sub(
         lambda include: _inline_includes((KERNEL_FOLDER / include[1]).read_text(encoding="utf-8")), source
     )

@@ -15,11 +15,7 @@ _OF_LIBRARIES = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "OMP_NUM_THR
 
 
 def thread_count() -> int:
-    """How many threads this process may use: what SONARMAP_THREADS says, else one for every core that it may run on.
-
-    Raises:
-        InputError: the variable is not a whole number of at least 1.
-    """
+    """How many threads this process may use: what SONARMAP_THREADS says, else one for every core that it may run on."""
     wanted = os.environ.get(VARIABLE)
     if wanted is None:
         return _cores()
@@ -29,21 +25,15 @@ def thread_count() -> int:
 
 
 def share_cores(processes: int) -> None:
-    """Have this process use its share of the cores, and the libraries that it loads from now on.
-
-    Args:
-        processes: so many, this one counted, work at the same time.
-    """
+    """Have this process, one of `processes` at the same time, and the libraries that it loads use its share of the
+    cores."""
     os.environ.setdefault(VARIABLE, str(max(1, _cores() // processes)))
     limit_libraries()
 
 
 def limit_libraries() -> None:
-    """Have the libraries that are loaded from now on use the threads that SONARMAP_THREADS allows, if it is set, or the
-    cores that this process may run on, if the machine has more: PoCL would have a thread for every one of those.
-
-    A library's own variable counts for more.
-    """
+    """Have the libraries that are loaded from now on use the threads that SONARMAP_THREADS allows, or, if the machine
+    has more, the cores that this process may run on. A library's own variable counts for more."""
     if VARIABLE in os.environ or _cores() < (os.cpu_count() or 1):
         for name in _OF_LIBRARIES:
             os.environ.setdefault(name, str(thread_count()))

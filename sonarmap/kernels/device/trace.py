@@ -35,10 +35,7 @@ class Counts:
     events: list[tuple[str, Any]] = field(default_factory=list)
 
     def kernel_seconds(self) -> dict[str, float]:
-        """The device's time by kernel, from start to end of each launch [s]; nothing where none is noted.
-
-        The work must be finished.
-        """
+        """The device's time by kernel, once the work is finished [s]; nothing where the queue notes none."""
         seconds: dict[str, float] = {}
         for kernel, event in self.events:
             try:
@@ -51,12 +48,7 @@ class Counts:
 
 @contextmanager
 def tracing(device: Device, counts: Callable[[], Counts]) -> Iterator[None]:
-    """Count all that is asked of a device while the block runs.
-
-    Args:
-        device: its queue alone counts; made with `profiling` if times are wanted.
-        counts: what to add to, asked each time.
-    """
+    """Count all that is asked of a device's queue while the block runs, in the `counts` of the moment."""
     tracer = _Tracer(device, counts)
     with ExitStack() as stack:
         for owner in (cl, binding):

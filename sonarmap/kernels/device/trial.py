@@ -95,12 +95,8 @@ def remember_self_test(identity: tuple[str, str, str], state: State, reason: str
 
 
 def main(arguments: Sequence[str]) -> None:
-    """In the other process: load one driver, and try its devices.
-
-    Args:
-        arguments: the driver's file and library; a folder for temporary files; the first device to try; whose
-            self-test to run, as "0:1" or "all".
-    """
+    """In the other process: load one driver, and try its devices. The arguments are its file and library, a folder for
+    temporary files, the first device to try, and whose self-test to run, as "0:1" or "all"."""
     driver, folder, first, tested = Driver(*arguments[:2]), arguments[2], int(arguments[3]), arguments[4]
     nameless = driver.file and not driver.library  # without a library's name the loader would load all others
     platforms = [] if nameless else load_devices(driver, folder)

@@ -21,11 +21,8 @@ _ROWS_OF_16, _ROWS_OF_8, _SHORT_ROWS_OF_8 = (8, 6, 10, 4), (8, 6, 5, 4), (4, 6, 
 
 
 def emit(layout: Layout, inverse: bool, lanes: int = 8) -> Plan:
-    """The program of a transform and its launches; see `Plan`.
-
-    Args:
-        lanes: 8 or 16, the numbers in a vector along the first axis.
-    """
+    """The program of a transform and its launches; `lanes`, 8 or 16, are the numbers in a vector along the first
+    axis."""
     n0, n1, _ = layout.shape
     parts = ['#include "device/complex.cl"', *tables(layout, inverse)]
     parts.append(columns("columns_1", 2 * layout.pitch, Edges(n1, 1), inverse))
@@ -104,11 +101,8 @@ static inline void {name}(__global float* p) {{
 def real_rows(layout: Layout, inverse: bool, maxima: bool = False) -> str:
     """The function that transforms 8 real rows: dense floats to half a spectrum, or back.
 
-    It needs the tables position_<M> and half_turn, of `positions` and `half_turns`.
-
-    Args:
-        maxima: of an inverse: the function takes two more arguments, where to store the maximum of each row, 8 floats,
-            and up to which cyclic distance from column 0 it is taken.
+    It needs the tables position_<M> and half_turn. With `maxima` an inverse takes two more arguments: where to store
+    the maximum of each row, 8 floats, and up to which cyclic distance from column 0 it is taken.
     """
     scale = layout.row_scale(inverse)
     rows = _spectra_to_rows(layout, scale, maxima) if inverse else _rows_to_spectra(layout)

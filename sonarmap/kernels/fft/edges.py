@@ -37,21 +37,15 @@ def neighbors(edge: int) -> tuple[int, int]:
 
 
 def row_pitch(length: int) -> int:
-    """Complex numbers from one row of a half spectrum to the next, for real rows of this many numbers.
-
-    Of them length / 2 + 1 are valid. The rest pads the row to whole blocks of 8, so that rows are aligned to the lines
-    of the cache and columns are out of each other's way in it.
-    """
+    """Complex numbers from one row of a half spectrum to the next: length / 2 + 1 are valid, the rest fills blocks of
+    8, so that rows are aligned to the lines of the cache."""
     return (length // 2 // _BLOCK + 1) * _BLOCK
 
 
 @lru_cache
 def radices(n: int) -> tuple[int, ...]:
-    """The radices of a transform of n points, ascending, in the order of its stages: those that cost least.
-
-    Small first radices leave the most work to the stages whose operands are in the first-level cache. From 16 points on
-    there are two stages at least: one that reads memory and one that writes it.
-    """
+    """The radices of a transform of n points, ascending, in the order of its stages: those that cost least. From 16
+    points on there are two stages at least: one that reads memory and one that writes it."""
     counts = range(1 if n < _SMALLEST else 2, _MOST_STAGES + 1)
     every = (chosen for count in counts for chosen in combinations_with_replacement(_COSTS, count))
     return min((chosen for chosen in every if prod(chosen) == n), key=lambda chosen: sum(_COSTS[r] for r in chosen))
@@ -59,11 +53,8 @@ def radices(n: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The arrays of a transform of shape (n0, n1, n2).
-
-    The real array is dense float32, its half spectrum (n0, n1, `row_pitch(n2)`), complex64, of which
-    [..., :n2 / 2 + 1] is valid.
-    """
+    """The arrays of a transform of shape (n0, n1, n2): dense float32, and its half spectrum (n0, n1, `row_pitch(n2)`)
+    complex64, of which [..., :n2 / 2 + 1] is valid."""
 
     shape: tuple[int, int, int]  # number of points per axis
     batched: bool = False  # whether axis 0 is not transformed
@@ -117,11 +108,8 @@ class Pass:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A program and the launches, in order, that make it a transform.
-
-    Every kernel takes the arrays (volume, spectrum), how many floats into their memory they begin, and behind them the
-    table where there is one.
-    """
+    """A program and the launches, in order, that make it a transform. Every kernel takes the arrays (volume, spectrum),
+    how many floats into their memory they begin, and the table where there is one."""
 
     source: str  # OpenCL C
     passes: tuple[Pass, ...]  # the launches, in order

@@ -18,10 +18,10 @@ def sheet_width(layout: Layout) -> int:
 
 
 def emit_planes(layout: Layout) -> str:
-    """The program of `planes`, the last two axes of volumes, which whatever follows along the first axis shares.
+    """The program of `planes`, the last two axes of volumes, a plane per work-item.
 
-    A work-item has a plane; rows that were read are cleared, and so are the marks. A mark stands for 8 rows; rows
-    without hold zeros. A plane of such rows alone is not written: `filled` is 0 for it.
+    Rows that were read are cleared, and so are the marks, of which each stands for 8 rows; rows without hold zeros. A
+    plane of such rows alone is not written: `filled` is 0 for it.
     """
     _, n1, n2 = layout.shape
     pitch = 2 * layout.pitch
@@ -63,13 +63,8 @@ def forward_columns(edges: Edges, stride: int) -> str:
 
 
 def emit_spectra(layout: Layout, exponents: tuple[float, ...], magnitude: bool, lanes: int = 8) -> str:
-    """The program of `sheets`, which follows the planes.
-
-    Args:
-        exponents: of the whitening, a spectrum for each.
-        magnitude: whether `sheets` writes magnitudes, too.
-        lanes: 8 or 16, the numbers in a vector along the first axis.
-    """
+    """The program of `sheets`, which follows the planes: a spectrum for each exponent of the whitening, and
+    magnitudes."""
     parts = [f"#define LANE float{lanes}", f"#define ALIKE int{lanes}"]
     parts += ['#include "device/complex.cl"', '#include "pomf/whitening.cl"', *tables(layout, inverse=False)]
     parts += [_MAGNITUDES if magnitude else "", _columns(layout, exponents, magnitude, lanes)]
@@ -90,10 +85,8 @@ static inline void store_magnitudes(__global float* to, const int many, const fl
 
 
 def _columns(layout: Layout, exponents: tuple[float, ...], magnitude: bool, lanes: int) -> str:
-    """The function that turns columns of the first axis at p into whitened ones.
-
-    Those of the first exponent take the place of p. `first` is which block of its sheet, which begins at `row`, p is.
-    """
+    """The function that turns columns at p into whitened ones, in place for the first exponent. `first` is which block
+    of its sheet, which begins at `row`, p is."""
     n0, n1, _ = layout.shape
     stride, edges = 2 * n1 * layout.pitch, Edges(n0, 8 * sheet_width(layout) // lanes, f"float{lanes}")
     others = "".join(f", __global float* whitened{e}" for e in range(1, len(exponents)))
@@ -193,10 +186,8 @@ def emit_inverse(layout: Layout) -> str:
 
 
 def _correlate_columns(edges: Edges, stride: int, exponents: tuple[float, ...]) -> str:
-    """The function that turns columns of a source's spectrum into those of each exponent's correlation.
-
-    They are transformed, whitened and multiplied, and transformed back. The power is added to `energy`.
-    """
+    """The function that turns columns of a source's spectrum into those of each exponent's correlation, and adds the
+    power to `energy`."""
     n, wide = edges.n, edges.wide
     pointers = "".join(f", __global const float* target{e}, __global float* product{e}" for e in range(len(exponents)))
     keep = f"sr[i * {n} + f] = yQr; si[i * {n} + f] = yQi;"
@@ -245,10 +236,8 @@ def _sheet_head(layout: Layout) -> str:
 
 
 def _correlate(layout: Layout, exponents: tuple[float, ...]) -> str:
-    """The kernel of the first axis, there and back; spectra are (exponents, count, n0, n1, pitch), the first in place.
-
-    energies are (exponents, count, sheets + 1): the sums of |X|^2 and, last, the term X of frequency 0.
-    """
+    """The kernel of the first axis, there and back; spectra are (exponents, count, n0, n1, pitch), the first in place;
+    energies (exponents, count, sheets + 1): the sums of |X|^2 and, last, the term X of frequency 0."""
     n0, n1, _ = layout.shape
     wide, many = sheet_width(layout), range(len(exponents))
     sheets, floats, volume = n1 // wide, 2 * layout.pitch * wide, 2 * n0 * n1 * layout.pitch
@@ -333,10 +322,8 @@ static inline void near_columns(__global const float* p, __global const int* fil
 
 
 def _near(layout: Layout) -> str:
-    """The kernel of the first axis of spectrum `number` that ends in sums, (6, n1, pitch).
-
-    They are 5 shifts, then the power and X at frequency 0.
-    """
+    """The kernel of the first axis of spectrum `number` that ends in sums (6, n1, pitch): 5 shifts, the power and X at
+    0."""
     n0, n1, _ = layout.shape
     wide = sheet_width(layout)
     return f"""
@@ -354,10 +341,8 @@ def _near(layout: Layout) -> str:
 
 
 def _planes_with_maxima(layout: Layout) -> str:
-    """The last two axes of correlations (exponents, count, n0, n1, n2), as far as the reaches of `poses` and 1 beyond.
-
-    tops are (exponents, count, n0, n1), the maxima of the rows within the reach along them.
-    """
+    """The last two axes of correlations (exponents, count, n0, n1, n2), as far as the reaches of `poses` and 1 beyond;
+    tops (exponents, count, n0, n1) are the maxima of the rows within the reach along them."""
     n0, n1, n2 = layout.shape
     pitch = 2 * layout.pitch
     return f"""

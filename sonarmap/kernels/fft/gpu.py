@@ -57,11 +57,7 @@ def group_size(n: int) -> int:
 
 
 def _kernel(name: str, n: int, places: dict[str, int], body: list[str]) -> str:
-    """A kernel around its statements; `item` is the work-item's number in its group.
-
-    Args:
-        places: where each table begins; those that the statements name are declared.
-    """
+    """A kernel around its statements, with those tables declared that they name; `item` is the work-item's number."""
     text = "\n    ".join(body)
     tables = [
         f"__global const float* const {table} = tables + {place};" for table, place in places.items() if table in text
@@ -143,10 +139,8 @@ def _columns(layout: Layout, places: dict[str, int], axis: _Axis, inverse: bool)
 
 
 def _rows(layout: Layout, places: dict[str, int], inverse: bool) -> str:
-    """The kernel of the last axis: packed real rows and their half spectra.
-
-    Where there is no multiple of 8 rows, the last group's are in part those of the one before, and become the same.
-    """
+    """The kernel of the last axis: packed real rows and their half spectra. The last group's rows may overlap those
+    before."""
     n, pitch, length = layout.row_points, 2 * layout.pitch, layout.shape[2]
     re, im = _parts(inverse)
     rows, pairs = layout.shape[0] * layout.shape[1], n // 2 + 1

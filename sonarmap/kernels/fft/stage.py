@@ -128,17 +128,11 @@ Access = Callable[[int, str], str]
 
 
 def stage(n: int, index: int, scalar: str, load: Access, store: Access) -> list[str]:
-    """The body of the loop over the groups of one stage.
+    """The body of the loop over the groups of one stage of an edge of n points.
 
-    The loop declares `at`, the position of the group's first element, and from the second stage on `k`, the
-    frequency that this element has in its transform of the stage before.
-
-    Args:
-        n: points of the edge.
-        index: which of its stages.
-        scalar: "float" or "float8", the type of a real part.
-        load: the statement that sets x<q>r and x<q>i to element q, given q and its position, an expression.
-        store: the statement that stores y<q>r and y<q>i.
+    The loop declares `at`, the position of the group's first element, and from the second stage on `k`, the frequency
+    that this element has in its transform of the stage before. `load` is the statement that sets x<q>r and x<q>i, given
+    q and its position, `store` the one that stores y<q>r and y<q>i; `scalar` the type of a real part.
     """
     radix, before = radices(n)[index], prod(radices(n)[:index])
     butterfly = Butterfly(scalar)

@@ -56,12 +56,8 @@ class RealFFT:
     """
 
     def __init__(self, device: Device, shape: tuple[int, int, int], batched: bool = False) -> None:
-        """Plan the transforms; their kernels are built when they are used first.
-
-        Args:
-            shape: edges; a transformed one is an even product of 2, 3 and 5 from 16 to 512.
-            batched: transform axes 1 and 2 only; axis 0 may then have any length.
-        """
+        """Plan the transforms, which are built when they are used first: of edges that are even products of 2, 3 and 5
+        from 16 to 512; batched, of axes 1 and 2 only."""
         layout = Layout(shape, batched)
         self.shape, self.half_shape = layout.shape, layout.spectrum_shape
         self._device, self._layout = device, layout
@@ -75,23 +71,15 @@ class RealFFT:
         return _Transform(self._device, self._layout, True)
 
     def forward(self, volume: cla.Array, out: cla.Array | None = None) -> cla.Array:
-        """The half spectrum of a real array, which is left untouched.
-
-        Args:
-            out: complex64 of `half_shape` to write to; None: a new one, whose first touch can take
-                longer than the transform.
-        """
+        """The half spectrum of a real array, which stays; in `out`, complex64 of `half_shape`, or a new array, whose
+        first touch can take longer than the transform."""
         require_array(volume, "volume", self.shape)
         spectrum = output(self._device, out, "out", self.half_shape, np.complex64)
         self._forward(volume, spectrum)
         return spectrum
 
     def inverse(self, spectrum: cla.Array, out: cla.Array | None = None) -> cla.Array:
-        """The real array of a half spectrum, which is overwritten.
-
-        Args:
-            out: float32 of `shape` to write to; None: a new one, as in `forward`.
-        """
+        """The real array of a half spectrum, which is overwritten; in `out`, float32 of `shape`, or a new array."""
         require_array(spectrum, "spectrum", self.half_shape, np.complex64)
         volume = output(self._device, out, "out", self.shape)
         self._inverse(volume, spectrum)

@@ -18,17 +18,11 @@ _GROUP = 64
 
 
 def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
-    """The cells of an octahedral map, edge x edge, that directions fall into.
+    """(n,) int64 the cells of an octahedral map, edge x edge in C order, that directions (n, 3) of any length fall
+    into.
 
     The octahedron |x| + |y| + |z| = 1 unfolded to a square (Engelhardt and Dachsbacher, "Octahedron environment maps",
-    VMV 2008): no poles, and cells whose sizes differ by no more than a factor of 5.2.
-
-    Args:
-        directions: (n, 3), of any length; a zero vector counts as +z.
-        edge: cells along each side of the square.
-
-    Returns:
-        (n,) int64, numbers of cells in C order.
+    VMV 2008): no poles, and cells whose sizes differ by no more than a factor of 5.2. A zero vector counts as +z.
     """
     columns = np.ascontiguousarray(directions.T)  # column by column, which is faster than row by row
     x, y, z = columns / np.maximum(np.abs(columns).sum(axis=0), 1e-20)

@@ -66,11 +66,8 @@ def voxelize_poses(
 
 
 def scaled(device: Device, points: cla.Array, factor: float) -> cla.Array:
-    """The points, (n, 4) float32, on a grid whose voxels are 1 / factor times as large.
-
-    Args:
-        points: (n, 4) float32: x, y, z relative to the grid's center [voxels], then a weight, which stays.
-    """
+    """Points (n, 4) float32, x, y, z and a weight, which stays, on a grid whose voxels are 1 / factor times as
+    large."""
     count, _ = require_array(points, "points", (None, 4))
     result = device.empty((count, 4))
     if count:

@@ -117,14 +117,8 @@ class Correlator:
     def __init__(
         self, device: Device, edge: int, blur: float, exponents: tuple[float, ...] = (1.0,), most: int = 1
     ) -> None:
-        """Plan the transforms and take the memory: (4 + 8 exponents) bytes for a voxel and pose, about.
-
-        Args:
-            edge: of the volumes [voxels].
-            blur: standard deviation of the Gaussian that correlations are convolved with [voxels].
-            exponents: of the whitening, one correlation for each.
-            most: so many poses are worked on at once.
-        """
+        """Plan the transforms and take the memory, about (4 + 8 exponents) bytes for a voxel and pose, of which `most`
+        are worked on at once. The blur is that of the Gaussian that correlations are convolved with [voxels]."""
         self.device, self.edge, self.exponents, self.most = device, edge, exponents, most
         cubes = most * len(exponents)
         self._volumes = device.empty((most, edge, edge, edge))
@@ -165,12 +159,8 @@ class Correlator:
     def near(
         self, points: cla.Array, poses: Sequence[Pose], targets: Sequence[cla.Array], shifts: np.ndarray
     ) -> Pending[list[Peak]]:
-        """The highest of the 27 voxels about a shift in each pose's correlation with the first exponent.
-
-        Args:
-            points, targets: as in `find`; the poses' limits do not count.
-            shifts: (poses, 3) int64 [voxels], cyclic.
-        """
+        """The highest of the 27 voxels about a shift in each pose's correlation with the first exponent; arguments as
+        of `find`, and (poses, 3) int64 cyclic shifts [voxels]. The poses' limits do not count."""
         rows = self._upload(poses)
         out = self.device.empty((len(poses), _SUMS, row_pitch(self.edge)), np.complex64)
         places = np.asarray(shifts) % self.edge
@@ -185,11 +175,8 @@ class Correlator:
     def at(
         self, points: cla.Array, pose: Pose, targets: Sequence[cla.Array], places: np.ndarray
     ) -> Pending[NDArray[np.float32]]:
-        """(exponents, m) the correlation of each exponent at places (m, 3) [voxels], cyclic; trilinear between voxels.
-
-        Args:
-            points, targets: as in `find`; the pose's limits do not count.
-        """
+        """(exponents, m) each exponent's correlation at cyclic places (m, 3) [voxels], trilinear; arguments as of
+        `find`."""
         self.correlations(points, pose, targets)
         rows = np.zeros((len(places), 4), np.float32)
         rows[:, :3] = places
@@ -235,9 +222,7 @@ class Correlator:
 
 def _highest_near(edge: int, places: NDArray[np.int64], sums: NDArray[np.complex64]) -> list[Peak]:
     """For each voxel (m, 3) the highest of the 27 around it, peak or slope; sums (m, `_SUMS`, pitch) are of near.cl.
-
-    The mean is the term of frequency 0, the deviation that of the spectrum, by Parseval's theorem.
-    """
+    The mean is the term of frequency 0, the deviation that of the spectrum, by Parseval's theorem."""
     n, exact = edge, sums.astype(np.complex128)
     if not np.isfinite(exact.view(np.float64)).all():
         raise InputError(NOT_FINITE)

@@ -42,13 +42,8 @@ class Peak:
 def fit_peaks(
     index: np.ndarray, cubes: np.ndarray, shape: tuple[int, ...], mean: float | np.ndarray, std: float | np.ndarray
 ) -> list[Peak]:
-    """The peaks at voxels (m, 3) of a cyclic correlation, or of several of the same shape.
-
-    Args:
-        cubes: (m, 3, 3, 3) float32, their neighborhoods.
-        shape: of the correlation.
-        mean, std: of the whole correlation, without a unit; (m,) of each peak's.
-    """
+    """The peaks at voxels (m, 3), with neighborhoods (m, 3, 3, 3), of a cyclic correlation of this shape, with the mean
+    and deviation of all of it; or of several, (m,) of each peak's."""
     values = cubes[:, 1, 1, 1].astype(np.float64)
     lines = np.stack([cubes[:, :, 1, 1], cubes[:, 1, :, 1], cubes[:, 1, 1, :]], axis=1)
     offsets, heights = _fit_gaussians(lines)

@@ -16,22 +16,13 @@ from sonarmap.kernels.pomf.spectrum import magnitude, whiten
 
 
 class PointSpectra:
-    """The way from points to spectra, planned once; on a processor rows without points are passed over.
-
-    Attributes:
-        exponents: of the whitening, a spectrum for each.
-    """
+    """The transform of points to spectra, whitened with each of `exponents`; a processor passes over rows without
+    points."""
 
     def __init__(
         self, device: Device, edge: int, exponents: tuple[float, ...] = (1.0,), magnitudes: bool = False
     ) -> None:
-        """Build the kernels and take the volume.
-
-        Args:
-            edge: of the volume [voxels].
-            exponents: as `whiten` takes them.
-            magnitudes: whether `transform` is given an array for them.
-        """
+        """Build the kernels for volumes of `edge` voxels; with `magnitudes`, `transform` is given an array for them."""
         self._device, self._edge, self.exponents, self._with_magnitudes = device, edge, exponents, magnitudes
         self._volume = device.empty((1, edge, edge, edge))
         # the fused passes take whole blocks of 8 rows only

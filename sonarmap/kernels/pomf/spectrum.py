@@ -169,24 +169,13 @@ class Pomf:
         return self._fft.forward(volume, out=out)
 
     def prepare(self, volume: cla.Array, out: cla.Array | None = None) -> cla.Array:
-        """The whitened half spectrum of a volume.
-
-        Args:
-            out: (n0, n1, `row_pitch(n2)`) complex64 to write to; a new one costs page faults, as much time as the
-                transform.
-        """
+        """The whitened half spectrum of a volume; in `out`, (n0, n1, `row_pitch(n2)`) complex64, or a new array, which
+        costs page faults, as much time as the transform."""
         spectrum = self.transform(volume, out=out)
         return whiten(self.device, spectrum, out=spectrum)
 
     def correlate(self, target: cla.Array, source: cla.Array, out: cla.Array | None = None) -> cla.Array:
-        """The correlation of two prepared volumes; batched: image by image.
-
-        Args:
-            target, source: (n0, n1, `row_pitch(n2)`) complex64, from `prepare`.
-
-        Returns:
-            (n0, n1, n2) float32.
-        """
+        """(n0, n1, n2) float32 the correlation of two volumes from `prepare`; batched: image by image."""
         blur = 0.0 if self.batched else self.blur, self.blur, self.blur
         self._scratch = cross_power(self.device, target, source, self.shape, blur, out=self._scratch)
         return self._fft.inverse(self._scratch, out=out)

@@ -20,12 +20,8 @@ _PIXELS_AT_ONCE = 8
 def rotational_unwrap(edge: int) -> np.ndarray:
     """Directions (edge, edge, 3) float32 of the image that yaw rotates about its center (Sect. 2.5, Fig. 1).
 
-    Pixel (i, j) has v = (i - edge/2, j - edge/2), the azimuth atan2(v_y, v_x) and the angle
-    |v| / (edge/2) * pi/2 from +z. Pixels beyond pi/2 are zero vectors.
-    With R = Rz(psi): I_R(v) = I(Rz(psi) v), the image turned by -psi.
-
-    Returns:
-        (edge, edge, 3) float32.
+    Pixel (i, j) has v = (i - edge/2, j - edge/2), the azimuth atan2(v_y, v_x) and the angle |v| / (edge/2) * pi/2 from
+    +z. Pixels beyond pi/2 are zero vectors. With R = Rz(psi): I_R(v) = I(Rz(psi) v), the image turned by -psi.
     """
     v = np.arange(edge) - edge / 2
     vx, vy = np.meshgrid(v, v, indexing="ij")
@@ -70,14 +66,8 @@ def valid_pixels(directions: np.ndarray) -> np.ndarray:
 
 
 def upload_directions(device: Device, directions: np.ndarray) -> cla.Array:
-    """A table of directions on the device, (3, H, W) float32, for `sample`.
-
-    Args:
-        directions: (H, W, 3), unit vectors or zero; H W is a multiple of 8.
-
-    Returns:
-        (3, H, W) float32.
-    """
+    """A table of directions on the device, (3, H, W) float32, for `sample`: unit vectors or zero (H, W, 3), H W a
+    multiple of 8."""
     if directions.ndim != 3 or directions.shape[2] != 3 or directions[..., 0].size % _PIXELS_AT_ONCE:
         raise InputError(
             f"`directions` have shape {directions.shape}; wanted (H, W, 3), H W a multiple of {_PIXELS_AT_ONCE}"

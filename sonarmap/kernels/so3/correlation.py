@@ -68,12 +68,8 @@ class RotationCorrelation:
     """
 
     def __init__(self, device: Device, bandwidth: int, largest: float = np.pi) -> None:
-        """Tabulate Wigner's d-matrices and plan the transform.
-
-        Args:
-            bandwidth: a multiple of 8 up to 256; memory grows with its fourth power.
-            largest: [rad], up to pi; time and memory are in proportion.
-        """
+        """Tabulate Wigner's d-matrices and plan the transform: of a bandwidth that is a multiple of 8 up to 256, whose
+        fourth power memory grows with, and of rotations up to `largest` [rad], in proportion to time and memory."""
         if bandwidth < 8 or bandwidth % 8 or bandwidth > 256 or not 0 < largest <= np.pi:
             raise InputError(
                 f"`bandwidth={bandwidth}`, `largest` {np.rad2deg(largest):g} degrees; wanted a multiple of 8 up to "
@@ -130,10 +126,8 @@ class RotationCorrelation:
         return correlation.reshape(len(ranges), images, self.edge, self.edge)
 
     def peaks(self, correlation: cla.Array) -> list[LocalMaxima]:
-        """The local maxima of each part of a correlation, highest first; one blocking read, two for many.
-
-        Of equal values the first voxel comes first; of each quarter of a row the highest maximum is there alone.
-        """
+        """The local maxima of each part of a correlation, highest first, of each quarter of a row the highest alone; of
+        equal values the first voxel comes first. One blocking read, two for many."""
         parts, images = len(correlation), len(self.betas) + 1
         require_array(correlation, "correlation", (parts, images, self.edge, self.edge))
         plan = self._plan(parts)
@@ -161,10 +155,8 @@ class RotationCorrelation:
         return Rotation.from_euler("ZYZ", angles)
 
     def places(self, R: Rotation) -> np.ndarray:
-        """(n, 3) places of n rotations in the correlation, between samples: the inverse of `rotations`.
-
-        The first is at least 0; where it would be less, near a turn about z alone, the other two act as their sum.
-        """
+        """(n, 3) places of n rotations in the correlation, between samples: the inverse of `rotations`. The first is at
+        least 0; where it would be less, near a turn about z alone, the other two act as their sum."""
         turn = 2 * np.pi / self.edge
         matrices = R.as_matrix()
         along = np.hypot(matrices[:, 0, 2], matrices[:, 1, 2])
@@ -188,15 +180,10 @@ def _padded(count: int) -> int:
 
 
 def wigner_d(degree: int, betas: np.ndarray) -> np.ndarray:
-    """Wigner's small d-matrices d[m, n](beta) = <l m| exp(-i beta J_y) |l n>.
+    """Wigner's small d-matrices d[m, n](beta) = <l m| exp(-i beta J_y) |l n> of (k,) betas [rad]: (k, 2 l + 1, 2 l +
+    1).
 
     By the eigenvectors of J_y, whose eigenvalues are the whole numbers -l..l: stable for every degree.
-
-    Args:
-        betas: (k,) [rad].
-
-    Returns:
-        (k, 2 l + 1, 2 l + 1) float64, m and n from -l on.
     """
     orders = np.arange(-degree, degree + 1)
     raising = np.diag(np.sqrt(degree * (degree + 1) - orders[:-1] * (orders[:-1] + 1.0)), -1)

@@ -35,8 +35,8 @@ class Harmonics:
 
         Args:
             bandwidth: a multiple of 8.
-            latitudes: of the upper hemisphere, a multiple of 16; at least half the bandwidth, more where layers hold
-                finer structure, which would otherwise alias into coarse structure.
+            latitudes: of the upper hemisphere, a multiple of 16, at least half the bandwidth; more keep finer structure
+                from aliasing.
             longitudes: a multiple of 4, at least twice the bandwidth.
         """
         fits = 2 * latitudes >= bandwidth and longitudes >= 2 * bandwidth
@@ -114,15 +114,8 @@ class Harmonics:
         return result
 
     def products(self, coefficients: cla.Array) -> cla.Array:
-        """What layers have in common, degree by degree.
-
-        Args:
-            coefficients: (degrees, L, orders) complex64, from `analyze`.
-
-        Returns:
-            device (degrees, L, L) float32: the real part of the sum over the orders of one layer's times another's
-            conjugate.
-        """
+        """Device (degrees, L, L) float32: the real part of the sum over the orders of one layer's coefficients,
+        (degrees, L, orders) from `analyze`, times another's conjugate."""
         layers = self._layers(coefficients)
         result = self.device.empty((self.bandwidth // 2, layers, layers))
         across = layers if self.device.is_cpu else -(-layers // 32) * 32
@@ -131,15 +124,8 @@ class Harmonics:
         return result
 
     def mix(self, coefficients: cla.Array, mixtures: np.ndarray) -> cla.Array:
-        """Weighted sums of layers, degree by degree.
-
-        Args:
-            coefficients: (degrees, L, orders) complex64, from `analyze`.
-            mixtures: (degrees, K, L), what each layer counts in each of K sums.
-
-        Returns:
-            device (degrees, K, orders) complex64.
-        """
+        """Device (degrees, K, orders) complex64: sums of coefficients (degrees, L, orders), weighted by mixtures
+        (degrees, K, L)."""
         layers, (degrees, sums, _) = self._layers(coefficients), mixtures.shape
         if mixtures.shape != (self.bandwidth // 2, sums, layers):
             raise InputError(f"`mixtures` have shape {mixtures.shape}; wanted ({self.bandwidth // 2}, K, {layers})")
@@ -162,11 +148,10 @@ def equalizers(products: np.ndarray, power: float) -> np.ndarray:
     sphere.
 
     Phase-only matched filtering divides each frequency by its magnitude. On the sphere the frequencies of degree l mix
-    under a rotation; what takes the place of the magnitude is the matrix of the products between its 2 l + 1 orders,
-    summed over the layers, and its power -power / 2 of both scans makes the correlation's matrix a power of 1 - power.
-    The matrix G of the products between the layers has the same eigenvalues, less zeros that meet nothing, and
-    G^(-power / 2), which mixes layers, does the same. A rotation of the scan rotates the result, as it does the
-    coefficients. Each degree keeps its energy; degree 0, which no rotation changes, becomes 0.
+    under a rotation; the matrix of the products between its 2 l + 1 orders, summed over the layers, takes the place of
+    the magnitude. The matrix G of the products between the layers has the same eigenvalues but for zeros, and G^(-power
+    / 2), which mixes layers, does the same. A rotation of the scan rotates the result. Each degree keeps its energy;
+    degree 0, which no rotation changes, becomes 0.
 
     Args:
         products: (degrees, L, L), from `Harmonics.products`.

@@ -44,7 +44,7 @@ class Elements:
         return int(self.rows.shape[0])
 
     def thinned(self, most: int) -> tuple[int, int]:
-        """At most so many of the points, evenly: their number, and how many points further the next one is."""
+        """At most so many of the points, evenly: their number, and the step from one to the next."""
         step = max(1, -(-len(self) // most))
         return -(-len(self) // step), step
 
@@ -98,16 +98,10 @@ def padded(count: int) -> int:
 def find_nearest(
     device: Device, cells: Cells, places: cla.Array, R: np.ndarray, t: np.ndarray, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The nearest point of the cells to each place, moved by each pose.
+    """The nearest point of the cells to each of n places, p = R place + t, under each of k poses.
 
-    Args:
-        places: device (n, 4) float32, from `upload_places` [the cells' unit].
-        R, t: (k, 3, 3) and (k, 3), p = R place + t in the cells' frame.
-        reach: the farthest that a nearest point may lie.
-
-    Returns:
-        Distances (k, n) float32, infinite where nothing is within reach, and numbers (k, n) int32 of the points, -1
-        there; of points equally far the first.
+    Places are from `upload_places` [the cells' unit]. Returns distances (k, n) float32, infinite where nothing is
+    within reach, and numbers (k, n) int32 of the points, -1 there; of points equally far the first.
     """
     count, _ = require_array(places, "places", (None, 4))
     poses = upload_poses(device, R, t)
@@ -131,7 +125,7 @@ def fit_planes(
     Args:
         cells: of m points, at least 3.
         directions: (d, 3) unit vectors.
-        viewpoints: (v, 3) where the points were seen from [the points' unit]: each from the nearest; none: not known.
+        viewpoints: (v, 3) where the points were seen from, each from the nearest; none: not known.
         farthest: a point farther than this from its plane stays [the points' unit].
         aside: a point whose neighbors' middle is farther away than this share of their spread is at a rim.
 

@@ -126,12 +126,8 @@ class Refinement:
         weighting: Weighting,
         stretching: Stretching | None,
     ) -> None:
-        """What all steps share.
-
-        Args:
-            most: how many points of each surface take part, evenly.
-            stretching: None where the scans are taken as they are.
-        """
+        """What all steps share: at most `most` points of each surface, evenly; no stretching where scans are taken as
+        they are."""
         self.device, self._weighting, self._stretching = device, weighting, stretching
         self._real = np.float64 if "cl_khr_fp64" in device.cl_device.extensions else np.float32
         self._launch = partial(launch, device, FP64=int(self._real is np.float64))
@@ -160,11 +156,8 @@ class Refinement:
         self._records = records
 
     def step(self, reach: float, alone: bool) -> None:
-        """A step: the pairs within reach [voxels], and what they say.
-
-        Args:
-            alone: whether the poses move on as the pairs say; else they stay, for `end` and whoever knows more.
-        """
+        """A step: the pairs within reach [voxels], and what they say. `alone`: the poses move on as the pairs say; else
+        they stay, for `end` and whoever knows more."""
         self._pair(reach)
         count, stretches = np.int32(self._count), np.int32(self._stretching is not None)
         cpu, poses = self.device.is_cpu, self._rows.shape[0]

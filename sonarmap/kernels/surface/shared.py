@@ -35,15 +35,10 @@ def shared_sums(
     most: int,
     nearness: Nearness,
 ) -> Pending[np.ndarray]:
-    """Queue what the points of each surface have near them on the other's.
+    """Queue what at most `most` points of each surface, evenly, have near them on the other's, under k poses.
 
-    Args:
-        poses: device (k, 16) float32, as `upload_poses` makes them.
-        most: how many points of each are looked at, evenly.
-
-    Returns:
-        (k, 2, 4) float64: of the source's points, then of the target's, the weights of those that agree, of those that
-        are covered and of all, and the share of those that lie on the other surface.
+    Returns (k, 2, 4) float64: of the source's points, then of the target's, the weights of those that agree, of those
+    that are covered and of all, and the share of those that lie on the other surface.
     """
     count, _ = require_array(poses, "poses", (None, 16))
     item, lanes = (_ITEM, 1) if device.is_cpu else (1, _LANES)

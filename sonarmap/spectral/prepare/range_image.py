@@ -129,15 +129,10 @@ class Visibility:
 def visibility(
     device: Device, target: View, source: View, poses: Array, tolerances: Sequence[tuple[float, float]]
 ) -> Pending[list[Visibility]]:
-    """Queue how far poses agree with both views.
+    """Queue how far n poses, p_target = R p_source + t about the grid centers [voxels], agree with both views.
 
-    Args:
-        poses: device (n, 16) float32 as `upload_poses` has them, p_target = R p_source + t about the scans' grid
-            centers [voxels].
-        tolerances: one or two of (reach, slope): a range within reach [voxels] + slope * range of the surface agrees.
-
-    Returns:
-        For each tolerance how far the poses agree with both views; a scan that has no view is left out.
+    The answer has one for each of the tolerances (reach, slope): a range within reach [voxels] + slope * range of the
+    surface agrees. A scan that has no view is left out.
     """
     ways = (target, source), (source, target)
     viewings = [Viewing(view.ranges, view.viewpoints, other.sample) for view, other in ways]

@@ -19,22 +19,16 @@ _LAYERS = slice(0, 12, 2)
 
 
 def signature(products: np.ndarray) -> np.ndarray:
-    """What layers have in common with each other and with themselves, degree by degree.
+    """What layers have in common with each other and with themselves, degree by degree: (K,) float32 in -1..1.
 
-    With e[l, r] the energy of degree l as a share of its layer's, a share since the magnitude of a layer depends on how
-    much was seen rather than on what, and c[l, r, s] the correlation of the orders of two layers, -1..1:
+    With e[l, r] the energy of degree l as a share of its layer's, as the magnitude of a layer depends on how much was
+    seen rather than on what, and c[l, r, s] the correlation of the orders of two layers, -1..1:
 
-        signature[l, r, s] = c[l, r, s] (e[l, r] e[l, s])^(1/4),  r <= s.
+        signature[l, r, s] = c[l, r, s] (e[l, r] e[l, s])^(1/4), r <= s.
 
-    Where r = s these are the roots of the shares, between which the distance is Hellinger's: fine degrees, which
-    are weak, count in it too.
-
-    Args:
-        products: (degrees, L, L) of the layers, from `Harmonics.products`, of degrees 0, 2, 4 and so on. The first, a
-            layer's mean, is left out.
-
-    Returns:
-        (K,) float32 in -1..1, K = (degrees - 1) n (n + 1) / 2 with n = 6 layers, or half of L where L is below 12.
+    Where r = s these are the roots of the shares, between which the distance is Hellinger's: fine degrees, which are
+    weak, count in it too. Products are (degrees, L, L), from `Harmonics.products`; degree 0, a layer's mean, is left
+    out. K is (degrees - 1) n (n + 1) / 2 with n = 6 layers, or half of L where L is below 12.
     """
     chosen = products[1:, _LAYERS, _LAYERS].astype(np.float64)
     energies = np.diagonal(chosen, axis1=1, axis2=2)

@@ -87,10 +87,10 @@ def smoothed_further(device: Device, surface: Surface) -> list[Surface]:
 
 
 def smooth_surface(device: Device, cells: Cells, viewpoints: Sequence[np.ndarray] = ()) -> Pending[Surface]:
-    """Queue a scan's points, one a voxel, to be moved along the normal onto the plane of their neighbors.
+    """Queue a scan's points, one a voxel, at least 3, to be moved along the normal onto the plane of their neighbors.
 
-    Noise along the beams stands out of the surface; registered as it is, it draws the scans together or apart. Of at
-    least 3 points; the sensor saw each from the nearest of the viewpoints, (3,) each [voxels].
+    Noise along the beams stands out of the surface; registered as it is, it draws the scans together or apart. The
+    sensor saw each point from the nearest of the viewpoints, (3,) each [voxels].
     """
     places = np.array(viewpoints, np.float64).reshape(-1, 3)
     smooth = fit_planes(device, cells, _DIRECTIONS, places, farthest=_FARTHEST, aside=_ASIDE)

@@ -66,10 +66,8 @@ class PriorTerm:
 
 
 def posterior_step(step: np.ndarray, covariance: np.ndarray, term: PriorTerm) -> np.ndarray:
-    """(..., 6) the step by the scans and the instruments together.
-
-    From that by the scans alone, and the covariance of where it leads, as far as the scans' points err independently.
-    """
+    """(..., 6) the step by the scans and the instruments together, from that by the scans alone and the covariance of
+    where it leads, as far as the scans' points err independently."""
     scans = covariance + term.systematic
     information = np.linalg.inv(scans + term.distortion(scans, step))
     total = information + term.information() + _STAY * np.eye(6)
@@ -125,8 +123,8 @@ class Calibration:
     ) -> np.ndarray:
         """(..., 6, 6) the covariance of errors that all points share, of a turn and a shift [rad, voxels].
 
-        Of what lies (..., 3) from each sensor to the source's grid center, in one frame's axes, and a turn moves by the
-        lever (...) [voxels]. If `stretches`, the ranges' share is estimated with the pose, and no error remains of it.
+        Of what lies (..., 3) from each sensor to the source's grid center; a turn moves by the lever (...) [voxels]. If
+        `stretches`, the ranges' share is estimated with the pose, and no error remains of it.
         """
         per_voxel = np.maximum(lever, 1.0)[..., None] ** -2 * np.ones(3)
         diagonal = self.bent * np.concatenate([per_voxel, np.ones_like(per_voxel)], axis=-1)
@@ -178,9 +176,7 @@ class Fit:
 
 def principal_axes(information: np.ndarray, pairs: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The information (..., 6, 6) of (...) pairs by directions: shares (..., 6) of a pair's, ascending, their axes
-    (..., 6, 6) in columns, and levers (...) [voxels].
-
-    Turns are taken times the lever, what they move the points by, so that directions can be compared.
+    (..., 6, 6) in columns, and levers (...) [voxels], which turns are taken times so that directions can be compared.
     """
     counted = np.maximum(np.asarray(pairs), 1e-12)
     turning = np.trace(information[..., :3, :3], axis1=-2, axis2=-1)
@@ -201,9 +197,7 @@ def _of_a_pair(information: np.ndarray, lever: np.ndarray, pairs: np.ndarray) ->
 
 
 def firmness(information: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """(...) 0..1, the geometric mean over all directions of how firmly the planes hold the pose.
-
-    Two flat places fit anywhere: their planes hold three directions of six.
-    """
+    """(...) 0..1, the geometric mean over all directions of how firmly the planes hold the pose: two flat places fit
+    anywhere, as their planes hold three directions of six."""
     share, _, _ = principal_axes(information, pairs)
     return np.exp(np.log(np.maximum(share, _LOOSEST)).mean(axis=-1))

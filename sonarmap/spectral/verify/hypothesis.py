@@ -94,11 +94,8 @@ class Evidence:
 
     @property
     def score(self) -> float:
-        """The logarithm of what decides which hypothesis wins.
-
-        Where beams lie farther apart than voxels, the lines that they draw on a floor or a wall correlate, whatever
-        stands there: so a peak says little of which hypothesis is the better one.
-        """
+        """The logarithm of what decides which hypothesis wins. Where beams lie farther apart than voxels, the lines
+        that they draw on a floor or a wall correlate, whatever stands there: so a peak says little."""
         return self.agreement + _POWERS["psr"] * _peak(self.psr) + _POWERS["closeness"] * self.closeness
 
 

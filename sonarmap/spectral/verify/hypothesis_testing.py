@@ -62,10 +62,11 @@ class HypothesisTest(PairFrames):
         return self.within_bounds(self.verifier.candidates(self.target, self.source, rotations, boxes))
 
     def refine_candidates(self, candidates: Candidates, count: int) -> list[Hypothesis]:
-        """The best of the `count` best candidates, refined roughly, best first.
+        """The best of the `count` best candidates, refined roughly, best first; impossible ones only where there are no
+        others.
 
         Surfaces of little relief agree nearly as well at wrong places, until a candidate is refined: so many are
-        refined by few points, and the best of these by more. Impossible ones are kept only where there are no others.
+        refined by few points, and the best of these by more.
         """
         best = self.verifier.best(self.target, self.source, candidates, Selection(count, share=_PROMISING))
         first = Stage(tuple(self.verifier.coarser * reach for reach in _FIRST.reaches), _FIRST.points)
@@ -79,10 +80,11 @@ class HypothesisTest(PairFrames):
         return self._possible(self._refine(left, [_ROUGH]))
 
     def find_missed(self, finalists: list[Hypothesis]) -> list[Hypothesis]:
-        """What the whole grid's correlations under the finalists' refined rotations name beside the finalists.
+        """What the whole grid's correlations under the finalists' refined rotations name beside the finalists, as many
+        at most.
 
-        A rotation that is 2 degrees off has low and broad peaks, and where a scan can slide, along a quay or a pool,
-        the true one may be missing among them. As many at most as there are finalists.
+        A rotation that is 2 degrees off has low and broad peaks: where a scan can slide, along a quay or a pool, the
+        true one may be missing.
         """
         R = Rotation.concatenate([finalist.fit.R for finalist in finalists])
         scores = np.array([finalist.rotation_score for finalist in finalists])
@@ -100,8 +102,7 @@ class HypothesisTest(PairFrames):
     def find_alike(self, known: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Other places at which the heights of beds of little relief are alike, whichever way the source is turned.
 
-        Over a bed the correlation does not name the true place: where beams lie farther apart than voxels, the lines
-        that they draw agree best where nothing has moved, and the ripples do at the next one.
+        Over a bed the lines that beams draw agree best where nothing has moved, and the ripples do at the next one.
         """
         surfaces, best = (self.target.surface, self.source.surface), known[0]
         weak = best.evidence.firmness <= _FIRM
@@ -159,11 +160,8 @@ class HypothesisTest(PairFrames):
         return replace(measurement.read()[0], fit=fit)
 
     def _laid_smoothly(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Refined by surfaces that are smoothed further, the smoothest first, and then by the surfaces as they are.
-
-        By these alone where the smoother ones drive a hypothesis off to where the scans agree less: of scans that share
-        little, they may hold nothing once rims take no part.
-        """
+        """Refined by surfaces that are smoothed further, the smoothest first, and then by the surfaces as they are; by
+        these alone where the smoother ones, which may hold nothing without rims, drive a hypothesis off."""
         fits: Sequence[Fit] = [each.fit for each in hypotheses]
         for level in range(len(self.target.smoother())):
             fits = self._smoother(level)._steps(_start(fits), [_SMOOTHED]).read()
@@ -190,11 +188,8 @@ class HypothesisTest(PairFrames):
         return replace(self, target=target, source=source)
 
     def _left_to_scans(self, best: Hypothesis) -> Hypothesis:
-        """The hypothesis with the whole step to where the scans alone would have it, where instruments took part.
-
-        Beside instruments points pair up where these have the pose, and one step from there falls short: a graph that
-        holds the instruments as well would count their errors twice.
-        """
+        """The hypothesis with the whole step to where the scans alone would have it, where instruments took part:
+        beside them points pair up where these have the pose, and one step from there falls short."""
         fit = best.fit
         if fit.prior is None:
             return best
@@ -240,10 +235,8 @@ class HypothesisTest(PairFrames):
         stages: Sequence[Stage],
         points: int = SURFACE_POINTS,
     ) -> list[Hypothesis]:
-        """Refined, and observed by so many points; one wait unless instruments take part.
-
-        `origins` are scores of the rotations and peaks of the candidates, as `Hypothesis` has them.
-        """
+        """Refined, and observed by so many points; one wait unless instruments take part. `origins` are scores of the
+        rotations and peaks of the candidates, as `Hypothesis` has them."""
         refined = self._steps(start, stages)
         seen = self.verifier.observe(self.target, self.source, refined.poses, points).read()
         fits = refined.read()

@@ -83,11 +83,8 @@ class NormalEquations:
         return usual_covariance(_damped(_of_pose(self.whole)), _of_pose(shared), self.variance)
 
     def _step_alone(self, state: State) -> np.ndarray:
-        """(k, 6) of the pose, where both scans are stretched by opposite shares.
-
-        Scans that both shrink, and the way between them with them, fit as well: their gaps shrink, too. So what both
-        stretches have in common must not be sought where gaps are smallest; it would draw the scans together.
-        """
+        """(k, 6) of the pose, where both scans are stretched by opposite shares: what both stretches have in common
+        must not be sought where gaps are smallest, as scans that shrink have smaller gaps."""
         hessian, gradient = self.hessian, self.gradient
         if state.stretch is not None:
             common = state.stretch.mean(axis=1)[:, None, None] * np.ones((2, 1))
@@ -123,10 +120,8 @@ def _damped(hessian: np.ndarray) -> np.ndarray:
 
 
 def usual_covariance(hessian: np.ndarray, shared: np.ndarray, variance: np.ndarray) -> np.ndarray:
-    """(k, 6, 6) of where the planes have the pose, as errors usually are; arguments as of `NormalEquations`.
-
-    In directions that noise alone seems to fix the scans are worth a tenth as much as where both show the same planes.
-    """
+    """(k, 6, 6) of where the planes have the pose, as errors usually are: in directions that noise alone seems to fix
+    the scans are worth a tenth as much. Arguments as of `NormalEquations`."""
     inverse = np.linalg.inv(np.linalg.cholesky(hessian))
     share, axes = np.linalg.eigh(inverse @ shared @ inverse.transpose(0, 2, 1))
     doubt = np.clip(CALIBRATION.usual * _AGREEING / np.maximum(share, 1e-9), CALIBRATION.usual, 1.0)
@@ -192,8 +187,8 @@ def refine(
 ) -> Refined:
     """Queue Gauss-Newton from k places, side by side, as if each were alone; stage by stage, from coarse to fine.
 
-    The device takes all steps without a read. Only a prior, what instruments measured about the places to begin with,
-    makes each step's sums come back, and counts in it beside the planes: with one, or stretches, in a single stage.
+    The device takes all steps without a read, but with a prior, which counts beside the planes in each step: then, or
+    with stretches, in a single stage.
     """
     *before, last = stages
     stretches = begin.stretches

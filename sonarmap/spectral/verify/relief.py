@@ -46,14 +46,11 @@ def is_level(surface: Surface) -> bool:
 def alike_places(
     target: Surface, source: Surface, allowed: Callable[[Rotation], np.ndarray], count: int
 ) -> AlikePlaces:
-    """The poses of the source, at most `count`, at which the heights of both beds over their planes are most alike.
+    """The `allowed` poses of the source, at most `count`, at which the heights of both beds over their planes are most
+    alike.
 
     How alike is Fisher's transform of the correlation, times the root of the number of cells in common: the same
     correlation says more of many cells.
-
-    Args:
-        target, source: each in its own axes [voxels].
-        allowed: which (n,) bool of n rotations are possible.
     """
     ours, theirs = _Bed.of(target), _Bed.of(source)
     if not (target.rays.any() and source.rays.any()) and ours.axes[:, 2] @ theirs.axes[:, 2] < 0:

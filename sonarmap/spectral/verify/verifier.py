@@ -2,7 +2,8 @@
 
 Coarse to fine. On a grid of about half the edge, 64 voxels at most, every rotation gets its translation correlation, of
 which several peaks are taken, each with all shifts that a cyclic one stands for; points before the other scan's surface
-contradict. The best few distinct ones are refined and compared on the whole grid. docs/registration.md has the steps.
+contradict. The best few distinct ones are refined and compared on the whole grid, and at the best of all the
+correlation along the directions that the planes fix least shows how sharply the scans agree.
 """
 
 from collections.abc import Sequence
@@ -49,13 +50,8 @@ class Observability:
 def observe_directions(
     correlation: Translation, target: CoarseVolume, source: CoarseVolume, fit: Fit, scale: float
 ) -> Pending[Observability]:
-    """Queue the correlations of two scans about a pose, with WHITENINGS.
-
-    Args:
-        correlation: of the coarse grid.
-        fit: the pose, and the information that says which directions the planes fix least.
-        scale: coarse voxels in a voxel.
-    """
+    """Queue the correlations of two scans about a pose, by the coarse grid and with WHITENINGS, along the directions
+    that its information fixes least; `scale` is coarse voxels in a voxel."""
     turning, shifting = weakest(fit.information)
     steps = np.arange(-BANDS[-1][1], BANDS[-1][1] + _STEP / 2, _STEP)
     places = fit.shift * scale + (shifting.T[:, None] * steps[:, None]).reshape(-1, 3)
@@ -77,10 +73,8 @@ def observe_directions(
 
 
 def weakest(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The directions (3, 3) of turns and of shifts, in columns, by (6, 6) information, the least fixed first.
-
-    Of each what is left where the other is free to follow.
-    """
+    """The directions (3, 3) of turns and of shifts, in columns, by (6, 6) information, the least fixed first. Of each
+    what is left where the other is free to follow."""
     axes = []
     for own, other in ((slice(0, 3), slice(3, 6)), (slice(3, 6), slice(0, 3))):
         across = information[own, other]
@@ -119,13 +113,8 @@ class SharedSurface:
 def shared_surfaces(
     device: Device, target: Surface, source: Surface, poses: Array, most: int
 ) -> Pending[list[SharedSurface]]:
-    """Queue what the scans share under each of k poses.
-
-    Args:
-        poses: device (k, 16) float32 as `upload_poses` has them, p_target = R p_source + t about the scans' grid
-            centers [voxels].
-        most: how many points of each scan are looked at.
-    """
+    """Queue what the scans share under each of k poses, p_target = R p_source + t about the grid centers [voxels], by
+    at most `most` points of each."""
     ours, theirs = (WeightedElements(surface.elements, surface.direction_weights) for surface in (target, source))
     queued = shared_sums(device, ours, theirs, poses, most, _NEARNESS)
 
@@ -156,9 +145,7 @@ _WEIGHT = 4.0
 
 def consistency(agree: np.ndarray, contradict: np.ndarray) -> np.ndarray:
     """The share of agreeing points among those that agree or contradict, 0..1; a contradiction counts several times.
-
-    Not a share of all points: where scans have little in common few can agree, and few can contradict.
-    """
+    Not a share of all points: of scans that have little in common few can agree."""
     return agree / (agree + _WEIGHT * contradict + _LEAST)
 
 
@@ -214,8 +201,8 @@ class Verifier:
         """Several shifts for each rotation, from the coarse grid, each with all shifts that a cyclic one stands for.
 
         Both whitenings name candidates. What a peak is worth is its height beside the usual highest one of its
-        whitening, over all rotations: so the two can be compared. A box holds the shifts that are possible under its
-        rotation [voxels of the whole grid]; None for all.
+        whitening, over all rotations. A box holds the shifts that are possible under its rotation [voxels of the whole
+        grid]; None for all.
         """
         scale = self.edge / self.coarse_edge
         coarse_boxes = [None if box is None else Box(np.rint(box.center / scale), box.half / scale) for box in boxes]
@@ -254,10 +241,8 @@ class Verifier:
         return candidates
 
     def _unwrapped(self, shifts: np.ndarray, bounded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) int64, of which of the cyclic shifts (m, 3), and (n, 3) what these stand for: alone, if bounded (m,).
-
-        Only what leaves the scans something in common.
-        """
+        """(n,) int64, of which of the cyclic shifts (m, 3), and (n, 3) what these stand for, where that leaves the
+        scans something in common: alone, if bounded (m,)."""
         wrapped = shifts - np.copysign(self.edge, shifts)
         unwrapped = np.where(_WRAPS, wrapped[:, None], shifts[:, None])
         allowed = (np.abs(unwrapped) <= _FARTHEST * self.edge).all(axis=2) & ~bounded[:, None]
@@ -286,11 +271,8 @@ class Verifier:
     def observe(
         self, target: SpectralScan, source: SpectralScan, poses: Array, points: int = SURFACE_POINTS
     ) -> Pending[Observation]:
-        """Queue what the scans' views and so many points of their surfaces say of poses.
-
-        Args:
-            poses: device (k, 16) float32, as `upload_poses` has them, between the grids' centers [voxels].
-        """
+        """Queue what the scans' views and so many points of their surfaces say of (k, 16) poses between the grids'
+        centers."""
         views = visibility(self.device, target.view, source.view, poses, (FINE, COARSE))
         surfaces = shared_surfaces(self.device, target.surface, source.surface, poses, points)
         return Pending(lambda: _observation(views, surfaces))
