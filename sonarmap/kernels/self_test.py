@@ -25,8 +25,10 @@ from sonarmap.kernels.surface.refinement import Refinement, Weighting
 _TRANSFORM = 2e-6
 # the last is no whole number of any device's alignment, and has the odd radices
 _SHAPES = ((32, 64, 128), (256, 16, 16), (18, 30, 50))
-_EDGE, _BANDWIDTH = 32, 16
-_TURN, _SHIFT = Rotation.from_euler("ZYX", [24.0, -9.0, 6.0], degrees=True), np.array([2.0, -3.0, 1.0])
+_EDGE = 32  # voxels
+_BANDWIDTH = 16
+_TURN = Rotation.from_euler("ZYX", [24.0, -9.0, 6.0], degrees=True)
+_SHIFT = np.array([2.0, -3.0, 1.0])  # voxels
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,19 +18,13 @@ ELLIPSOID = float(chi_squared(0.95, 6))
 # Where scans know less than this share of what instruments know, they are taken to agree with these: where they would
 # have the pose alone, only their noise decides.
 _TELLING = 0.01
-# What planes are found to hold is nothing up to so many standard errors.
-_DOUBTS = 2.0
+_DOUBTS = 2.0  # standard errors up to which what planes hold may be nothing
 # A direction that nothing holds is this many times less certain than half a turn and the grid's edge: these are a bound
 # and no measurement. Were they one, all pairs along a hull would say together that nothing has moved there.
 _UNHELD = 10.0
-# Planes hold no direction by less than so many points.
-_LEAST = 1e-9
-
-
-# Which of `WHITENINGS` shows best how far scans can slide.
-_WHITENING = 1
-# Slides that are rarer than this are outliers, which a graph has to find out by itself.
-_RARE = 0.03
+_LEAST = 1e-9  # points by which planes hold any direction
+_WHITENING = 1  # which of `WHITENINGS` shows best how far scans can slide
+_RARE = 0.03  # slides that are rarer are outliers, which a graph has to reject by itself
 
 
 def slides_of(seen: Observability) -> np.ndarray:

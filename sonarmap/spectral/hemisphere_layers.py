@@ -35,8 +35,8 @@ _TILT_BLUR = 1.5
 _YAW_BLUR = 1.5
 _YAW_BLUR_ANGLE = np.deg2rad(1.0)  # and at least so much: distortion is an angle, whatever the bins
 _LARGEST_IMAGE = 512
-# How many peaks of roll and pitch are searched for a possible rotation, and how far apart these are [bins].
-_TILT_PEAKS, _TILT_SEPARATION = 4, 3.0
+_TILT_PEAKS = 4  # of roll and pitch that are searched for a possible rotation
+_TILT_SEPARATION = 3.0  # between these [bins]
 
 
 @dataclass(frozen=True, slots=True)

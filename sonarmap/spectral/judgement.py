@@ -63,13 +63,14 @@ class Odds:
         return cls(tuple(table["clues"]), low, high, mean, deviation, table["constant"], weights)
 
 
-# A pose is fixed within these [rad; voxels].
-_FIXED_TURN, _FIXED_SHIFT = float(np.deg2rad(6.0)), 3.0
-# Instruments bound a direction if they know it better than this [rad; voxels]; so does the motion of a vehicle that
+# A pose is fixed within these.
+_FIXED_TURN = float(np.deg2rad(6.0))  # [rad]
+_FIXED_SHIFT = 3.0  # [voxels]
+# Instruments bound a direction if they know it better than this; so does the motion of a vehicle that
 # turns at the ends of short lanes, which may be as unsure as 28 degrees while few steps are known.
-_KNOWN_TURN, _KNOWN_SHIFT = float(np.deg2rad(30.0)), 16.0
-# The lead of a hypothesis without rivals, and the most that any has.
-_ALONE = 4.0
+_KNOWN_TURN = float(np.deg2rad(30.0))  # [rad]
+_KNOWN_SHIFT = 16.0  # [voxels]
+_ALONE = 4.0  # the lead of a hypothesis without rivals, and the most that any has
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +101,8 @@ class Clues:
         return tuple((f"p_{name}", float(value)) for name, value in asdict(self).items())
 
 
-_ODDS, _TWIN = Odds.from_json(FITTED["probability"]), FITTED["probability"]["twin"]
+_ODDS = Odds.from_json(FITTED["probability"])
+_TWIN = FITTED["probability"]["twin"]
 
 
 def clues(

@@ -7,8 +7,8 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 
-# What scans may take of memory; of more the rest is on disk. A file is mapped in chunks of so much.
-_IN_MEMORY, _CHUNK = 1 << 26, 1 << 26
+_IN_MEMORY = 1 << 26  # bytes that scans may take of memory; of more the rest is on disk
+_CHUNK = 1 << 26  # bytes of a file that are mapped together
 _ALIGNED = 64  # bytes
 
 

@@ -12,10 +12,9 @@ from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.so3.correlation import LocalMaxima, RotationCorrelation
 from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
 
-# Degrees below this; its finest detail is 180 / 48 degrees. docs/measured has the figures of others.
-_BANDWIDTH = 48
-# Sect. 2.8: radii of the layers, as shares of N/2; more layers than these did not do better.
-_LAYERS, _COUNT = (0.2, 0.8), 20
+_BANDWIDTH = 48  # degrees are below it: the finest detail is 180 / 48 degrees. docs/measured has figures of others
+_LAYERS = (0.2, 0.8)  # radii, as shares of N/2 (Sect. 2.8)
+_COUNT = 20  # of the layers
 ALL = slice(None)
 # Layers that name rotations by themselves: all but the outermost, which noise disturbs most; the outer half; and the
 # inner quarter, which say little and say it of the most disturbed scans too. What one band misses another may name.
@@ -23,14 +22,10 @@ BANDS = (slice(14), slice(10, 20), slice(5))
 # Where all layers and those of each band lie behind one another: the first, and how many.
 _COUNTS = [len(range(_COUNT)[layers]) for layers in (ALL, *BANDS)]
 PARTS = tuple((sum(_COUNTS[:part]), count) for part, count in enumerate(_COUNTS))
-# How far the filter goes from plain correlation, 0, to phase only, 1.
-_EQUALIZED = 0.4
-# Two rotations nearer than this are the same [rad].
-_SEPARATION = float(np.deg2rad(7.0))
-# The distinct ones are chosen among so many peaks: where only the sum of two angles matters there is a ridge of them.
-_EXAMINED = 600
-# So many at a time.
-_AT_ONCE = 64
+_EQUALIZED = 0.4  # how far the filter goes from plain correlation, 0, to phase only, 1
+_SEPARATION = float(np.deg2rad(7.0))  # two rotations nearer than this are the same [rad]
+_EXAMINED = 600  # peaks among which the distinct ones are chosen: where two angles act as their sum there is a ridge
+_AT_ONCE = 64  # of these
 _SQUARES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 

@@ -22,7 +22,9 @@ from sonarmap.kernels.device.source import informative_line, kernels_digest
 from sonarmap.kernels.device.threads import limit_libraries
 from sonarmap.kernels.errors import SonarmapError
 
-_SECONDS, _SECONDS_OF_TEST = 60.0, 300.0  # for all devices of a driver; kernels may be compiled on a busy machine
+# For all devices of a driver; kernels may be compiled on a busy machine.
+_SECONDS = 60.0
+_SECONDS_OF_TEST = 300.0
 _PROBE = "__kernel void probe(__global float8* x) { x[get_global_id(0)] = fma(x[get_global_id(0)], 2.0f, 1.0f); }"
 # Variables that say which devices a driver shows, by how they begin.
 _VARIABLES = ("CUDA_VISIBLE", "GPU_DEVICE", "HIP_", "LD_", "NVIDIA_", "OCL_ICD_", "ONEAPI_", "POCL_DEV", "ROCR_", "ZE_")

@@ -15,9 +15,11 @@ from sonarmap.kernels.fft.stage import KEEP, Edges, block, half_turns, positions
 
 KERNEL = "__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void"
 _ARGUMENTS = "__global float* volume, __global float* spectrum, const ulong volume_at, const ulong spectrum_at"
-# How many rows of the second axis a sheet has, of which the first that divides the axis is taken: so many times 8
-# columns of the first axis are transformed at once. Every edge has one of each.
-_ROWS_OF_16, _ROWS_OF_8, _SHORT_ROWS_OF_8 = (8, 6, 10, 4), (8, 6, 5, 4), (4, 6, 5)
+# Rows of the second axis in a sheet, of each of which 8 columns of the first axis are transformed at once: the first
+# number that divides the axis, by the lanes and by the length of the first axis.
+_ROWS_OF_16 = (8, 6, 10, 4)
+_ROWS_OF_8 = (8, 6, 5, 4)
+_SHORT_ROWS_OF_8 = (4, 6, 5)
 
 
 def emit(layout: Layout, inverse: bool, lanes: int = 8) -> Plan:

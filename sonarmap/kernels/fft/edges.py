@@ -9,7 +9,8 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 
-_SMALLEST, _LARGEST = 16, 512
+_SMALLEST = 16
+_LARGEST = 512
 # The radices, and the time of a stage per point as measured, in a unit of its own; larger ones do not fit the
 # registers.
 _COSTS = {2: 0.8, 3: 0.9, 4: 1.05, 5: 1.2, 6: 1.3, 8: 1.5, 9: 1.7, 10: 1.75}

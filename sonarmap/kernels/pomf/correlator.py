@@ -17,10 +17,11 @@ from sonarmap.kernels.pomf.passes import make_passes
 from sonarmap.kernels.pomf.peak import NOT_FINITE, Peak, find_peaks, fit_peaks
 from sonarmap.kernels.pomf.spectrum import half_weights
 
-_CAPACITY, _RECORD = 256, 28  # as in choose.cl
-# So many rows for each peak are looked through before the best are chosen: a peak is the maximum of some nine rows.
-_ROWS_OF_A_PEAK = 32
-_ROWS_TOGETHER, _GROUP = 16, 256
+_CAPACITY = 256  # local maxima that a correlation can have, as in choose.cl
+_RECORD = 28  # numbers of each, likewise
+_ROWS_OF_A_PEAK = 32  # that are looked through before the best are chosen: a peak is the maximum of some nine rows
+_ROWS_TOGETHER = 16  # rows of a processor's work-item
+_GROUP = 256  # work-items of a group elsewhere
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +88,9 @@ class Chooser:
         return found, hidden
 
 
-# So many voxels, in so many volumes, are worked on at once: few enough for a processor's cache.
-_VOXELS, _MOST = 2**19, 8
+# What is worked on at once is few enough for a processor's cache.
+_VOXELS = 2**19
+_MOST = 8  # volumes
 # Rows of sums for each shift, as in near.cl: 5 x 5 shifts along the first axes, then five of which two are the power's.
 _SUMS = 30
 

@@ -16,10 +16,10 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array, table
 from sonarmap.kernels.errors import InputError
 
-_RINGS_AT_ONCE, _ORDERS_AT_ONCE = 16, 4
-_GROUP = 64
-# What is weaker than the strongest direction of a degree by this factor, in energy, is not lifted further.
-_FAINTEST = 1e-3
+_RINGS_AT_ONCE = 16
+_ORDERS_AT_ONCE = 4
+_GROUP = 64  # work-items
+_FAINTEST = 1e-3  # energy, as a share of a degree's strongest direction, below which none is lifted further
 
 
 class Harmonics:

@@ -10,12 +10,11 @@ from sonarmap.kernels.device.arrays import upload_places, upload_poses
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import lanes, launch, require_array, table
 
-# A surface has about a point a voxel: a cell of so many voxels holds four, and most nearest points lie in it.
-_SIZE = 2.0
-# So many cells for each point, and so many in any case; where there would be more, they are larger.
-_CELLS, _FEWEST = 16, 4096
-# The box of the cells leaves out so much of the points at either end of an axis, if they lie far out.
-_OUT = 0.01
+_SIZE = 2.0  # of a cell [voxels]: a surface has about a point a voxel, and most nearest points lie in a cell of four
+# Most cells; where there would be more, they are larger.
+_CELLS = 16  # for each point
+_FEWEST = 4096  # in any case
+_OUT = 0.01  # share of the points at either end of an axis that the cells leave out if they lie far out
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,8 +112,7 @@ def find_nearest(
     return np.sqrt(squared.get()), index.get()
 
 
-# So many neighbors make a plane: enough to average noise of a voxel's size, few enough to keep edges.
-NEIGHBORS = 16
+NEIGHBORS = 16  # of a plane: enough to average noise of a voxel's size, few enough to keep edges
 
 
 def fit_planes(

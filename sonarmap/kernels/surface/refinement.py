@@ -16,9 +16,13 @@ from sonarmap.kernels.device.launch import launch
 from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.surface.cells import GROUP, Elements, padded
 
-# As real.cl has them: the numbers of a state; where the sums begin and how many they are; where the doubts and the next
-# state begin; and how long a row is.
-STATE, SUMS, SUMS_COUNT, DOUBTS, NEXT, LENGTH = 15, 16, 208, 272, 280, 296
+# A row of numbers as real.cl has it.
+STATE = 15  # numbers of a state
+SUMS = 16  # where the sums begin
+SUMS_COUNT = 208
+DOUBTS = 272  # where they begin
+NEXT = 280  # where the next state begins
+LENGTH = 296
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.device.launch import launch, require_array
 from sonarmap.kernels.surface.cells import Elements
 
-# Points that a work-item of a processor adds up; items of a group elsewhere, a point each.
-_ITEM, _LANES = 32, 64
+_ITEM = 32  # points that a work-item of a processor adds up
+_LANES = 64  # work-items of a group elsewhere, a point each
 
 
 @dataclass(frozen=True, slots=True)

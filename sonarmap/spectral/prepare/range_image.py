@@ -11,17 +11,18 @@ from sonarmap.kernels.points.visibility import Viewing, agreement, octahedral_ce
 
 # Cells along an edge of the map: 1.6 degrees, a voxel at 36 voxels' distance. Finer cells stay empty between beams.
 _EDGE = 128
-# The nearest and the farthest range of a cell are these quantiles: a stray echo among them is left out.
-_NEAR, _FAR = 0.15, 0.85
-# A scan has a single viewpoint if this share of its points lies this near to the median of their cell [share; voxels;
-# of the range].
-_SINGLE, _SPREAD, _SLOPE = 0.8, 2.0, 0.03
-# Of a scan seen from many places so many take part.
-_PLACES = 12
-# Points of a scan that are compared with another's view.
-_SAMPLE = 1500
-# How far from the surface a point may lie, while the rotation is 2 degrees off and once refined [voxels; of the range].
-COARSE, FINE = (1.5, 0.03), (1.0, 0.01)
+# Quantiles of the ranges of a cell, which leave out a stray echo among them.
+_NEAR = 0.15
+_FAR = 0.85
+# A scan has a single viewpoint if this share of its points lies near to the median of their cell.
+_SINGLE = 0.8
+_SPREAD = 2.0  # how near [voxels]
+_SLOPE = 0.03  # and how much more, as a share of the range
+_PLACES = 12  # that take part, of a scan seen from many
+_SAMPLE = 1500  # points of a scan that are compared with another's view
+# How far from the surface a point may lie [voxels; share of the range].
+COARSE = (1.5, 0.03)  # while the rotation is 2 degrees off
+FINE = (1.0, 0.01)  # once it is refined
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,17 +10,14 @@ from sonarmap.kernels.device.arrays import Pending, Readback
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.surface.cells import Cells, Elements, fit_planes, sort_into_cells
 
-# A point farther than this from its neighbors' plane is no point of it, and stays [voxels].
-_FARTHEST = 3.0
+_FARTHEST = 3.0  # a point farther than this from its neighbors' plane is no point of it, and stays [voxels]
 # At a rim the neighbors lie to one side: their middle is farther away than this share of their spread. On a straight
 # rim it is three quarters, well inside a fifth.
 _ASIDE = 0.4
-# Points that have so many of a rim nearer than this lie near it [voxels].
-_RIM_POINTS, _RIM_WIDTH = 3, 3.0
-# How often a surface is smoothed further.
-_TIMES = 3
-# A direction of normals that holds a smaller share of the points than this counts less than the others.
-_RARE = 0.05
+_RIM_WIDTH = 3.0  # points that have enough of a rim nearer than this lie near it [voxels]
+_RIM_POINTS = 3  # which are enough
+_TIMES = 3  # how often a surface is smoothed further
+_RARE = 0.05  # a direction of normals that holds a smaller share of the points counts less than the others
 
 
 def _hemisphere(count: int) -> np.ndarray:

@@ -18,10 +18,10 @@ from sonarmap.spectral.verify.hypothesis import Candidates, Hypothesis
 # Instruments that leave a tilt less sure than this are left to the correlation of the spectra [rad]: a rotation that is
 # 4 degrees off has hardly a peak.
 _SUREST_TILT = float(np.deg2rad(3.0))
-# Turns about the vertical that are tried, where the tilt is known, are so far apart [rad].
-_TURN_STEP = float(np.deg2rad(2.0))
-# Those that are followed are farther apart than this; of few that headings leave, nearer ones too [rad].
-_APART, _NEAR = float(np.deg2rad(7.0)), float(np.deg2rad(3.0))
+# Turns about the vertical where the tilt is known [rad].
+_TURN_STEP = float(np.deg2rad(2.0))  # between those that are tried
+_APART = float(np.deg2rad(7.0))  # between those that are followed
+_NEAR = float(np.deg2rad(3.0))  # and of few that headings leave
 
 
 def _ring(radius: float, begin: float) -> np.ndarray:
@@ -32,13 +32,11 @@ def _ring(radius: float, begin: float) -> np.ndarray:
 
 # The tilts that are tried [standard deviations].
 _TILTS = np.vstack([np.zeros((1, 2)), _ring(1.0, 0.0), _ring(2.0, np.pi / 6)])
-# From so many standard deviations on scans contradict instruments.
-_CONTRADICTION = 4.0
-# A tilt known to a few degrees, as a share of all that are searched without; logarithm, base 10.
-_KNOWN_TILT = -2.5
-# What a rotation of the correlation, and a shift of the coarse grid, may be off by, not being refined [rad; halves of
-# the coarse grid's voxel].
-_ROTATION_SLACK, _SHIFT_SLACK = float(np.deg2rad(6.0)), 6.0
+_CONTRADICTION = 4.0  # standard deviations from which on scans contradict instruments
+_KNOWN_TILT = -2.5  # a tilt known to a few degrees, as a share of all that are searched without; logarithm, base 10
+# What may be off that is not refined.
+_ROTATION_SLACK = float(np.deg2rad(6.0))  # of the correlation [rad]
+_SHIFT_SLACK = 6.0  # of the coarse grid [halves of its voxel]
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,14 +44,14 @@ class Candidates:
 _NAMES = [field.name for field in fields(Candidates)]
 
 
-# Farther from what instruments measured than this chi-squared is all alike: something is wrong with one or the other.
-MOST_MEASURED = 30.0
+MOST_MEASURED = 30.0  # chi-squared; what is farther from what instruments measured counts as much
 # Powers of the evidence in a score, each for its logarithm, of residual and width for that of their inverse; those of
 # `surface_alone` and `overlap` count where there is no view. Distorted scans follow instruments less than in full, so
 # the power of `measured` is small. docs/registration.md says how they were fitted.
 _POWERS: dict[str, float] = FITTED["ranking"]
-# Refined poses nearer than this to each other are the same hypothesis [rad; voxels].
-_SAME_ROTATION, SAME_REFINED_SHIFT = float(np.deg2rad(3.0)), 2.0
+# Refined poses nearer than this to each other are the same hypothesis.
+_SAME_ROTATION = float(np.deg2rad(3.0))  # [rad]
+SAME_REFINED_SHIFT = 2.0  # [voxels]
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,27 +27,21 @@ _FINAL = Stage((1.5,) * 3, 3000)
 # Where one direction is held by less than this share of the planes, surfaces are laid on each other once more, smoothed
 # further: normals of little relief are mostly noise, which adds to the squares that a step is divided by, so that it
 # covers a twentieth of its way. No step reaches so far that rims take part.
-_LOOSE, _SMOOTHED = 0.02, Stage((2.0, 2.0, *(1.5,) * 6), 3000)
-# A hypothesis that agrees less by more than this then was driven off: of 117 that came nearer to the truth none did.
-_DRIVEN_OFF = 0.5
-# Candidates that score less than this share of the best are not refined: of 115 right ones among the best 72 one scored
-# less than half.
-_PROMISING = 0.4
-# So many of the candidates are left after the first steps, and after the next.
-_LEFT, _SURVIVORS = 16, 6
-# Hypotheses whose agreement is less than the best's by more than this are out: no peak makes up for it.
-_HOPELESS = 3.5
+_LOOSE = 0.02
+_SMOOTHED = Stage((2.0, 2.0, *(1.5,) * 6), 3000)
+_DRIVEN_OFF = 0.5  # a hypothesis that agrees less by more than this then was driven off
+_PROMISING = 0.4  # candidates that score less than this share of the best are not refined
+_LEFT = 16  # candidates after the first steps
+_SURVIVORS = 6  # and after the next
+_HOPELESS = 3.5  # hypotheses whose agreement is less than the best's by more are out: no peak makes up for it
 # Planes hold the best less firmly than this where surfaces are laid upon each other beside it, and where how close they
 # come counts most: where planes hold it more firmly, nothing came of that.
 _FIRM = 0.05
-# Surfaces whose residual is smaller than this are as close as any [voxels].
-_CLOSEST = 0.03
-# There, and over beds, heights name so many places; laid upon each other smoothly, so many of these are compared with
-# the others.
-_PLACES, _RIVALS = 12, 4
-_SLID = Stage((4.0, 3.0, 2.0, 2.0, 2.0), 1000)
-# Refined rotations nearer than this have the same correlation on the whole grid [rad].
-_SAME_ROTATION = float(np.deg2rad(1.0))
+_CLOSEST = 0.03  # surfaces whose residual is smaller are as close as any [voxels]
+_PLACES = 12  # that heights name there, and over beds
+_SLID = Stage((4.0, 3.0, 2.0, 2.0, 2.0), 1000)  # by which these are laid upon each other smoothly
+_RIVALS = 4  # of these that are compared with the others
+_SAME_ROTATION = float(np.deg2rad(1.0))  # refined rotations nearer than this have the same correlation [rad]
 
 
 @dataclass(frozen=True, slots=True)

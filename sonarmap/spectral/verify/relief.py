@@ -18,15 +18,14 @@ from sonarmap.spectral.prepare.surface import Surface
 
 _CELL = 4.0  # edge of a cell, about as far as beams lie apart [voxels]
 _TURNS = 45  # that are tried, 8 degrees apart
-# A surface is a bed if the mean square of its normals along one direction is at least this.
-_LEVEL = 0.8
-# A point farther from the usual height than so many times what points usually are, and than so much, is none of the bed
-# [voxels].
-_OUTLYING, _NEAR = 6.0, 2.0
-# Fewer cells in common than this share of what the smaller surface shows say nothing, nor do heights less alike.
-_SHARED, _ALIKE = 0.25, 0.2
-# Places of neighboring turns that are no farther apart than this along either axis are the same [cells].
-_SAME = 3
+_LEVEL = 0.8  # least mean square of the normals of a bed along one direction
+# A point farther from the usual height than both is none of the bed.
+_OUTLYING = 6.0  # times as far as points usually are
+_NEAR = 2.0  # [voxels]
+# Less says nothing.
+_SHARED = 0.25  # cells in common, as a share of what the smaller surface shows
+_ALIKE = 0.2  # correlation of the heights
+_SAME = 3  # places of neighboring turns no farther apart along either axis are the same [cells]
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,12 +26,12 @@ from sonarmap.spectral.translation import SAME_SHIFT, Box, Translation, Volume
 from sonarmap.spectral.verify.fit import Fit, firmness
 from sonarmap.spectral.verify.hypothesis import Candidates, Evidence, Hypothesis
 
-# From and up to where the highest correlation is taken, for each band of distances, and its steps [coarse voxels].
-BANDS, _STEP = ((1.5, 3.0), (3.0, 6.0), (6.0, 12.0)), 0.5
-# The peak is the highest correlation no farther off than this [coarse voxels].
-_PEAK = 1.0
-# Turns either way [rad], about so many axes.
-_TURN, TURNED = float(np.deg2rad(10.0)), 2
+# Distances along a direction [coarse voxels].
+BANDS = ((1.5, 3.0), (3.0, 6.0), (6.0, 12.0))  # of each the highest correlation counts
+_STEP = 0.5
+_PEAK = 1.0  # the peak is the highest correlation no farther off
+_TURN = float(np.deg2rad(10.0))  # either way [rad]
+TURNED = 2  # axes
 # What a correlation beside the peak is at least and at most, as a share of it.
 _LEAST_LEFT = 0.02
 _MOST_LEFT = 2.0
@@ -127,20 +127,16 @@ def shared_surfaces(
     return Pending(read)
 
 
-# Peaks of a rotation's translation that are followed, and how far apart they are [coarse voxels].
-_PEAKS, _SEPARATION = 8, 2.0
-# A shift longer than this along an axis leaves the scans nothing in common [share of the grid's edge].
-_FARTHEST = 0.92
-# Candidates nearer than this to each other are the same [rad].
-_SAME_ROTATION = float(np.deg2rad(9.0))
-# Of scans without a viewpoint so many candidates, those with the highest peaks, are scored by their points in common.
-_BY_POINTS, _POINTS = 60, 400
-# Points by which a refined hypothesis' shared surface is measured.
-SURFACE_POINTS = 1200
-# Along which axes a cyclic shift is wrapped, of all that it may stand for.
-_WRAPS = np.array(list(product((False, True), repeat=3)))
-# A contradiction weighs as so many agreements.
-_WEIGHT = 4.0
+_PEAKS = 8  # of a rotation's translation that are followed
+_SEPARATION = 2.0  # between these [coarse voxels]
+_FARTHEST = 0.92  # a longer shift along an axis leaves the scans nothing in common [share of the grid's edge]
+_SAME_ROTATION = float(np.deg2rad(9.0))  # candidates nearer than this to each other are the same [rad]
+# Of scans without a viewpoint the highest candidates are scored by their points in common.
+_BY_POINTS = 60  # candidates
+_POINTS = 400
+SURFACE_POINTS = 1200  # by which a refined hypothesis' shared surface is measured
+_WRAPS = np.array(list(product((False, True), repeat=3)))  # along which axes a cyclic shift is wrapped
+_WEIGHT = 4.0  # of a contradiction, in agreements
 
 
 def consistency(agree: np.ndarray, contradict: np.ndarray) -> np.ndarray:
