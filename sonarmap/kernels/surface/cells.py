@@ -108,7 +108,7 @@ def find_nearest(
         return np.full((len(R), count), np.inf, np.float32), np.full((len(R), count), -1, np.int32)
     index, squared = device.empty((len(R), count), np.int32), device.empty((len(R), count))
     arguments = *cells.arguments, places, poses, index, squared, np.int32(count), np.float32(reach)
-    launch(device, "surface/nearest", "nearest", (padded(count), len(R)), *arguments, group=(GROUP, 1))
+    launch(device, "surface/shared", "nearest", (padded(count), len(R)), *arguments, group=(GROUP, 1))
     return np.sqrt(squared.get()), index.get()
 
 
