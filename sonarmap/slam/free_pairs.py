@@ -10,7 +10,7 @@ from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.chi_squared import chi_squared
 from sonarmap.spectral.geometry import measured_rotation
-from sonarmap.spectral.prior import PriorPair
+from sonarmap.spectral.prior import RelativePrior
 from sonarmap.spectral.scan import PosePrior, Scan
 
 _EVENLY, _TURNING = 8, 8  # pairs: spread over the survey, and those between which it turns most
@@ -70,7 +70,7 @@ def _far(
     registration = pair.registration
     if registration is None or not all(np.isfinite(priors[k].sigmas[measured]).all() for k in pair.scans):
         return None
-    both = PriorPair(*(_alone(priors[k], measured) for k in pair.scans))
+    both = RelativePrior(*(_alone(priors[k], measured) for k in pair.scans))
     T = RigidTransform.concatenate([registration.T_target_source])
     last = slice(-len(numbers), None)
     residual, covariance = both.residuals(T)[0, last], both.residual_covariance(T)[0, last, last]

@@ -8,10 +8,27 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.spectral.geometry import cross_matrices, level_covariance, measured_rotation, rotation_covariance, twist
 from sonarmap.spectral.scan import PosePrior
 
+# Standard deviations within which a rotation or a shift is allowed.
+_ALLOWED_SIGMAS = 4.0
+# Largest roll and pitch of a scan whose attitude is not measured [rad], the paper's range (Sect. 2.7)
+UNMEASURED_TILT = np.deg2rad(35.0)
+# What roll and pitch can add to the turn of one scan about the vertical [rad], beyond yaw in Rz(yaw) Ry(pitch) Rx(roll)
+_ONE_UNMEASURED = 2 * np.arctan(np.tan(UNMEASURED_TILT / 2) ** 2)
+# and to the turn between two such scans: two tilts after each other turn about the vertical besides
+_TILT = np.arccos(np.cos(UNMEASURED_TILT) ** 2)
+_TWO_UNMEASURED = 2 * _ONE_UNMEASURED + 2 * np.arcsin(np.tan(_TILT / 2) ** 2)
+
 
 @dataclass(frozen=True, slots=True)
-class PriorPair:
-    """The priors of two scans, in one world."""
+class RelativePrior:
+    """The priors of a pair, in one world; made by `relative_prior`.
+
+    With both attitudes the relative rotation is known but for a turn about the world's vertical, `R_target_source =
+    R_world_target^-1 Rz(any) R_world_source`, with both headings wholly. A heading without an attitude bounds the yaw
+    alone, and as widely as roll and pitch up to `UNMEASURED_TILT` require. The shift is bounded in the world's axes.
+    Which way these point in the target's frame is known from the target's prior, or, where the source's knows more,
+    from that and R_target_source. Without any attitude only the length of the shift is bounded.
+    """
 
     target: PosePrior
     source: PosePrior
@@ -65,7 +82,7 @@ class PriorPair:
             Of a stack of N (N, k) [rad, m], in the order tilt, tilt, turn, East, North, Up; k <= 6 are measured.
         """
         if self._is_backward:
-            return PriorPair(self.source, self.target).residuals(T_target_source.inv())
+            return RelativePrior(self.source, self.target).residuals(T_target_source.inv())
         tilt, turn = self._turn(T_target_source.rotation)
         d = measured_rotation(self.target).apply(T_target_source.translation)
         residual = np.column_stack([tilt, turn, d - self._shift])
@@ -75,7 +92,7 @@ class PriorPair:
         """The covariance (N, k, k) of N relative poses' `residuals`, each as if it were the true pose. An error of the
         attitude that turns the scan and its shift alike is counted once."""
         if self._is_backward:
-            return PriorPair(self.source, self.target).residual_covariance(T_target_source.inv())
+            return RelativePrior(self.source, self.target).residual_covariance(T_target_source.inv())
         _, turn = self._turn(T_target_source.rotation)
         d = measured_rotation(self.target).apply(T_target_source.translation)
         # errors of the target's rotation turn the pose and, with a lever, the shift; the source's only the pose
@@ -145,29 +162,6 @@ class PriorPair:
         turn moves the one to the other at right angles; d itself where nothing is measured."""
         headed = self.knows_position and reference.knows_heading
         return np.where([headed, headed, self.knows_depth], (d + self._shift) / 2, d)
-
-
-# Standard deviations within which a rotation or a shift is allowed.
-_ALLOWED_SIGMAS = 4.0
-# Largest roll and pitch of a scan whose attitude is not measured [rad], the paper's range (Sect. 2.7)
-UNMEASURED_TILT = np.deg2rad(35.0)
-# What roll and pitch can add to the turn of one scan about the vertical [rad], beyond yaw in Rz(yaw) Ry(pitch) Rx(roll)
-_ONE_UNMEASURED = 2 * np.arctan(np.tan(UNMEASURED_TILT / 2) ** 2)
-# and to the turn between two such scans: two tilts after each other turn about the vertical besides
-_TILT = np.arccos(np.cos(UNMEASURED_TILT) ** 2)
-_TWO_UNMEASURED = 2 * _ONE_UNMEASURED + 2 * np.arcsin(np.tan(_TILT / 2) ** 2)
-
-
-@dataclass(frozen=True, slots=True)
-class RelativePrior(PriorPair):
-    """The priors of a pair, in one world; made by `relative_prior`.
-
-    With both attitudes the relative rotation is known but for a turn about the world's vertical, `R_target_source =
-    R_world_target^-1 Rz(any) R_world_source`, with both headings wholly. A heading without an attitude bounds the yaw
-    alone, and as widely as roll and pitch up to `UNMEASURED_TILT` require. The shift is bounded in the world's axes.
-    Which way these point in the target's frame is known from the target's prior, or, where the source's knows more,
-    from that and R_target_source. Without any attitude only the length of the shift is bounded.
-    """
 
     @property
     def tilt_sigma(self) -> float:

@@ -53,7 +53,7 @@ class Device:
         notes: sentences that a user should read: which preferred devices were passed over, and why.
         flavor: how its kernels are written: "cpu", a row or a few per work-item in explicit vectors, or "gpu", a voxel
             or a column per work-item, neighbors beside each other in memory.
-        allocator: what gives arrays their memory; None: PyOpenCL. `kernels.device.usage.MemoryUsage` counts by it.
+        allocator: what gives arrays their memory; None: PyOpenCL. `kernels.device.trace.MemoryUsage` counts by it.
     """
 
     def __init__(

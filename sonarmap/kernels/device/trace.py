@@ -26,9 +26,6 @@ class Counts:
     launches: int = 0  # kernels
     reads: int = 0  # how often the host waited: blocking reads and maps, events and queues waited for
     writes: int = 0  # transfers from the host
-    # read_bytes, written_bytes: of the transfers; of a map, what was mapped
-    read_bytes: int = 0
-    written_bytes: int = 0
     # of each launch every array that it was given, once: all of them, also where it needs a part only
     array_bytes: int = 0
     # of the launches, by kernel; their times are known if the device notes them
@@ -90,17 +87,14 @@ class _Tracer:
         counts = self._counts()
         if not isinstance(to, cl.MemoryObjectHolder):
             counts.reads += bool(options.get("is_blocking", True))
-            counts.read_bytes += to.nbytes
         elif not isinstance(source, cl.MemoryObjectHolder):
             counts.writes += 1
-            counts.written_bytes += source.nbytes
         return original(queue, to, source, **options)
 
     def mapped(self, original: Callable[..., Any], queue: Any, *rest: Any, **options: Any) -> Any:
         array, event = original(queue, *rest, **options)
         if self._is_ours(queue):
             self._counts().reads += bool(options.get("is_blocking", True))
-            self._counts().read_bytes += array.nbytes
         return array, event
 
     def waited(self, original: Callable[..., Any], *given: Any) -> Any:
@@ -114,7 +108,6 @@ class _Tracer:
     def uploaded(self, original: Callable[..., Any], of: Device, host: np.ndarray) -> Any:
         if self._is_ours(of.queue) and of.allocator is None:  # else it is copied, and counts there
             self._counts().writes += 1
-            self._counts().written_bytes += host.nbytes
         return original(of, host)
 
     def _is_ours(self, queue: Any) -> bool:

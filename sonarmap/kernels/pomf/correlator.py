@@ -22,72 +22,6 @@ _RECORD = 28  # numbers of each, likewise
 _ROWS_OF_A_PEAK = 32  # that are looked through before the best are chosen: a peak is the maximum of some nine rows
 _ROWS_TOGETHER = 16  # rows of a processor's work-item
 _GROUP = 256  # work-items of a group elsewhere
-
-
-@dataclass(frozen=True, slots=True)
-class Correlations:
-    """Correlations on the device, and what their peaks are chosen by; c of them, in the order that choose.cl says."""
-
-    values: cla.Array  # (c, edge, edge, edge) float32
-    tops: cla.Array  # (c, edge, edge) float32, the maxima of their rows
-    energies: cla.Array  # (c, parts + 1) float32, of their spectra
-
-
-class Chooser:
-    """Chooses peaks of correlations of one cubic shape; see choose.cl for the arrays."""
-
-    def __init__(self, device: Device, edge: int, most: int, parts: int, cpu: bool) -> None:
-        """Take the memory for `most` correlations, whose energies have so many parts."""
-        self._device, self._edge, self._parts, self._cpu = device, edge, parts, cpu
-        self._states = device.empty((most, 4))
-        self._maxima = device.empty((most, _CAPACITY, _RECORD), np.int32)
-
-    def output(self, poses: int, exponents: int, count: int) -> cla.Array:
-        """(poses, exponents, 4 + 28 count) int32, for `choose` to write to."""
-        return self._device.empty((poses, exponents, 4 + _RECORD * count), np.int32)
-
-    def choose(
-        self, correlations: Correlations, poses: cla.Array, separation: float, now: tuple[int, int], out: cla.Array
-    ) -> None:
-        """Queue the choice of the peaks of some poses, number and first of them `now`, into `out`."""
-        count, first = np.int32(now[0]), np.int32(now[1])
-        wanted, rows = (out.shape[2] - 4) // _RECORD, self._edge**2
-        cubes, together = now[0] * out.shape[1], _ROWS_TOGETHER if self._cpu else 1
-        width = 1 if self._cpu else _GROUP
-        macros = dict.fromkeys(("IMAGES", "HEIGHT", "LENGTH"), self._edge) | {"ROWS": together, "WIDTH": width}
-        launch(
-            self._device, "pomf/choose", "threshold", (cubes * width,), correlations.tops, correlations.energies, poses,
-            self._states, np.int32(self._parts), np.int32(min(_ROWS_OF_A_PEAK * wanted, rows)), count, first,
-            group=(width,), **macros,
-        )  # fmt: skip
-        launch(
-            self._device, "pomf/choose", "collect", (rows // together, cubes), correlations.values, correlations.tops,
-            poses, self._states, self._maxima, count, first, group=None, **macros,
-        )  # fmt: skip
-        launch(
-            self._device, "pomf/choose", "choose", (cubes,), self._states, self._maxima, out, np.int32(wanted),
-            np.float32(separation), count, first, group=None, **macros,
-        )  # fmt: skip
-
-    def read(self, out: cla.Array) -> tuple[list[list[list[Peak]]], list[tuple[int, int]]]:
-        """For each pose and exponent its peaks; and those (pose, exponent) where more may be hidden."""
-        records, n = out.get(), self._edge
-        poses, exponents, length = records.shape
-        statistics = records[:, :, 1:3].view(np.float32).astype(np.float64)
-        if not np.isfinite(statistics).all():
-            raise InputError(NOT_FINITE)
-        chosen = np.maximum(records[:, :, 0], 0)
-        peaks = records[:, :, 4:].reshape(poses, exponents, (length - 4) // _RECORD, _RECORD)
-        which = np.arange(peaks.shape[2]) < chosen[:, :, None]
-        index = np.stack(np.unravel_index(peaks[which][:, 0], (n, n, n)), axis=1)
-        cubes = np.ascontiguousarray(peaks[which][:, 1:]).view(np.float32).reshape(-1, 3, 3, 3)
-        mean, std = np.repeat(statistics.reshape(-1, 2), chosen.ravel(), axis=0).T
-        fits = iter(fit_peaks(index, cubes, (n, n, n), mean, std))
-        found = [[[next(fits) for _ in range(many)] for many in row] for row in chosen.tolist()]
-        hidden = [(int(pose), int(exponent)) for pose, exponent in np.argwhere(records[:, :, 0] < 0)]
-        return found, hidden
-
-
 # What is worked on at once is few enough for a processor's cache.
 _VOXELS = 2**19
 _MOST = 8  # volumes
@@ -127,12 +61,12 @@ class Correlator:
         self._marks = device.empty((most, -(-(edge**2) // 8)), np.int32)
         self._spectra = device.empty((cubes, edge, edge, row_pitch(edge)), np.complex64)
         self._passes = make_passes(device, edge, blur, exponents, most)
-        self._correlations = Correlations(
-            values=device.empty((cubes, edge, edge, edge)),
-            tops=device.empty((cubes, edge, edge)),
-            energies=device.empty((cubes, self._passes.parts + 1)),
-        )
-        self._chooser = Chooser(device, edge, cubes, self._passes.parts, self._passes.clears)
+        # correlations, the maxima of their rows, and the energies of their spectra
+        self._values, self._tops = device.empty((cubes, edge, edge, edge)), device.empty((cubes, edge, edge))
+        self._energies = device.empty((cubes, self._passes.parts + 1))
+        # what their peaks are chosen by; see choose.cl
+        self._states = device.empty((cubes, 4))
+        self._maxima = device.empty((cubes, _CAPACITY, _RECORD), np.int32)
         self._clean = False
 
     def find(
@@ -145,12 +79,12 @@ class Correlator:
             targets: for each exponent the whitened spectrum (edge, edge, `row_pitch(edge)`) complex64.
         """
         rows = self._upload(poses)
-        out = self._chooser.output(len(poses), len(self.exponents), count)
+        out = self.device.empty((len(poses), len(self.exponents), 4 + _RECORD * count), np.int32)
         for first in range(0, len(poses), self.most):
             now = min(self.most, len(poses) - first)
             self._correlate(points, rows, first, now, targets)
-            self._chooser.choose(self._correlations, rows, separation, (now, first), out)
-        peaks, hidden = self._chooser.read(out)
+            self._choose(rows, separation, first, now, out)
+        peaks, hidden = _chosen_peaks(out.get(), self.edge)
         for n in sorted({n for n, _ in hidden}):
             correlations, limits = self.correlations(points, poses[n], targets), poses[n].limits
             reach = None if limits is None else (float(limits[0]), float(limits[1]), float(limits[2]))
@@ -184,7 +118,7 @@ class Correlator:
         rows[:, :3] = places
         at, out = self.device.to_device(rows), self.device.empty((len(self.exponents), len(rows)))
         numbers = np.int32(self.edge), np.int32(len(rows))
-        arrays = self._correlations.values, at, out
+        arrays = self._values, at, out
         launch(self.device, "pomf/peak", "sample", out.shape[::-1], *arrays, *numbers, group=None)
         copy = Readback(self.device, out)
         return Pending(copy.read)
@@ -192,7 +126,7 @@ class Correlator:
     def correlations(self, points: cla.Array, pose: Pose, targets: Sequence[cla.Array]) -> list[cla.Array]:
         """For each exponent the correlation (edge, edge, edge) float32; the arrays are used again by the next call."""
         self._correlate(points, self._upload([Pose(pose.R, pose.offset)]), 0, 1, targets)
-        return [self._correlations.values[e] for e in range(len(self.exponents))]
+        return [self._values[e] for e in range(len(self.exponents))]
 
     def _upload(self, poses: Sequence[Pose]) -> cla.Array:
         """(m, 20) float32, as voxelize.cl and choose.cl take them."""
@@ -217,9 +151,41 @@ class Correlator:
         self, points: cla.Array, rows: cla.Array, first: int, now: int, targets: Sequence[cla.Array]
     ) -> None:
         self._voxelize(points, rows, first, now)
-        correlations = self._correlations
-        self._passes.correlate(self._spectra, targets, correlations.energies, now)
-        self._passes.inverse(correlations.values, self._spectra, correlations.tops, rows, now, first)
+        self._passes.correlate(self._spectra, targets, self._energies, now)
+        self._passes.inverse(self._values, self._spectra, self._tops, rows, now, first)
+
+    def _choose(self, poses: cla.Array, separation: float, first: int, now: int, out: cla.Array) -> None:
+        """Queue the choice of the peaks of the last correlations, into out (poses, exponents, 4 + 28 n) int32."""
+        fused = self._passes.clears
+        wanted, cubes = (out.shape[2] - 4) // _RECORD, now * len(self.exponents)
+        rows, together, width = self.edge**2, _ROWS_TOGETHER if fused else 1, 1 if fused else _GROUP
+        macros = dict.fromkeys(("IMAGES", "HEIGHT", "LENGTH"), self.edge) | {"ROWS": together, "WIDTH": width}
+        counts = np.int32(now), np.int32(first)
+        parts, looked_at = np.int32(self._passes.parts), np.int32(min(_ROWS_OF_A_PEAK * wanted, rows))
+        arrays = self._tops, self._energies, poses, self._states, parts, looked_at
+        launch(self.device, "pomf/choose", "threshold", (cubes * width,), *arrays, *counts, group=(width,), **macros)
+        arrays = self._values, self._tops, poses, self._states, self._maxima
+        launch(self.device, "pomf/choose", "collect", (rows // together, cubes), *arrays, *counts, group=None, **macros)
+        arrays = self._states, self._maxima, out, np.int32(wanted), np.float32(separation)
+        launch(self.device, "pomf/choose", "choose", (cubes,), *arrays, *counts, group=None, **macros)
+
+
+def _chosen_peaks(records: np.ndarray, n: int) -> tuple[list[list[list[Peak]]], list[tuple[int, int]]]:
+    """For each pose and exponent its peaks; and those (pose, exponent) where more may be hidden."""
+    poses, exponents, length = records.shape
+    statistics = records[:, :, 1:3].view(np.float32).astype(np.float64)
+    if not np.isfinite(statistics).all():
+        raise InputError(NOT_FINITE)
+    chosen = np.maximum(records[:, :, 0], 0)
+    peaks = records[:, :, 4:].reshape(poses, exponents, (length - 4) // _RECORD, _RECORD)
+    which = np.arange(peaks.shape[2]) < chosen[:, :, None]
+    index = np.stack(np.unravel_index(peaks[which][:, 0], (n, n, n)), axis=1)
+    cubes = np.ascontiguousarray(peaks[which][:, 1:]).view(np.float32).reshape(-1, 3, 3, 3)
+    mean, std = np.repeat(statistics.reshape(-1, 2), chosen.ravel(), axis=0).T
+    fits = iter(fit_peaks(index, cubes, (n, n, n), mean, std))
+    found = [[[next(fits) for _ in range(many)] for many in row] for row in chosen.tolist()]
+    hidden = [(int(pose), int(exponent)) for pose, exponent in np.argwhere(records[:, :, 0] < 0)]
+    return found, hidden
 
 
 def _highest_near(edge: int, places: NDArray[np.int64], sums: NDArray[np.complex64]) -> list[Peak]:

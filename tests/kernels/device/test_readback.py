@@ -34,7 +34,6 @@ def test_the_last_is_waited_for_and_brings_all(device: Device) -> None:
         numbers = [readback.read()[7] for readback in readbacks[::-1]]
     assert numbers == [3, 2, 1, 0]
     assert counts.reads <= 1
-    assert counts.read_bytes == 4 * 8000
 
 
 @pytest.mark.parametrize("shape", [(3, 7), (100_000,), (1, 3)])

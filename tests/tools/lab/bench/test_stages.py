@@ -31,13 +31,13 @@ class TestTrace:
             fft = RealFFT(noting, (16, 16, 16))
             spectrum = fft.forward(volume)
             held = spectrum.get()
-            other = noting.to_device(np.ones(3, np.float32))
+            noting.to_device(np.ones(3, np.float32))
             noting.queue.finish()
         assert held.nbytes == 8 * 16 * 16 * 16
         assert counts.launches == 2
         assert counts.array_bytes == 2 * (volume.nbytes + spectrum.nbytes)
-        assert (counts.reads, counts.read_bytes) == (2, held.nbytes)  # the spectrum, and the end of the queue
-        assert (counts.writes, counts.written_bytes) == (1, other.nbytes)
+        assert counts.reads == 2  # the spectrum, and the end of the queue
+        assert counts.writes == 1
         assert all(seconds > 0 for seconds in counts.kernel_seconds().values())
 
     def test_nothing_is_counted_outside_or_of_another_device(self, noting: Device, device: Device) -> None:

@@ -129,7 +129,7 @@ def _agreeing(costs: np.ndarray) -> float:
 
 def pair_costs(values: Values, sigmas: np.ndarray, registered: Registered) -> np.ndarray:
     """(n, 3) chi-squared, capped, its degrees of freedom, and the logarithm of the covariance's determinant, of each
-    registration beside what was measured of its scans. As `spectral.prior.PriorPair` has them, for many pairs at
+    registration beside what was measured of its scans. As `spectral.prior.RelativePrior` has them, for many pairs at
     once; errors of roll and pitch are taken to be alike. `values` (N, 6) are in the order of COLUMNS, NaN where not
     measured; `sigmas` (N, 6) [rad, m]."""
     i, j, T = registered.i, registered.j, registered.T_i_j

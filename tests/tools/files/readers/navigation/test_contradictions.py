@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.spectral.prior import PriorPair
+from sonarmap.spectral.prior import RelativePrior
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import poses_of, prior_of
 from sonarmap.tools.files.readers.navigation.contradictions import Registered, contradiction, pair_costs
@@ -115,7 +115,7 @@ def test_scans_that_are_not_as_they_were_taken(axes: np.ndarray, scale: float, n
 
 @pytest.mark.parametrize("known", [ALL, np.array([1, 1, 0, 0, 0, 1], bool), np.array([1, 1, 1, 0, 0, 1], bool)])
 def test_costs_are_those_of_pairs_of_priors(known: np.ndarray) -> None:
-    """PriorPair works a pair at a time, and halves the lever arm where both measure the shift; that is second order."""
+    """RelativePrior works a pair at a time, and halves the lever arm where both measure the shift: second order."""
     rng, truth = drawn(9)
     values, exact = measured(truth, rng, known), registered(truth, rng)
     exact = Registered(exact.i, exact.j, exact.T_i_j, np.zeros((len(exact.i), 6, 6)))
@@ -125,7 +125,7 @@ def test_costs_are_those_of_pairs_of_priors(known: np.ndarray) -> None:
         target, source = of_scans[i], of_scans[j]
         assert target is not None
         assert source is not None
-        squared, count = PriorPair(target, source).normalized(exact.T_i_j[row])
+        squared, count = RelativePrior(target, source).normalized(exact.T_i_j[row])
         assert costs[row, 1] == count
         assert costs[row, 0] == pytest.approx(min(squared, 100), rel=0.2, abs=0.3)
 
