@@ -154,8 +154,10 @@ class Hemisphere:
     def _tilt_spectra(self, magnitude: Array, R_known: Rotation | None) -> Array:
         layers = len(self.radii)
         stack = self.device.empty((2 * layers, self.images, self.images))
+        # |B|(R^T k) is the source's spectrum turned by R
+        turn = None if R_known is None else R_known.inv().as_matrix()
         for part, directions in zip((stack[:layers], stack[layers:]), self._tilt_directions, strict=True):
-            sample(self.device, magnitude, directions, self.radii, _inverse_matrix(R_known), out=part)
+            sample(self.device, magnitude, directions, self.radii, turn, out=part)
         normalize_layers(self.device, stack, self._tilt_window, out=stack)
         return self._tilt_pomf.prepare(stack)
 
@@ -165,11 +167,6 @@ class Hemisphere:
         curvature = left - 2 * middle + right
         offset = 0.5 * (left - right) / curvature if curvature < 0 else 0.0
         return (k + float(np.clip(offset, -0.5, 0.5))) * self.yaw_bin
-
-
-def _inverse_matrix(R: Rotation | None) -> np.ndarray | None:
-    """|B|(R^T k) is the source's spectrum turned by R: what is sampled where R is known."""
-    return None if R is None else R.inv().as_matrix()
 
 
 def _radial_hann(edge: int) -> np.ndarray:

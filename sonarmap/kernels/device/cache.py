@@ -36,24 +36,17 @@ def kernel_cache() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "pocl", "kcache")
 
 
-def cache_folders() -> dict[str, Path]:
-    """Every folder that this and the OpenCL libraries remember in, by whose it is."""
-    return {
-        "sonarmap": cache_folder(),
-        "PyOpenCL": platformdirs.user_cache_path("pytools", "pytools"),
-        "PoCL": kernel_cache(),
-    }
-
-
 def require_caches() -> None:
     """Have the OpenCL libraries write to a temporary folder where they could not write to theirs: PoCL would have no
     devices, and PyOpenCL no kernels. It has to be called before a driver is loaded."""
     if os.name != "posix":
         return
-    folders = cache_folders()
-    if "POCL_CACHE_DIR" in os.environ and (fault := _fault(pocl := folders.pop("PoCL"))):
+    pocl = kernel_cache()
+    named = "POCL_CACHE_DIR" in os.environ
+    if named and (fault := _fault(pocl)):
         _replace("POCL_CACHE_DIR", pocl, fault)
-    for folder in folders.values():
+    pyopencl = platformdirs.user_cache_path("pytools", "pytools")
+    for folder in (cache_folder(), pyopencl, *(() if named else (pocl,))):
         if fault := _fault(folder):
             _replace("XDG_CACHE_HOME", folder, fault)
             return

@@ -115,7 +115,8 @@ def by_preference(infos: Iterable[DeviceInfo]) -> list[DeviceInfo]:
     cpus = [info for info in infos if info.kind == "cpu"]
     cpus.sort(key=_driver_age, reverse=True)
     cpus.sort(key=lambda info: vendors.index(info.vendor))
-    gpus = sorted((info for info in infos if info.kind == "gpu"), key=_gpu_rank)
+    gpus = [info for info in infos if info.kind == "gpu"]
+    gpus.sort(key=lambda info: (info.shares_memory, -info.compute_units * info.clock))
     return gpus + cpus + [info for info in infos if info.kind == "other"]
 
 
@@ -155,7 +156,3 @@ def _driver_age(info: DeviceInfo) -> tuple[list[int], bool]:
     version = info.driver_version
     digits = re.search(r"\d+(\.\d+)*", version)
     return [int(part) for part in digits[0].split(".")] if digits else [], "rc" not in version.lower()
-
-
-def _gpu_rank(info: DeviceInfo) -> tuple[bool, int]:
-    return info.shares_memory, -info.compute_units * info.clock

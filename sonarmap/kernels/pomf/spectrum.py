@@ -45,7 +45,8 @@ def whiten(device: Device, spectrum: cla.Array, exponent: float = 1.0, out: cla.
             spectrum as it is, as plain correlation does; between, strong frequencies keep a part of their weight.
         out: the same shape, to write to; may be the spectrum itself.
     """
-    _require_exponent(exponent)
+    if not 0 <= exponent <= 1:
+        raise InputError(f"`exponent={exponent}` is out of range; give 0, plain correlation, to 1, phase only")
     shape = require_array(spectrum, "spectrum", (None,) * spectrum.ndim, np.complex64)
     if shape[-1] % _WHITEN_AT_ONCE:
         raise InputError(
@@ -100,11 +101,6 @@ def sum_layers(
     arguments = target, source, result, *gains, np.int32(n0), np.int32(n1), np.int32(pitch)
     launch(device, "pomf/spectrum", "sum_layers", (pitch // lanes(device), n1), *arguments, group="columns")
     return result
-
-
-def _require_exponent(exponent: float) -> None:
-    if not 0 <= exponent <= 1:
-        raise InputError(f"`exponent={exponent}` is out of range; give 0, plain correlation, to 1, phase only")
 
 
 def _require_edges(*edges: int) -> None:

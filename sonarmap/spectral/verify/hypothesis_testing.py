@@ -11,10 +11,10 @@ from sonarmap.spectral.prepare.range_image import FINE
 from sonarmap.spectral.so3 import RotationPeaks, distinct
 from sonarmap.spectral.verify.bounds import PairFrames
 from sonarmap.spectral.verify.fit import Fit, principal_axes
-from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Candidates, Evidence, Hypothesis, elsewhere, ranked
+from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Candidates, Hypothesis, elsewhere, ranked
 from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
 from sonarmap.spectral.verify.relief import alike_places, is_level
-from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Observation, Selection, Verifier
+from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Selection, Verifier
 
 # Reaches of the refinement's steps [voxels] and its points: out of a candidate's error, which a coarse voxel and a
 # rotation 4 degrees off make; twice until it shows which candidates are worth more; until hypotheses can be compared;
@@ -234,12 +234,8 @@ class HypothesisTest(PairFrames):
         refined = self._steps(start, stages)
         seen = self.verifier.observe(self.target, self.source, refined.poses, points).read()
         fits = refined.read()
-        rows = zip(fits, origins, self._evidence(seen, fits), strict=True)
-        return [Hypothesis(fit, *origin, evidence) for fit, origin, evidence in rows]
-
-    def _evidence(self, seen: Observation, fits: Sequence[Fit]) -> list[Evidence]:
-        """What the scans show of poses, and how far these are from no motion."""
-        return [replace(each, moved=self.moved(fit)) for each, fit in zip(seen.evidence(fits), fits, strict=True)]
+        rows = zip(fits, origins, seen.evidence(fits), strict=True)
+        return [Hypothesis(fit, *origin, replace(shown, moved=self.moved(fit))) for fit, origin, shown in rows]
 
     def _steps(self, start: Start, stages: Sequence[Stage]) -> Refined:
         """Queue the refinement from each of the places."""

@@ -135,7 +135,8 @@ class Heights:
         ours: list[np.ndarray] = []
         for source in sources:
             if not ours:
-                shape = tuple(_next_fast(a + b) for a, b in zip(self.shown.shape, source.shown.shape, strict=True))
+                lengths = zip(self.shown.shape, source.shown.shape, strict=True)
+                shape = tuple(int(fft.next_fast_len(a + b, real=True)) for a, b in lengths)
                 ours = self._spectra(shape)
             yield self._alike(source, ours, shape)
 
@@ -167,8 +168,3 @@ class Heights:
 
 def _cells(places: np.ndarray) -> np.ndarray:
     return np.floor(places / _CELL).astype(np.int64)
-
-
-def _next_fast(length: int) -> int:
-    """A length, not below this, whose transform is fast."""
-    return int(fft.next_fast_len(length, real=True) or length)
