@@ -15,13 +15,9 @@ from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.verifier import Observability
 
 ELLIPSOID = float(chi_squared(0.95, 6))
-# Where scans know less than this share of what instruments know, they are taken to agree with these: where they would
-# have the pose alone, only their noise decides.
-_TELLING = 0.01
+_TELLING = 0.01  # scans that know a smaller share of what instruments know are taken to agree with these
 _DOUBTS = 2.0  # standard errors up to which what planes hold may be nothing
-# A direction that nothing holds is this many times less certain than half a turn and the grid's edge: these are a bound
-# and no measurement. Were they one, all pairs along a hull would say together that nothing has moved there.
-_UNHELD = 10.0
+_UNHELD = 10.0  # sigma of a direction that nothing holds, in half turns and grid edges: a bound is no measurement
 _LEAST = 1e-9  # points by which planes hold any direction
 _WHITENING = 1  # which of `WHITENINGS` shows best how far scans can slide
 _RARE = 0.03  # slides that are rarer are outliers, which a graph has to reject by itself

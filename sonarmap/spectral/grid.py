@@ -13,18 +13,11 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.kernels.fft.edges import EDGES, neighbors
 from sonarmap.spectral.scan import Scan
 
-# Stray echoes must not stretch the grid: the box of a scan leaves out this share of its points at either end of
-# each axis.
-_TRIM = 0.01
-# The most voxels along an edge of the grid that places are first looked for on.
-_FINEST_COARSE = 64
-# Grids of so many voxels along an edge are fine: noise as large as a voxel, or beams farther apart, hide there what
-# half as many show.
-_FINE = 128
+_TRIM = 0.01  # share of the points at either end of an axis that a scan's box leaves out, as stray echoes are
+_FINEST_COARSE = 64  # most voxels along an edge of the coarse grid
+_FINE = 128  # voxels along an edge from which on noise as large as a voxel hides what half as many show
 _FARTHEST = 1e6  # [voxels]
-# Free space around the largest scan, as a factor on its box: a periodic shift needs it to distinguish left
-# from right.
-_MARGIN = 1.2
+_MARGIN = 1.2  # of the largest scan's box, which a periodic shift needs to distinguish left from right
 
 
 @dataclass(frozen=True, slots=True)

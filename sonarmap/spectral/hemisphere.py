@@ -27,8 +27,7 @@ _SAME_ROTATION = float(np.deg2rad(10.0))
 _LEAST_PSR = 30.0
 _DISTINCTION = 1.7  # the least ratio between it and that of any other answer
 _LEAST_OVERLAP = 0.05  # the least share of points in common
-# A point has a counterpart within this distance: a voxel of either scan plus the noise between them [voxels].
-_REACH = 2.0
+_REACH = 2.0  # of a counterpart: a voxel of either scan plus the noise between them [voxels]
 _SAMPLE = 2000  # points that choose among the alternatives of a shift
 # Deviations, for every voxel of the grid's edge, from which on a peak is placed to within the quantization alone; the
 # error of lower ones grows with the inverse of their height.

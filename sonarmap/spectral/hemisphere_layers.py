@@ -33,7 +33,7 @@ _RADIAL = (0.11, 0.45)
 # unwraps distort a little, which spreads their peaks.
 _TILT_BLUR = 1.5
 _YAW_BLUR = 1.5
-_YAW_BLUR_ANGLE = np.deg2rad(1.0)  # and at least so much: distortion is an angle, whatever the bins
+_YAW_BLUR_ANGLE = np.deg2rad(1.0)  # the least [rad]: distortion is an angle
 _LARGEST_IMAGE = 512
 _TILT_PEAKS = 4  # of roll and pitch that are searched for a possible rotation
 _TILT_SEPARATION = 3.0  # between these [bins]

@@ -229,12 +229,7 @@ def judge(
 
 
 def _registration(
-    pair: PairFrames,
-    hypothesis: Hypothesis,
-    covariance: PoseCovariance,
-    probability: float,
-    least: float,
-    voxel: float,
+    pair: PairFrames, hypothesis: Hypothesis, covariance: PoseCovariance, probability: float, least: float, voxel: float
 ) -> Registration:
     """One hypothesis, right with this probability, as a registration between the sensor frames."""
     fit, evidence = hypothesis.fit, hypothesis.evidence

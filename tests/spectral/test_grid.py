@@ -14,7 +14,7 @@ from sonarmap.kernels.fft.edges import EDGES
 from sonarmap.spectral.grid import Grid, choose_grid, coarse_edge, image_edge, scan_center
 from sonarmap.spectral.hemisphere import HemisphereRegistrar
 from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
-from sonarmap.spectral.scan import PosePrior, Scan
+from sonarmap.spectral.scan import Scan
 from tests.samples.scenes.reliefs import HERE, T_TRUE, THERE, relief, seen
 from tests.samples.scenes.structures import TURN, assert_near, moved, registered, structure
 
@@ -140,12 +140,6 @@ def test_what_is_no_array(given: dict[str, Any]) -> None:
         Scan(**{"points": POINTS, "name": "pier", **given})
     with pytest.raises(InputError, match="scan: `viewpoints` are list; wanted an array of float32"):
         Scan(**{"points": POINTS, "viewpoints": POINTS.tolist()})
-
-
-@pytest.mark.parametrize("T", [None, np.eye(4), RigidTransform.identity(2)])
-def test_a_prior_of_no_pose(T: Any) -> None:
-    with pytest.raises(InputError, match="`T_world_sensor` is not one finite pose"):
-        PosePrior(T, np.ones(6))
 
 
 def test_every_edge_has_a_coarse_grid_and_images() -> None:

@@ -85,31 +85,6 @@ def test_a_pose_is_fixed_by_the_survey_s_voxel_on_both_grids(monkeypatch: pytest
     assert set(judged) == {(64, 0.3), (32, 0.3)}
 
 
-@pytest.mark.slow
-def test_it_is_prepared_for_pairs_that_are_not_believed_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sonarmap.spectral.registration.second_edge", {64: 32, 32: None}.get)
-    looks = [0.9, 0.2, 0.6]  # of what answers say: the first pair's, then both looks' at the second pair
-
-    def answer(self: SpectralRegistrar, _: object) -> Registration:
-        return replace(no_candidates(1.0), probability=looks.pop(0), reason=f"{self.grid.edge} voxels")
-
-    grid = Grid(64, EXTENT / 64)
-    registrar = SpectralRegistrar(choose_device(), grid)
-    scan = registrar.prepare(Scan(structure(4, 3000)))
-    monkeypatch.setattr(SpectralRegistrar, "_answer", answer)
-    asked: list[Scan] = []
-    prepare = SpectralRegistrar.prepare
-    monkeypatch.setattr(SpectralRegistrar, "prepare", lambda self, scan: asked.append(scan) or prepare(self, scan))
-    assert registrar.register(scan, scan).reason == "64 voxels"
-    assert not asked
-    again = registrar.register(scan, scan)
-    assert (again.probability, len(asked)) == (0.6, 1)
-    assert again.reason == "with voxels of 0.8 m, which noise and gaps hide less: 32 voxels"
-    looks.extend([0.5, 0.3])
-    assert registrar.register(scan, scan).probability == 0.5
-    assert len(asked) == 1
-
-
 @pytest.mark.parametrize(
     ("edge", "second"), [(64, None), (120, None), (128, 64), (180, 90), (192, 96), (250, 128), (256, 128), (512, 256)]
 )

@@ -20,7 +20,7 @@ class _Transform:
         program = device.build(plan.source, name="fft")
         self._device = device
         self._tables = () if plan.table is None else (table(device, plan.table),)
-        # told beforehand, PyOpenCL need not look at each argument
+        # with these PyOpenCL need not look at each argument
         types = [None, None, np.uint64, np.uint64, *(None for _ in self._tables)]
         self._launches = [
             (cl.Kernel(program, step.kernel), (step.groups * step.group_size,), (step.group_size,))

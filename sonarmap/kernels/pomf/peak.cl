@@ -1,6 +1,6 @@
 // Row-wise reduction of a correlation, finished on the host, and a copy of chosen rows.
 //
-// Layout: values are rows of LENGTH float32, of which the first begins so many floats into the memory; out is (3, rows)
+// Layout: values are rows of LENGTH float32, of which the first begins `begin` floats into the memory; out is (3, rows)
 // float32: each row's maximum, its mean, and the sum of its squared deviations from that mean, so that nothing is lost
 // where the mean is large. The maximum is taken at columns of cyclic distance up to reach from column 0 only.
 // Precondition: reach >= 0.

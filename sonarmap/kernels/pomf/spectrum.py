@@ -86,11 +86,7 @@ def cross_power(
 
 
 def sum_layers(
-    device: Device,
-    target: cla.Array,
-    source: cla.Array,
-    shape: tuple[int, int, int],
-    blur: float = 0.0,
+    device: Device, target: cla.Array, source: cla.Array, shape: tuple[int, int, int], blur: float = 0.0
 ) -> cla.Array:
     """(1, n1, `row_pitch(n2)`) complex64: the cross-power of batched images, summed over the images; arguments as in
     `cross_power`."""

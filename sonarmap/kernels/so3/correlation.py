@@ -46,7 +46,7 @@ class LocalMaxima:
 
 
 class _Plan:
-    """The arrays and the transform for so many parts, which are used again and again."""
+    """The arrays and the transform for a number of parts, which are used again."""
 
     def __init__(self, device: Device, bandwidth: int, shape: tuple[int, int, int]) -> None:
         parts, images, edge = shape

@@ -43,7 +43,7 @@ class Elements:
         return int(self.rows.shape[0])
 
     def thinned(self, most: int) -> tuple[int, int]:
-        """At most so many of the points, evenly: their number, and the step from one to the next."""
+        """`most` of the points at most, evenly: their number, and the step from one to the next."""
         step = max(1, -(-len(self) // most))
         return -(-len(self) // step), step
 
@@ -90,7 +90,7 @@ GROUP = 64  # work-items that share what a launch of a group costs
 
 
 def padded(count: int) -> int:
-    """The number of work-items for so many points: whole groups."""
+    """The number of work-items for `count` points: whole groups."""
     return -(-count // GROUP) * GROUP
 
 

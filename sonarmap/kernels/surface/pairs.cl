@@ -16,7 +16,7 @@
 #define BELLS 4.0f
 #endif
 
-// One work-item: a point under a pose. Where `near` is 0 rims are not told apart.
+// One work-item: a point under a pose. Where `near` is 0 rims count as the others do.
 __kernel void pairs(__global const float4* const restrict target_points,
                     __global const int* const restrict target_starts, const float8 target_box,
                     __global const float4* const restrict target_elements, const int target_count,

@@ -82,21 +82,18 @@ def state_rows(turn: np.ndarray, shift: np.ndarray, width: np.ndarray, stretch: 
     return rows
 
 
-# Pairs of a work-item of a processor, or of a group elsewhere.
-_PART = 128
+_PART = 128  # pairs of a work-item of a processor, or of a group elsewhere
 
 
 @dataclass(frozen=True, slots=True)
 class Weighting:
-    # bell, wide_bell: the width of the weights' bell is this share of how far apart points may be, or of how far the
-    # surfaces usually are
-    bell: float
-    wide_bell: float
+    # The width of the weights' bell is the larger of two.
+    bell: float  # share of how far apart points may be
+    wide_bell: float  # share of how far the surfaces usually are apart
     bells: float  # points as many widths of the bell apart as this no longer count
-    # how far the surfaces usually are apart is measured where points may be at least so far apart; nearer than that,
-    # rims no longer move the pose
+    # least reach at which how far the surfaces usually are apart is measured; below it rims do not move the pose
     measured: float
-    scale: float = 1.0  # each pair counts for so many
+    scale: float = 1.0  # weight of each pair
 
 
 @dataclass(frozen=True, slots=True)

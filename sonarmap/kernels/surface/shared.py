@@ -28,12 +28,7 @@ class Nearness:
 
 
 def shared_sums(
-    device: Device,
-    target: WeightedElements,
-    source: WeightedElements,
-    poses: cla.Array,
-    most: int,
-    nearness: Nearness,
+    device: Device, target: WeightedElements, source: WeightedElements, poses: cla.Array, most: int, nearness: Nearness
 ) -> Pending[np.ndarray]:
     """Queue what at most `most` points of each surface, evenly, have near them on the other's, under k poses.
 

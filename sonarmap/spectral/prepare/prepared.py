@@ -16,12 +16,9 @@ from sonarmap.spectral.grid import Grid, scan_center
 from sonarmap.spectral.memory import MemoryPlan, require_memory
 from sonarmap.spectral.scan import Scan
 
-# Below so many occupied voxels there is no structure to register.
-_FEWEST_VOXELS = 20
-# A grid that holds a smaller share of a scan's points does not show that scan.
-_LEAST_INSIDE = 0.5
-# A scan whose points deviate less than this from their best plane shows nothing but the plane [voxels, deviation].
-_FLATTEST = 0.3
+_FEWEST_VOXELS = 20  # occupied ones, below which there is no structure to register
+_LEAST_INSIDE = 0.5  # a grid that holds a smaller share of a scan's points does not show that scan
+_FLATTEST = 0.3  # least standard deviation from the best plane of a scan that shows more than the plane [voxels]
 
 
 @dataclass(frozen=True, slots=True)

@@ -137,8 +137,7 @@ class Calibration:
 CALIBRATION = Calibration(**FITTED["calibration"])
 
 
-# A direction held by less than this share of the planes counts as held by so much.
-_LOOSEST = 1e-4
+_LOOSEST = 1e-4  # least share of the planes that counts to hold a direction
 
 
 @dataclass(frozen=True, slots=True)

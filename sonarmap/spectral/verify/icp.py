@@ -16,10 +16,8 @@ from sonarmap.kernels.surface.refinement import LastStep, Record, Refinement, St
 from sonarmap.spectral.prepare.surface import Surface
 from sonarmap.spectral.verify.fit import CALIBRATION, Fit, PriorTerm, posterior_step, shares_along
 
-# (8, 7) of a pose and both stretches, which are opposite.
-_OPPOSITE = np.vstack([np.eye(7), -np.eye(7)[6]])
-# From this share of one scan's information on that of both scans' normals shows that it is not of noise.
-_AGREEING = 0.3
+_OPPOSITE = np.vstack([np.eye(7), -np.eye(7)[6]])  # (8, 7) of a pose and both stretches, which are opposite
+_AGREEING = 0.3  # share of one scan's information from which on that of both scans' normals is not of noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,12 +131,10 @@ def usual_covariance(hessian: np.ndarray, shared: np.ndarray, variance: np.ndarr
 # longer move the pose: they would draw the rims of what both scans saw together, and these move with the sensor (Turk
 # and Levoy, DOI 10.1145/192161.192241).
 _WEIGHTING = Weighting(bell=1 / 6, wide_bell=0.8, bells=4.0, measured=3.0)
-# The noise of both scans' normals is alike by so much where a sensor sees the same from nearly the same place, as it
-# follows the pattern of the beams. Along a ship's side, which holds nothing, products keep up to an eighth of what this
-# noise seems to hold; along bows and beds that do hold a pose they are a fifth and more.
+# Share of the noise of both scans' normals that is the same where a sensor sees the same from nearly the same place, as
+# it follows the pattern of the beams.
 _ALIKE = 0.06
-# Information is given as if so many points of each scan took part: `Calibration` is for these.
-_FULL = 3000
+_FULL = 3000  # points of each scan that information and `Calibration` are for
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +208,7 @@ def refine(
 
 
 def _refinement(device: Device, target: Surface, source: Surface, most: int, stretches: bool) -> Refinement:
-    """By at most so many points of each scan."""
+    """By `most` points of each scan at most."""
     elements = target.elements, source.elements
     scale = sum(min(len(each), _FULL) for each in elements) / sum(each.thinned(most)[0] for each in elements)
     stretching = None

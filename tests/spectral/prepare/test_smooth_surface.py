@@ -3,7 +3,6 @@
 from itertools import pairwise
 
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 from sonarmap.spectral.prepare.surface import smoothed_further
@@ -23,30 +22,6 @@ def test_noise_along_the_normal_is_averaged() -> None:
     assert surface.points[:, 2].std() < 0.5 * noisy_plane()[:, 2].std()
     np.testing.assert_allclose(np.linalg.norm(surface.normals, axis=1), 1, atol=1e-6)
     assert np.median(np.abs(surface.normals[:, 2])) > np.cos(np.deg2rad(12))
-
-
-def test_points_on_a_plane_stay_on_it() -> None:
-    plane = TURN.apply(noisy_plane(0.0)) + np.array([3.0, -7.0, 2.0])
-    surface = surface_of(plane)
-    np.testing.assert_allclose(surface.points, plane, atol=1e-5)
-    np.testing.assert_allclose(np.abs(surface.normals @ TURN.apply([0, 0, 1])), 1, atol=1e-6)
-
-
-@pytest.mark.parametrize(("height", "moves"), [(2.0, True), (9.0, False)])
-def test_a_point_far_off_its_neighbors_plane_stays(height: float, moves: bool) -> None:
-    points = np.vstack([noisy_plane(0.0), [0.5, 0.5, height]])
-    left = np.abs(surface_of(points).points[-1] - points[-1]).max()
-    assert (left > 1.0) == moves
-    assert moves or left < 0.1
-
-
-def test_points_at_a_rim_have_their_neighbors_on_one_side() -> None:
-    x, y = np.meshgrid(np.arange(20.0), np.arange(12.0))
-    surface = surface_of(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]))
-    inner = surface.inner.reshape(x.shape)
-    assert inner[3:-3, 3:-3].all()
-    assert not inner[[0, -1]].any()
-    assert not inner[:, [0, -1]].any()
 
 
 def test_smoothed_further_heights_and_normals_are_noise_the_less() -> None:

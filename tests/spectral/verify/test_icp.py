@@ -108,29 +108,6 @@ def test_a_plane_alone_moves_along_its_normal_and_not_otherwise() -> None:
     assert strength[3] > 1e-4
 
 
-def test_nothing_within_reach_moves_nothing(pair: tuple[Surface, Surface]) -> None:
-    shift = np.array([500.0, -20, 3])
-    fit = refine_one(*pair, R_TRUE, shift, REACHES, 1000)
-    assert fit.pairs == 0
-    assert off(fit, R_TRUE, shift) == pytest.approx((0.0, 0.0), abs=1e-9)
-    assert np.isfinite(fit.information).all()
-    assert fit.residual == 0
-
-
-def test_several_places_are_refined_as_if_each_were_alone(pair: tuple[Surface, Surface]) -> None:
-    places = [(R_TRUE, SHIFT_TRUE + 0.5), (Rotation.identity(), np.zeros(3)), (R_TRUE, SHIFT_TRUE + 300.0)]
-    R = Rotation.concatenate([turn for turn, _ in places])
-    start = Start(R, np.array([shift for _, shift in places]), np.array([0.0, 0.3, 0.0]))
-    together = refine(chosen_device(), *pair, start, [Stage(REACHES, 800)]).read()
-    for (turn, shift), width, fit in zip(places, (0.0, 0.3, 0.0), together, strict=True):
-        alone = refine_one(*pair, turn, shift, REACHES, 800, width)
-        assert_same(fit, alone, 1e-7)
-        assert (fit.pairs, fit.residual) == pytest.approx((alone.pairs, alone.residual))
-    far = together[2]
-    assert far.pairs == 0
-    np.testing.assert_array_equal(far.shift, SHIFT_TRUE + 300.0)
-
-
 def room(seed: int) -> np.ndarray:
     """The corner and a wall across the room: as far apart as the scan says, or not."""
     u = np.random.default_rng(100 + seed).uniform(-1, 1, (2000, 4))
