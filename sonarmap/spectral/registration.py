@@ -74,7 +74,7 @@ class SpectralRegistrar(GridRegistrar):
         self.config = config or SpectralConfig()
         super().__init__(device, grid, memory_plan(grid.edge))
         self.so3 = So3(device, grid.edge, self.config.max_tilt)
-        self._preparer = Preparer(device, grid, self.config.use_strength, farthest=self.so3.farthest)
+        self._preparer = Preparer(device, grid, self.config.use_strength)
         self._verifier = Verifier(device, grid.edge)
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
         second = second_edge(grid.edge)

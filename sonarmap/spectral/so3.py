@@ -90,14 +90,9 @@ class So3:
         farthest = np.arccos(np.cos(max_tilt) ** 2) if max_tilt < np.pi / 2 else max_tilt
         self._correlation = RotationCorrelation(device, _BANDWIDTH, farthest)
 
-    @property
-    def farthest(self) -> float:
-        """How far from frequency 0 the magnitudes reach that `analyze` looks at [bins]."""
-        return float(self._radii[-1]) + 2.0
-
     def analyze(self, magnitude: Array) -> Pending[SphereLayers]:
-        """Queue a scan's layers, of `spectrum.magnitude` (edge, edge, edge/2 + 1) up to `farthest` at least. Reading
-        them raises InputError where the spectrum holds numbers that are not finite."""
+        """Queue a scan's layers, of `spectrum.magnitude` (edge, edge, edge/2 + 1). Reading them raises InputError where
+        the spectrum holds numbers that are not finite."""
         # each layer counts alike (Sect. 2.8)
         coefficients = self._harmonics.analyze(magnitude, self._radii)
         queued = Readback(self.device, self._harmonics.products(coefficients))

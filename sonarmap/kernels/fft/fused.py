@@ -100,7 +100,7 @@ def _columns(layout: Layout, exponents: tuple[float, ...], magnitude: bool, lane
             }}""")
     parameters, rows = "", ""
     if magnitude:
-        parameters = ", __global float* magnitudes, const float farthest, const int row, const int first"
+        parameters = ", __global float* magnitudes, const int row, const int first"
         rows = _magnitude_rows(layout)
         stores.append(_store_magnitudes(layout, lanes))
     return f"""
@@ -113,17 +113,15 @@ static inline void whitened_columns(__global float* p, __global const int* fille
 
 
 def _magnitude_rows(layout: Layout) -> str:
-    """Where the magnitudes of each block of 8 columns go, how far along a row, and how far along the first axis."""
+    """Where the magnitudes of each block of 8 columns go, and how far along a row."""
     _, n1, n2 = layout.shape
     wide, per_row = sheet_width(layout), layout.pitch // 8
     return f"""__global float* rows[{wide}];
-    int along[{wide}], reach[{wide}];
+    int along[{wide}];
     for (int b = 0; b < {wide}; ++b) {{
-        const int j = row + (first + b) / {per_row}, k = (first + b) % {per_row} * 8, near = min(j, {n1} - j);
+        const int j = row + (first + b) / {per_row}, k = (first + b) % {per_row} * 8;
         rows[b] = magnitudes + {_centered("j", n1)} * {n2 // 2 + 1} + k;
         along[b] = k;
-        const float left = farthest * farthest - near * near - k * k;
-        reach[b] = left >= 0.0f ? (int)sqrt(left) : -1;
     }}"""
 
 
@@ -133,12 +131,9 @@ def _store_magnitudes(layout: Layout, lanes: int) -> str:
     valid = n2 // 2 + 1
     # of 8 lanes complex.cl says in which order they are
     blocks = {"i": "root.s01452367"} if lanes == 8 else {"2 * i": "root.lo", "2 * i + 1": "root.hi"}
-    stores = [
-        f"""if (near <= reach[{b}]) store_magnitudes(rows[{b}] + to, {valid} - along[{b}], {values});"""
-        for b, values in blocks.items()
-    ]
+    stores = [f"store_magnitudes(rows[{b}] + to, {valid} - along[{b}], {values});" for b, values in blocks.items()]
     return f"""{{
-                const int near = min(f, {n0} - f), to = {_centered("f", n0)} * {n1 * valid};
+                const int to = {_centered("f", n0)} * {n1 * valid};
                 const LANE root = sqrt(power);
                 {" ".join(stores)}
             }}"""
@@ -153,9 +148,9 @@ def _sheets(layout: Layout, exponents: tuple[float, ...], magnitude: bool) -> st
     """The kernel of the first axis, a work-item per sheet."""
     wide, others = sheet_width(layout), range(1, len(exponents))
     spectra = "".join(f", __global float* spectrum{e}" for e in others)
-    more = ", __global float* magnitudes, const float farthest" if magnitude else ""
+    more = ", __global float* magnitudes" if magnitude else ""
     at = "".join(f", spectrum{e} + start + i" for e in others)
-    at += f", magnitudes, farthest, get_global_id(0) * {wide}, i / 16" if magnitude else ""
+    at += f", magnitudes, get_global_id(0) * {wide}, i / 16" if magnitude else ""
     return f"""
 {KERNEL} sheets(__global float* spectrum, __global const int* filled{spectra}{more}) {{
     const size_t start = get_global_id(0) * {2 * layout.pitch * wide};

@@ -43,9 +43,7 @@ class PointSpectra:
         self._sheets = cl.Kernel(device.build(source, name="spectra"), "sheets")
         self._clean = False
 
-    def transform(
-        self, points: cla.Array, out: Sequence[cla.Array], magnitudes: cla.Array | None = None, farthest: float = np.inf
-    ) -> None:
+    def transform(self, points: cla.Array, out: Sequence[cla.Array], magnitudes: cla.Array | None = None) -> None:
         """Queue the transform of the points' volume.
 
         Args:
@@ -53,10 +51,9 @@ class PointSpectra:
             out: for each exponent (edge, edge, `row_pitch(edge)`) complex64, to be filled with the whitened half
                 spectrum.
             magnitudes: (edge, edge, edge/2 + 1) float32, to be filled as `magnitude` does; only where planned.
-            farthest: magnitudes farther than this from frequency 0 are not needed [bins].
         """
         if self._fft is None:
-            self._transform_sparse(points, out, magnitudes, farthest)
+            self._transform_sparse(points, out, magnitudes)
             return
         spectrum = self._fft.forward(voxelize(self._device, points, self._edge, out=self._volume[0]), out=out[0])
         if magnitudes is not None:
@@ -65,9 +62,7 @@ class PointSpectra:
         for exponent, whitened in reversed(list(zip(self.exponents, out, strict=True))):
             whiten(self._device, spectrum, exponent, out=whitened)
 
-    def _transform_sparse(
-        self, points: cla.Array, out: Sequence[cla.Array], magnitudes: cla.Array | None, farthest: float
-    ) -> None:
+    def _transform_sparse(self, points: cla.Array, out: Sequence[cla.Array], magnitudes: cla.Array | None) -> None:
         """The volume is left empty."""
         if not self._clean:
             zero(self._device, self._volume)
@@ -76,7 +71,6 @@ class PointSpectra:
         voxelize_poses(self._device, points, self._volume, self._marks, self._pose)
         arrays = self._volume, self._marks, self._filled, out[0]
         enqueue(self._device, self._planes, (self._edge,), *arrays, group=(1,))
-        wanted = () if magnitudes is None else (magnitudes, np.float32(min(farthest, 2 * self._edge)))
-        arrays = out[0], self._filled, *out[1:], *wanted
+        arrays = out[0], self._filled, *out[1:], *(() if magnitudes is None else (magnitudes,))
         enqueue(self._device, self._sheets, (self._sheet_count,), *arrays, group=(1,))
         self._clean = True

@@ -41,16 +41,10 @@ class Prepared:
 class Preparer:
     """Turns scans into `Prepared`, on one device and grid."""
 
-    def __init__(
-        self, device: Device, grid: Grid, use_strength: bool, centered: bool = True, farthest: float = np.inf
-    ) -> None:
-        """Plan the volume and its transform.
-
-        Voxels hold the echo strength or the occupancy; the grid is put at the scan's center or at the sensor. What is
-        farther than `farthest` from frequency 0 [bins] of the magnitudes is not needed.
-        """
-        self.device, self.grid = device, grid
-        self.use_strength, self.centered, self._farthest = use_strength, centered, farthest
+    def __init__(self, device: Device, grid: Grid, use_strength: bool, centered: bool = True) -> None:
+        """Plan the transform of voxels, of echo strength or occupancy, on a grid that is put at the scan's center or at
+        the sensor."""
+        self.device, self.grid, self.use_strength, self.centered = device, grid, use_strength, centered
         self._spectra = PointSpectra(device, grid.edge, magnitudes=True)
 
     def prepare(self, scan: Scan) -> tuple[Prepared, Array]:
@@ -77,7 +71,7 @@ class Preparer:
         spectrum = recycled(self.device, (edge, edge, row_pitch(edge)), np.complex64)
         magnitude = recycled(self.device, (edge, edge, edge // 2 + 1))
         # the device works on it while the host looks at the points
-        self._spectra.transform(points, [spectrum], magnitude, self._farthest)
+        self._spectra.transform(points, [spectrum], magnitude)
         surface = _one_per_voxel(voxels, cells)
         # of a plane whose rotation is measured, height and tilt can still be made finer beside a place
         prior = scan.prior

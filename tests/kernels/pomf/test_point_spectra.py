@@ -57,22 +57,6 @@ def test_magnitudes(device, edge, lanes, monkeypatch):
     assert relative_error(out.get()[..., : edge // 2 + 1] * np.abs(want), want) < TOLERANCE
 
 
-@pytest.mark.parametrize("farthest", [0.0, 5.5])
-def test_magnitudes_that_are_needed(device, farthest):
-    """Up to the farthest they are there; the others may be."""
-    edge = 16
-    points, (out,) = slab(edge, 4), empty_spectra(device, edge, 1)
-    magnitudes = device.to_device(np.full((edge, edge, edge // 2 + 1), np.nan, np.float32))
-    PointSpectra(device, edge, magnitudes=True).transform(device.to_device(points), [out], magnitudes, farthest)
-    along = np.arange(edge) - edge // 2
-    x, y, z = np.meshgrid(along, along, np.arange(edge // 2 + 1), indexing="ij")
-    needed = x**2 + y**2 + z**2 <= farthest**2
-    got, want = magnitudes.get(), centered(np.fft.rfftn(occupied(points[:, :3], edge, points[:, 3])))
-    assert relative_error(got[needed], want[needed]) < TOLERANCE
-    written = ~np.isnan(got)
-    assert relative_error(got[written], want[written]) < TOLERANCE
-
-
 def test_no_points_leave_zeros(device):
     (out,) = empty_spectra(device, 16, 1)
     PointSpectra(device, 16).transform(device.empty((0, 4)), [out])
