@@ -54,13 +54,9 @@ def differ(a: Match, b: Match, edge: int) -> bool:
 
 
 def assess(best: Match, rival: float, shared: float, max_tilt: float, grid: Grid) -> tuple[bool, str]:
-    """Whether to believe the best match, and the reason in words.
-
-    Args:
-        rival: the peak-to-sidelobe ratio of the next best answer.
-        shared: the share of points in common under it, 0..1.
-        max_tilt: largest roll and pitch [rad]; 3 degrees more are let through.
-    """
+    """Whether to believe the best match, and the reason in words: by the peak-to-sidelobe ratio of the next best
+    answer, the share of points in common, 0..1, and the largest roll and pitch [rad], of which 3 degrees more are let
+    through."""
     psr, least_psr = best.peak.psr, _LEAST_PSR * max(1.0, grid.edge / 128) ** 0.75
     if refusal := tilt_refusal(best.R, max_tilt):
         return False, refusal
@@ -95,9 +91,8 @@ def unwrap(
 ) -> np.ndarray:
     """The shift (3,) [voxels] that a cyclic one stands for: along each axis itself, or one edge less or more.
 
-    The correlation repeats after `edge` voxels, so that a shift of 70 on a grid of 128 looks like one of -58. Of the
-    eight alternatives the one under which most points of the source have a counterpart is right; the given one where
-    none is better.
+    Of the eight alternatives the one under which most points of the source have a counterpart; the given one where none
+    is better.
     """
     points = source.surface[:: max(1, len(source.surface) // _SAMPLE)]
     wrapped = shift - np.copysign(edge, shift)
@@ -117,12 +112,8 @@ def peak_covariance(
 ) -> np.ndarray:
     """The 6x6 covariance of T_target_source, rotation first, body tangent of the source's sensor frame [rad, m].
 
-    Rotation and translation are independent about the source's grid center, not about the sensor.
-
-    Args:
-        peak: of the translation correlation, in the target's orientation [voxels].
-        center: (3,) the source's grid center [m, source sensor frame].
-        bin_angle: angle of one bin of the rotation's correlations [rad].
+    Rotation and translation are independent about the source's grid center (3,) [m, its sensor frame]; the peak is in
+    the target's orientation [voxels], `bin_angle` the angle of one bin of the rotation's correlations [rad].
     """
     slack = max(1.0, _CLEAR_PSR * grid.edge / max(peak.psr, 1e-3)) ** 2
     width = peak_width(peak) * _QUANTIZATION * slack * grid.voxel**2

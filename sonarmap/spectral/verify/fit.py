@@ -50,10 +50,9 @@ class PriorTerm:
     def distortion(self, covariance: np.ndarray, step: np.ndarray) -> np.ndarray:
         """(..., 6, 6) the covariance of the scans' distortion, as far as the instruments show it.
 
-        A sonar that guesses elevations shows walls that lean, a wrong speed of sound bends the bed. Two such scans fit
-        best where the vehicle was not. Where the best fit is as far from what was measured as 3 standard deviations of
-        a single number would be, the scans are believed less in that direction, and from 4 on only the instruments are.
-        The covariance (..., 6, 6) is by the scans alone; the step leads from the pose to where they would have it.
+        A sonar that guesses elevations shows walls that lean, a wrong speed of sound bends the bed. Where the best fit,
+        by the scans' own covariance and step, is as far from what was measured as 3 standard deviations of a single
+        number would be, the scans are believed less in that direction, and from 4 on only the instruments are.
         """
         off = self.residual + _times(self.jacobian, step)
         together = self.jacobian @ covariance @ _transposed(self.jacobian) + self.covariance

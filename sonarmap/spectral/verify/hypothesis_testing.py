@@ -119,12 +119,12 @@ class HypothesisTest(PairFrames):
         return self.finish(self.compare(hopeful))
 
     def compare(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
-        """Measured on the whole grid, best first; all refined alike, as an advantage in that would look like evidence.
+        """Measured on the whole grid, best first, of those at the same pose the best alone; all refined alike, as an
+        advantage in that would look like evidence.
 
-        Of those that came out at the same pose the best alone is kept. Over a bed of little relief, what the sensors
-        saw agrees nearly as well at a place some voxels off. There the surfaces are a little farther apart: hardly more
-        than noise at one point, but at thousands of points. There all are where the scans alone would have them:
-        attitudes and depths move them by their own errors, and part the surfaces of the true one as well.
+        Over a bed of little relief, what the sensors saw agrees nearly as well some voxels off, where the surfaces are
+        a little farther apart. There all are where the scans alone would have them: attitudes and depths move them by
+        their own errors, and part the surfaces of the true one as well.
         """
         refined = self._refine(_hopeful(hypotheses, 1.5 * _HOPELESS), [_CLOSE])
         if refined[0].evidence.firmness <= _FIRM:
