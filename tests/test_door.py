@@ -393,7 +393,7 @@ class TestArguments:
             (lambda: door.read_scans("a.ply", sound_speed=10**400), "`sound_speed=10*.*0` .*wanted a speed"),
             (lambda: door.optimize(None), "`graph=None` .*wanted a PoseGraph, or the path"),
             (lambda: door.optimize("a.g2o", objective=np.zeros(2)), "`objective=array.*wanted 'full' or"),
-            (lambda: door.optimize("a.g2o", start=[]), r"`start=\[\]` .*wanted 'chordal', 'given'"),
+            (lambda: door.optimize("a.g2o", start=[]), r"`start=\[\]` .*wanted 'chordal' or 'given'"),
         ],
     )
     def test_of_the_others(self, call: Any, words: str) -> None:

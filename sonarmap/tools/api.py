@@ -332,7 +332,7 @@ def optimize(
         graph: connected, or the path of a g2o file or of a map's graph.json.
         objective: "full", chi-squared with the edges' whole information; "isotropic", one weight for an edge's rotation
             and one for its translation, whose optimum a certificate judges.
-        start: "chordal", from the edges alone; "given", from the graph's poses; "incremental", from iSAM2's.
+        start: "chordal", from the edges alone; "given", from the graph's poses.
         robust: whether to look for wrong edges first, and leave them out.
 
     Raises:

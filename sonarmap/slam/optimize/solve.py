@@ -14,10 +14,9 @@ from sonarmap.slam.graph.edge import spanning_tree
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.optimize.certificate import Certificate, certify
 from sonarmap.slam.optimize.chordal import ChordalProblem, optimize_isotropic
-from sonarmap.slam.optimize.incremental import as_they_come
 
 Objective = Literal["full", "isotropic"]
-Start = Literal["chordal", "given", "incremental"]
+Start = Literal["chordal", "given"]
 OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
 STARTS: tuple[Start, ...] = get_args(Start)
 
@@ -122,8 +121,7 @@ def optimize(graph: PoseGraph, objective: Objective, start: Start = "chordal", r
         graph: connected, with at least one edge.
         objective: "full", chi-squared with the edges' whole covariances; "isotropic", F of
             `slam.optimize.chordal`, whose optimum a certificate judges.
-        start: "chordal", from the edges alone; "given", from the graph's poses; or "incremental", from where iSAM2 has
-            them when they come one by one.
+        start: "chordal", from the edges alone; or "given", from the graph's poses.
         robust: look for wrong edges first, and leave them out.
 
     Raises:
@@ -172,14 +170,9 @@ _Solved = tuple[PoseGraph, float, float, int, bool]
 
 
 def _full(graph: PoseGraph, start: Start) -> _Solved:
-    solution = (graph.from_edges() if start == "chordal" else graph.placed_at(_start(graph, start))).optimize()
+    solution = (graph.from_edges() if start == "chordal" else graph).optimize()
     before = graph.chi_squared / 2
     return solution.graph, before, solution.chi_squared_after / 2, solution.iterations, solution.converged
-
-
-def _start(graph: PoseGraph, start: Start) -> RigidTransform:
-    """The poses to begin with, where it is not the edges alone that say them."""
-    return as_they_come(graph) if start == "incremental" else graph.trajectory.T_world_sensor
 
 
 def _isotropic(graph: PoseGraph, start: Start) -> _Solved:
@@ -194,7 +187,7 @@ def _isotropic(graph: PoseGraph, start: Start) -> _Solved:
             "or leave out all FIX lines but one"
         )
     problem, T = ChordalProblem.of(len(graph.trajectory), graph.edges), graph.trajectory.T_world_sensor
-    solution = optimize_isotropic(problem, _start(graph, start), "chordal" if start == "chordal" else "given")
+    solution = optimize_isotropic(problem, T, start)
     held = graph.fixed[0] if graph.fixed else 0
     moved: RigidTransform = T[held] * solution.T[held].inv() * solution.T
     return graph.at(moved), problem.cost(T), solution.cost_after, solution.iterations, solution.converged

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.optimize.solve import Objective, Start
 
 NOT_CONVERGED = 3
-OBJECTIVES, STARTS = ("full", "isotropic"), ("chordal", "given", "incremental")
+OBJECTIVES, STARTS = ("full", "isotropic"), ("chordal", "given")
 MOST_REPAIRED, MOST_REJECTED = 10, 20  # edges that the warnings and the table list
 _USUAL = 3.0  # standard deviations of chi-squared within which a graph is consistent
 
@@ -49,8 +49,7 @@ def command(
     ),
     start: str = choice(
         OPTIMIZATION,
-        "Initial poses: chordal, given or incremental. chordal: computed from the edges alone; given: the poses in the "
-        "file; incremental: from iSAM2, which adds the poses one by one.",
+        "Initial poses. chordal: computed from the edges alone; given: the poses in the file.",
         STARTS,
     ),
     robust: bool = _flag("--robust", "Reject wrong edges, and leave them out of OUT.g2o."),
