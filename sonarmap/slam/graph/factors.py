@@ -11,9 +11,6 @@ from sonarmap.slam.graph.gauge import Gauge
 from sonarmap.slam.graph.gtsam_poses import to_pose3
 from sonarmap.slam.graph.tangent import lengths
 
-# Translations of an edge are held by standard deviations no farther apart than this.
-_SPREAD = 1000.0
-
 
 def edge_factors(edges: Sequence[Edge], scale_factors: np.ndarray | None = None) -> list[gtsam.NonlinearFactor]:
     """What each edge says, for GTSAM; poses are keys 0..N-1.
@@ -24,10 +21,10 @@ def edge_factors(edges: Sequence[Edge], scale_factors: np.ndarray | None = None)
     if not edges:
         return []
     poses = [gtsam.Pose3(matrix) for matrix in _measured(edges).as_matrix()]
-    covariances = _solvable(edges)
+    covariances = _covariances(edges)
     if scale_factors is not None:
         covariances *= scale_factors[:, None, None]
-    noises = [gtsam.noiseModel.Gaussian.Covariance(covariance) for covariance in covariances]
+    noises = [gtsam.noiseModel.Gaussian.SqrtInformation(root, False) for root in _information_roots(covariances)]
     return [
         gtsam.PriorFactorPose3(edge.i, pose, noise)
         if edge.kind == "prior"
@@ -44,30 +41,25 @@ def residuals_of(edges: Sequence[Edge], T: RigidTransform) -> np.ndarray:
     from_i = T[ends[:, 0]].inv().as_matrix()
     from_i[[edge.kind == "prior" for edge in edges]] = np.eye(4)
     xi: np.ndarray = (measured.inv() * RigidTransform.from_matrix(from_i) * T[ends[:, 1]]).as_exp_coords()
-    return lengths(xi, _solvable(edges))
+    return lengths(xi, _covariances(edges))
 
 
 def _measured(edges: Sequence[Edge]) -> RigidTransform:
     return RigidTransform.concatenate([edge.registration.T_target_source for edge in edges])
 
 
-def _solvable(edges: Sequence[Edge]) -> np.ndarray:
-    """(E, 6, 6) covariances that GTSAM can factor; along a bare wall the one direction is hundreds of meters, the
-    others centimeters.
+def _covariances(edges: Sequence[Edge]) -> np.ndarray:
+    return np.stack([edge.registration.covariance for edge in edges])
 
-    It takes a pivot 4096 times below its neighbor for none: so what is that unconstrained is held a thousand times less
-    than what is held best.
+
+def _information_roots(covariances: np.ndarray) -> np.ndarray:
+    """(E, 6, 6) upper triangular roots R of information R'R, with positive diagonals.
+
+    By the eigenvalues of the covariances: rounding of their inverses would hide how open a direction is.
     """
-    covariances = np.stack([edge.registration.covariance for edge in edges])
-    information = np.linalg.inv(covariances)
-    best = np.diagonal(information, axis1=1, axis2=2)[:, 3:].max(axis=1)
-    weak = np.diagonal(covariances, axis1=1, axis2=2)[:, 3:].max(axis=1) * best > _SPREAD**2
-    if weak.any():
-        held = information[weak]
-        held[:, range(3, 6), range(3, 6)] += best[weak, None] / _SPREAD**2
-        held = np.linalg.inv(held)
-        covariances[weak] = (held + held.swapaxes(1, 2)) / 2
-    return covariances
+    values, axes = np.linalg.eigh(covariances)
+    roots = np.linalg.qr(axes.swapaxes(1, 2) / np.sqrt(values)[:, :, None], mode="r")
+    return roots * np.sign(np.diagonal(roots, axis1=1, axis2=2))[:, :, None]
 
 
 def gauge_factors(gauge: Gauge, sigma: float) -> list[gtsam.NonlinearFactor]:

@@ -20,7 +20,7 @@ from sonarmap.slam.graph.factors import edge_factors, gauge_factors, residuals_o
 from sonarmap.slam.graph.gauge import Gauge
 from sonarmap.slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_transforms, to_values
 from sonarmap.slam.graph.known_pose import GAUGE_SIGMA, KnownPose
-from sonarmap.slam.graph.marginals import Marginals, marginals
+from sonarmap.slam.graph.marginals import Marginals, marginals, require_unique
 from sonarmap.slam.graph.tangent import adjoint, lengths, propagated
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.result import Registration
@@ -170,7 +170,7 @@ class PoseGraph:
             optimum = optimizer.optimize()
             linear = factors.linearize(optimum) if covariances else None
             if linear is not None:
-                linear.eliminateMultifrontal(gtsam.Ordering.OrderingType.COLAMD)  # raises where a pose is not told
+                require_unique(linear)
         except RuntimeError as error:
             raise self.unsolvable(error) from error
         return Solution(
