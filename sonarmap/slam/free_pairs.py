@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.chi_squared import chi_squared
-from sonarmap.spectral.geometry import measured_rotation
+from sonarmap.spectral.geometry import measured_rotation, rotated
 from sonarmap.spectral.prior import RelativePrior
 from sonarmap.spectral.scan import PosePrior, Scan
 
@@ -74,9 +74,8 @@ def _far(
     T = RigidTransform.concatenate([registration.T_target_source])
     last = slice(-len(numbers), None)
     residual, covariance = both.residuals(T)[0, last], both.residual_covariance(T)[0, last, last]
-    R: np.ndarray = (measured_rotation(both.target) * registration.T_target_source.rotation).as_matrix()
-    in_world: np.ndarray = np.kron(np.eye(2), R)
-    covariance = covariance + (in_world @ registration.covariance @ in_world.T)[np.ix_(numbers, numbers)]
+    R_world_source = measured_rotation(both.target) * registration.T_target_source.rotation
+    covariance = covariance + rotated(R_world_source, registration.covariance)[np.ix_(numbers, numbers)]
     return float(residual @ np.linalg.solve(covariance, residual))
 
 

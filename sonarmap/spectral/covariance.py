@@ -8,7 +8,7 @@ from scipy.special import expit
 
 from sonarmap.spectral.chi_squared import chi_squared
 from sonarmap.spectral.fitted import FITTED
-from sonarmap.spectral.geometry import covariance_at_sensor
+from sonarmap.spectral.geometry import covariance_at_sensor, rotated
 from sonarmap.spectral.grid import Grid, coarse_edge
 from sonarmap.spectral.verify.fit import CALIBRATION, Fit, principal_axes
 from sonarmap.spectral.verify.hypothesis import Hypothesis
@@ -91,10 +91,10 @@ def fit_covariance(
         step = np.linalg.solve(information + _TELLING * measured, information @ fit.step)
         by_instruments = np.linalg.inv(measured + unknown)
     # from a turn of the target's axes and a shift along them to the source's own
-    back = np.kron(np.eye(2), fit.R.as_matrix().T)
+    back = fit.R.inv()
     meters = np.outer(*[np.repeat([1.0, grid.voxel], 3)] * 2)
     at_sensor = (
-        None if each is None else covariance_at_sensor(back @ each @ back.T * meters, centers[1])
+        None if each is None else covariance_at_sensor(rotated(back, each) * meters, centers[1])
         for each in (posterior, by_scans, by_instruments)
     )
     # pyrefly: ignore[bad-argument-type]

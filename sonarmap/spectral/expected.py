@@ -6,12 +6,12 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.geometry import measured_rotation, twist
+from sonarmap.spectral.geometry import measured_rotation, rotated, twist
 from sonarmap.spectral.scan import PosePrior
 
 # Of what a world that is made for one pair knows by definition [rad, m].
 _EXACT = 1e-4
-_DIGITS = 6
+_POSE_DIGITS, _COVARIANCE_DIGITS = 6, 12
 _UNMEASURED = 1e9  # [rad, m], in place of infinite sigmas
 
 
@@ -19,28 +19,37 @@ _UNMEASURED = 1e9  # [rad, m], in place of infinite sigmas
 class ExpectedPose:
     """T_target_source as it is expected before the scans are compared."""
 
-    rotation: np.ndarray  # (3,) rotation vector [rad]
-    translation: np.ndarray  # (3,) [m], in the target's axes
-    sigmas: np.ndarray  # (6,) standard deviations about and along the target's axes, rotation first [rad, m]
+    T_target_source: RigidTransform
+    covariance: np.ndarray  # (6, 6), rotation first [rad, m], body tangent of the source, as a `Registration`'s
 
     def __post_init__(self) -> None:
-        shapes = [(self.rotation, (3,)), (self.translation, (3,)), (self.sigmas, (6,))]
-        if any(array.shape != shape or not np.isfinite(array).all() for array, shape in shapes):
-            raise InputError("an expected pose has 3 finite numbers of rotation, 3 of translation and 6 sigmas")
-        if not (self.sigmas > 0).all():
-            raise InputError(f"`sigmas` are {self.sigmas.tolist()}; wanted numbers above 0")
-
-    @property
-    def T_target_source(self) -> RigidTransform:
-        return RigidTransform.from_components(self.translation, Rotation.from_rotvec(self.rotation))
+        if self.covariance.shape != (6, 6) or not np.isfinite(self.covariance).all():
+            raise InputError(f"the covariance of an expected pose is {self.covariance}; wanted (6, 6) finite numbers")
+        if not (np.linalg.eigvalsh(self.covariance) > 0).all():
+            raise InputError("the covariance of an expected pose is not positive definite")
 
     @classmethod
-    def of(cls, T_target_source: RigidTransform, sigmas: np.ndarray) -> "ExpectedPose":
+    def of(cls, T_target_source: RigidTransform, covariance: np.ndarray) -> "ExpectedPose":
         """Rounded, so that what a journal holds is found again though a last bit has changed."""
-        turn, shift = (
-            np.round(x, _DIGITS) for x in (T_target_source.rotation.as_rotvec(), T_target_source.translation)
-        )
-        return cls(turn, shift, np.maximum(np.round(sigmas, _DIGITS), _EXACT))
+        turn, shift = T_target_source.rotation.as_rotvec(), T_target_source.translation
+        R = Rotation.from_rotvec(np.round(turn, _POSE_DIGITS))
+        T = RigidTransform.from_components(np.round(shift, _POSE_DIGITS), R)
+        return cls(T, np.round(covariance, _COVARIANCE_DIGITS) + _EXACT**2 * np.eye(6))
+
+    @classmethod
+    def along_target(cls, T_target_source: RigidTransform, sigmas: np.ndarray) -> "ExpectedPose":
+        """With (6,) standard deviations of independent errors about and along the target's axes [rad, m]."""
+        return cls.of(T_target_source, rotated(T_target_source.rotation.inv(), np.diag(sigmas**2)))
+
+    @property
+    def sigmas(self) -> np.ndarray:
+        """(6,) standard deviations about and along the target's axes, rotation first [rad, m]."""
+        return np.sqrt(np.diag(rotated(self.T_target_source.rotation, self.covariance)))
+
+    def distance(self, T_target_source: RigidTransform) -> float:
+        """How far another pose is from it (Mahalanobis)."""
+        xi: np.ndarray = (self.T_target_source.inv() * T_target_source).as_exp_coords()
+        return float(np.sqrt(xi @ np.linalg.solve(self.covariance, xi)))
 
     def priors(self, target: PosePrior | None, source: PosePrior | None) -> tuple[PosePrior, PosePrior]:
         """Priors of both scans that say what is expected, and what instruments measured where that is surer.
@@ -52,23 +61,21 @@ class ExpectedPose:
         if target is not None and source is not None and target.knows_attitude and source.knows_attitude:
             return self._leveled(target, source)
         T = RigidTransform.identity()
-        return PosePrior(T, np.full(6, _EXACT)), PosePrior(self.T_target_source, self.sigmas.copy(), turned=False)
+        return PosePrior(T, np.full(6, _EXACT)), PosePrior(self.T_target_source, self.sigmas, turned=False)
 
     def _leveled(self, target: PosePrior, source: PosePrior) -> tuple[PosePrior, PosePrior]:
         ahead = Rotation.from_euler("Z", -twist(target.T_world_sensor.rotation))
         R_target, R_source = (ahead * measured_rotation(each) for each in (target, source))
-        # variances about and along the world's axes
-        R: np.ndarray = R_target.as_matrix() ** 2
-        expected = np.sqrt(np.concatenate([R @ self.sigmas[:3] ** 2, R @ self.sigmas[3:] ** 2]))[2:]
-        shift = R_target.apply(self.translation)
+        R_expected = R_target * self.T_target_source.rotation
+        expected = np.sqrt(np.diag(rotated(R_expected, self.covariance)))[2:]  # turn, East, North, Up of this world
+        shift = R_target.apply(self.T_target_source.translation)
         measured = ahead.apply(source.T_world_sensor.translation - target.T_world_sensor.translation)
         both = np.minimum(np.hypot(target.sigmas, source.sigmas), _UNMEASURED)
         turned: np.ndarray = ahead.as_matrix() ** 2
         sigmas = np.array([both[2], *np.sqrt(turned @ both[3:] ** 2)])
         headed = sigmas[0] < expected[0]
         if not headed:
-            expected_turn = twist(R_target * Rotation.from_rotvec(self.rotation))
-            R_source = Rotation.from_euler("Z", expected_turn - twist(R_source)) * R_source
+            R_source = Rotation.from_euler("Z", twist(R_expected) - twist(R_source)) * R_source
         # a measured way to East and North is one in this world only where the heading is that of the true world
         surer = (sigmas < expected)[1:] & np.array([headed, headed, True])
         combined = np.where(surer, measured, shift)

@@ -37,6 +37,13 @@ def rotation_covariance(prior: PosePrior, turn: float | np.ndarray = 0.0) -> np.
     return covariance
 
 
+def rotated(R: Rotation, covariance: np.ndarray) -> np.ndarray:
+    """(..., 6, 6) covariances or information of turns and shifts along other axes, x = R x'; of (...) rotations."""
+    turn = np.zeros((*np.shape(R.as_quat())[:-1], 6, 6))
+    turn[..., :3, :3] = turn[..., 3:, 3:] = R.as_matrix()
+    return turn @ covariance @ np.swapaxes(turn, -1, -2)
+
+
 def covariance_at_sensor(about_center: np.ndarray, center: np.ndarray) -> np.ndarray:
     """(6, 6), rotation first, body tangent of the source's sensor frame [rad, m]: by the adjoint of a translation, from
     errors (6, 6) about the source's grid center (3,) [m, source sensor frame], in its axes."""

@@ -185,7 +185,8 @@ class PairRunner:
         """Of all that decides a job's result: what is expected of a pair does."""
         kind, expected = ("signature", None) if isinstance(job, ScanKey) else ("pair", job.expected)
         if expected is not None:
-            numbers = np.concatenate([expected.rotation, expected.translation, expected.sigmas])
+            T = expected.T_target_source
+            numbers = np.concatenate([T.rotation.as_quat(), T.translation, expected.covariance.ravel()])
             kind = f"pair expected at {numbers.tolist()}"
         return joined_key(kind, self._execution.method, *(scan.content for scan in _scans_of(job)))
 

@@ -165,10 +165,8 @@ class Tracker:
 
     def _is_credible(self, pair: RegisteredPair, registration: Registration, motion: Motion) -> bool:
         """Whether a step is as usual, or surely seen."""
-        T, expected = registration.T_target_source, motion.expected(*pair.scans)
+        T = registration.T_target_source
         if motion.contradicts(*pair.scans, T):
             return False
-        turn = (T.rotation * expected.T_target_source.rotation.inv()).as_rotvec()
-        off = np.concatenate([turn, T.translation - expected.translation]) / expected.sigmas
-        is_usual = not self.missed and np.linalg.norm(off) < _UNUSUAL
+        is_usual = not self.missed and motion.expected(*pair.scans).distance(T) < _UNUSUAL
         return bool(is_usual or not registration.probability < _SURELY)  # NaN of methods that do not say

@@ -155,10 +155,9 @@ class Locator:
             return None
         expected = motion.expected(len(steps), len(before))
         T_map_scan = before[-1].T_map_scan * expected.T_target_source
-        turned: np.ndarray = np.kron(np.eye(2), expected.T_target_source.rotation.inv().as_matrix())
         if (target := self._seen(T_map_scan, View.of(scan.points))) is None:
             return None
-        about = ExpectedPose.of(RigidTransform.identity(), np.sqrt(turned**2 @ expected.sigmas**2))
+        about = ExpectedPose.of(RigidTransform.identity(), expected.covariance)
         found = self._registrar.register_expected(target, prepared, about)
         place = self._in_map(T_map_scan, found)
         located = self._verdict(scan, place, found, f"where the motion expects it: {found.reason}")

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.pair import RegisteredPair
+from sonarmap.spectral.geometry import rotated
 
 # That steps in a row have nothing in common is assumed before any is seen, as firmly as so many of them would tell it.
 _ASSUMED = 4.0
@@ -28,9 +29,7 @@ class Step:
         """Of a pair that has been registered; `times` (N,) are the scans'."""
         assert pair.registration is not None
         span, T = float(times[pair.j] - times[pair.i]), pair.registration.T_target_source
-        in_target: np.ndarray = np.kron(np.eye(2), T.rotation.as_matrix())
-        covariance: np.ndarray = in_target @ pair.registration.covariance @ in_target.T
-        return cls(pair.i, rate_of(T) / span, covariance / span**2)
+        return cls(pair.i, rate_of(T) / span, rotated(T.rotation, pair.registration.covariance) / span**2)
 
 
 def rate_of(T: RigidTransform) -> np.ndarray:

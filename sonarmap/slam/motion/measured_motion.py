@@ -29,7 +29,7 @@ class MeasuredMotion:
             return self.odometry.expected(i, j, self.floor)
         if self.learned is not None:
             return self.learned.expected(i, j)
-        return ExpectedPose(np.zeros(3), np.zeros(3), _ANYWHERE)
+        return ExpectedPose.along_target(RigidTransform.identity(), _ANYWHERE)
 
     def reach(self, i: int, j: int) -> ExpectedPose:
         """As learned, for scans that dead reckoning does not tell of."""

@@ -175,8 +175,7 @@ class Motion:
         T = _steady(shares @ self.rates[i:j], span)
         spread = np.sqrt(shares @ variances) * span
         most = np.repeat([self.limits.turn(span), self.limits.way(span, j - i)], 3) / _LIMIT_SIGMAS
-        sigmas = np.hypot(np.minimum(spread, most), self.floor)
-        return ExpectedPose.of(T, sigmas)
+        return ExpectedPose.along_target(T, np.hypot(np.minimum(spread, most), self.floor))
 
     def way(self, i: int, j: int) -> tuple[float, float]:
         """Mean and standard deviation of the way from i to j [m].

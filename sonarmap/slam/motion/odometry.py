@@ -13,6 +13,7 @@ from sonarmap.slam.graph.tangent import lengths, propagated
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.chi_squared import chi_squared
 from sonarmap.spectral.expected import ExpectedPose
+from sonarmap.spectral.geometry import rotated
 from sonarmap.spectral.result import Registration
 
 # What no dead reckoning is better than, from scan to scan [rad, m].
@@ -83,10 +84,9 @@ class Odometry:
             if all(k + n in sure for n in range(_STEPS)):
                 T, covariance = _joined([sure[k + n] for n in range(_STEPS)])
                 measured, sigmas = self._between(*np.searchsorted(self.scans, [k, k + _STEPS]).tolist())
-                to_source: np.ndarray = np.kron(np.eye(2), T.rotation.as_matrix().T)
                 apart.append((T.inv() * measured).as_exp_coords())
                 by_scans.append(covariance)
-                by_drift.append((to_source * sigmas**2) @ to_source.T)
+                by_drift.append(rotated(T.rotation.inv(), np.diag(sigmas**2)))
         if len(apart) < _FEWEST:
             return self
         xi, of_scans, of_drift = np.stack(apart), np.stack(by_scans), np.stack(by_drift)
@@ -105,7 +105,7 @@ class Odometry:
             floor: (6,) standard deviations that are granted beside [rad, m].
         """
         T, sigmas = self._between(*np.searchsorted(self.scans, [i, j]).tolist())
-        return ExpectedPose.of(T, np.hypot(sigmas, floor))
+        return ExpectedPose.along_target(T, np.hypot(sigmas, floor))
 
     def contradicts(self, i: int, j: int, T_i_j: RigidTransform, floor: np.ndarray) -> bool:
         """Whether a registration is farther from it than its error and a floor allow."""

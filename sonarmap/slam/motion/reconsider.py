@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.pose_graph import Solution
 from sonarmap.slam.motion.measured_motion import AnyMotion
 from sonarmap.slam.pair import RegisteredPair
 from sonarmap.spectral.expected import ExpectedPose
+from sonarmap.spectral.geometry import rotated
 from sonarmap.spectral.result import Registration
 
 # Poses are less sure than the marginals of an estimate say: the variance over theirs (`slam.graph.pose_covariance`).
@@ -81,11 +82,8 @@ def without_leaps(pair: RegisteredPair, motion: AnyMotion) -> RegisteredPair:
 def expected_by(solution: Solution, pairs: Sequence[RegisteredPair], floor: np.ndarray) -> list[ExpectedPose]:
     """Where an estimate of the poses expects pairs of one component each; `floor` is (6,) granted beside [rad, m]."""
     T, covariances = solution.relatives(np.array([pair.scans for pair in pairs], np.intp).reshape(-1, 2))
-    R = T.rotation.as_matrix()
-    turn, shift = (R @ part @ R.swapaxes(1, 2) for part in (covariances[:, :3, :3], covariances[:, 3:, 3:]))
-    variances = np.concatenate([np.diagonal(part, axis1=1, axis2=2) for part in (turn, shift)], axis=1)
-    sigmas = np.sqrt(_UNSURE * variances + floor**2)
-    return [ExpectedPose.of(T_i_j, each) for T_i_j, each in zip(T, sigmas, strict=True)]
+    wider = _UNSURE * covariances + np.diag(floor**2)
+    return [ExpectedPose.of(T_i_j, covariance) for T_i_j, covariance in zip(T, wider, strict=True)]
 
 
 def believing_steps(pairs: Sequence[RegisteredPair], motion: AnyMotion | None) -> list[RegisteredPair]:
@@ -148,13 +146,11 @@ def _either(registration: Registration, expected: ExpectedPose, share: float) ->
 
 
 def _window(registration: Registration, expected: ExpectedPose) -> tuple[np.ndarray, np.ndarray]:
-    """The step (6,) from a registration to where it was expected, and the (6, 6) covariance there, in the source's
-    axes."""
-    T = registration.T_target_source
-    away: np.ndarray = (T.inv() * expected.T_target_source).as_exp_coords()
-    R: np.ndarray = T.rotation.as_matrix()
-    to_source: np.ndarray = np.kron(np.eye(2), R.T)
-    return away, (to_source * expected.sigmas**2) @ to_source.T
+    """The step (6,) from a registration to where it was expected, and the (6, 6) covariance of that, in the axes of the
+    registered source."""
+    T_registered_expected = registration.T_target_source.inv() * expected.T_target_source
+    away: np.ndarray = T_registered_expected.as_exp_coords()
+    return away, rotated(T_registered_expected.rotation, expected.covariance)
 
 
 def with_motion(pairs: Sequence[RegisteredPair], motion: AnyMotion) -> list[RegisteredPair]:
@@ -188,13 +184,9 @@ def _fused(
 ) -> list[Registration]:
     """n answers as one measurement each with what was expected, and how far the vehicle goes."""
     T = RigidTransform.concatenate([answer.T_target_source for answer in answers])
-    turns = Rotation.from_rotvec(np.stack([each.rotation for each in expected]))
-    there = RigidTransform.from_components(np.stack([each.translation for each in expected]), turns)
-    steps_there: np.ndarray = (T.inv() * there).as_exp_coords()
-    # errors about and along the target's axes, in the source's
-    turn: np.ndarray = np.kron(np.eye(2), np.asarray(T.rotation.as_matrix()).swapaxes(1, 2))
-    sigmas = np.stack([each.sigmas for each in expected])
-    known: np.ndarray = turn / sigmas[:, None, :] ** 2 @ turn.swapaxes(1, 2)
+    there: RigidTransform = T.inv() * RigidTransform.concatenate([each.T_target_source for each in expected])
+    steps_there: np.ndarray = there.as_exp_coords()
+    known = rotated(there.rotation, np.linalg.inv(np.stack([each.covariance for each in expected])))
     motion = _ExpectedSteps(steps_there, known, np.array(lengths))
     by_scans = np.linalg.inv(np.stack([answer.covariance for answer in answers]))
     covariances = np.linalg.inv(by_scans + known)

@@ -165,13 +165,13 @@ def _between(
         i, b = keys[a], a + 1
         if odometry is not None and odometry.tells(i, k):
             expected = odometry.expected(i, k, floor)
-            T_i_k, sigmas = expected.T_target_source, expected.sigmas
+            T_i_k, covariance = expected.T_target_source, expected.covariance
         else:
             before, behind = float(times[k] - times[i]), float(times[keys[b]] - times[k])
             way = _way(T_poses, a, b, parts, registered)
             T_i_k = RigidTransform.from_exp_coords(before / (before + behind) * way)
-            sigmas = np.sqrt(floor**2 + unsteady.variance(before, behind))
-        step = Registration(T_i_k, np.diag(sigmas**2), np.nan, np.nan, True, 0.0, "between two key scans")
+            covariance = np.diag(floor**2 + unsteady.variance(before, behind))
+        step = Registration(T_i_k, covariance, np.nan, np.nan, True, 0.0, "between two key scans")
         T_keys = T_poses[a].inv() * T_poses[b] if parts[a] == parts[b] else None
         between.append(Between(k, Edge(i, k, step, "odometry"), keys[b], T_keys))
     return between

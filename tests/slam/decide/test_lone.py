@@ -18,7 +18,7 @@ from tests.samples.surveys import measurements_of, registration, ring_poses
 COUNT = 10
 TRUTH = ring_poses(COUNT)
 COVARIANCE = np.diag([1e-4] * 3 + [1e-2] * 3)
-EXPECTED = ExpectedPose.of(RigidTransform.identity(), np.ones(6))
+EXPECTED = ExpectedPose.of(RigidTransform.identity(), np.eye(6))
 
 
 def pair(i: int, j: int, probability: float, accepted: bool = True, expected: bool = False) -> RegisteredPair:

@@ -148,7 +148,7 @@ def some_steps(numbers: list[int], seed: int = 5) -> list[Step]:
 def test_a_sonar_that_stands_still_is_expected_there() -> None:
     motion = learned([step_pair(k, RigidTransform.identity(), SURE) for k in range(9)])
     expected = motion.expected(4, 5)
-    np.testing.assert_array_equal(expected.translation, 0)
+    np.testing.assert_array_equal(expected.T_target_source.translation, 0)
     np.testing.assert_allclose(expected.sigmas[3:], FLOOR[3:], rtol=1e-3)
 
 
@@ -232,7 +232,7 @@ def test_the_estimate_expects_a_pair_where_it_has_it() -> None:
     T = expected.T_target_source.inv() * poses[1].inv() * poses[4]
     np.testing.assert_allclose(T.as_matrix(), np.eye(4), atol=1e-4)
     covariance = solution.relative(1, 4)[1]
-    R = Rotation.from_rotvec(expected.rotation).as_matrix()
+    R = expected.T_target_source.rotation.as_matrix()
     np.testing.assert_allclose(expected.sigmas[3:] ** 2, 3 * np.diag(R @ covariance[3:, 3:] @ R.T) + 0.05**2, rtol=1e-3)
 
 
@@ -268,7 +268,7 @@ def test_what_was_looked_for_in_a_window_is_as_sure_as_the_window_where_it_is_wr
     away = (T.inv() * EXPECTED.T_target_source).as_exp_coords()
     R = np.kron(np.eye(2), T.rotation.as_matrix())
     widened = R.T @ np.diag(EXPECTED.sigmas**2) @ R + np.outer(away, away)
-    np.testing.assert_allclose(both.covariance - second.registration.covariance, 0.1 * widened, atol=1e-12)
+    np.testing.assert_allclose(both.covariance - second.registration.covariance, 0.1 * widened, atol=1e-7)
     # about the usual motion the steps themselves are weighed
     by_motion = with_both(first, second, MOTION).registration
     assert by_motion is not None

@@ -90,7 +90,7 @@ def test_limits_bound_what_is_expected_and_believed() -> None:
     motion = Motion.learn([], np.arange(6.0), np.zeros(6, int), FLOOR, limits)
     assert motion is not None
     expected = motion.expected(0, 2)
-    np.testing.assert_array_equal(expected.translation, 0)
+    np.testing.assert_array_equal(expected.T_target_source.translation, 0)
     np.testing.assert_allclose(expected.sigmas[3:], np.hypot(2.0 / 3, FLOOR[3]), rtol=1e-4)
     np.testing.assert_allclose(expected.sigmas[:3], np.hypot(0.6 / 3, FLOOR[0]), rtol=1e-4)
     assert not motion.contradicts(0, 1, moved(np.array([0, 0, 0.2, 0.9, 0, 0])))
@@ -265,9 +265,9 @@ def test_an_assumed_step_lies_between_the_scans_and_the_motion_and_is_as_wide_as
     assert step.guess is not None
     expected = motion.reach(3, 4)
     assert (expected.sigmas > motion.expected(3, 4).sigmas).all()
-    between = moved(USUAL + off).translation - expected.translation
+    between = moved(USUAL + off).translation - expected.T_target_source.translation
     found = step.guess.T_target_source.translation
-    np.testing.assert_allclose(found, expected.translation + 0.4 * between, atol=0.05)
+    np.testing.assert_allclose(found, expected.T_target_source.translation + 0.4 * between, atol=0.05)
     covariance = step.guess.covariance
     assert np.linalg.eigvalsh(covariance).min() > 0
     least = 0.4 * 0.6 * np.linalg.norm(between) ** 2
@@ -296,10 +296,10 @@ def test_rest_and_transit_are_told_apart() -> None:
     motion = learned([step_pair(k, at_rest if k % 2 else under_way, COVARIANCE) for k in range(20)], stamps)
     for i, j, way in ((0, 2, 1.0), (1, 3, 1.0), (1, 2, 0.0), (2, 3, 1.0)):
         expected = motion.expected(i, j)
-        assert abs(expected.translation[0] - way) < 2 * expected.sigmas[3], (i, j)
+        assert abs(expected.T_target_source.translation[0] - way) < 2 * expected.sigmas[3], (i, j)
     rates = np.array([[0, 0, 0, 1.0, 0, 0], np.zeros(6)])
     known = replace(motion, rates=np.tile(rates, (10, 1)), variances=np.full((20, 6), 1e-8))
-    np.testing.assert_allclose(known.expected(0, 2).translation, [1, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(known.expected(0, 2).T_target_source.translation, [1, 0, 0], atol=1e-6)
 
 
 def test_short_steps_of_a_stream_tell_little_of_the_speed() -> None:

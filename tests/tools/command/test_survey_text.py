@@ -79,7 +79,7 @@ def test_an_error_of_the_method_is_named_and_the_map_is_not_whole() -> None:
 
 def test_a_map_that_only_the_usual_motion_joins_is_not_whole() -> None:
     """Pairs sought where the motion has them are found there, as in the second of two pools in one folder."""
-    survey, away = refusing({(4, 5)}), ExpectedPose.of(RigidTransform.identity(), np.ones(6))
+    survey, away = refusing({(4, 5)}), ExpectedPose.of(RigidTransform.identity(), np.eye(6))
     sought = [replace(pair, expected=away) if pair.i < 5 <= pair.j else pair for pair in survey.pairs]
     joined = replace(survey, pairs=tuple(sought))
     assert [step.scans for step in joined.unconfirmed] == [(4, 5)]

@@ -90,7 +90,7 @@ def _expected(
     sigmas = np.repeat([turn, shift * pair.grid.voxel], 3)
     off = sigmas * rng.standard_normal(6)
     T = RigidTransform.from_components(about.translation + off[3:], Rotation.from_rotvec(off[:3]) * about.rotation)
-    return replace(pair, cells=pair.cells | {"known": known}, expected=ExpectedPose.of(T, sigmas))
+    return replace(pair, cells=pair.cells | {"known": known}, expected=ExpectedPose.along_target(T, sigmas))
 
 
 def _still(number: int, seed: int, edge: int, _rng: np.random.Generator) -> Iterator[EvidencePair]:
