@@ -13,11 +13,12 @@ from sonarmap.spectral.geometry import measured_rotation, rotated
 from sonarmap.spectral.prior import RelativePrior
 from sonarmap.spectral.scan import PosePrior, Scan
 
-_EVENLY, _TURNING = 8, 8  # pairs: spread over the survey, and those between which it turns most
-LEAST_PAIRS = 6  # that tell something
+_EVEN_PAIRS = 8  # spread evenly over the survey
+_TURNING_PAIRS = 8  # between which it turns most
+LEAST_PAIRS = 6  # from which a scale of errors is estimated
 # By kind, the numbers of a prior that tell it, and which of six differences of a pair it is then: the last of these.
 _KINDS = {"attitude": ([0, 1], [0, 1]), "heading": ([0, 1, 2], [2]), "depth": ([0, 1, 5], [5])}
-_UNDERSTATED = 2.0
+_UNDERESTIMATED = 2.0  # ratio of errors to stated sigmas from which these are scaled
 
 
 def register_freely(runner: PairRunner, scans: Sequence[Scan], surveys: np.ndarray) -> list[RegisteredPair]:
@@ -43,8 +44,8 @@ def _chosen(scans: Sequence[Scan], surveys: np.ndarray) -> list[tuple[int, int]]
             continue
         pairs.append((k, k + 1))
         turns.append(float((first.T_world_sensor.rotation.inv() * second.T_world_sensor.rotation).magnitude()))
-    most: list[int] = np.argsort(turns)[::-1][:_TURNING].tolist()
-    evenly: list[int] = np.linspace(0, len(pairs) - 1, _EVENLY).round().astype(int).tolist() if pairs else []
+    most: list[int] = np.argsort(turns)[::-1][:_TURNING_PAIRS].tolist()
+    evenly: list[int] = np.linspace(0, len(pairs) - 1, _EVEN_PAIRS).round().astype(int).tolist() if pairs else []
     return [pairs[k] for k in sorted({*most, *evenly})]
 
 
@@ -58,7 +59,7 @@ def errors_shown(pairs: Sequence[RegisteredPair], priors: Mapping[int, PosePrior
         squared = [far for pair in pairs if (far := _far(pair, priors, measured, numbers)) is not None]
         usual = chi_squared(0.5, len(numbers))
         factor = float(np.sqrt(np.median(squared) / usual)) if len(squared) >= LEAST_PAIRS else 1.0
-        if factor >= _UNDERSTATED:
+        if factor >= _UNDERESTIMATED:
             shown[kind] = factor
     return shown
 

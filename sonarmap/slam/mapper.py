@@ -71,8 +71,8 @@ class MapperSettings:
             raise InputError(f"`min_seen={self.min_seen}`: wanted at least 1, which leaves no point out")
 
 
-# Scans are straightened and registered again so often at most, and where points move by this share of a voxel or more.
-_ROUNDS, _STRAIGHT = 2, 0.1
+_STRAIGHTENINGS = 2  # of the scans, at most
+_STRAIGHT = 0.1  # a smaller motion of all points ends them [voxels]
 
 
 @dataclass(slots=True)
@@ -187,7 +187,7 @@ class Mapper:
         one that is given."""
         straight = Straightened.none(measurements.scans)
         have_times = any(scan.times is not None for scan in measurements.scans)
-        for _ in range(_ROUNDS if self.settings.straighten and have_times else 0):
+        for _ in range(_STRAIGHTENINGS if self.settings.straighten and have_times else 0):
             runs = ways(result.components, result.surveys, result.trajectory.stamps)
             taken, bent, before = measurements.scans, result.straightened is None, straight
             straight = straightened(taken, result.trajectory, runs, self.voxel / 2, bent, turn_rates)

@@ -8,10 +8,11 @@ import numpy as np
 from sonarmap.spectral.grid import Grid, scan_extent, voxel_for
 from sonarmap.spectral.scan import Scan
 
-# Voxels are one of so many sizes between one and twice as much.
-_SIZES = 8
-# Of this many scans on, one that is so much larger than nine of ten others is stray echoes, and decides nothing.
-_MANY, _USUAL, _STRAY = 10, 0.9, 1.5
+_SIZES = 8  # of voxels, from one to twice as large
+# Among enough scans, a few that are much larger than the usual are stray echoes, and do not count.
+_ENOUGH_SCANS = 10
+_USUAL_QUANTILE = 0.9
+_STRAY_RATIO = 1.5
 
 
 def survey_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = None) -> Grid:
@@ -29,7 +30,7 @@ def grid_of_extents(extents: Iterable[float], edge: int = 128) -> Grid:
     """The grid for scans of these extents [m], as `scan_extent` has them."""
     sizes = [voxel_for(extent, edge) for extent in extents if extent > 0]  # 0: all points are in one place
     largest = max(sizes, default=0.0) or voxel_for(0.0, edge)  # which says why there is none
-    if len(sizes) >= _MANY:
-        usual = float(np.quantile(sizes, _USUAL))
-        largest = max(size for size in sizes if size <= _STRAY * usual)
+    if len(sizes) >= _ENOUGH_SCANS:
+        usual = float(np.quantile(sizes, _USUAL_QUANTILE))
+        largest = max(size for size in sizes if size <= _STRAY_RATIO * usual)
     return Grid(edge, 2 ** (ceil(_SIZES * log2(largest)) / _SIZES))

@@ -25,9 +25,11 @@ from sonarmap.slam.pair import Pair
 from sonarmap.slam.parts import placed
 from sonarmap.slam.tie import Tie
 
-# Instruments contradict the map if their median error exceeds DISPUTED sigmas, or if more than the share _MOST of the
-# accepted pairs is rejected. Pairs that are all wrong with a probability above _CHANCE do not count.
-DISPUTED, _MOST, _CHANCE = 3.0, 0.5, 0.01
+# Instruments contradict the map if their median error is this large [sigmas],
+DISPUTED = 3.0
+# or if a larger share of the accepted pairs is rejected, which are all wrong with a smaller probability.
+_REJECTED_SHARE = 0.5
+_CHANCE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +140,7 @@ class SurveyResult:
         accepted = [pair for pair in self.pairs if pair.accepted]
         rejected = [pair for pair in accepted if not pair.kept]
         all_wrong = math.prod(1 - pair.registration.probability for pair in rejected if pair.registration is not None)
-        if not self.solution.graph.priors or len(rejected) <= _MOST * len(accepted) or all_wrong > _CHANCE:
+        if not self.solution.graph.priors or len(rejected) <= _REJECTED_SHARE * len(accepted) or all_wrong > _CHANCE:
             return 0, 0
         return len(rejected), len(accepted)
 

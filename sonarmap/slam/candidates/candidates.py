@@ -15,9 +15,8 @@ from sonarmap.slam.map.cell import cell_keys, overlapping
 from sonarmap.slam.pair import Candidate
 
 # The power of the overlap in a loop's worth: where scans share less, they see it from other sides, and err more.
-_OVERLAP = 2
-# So many times the wanted number of lookalikes are looked up, as neighbors show the same place.
-_LOOKALIKES = 3
+_OVERLAP_POWER = 2
+_LOOKALIKES = 3  # times the wanted number that are looked up, as neighbors show the same place
 # Draws from the joint marginal of two poses, the mean aside; always the same.
 _DRAWS = np.random.default_rng(0).standard_normal((12, 6))
 
@@ -187,7 +186,7 @@ def _best(scans: np.ndarray, overlap: np.ndarray, solution: Solution, per_scan: 
         return np.zeros(0, np.intp)
     apart = separations(len(solution.trajectory), solution.graph.edges, scans)
     # what instruments alone place is infinitely far along the edges
-    worth = overlap**_OVERLAP * np.log2(1 + np.minimum(apart, len(solution.trajectory)))
+    worth = overlap**_OVERLAP_POWER * np.log2(1 + np.minimum(apart, len(solution.trajectory)))
     order = np.lexsort((scans[:, 1], scans[:, 0], -worth))
     ranked = [(i, j) for i, j in scans[order].tolist()]
     return order[within_limits(ranked, per_scan, spread)]

@@ -20,13 +20,12 @@ from sonarmap.spectral.result import Registrar
 
 Sources = Mapping[ScanKey, ScanSource]
 
-# Chains need so many prepared scans, and loops come back to more: as many as an eighth of the memory holds are kept, up
-# to a few of the scans' neighbors. Five times as many saved no time in surveys of 240 and 400 scans, as pairs are
-# registered in the order of their scans, and they took 1.8 GB. The rest of the memory is the map's and other programs'.
-_CHAIN, _TRACKS = 8, 16
-_SHARE = 8
-# A process without work for so long frees its worker [s], as while a large map is fused. Making it again takes 2 s.
-IDLE = 60.0
+# Prepared scans that are kept. Pairs are registered in the order of their scans, so that more save no time; the rest of
+# the memory is for the map and other programs.
+_LEAST_PREPARED = 8
+_MOST_PREPARED = 16
+_MEMORY_DIVISOR = 8  # of the device's memory, the part that prepared scans may take
+IDLE = 60.0  # [s] without work, as while a large map is fused, after which a process frees its worker
 
 
 def prepared_limit(registrar: Registrar, workers: int = 1) -> int:
@@ -36,10 +35,10 @@ def prepared_limit(registrar: Registrar, workers: int = 1) -> int:
     """
     device, grid = getattr(registrar, "device", None), getattr(registrar, "grid", None)
     if device is None or grid is None:
-        return _CHAIN
+        return _LEAST_PREPARED
     fitting = max(2, scans_that_fit(device, grid.edge) - 1)
-    useful = device.memory // (_SHARE * workers * prepared_size(grid.edge))
-    return min(fitting, max(_CHAIN, min(_TRACKS, useful)))
+    useful = device.memory // (_MEMORY_DIVISOR * workers * prepared_size(grid.edge))
+    return min(fitting, max(_LEAST_PREPARED, min(_MOST_PREPARED, useful)))
 
 
 @dataclass(frozen=True, slots=True)

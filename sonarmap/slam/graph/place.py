@@ -26,14 +26,12 @@ _TILTS = [
     for toward in np.deg2rad([0.0, 90.0, 180.0, 270.0])
 ]
 _LEVEL = 0.3  # how far a part's own tilt usually is from the world's, standard deviation [rad]
-_STEPS, _FALLEN = 20, 1e-3  # of least squares at most, and the share by which the last of them lessens chi-squared
-_FAR = 2.0  # residuals beyond so many sigmas count ever less
-# Points whose second extent is a smaller share of their first lie on a line.
-_FLAT = 0.02
-# Of all choices of the fewest points so many are tried.
-_CHOICES = 300
-# Points within so many median distances take part in the end.
-_INLIER = 3.0
+_MOST_STEPS = 20  # of least squares
+_SMALL_FALL = 1e-3  # of chi-squared in a step, as a share, which ends them
+_FAR_SIGMAS = 2.0  # residuals beyond it count ever less
+_LINE = 0.02  # second extent over the first, below which points lie on a line
+_CHOICES = 300  # of the fewest points that determine a pose, at most
+_INLIER = 3.0  # median distances within which points take part in the final fit
 
 _Fit = Callable[[np.ndarray, np.ndarray], RigidTransform]
 
@@ -72,8 +70,8 @@ def _placement(known: Mapping[int, PosePrior], T_part: RigidTransform) -> RigidT
     starts = [_placed(known, T_part, tilt) for tilt in tilts]
     T = T_part[measured.poses]
     usual = min(float(np.median(np.abs(_off(measured, T, start, level)[0]))) for start in starts)
-    fits = [_fitted(measured, T, start, _FAR * max(1.0, usual), level) for start in starts]
-    return _fitted(measured, T, min(fits, key=lambda fit: fit[1])[0], _FAR, level)[0]
+    fits = [_fitted(measured, T, start, _FAR_SIGMAS * max(1.0, usual), level) for start in starts]
+    return _fitted(measured, T, min(fits, key=lambda fit: fit[1])[0], _FAR_SIGMAS, level)[0]
 
 
 def _fitted(
@@ -83,7 +81,7 @@ def _fitted(
     With `level` it is tilted as little as the rest allows."""
     residuals, jacobian, about = _off(measured, T_part_pose, T_world_part, level)
     cost, damping = _cost(residuals, scale), 1e-3
-    for _ in range(_STEPS):
+    for _ in range(_MOST_STEPS):
         weighed = jacobian / (1 + (residuals / scale) ** 2)[:, None]
         total = weighed.T @ jacobian
         total += np.diag(damping * np.diag(total) + 1e-12 * np.trace(total))
@@ -94,7 +92,7 @@ def _fitted(
         if (less := _cost(tried[0], scale)) < cost:
             fallen, cost, damping = cost - less, less, damping / 100
             (residuals, jacobian, about), T_world_part = tried, moved * T_world_part
-            if fallen < _FALLEN * cost:
+            if fallen < _SMALL_FALL * cost:
                 break
     return T_world_part, cost
 
@@ -226,7 +224,7 @@ def _fit(here: np.ndarray, there: np.ndarray) -> RigidTransform:
     extents, axes = np.linalg.svd(a, full_matrices=False)[1:]
     if len(a) < 2 or extents[0] < 1e-9:
         R_b_a = Rotation.identity()
-    elif len(a) == 2 or extents[1] < _FLAT * extents[0]:
+    elif len(a) == 2 or extents[1] < _LINE * extents[0]:
         along = a @ axes[0]
         toward = along @ b
         length = np.linalg.norm(toward)

@@ -19,9 +19,9 @@ Register = Callable[[Scan, Scan, Candidate], RegisteredPair]
 
 LOST = 3  # scans in a row that fit nothing, after which the vehicle is lost
 _WINDOW = 12  # key scans from which the motion is learned
-# A step so many standard deviations off the usual motion, or after a scan that fitted nothing, may be a leap to a place
-# that looks alike: it has to be so probable.
-_UNUSUAL, _SURELY = 1.8, 0.97
+# A step may be a jump to a place that looks the same if it is unusual, or follows a scan that could not be placed.
+_UNUSUAL_SIGMAS = 1.8  # from the usual motion
+_JUMP_PROBABILITY = 0.97  # at which such a step is accepted
 _DUE = 0.8  # of how far key scans may be apart, the share at which a scan becomes one
 
 
@@ -168,5 +168,5 @@ class Tracker:
         T = registration.T_target_source
         if motion.contradicts(*pair.scans, T):
             return False
-        is_usual = not self.missed and motion.expected(*pair.scans).distance(T) < _UNUSUAL
-        return bool(is_usual or not registration.probability < _SURELY)  # NaN of methods that do not say
+        is_usual = not self.missed and motion.expected(*pair.scans).distance(T) < _UNUSUAL_SIGMAS
+        return bool(is_usual or not registration.probability < _JUMP_PROBABILITY)  # NaN of methods that do not say

@@ -22,13 +22,14 @@ from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 
-_MOST = 8  # key scans that are tried where few agree
-_SURE, _FEWEST_KEYS = 0.99, 3  # from which probability, by so many key scans, no more are tried
-_LIKELY = 0.5  # from which probability on key scans near a place are tried
+_MOST_TRIED = 8  # key scans
+_SUFFICIENT_PROBABILITY = 0.99  # no more key scans are tried from here on, if the place has
+_SUFFICIENT_KEYS = 3  # key scans that agree
+_LIKELY = 0.5  # probability from which key scans near a place are tried
 _ELSEWHERE = 1  # key scans from which the place cannot be seen, the most similar first, that are tried then
-_BELIEVED = 0.93  # from which probability on a place is believed; docs/measured has the evidence
-_LEAST = 0.01  # less probable places are none
-_KEPT = 32  # key scans that stay prepared
+_ACCEPTED = 0.93  # probability from which a place is accepted; docs/measured has the evidence
+_LEAST_PROBABILITY = 0.01  # of a place that is kept
+_PREPARED_KEYS = 32  # that are kept
 _WINDOW = 12  # scans from which the motion is learned
 _ALLOWED_SIGMAS = 4.0  # of a measured position, within which key scans are tried
 
@@ -42,7 +43,7 @@ class Locator:
         """
         self._registrar, self._map = registrar, surveyed
         self._floor = LoopSettings().floor(surveyed.voxel)
-        self._key = lru_cache(_KEPT)(self._seen_from_key)
+        self._key = lru_cache(_PREPARED_KEYS)(self._seen_from_key)
         keys = {key: registrar.signature(it) for key in surveyed.apart if (it := self._key(key)) is not None}
         if not keys:
             raise InputError("no scan has enough points of its own in the map; nothing to find a place by")
@@ -74,22 +75,22 @@ class Locator:
     def _anywhere(self, scan: Scan, prepared: SpectralScan) -> Located:
         # 1. poses by registration to key scans, the most similar and the nearest to a place in turn, until some agree
         keys, answers, places = self._alike(scan, prepared), list[Place](), list[Place]()
-        for turn in range(min(_MOST, len(keys))):
+        for turn in range(min(_MOST_TRIED, len(keys))):
             by_place = turn % 2 == 1 and places and places[0].probability >= _LIKELY
             key = keys[int(np.argmin(self._apart_from(places[0], keys))) if by_place else 0]
             keys.remove(key)
             answers += self._answers(key, prepared)
             places = agreed_places(answers, self._floor)
-            if places and places[0].probability >= _SURE and len(places[0].keys) >= _FEWEST_KEYS:
+            if places and places[0].probability >= _SUFFICIENT_PROBABILITY and len(places[0].keys) >= _SUFFICIENT_KEYS:
                 break
         # 2. whether it looks like another place as well, from which this one cannot be seen
-        if places and places[0].probability >= _BELIEVED:
+        if places and places[0].probability >= _ACCEPTED:
             far = self._apart_from(places[0], keys) > View.of(scan.points).reach
             elsewhere = [key for key, is_far in zip(keys, far, strict=True) if is_far]
             answers += [answer for key in elsewhere[:_ELSEWHERE] for answer in self._answers(key, prepared)]
             places = agreed_places(answers, self._floor)
         # 3. the most probable place, checked against all that the map shows from there
-        places = [place for place in places if place.probability >= _LEAST]
+        places = [place for place in places if place.probability >= _LEAST_PROBABILITY]
         if not places:
             return Located(scan.name, scan.stamp, "no key scan of the map is like it")
         located = self._checked(scan, prepared, places[0])
@@ -134,7 +135,7 @@ class Locator:
     def _checked(self, scan: Scan, prepared: SpectralScan, place: Place) -> Located:
         """A place with the registration to the map as it is seen from there, anywhere in it: that has to lead back."""
         agreed = f"of the map's key scans {len(place.keys)} name the place (probability {place.probability:.1%})"
-        if place.probability < _BELIEVED:
+        if place.probability < _ACCEPTED:
             return Located(scan.name, scan.stamp, f"{agreed}, below the threshold", place)
         if (target := self._seen(place.T_map_scan, View.of(scan.points))) is None:
             return Located(scan.name, scan.stamp, f"{agreed}, but the map shows too little there", place)
@@ -170,7 +171,7 @@ class Locator:
 
     @staticmethod
     def _verdict(scan: Scan, place: Place, found: Registration, reason: str) -> Located:
-        located = place.probability >= _BELIEVED and found.is_fixed
+        located = place.probability >= _ACCEPTED and found.is_fixed
         return Located(scan.name, scan.stamp, reason, place, located, found.psr, found.overlap)
 
 

@@ -27,8 +27,9 @@ from sonarmap.slam.map.placed import PlacedScans
 from sonarmap.slam.map.point_map import PointMap, fuse
 
 MIN_SEEN = 2  # scans that have to see a point where others looked, unless the user says how many
-_AROUND, _NEIGHBORS = 2.0, 12  # the surface about a point: so far [voxels], and so many of its points at most
-_OFTEN = 2  # a surface was seen well if it was seen so many times as often as the point beside it
+_SURFACE_RADIUS = 2.0  # of the surface about a point [voxels]
+_SURFACE_POINTS = 12  # of it, at most
+_SEEN_RATIO = 2  # a surface was seen well if more scans than this ratio saw it for each that saw the point beside it
 _NEAR = 0.75  # a point this near to what was seen well is part of it [voxels]
 _AT_A_TIME = 100_000  # points that are looked at together, so that memory stays small
 
@@ -109,10 +110,10 @@ def _beside(point_map: PointMap, chosen: np.ndarray) -> np.ndarray:
         some = slice(first, first + _AT_A_TIME)
         places = point_map.points[chosen[some]]
         distance, near = tree.query(
-            places, _NEIGHBORS + 1, distance_upper_bound=_AROUND * point_map.voxel
+            places, _SURFACE_POINTS + 1, distance_upper_bound=_SURFACE_RADIUS * point_map.voxel
         )  # the first is the point itself
         around, count = seen[np.asarray(near)[:, 1:]], np.isfinite(distance[:, 1:]).sum(axis=1)
-        well = _OFTEN * point_map.seen[chosen[some]]
+        well = _SEEN_RATIO * point_map.seen[chosen[some]]
         part_of = ((around >= well[:, None]) & (distance[:, 1:] <= _NEAR * point_map.voxel)).any(axis=1)
         beside[some] = (around.sum(axis=1) >= well * count) & (count > 0) & ~part_of
     return beside

@@ -16,11 +16,12 @@ APART = 10  # scans of one pass follow each other more closely than this
 PER_SCAN = 2  # crossings that a scan takes part in
 MOST = 1000  # crossings that are looked at; of more, as many from all over the survey
 SCANS = 2000  # scans among which crossings are sought; of more, as many from all over the survey
-_CELL, _OVERLAP = 4.0, 0.3  # edge of the cells in which overlap is counted [voxels], and least share of them in common
+_CELL = 4.0  # edge of the cells in which overlap is counted [voxels]
+_MIN_OVERLAP = 0.3  # share of cells in common
 _SAMPLE = 1000  # points of a scan
-_NEIGHBORS = 8  # of the points that a plane is laid through
+_PLANE_POINTS = 8
 _SHARED = 3.0  # a point that has a neighbor this near in the other scan was seen by both [voxels]
-_LEAST = 50  # points that both have to have seen
+_MIN_SHARED = 50  # points that both have seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +98,7 @@ def crossing_error(placed: PlacedScans, before: RigidTransform) -> CrossingError
         distance, _ = tree.query(T_after.apply(source), distance_upper_bound=_SHARED * voxel)
         shared = source[np.isfinite(distance)]
         shared = shared[:: max(1, len(shared) // _SAMPLE)]
-        if len(shared) >= _LEAST and len(target) >= _NEIGHBORS:
+        if len(shared) >= _MIN_SHARED and len(target) >= _PLANE_POINTS:
             spreads = [_spread(target, tree, T.apply(shared)) for T in (T_before, T_after)]
             crossings.append(Crossing(placed.indices[a], placed.indices[b], *spreads))
     return CrossingError(tuple(crossings))
@@ -109,7 +110,7 @@ def _pairs(placed: PlacedScans) -> list[tuple[int, int]]:
         return []
     chosen = np.arange(0, len(placed.scans), -(-len(placed.scans) // SCANS))
     outlines = [outline(placed.scans[k], _CELL * placed.voxel) for k in chosen.tolist()]
-    pairs, overlap = overlapping(outlines, placed.T_world_sensor[chosen], _CELL * placed.voxel, _OVERLAP)
+    pairs, overlap = overlapping(outlines, placed.T_world_sensor[chosen], _CELL * placed.voxel, _MIN_OVERLAP)
     pairs = chosen[pairs]
     called, group = np.array(placed.indices)[pairs], np.array(placed.surveys)[pairs]
     apart = (np.abs(called[:, 0] - called[:, 1]) >= APART) | (group[:, 0] != group[:, 1])
@@ -125,7 +126,7 @@ def _pairs(placed: PlacedScans) -> list[tuple[int, int]]:
 
 def _spread(surface: np.ndarray, tree: KDTree, points: np.ndarray) -> Spread:
     """Of points (n, 3) from the planes through the nearest points of a surface, both in one frame [m]."""
-    near = surface[tree.query(points, _NEIGHBORS)[1]]
+    near = surface[tree.query(points, _PLANE_POINTS)[1]]
     middle = near.mean(axis=1)
     away = near - middle[:, None]
     _, directions = np.linalg.eigh(np.einsum("nki,nkj->nij", away, away))

@@ -16,20 +16,23 @@ from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.map.portions import in_portions
 from sonarmap.spectral.scan import Scan
 
-# A point contradicts a view if it lies nearer than everything about its direction by more than this: so many voxels,
-# this share of the range, and so many standard deviations.
-_REACH, _SLOPE, _SIGMAS = 1.0, 0.03, 2.0
-_LEAST = 2  # scans that have to contradict a point
+# A point contradicts a view if it lies nearer than everything about its direction by more than the sum of these.
+_MARGIN_VOXELS = 1.0
+_MARGIN_SHARE = 0.03  # of the range
+_MARGIN_SIGMAS = 2.0
+_MIN_CONTRADICTING = 2  # scans
 _BEAMS_PER_CELL = 2.0  # along a side: a finer view has holes between the beams
 _EDGES = (16, 256)  # of a view, coarsest and finest [cells]
 _LEVELS = 3  # of each view, every next one half as fine, for points whose direction is less sure
-_FILLED, _CLOSED = 5, 9  # of the nine cells about a direction, so many have to hold an echo, and hold one each
+# Of the nine cells about a direction, how many hold an echo where a view is not empty, and where it has no hole
+_FILLED = 5
+_CLOSED = 9
 _ROUNDING = 1 + 1e-6  # the farthest point of a scan is within its own reach
 # Where one of nine cells holds an echo, it is at most two cells away along either side of the map, which are 2 / edge
 # wide there; a step on the octahedron is no longer than sqrt(6) of the larger of both, and seen from its middle sqrt(3)
 # times that at most [rad * edge].
 _ASIDE = 2 * 2 * np.sqrt(6) * np.sqrt(3)
-_CROWD = 3  # of so many echoes in a cell the nearest is left out: it may be a wild one
+_CROWD = 3  # echoes in a cell from which the nearest is left out, as it may be false
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +67,7 @@ def uncontradicted(point_map: PointMap, vote: Votes) -> np.ndarray:
     What no beam passed cannot be contradicted: echoes from behind a surface, as of multipath, stay.
     """
     support = np.maximum(vote.agree, point_map.seen)
-    return (vote.contradict < _LEAST) | (vote.contradict <= support)
+    return (vote.contradict < _MIN_CONTRADICTING) | (vote.contradict <= support)
 
 
 def votes(point_map: PointMap, placed: PlacedScans, executor: Executor | None = None) -> Votes:
@@ -142,7 +145,7 @@ def _ask(
     ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
     # the nine cells reach half again a cell's width to every side
     reach = 1.5 * np.sqrt(4 * np.pi) / len(view.levels[0]) * ranges
-    doublings = np.ceil(np.log2(np.maximum(_SIGMAS * sigma, 1e-12) / np.maximum(reach, 1e-12)))
+    doublings = np.ceil(np.log2(np.maximum(_MARGIN_SIGMAS * sigma, 1e-12) / np.maximum(reach, 1e-12)))
     nearest = np.full(len(points), np.nan)  # it stays so where the direction is not sure enough for any level
     for fineness, image in enumerate(view.levels):
         chosen = np.flatnonzero(np.maximum(doublings, 0) == fineness)
@@ -153,7 +156,7 @@ def _ask(
 
 def _tolerance(ranges: np.ndarray, sigma: np.ndarray, voxel: float) -> np.ndarray:
     """How far a point may be before or behind a surface and still be taken for it (n,) [m]."""
-    return _REACH * voxel + _SLOPE * ranges + _SIGMAS * sigma
+    return _MARGIN_VOXELS * voxel + _MARGIN_SHARE * ranges + _MARGIN_SIGMAS * sigma
 
 
 @dataclass(frozen=True, slots=True)

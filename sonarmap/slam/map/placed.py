@@ -15,13 +15,16 @@ from sonarmap.slam.map.cell import lattice_origin
 from sonarmap.slam.map.portions import in_portions
 from sonarmap.spectral.scan import Scan
 
-# So many beams of a scan are looked at, each with its nearest by direction; and in so many groups by range.
-_SAMPLE, _NEIGHBORS, _GROUPS = 750, 11, 8
-# A scan was seen from one viewpoint if so many beams are about as long as those around them: within so many voxels and
-# this share of the range. The same as of `spectral.prepare.range_image`.
-_SINGLE, _SPREAD, _SLOPE = 0.8, 2.0, 0.03
+_SAMPLE = 750  # beams of a scan that are compared with their neighbors
+_NEIGHBORS = 11  # of a beam, by direction
+_GROUPS = 8  # of beams by range, each with its own scatter
+# A scan was seen from one viewpoint if this share of the beams agrees with those around them within the sum of both
+# tolerances. The same as in `spectral.prepare.range_image`.
+_AGREEING_SHARE = 0.8
+_TOLERANCE_VOXELS = 2.0
+_TOLERANCE_SHARE = 0.03  # of the range
 _MAD = 1.4826  # standard deviation of a Gaussian whose median absolute deviation is 1
-_FLOOR = 0.02  # least scatter of a range [voxels]: no fit is better than the surface is flat
+_MIN_SCATTER = 0.02  # of a range [voxels]: no fit is better than the surface is flat
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +134,7 @@ def beams_of(points: np.ndarray, voxel: float) -> Beams:
     """
     points = points.astype(np.float64)
     ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
-    floor = _FLOOR * voxel
+    floor = _MIN_SCATTER * voxel
     if len(points) <= _NEIGHBORS or not ranges.min() > 0:
         return Beams(np.array([0.0]), np.array([max(floor, voxel / np.sqrt(12))]), 0.0, single=False)
     directions = points / ranges[:, None]
@@ -141,7 +144,7 @@ def beams_of(points: np.ndarray, voxel: float) -> Beams:
     angles, near = tree.query(directions[sample], _NEIGHBORS)
     around = ranges[near]
     off = np.abs(ranges[sample] - np.median(around, axis=1))
-    single = bool((off <= _SPREAD * voxel + _SLOPE * ranges[sample]).mean() >= _SINGLE)
+    single = bool((off <= _TOLERANCE_VOXELS * voxel + _TOLERANCE_SHARE * ranges[sample]).mean() >= _AGREEING_SHARE)
     if not single:  # a point may lie anywhere in its voxel
         return Beams(np.array([0.0]), np.array([voxel / np.sqrt(12)]), 0.0, single=False)
     residual = np.abs(_residuals(directions[near], around))

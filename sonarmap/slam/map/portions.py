@@ -11,8 +11,8 @@ from sonarmap.spectral.scan import Scan
 
 _Result = TypeVar("_Result")
 
-# Points of a portion's scans, together, and most scans of it.
-_POINTS, _SCANS = 200_000, 64
+_MOST_POINTS = 200_000  # of a portion's scans together
+_MOST_SCANS = 64  # of a portion
 
 
 def in_portions(
@@ -36,7 +36,7 @@ def _portions(sizes: Sequence[int]) -> list[range]:
     portions: list[range] = []
     start, points = 0, 0
     for place, size in enumerate(sizes):
-        if place > start and (points + size > _POINTS or place - start == _SCANS):
+        if place > start and (points + size > _MOST_POINTS or place - start == _MOST_SCANS):
             portions.append(range(start, place))
             start, points = place, 0
         points += size

@@ -10,8 +10,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 _NEIGHBORS = 4  # that a point of a surface has within the radius
-_FEWEST = 12  # points that hang together
-_RADIUS, _SPARSE = 2.0, 1.5  # [voxels], and in usual distances of the last neighbor where voxels are finer than beams
+_MIN_POINTS = 12  # of a connected surface
+_RADIUS_VOXELS = 2.0
+_RADIUS_SPACINGS = 1.5  # times the median distance of the last neighbor, where voxels are finer than beams
 
 
 def on_surface(points: np.ndarray, voxel: float) -> np.ndarray:
@@ -25,7 +26,7 @@ def on_surface(points: np.ndarray, voxel: float) -> np.ndarray:
     row, column = np.nonzero(dense[:, None] & dense[near])
     pairs = (np.ones(len(row), bool), (row, near[row, column]))
     group = connected_components(sparse.coo_array(pairs, shape=(len(points),) * 2), directed=False)[1]
-    kept = dense & (np.bincount(group[dense], minlength=int(group.max()) + 1)[group] >= _FEWEST)
+    kept = dense & (np.bincount(group[dense], minlength=int(group.max()) + 1)[group] >= _MIN_POINTS)
     kept |= (linked & kept[near]).any(axis=1)
     return kept if kept.any() else np.ones(len(points), bool)
 
@@ -33,9 +34,9 @@ def on_surface(points: np.ndarray, voxel: float) -> np.ndarray:
 def surface_reach(points: np.ndarray, voxel: float) -> float:
     """How far neighbors on a surface are apart at most [m], of points (M, 3) [m] on it."""
     if len(points) <= _NEIGHBORS:
-        return _RADIUS * voxel
+        return _RADIUS_VOXELS * voxel
     return _reach(np.asarray(KDTree(points).query(points, _NEIGHBORS + 1)[0])[:, -1], voxel)
 
 
 def _reach(fourth: np.ndarray, voxel: float) -> float:
-    return max(_RADIUS * voxel, _SPARSE * float(np.median(fourth)))
+    return max(_RADIUS_VOXELS * voxel, _RADIUS_SPACINGS * float(np.median(fourth)))

@@ -20,9 +20,8 @@ from sonarmap.slam.optimize.chordal import ChordalProblem
 
 Verdict = Literal["certified", "not certified", "not decided"]
 
-# A solution is certified where none can be better by more than this share of its cost, or of a cost so low that the
-# measurements agree to a thirtieth of their deviations.
-GAP, _NOTHING = 1e-6, 1e-3
+GAP = 1e-6  # share of its cost by which no other solution is better than a certified one,
+_LEAST_COST = 1e-3  # or of this cost, at which measurements agree to a thirtieth of their sigmas
 # Where the cost falls by more than this share of its multipliers there is no optimum, not even a local one.
 _RESTING = 1e-3
 
@@ -46,7 +45,7 @@ def certify(problem: ChordalProblem, T: RigidTransform) -> Certificate:
     cost = problem.cost(T)
     blocks, gradient = _multipliers(problem, X)
     scale = float(np.abs(blocks).max()) or 1.0
-    allowed = GAP * max(cost, _NOTHING)
+    allowed = GAP * max(cost, _LEAST_COST)
     held = sparse.block_diag([sparse.csc_array((n, n)), sparse.block_diag(list(blocks))])
     # the first translation is held: shifts of all poses change nothing
     dual = sparse.csc_array(sparse.csc_array(problem.matrix - held)[1:, 1:])

@@ -18,19 +18,17 @@ BIASES = len(NAMES)
 # lower soundings as heading and pitch do, by millimeters, which would seem to show these on a flat bed.
 MOTION = np.array([np.radians(5.0), 1.0, 1.0])
 _FIXED = BIASES + len(MOTION)
-# Cells are so many times as wide in the first rounds, so that errors of meters are small beside the bed's forms.
+# Factors by which cells are wider in the first rounds, so that errors of meters are small beside the bed's forms.
 _WIDENED = (3.0, 3.0, 2.0)
-# Rounds with the cells themselves, at most; and the largest change of a bias that ends them, in standard deviations.
-_ROUNDS, _STILL = 10, 0.1
-# No bias is more than so many times its standard deviation as assumed before.
-_FARTHEST = 2.0
-# Residuals are Student-t with so many degrees of freedom; where a cell has no scatter, heights have this much [m].
-_FREEDOM, _FINEST = 5.0, 0.002
+_MOST_ROUNDS = 10  # with the cells themselves
+_SMALL_CHANGE = 0.1  # of every bias, which ends them [standard deviations]
+_LARGEST_BIAS = 2.0  # [standard deviations as assumed before]
+_DEGREES_OF_FREEDOM = 5.0  # of Student's t, for the residuals
+_LEAST_SCATTER = 0.002  # of heights in a cell [m]
 # Slopes of fewer than the first number of their noise move no heights, those of more than the second do so in full: on
 # thousands of cells noise would look like relief, on which the biases show. In wide cells all do.
 _SURE = (6.0, 8.0)
-# Residuals may be correlated within blocks of so many cells by as many.
-_BLOCK = 12
+_BLOCK = 12  # edge of the blocks of cells within which residuals may be correlated
 
 
 def fit(lines: Sequence[PingLine], cell: float, mounting: Biases) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
@@ -40,13 +38,13 @@ def fit(lines: Sequence[PingLine], cell: float, mounting: Biases) -> tuple[np.nd
     assumed = np.asarray(block_diag(fixed, *(own.information() for own in knots)))
     solution, covariance = np.zeros(knots[-1].end), np.diag(mounting.array**2)
     near = list(_overlapping(lines, _WIDENED[0] * cell))
-    for widened in (*_WIDENED, *[1.0] * _ROUNDS):
+    for widened in (*_WIDENED, *[1.0] * _MOST_ROUNDS):
         change, covariance = _step(near, knots, solution, widened * cell, assumed, widened == 1)
         # what hardly shows may seem to be far away, where the bed's slopes are others
         change[:BIASES] = np.clip(change[:BIASES], -mounting.array, mounting.array)
         solution = solution + change
-        solution[:BIASES] = np.clip(solution[:BIASES], -_FARTHEST * mounting.array, _FARTHEST * mounting.array)
-        if widened == 1 and (np.abs(change[:BIASES]) < _STILL * np.sqrt(np.diag(covariance))).all():
+        solution[:BIASES] = np.clip(solution[:BIASES], -_LARGEST_BIAS * mounting.array, _LARGEST_BIAS * mounting.array)
+        if widened == 1 and (np.abs(change[:BIASES]) < _SMALL_CHANGE * np.sqrt(np.diag(covariance))).all():
             break
     errors = [own.errors(line.stamps, solution) for line, own in zip(lines, knots, strict=True)]
     return solution[:BIASES], covariance, errors
@@ -97,13 +95,13 @@ def _overlaps(lines: Sequence[PingLine], knots: Sequence[Knots], solution: np.nd
 def _residuals(overlaps: Overlaps) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(Q,) the cell's mean height less the patch's [m], the weight of this, and the second derivative of its loss
     [m^-2]."""
-    variances = overlaps.variances + _FINEST**2
+    variances = overlaps.variances + _LEAST_SCATTER**2
     share = 1 / variances / _per_cell(1 / variances, overlaps)
     first = overlaps.heights - _per_cell(overlaps.heights / variances, overlaps) * (share * variances)
     scaled = first / np.sqrt(variances * np.maximum(1 - share, 1e-6))
     scale = max(1.4826 * float(np.median(np.abs(scaled))), 1e-6) if len(scaled) else 1.0
-    square = (scaled / scale) ** 2 / _FREEDOM
-    loss = (1 + 1 / _FREEDOM) / (1 + square) / variances / scale**2
+    square = (scaled / scale) ** 2 / _DEGREES_OF_FREEDOM
+    loss = (1 + 1 / _DEGREES_OF_FREEDOM) / (1 + square) / variances / scale**2
     means = _per_cell(loss * overlaps.heights, overlaps) / _per_cell(loss, overlaps)
     return means - overlaps.heights, loss, loss * np.maximum(1 - square, 0) / (1 + square)
 

@@ -10,8 +10,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import PingLine
 
 NAMES = ("latency", "roll", "pitch", "heading")
-# Over so many seconds the speed is averaged that places beyond the ends of a line continue with.
-_STEADY = 2.0
+_STEADY = 2.0  # over which the speed is averaged that continues a line beyond its ends [s]
 
 
 @dataclass(frozen=True, slots=True)

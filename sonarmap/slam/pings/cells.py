@@ -8,12 +8,14 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import PingLine
 
-# A cell has about so many soundings of a line, and is so many of the spacings of soundings wide at least.
-_WANTED, _SPACINGS = 16.0, 2.0
-# Fewer soundings are no patch; and where they lie along a line (smaller extent / larger, squared) they show no slope.
-_FEWEST, _NARROWEST = 5, 0.02
-# A cell's own soundings count so much for the slope, those of its neighbors beside and across a corner so much.
-_OWN, _BESIDE, _CORNER = 4.0, 2.0, 1.0
+_SOUNDINGS_PER_CELL = 16.0  # of a line, about
+_LEAST_WIDTH = 2.0  # of a cell [spacings of soundings]
+_MIN_SOUNDINGS = 5  # of a cell that has a slope
+_NARROWEST = 0.02  # (smaller extent / larger)^2 of soundings that show a slope: along a line they show none
+# Weights in a cell's slope of its own soundings, and of those of its neighbors beside it and across a corner.
+_OWN = 4.0
+_BESIDE = 2.0
+_CORNER = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +99,7 @@ class Overlaps:
             np.concatenate([getattr(own, name) for own in patches]) for name in ("keys", "counts", "means", "columns")
         )
         lines = np.repeat(np.arange(len(patches)), [len(own.keys) for own in patches])
-        enough = (counts >= _FEWEST) & _wide(moments)
+        enough = (counts >= _MIN_SOUNDINGS) & _wide(moments)
         several = np.unique(keys[enough], return_counts=True)
         chosen = np.flatnonzero(enough & np.isin(keys, several[0][several[1] > 1]))
         chosen = chosen[np.lexsort([lines[chosen], keys[chosen]])]
@@ -146,7 +148,7 @@ def checked_cell(cell: float | None, lines: Sequence[PingLine]) -> float:
         across = np.linalg.norm(np.diff(line.points[:, :2], axis=0), axis=1)[np.diff(line.pings) == 0]
         if len(along) and len(across):
             a, b = float(np.median(along)), float(np.percentile(across, 75))
-            edges.append(max(np.sqrt(_WANTED * a * b), _SPACINGS * a, _SPACINGS * b))
+            edges.append(max(np.sqrt(_SOUNDINGS_PER_CELL * a * b), _LEAST_WIDTH * a, _LEAST_WIDTH * b))
     edge = float(np.median(edges)) if edges else 0.0
     if edge <= 0:
         raise InputError(f"{len(lines)} lines have no distances between soundings; give `cell`, the edge of cells [m]")

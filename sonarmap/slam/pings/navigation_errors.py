@@ -7,11 +7,10 @@ import numpy as np
 
 from sonarmap.slam.pings.line import PingLine
 
-# Seconds between knots, and of how many intervals a line has at most.
-_INTERVAL, _MOST = 10.0, 24
-# Standard deviations of East, North and Up at the beginning of a line [m], and of how much they change in a minute [m];
-# in four minutes it is twice as much.
-_CONSTANT, _DRIFT = (1.0, 1.0, 0.2), (0.3, 0.3, 0.03)
+_INTERVAL = 10.0  # between knots [s]
+_MOST_INTERVALS = 24  # of a line
+_CONSTANT = (1.0, 1.0, 0.2)  # standard deviations of East, North and Up at the beginning of a line [m]
+_DRIFT = (0.3, 0.3, 0.03)  # by which they change in a minute, as a random walk [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +31,7 @@ class Knots:
         knots: list[Knots] = []
         for line in lines:
             begin, end = float(line.stamps[0]), float(line.stamps[-1])
-            count = int(np.clip(np.ceil((end - begin) / _INTERVAL), 1, _MOST)) + 1
+            count = int(np.clip(np.ceil((end - begin) / _INTERVAL), 1, _MOST_INTERVALS)) + 1
             knots.append(cls(first, np.linspace(begin, max(end, begin + 1.0), count)))
             first = knots[-1].end
         return knots

@@ -191,9 +191,8 @@ def _way(
     return np.asarray(registered[a, b].T_target_source.as_exp_coords())
 
 
-# Halfway to the next key scan a vehicle is assumed to be off by this share of its motion, as firmly as so many keys
-# would tell it.
-_SHARE, _ASSUMED = 0.1, 4.0
+_ASSUMED_SHARE = 0.1  # of its motion, by which a vehicle is assumed to be off halfway to the next key scan
+_ASSUMED_KEYS = 4.0  # key scans that outweigh this assumption
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +226,7 @@ class Unsteadiness:
         shaken = (straight**2 / (1 + a**2 * near_noise + b**2 * far_noise)[:, None]).mean(axis=0)
         strayed = (near**2).mean(axis=0) - (1 + near_noise).mean() * shaken
         curved = np.maximum(strayed, 0.0) / (near_room**2).mean()
-        known = len(k) / (len(k) + _ASSUMED)
+        known = len(k) / (len(k) + _ASSUMED_KEYS)
         return cls(known * shaken, known * curved + (1 - known) * assumed)
 
     def variance(self, before: float, behind: float) -> np.ndarray:
@@ -244,7 +243,7 @@ def _assumed(T: RigidTransform, times: np.ndarray, run: np.ndarray) -> np.ndarra
     steps: np.ndarray = (T[inside].inv() * T[inside + 1]).as_exp_coords()
     lengths = np.median(np.linalg.norm(steps.reshape(-1, 2, 3), axis=2), axis=0)
     halfway = float(np.median(np.diff(times)[inside])) ** 2 / 4
-    return np.repeat((_SHARE * lengths / halfway) ** 2, 3)
+    return np.repeat((_ASSUMED_SHARE * lengths / halfway) ** 2, 3)
 
 
 def _deviations(

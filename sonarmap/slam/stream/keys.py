@@ -10,16 +10,18 @@ from sonarmap.slam.execute.runner import PairRunner
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.result import Registration
 
-# A survey of fewer scans is registered scan by scan.
-_FEWEST = 40
-# So many pairs of consecutive scans, evenly along a survey, tell whether it is a stream; so many have to be accepted.
-_PROBES, _FEWEST_TELLING = 7, 2
-# Of how much motion consecutive scans of a stream are less apart [voxels, rad]: registering them tells little.
-_DENSE_WAY, _DENSE_TURN = 2.0, float(np.radians(4.0))
-# Key scans are about so far apart [voxels, rad], or share about so much.
-_WAY, _TURN, _OVERLAP = 8.0, float(np.radians(15.0)), 0.7
-# What of this is aimed at; a stride at most doubles, and is never longer than so many scans.
-_AIM, _LONGEST = 0.8, 256
+_MIN_SCANS = 40  # of a stream: a shorter survey is registered scan by scan
+_PROBES = 7  # pairs of consecutive scans, evenly along a survey, that show whether it is a stream
+_MIN_ACCEPTED_PROBES = 2
+# Consecutive scans of a stream are less far apart.
+_DENSE_SHIFT = 2.0  # [voxels]
+_DENSE_TURN = float(np.radians(4.0))  # [rad]
+# The next key scan is at one of these.
+_KEY_SHIFT = 8.0  # [voxels]
+_KEY_TURN = float(np.radians(15.0))  # [rad]
+_KEY_OVERLAP = 0.7
+_AIM = 0.8  # of these distances, the share that a stride aims at
+_LONGEST_STRIDE = 256  # [scans]; a stride at most doubles
 # Most pairs that are registered at a time where there are as many workers; it is ever less likely that a pair further
 # on is one of those that the search asks for.
 _AT_A_TIME = 4
@@ -64,7 +66,7 @@ def choose_keys(
 
 def _probes(runner: PairRunner, scans: Sequence[int]) -> list[RegisteredPair]:
     """Some consecutive scans, registered; none of a survey that is short anyway."""
-    if len(scans) < _FEWEST:
+    if len(scans) < _MIN_SCANS:
         return []
     places: list[int] = np.unique(np.linspace(0, len(scans) - 2, _PROBES).astype(int)).tolist()
     return runner.register([Candidate(scans[k], scans[k + 1], "sequential") for k in places])
@@ -75,14 +77,14 @@ def _is_dense(probes: Sequence[RegisteredPair], voxel: float) -> bool:
     near = [
         _motion(pair.registration, voxel) <= 1 for pair in probes if pair.accepted and pair.registration is not None
     ]
-    return len(near) >= _FEWEST_TELLING and 2 * sum(near) > len(near)
+    return len(near) >= _MIN_ACCEPTED_PROBES and 2 * sum(near) > len(near)
 
 
 def _motion(registration: Registration, voxel: float) -> float:
     """The motion as a share of what makes a stream dense."""
     T = registration.T_target_source
     way, turn = float(np.linalg.norm(T.translation)), float(T.rotation.magnitude())
-    return max(way / (_DENSE_WAY * voxel), turn / _DENSE_TURN)
+    return max(way / (_DENSE_SHIFT * voxel), turn / _DENSE_TURN)
 
 
 def _gallop(
@@ -105,7 +107,7 @@ def _gallop(
         keys.append(scans[at])
         if pair.accepted and pair.registration is not None:
             share = max(key_share(pair.registration, voxel, settings), 1e-3)
-            stride = usual = min(max(1, int(stride * min(2.0, _AIM / share))), _LONGEST)
+            stride = usual = min(max(1, int(stride * min(2.0, _AIM / share))), _LONGEST_STRIDE)
         else:
             stride = min(2 * stride, usual) if pair.placed else 1
     return keys, pairs
@@ -123,7 +125,7 @@ def key_share(registration: Registration, voxel: float, settings: KeySettings) -
     """How far two key scans are apart, as a share of how far they may be."""
     T = registration.T_target_source
     way, turn = float(np.linalg.norm(T.translation)), float(T.rotation.magnitude())
-    lost = (1 - registration.overlap) / (1 - _OVERLAP)
+    lost = (1 - registration.overlap) / (1 - _KEY_OVERLAP)
     if settings.step is not None:
-        return max(way / settings.step, turn / _TURN if way < settings.step / 10 else 0.0)
-    return max(way / (_WAY * voxel), turn / _TURN, lost)
+        return max(way / settings.step, turn / _KEY_TURN if way < settings.step / 10 else 0.0)
+    return max(way / (_KEY_SHIFT * voxel), turn / _KEY_TURN, lost)

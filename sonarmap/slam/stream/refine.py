@@ -13,14 +13,11 @@ from sonarmap.slam.graph.tangent import lengths, propagated
 from sonarmap.slam.pair import Candidate, RegisteredPair
 from sonarmap.spectral.chi_squared import chi_squared_beyond
 
-# Two that say where a scan is agree where one of so many right ones is farther apart.
-_AGREE = float(np.sqrt(chi_squared_beyond(1e-3, 6)))
-# From so many times on what scans usually stray from the way between their neighbors, a scan leaps: in streams of 200
-# to 400 scans none does, of 3,000 in a pool 25, of which 11 were off by more than 3 voxels, of 16 in all.
-_LEAP = 6.0
+_AGREE_SIGMAS = float(np.sqrt(chi_squared_beyond(1e-3, 6)))  # between two poses of a scan that agree
+_JUMP = 6.0  # times the usual distance from the path between its neighbors, from which a scan is out of place
 _TO_SIGMA = 1.4826  # from a median of absolute numbers
-_FASTER = 2.0  # times as fast as usual a vehicle goes there
-_MOST_ROUNDS = 50  # of leaving out those that stray most from their neighbors
+_FASTER = 2.0  # times its usual speed that a vehicle may have at a jump
+_MOST_ROUNDS = 50  # of leaving out the scans farthest from their neighbors
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +148,7 @@ def _places(
 def _agree(one: tuple[RigidTransform, np.ndarray], other: tuple[RigidTransform, np.ndarray], floor: np.ndarray) -> bool:
     """Whether two that say where a scan is, with their covariances, body tangent, say the same."""
     away = np.asarray((one[0].inv() * other[0]).as_exp_coords())
-    return bool(lengths(away[None], (one[1] + other[1] + np.diag(floor**2))[None])[0] <= _AGREE)
+    return bool(lengths(away[None], (one[1] + other[1] + np.diag(floor**2))[None])[0] <= _AGREE_SIGMAS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +190,7 @@ def find_leaps(T: RigidTransform, times: np.ndarray, runs: np.ndarray, fixed: np
         # a longer way between neighbors may be less steady
         far /= np.maximum((times[left[2:]] - times[left[:-2]]) / (2 * step), 1.0)
         far = np.pad(np.where((runs[left[:-2]] == runs[left[2:]]) & ~fixed[left[1:-1]], far, 0.0), 1)
-        leaping = (far > _LEAP) & (far >= np.roll(far, 1)) & (far >= np.roll(far, -1))
+        leaping = (far > _JUMP) & (far >= np.roll(far, 1)) & (far >= np.roll(far, -1))
         if not leaping.any() or len(left) - leaping.sum() < 3:
             break
         left = left[~leaping]
@@ -204,7 +201,7 @@ def find_leaps(T: RigidTransform, times: np.ndarray, runs: np.ndarray, fixed: np
     ways, spans = _ways(T, before, after), times[after] - times[before]
     same = np.flatnonzero(np.diff(runs) == 0)
     speeds = np.median(_ways(T, same, same + 1) / np.maximum(np.diff(times)[same, None], 1e-9), axis=0)
-    most = _FASTER * speeds * spans[:, None] + _LEAP * np.linalg.norm(usual.reshape(2, 3), axis=1)
+    most = _FASTER * speeds * spans[:, None] + _JUMP * np.linalg.norm(usual.reshape(2, 3), axis=1)
     return Leaps(gone, _between(T, times, before, gone, after), longer[:, None] * usual, (ways <= most).all(axis=1))
 
 
