@@ -1,4 +1,4 @@
-"""One measurement between two poses, which poses a set of them joins, and which of them no path can avoid."""
+"""One measurement between two poses, and graphs of these: components, spanning trees, edges that no path avoids."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -187,3 +187,18 @@ def cut_edges(count: int, edges: Sequence[Edge], in_world: Sequence[int] = ()) -
                 order[step[0]] = low[step[0]] = reached = reached + 1
                 path.append((*step, iter(neighbors[step[0]])))
     return necessary
+
+
+def placed(components: Sequence[Sequence[int]]) -> list[int]:
+    """The numbers of the components that are maps of their own, largest first, the earlier of equals.
+
+    A scan that nothing joined to another is no map; where nothing joined any two, the first scan stands for all.
+    """
+    ranked = sorted(range(len(components)), key=lambda c: (-len(components[c]), c))
+    return [c for c in ranked if len(components[c]) > 1] or ranked[:1]
+
+
+def unplaced(components: Sequence[Sequence[int]]) -> list[int]:
+    """The scans that are in no map, ascending."""
+    maps = set(placed(components))
+    return sorted(scan for c, members in enumerate(components) if c not in maps for scan in members)

@@ -11,7 +11,7 @@ from sonarmap.slam.pings.biases import corrected
 from sonarmap.slam.pings.calibration import PatchTest
 from sonarmap.slam.pings.crossings import Crossings
 from sonarmap.slam.pings.line import PingLine
-from sonarmap.slam.pings.moved import moved
+from sonarmap.slam.pings.pieces import moved
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection

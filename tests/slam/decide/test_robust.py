@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.slam.decide.region import regions_about
-from sonarmap.slam.decide.robust import robust_optimize
+from sonarmap.slam.decide.robust import regions_about, robust_optimize
 from sonarmap.slam.graph.edge import Edge, components, cut_edges
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.slam.graph.trajectory import Trajectory, chain

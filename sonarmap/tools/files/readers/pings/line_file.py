@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.pings.cut import swath_width
+from sonarmap.slam.pings.pieces import swath_width
 from sonarmap.tools.files.readers.pings.gsf import read_gsf
 from sonarmap.tools.files.readers.pings.kongsberg import read_all
 from sonarmap.tools.files.readers.pings.recorded import RecordedLine

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.motion.odometry import Odometry
 from sonarmap.slam.pings.biases import Biases, corrected
-from sonarmap.slam.pings.cut import cut
+from sonarmap.slam.pings.pieces import cut
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, PingPatch

@@ -5,9 +5,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.slam.pings.cut import cut, swath_width
 from sonarmap.slam.pings.line import PingLine
-from sonarmap.slam.pings.moved import moved
+from sonarmap.slam.pings.pieces import cut, moved, swath_width
 
 
 def a_line(pings: int = 60, beams: int = 41, pause: float = 0.0) -> PingLine:
