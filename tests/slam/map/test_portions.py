@@ -57,7 +57,7 @@ def test_two_workers_and_any_portions_give_the_same_maps(
     assert expected[0].removed
     assert len(expected[1].points)
     for count in (1, 5):
-        monkeypatch.setattr(portions, "_SCANS", count)
+        monkeypatch.setattr(portions, "_MOST_SCANS", count)
         for executor in (this_process(), workers):
             for one, other in zip(maps_of(scans, executor), expected, strict=True):
                 assert_same(one, other)
@@ -83,8 +83,8 @@ def test_of_many_scans_some_from_all_over_are_asked_for_crossings(
 
 
 def test_portions_are_neighbors_of_so_many_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(portions, "_POINTS", 100)
-    monkeypatch.setattr(portions, "_SCANS", 3)
+    monkeypatch.setattr(portions, "_MOST_POINTS", 100)
+    monkeypatch.setattr(portions, "_MOST_SCANS", 3)
     scans = [Scan(np.ones((size, 3), np.float32)) for size in (60, 40, 1, 250, 10, 10, 10, 10)]
     done = dict(in_portions(this_process(), scans, sum, lambda places: ([len(scans[k].points) for k in places],)))
     assert done == {range(2): 100, range(2, 3): 1, range(3, 4): 250, range(4, 7): 30, range(7, 8): 10}
