@@ -1,1 +1,1 @@
-"""Lines of pings: from one line to its patches, and from their poses to its navigation."""
+"""Lines of multibeam pings: cut into scans, corrected by a map's poses, compared in crossings, and a patch test."""

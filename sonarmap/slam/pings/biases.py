@@ -1,4 +1,4 @@
-"""What is wrong with how a sounder is mounted and timed, and a line without it."""
+"""Biases of a sounder's mounting and clock, and their correction in a line."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,18 +10,18 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pings.line import PingLine
 
 NAMES = ("latency", "roll", "pitch", "heading")
-_STEADY = 2.0  # over which the speed is averaged that continues a line beyond its ends [s]
+_STEADY = 2.0  # duration over which the velocity is averaged that extrapolates a line [s]
 
 
 @dataclass(frozen=True, slots=True)
 class Biases:
-    """Of a sounder with its navigation; all zero where everything is as the recording assumed.
+    """Errors of a sounder's mounting and of its positions' clock; all zero if the recording assumed the right ones.
 
-    The angles are those of the sounder's axes in the vehicle's, as the motion sensor shows these, applied in the order
-    heading, pitch, roll, as attitudes are.
+    The angles turn the sounder's axes in the vehicle frame of the motion sensor. They apply in the order heading,
+    pitch, roll, as attitudes do.
 
     Attributes:
-        latency: [s] how late positions are: the position with stamp t is that of the time t - latency.
+        latency: delay of positions [s]: the position with stamp t is that of the time t - latency.
         roll: [rad], positive where the sounder's starboard side is lower than the motion sensor shows.
         pitch: [rad], positive where its bow is higher.
         heading: [rad], positive where it is turned clockwise, seen from above.
@@ -41,12 +41,12 @@ class Biases:
 
     @classmethod
     def of(cls, array: np.ndarray) -> "Biases":
-        """Of (4,) latency [s], roll, pitch and heading [rad]."""
+        """Biases from (4,) latency [s], roll, pitch and heading [rad]."""
         return cls(*(float(number) for number in array))
 
     @classmethod
     def of_json(cls, row: Mapping[str, float]) -> "Biases":
-        """As `to_json` has them."""
+        """Inverse of `to_json`."""
         return cls(float(row["latency_s"]), *(float(np.radians(row[f"{name}_deg"])) for name in NAMES[1:]))
 
     @property
@@ -56,7 +56,7 @@ class Biases:
 
     @property
     def R_vehicle_sounder(self) -> Rotation:
-        """How the sounder's axes (x forward, y port, z up) are turned in the vehicle's."""
+        """Rotation of the sounder's axes (x forward, y port, z up) in the vehicle frame."""
         return Rotation.from_euler("ZYX", [-self.heading, -self.pitch, self.roll])
 
     def __neg__(self) -> "Biases":
@@ -70,10 +70,10 @@ class Biases:
 
 
 def corrected(line: PingLine, biases: Biases) -> PingLine:
-    """The line without these biases.
+    """The line corrected for these biases.
 
-    Soundings turn about the transducer. The latency moves places along the line's own motion, and changes nothing
-    else: stamps, attitudes and soundings are those of the sounder and the motion sensor, whose times are believed.
+    The angles turn the soundings about the transducer. The latency moves the places along the track and changes nothing
+    else: stamps, attitudes and soundings come from the sounder and the motion sensor, whose clocks are assumed right.
     """
     R_level_vehicle = line.R_level_vehicle
     R = (R_level_vehicle * biases.R_vehicle_sounder * R_level_vehicle.inv()).as_matrix()
@@ -83,24 +83,24 @@ def corrected(line: PingLine, biases: Biases) -> PingLine:
 
 
 def places_at(line: PingLine, later: float) -> np.ndarray:
-    """(P, 3) where the line says that the vehicle was this much later than the pings [m]; `later` [s] may be negative.
+    """(P, 3) places of the vehicle `later` [s] after each ping [m]; negative is before.
 
-    Linear between pings; before the first and after the last at the mean velocity of the two seconds beside.
+    Interpolation is linear; beyond the ends, the line goes on at the mean velocity of its last or first two seconds.
     """
     stamps, places = line.stamps, line.places
-    asked = stamps + later
-    between = np.column_stack([np.interp(asked, stamps, axis) for axis in places.T])
+    times = stamps + later
+    between = np.column_stack([np.interp(times, stamps, axis) for axis in places.T])
     span = min(_STEADY, stamps[-1] - stamps[0])
     if span <= 0:
         return between
     for end, beside in ((0, stamps[0] + span), (-1, stamps[-1] - span)):
         near = np.array([np.interp(beside, stamps, axis) for axis in places.T])
         velocity = (places[end] - near) / (stamps[end] - beside)
-        beyond = np.minimum(asked - stamps[0], 0) if end == 0 else np.maximum(asked - stamps[-1], 0)
+        beyond = np.minimum(times - stamps[0], 0) if end == 0 else np.maximum(times - stamps[-1], 0)
         between += beyond[:, None] * velocity
     return between
 
 
 def velocities(line: PingLine) -> np.ndarray:
-    """(P, 3) over a second about each ping [m/s], as its places have them."""
+    """(P, 3) mean velocity of the vehicle over the second around each ping [m/s]."""
     return places_at(line, 0.5) - places_at(line, -0.5)

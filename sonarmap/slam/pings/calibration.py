@@ -1,4 +1,4 @@
-"""The patch test: the biases of a sounder from lines that overlap."""
+"""Patch test: estimate the biases of a sounder from overlapping lines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,31 +13,31 @@ from sonarmap.slam.pings.cells import checked_cell
 from sonarmap.slam.pings.crossings import crossings
 from sonarmap.slam.pings.line import PingLine
 
-# Mountings and clocks are this good before any line is seen, as standard deviations.
+# Prior standard deviations of the biases, those of usual mountings and clocks.
 USUAL_MOUNTING = Biases(1.0, *np.radians([5.0, 5.0, 5.0]).tolist())
-# A bias is observable where its standard deviation moves soundings by less than these shares of the depth: on the bed
-# half the footprint of a beam of about 1.1 degrees, in height a third of what the strictest survey order allows.
-_HORIZONTALLY, _VERTICALLY = 0.01, 0.0025
-# Lines that overlap in fewer cells are no test.
-_FEWEST = 50
+# A bias is observable if its standard deviation moves soundings by less than these shares of the depth: half the
+# footprint of a beam of about 1.1 degrees, and a third of the height error that the strictest survey order allows.
+_HORIZONTAL_SHARE = 0.01
+_VERTICAL_SHARE = 0.0025
+_MIN_CELLS = 50  # in which lines overlap
 
 
 @dataclass(frozen=True, slots=True)
 class PatchTest:
-    """What lines that overlap show of the biases.
+    """Result of a patch test.
 
     Attributes:
-        biases: the likeliest ones. Those that the lines do not show stay near 0, as mountings and clocks are usual.
+        biases: the most likely biases; those that the lines do not show stay near 0.
         deviations: standard deviations of `biases` [s, rad].
         covariance: (4, 4) of latency, roll, pitch and heading [s, rad].
         bounds: standard deviations [s, rad] below which a bias is observable with this depth, swath and speed.
-        observable: names of the biases that are.
-        usable: what to take out of the lines: the observable biases, as they are likeliest if the others are zero.
-        navigation: (L, 3) East, North, Up [m] to add to the places of each line, the mean along it.
-        cells: how many cells have soundings of two lines or more.
-        before: 95 % of the absolute differences of two lines' heights are below, as recorded [m].
-        after: the same with `usable` taken out; navigation errors stay in [m].
-        remaining: the same with `biases` and the navigation errors along every line taken out [m].
+        observable: names of the observable biases.
+        usable: biases to correct lines by: the observable ones, at their most likely values given that others are 0.
+        navigation: (L, 3) East, North, Up correction of the places of each line, the mean along it [m].
+        cells: number of cells with soundings of two lines or more.
+        before: 95th percentile of the absolute differences of two lines' heights, as recorded [m].
+        after: the same after correction for `usable`, with navigation errors left in [m].
+        remaining: the same after correction for `biases` and the navigation errors along every line [m].
     """
 
     biases: Biases
@@ -53,7 +53,7 @@ class PatchTest:
     remaining: float
 
     def to_json(self) -> dict[str, Any]:
-        """What a report needs, in plain numbers, angles in degrees; the covariance in s and rad."""
+        """Numbers for a report, angles in degrees; the covariance in s and rad."""
         return {
             "biases": self.biases.to_json(),
             "standard_deviations": self.deviations.to_json(),
@@ -74,20 +74,20 @@ def estimate_biases(
     cell: float | None = None,
     mounting: Biases = USUAL_MOUNTING,
 ) -> PatchTest:
-    """The biases by which overlapping lines agree best.
+    """Biases with which overlapping lines agree best.
 
-    Least squares over the differences of heights in cells, with weights of Student's t, over the four biases and the
-    navigation errors of every line at once; cells begin wide. Roll shows on any bed. Heading, latency and pitch need
-    relief in the overlaps; latency needs speeds that vary, and pitch varying depths or navigation to be believed,
-    since on a line of steady course and speed both are alike to a constant error of the navigation.
+    A joint least-squares fit of the four biases and the navigation errors of every line to the differences of heights
+    in cells, with Student's t weights; the first rounds use wider cells. Roll shows on any bed; heading, latency and
+    pitch need relief in the overlaps. Latency also needs varying speeds, and pitch varying depths or accurate
+    navigation, because both look like a constant navigation error on a line of steady course and speed.
 
     Args:
         lines: two or more, best some in opposite directions and one across.
-        cell: edge of the cells [m]; None chooses one that holds a good handful of soundings of a line.
-        mounting: standard deviations of the biases [s, rad], as assumed before; none is looked for beyond twice these.
+        cell: edge of the cells [m]; None chooses one that holds about 16 soundings of a line.
+        mounting: prior standard deviations of the biases [s, rad]; a bias is limited to twice these.
 
     Raises:
-        InputError: fewer lines or too little overlap, or numbers that are not above 0.
+        InputError: fewer than two lines, too little overlap, or a cell or standard deviation that is not above 0.
     """
     if len(lines) < 2:
         raise InputError(f"{len(lines)} line: a patch test needs two or more that overlap")
@@ -95,19 +95,19 @@ def estimate_biases(
         raise InputError(f"`mounting` {mounting}: wanted standard deviations above 0")
     cell = checked_cell(cell, lines)
     before = crossings(lines, cell)
-    if before.cells < _FEWEST:
+    if before.cells < _MIN_CELLS:
         raise InputError(
-            f"{len(lines)} lines overlap in {before.cells} cells of {cell:.2g} m; a patch test needs {_FEWEST} or "
+            f"{len(lines)} lines overlap in {before.cells} cells of {cell:.2g} m; a patch test needs {_MIN_CELLS} or "
             "more: give lines that overlap, or a larger `cell`"
         )
     solution, covariance, errors = fit(lines, cell, mounting)
     biases, deviations, bounds = Biases.of(solution), Biases.of(np.sqrt(np.diag(covariance))), _bounds(lines)
     observable = tuple(
-        name for name, own, bound in zip(NAMES, deviations.array, bounds.array, strict=True) if own < bound
+        name for name, sigma, bound in zip(NAMES, deviations.array, bounds.array, strict=True) if sigma < bound
     )
     usable = _usable(biases, covariance, observable)
     right = [corrected(line, biases) for line in lines]
-    right = [replace(line, places=line.places + own) for line, own in zip(right, errors, strict=True)]
+    right = [replace(line, places=line.places + shifts) for line, shifts in zip(right, errors, strict=True)]
     return PatchTest(
         biases=biases,
         deviations=deviations,
@@ -115,7 +115,7 @@ def estimate_biases(
         bounds=bounds,
         observable=observable,
         usable=usable,
-        navigation=np.array([own.mean(axis=0) for own in errors]),
+        navigation=np.array([shifts.mean(axis=0) for shifts in errors]),
         cells=before.cells,
         before=before.all.p95,
         after=crossings([corrected(line, usable) for line in lines], cell).all.p95,
@@ -127,18 +127,18 @@ def _usable(biases: Biases, covariance: np.ndarray, observable: Sequence[str]) -
     kept = np.array([name in observable for name in NAMES])
     best = np.where(kept, biases.array, 0.0)
     if kept.any() and not kept.all():
-        among = np.linalg.solve(covariance[np.ix_(~kept, ~kept)], biases.array[~kept])
-        best[kept] -= covariance[np.ix_(kept, ~kept)] @ among
+        dropped = np.linalg.solve(covariance[np.ix_(~kept, ~kept)], biases.array[~kept])
+        best[kept] -= covariance[np.ix_(kept, ~kept)] @ dropped
     return Biases.of(best)
 
 
 def _bounds(lines: Sequence[PingLine]) -> Biases:
-    """By the lines' depth below the transducer, their swath's outer parts, and their speed."""
+    """Bounds of `PatchTest` by the depth below the transducer, the half width of the swath, and the speed."""
     rays = [line.points - line.sensors[line.pings] for line in lines if len(line.points)]
     depth = float(np.median(-np.concatenate([ray[:, 2] for ray in rays])))
     outer = float(np.percentile(np.abs(np.concatenate([ray[:, 1] for ray in rays])), 95))
     seconds = sum(float(np.ptp(line.stamps)) for line in lines)
     speed = max(sum(line.length for line in lines) / max(seconds, 1e-9), 1e-3)
-    horizontally, vertically = _HORIZONTALLY * depth, _VERTICALLY * depth
+    horizontally, vertically = _HORIZONTAL_SHARE * depth, _VERTICAL_SHARE * depth
     bounds = np.array([horizontally / speed, vertically / outer, horizontally / depth, horizontally / outer])
     return Biases.of(np.clip(bounds, 0, [np.inf, 0.1, 0.1, 0.1]))

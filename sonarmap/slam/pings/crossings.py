@@ -1,4 +1,4 @@
-"""How well lines agree where they cross or overlap."""
+"""Differences of lines' heights where they cross or overlap."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,18 +9,18 @@ import numpy as np
 from sonarmap.slam.pings.cells import Overlaps, Patches, checked_cell
 from sonarmap.slam.pings.line import PingLine
 
-_BIN = float(np.radians(10.0))
+_BIN = float(np.radians(10.0))  # width of the bins by beam angle [rad]
 
 
 @dataclass(frozen=True, slots=True)
 class Differences:
-    """Of heights, in cells.
+    """Statistics of height differences in cells; NaN if there are no differences.
 
     Attributes:
-        count: how many.
-        mean: [m]; NaN where there are none, as are the others.
-        spread: standard deviation [m].
-        p95: 95 % of the absolute differences are below [m].
+        count: number of differences.
+        mean: their mean [m].
+        spread: their standard deviation [m].
+        p95: 95th percentile of their absolute values [m].
     """
 
     count: int
@@ -30,7 +30,7 @@ class Differences:
 
     @classmethod
     def of(cls, differences: np.ndarray) -> "Differences":
-        """Of (D,) differences [m]."""
+        """Statistics of (D,) differences [m]."""
         if not len(differences):
             return cls(0, np.nan, np.nan, np.nan)
         p95 = float(np.percentile(np.abs(differences), 95))
@@ -46,17 +46,16 @@ class Differences:
 class Crossings:
     """Differences of two lines' heights (Up) in the cells where both have soundings.
 
-    They are the first line's less the second's: positive where the first line has the bed higher, that is shallower.
-
-    Both heights are those at the cell's center, by the slope that the two lines have in common there.
+    A difference is the first line's height less the second's: positive if the first line has the bed shallower. Heights
+    are those at the cell's center, by the common slope of all lines there.
 
     Attributes:
         cell: edge of the cells [m].
-        cells: how many cells have soundings of two lines or more.
-        all: of every two lines in every cell.
-        by_lines: names of the first and the second line, and the differences of these two.
-        by_angle: least and largest angle [rad] of beams from straight down to either side, and what a line's heights
-            with such beams are higher than the mean of the other lines'.
+        cells: number of cells with soundings of two lines or more.
+        all: differences of every two lines in every cell.
+        by_lines: names of the first and the second line, and their differences.
+        by_angle: limits of each bin of beam angles from straight down, to either side [rad], and the differences
+            between a line's heights with such beams and the mean of the other lines' heights.
     """
 
     cell: float
@@ -66,7 +65,7 @@ class Crossings:
     by_angle: tuple[tuple[float, float, Differences], ...]
 
     def to_json(self) -> dict[str, Any]:
-        """What a report needs, in plain numbers: without the cells themselves, and with angles in degrees."""
+        """Numbers for a report, angles in degrees."""
         return {
             "sign": "height of the first line less that of the second; positive: the first is shallower",
             "cell_m": self.cell,
@@ -81,18 +80,17 @@ class Crossings:
 
 
 def crossings(lines: Sequence[PingLine], cell: float | None = None) -> Crossings:
-    """How well lines agree where they cross or overlap.
+    """Height differences of lines where they cross or overlap; a line is not compared with itself.
 
     Args:
-        lines: of one survey; one alone has no crossings with others, and differences of itself are not looked for.
-        cell: edge of the cells [m]; None chooses one that holds a good handful of soundings of a line.
+        cell: edge of the cells [m]; None chooses one that holds about 16 soundings of a line.
 
     Raises:
-        InputError: an edge that is not above 0, or none and no distances to choose one by.
+        InputError: an edge that is not above 0, or None with too few soundings to choose one.
     """
     cell = checked_cell(cell, lines)
     angles = (np.abs(line.beam_angles())[:, None] for line in lines)
-    patches = [Patches.of(line.world_points(), cell, own) for line, own in zip(lines, angles, strict=True)]
+    patches = [Patches.of(line.world_points(), cell, column) for line, column in zip(lines, angles, strict=True)]
     overlaps = Overlaps.of(patches, cell)
     first, second = overlaps.pairs()
     differences = overlaps.heights[first] - overlaps.heights[second]
@@ -105,7 +103,7 @@ def crossings(lines: Sequence[PingLine], cell: float | None = None) -> Crossings
 
 
 def _by_angle(overlaps: Overlaps) -> tuple[tuple[float, float, Differences], ...]:
-    """Every patch against the mean of the others in its cell, in bins of its mean |angle|; empty bins are left out."""
+    """Differences of each patch from the mean of its cell's others, in bins of its mean |angle|, without empty bins."""
     count = np.bincount(overlaps.cells)[overlaps.cells]
     total = np.bincount(overlaps.cells, weights=overlaps.heights)[overlaps.cells]
     higher = overlaps.heights - (total - overlaps.heights) / (count - 1)

@@ -1,4 +1,4 @@
-"""A line of a multibeam echo sounder: pings on the vehicle's way, each with a row of soundings."""
+"""A line of a multibeam echo sounder: pings along the vehicle's track, each with a row of soundings."""
 
 from dataclasses import dataclass, replace
 
@@ -10,23 +10,23 @@ from sonarmap.kernels.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class PingLine:
-    """Pings with the navigation of the line itself, and the soundings that were not rejected.
+    """Pings with the line's own navigation, and the soundings that were not rejected.
 
-    The frame of a ping is level: x horizontal along the heading, y to port, z up, about the point of the vehicle that
-    `places` have, on the level from which the recording counts depths.
+    The frame of a ping is level: x horizontal along the heading, y to port, z up. Its origin is the vehicle's point
+    that `places` give, at the level from which the recording counts depths.
 
     Attributes:
-        name: what to call it in messages and tables.
+        name: shown in messages and tables.
         stamps: (P,) float64 [s, UTC], ascending, P >= 1.
         places: (P, 3) float64 East, North, Up [m] in the world.
         attitudes: (P, 3) float64 [rad]: roll, starboard side down; pitch, bow up; heading, clockwise from the world's
             North.
-        sensors: (P, 3) float64 [m], where the transducer was, in the pings' frames.
+        sensors: (P, 3) float64 [m], positions of the transducer in the pings' frames.
         pings: (N,) int64, ascending: the ping of each sounding.
         points: (N, 3) float64 [m], soundings in the frames of their pings.
 
     Raises:
-        InputError: arrays that do not fit together, or numbers that are not finite.
+        InputError: shapes do not match, stamps or pings do not ascend, or a number is not finite.
     """
 
     name: str
@@ -52,40 +52,40 @@ class PingLine:
 
     @property
     def T_world_level(self) -> RigidTransform:
-        """The pings' frames in the world, P poses."""
+        """Poses of the P pings' frames in the world."""
         yaw = np.pi / 2 - self.attitudes[:, 2]
         return RigidTransform.from_components(self.places, Rotation.from_euler("Z", yaw[:, None]))
 
     @property
     def R_level_vehicle(self) -> Rotation:
-        """How the vehicle (x forward, y port, z up) is turned in the pings' frames, P rotations."""
+        """P rotations of the vehicle (x forward, y port, z up) in the pings' frames."""
         return R_level_vehicle_of(self.attitudes)
 
     @property
     def length(self) -> float:
-        """Of the track [m], horizontally."""
+        """Horizontal length of the track [m]."""
         return float(np.linalg.norm(np.diff(self.places[:, :2], axis=0), axis=1).sum())
 
     def world_points(self) -> np.ndarray:
-        """(N, 3) the soundings in the world [m]."""
+        """(N, 3) soundings in the world [m]."""
         return self.T_world_level[self.pings].apply(self.points)
 
     def world_sensors(self) -> np.ndarray:
-        """(P, 3) where the transducer was in the world [m]."""
+        """(P, 3) positions of the transducer in the world [m]."""
         return self.T_world_level.apply(self.sensors)
 
     def beam_angles(self) -> np.ndarray:
-        """(N,) [rad] from straight down, positive to starboard."""
+        """(N,) beam angles from straight down, positive to starboard [rad]."""
         ray = self.points - self.sensors[self.pings]
         return np.arctan2(-ray[:, 1], np.maximum(-ray[:, 2], 1e-9))
 
     def cut(self, first: int, last: int) -> "PingLine":
-        """Of the pings first to last - 1 alone."""
+        """The line with only the pings first to last - 1."""
         a, b = np.searchsorted(self.pings, [first, last])
         per_ping = {name: getattr(self, name)[first:last] for name in ("stamps", "places", "attitudes", "sensors")}
         return replace(self, **per_ping, pings=self.pings[a:b] - first, points=self.points[a:b])
 
 
 def R_level_vehicle_of(attitudes: np.ndarray) -> Rotation:
-    """How a vehicle (x forward, y port, z up) is turned in level frames along its (P, 3) roll, pitch, heading [rad]."""
+    """P rotations of a vehicle (x forward, y port, z up) in its level frames, by (P, 3) roll, pitch, heading [rad]."""
     return Rotation.from_euler("YX", attitudes[:, 1::-1] * [-1, 1])
