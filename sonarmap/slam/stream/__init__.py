@@ -1,4 +1,4 @@
-"""Dense streams: which scans are key scans, and where those between them are.
+"""Dense streams: the choice of key scans, and the poses of the scans between them.
 
-In: scans, and who registers pairs. Out: key scans, and after the decision about these the poses of all scans.
+In: scans and a `PairRunner`. Out: key scans and, after the decision about these, the poses of all scans.
 """
