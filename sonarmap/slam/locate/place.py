@@ -1,4 +1,4 @@
-"""Answers of registrations to several key scans of a map, the places that they agree on, and scans located there."""
+"""Places that registrations to several key scans of a map agree on, and scans located there."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from sonarmap.slam.candidates.settings import LoopSettings
 from sonarmap.slam.graph.tangent import lengths, propagated, sigma_words
 
 BOUND = LoopSettings().bound
-_SUREST = 0.999  # no place is more probable by what agrees
+_MAX_PROBABILITY = 0.999  # of a place, however many answers agree
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,9 +21,9 @@ class Place:
     Attributes:
         T_map_scan: p_map = T_map_scan p_scan [m].
         covariance: (6, 6), rotation first [rad, m], of xi in T_map_scan Exp(xi), the body tangent of the scan.
-        probability: that it is right, 0..1.
-        keys: the map's key scans whose answers name it.
-        fixed: the probability that no direction is open there, where it is right.
+        probability: that the place is right, 0..1.
+        keys: the map's key scans whose registrations agree on it.
+        fixed: probability that no direction is unconstrained there, if it is right.
     """
 
     T_map_scan: RigidTransform
@@ -34,36 +34,36 @@ class Place:
 
 
 def agreed_places(answers: Sequence[Place], floor: np.ndarray) -> list[Place]:
-    """The places that answers name, most probable first, each with the probability that all of them leave it.
+    """Merge the answers that agree into places, most probable first.
 
-    Answers to several key scans that agree within their covariances count as independent. Of places that contradict one
-    another at most one is right, so they share what is left: where two are as probable, neither has more than a half.
+    Answers from different key scans that agree within their covariances count as independent. Of the places at most one
+    is right, so their probabilities sum to less than 1: of two equally probable ones, neither has more than a half.
 
     Args:
-        answers: each of one key scan.
-        floor: (6,) standard deviations that every answer is granted [rad, m].
+        answers: each from one key scan.
+        floor: (6,) standard deviations added to every answer [rad, m].
     """
-    left = sorted(answers, key=lambda answer: -answer.probability * answer.fixed)
+    rest = sorted(answers, key=lambda answer: -answer.probability * answer.fixed)
     places: list[Place] = []
-    while left:
-        agree = [lies_at(left[0], answer, floor) for answer in left]
+    while rest:
+        agree = [lies_at(rest[0], answer, floor) for answer in rest]
         by_key: dict[int, float] = {}
-        for answer, agrees in zip(left, agree, strict=True):
+        for answer, agrees in zip(rest, agree, strict=True):
             if agrees:
                 by_key[answer.keys[0]] = max(by_key.get(answer.keys[0], 0.0), answer.probability)
-        right = min(1.0 - float(np.prod([1.0 - p for p in by_key.values()])), _SUREST)
-        places.append(replace(left[0], probability=right, keys=tuple(by_key)))
-        left = [answer for answer, agrees in zip(left, agree, strict=True) if not agrees]
+        right = min(1.0 - float(np.prod([1.0 - p for p in by_key.values()])), _MAX_PROBABILITY)
+        places.append(replace(rest[0], probability=right, keys=tuple(by_key)))
+        rest = [answer for answer, agrees in zip(rest, agree, strict=True) if not agrees]
     odds = [place.probability / (1.0 - place.probability) for place in places]
-    together = [replace(each, probability=odd / (1.0 + sum(odds))) for each, odd in zip(places, odds, strict=True)]
-    return sorted(together, key=lambda place: -place.probability)
+    places = [replace(place, probability=odd / (1.0 + sum(odds))) for place, odd in zip(places, odds, strict=True)]
+    return sorted(places, key=lambda place: -place.probability)
 
 
 def lies_at(place: Place, other: Place, floor: np.ndarray) -> bool:
-    """Whether two poses agree within their covariances and the (6,) standard deviations [rad, m] that are granted."""
-    apart = place.T_map_scan.inv() * other.T_map_scan
-    covariance = place.covariance + propagated(apart, other.covariance) + np.diag(floor**2)
-    return bool(lengths(apart.as_exp_coords()[None], covariance[None])[0] <= BOUND)
+    """Whether two poses agree within their covariances and the (6,) standard deviations of the floor [rad, m]."""
+    difference = place.T_map_scan.inv() * other.T_map_scan
+    covariance = place.covariance + propagated(difference, other.covariance) + np.diag(floor**2)
+    return bool(lengths(difference.as_exp_coords()[None], covariance[None])[0] <= BOUND)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,16 +72,16 @@ class Located:
 
     Attributes:
         name: of the scan.
-        stamp: of the scan [s], or its number where there is no time.
-        reason: in words, why the place is believed or not.
-        place: the most probable one. Its covariance holds what the scan leaves open against the map, and what the map
-            does of its own poses there. None where nothing of the map is like the scan.
-        located: whether to believe it.
-        psr: peak-to-sidelobe ratio of the registration to the map as it is seen from there; NaN without a place.
-        overlap: the share of points with a counterpart in the map seen from there, 0..1, the smaller of both ways.
+        stamp: of the scan [s]; its number if it has no time.
+        reason: why the place is accepted or not, in words.
+        place: the most probable place, with the covariances of the registration and of the map's poses there; None if
+            no key scan of the map resembles the scan.
+        located: whether the place is accepted.
+        psr: peak-to-sidelobe ratio of the registration to the map seen from the place; NaN without a place.
+        overlap: share of points with a counterpart, scan in map or map in scan, the smaller one, 0..1.
         alternatives: other places, most probable first.
-        tracked: whether it was sought about where the motion expected it, and not in the whole map.
-        seconds: time of the scan [s].
+        tracked: whether it was located near the pose that the motion predicts, without a search of the whole map.
+        seconds: computing time [s].
     """
 
     name: str
