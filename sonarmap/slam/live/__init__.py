@@ -1,1 +1,1 @@
-"""A map that grows while scans come: each is placed at once, and all is decided anew now and then."""
+"""A map that grows while scans arrive: each scan is placed at once, and loops are searched for from time to time."""

@@ -1,5 +1,5 @@
-"""Scans placed as they come: each by its registration to the last key scan, or, where that fails, as the first of a
-part of its own."""
+"""Placement of scans as they arrive: by registration to the last key scan, or, if that fails, as the start of a new
+part of the map."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,21 +17,21 @@ from sonarmap.spectral.scan import Scan
 
 Register = Callable[[Scan, Scan, Candidate], RegisteredPair]
 
-LOST = 3  # scans in a row that fit nothing, after which the vehicle is lost
+LOST = 3  # consecutive scans that cannot be placed, after which the vehicle is lost
 _WINDOW = 12  # key scans from which the motion is learned
-# A step may be a jump to a place that looks the same if it is unusual, or follows a scan that could not be placed.
+# A step that is unusual, or follows a scan that could not be placed, may be a jump to a place that looks the same.
 _UNUSUAL_SIGMAS = 1.8  # from the usual motion
-_JUMP_PROBABILITY = 0.97  # at which such a step is accepted
-_DUE = 0.8  # of how far key scans may be apart, the share at which a scan becomes one
+_JUMP_PROBABILITY = 0.97  # from which such a step is accepted
+_KEY_SHARE = 0.8  # of the largest motion between key scans, from which a scan becomes a key scan
 
 
 @dataclass(frozen=True, slots=True)
 class Placed:
     """Where a scan lies."""
 
-    key: int  # the number of the key scan in whose frame it is
+    key: int  # number of the key scan that T_key_sensor refers to
     T_key_sensor: RigidTransform
-    covariance: np.ndarray  # (6, 6) of the registration, rotation first [rad, m], body tangent; 0 of a key scan
+    covariance: np.ndarray  # (6, 6) of the registration, rotation first [rad, m], body tangent; 0 for a key scan
 
 
 @dataclass(slots=True)
@@ -39,17 +39,17 @@ class Tracker:
     """Places scans one by one.
 
     Attributes:
-        register: registers a source to a target; the candidate says which numbers the pair gets, and what is expected.
-        looks_again: whether it can use what is expected.
+        register: registers a source to a target; the candidate has the pair's numbers and its expected pose.
+        looks_again: whether `register` can use an expected pose.
         voxel: edge of the survey's voxels [m].
-        floor: (6,) standard deviations that a motion's expectations are granted [rad, m].
-        limits: what the vehicle cannot exceed.
-        settings: how far apart key scans are.
+        floor: (6,) standard deviations added to those of expected poses [rad, m].
+        limits: largest speed, turn rate and step of the vehicle.
+        settings: distance between key scans.
         keys: the key scans so far.
-        starts: the numbers of those with which a part begins, ascending.
-        steps: from every other key scan's number to its registration to the one before.
-        missed: scans in a row that fit nothing.
-        anew: whether the next scan begins a part, as nothing is known of where the last key scan lies to it.
+        starts: numbers of the key scans that begin a part, ascending.
+        steps: registrations of the other key scans to the one before, by number.
+        missed: number of consecutive scans that could not be placed.
+        anew: whether the next scan begins a part, because its pose relative to the last key scan is unknown.
     """
 
     register: Register
@@ -63,19 +63,18 @@ class Tracker:
     steps: dict[int, RegisteredPair] = field(default_factory=dict[int, RegisteredPair])
     missed: int = 0
     anew: bool = False
-    # the scan before, if it lies in the last key scan's frame and is none itself, and one that fitted nothing
-    _before: tuple[Scan, RegisteredPair] | None = None
-    _waiting: Scan | None = None
+    _before: tuple[Scan, RegisteredPair] | None = None  # the previous scan, if it was placed and is no key scan
+    _waiting: Scan | None = None  # the last scan that could not be placed
 
     @property
     def is_lost(self) -> bool:
-        """Whether the last scans fit nothing that was seen before."""
+        """Whether the last `LOST` scans or more could not be placed."""
         return self.missed >= LOST
 
     def add(self, scan: Scan, last_chance: bool = True) -> Placed | None:
-        """Place the next scan; None where it fits nothing.
+        """Place the next scan; None if it cannot be placed.
 
-        Not the `last_chance`: a scan nearer to the last one placed will be tried instead, and nothing is changed then.
+        Without `last_chance`, a failure changes nothing: the caller will try a scan nearer to the last one placed.
         """
         if not self.keys or self.anew:
             return self._begin_part(scan)
@@ -94,8 +93,7 @@ class Tracker:
         return None
 
     def restore(self, scan: Scan, step: Registration | None) -> None:
-        """Take a key scan of an earlier run; `step` is its registration to the one before, None where it began a
-        part."""
+        """Add a key scan of an earlier run with its registration to the one before; None for the first of a part."""
         number = len(self.keys)
         if step is None:
             self._begin_part(scan)
@@ -103,7 +101,7 @@ class Tracker:
             self._add_key(scan, RegisteredPair(number - 1, number, "sequential", registration=step))
 
     def _by_last_key(self, scan: Scan) -> Placed | None:
-        """Where it lies by the last key scan, or else by the scan before, which becomes one then."""
+        """Place a scan by the last key scan; if that fails, make the previous scan a key scan and place it by that."""
         pair = self._step(self.keys, self.steps, scan)
         if not pair.accepted and self._before is not None:
             before, of_before = self._before
@@ -117,7 +115,7 @@ class Tracker:
         registration = pair.registration
         assert registration is not None
         self.missed, self._waiting = 0, None
-        if key_share(registration, self.voxel, self.settings) >= _DUE:
+        if key_share(registration, self.voxel, self.settings) >= _KEY_SHARE:
             self._add_key(scan, pair)
             return Placed(pair.j, RigidTransform.identity(), np.zeros((6, 6)))
         self._before = scan, pair
@@ -135,8 +133,8 @@ class Tracker:
         return Placed(len(self.keys) - 1, RigidTransform.identity(), np.zeros((6, 6)))
 
     def _step(self, keys: Sequence[Scan], steps: dict[int, RegisteredPair], scan: Scan) -> RegisteredPair:
-        """The scan registered to the last of some key scans, by the scans, and where these leave a doubt by the usual
-        motion too."""
+        """The scan's registration to the last of these key scans; a doubtful one is repeated where the usual motion
+        expects it, and an implausible one is refused."""
         last = len(keys) - 1
         step = Candidate(last, last + 1, "sequential")
         pair = self.register(keys[last], scan, step)
@@ -156,15 +154,15 @@ class Tracker:
         return pair.renumbered(back)
 
     def _motion(self, keys: Sequence[Scan], steps: dict[int, RegisteredPair], scan: Scan) -> Motion | None:
-        """What the vehicle usually does, by the last key scans."""
+        """The vehicle's usual motion, learned from the last key scans."""
         first = max(0, len(keys) - _WINDOW)
-        known = [steps[k] for k in range(first + 1, len(keys)) if k in steps]
-        pairs = [pair.renumbered({k: k - first for k in pair.scans}) for pair in known]
+        recent = [steps[k] for k in range(first + 1, len(keys)) if k in steps]
+        pairs = [pair.renumbered({k: k - first for k in pair.scans}) for pair in recent]
         stamps = np.array([each.stamp for each in (*keys[first:], scan)], dtype=np.float64)
         return Motion.learn(pairs, stamps, np.zeros(len(stamps), np.intp), self.floor, self.limits)
 
     def _is_credible(self, pair: RegisteredPair, registration: Registration, motion: Motion) -> bool:
-        """Whether a step is as usual, or surely seen."""
+        """Whether a step agrees with the usual motion, or is probable enough without it."""
         T = registration.T_target_source
         if motion.contradicts(*pair.scans, T):
             return False
